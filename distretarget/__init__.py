@@ -1,0 +1,1 @@
+"""Retarget BVH motion to another body by normalised joint distances."""

@@ -1,0 +1,106 @@
+"""A motion: a skeleton, and for each frame where its joints turn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.errors import MotionError
+from distretarget.skeleton import Skeleton
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A skeleton in motion. Right-handed; quaternions are x y z w, as in scipy.
+
+    Attributes:
+        skeleton: the joints.
+        translations: (frames, joints, 3), each joint's translation to its parent, for the root its
+            position in the world [file units]. Equal to the offset where no channel replaces it.
+        rotations: (frames, joints, 4), local rotations as unit quaternions.
+        frame_time_text: the time between frames [s] as the file spells it, kept digit for digit.
+
+    Raises:
+        MotionError: shapes that do not belong together.
+    """
+
+    skeleton: Skeleton
+    translations: NDArray[np.float64]
+    rotations: NDArray[np.float64]
+    frame_time_text: str
+
+    def __post_init__(self) -> None:
+        joints = len(self.skeleton)
+        for name, width in (("translations", 3), ("rotations", 4)):
+            array = np.asarray(getattr(self, name), np.float64).view()
+            if array.ndim != 3 or array.shape[1:] != (joints, width):
+                raise MotionError(f"{name} has shape {array.shape}, {joints} joints need (frames, {joints}, {width})")
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        if len(self.translations) != len(self.rotations):
+            raise MotionError(f"{len(self.translations)} frames of translations, {len(self.rotations)} of rotations")
+
+    def __len__(self) -> int:
+        return len(self.rotations)
+
+    def __repr__(self) -> str:
+        return f"<Motion of {len(self)} frames, {self.frame_time_text} s each, on {self.skeleton!r}>"
+
+    @property
+    def frame_time(self) -> float:
+        """Time between frames [s]."""
+        return float(self.frame_time_text)
+
+    @property
+    def root_positions(self) -> NDArray[np.float64]:
+        """(frames, 3), the root's path [file units]."""
+        return self.translations[:, 0]
+
+    @cached_property
+    def world_rotations(self) -> NDArray[np.float64]:
+        """(frames, joints, 4), each joint's rotation in the world."""
+        return world_rotations(self.skeleton, self.rotations)
+
+    @cached_property
+    def positions(self) -> NDArray[np.float64]:
+        """(frames, joints, 3), each joint's position in the world, by forward kinematics [file units]."""
+        positions = np.array(self.translations)
+        for joint, parent in enumerate(self.skeleton.parents[1:], start=1):
+            turned = Rotation.from_quat(self.world_rotations[:, parent]).apply(positions[:, joint])
+            positions[:, joint] = positions[:, parent] + turned
+        return positions
+
+    @cached_property
+    def rigid_skeleton(self) -> Skeleton:
+        """The skeleton with the bones that the frames show: offsets where nothing replaces them, elsewhere
+        the median translation over the frames at the median length."""
+        moving = np.any(self.translations != self.skeleton.offsets, axis=(0, 2))
+        moving[0] = False
+        if not moving.any():
+            return self.skeleton
+        offsets = np.array(self.skeleton.offsets)
+        offsets[moving] = np.median(self.translations[:, moving], axis=0)
+        lengths = np.linalg.norm(offsets, axis=1)
+        lengths[moving] = np.median(np.linalg.norm(self.translations[:, moving], axis=2), axis=0)
+        return self.skeleton.with_offsets(offsets).with_lengths(lengths)
+
+
+def world_rotations(skeleton: Skeleton, rotations: NDArray[np.float64]) -> NDArray[np.float64]:
+    """World rotations (frames, joints, 4) from local ones: each joint's is its parent's times its own."""
+    world = np.array(rotations)
+    for joint, parent in enumerate(skeleton.parents[1:], start=1):
+        turned = Rotation.from_quat(world[:, parent]) * Rotation.from_quat(world[:, joint])
+        world[:, joint] = turned.as_quat()
+    return world
+
+
+def local_rotations(skeleton: Skeleton, world: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Local rotations (frames, joints, 4) from world ones; the inverse of `world_rotations`."""
+    local = np.array(world)
+    parents = skeleton.parents[1:]
+    local[:, 1:] = (Rotation.from_quat(world[:, parents]).inv() * Rotation.from_quat(world[:, 1:])).as_quat()
+    return local

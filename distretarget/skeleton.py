@@ -1,0 +1,163 @@
+"""The skeleton: a tree of joints as a struct of arrays, and what its paths measure."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import shortest_path
+
+from distretarget.errors import SkeletonError, closest, quoted
+
+POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
+ROTATION_CHANNELS = ("Xrotation", "Yrotation", "Zrotation")
+
+
+@dataclass(frozen=True, eq=False)
+class Skeleton:
+    """A tree of joints with the offsets of its rest pose.
+
+    Joints are numbered so that parents come before children; joint 0 is the root. End Sites are joints
+    without channels or children, marked in `end_sites`.
+
+    Attributes:
+        names: of the joints, as the file has them; not always unique, see `keys`.
+        parents: (joints,), -1 for the root.
+        offsets: (joints, 3), the rest pose's translation to the parent [file units].
+        channels: per joint, the BVH channels in file order.
+        end_sites: (joints,), true for End Sites.
+        units: what one unit of the offsets is ("cm", ...), where the file says.
+        up: the axis that points up ("Y", "-Z", ...), where the file says.
+
+    Raises:
+        SkeletonError: the arrays are no tree in that order, or two joints cannot be told apart.
+    """
+
+    names: tuple[str, ...]
+    parents: NDArray[np.intp]
+    offsets: NDArray[np.float64]
+    channels: tuple[tuple[str, ...], ...]
+    end_sites: NDArray[np.bool_]
+    units: str | None = None
+    up: str | None = None
+
+    def __post_init__(self) -> None:
+        count = len(self.names)
+        for name, dtype, shape in (
+            ("parents", np.intp, (count,)),
+            ("offsets", np.float64, (count, 3)),
+            ("end_sites", np.bool_, (count,)),
+        ):
+            array = np.array(getattr(self, name), dtype)
+            if array.shape != shape:
+                raise SkeletonError(f"{name} has shape {array.shape}, {count} joints need {shape}")
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        if len(self.channels) != count:
+            raise SkeletonError(f"channels are given for {len(self.channels)} of {count} joints")
+        if not count or self.parents[0] != -1:
+            raise SkeletonError("a skeleton needs a root as its first joint")
+        if np.any(self.parents[1:] < 0) or np.any(self.parents[1:] >= np.arange(1, count)):
+            raise SkeletonError("parents must come before their children, and only the root has none")
+        if not np.all(np.isfinite(self.offsets)):
+            raise SkeletonError(f"the offset of {quoted(self._where(~np.isfinite(self.offsets)))} is not finite")
+        twins = [key for key, times in Counter(self.keys).items() if times > 1]
+        if twins:
+            raise SkeletonError(f"joints that cannot be told apart: {quoted(twins)}; rename all but one of each")
+
+    def _where(self, mask: NDArray[np.bool_]) -> list[str]:
+        return [name for name, hit in zip(self.names, mask.any(axis=1), strict=True) if hit]
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __repr__(self) -> str:
+        return f"<Skeleton of {np.sum(~self.end_sites)} joints and {np.sum(self.end_sites)} End Sites>"
+
+    @cached_property
+    def keys(self) -> tuple[str, ...]:
+        """The names that tell joints apart: `name` where it is unique, else `parent/name` and so on up."""
+        keys = list(self.names)
+        tops = [int(parent) for parent in self.parents]
+        while True:
+            times = Counter(keys)
+            again = [j for j, key in enumerate(keys) if times[key] > 1 and tops[j] >= 0]
+            if not again:
+                return tuple(keys)
+            for j in again:
+                keys[j] = f"{self.names[tops[j]]}/{keys[j]}"
+                tops[j] = int(self.parents[tops[j]])
+
+    def index(self, key: str) -> int:
+        """The number of the joint with this key.
+
+        Raises:
+            SkeletonError: no joint has it; the message lists the closest ones.
+        """
+        try:
+            return self.keys.index(key)
+        except ValueError:
+            raise SkeletonError(f"no joint {key!r}; {closest(key, self.keys)}") from None
+
+    @cached_property
+    def children(self) -> tuple[tuple[int, ...], ...]:
+        """Per joint, the numbers of its children in file order."""
+        below: list[list[int]] = [[] for _ in self.names]
+        for child, parent in enumerate(self.parents[1:], start=1):
+            below[parent].append(child)
+        return tuple(map(tuple, below))
+
+    @cached_property
+    def depth_first(self) -> tuple[int, ...]:
+        """The joints in the order in which a BVH file nests them."""
+        order: list[int] = []
+        stack = [0]
+        while stack:
+            order.append(joint := stack.pop())
+            stack.extend(reversed(self.children[joint]))
+        return tuple(order)
+
+    @cached_property
+    def lengths(self) -> NDArray[np.float64]:
+        """(joints,), the length of each joint's bone to its parent; 0 for the root [file units]."""
+        lengths = np.linalg.norm(self.offsets, axis=1)
+        lengths[0] = 0.0
+        return lengths
+
+    @cached_property
+    def path_lengths(self) -> NDArray[np.float64]:
+        """tau: (joints, joints), the sum of the bone lengths between two joints [file units]."""
+        return self._paths(self.lengths[1:])
+
+    @cached_property
+    def path_sizes(self) -> NDArray[np.intp]:
+        """|P|: (joints, joints), the number of joints on the path between two, both ends counted."""
+        return self._paths(np.ones(len(self) - 1)).astype(np.intp) + 1
+
+    def _paths(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Sums of the weights of joints 1, 2, ... along the tree; explicit zeros stay edges."""
+        edges = (weights, (np.arange(1, len(self)), self.parents[1:]))
+        graph = coo_array(edges, shape=(len(self), len(self))).tocsr()
+        return shortest_path(graph, method="D", directed=False)
+
+    @cached_property
+    def rest_positions(self) -> NDArray[np.float64]:
+        """(joints, 3), where the joints are with all rotations zero and the root at the origin."""
+        positions = np.array(self.offsets)
+        positions[0] = 0.0
+        for joint in range(1, len(self)):
+            positions[joint] += positions[self.parents[joint]]
+        return positions
+
+    def with_offsets(self, offsets: ArrayLike) -> Skeleton:
+        """The same tree with other offsets, (joints, 3)."""
+        return replace(self, offsets=np.asarray(offsets, np.float64))
+
+    def with_lengths(self, lengths: ArrayLike) -> Skeleton:
+        """The same rest directions with other bone lengths, (joints,); a zero bone keeps its offset."""
+        factors = np.divide(lengths, self.lengths, out=np.ones(len(self)), where=self.lengths > 0)
+        return self.with_offsets(self.offsets * factors[:, None])
