@@ -1,1 +1,26 @@
-"""Retarget BVH motion to another body by normalised joint distances."""
+"""Retarget BVH motion to another body by normalised joint distances.
+
+    from distretarget import load_skeleton, read_bvh, retarget, write_bvh
+
+    result = retarget(read_bvh("walk.bvh"), load_skeleton("hero.json"))
+    write_bvh("walk_hero.bvh", result.motion)
+"""
+
+from distretarget.bvh import read_bvh, write_bvh
+from distretarget.errors import DistretargetError
+from distretarget.motion import Motion
+from distretarget.retarget import RetargetResult, retarget
+from distretarget.skeleton import Skeleton
+from distretarget.skeleton_json import load_skeleton, load_target
+
+__all__ = [
+    "DistretargetError",
+    "Motion",
+    "RetargetResult",
+    "Skeleton",
+    "load_skeleton",
+    "load_target",
+    "read_bvh",
+    "retarget",
+    "write_bvh",
+]

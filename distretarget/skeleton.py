@@ -131,16 +131,20 @@ class Skeleton:
     @cached_property
     def path_lengths(self) -> NDArray[np.float64]:
         """tau: (joints, joints), the sum of the bone lengths between two joints [file units]."""
-        return self._paths(self.lengths[1:])
+        return self.path_sums(self.lengths)
 
     @cached_property
     def path_sizes(self) -> NDArray[np.intp]:
         """|P|: (joints, joints), the number of joints on the path between two, both ends counted."""
-        return self._paths(np.ones(len(self) - 1)).astype(np.intp) + 1
+        return self.path_sums(np.ones(len(self))).astype(np.intp) + 1
 
-    def _paths(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Sums of the weights of joints 1, 2, ... along the tree; explicit zeros stay edges."""
-        edges = (weights, (np.arange(1, len(self)), self.parents[1:]))
+    def path_sums(self, weights: ArrayLike) -> NDArray[np.float64]:
+        """(joints, joints), the sum over the bones between two joints of a weight per bone.
+
+        `weights`, (joints,), has a bone's weight at its lower joint; the root's is not used.
+        """
+        bones = np.asarray(weights, np.float64)[1:]
+        edges = (bones, (np.arange(1, len(self)), self.parents[1:]))
         graph = coo_array(edges, shape=(len(self), len(self))).tocsr()
         return shortest_path(graph, method="D", directed=False)
 

@@ -1,0 +1,6 @@
+"""`python -m distretarget`."""
+
+from distretarget.cli import main
+
+if __name__ == "__main__":
+    main()

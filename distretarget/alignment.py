@@ -1,0 +1,40 @@
+"""Rotations that bring vectors onto vectors."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+PULL = 1e-6  # how much the fit of several vectors prefers no rotation, against the vectors
+
+
+def best_rotation(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(frames, 4), the rotations that take vectors `a` nearest to `b`, both (frames, vectors, 3).
+
+    For one vector the least rotation; for several the Kabsch fit, doi:10.1107/S0567739476001873, drawn to the least by
+    `PULL`, which decides where the vectors leave a turn free (all on one line).
+    """
+    if a.shape[1] == 1:
+        return least_rotation(a[:, 0], b[:, 0])
+    H = b.transpose(0, 2, 1) @ a
+    H += PULL * np.linalg.norm(H, axis=(1, 2))[:, None, None] * np.eye(3)
+    U, _, Vt = np.linalg.svd(H)
+    U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]
+    return Rotation.from_matrix(U @ Vt).as_quat()
+
+
+def least_rotation(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(frames, 4), the smallest rotations that turn the directions of `a` to those of `b`, both (frames, 3).
+
+    Opposite directions turn about the axis across `a` that is nearest to a coordinate axis; a zero vector is not
+    turned.
+    """
+    scale = np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1)
+    cosine = np.einsum("ij,ij->i", a, b)
+    quaternions = np.concatenate([np.cross(a, b), (scale + cosine)[:, None]], axis=1)
+    opposite = scale + cosine <= 1e-12 * scale
+    across = np.cross(a, np.eye(3)[np.argmin(np.abs(a), axis=1)])
+    quaternions[opposite] = np.pad(across[opposite], ((0, 0), (0, 1)))
+    quaternions[scale == 0] = [0.0, 0.0, 0.0, 1.0]
+    return quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)

@@ -1,0 +1,157 @@
+"""The paper's postures: every frame's points of least stress, each warm-started from the frame before."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.alignment import best_rotation
+from distretarget.distances import DistanceProblem
+from distretarget.spg import Reason, spectral_gradient
+from distretarget.stress import stress_and_gradient, target_distances
+
+TOLERANCE = 1e-7  # norm of the search direction [body sizes] at which a posture is solved
+ITERATIONS = 2000  # at the most, per frame
+FLAT = 1e-6  # a posture thinner than this [body sizes] counts as planar ...
+NUDGE = 1e-4  # ... and starts this far [body sizes] off its plane
+BLOCK = 256  # frames solved between two reports of progress
+
+
+@dataclass(frozen=True, eq=False)
+class Postures:
+    """The solved points of every frame, and how well each is solved.
+
+    Attributes:
+        positions: (frames, points, 3) [target file units], turned as the rotation copy and with its centroid.
+        stress: (frames,), sigma [body sizes squared].
+        iterations, evaluations: (frames,), what the solver spent.
+        reasons: (frames,), a `spg.Reason` each.
+    """
+
+    positions: NDArray[np.float64]
+    stress: NDArray[np.float64]
+    iterations: NDArray[np.int64]
+    evaluations: NDArray[np.int64]
+    reasons: NDArray[np.int64]
+
+    @property
+    def unsolved(self) -> NDArray[np.intp]:
+        """The frames that did not converge."""
+        return np.flatnonzero(self.reasons != Reason.CONVERGED)
+
+
+class _Pairs(NamedTuple):
+    delta: NDArray[np.float64]
+    pi: NDArray[np.float64]
+
+
+@njit(cache=True, error_model="numpy")
+def _objective(x, problem, gradient):  # type: ignore[no-untyped-def]
+    return stress_and_gradient(x, problem.delta, problem.pi, gradient)
+
+
+@njit(cache=True)
+def _steepest(x, gradient, step, problem, d):  # type: ignore[no-untyped-def] # noqa: ARG001
+    d[:] = -step * gradient
+
+
+@njit(cache=True)
+def _straight(x, d, alpha, problem, out):  # type: ignore[no-untyped-def] # noqa: ARG001
+    out[:] = x + alpha * d
+
+
+_minimise = spectral_gradient(_objective, _steepest, _straight)
+
+
+@njit(cache=True, error_model="numpy")
+def _solve(source, copy, x, ratio, pi, solved, figures):  # type: ignore[no-untyped-def]
+    """Solve frames in a row from the start `x` of the first; distances are made per frame."""
+    problem = _Pairs(np.empty_like(pi), pi)
+    for t in range(len(source)):
+        if t > 0:
+            x += copy[t] - copy[t - 1]
+        target_distances(source[t], ratio, problem.delta)
+        minimum = _minimise(x, problem, TOLERANCE, ITERATIONS)
+        solved[t] = x
+        figures[0, t] = minimum.value
+        figures[1, t] = minimum.iterations
+        figures[2, t] = minimum.evaluations
+        figures[3, t] = minimum.reason
+
+
+def solve_postures(
+    problem: DistanceProblem,
+    source: NDArray[np.float64],
+    copy: NDArray[np.float64],
+    progress: Callable[[int], Any] = lambda frames: None,
+) -> Postures:
+    """Minimise Eq. (2) in every frame.
+
+    `source`, (frames, source joints, 3), and `copy`, (frames, target joints, 3), are the positions of the source and
+    of its rotation copy on the target [file units]. The first frame starts from the copy, frame t from
+    X[t-1] + copy[t] - copy[t-1]. `progress` is called with numbers of frames as they are done.
+    """
+    copied = copy[:, problem.targets]
+    centroids = copied.mean(axis=1, keepdims=True)
+    C = _columns((copied - centroids) / problem.body_size)
+    S = _columns(source[:, problem.sources] - source[:, problem.sources].mean(axis=1, keepdims=True))
+    X = np.empty_like(C)
+    figures = np.zeros((4, len(C)))
+    for first in range(0, len(C), BLOCK):
+        block = slice(first, first + BLOCK)
+        x = off_plane(C[0]) if first == 0 else X[first - 1] + C[first] - C[first - 1]
+        _solve(S[block], C[block], x, problem.ratio, problem.priorities, X[block], figures[:, block])
+        progress(len(C[block]))
+    positions = aligned(X.transpose(0, 2, 1), C.transpose(0, 2, 1)) * problem.body_size + centroids
+    counts = figures[1:].astype(np.int64)
+    return Postures(positions, figures[0], *counts)
+
+
+def posture_stress(problem: DistanceProblem, source: NDArray[np.float64], result: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(frames,), sigma of given positions, (frames, target joints, 3) [file units], against the source's distances
+    [body sizes squared]."""
+    S = _columns(source[:, problem.sources])
+    X = _columns((result[:, problem.targets] - result[:, :1]) / problem.body_size)
+    return _stresses(S, X, problem.ratio, problem.priorities)
+
+
+@njit(cache=True, error_model="numpy")
+def _stresses(source, x, ratio, pi):  # type: ignore[no-untyped-def]
+    delta, gradient = np.empty_like(pi), np.empty_like(x[0])
+    sigma = np.empty(len(x))
+    for t in range(len(x)):
+        target_distances(source[t], ratio, delta)
+        sigma[t] = stress_and_gradient(x[t], delta, pi, gradient)
+    return sigma
+
+
+def _columns(positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(frames, points, 3) as (frames, 3, points), along memory."""
+    return np.ascontiguousarray(positions.transpose(0, 2, 1))
+
+
+def off_plane(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A posture, (3, points), moved off its plane or line where it lies in one; else a copy of it.
+
+    The gradient of a planar posture lies in its plane, so that a solver never leaves it. The points move by
+    `NUDGE` across the plane, by turns to this side and to that; from a line, along both directions across.
+    """
+    axes, extents, _ = np.linalg.svd(x - x.mean(axis=1, keepdims=True))
+    x = np.array(x)
+    for turn, axis in enumerate(axes.T, start=1):
+        if turn > len(extents) or extents[turn - 1] < FLAT:
+            x += NUDGE * np.outer(axis, np.cos(turn * np.arange(x.shape[1])))
+    return x
+
+
+def aligned(x: NDArray[np.float64], onto: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Postures (frames, points, 3) turned about their centroids, by proper rotations, as near to others as they come;
+    the centroids of the result are at the origin."""
+    x = x - x.mean(axis=1, keepdims=True)
+    return np.asarray(Rotation.from_quat(best_rotation(x, onto)[:, None]).apply(x))

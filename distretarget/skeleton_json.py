@@ -1,0 +1,423 @@
+"""Target skeleton files: a whole skeleton as JSON or BVH, or other lengths on the source's own skeleton."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from distretarget.bvh import read_bvh_skeleton
+from distretarget.errors import SkeletonError, SkeletonFileError, closest, quoted
+from distretarget.files import read_text
+from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
+
+FORMAT = "distretarget-skeleton"
+VERSION = 1
+UNITS = ("mm", "cm", "m", "dm", "in", "ft")
+AXES = ("X", "Y", "Z", "-X", "-Y", "-Z")
+CHANNELS = POSITION_CHANNELS + ROTATION_CHANNELS
+JOINT_CHANNELS = ("Zrotation", "Xrotation", "Yrotation")
+ROOT_CHANNELS = POSITION_CHANNELS + JOINT_CHANNELS
+LARGEST = 1e50
+"""Of a number in a file, so that squares and products of three stay finite."""
+
+HEAD = ("format", "version", "name")
+FULL = ("joints", "units", "up", "map")
+SHORT = ("scale", "lengths", "factors")
+
+NO_NAME = re.compile(r"^$|^[ \t\v\f]|[ \t\v\f]$|[{}\r\n\0\ud800-\udc7f\udd00-\udfff]")
+"""In what a BVH file cannot hold as a name; the surrogates left out stand for bytes that are no UTF-8."""
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """The skeleton to retarget to.
+
+    Attributes:
+        skeleton: the target's.
+        map: source joint for target joint, by key, where the file has an explicit map; else empty.
+    """
+
+    skeleton: Skeleton
+    map: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class SkeletonEdit:
+    """Other bone lengths for a skeleton that is not in the file; a bone is named by its lower joint.
+
+    Attributes:
+        scale: of all bones.
+        lengths: per joint key, the final length of its bone, whatever the scale [file units].
+        factors: per joint key, what its bone's length is multiplied by, besides the scale.
+        path: of the file, for errors.
+    """
+
+    scale: float
+    lengths: Mapping[str, float]
+    factors: Mapping[str, float]
+    path: str | Path
+
+    def apply(self, source: Skeleton) -> Skeleton:
+        """The source's skeleton with these lengths and its own rest directions.
+
+        Raises:
+            SkeletonFileError: a joint that the source does not have, whose bone has no length to change,
+                or which is in both `lengths` and `factors`; or no bone has a length in the end.
+        """
+        lengths = self.scale * source.lengths
+        for key, factor in self.factors.items():
+            lengths[self._bone("factors", key, source)] *= factor
+        for key, length in self.lengths.items():
+            lengths[self._bone("lengths", key, source)] = length
+        if both := [key for key in self.lengths if key in self.factors]:
+            raise SkeletonFileError(
+                self.path, _entry("lengths", both[0]), "is in factors too; expected one of both"
+            )
+        offsets = source.with_lengths(lengths).offsets.copy()
+        offsets[0] *= self.scale
+        return _with_bones(source.with_offsets(offsets), self.path)
+
+    def _bone(self, field: str, key: str, source: Skeleton) -> int:
+        """The number of the joint with this key, which must have a bone to change."""
+        place = _entry(field, key)
+        if key not in source.keys:
+            raise SkeletonFileError(self.path, place, f"no such joint; {closest(key, source.keys)}")
+        joint = source.index(key)
+        if not joint:
+            raise SkeletonFileError(self.path, place, "the root has no bone; expected a joint with a parent")
+        if source.lengths[joint] == 0:
+            raise SkeletonFileError(self.path, place, "the bone has length 0 in the source, so no direction")
+        return joint
+
+
+def load_target(path: str | Path, source: Skeleton) -> Target:
+    """The target in a skeleton file (full or short form) or a BVH file, told apart by their content.
+
+    Args:
+        path: of the file.
+        source: the skeleton whose lengths the short form changes.
+
+    Raises:
+        FileError: the file cannot be read.
+        SkeletonFileError: JSON that breaks the format, or names joints that the source does not have.
+        BvhError: anything else that is no BVH.
+    """
+    loaded = _load(path)
+    return Target(loaded.apply(source), {}) if isinstance(loaded, SkeletonEdit) else loaded
+
+
+def load_skeleton(path: str | Path) -> Skeleton:
+    """The skeleton in a skeleton file of the full form or a BVH file; errors as in `load_target`.
+
+    Raises:
+        SkeletonFileError: also for the short form, which is no skeleton without a source.
+    """
+    loaded = _load(path)
+    if isinstance(loaded, SkeletonEdit):
+        raise SkeletonFileError(path, "", 'has no "joints"; this short form needs a source to change')
+    return loaded.skeleton
+
+
+def skeleton_to_json(skeleton: Skeleton, name: str) -> str:
+    """The text of a skeleton file (full form) with everything in `skeleton`, one joint per line.
+
+    Raises:
+        SkeletonError: a "/" in joint names leaves open which joint is a parent.
+    """
+    head = {"format": FORMAT, "version": VERSION, "name": name, "units": skeleton.units, "up": skeleton.up}
+    lines = [f"  {_dump(key)}: {_dump(value)},\n" for key, value in head.items() if value is not None]
+    joints = ",\n".join(f"    {_dump(_joint(skeleton, joint))}" for joint in range(len(skeleton)))
+    return "{\n" + "".join(lines) + f'  "joints": [\n{joints}\n  ]\n}}\n'
+
+
+def _dump(value: object) -> str:
+    """The JSON of a value on one line, with escapes only where UTF-8 has no character."""
+    return json.dumps(value, ensure_ascii=False).encode("utf-8", "backslashreplace").decode()
+
+
+def _joint(skeleton: Skeleton, joint: int) -> dict[str, object]:
+    """The joint as the full form has it."""
+    parent = int(skeleton.parents[joint])
+    entry: dict[str, object] = {"name": skeleton.names[joint], "parent": None}
+    if joint:
+        entry["parent"] = key = skeleton.keys[parent]
+        if _meant(key, skeleton.names, skeleton.parents[:joint].tolist()) != [parent]:
+            raise SkeletonError(f"{key!r} may mean several joints because of the '/' in names; rename one")
+    entry["offset"] = skeleton.offsets[joint].tolist()
+    last = {"end": True} if skeleton.end_sites[joint] else {"channels": skeleton.channels[joint]}
+    return entry | last
+
+
+def _entry(place: str, key: str) -> str:
+    """The place of an entry under a free key, on one line and printable."""
+    return f"{place}[{json.dumps(key, ensure_ascii=not key.isprintable())}]"
+
+
+def _field(place: str, key: str) -> str:
+    """The place of an entry under a key that the format sets."""
+    return f"{place}.{key}".lstrip(".") if key.isidentifier() else _entry(place, key)
+
+
+@dataclass(frozen=True)
+class _Node:
+    """A JSON value and its place in the file. Objects are tuples of (key, value), lists are lists."""
+
+    path: str | Path
+    place: str
+    value: object
+
+    def fail(self, reason: str) -> NoReturn:
+        raise SkeletonFileError(self.path, self.place, reason)
+
+    def expected(self, what: str) -> NoReturn:
+        self.fail(f"expected {what}, found {_found(self.value)}")
+
+    def entries(self, place_of: Callable[[str, str], str] = _entry) -> dict[str, _Node]:
+        """The values of an object, each under its key and at `place_of(self.place, key)`."""
+        if not isinstance(self.value, tuple):
+            self.expected("an object")
+        nodes: dict[str, _Node] = {}
+        for key, value in self.value:
+            node = _Node(self.path, place_of(self.place, key), value)
+            if key in nodes:
+                node.fail("expected each key once, found it twice")
+            nodes[key] = node
+        return nodes
+
+    def fields(self, required: Sequence[str], optional: Sequence[str]) -> dict[str, _Node]:
+        """The values of an object with known keys."""
+        fields = self.entries(_field)
+        for key, node in fields.items():
+            if key not in (*required, *optional):
+                node.fail(f"unknown key; {closest(key, (*required, *optional))}")
+        for key in required:
+            if key not in fields:
+                self.fail(f'has no "{key}"; expected {quoted(required)}')
+        return fields
+
+    def items(self) -> list[_Node]:
+        """The values of a list."""
+        if not isinstance(self.value, list):
+            self.expected("a list")
+        return [_Node(self.path, f"{self.place}[{i}]", value) for i, value in enumerate(self.value)]
+
+    def text(self) -> str:
+        if not isinstance(self.value, str):
+            self.expected("a string")
+        return self.value
+
+    def name(self) -> str:
+        """A string that a BVH file can hold as a name."""
+        name = self.text()
+        if NO_NAME.search(name):
+            self.expected("a name without braces, line breaks and blanks at its ends")
+        return name
+
+    def one_of(self, choices: Sequence[str]) -> str:
+        if self.text() not in choices:
+            self.expected(f"one of {quoted(choices)}")
+        return self.text()
+
+    def number(self) -> float:
+        if not isinstance(self.value, float):
+            self.expected("a number")
+        if not abs(self.value) <= LARGEST:
+            self.expected(f"a finite number, at most {LARGEST:g}")
+        return self.value
+
+    def positive(self) -> float:
+        if not self.number() > 0:
+            self.expected("a number above 0")
+        return self.number()
+
+    def flag(self) -> bool:
+        if not isinstance(self.value, bool):
+            self.expected("true or false")
+        return self.value
+
+
+def _found(value: object) -> str:
+    match value:
+        case tuple():
+            return "an object"
+        case list():
+            return f"a list of {len(value)}"
+        case str():
+            return repr(value if len(value) <= 40 else f"{value[:37]}...")
+        case float():
+            return f"{value:.12g}"
+        case _:
+            return json.dumps(value)
+
+
+def _load(path: str | Path) -> Target | SkeletonEdit:
+    text = read_text(path)
+    if not text.lstrip().startswith(("{", "[")):
+        return Target(read_bvh_skeleton(path), {})
+    document = _Node(path, "", _parsed(path, text))
+    _check_head(document)
+    fields = document.fields(HEAD[:2], (*HEAD[2:], *FULL, *SHORT))
+    full = [key for key in FULL if key in fields]
+    short = [key for key in SHORT if key in fields]
+    if full and short:
+        fields[short[0]].fail(f'cannot stand beside "{full[0]}"; expected {quoted(FULL)} or {quoted(SHORT)}')
+    return _full(document, fields) if full else _edit(document, fields)
+
+
+def _parsed(path: str | Path, text: str) -> object:
+    """The JSON in the text, all numbers as floats, so that none is too long for Python's int."""
+    try:
+        return json.loads(text, object_pairs_hook=tuple, parse_int=float)
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno}, column {error.colno}"
+        raise SkeletonFileError(path, place, f"is no JSON: {error.msg}") from None
+    except RecursionError:
+        raise SkeletonFileError(path, "", "is nested too deeply; the format has four levels") from None
+
+
+def _check_head(document: _Node) -> None:
+    """Raise unless format and version, before all else, are ours, and the name is a string."""
+    fields = document.entries(_field)
+    for key, ours in (("format", FORMAT), ("version", VERSION)):
+        if key not in fields:
+            document.fail(f'has no "{key}"; expected "{key}": {_dump(ours)}')
+        if isinstance(fields[key].value, bool) or fields[key].value != ours:
+            fields[key].expected(_dump(ours))
+    if "name" in fields:
+        fields["name"].text()
+
+
+def _edit(document: _Node, fields: Mapping[str, _Node]) -> SkeletonEdit:
+    """The short form."""
+    scale = fields["scale"].positive() if "scale" in fields else 1.0
+    return SkeletonEdit(scale, _positives(fields, "lengths"), _positives(fields, "factors"), document.path)
+
+
+def _positives(fields: Mapping[str, _Node], key: str) -> dict[str, float]:
+    return {name: node.positive() for name, node in fields[key].entries().items()} if key in fields else {}
+
+
+def _full(document: _Node, fields: Mapping[str, _Node]) -> Target:
+    """The full form."""
+    if "joints" not in fields:
+        document.fail('has no "joints"')
+    joints = [
+        node.fields(("name", "parent", "offset"), ("channels", "end")) for node in fields["joints"].items()
+    ]
+    if not joints:
+        fields["joints"].expected("at least a root and one bone")
+    units = fields["units"].one_of(UNITS) if "units" in fields else None
+    up = fields["up"].one_of(AXES) if "up" in fields else None
+    try:
+        skeleton = _skeleton(joints, units, up)
+    except SkeletonError as error:
+        fields["joints"].fail(str(error))
+    return Target(_with_bones(skeleton, document.path, "joints"), _map(fields, skeleton))
+
+
+def _skeleton(joints: Sequence[Mapping[str, _Node]], units: str | None, up: str | None) -> Skeleton:
+    names = tuple(joint["name"].name() for joint in joints)
+    ends = ["end" in joint and joint["end"].flag() for joint in joints]
+    if ends[0]:
+        joints[0]["end"].fail("the root cannot be an End Site")
+    parents = _parents([joint["parent"] for joint in joints], names, ends)
+    offsets = [_offset(joint["offset"]) for joint in joints]
+    channels = tuple(map(_channels, joints, ends))
+    return Skeleton(names, np.array(parents), np.array(offsets), channels, np.array(ends), units, up)
+
+
+def _offset(node: _Node) -> list[float]:
+    numbers = node.items()
+    if len(numbers) != 3:
+        node.expected("a list of three numbers")
+    return [number.number() for number in numbers]
+
+
+def _channels(joint: Mapping[str, _Node], end: bool) -> tuple[str, ...]:
+    """The joint's channels, those given or the usual ones."""
+    if "channels" not in joint:
+        usual = JOINT_CHANNELS if joint["parent"].value is not None else ROOT_CHANNELS
+        return () if end else usual
+    channels: list[str] = []
+    for node in joint["channels"].items():
+        if end:
+            joint["channels"].fail("an End Site has no channels")
+        if node.text() not in CHANNELS:
+            node.fail(f"no channel {_found(node.value)}; {closest(node.text(), CHANNELS)}")
+        if node.text() in channels:
+            node.fail(f"expected each channel once, found {_found(node.value)} again")
+        channels.append(node.text())
+    return tuple(channels)
+
+
+def _parents(nodes: Sequence[_Node], names: Sequence[str], ends: Sequence[bool]) -> list[int]:
+    """(joints,), the parent's number of each joint, -1 for the root."""
+    roots = [node for node in nodes if node.value is None]
+    if not roots:
+        nodes[0].expected("null, since the first joint is the root")
+    if nodes[0].value is not None:
+        roots[0].fail("the root must be the first joint")
+    if len(roots) > 1:
+        roots[1].expected(f"the name of a joint, since {names[0]!r} is the root")
+    parents = [-1]
+    for node in nodes[1:]:
+        parents.append(_parent(node, names, parents))
+        if ends[parents[-1]]:
+            node.fail(f"{node.text()!r} is an End Site, which has no children")
+    return parents
+
+
+def _parent(node: _Node, names: Sequence[str], parents: Sequence[int]) -> int:
+    """The joint that the node names, one of the first `len(parents)`."""
+    meant = _meant(node.text(), names, parents)
+    if not meant and node.text() in names:
+        node.fail(f"expected a joint that stands before this one, found {node.text()!r}, which does not")
+    if not meant:
+        node.fail(f"no joint {node.text()!r}; {closest(node.text(), names)}")
+    if len(meant) > 1:
+        paths = quoted(f"{names[parents[joint]]}/{names[joint]}" for joint in meant)
+        node.fail(f"{node.text()!r} may be {paths}; name the parents too, as in these")
+    return meant[0]
+
+
+def _meant(reference: str, names: Sequence[str], parents: Sequence[int]) -> list[int]:
+    """The joints before the `len(parents)`th which `name`, `parent/name` and so on up may mean.
+
+    One that is named all the way up from the root is meant before others. So each of `Skeleton.keys`
+    means its joint, as long as the names themselves are without "/".
+    """
+    tops = {joint: _top(reference, joint, names, parents) for joint in range(len(parents))}
+    whole = [joint for joint, top in tops.items() if top == 0]
+    return whole if len(whole) == 1 else [joint for joint, top in tops.items() if top >= 0]
+
+
+def _top(reference: str, joint: int, names: Sequence[str], parents: Sequence[int]) -> int:
+    """The ancestor (or joint itself) at which the reference, read upwards from the joint, begins; else -1."""
+    end = len(reference)
+    while joint >= 0 and reference.endswith(names[joint], 0, end):
+        end -= len(names[joint]) + 1
+        if end < 0:
+            return joint
+        joint = parents[joint] if reference[end] == "/" else -1
+    return -1
+
+
+def _with_bones(skeleton: Skeleton, path: str | Path, place: str = "") -> Skeleton:
+    """The skeleton itself, if it has bones that have a length."""
+    if not skeleton.lengths.any():
+        raise SkeletonFileError(path, place, "all bones have length 0; expected one or more that have not")
+    return skeleton
+
+
+def _map(fields: Mapping[str, _Node], skeleton: Skeleton) -> dict[str, str]:
+    sources = fields["map"].entries() if "map" in fields else {}
+    for key, node in sources.items():
+        if key not in skeleton.keys:
+            node.fail(f"the target has no such joint; {closest(key, skeleton.keys)}")
+    return {key: node.text() for key, node in sources.items()}

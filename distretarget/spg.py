@@ -1,0 +1,122 @@
+"""The spectral projected gradient method with a non-monotone line search.
+
+Birgin, Martinez and Raydan, "Nonmonotone spectral projected gradient methods on convex sets", SIAM J.
+Optim. 10 (2000), doi:10.1137/S1052623497330963, with the averaged line search of Zhang and Hager, SIAM J.
+Optim. 14 (2004), doi:10.1137/S1052623403428208. It knows no skeleton: a problem is three functions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+ETA = 0.99  # how slowly the line search forgets old values; 0 makes it monotone
+ARMIJO = 1e-4
+STEP_MIN = 1e-12
+STEP_MAX = 1e12
+
+
+class Reason(IntEnum):
+    """Why the solver stopped."""
+
+    CONVERGED = 0
+    ITERATION_LIMIT = 1
+    LINE_SEARCH_FAILED = 2
+
+
+class Minimum(NamedTuple):
+    """What the solver found; the variables themselves are left in its `x`.
+
+    Attributes:
+        value: of the objective at the best iterate, which is what `x` holds.
+        iterations: steps taken.
+        evaluations: of the objective with its gradient.
+        reason: a `Reason`.
+    """
+
+    value: float
+    iterations: int
+    evaluations: int
+    reason: int
+
+
+@njit(cache=True)
+def _inner(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    total = 0.0
+    for i in range(a.size):
+        total += a.flat[i] * b.flat[i]
+    return total
+
+
+def spectral_gradient(
+    objective: Callable[..., Any], direction: Callable[..., Any], move: Callable[..., Any]
+) -> Callable[..., Any]:
+    """Compile the method for one kind of problem, given as three compiled functions.
+
+    objective(x, problem, gradient) -> float: the value at `x`, the gradient written.
+    direction(x, gradient, step, problem, d): d written, P(x - step gradient) - x, where P projects onto the
+        feasible set, in the metric of the problem where it has one.
+    move(x, d, alpha, problem, out): out written, x + alpha d, or its like on a manifold.
+
+    Returns a compiled minimise(x, problem, tolerance, limit) -> Minimum, which overwrites the array `x` with the
+    best iterate. It stops when the Euclidean norm of the search direction is at most `tolerance` [units of x],
+    after `limit` iterations, or when no step of at least 1e-12 of the direction lowers the objective enough.
+    """
+
+    @njit(cache=True, error_model="numpy")
+    def minimise(x, problem, tolerance, limit):  # type: ignore[no-untyped-def]
+        g = np.empty_like(x)
+        f = objective(x, problem, g)
+        evaluations = 1
+        d, g_new = np.empty_like(g), np.empty_like(g)
+        x_new, x_best, f_best = np.empty_like(x), x.copy(), f
+        C, Q = f, 1.0
+        step = 1.0
+        reason = Reason.ITERATION_LIMIT.value
+        iterations = 0
+        while True:
+            # Search direction
+            direction(x, g, step, problem, d)
+            if np.sqrt(_inner(d, d)) <= tolerance:
+                reason = Reason.CONVERGED.value
+                break
+            if iterations == limit:
+                break
+            # Line search
+            slope = _inner(g, d)
+            alpha = 1.0
+            while True:
+                move(x, d, alpha, problem, x_new)
+                f_new = objective(x_new, problem, g_new)
+                evaluations += 1
+                if f_new <= C + ARMIJO * alpha * slope or alpha < STEP_MIN:
+                    break
+                alpha *= 0.5
+            if alpha < STEP_MIN:
+                reason = Reason.LINE_SEARCH_FAILED.value
+                break
+            iterations += 1
+            # Barzilai-Borwein step; where the curvature is not positive the step grows tenfold, not to
+            # STEP_MAX as in the paper, which would cost forty halvings.
+            ss = alpha * alpha * _inner(d, d)
+            sy = alpha * (_inner(d, g_new) - slope)
+            step = ss / sy if sy > 0.0 else 10.0 * step
+            step = min(max(step, STEP_MIN), STEP_MAX)
+            # Averaged reference value
+            C = (ETA * Q * C + f_new) / (ETA * Q + 1.0)
+            Q = ETA * Q + 1.0
+            x[:] = x_new
+            g[:] = g_new
+            f = f_new
+            if f < f_best:
+                f_best = f
+                x_best[:] = x
+        x[:] = x_best
+        return Minimum(f_best, iterations, evaluations, reason)
+
+    return minimise

@@ -1,0 +1,51 @@
+"""The stress of a posture, Eq. (2) of the paper, and its gradient, compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+# Squared distances [body size squared] are kept above this, where the gradient of the distance has no value;
+# the pair then pulls with no force at all, as its joints have no direction from one to the other.
+NEAREST = 1e-300
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def stress_and_gradient(
+    x: NDArray[np.float64], delta: NDArray[np.float64], pi: NDArray[np.float64], gradient: NDArray[np.float64]
+) -> float:
+    """sigma(X) = 1/2 sum_{u<v} pi_uv (||x_u - x_v|| - delta_uv)^2, Eq. (2), and its gradient, written.
+
+    `x` and `gradient` are (3, points), so that the inner loop runs along memory; `delta` and `pi` are
+    (points, points), symmetric, with zero diagonals.
+    """
+    sigma = 0.0
+    points = x.shape[1]
+    for u in range(points):
+        xu, yu, zu = x[0, u], x[1, u], x[2, u]
+        gx, gy, gz = 0.0, 0.0, 0.0
+        for v in range(points):
+            dx, dy, dz = xu - x[0, v], yu - x[1, v], zu - x[2, v]
+            distance = np.sqrt(max(dx * dx + dy * dy + dz * dz, NEAREST))
+            pull = pi[u, v] * (distance - delta[u, v])
+            sigma += pull * (distance - delta[u, v])
+            gx += pull / distance * dx
+            gy += pull / distance * dy
+            gz += pull / distance * dz
+        gradient[0, u], gradient[1, u], gradient[2, u] = gx, gy, gz
+    return 0.25 * sigma
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def target_distances(x: NDArray[np.float64], ratio: NDArray[np.float64], delta: NDArray[np.float64]) -> None:
+    """delta_uv = tau2_uv D_uv = (tau2_uv / tau1_uv) ||x_u - x_v||, Eq. (1), written.
+
+    `x` is the source's posture, (3, points); `ratio` is tau2 / tau1, (points, points).
+    """
+    points = x.shape[1]
+    for u in range(points):
+        xu, yu, zu = x[0, u], x[1, u], x[2, u]
+        for v in range(points):
+            dx, dy, dz = xu - x[0, v], yu - x[1, v], zu - x[2, v]
+            delta[u, v] = ratio[u, v] * np.sqrt(dx * dx + dy * dy + dz * dz)

@@ -1,0 +1,200 @@
+"""The skeleton: path lengths and sizes against a naive walk, keys, orders, refusals."""
+
+from collections import Counter
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from table_one import table_one
+
+from distretarget.errors import SkeletonError
+from distretarget.skeleton import Skeleton
+
+
+def tree(parents, offsets=None, names=None, **others):
+    count = len(parents)
+    return Skeleton(
+        names=tuple(names or (f"joint{j}" for j in range(count))),
+        parents=np.array(parents),
+        offsets=np.ones((count, 3)) if offsets is None else np.array(offsets),
+        channels=((),) * count,
+        end_sites=np.zeros(count, bool),
+        **others,
+    )
+
+
+@st.composite
+def trees(draw):
+    """Random trees of up to 12 joints; each third offset or so is zero."""
+    count = draw(st.integers(1, 12))
+    parents = [-1] + [draw(st.integers(0, j - 1)) for j in range(1, count)]
+    number = st.floats(-100, 100).map(lambda x: round(x, 3))
+    offset = st.one_of(st.just((0.0, 0.0, 0.0)), st.tuples(number, number, number))
+    return tree(parents, [draw(offset) for _ in range(count)])
+
+
+def path_naive(skeleton, u, v):
+    """The joints from u up to the common ancestor and down to v."""
+
+    def up(joint):
+        return [joint, *(up(skeleton.parents[joint]) if joint else [])]
+
+    common = next(joint for joint in up(u) if joint in up(v))
+    return up(u)[: up(u).index(common) + 1] + up(v)[: up(v).index(common)][::-1]
+
+
+@given(trees())
+def test_paths_match_a_naive_walk(skeleton):
+    lengths = np.linalg.norm(skeleton.offsets, axis=1)
+    for u in range(len(skeleton)):
+        for v in range(len(skeleton)):
+            path = path_naive(skeleton, u, v)
+            top = min(path)
+            tau = sum(lengths[joint] for joint in path if joint != top)
+            assert skeleton.path_sizes[u, v] == len(path)
+            np.testing.assert_allclose(skeleton.path_lengths[u, v], tau, rtol=1e-12, atol=1e-12)
+
+
+@given(trees())
+def test_tau_is_a_metric_along_the_tree(skeleton):
+    tau = skeleton.path_lengths
+    np.testing.assert_array_equal(np.diag(tau), 0)
+    np.testing.assert_allclose(tau, tau.T, rtol=1e-12)
+    distances = np.linalg.norm(skeleton.rest_positions[:, None] - skeleton.rest_positions, axis=2)
+    assert np.all(distances <= tau * (1 + 1e-9) + 1e-9)
+
+
+@given(trees())
+def test_depth_first_visits_each_subtree_in_one_go(skeleton):
+    def nested(joint):
+        return [joint, *(below for child in skeleton.children[joint] for below in nested(child))]
+
+    assert list(skeleton.depth_first) == nested(0)
+    assert sorted(skeleton.depth_first) == list(range(len(skeleton)))
+
+
+@given(trees(), st.floats(0.1, 10))
+def test_with_lengths_keeps_directions(skeleton, factor):
+    other = skeleton.with_lengths(skeleton.lengths * factor)
+    np.testing.assert_allclose(other.lengths, skeleton.lengths * factor, rtol=1e-12)
+    np.testing.assert_allclose(other.offsets[1:], skeleton.offsets[1:] * factor, rtol=1e-12)
+    np.testing.assert_array_equal(other.offsets[0], skeleton.offsets[0])
+
+
+def test_with_lengths_keeps_zero_offsets_and_the_input():
+    skeleton = tree([-1, 0, 1], [(1, 2, 3), (0, 0, 0), (0, 3, 4)], units="cm", up="Z")
+    other = skeleton.with_lengths([0, 7, 10])
+    np.testing.assert_array_equal(other.offsets, [(1, 2, 3), (0, 0, 0), (0, 6, 8)])
+    np.testing.assert_array_equal(skeleton.offsets[2], (0, 3, 4))
+    assert (other.units, other.up) == ("cm", "Z")
+
+
+def test_lengths_leave_out_the_root():
+    np.testing.assert_array_equal(tree([-1, 0], [(9, 9, 9), (0, 3, 4)]).lengths, [0, 5])
+
+
+def test_rest_positions_start_at_the_origin():
+    skeleton = tree([-1, 0, 1, 0], [(9, 9, 9), (0, 1, 0), (2, 0, 0), (0, 0, 3)])
+    np.testing.assert_array_equal(skeleton.rest_positions, [(0, 0, 0), (0, 1, 0), (2, 1, 0), (0, 0, 3)])
+
+
+def test_path_sums_take_the_weight_of_each_bone_once():
+    skeleton = tree([-1, 0, 1, 0])
+    np.testing.assert_array_equal(skeleton.path_sums([99, 1, 0, 4])[2], [1, 0, 0, 5])
+
+
+def test_keys_name_parents_only_where_names_repeat():
+    names = ["Hips", "Left", "Hand", "Right", "Hand", "Site", "Site"]
+    skeleton = tree([-1, 0, 1, 0, 3, 2, 4], names=names)
+    assert skeleton.keys == (
+        *("Hips", "Left", "Left/Hand", "Right", "Right/Hand"),
+        *("Left/Hand/Site", "Right/Hand/Site"),
+    )
+    assert [skeleton.index(key) for key in skeleton.keys] == list(range(7))
+
+
+def test_keys_of_a_root_that_shares_its_name():
+    assert tree([-1, 0], names=["Hips", "Hips"]).keys == ("Hips", "Hips/Hips")
+
+
+def test_index_suggests_close_names():
+    skeleton = tree([-1, 0], names=["Hips", "LeftForeArm"])
+    with pytest.raises(SkeletonError, match="no joint 'LeftForArm'; did you mean 'LeftForeArm'"):
+        skeleton.index("LeftForArm")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"parents": [-1, 0]}, "parents has shape"),
+        ({"offsets": np.zeros((3, 2))}, "offsets has shape"),
+        ({"end_sites": [False]}, "end_sites has shape"),
+        ({"channels": ((),)}, "channels are given for 1 of 3"),
+        ({"parents": [0, 0, 1]}, "needs a root"),
+        ({"parents": [-1, 2, 0]}, "before their children"),
+        ({"parents": [-1, 1, 0]}, "before their children"),
+        ({"parents": [-1, -1, 0]}, "only the root"),
+        ({"offsets": [(0, 0, 0), (0, np.nan, 0), (0, 0, 0)]}, "'joint1' is not finite"),
+        ({"names": ("a", "b", "b"), "parents": [-1, 0, 0]}, "cannot be told apart: 'a/b'"),
+    ],
+)
+def test_refusals(changes, message):
+    with pytest.raises(SkeletonError, match=message):
+        replace(tree([-1, 0, 1]), **changes)
+
+
+def test_a_skeleton_needs_a_joint():
+    with pytest.raises(SkeletonError, match="needs a root"):
+        tree([], np.zeros((0, 3)))
+
+
+@pytest.mark.parametrize("name", ["parents", "offsets", "end_sites"])
+def test_arrays_are_read_only_copies(name):
+    source = {"parents": np.array([-1, 0]), "offsets": np.ones((2, 3)), "end_sites": np.zeros(2, bool)}
+    skeleton = replace(tree([-1, 0]), **source)
+    with pytest.raises(ValueError, match="read-only"):
+        getattr(skeleton, name)[0] = 0
+    source[name][0] = 1
+    assert not np.all(getattr(skeleton, name)[0] == 1) or name == "offsets"
+
+
+def test_repr_counts_joints():
+    skeleton = replace(tree([-1, 0, 1]), end_sites=[False, False, True])
+    assert repr(skeleton) == "<Skeleton of 2 joints and 1 End Sites>"
+
+
+def test_table_one_has_the_papers_paths():
+    skeleton = table_one()
+    pairs = list(combinations(range(len(skeleton)), 2))
+    sizes = Counter(int(skeleton.path_sizes[pair]) for pair in pairs)
+    assert (len(skeleton), len(pairs)) == (22, 231)
+    assert sizes == {2: 21, 3: 24, 4: 27, 5: 28, 6: 31, 7: 28, 8: 24, 9: 22, 10: 14, 11: 8, 12: 4}
+
+
+@pytest.mark.parametrize(
+    ("u", "v", "size", "length"),
+    [
+        ("RightWrist", "RightToe", 12, 0.258 + 0.273 + 0.158 + 0.072 + 0.408 + 0.108 + 0.435 + 0.453 + 0.125),
+        ("RightWrist", "LeftWrist", 9, 2 * (0.258 + 0.273 + 0.158 + 0.072)),
+        ("Hips", "Chest", 2, 0.160),
+        ("Head", "Head", 1, 0),
+    ],
+)
+def test_table_one_paths(u, v, size, length):
+    skeleton = table_one()
+    pair = skeleton.index(u), skeleton.index(v)
+    assert skeleton.path_sizes[pair] == size
+    np.testing.assert_allclose(skeleton.path_lengths[pair], length, rtol=1e-12)
+
+
+def test_table_one_is_a_symmetric_t_pose():
+    skeleton = table_one()
+    positions = dict(zip(skeleton.names, skeleton.rest_positions, strict=True))
+    for name, position in positions.items():
+        if name.startswith("Left"):
+            mirrored = positions[name.replace("Left", "Right")] * (-1, 1, 1)
+            np.testing.assert_array_equal(position, mirrored)
+            assert position[0] > 0

@@ -1,0 +1,273 @@
+"""Pictures of motions: stick figures in a row, with a floor and soft shadows.
+
+    python tools/draw.py walk.bvh child_walk.bvh --frames 0,20,40 -o walk.png --view three-quarter
+
+Every motion is a row, its frames run from left to right. With `--columns`, every frame is a row and the
+motions stand side by side.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Rectangle
+from numpy.typing import NDArray
+
+from distretarget.bvh import read_bvh
+from distretarget.motion import Motion
+from distretarget.skeleton import Skeleton
+
+VIEWS = {"front": (0.0, 10.0), "side": (90.0, 10.0), "three-quarter": (38.0, 16.0)}
+COLOURS = {"left": "#2a7f9e", "right": "#e0793a", "trunk": "#3b4252"}
+FLOOR, GRID, LABEL = "#f6f7f9", "#dfe3e8", "#3b4252"
+SHADOW = ((0.060, "#eceef1"), (0.044, "#e2e5e9"), (0.028, "#d8dce1"))
+LIGHT = np.array([0.22, 0.0, -0.30])
+INCHES_PER_HEIGHT = 2.3
+POINTS_PER_HEIGHT = 72 * INCHES_PER_HEIGHT
+THICKNESS = 0.027
+DEPTH = 0.42
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Camera:
+    """An orthographic view; `azimuth` turns it from the front to the right side, in degrees."""
+
+    azimuth: float
+    elevation: float
+
+    @property
+    def slope(self) -> float:
+        """How much of the floor's depth is seen."""
+        return float(np.sin(np.radians(self.elevation)))
+
+    def __call__(self, points: Array) -> tuple[Array, Array]:
+        """Screen coordinates (..., 2) and nearness (...) of points (..., 3), Y up."""
+        a, e = np.radians([self.azimuth, self.elevation])
+        right = np.array([np.cos(a), 0.0, np.sin(a)])
+        level = np.array([-np.sin(a), 0.0, np.cos(a)])
+        toward = np.cos(e) * level + [0.0, np.sin(e), 0.0]
+        upward = [0.0, np.cos(e), 0.0] - np.sin(e) * level
+        return np.stack([points @ right, points @ upward], axis=-1), points @ toward
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One figure: its joints (joints, 3), Y up, on the floor, in body heights, and where the floor's grid lies."""
+
+    skeleton: Skeleton
+    points: Array
+    ground: Array
+
+
+def _upright(points: Array, up: str) -> Array:
+    """Points with the axis `up` ("Y", "-Z", ...) turned to Y."""
+    axis, sign = "XYZ".index(up[-1]), -1.0 if up.startswith("-") else 1.0
+    turn = np.zeros((3, 3))
+    turn[1, axis] = sign
+    first, second = {0: (1, 2), 1: (0, 2), 2: (0, 1)}[axis]
+    turn[0, first] = 1.0
+    turn[2, second] = 1.0
+    turn[2] *= np.linalg.det(turn)
+    return points @ turn.T
+
+
+def _cells(motion: Motion, frames: Sequence[int], up: str | None, size: float | None) -> list[Cell]:
+    points = _upright(motion.positions, up or motion.skeleton.up or "Y")
+    points = points / (size or body_height(motion.skeleton))
+    points[..., 1] -= points[..., 1].min()
+    cells = []
+    for frame in frames:
+        ground = points[frame, 0] * (1, 0, 1)
+        cells.append(Cell(motion.skeleton, points[frame] - ground, ground))
+    return cells
+
+
+def body_height(skeleton: Skeleton) -> float:
+    """About how tall the body stands, whatever its rest pose [file units]."""
+    return 0.7 * float(skeleton.path_lengths.max())
+
+
+def _chains(skeleton: Skeleton) -> Iterator[list[int]]:
+    """Runs of joints between the root, the branchings and the ends."""
+    for joint in skeleton.depth_first[1:]:
+        parent = int(skeleton.parents[joint])
+        if parent and len(skeleton.children[parent]) == 1:
+            continue
+        chain = [parent, joint]
+        while len(skeleton.children[chain[-1]]) == 1:
+            chain.append(skeleton.children[chain[-1]][0])
+        yield chain
+
+
+def side_of(name: str) -> str:
+    """Which side of the body a joint's name speaks of: left, right or trunk."""
+    for side, letter in (("left", "l"), ("right", "r")):
+        if side in name.lower() or re.search(rf"(^|[_.:]){letter}([_.]|$)", name.lower()):
+            return side
+    return "trunk"
+
+
+def _draw_figure(ax: Axes, cell: Cell, camera: Camera, shift: float) -> None:
+    """A figure with its feet at `shift` on the horizontal axis."""
+    screen, nearness = camera(cell.points)
+    screen = screen + (shift, 0.0)
+    width = THICKNESS * POINTS_PER_HEIGHT
+    _draw_shadow(ax, cell, camera, shift)
+    chains = sorted(_chains(cell.skeleton), key=lambda chain: nearness[chain[1:]].mean())
+    for order, chain in enumerate(chains, start=10):
+        side = side_of(cell.skeleton.names[chain[-1]])
+        line = {"solid_capstyle": "round", "solid_joinstyle": "round", "zorder": order}
+        thick = width * (1.15 if side == "trunk" else 1.0)
+        ax.plot(*screen[chain].T, color="white", linewidth=thick + 0.35 * width, **line)
+        ax.plot(*screen[chain].T, color=COLOURS[side], linewidth=thick, **line)
+        _draw_head(ax, cell.skeleton, chain, screen, order)
+        ax.plot(
+            *screen[chain].T, "o", color="white", markersize=0.42 * width, markeredgewidth=0, zorder=order
+        )
+
+
+def _draw_head(ax: Axes, skeleton: Skeleton, chain: list[int], screen: Array, order: int) -> None:
+    """A disc over a chain's last bone where it is the head's."""
+    neck, top = chain[-2:]
+    if skeleton.end_sites[top] and "head" in skeleton.names[neck].lower():
+        centre = 0.5 * (screen[neck] + screen[top])
+        radius = 0.56 * float(np.hypot(*(screen[top] - screen[neck])))
+        ax.add_patch(
+            Circle(tuple(centre), radius, facecolor=COLOURS["trunk"], edgecolor="white", zorder=order)
+        )
+
+
+def _draw_shadow(ax: Axes, cell: Cell, camera: Camera, shift: float) -> None:
+    fallen = cell.points * (1, 0, 1) + cell.points[:, 1:2] * LIGHT
+    screen = camera(fallen)[0] + (shift, 0.0)
+    for level, (thickness, colour) in enumerate(SHADOW):
+        for chain in _chains(cell.skeleton):
+            ax.plot(
+                *screen[chain].T,
+                color=colour,
+                linewidth=thickness * POINTS_PER_HEIGHT,
+                solid_capstyle="round",
+                solid_joinstyle="round",
+                zorder=3 + level,
+            )
+
+
+def _draw_floor(ax: Axes, camera: Camera, ground: Array) -> None:
+    """A strip of floor with the world's grid, four lines to a body height."""
+    left, right = ax.get_xlim()
+    depth = DEPTH * camera.slope
+    strip = Rectangle((left, -depth), right - left, 2 * depth, facecolor=FLOOR, zorder=1)
+    ax.add_patch(strip)
+    reach = np.ceil(right - left) + 2
+    for across, along in ((0, 2), (2, 0)):
+        for tick in np.arange(-reach, reach, 0.25):
+            ends = np.zeros((2, 3))
+            ends[:, across], ends[:, along] = tick, (-reach, reach)
+            screen = camera(ends - ground % 0.25)[0]
+            (line,) = ax.plot(*screen.T, color=GRID, linewidth=0.7, zorder=2)
+            line.set_clip_path(strip)
+
+
+def _draw_scene(ax: Axes, cells: Sequence[Cell], labels: Sequence[str], camera: Camera, pitch: float) -> None:
+    """Figures from left to right, `pitch` apart, on one floor; a label under each that has one."""
+    _draw_floor(ax, camera, cells[0].ground)
+    left, low = ax.get_xlim()[0], ax.get_ylim()[0]
+    for number, (cell, label) in enumerate(zip(cells, labels, strict=True)):
+        _draw_figure(ax, cell, camera, number * pitch)
+        ax.text(left + (number + 0.5) * pitch, low + 0.03, label, ha="center", color=LABEL, fontsize=8)
+
+
+def _grid(
+    rows: Sequence[tuple[str, Motion]], frames: Sequence[int], up: str | None, same_scale: bool
+) -> list:
+    """Per motion, its cells."""
+    for label, motion in rows:
+        if max(frames) >= len(motion):
+            raise ValueError(f"{label} has frames 0 to {len(motion) - 1}, not {max(frames)}")
+    size = max(body_height(motion.skeleton) for _, motion in rows) if same_scale else None
+    return [_cells(motion, frames, up, size) for _, motion in rows]
+
+
+def draw_strip(
+    rows: list[tuple[str, Motion]],
+    frames: list[int],
+    path: str | Path,
+    view: str = "three-quarter",
+    up: str | None = None,
+    columns: bool = False,
+    same_scale: bool = False,
+) -> None:
+    """Draw frames of motions as stick figures into a picture file.
+
+    Args:
+        rows: a label and a motion for each row.
+        frames: the numbers of the frames, from left to right.
+        path: of the picture; its suffix is the format.
+        view: "front", "side" or "three-quarter", for a body that faces +Z with Y up.
+        up: the axis that points up; as the skeleton says if not given, else "Y".
+        columns: the motions stand side by side, and the frames make the rows.
+        same_scale: bodies keep their sizes relative to each other, else all are drawn equally tall.
+    """
+    camera = Camera(*VIEWS[view])
+    scenes = _grid(rows, frames, up, same_scale)
+    titles = [label for label, _ in rows]
+    labels = [[f"frame {frame}" for frame in frames]] * len(rows)
+    if columns:
+        scenes = [list(scene) for scene in zip(*scenes, strict=True)]
+        titles, labels = [f"frame {frame}" for frame in frames], [titles] * len(frames)
+    _write_picture(scenes, titles, labels, camera, path)
+
+
+def _write_picture(
+    scenes: Sequence[Sequence[Cell]],
+    titles: Sequence[str],
+    labels: Sequence[Sequence[str]],
+    camera: Camera,
+    path: str | Path,
+) -> None:
+    """The scenes below each other, all with the same spacing."""
+    screen = np.concatenate([camera(cell.points)[0] for scene in scenes for cell in scene])
+    (left, low), (right, high) = screen.min(axis=0) - (0.08, 0.13), screen.max(axis=0) + (0.08, 0.16)
+    low = min(low, -DEPTH * camera.slope - 0.09)
+    across, upward = (right - left) * len(scenes[0]), high - low
+    figure = Figure((across * INCHES_PER_HEIGHT, upward * len(scenes) * INCHES_PER_HEIGHT), dpi=150)
+    for number, (scene, title, names) in enumerate(zip(scenes, titles, labels, strict=True)):
+        ax = figure.add_axes((0, 1 - (number + 1) / len(scenes), 1, 1 / len(scenes)))
+        ax.set(xlim=(left, left + across), ylim=(low, high))
+        ax.axis("off")
+        ax.text(left + 0.04, high - 0.09, title, color=LABEL, fontsize=10, fontweight="bold")
+        _draw_scene(ax, scene, names, camera, right - left)
+    figure.savefig(path, facecolor="white")
+
+
+def main() -> None:
+    """Draw the files named on the command line."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("files", nargs="+", type=Path, metavar="A.bvh")
+    parser.add_argument("--frames", required=True, help="frame numbers, as 0,30,60")
+    parser.add_argument("-o", "--output", required=True, type=Path, metavar="OUT.png")
+    parser.add_argument("--view", choices=VIEWS, default="three-quarter")
+    parser.add_argument("--up", help="the axis that points up, as Y or -Z")
+    parser.add_argument("--columns", action="store_true", help="motions side by side, a row for every frame")
+    parser.add_argument("--same-scale", action="store_true", help="keep the sizes of the bodies")
+    args = parser.parse_args()
+    mpl.use("Agg")
+    rows = [(file.stem, read_bvh(file)) for file in args.files]
+    frames = [int(frame) for frame in args.frames.split(",")]
+    draw_strip(rows, frames, args.output, args.view, args.up, args.columns, args.same_scale)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,314 @@
+"""The body of the samples: the skeleton of the paper's Table I, and the solvers that pose it.
+
+Centimetres, Y up, facing +Z, the left side at +X. Everything here is written for the left side of the
+body; the right side is its mirror image.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.motion import Motion
+from distretarget.skeleton import Skeleton
+
+FRAME_TIME = "0.016667"
+SPINE = ("Chest", "Chest2", "Chest3")
+SIDES = ("Left", "Right")
+ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")
+POSITIONS = ("Xposition", "Yposition", "Zposition")
+
+TRUNK = (
+    ("Hips", "", (0, 0, 0), 0),
+    ("Chest", "Hips", (0, 1, 0), 16.0),
+    ("Chest2", "Chest", (0, 1, 0), 17.9),
+    ("Chest3", "Chest2", (0, 1, 0), 6.9),
+    ("Neck", "Chest3", (0, 1, 0), 6.9),
+    ("Head", "Neck", (0, 1, 0), 10.6),
+    ("Head_End", "Head", (0, 1, 0), 18.0),
+)
+ARM = (
+    ("Collar", "Chest3", (0.8, 0.6, 0), 7.2),
+    ("Shoulder", "Collar", (0.96, -0.28, 0), 15.8),
+    ("Elbow", "Shoulder", (1, 0, 0), 27.3),
+    ("Wrist", "Elbow", (1, 0, 0), 25.8),
+    ("Wrist_End", "Wrist", (1, 0, 0), 17.5),
+)
+LEG = (
+    ("Hip", "Hips", (0.8, -0.6, 0), 10.8),
+    ("Knee", "Hip", (0, -1, 0), 43.5),
+    ("Ankle", "Knee", (0, -1, 0), 45.3),
+    ("Toe", "Ankle", (0, -0.28, 0.96), 12.5),
+    ("Toe_End", "Toe", (0, -0.28, 0.96), 6.0),
+)
+ANKLE_HEIGHT = 6.5
+LEG_LENGTH = 43.5 + 45.3
+HEEL = np.array([0.0, -ANKLE_HEIGHT, -5.0])
+BALL = np.array([0.0, -ANKLE_HEIGHT, 12.0])
+
+Points = NDArray[np.float64]
+
+
+def _limb(side: str, rows: tuple) -> list[tuple]:
+    """The rows of one limb with the side put to the names and directions."""
+    own = {name for name, *_ in rows}
+    sign = 1 if side == "Left" else -1
+    return [
+        (side + name, side + parent if parent in own else parent, (sign * x, y, z), length)
+        for name, parent, (x, y, z), length in rows
+    ]
+
+
+def _table_one() -> Skeleton:
+    rows = [*TRUNK]
+    for limb in (ARM, LEG):
+        rows += _limb("Right", limb) + _limb("Left", limb)
+    names = tuple(row[0] for row in rows)
+    ends = np.array([name.endswith("_End") for name in names])
+    channels = [() if end else ROTATIONS for end in ends]
+    channels[0] = POSITIONS + ROTATIONS
+    return Skeleton(
+        names=names,
+        parents=np.array([names.index(parent) if parent else -1 for _, parent, _, _ in rows]),
+        offsets=np.array([np.multiply(direction, length) for _, _, direction, length in rows]),
+        channels=tuple(channels),
+        end_sites=ends,
+        units="cm",
+        up="Y",
+    )
+
+
+SKELETON = _table_one()
+OFFSET = {name: np.array(offset) for name, offset in zip(SKELETON.names, SKELETON.offsets, strict=True)}
+
+
+def flipped(points: ArrayLike) -> Points:
+    """Points (..., 3) seen in the mirror between left and right."""
+    return np.asarray(points) * (-1.0, 1.0, 1.0)
+
+
+def mirrored(rotation: Rotation) -> Rotation:
+    """A rotation seen in the mirror between left and right."""
+    return Rotation.from_quat(rotation.as_quat() * (1, -1, -1, 1))
+
+
+def turned(pitch: ArrayLike = 0.0, yaw: ArrayLike = 0.0, roll: ArrayLike = 0.0) -> Rotation:
+    """Rotations from angles in degrees: leaning forward, turning to the left, leaning to the right."""
+    angles = np.broadcast_arrays(yaw, pitch, roll)
+    return Rotation.from_euler("YXZ", np.stack(angles, axis=-1), degrees=True)
+
+
+def part(rotation: Rotation, weight: ArrayLike) -> Rotation:
+    """The rotation about the same axis by a part of the angle."""
+    return Rotation.from_rotvec(rotation.as_rotvec() * np.asarray(weight)[..., None])
+
+
+def blend(start: Rotation, end: Rotation, weight: ArrayLike) -> Rotation:
+    """From `start` at weight 0 to `end` at weight 1, about one axis."""
+    return start * part(start.inv() * end, weight)
+
+
+def unit(vectors: Points) -> Points:
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def from_axes(x: Points, y: Points) -> Rotation:
+    """The rotation that takes the first two axes to orthogonal unit vectors x and y, (frames, 3)."""
+    return Rotation.from_matrix(np.stack([x, y, np.cross(x, y)], axis=-1))
+
+
+def two_bones(
+    start: Points, end: Points, pole: ArrayLike, upper: float, lower: float
+) -> tuple[Points, Points, Points]:
+    """Unit vectors along two bones that lead from `start` to `end` and bend towards `pole`, and the axis
+    about which the bend turns the upper one into the lower one; (frames, 3) each.
+
+    Raises:
+        ValueError: the bones are too short or too long.
+    """
+    span = end - start
+    length = np.linalg.norm(span, axis=1)
+    if np.any(length >= upper + lower) or np.any(length <= abs(upper - lower)):
+        raise ValueError(
+            f"two bones of {upper} and {lower} cannot span {length.min():.2f} to {length.max():.2f}"
+        )
+    along = unit(span)
+    pole = np.broadcast_to(pole, span.shape)
+    aside = unit(pole - np.sum(pole * along, axis=1, keepdims=True) * along)
+    cos = ((upper**2 + length**2 - lower**2) / (2 * upper * length))[:, None]
+    first = along * cos + aside * np.sqrt(1 - cos**2)
+    second = (span - upper * first) / lower
+    return first, second, np.cross(aside, along)
+
+
+@dataclass(frozen=True)
+class Trunk:
+    """The pelvis in the world and the local rotations from there to the head.
+
+    Attributes:
+        position: (frames, 3), of the hips.
+        local: rotations of Hips, Chest, Chest2, Chest3, Neck and Head.
+    """
+
+    position: Points
+    local: Mapping[str, Rotation]
+
+    def chest(self) -> tuple[Points, Rotation]:
+        """Position and world rotation of Chest3, which carries the arms."""
+        position, rotation = self.position, self.local["Hips"]
+        for name in SPINE:
+            position = position + rotation.apply(OFFSET[name])
+            rotation = rotation * self.local[name]
+        return position, rotation
+
+
+def trunk(position: Points, pelvis: Rotation, bend: Rotation, look: Rotation) -> Trunk:
+    """The trunk from the pelvis in the world, the bend from pelvis to chest and the head in the world."""
+    third = part(bend, 1 / 3)
+    local = {"Hips": pelvis, **dict.fromkeys(SPINE, third)}
+    turn = (pelvis * third * third * third).inv() * look
+    local["Neck"] = part(turn, 0.5)
+    local["Head"] = local["Neck"].inv() * turn
+    return Trunk(position, local)
+
+
+@dataclass(frozen=True)
+class Arm:
+    """Local rotations of one arm, as of the left one."""
+
+    collar: Rotation
+    shoulder: Rotation
+    elbow: Rotation
+    wrist: Rotation
+
+    def blended(self, other: Arm, weight: ArrayLike) -> Arm:
+        """From this pose at weight 0 to the other at weight 1, joint by joint."""
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return Arm(*(blend(mine, its, weight) for mine, its in pairs))
+
+
+def swung_arm(
+    flexion: ArrayLike,
+    abduction: ArrayLike,
+    elbow: ArrayLike,
+    roll: ArrayLike = 0.0,
+    pronation: ArrayLike = 0.0,
+    wrist: ArrayLike = 0.0,
+    deviation: ArrayLike = 0.0,
+) -> Arm:
+    """An arm from the angles of its joints in degrees; all zero, it hangs down with the palm to the thigh.
+
+    The upper arm swings forward by `flexion` out of the plane in which it is lifted sideways by `abduction`, and
+    rolls inwards by `roll`; `wrist` bends towards the palm, `deviation` towards the thumb. The collar helps: it
+    rises with the upper arm and follows it forward.
+    """
+    angles = np.broadcast_arrays(flexion, abduction, elbow, roll, pronation, wrist, deviation)
+    flexion, abduction, elbow, roll, pronation, wrist, deviation = np.array(angles, float)
+    upper = _euler("XZX", -flexion, abduction - 90, roll)
+    collar = shrug(*_collar_help(upper.apply([1.0, 0.0, 0.0])))
+    return Arm(
+        collar=collar,
+        shoulder=collar.inv() * upper,
+        elbow=_euler("YX", -elbow, pronation),
+        wrist=_euler("ZY", -wrist, -deviation),
+    )
+
+
+def _euler(axes: str, *angles: NDArray[np.float64]) -> Rotation:
+    return Rotation.from_euler(axes, np.stack(angles, axis=-1), degrees=True)
+
+
+def _collar_help(direction: Points) -> tuple[Points, Points]:
+    """Lift and reach of the collar in degrees for an upper arm in this direction of the chest."""
+    lift = 14 * (1 + direction[..., 1]) ** 2
+    return lift, 9 * direction[..., 2] * np.abs(direction[..., 2])
+
+
+def shrug(lift: ArrayLike, reach: ArrayLike) -> Rotation:
+    """The collar's rotation that lifts the shoulder and brings it forward [degrees]."""
+    return _euler("ZY", *np.broadcast_arrays(lift, np.negative(reach)))
+
+
+def hand(fingers: ArrayLike, palm: ArrayLike) -> Rotation:
+    """The rotation of a left hand with fingers and palm in these directions, (frames, 3) or (3,)."""
+    fingers = unit(np.atleast_2d(np.asarray(fingers, float)))
+    palm = np.atleast_2d(np.asarray(palm, float))
+    palm = unit(palm - np.sum(palm * fingers, axis=1, keepdims=True) * fingers)
+    return from_axes(fingers, -palm)
+
+
+def reaching_arm(
+    chest: tuple[Points, Rotation], collar: Rotation, wrist: Points, pole: Points, hand_world: Rotation
+) -> Arm:
+    """The left arm with the wrist at these points, the elbow towards `pole`, and the hand as given in the world.
+
+    The forearm takes the whole roll of the hand.
+    """
+    position, rotation = chest
+    carried = rotation * collar
+    shoulder = position + rotation.apply(OFFSET["LeftCollar"]) + carried.apply(OFFSET["LeftShoulder"])
+    u, f, axis = two_bones(shoulder, wrist, pole, 27.3, 25.8)
+    upper, fore = from_axes(u, -axis), from_axes(f, -axis)
+    fore = fore * _roll_about_x(fore.inv() * hand_world)
+    return Arm(collar, carried.inv() * upper, upper.inv() * fore, fore.inv() * hand_world)
+
+
+def _roll_about_x(rotation: Rotation) -> Rotation:
+    x, _, _, w = np.moveaxis(rotation.as_quat(), -1, 0)
+    return turned(pitch=2 * np.degrees(np.arctan2(x, w)))
+
+
+@dataclass(frozen=True)
+class Foot:
+    """Where a foot is, in the world.
+
+    Attributes:
+        ankle: (frames, 3).
+        yaw: (frames,), turn to the left [degrees].
+        pitch: (frames,), toes up [degrees].
+        toe: (frames,), toes bent up against the foot [degrees].
+    """
+
+    ankle: Points
+    yaw: Points
+    pitch: Points
+    toe: Points
+
+    @property
+    def rotation(self) -> Rotation:
+        return turned(-self.pitch, self.yaw)
+
+
+def _leg(trunk: Trunk, side: str, foot: Foot) -> dict[str, Rotation]:
+    """Local rotations of a leg whose knee points between the pelvis' way and the foot's."""
+    pelvis = trunk.local["Hips"]
+    hip = trunk.position + pelvis.apply(OFFSET[side + "Hip"])
+    pole = unit(pelvis.apply([0.0, 0.0, 1.0]) * (1, 0, 1)) + 2 * turned(yaw=foot.yaw).apply([0.0, 0.0, 1.0])
+    u, f, axis = two_bones(hip, foot.ankle, pole, 43.5, 45.3)
+    thigh, shank = from_axes(axis, -u), from_axes(axis, -f)
+    return {
+        side + "Hip": pelvis.inv() * thigh,
+        side + "Knee": thigh.inv() * shank,
+        side + "Ankle": shank.inv() * foot.rotation,
+        side + "Toe": turned(-foot.toe),
+    }
+
+
+def motion(trunk: Trunk, arms: Mapping[str, Arm], feet: Mapping[str, Foot]) -> Motion:
+    """The motion of the whole body; arms and feet by side, the right arm as the left one it mirrors."""
+    frames = len(trunk.position)
+    local = dict(trunk.local)
+    for side in SIDES:
+        local |= _leg(trunk, side, feet[side])
+        for name, rotation in vars(arms[side]).items():
+            local[side + name.capitalize()] = rotation if side == "Left" else mirrored(rotation)
+    rotations = np.tile([0.0, 0.0, 0.0, 1.0], (frames, len(SKELETON), 1))
+    for name, rotation in local.items():
+        rotations[:, SKELETON.index(name)] = rotation.as_quat()
+    translations = np.tile(SKELETON.offsets, (frames, 1, 1))
+    translations[:, 0] = trunk.position
+    return Motion(SKELETON, translations, rotations, FRAME_TIME)
