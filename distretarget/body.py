@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from distretarget.skeleton import Skeleton
 
 LIKENESS = 0.15  # the two legs differ by at most this part of their length, summed over the bones
-LIMB = 0.6  # a leg is at least this part of the longest pair of limbs
+LIMB = 0.4  # a leg is at least this part of the longest pair of limbs
 ANKLE_BEND = np.radians(30)  # the foot leaves the shin of the rest pose at a larger angle
 
 

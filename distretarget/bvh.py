@@ -122,7 +122,7 @@ def _bvhio_root(path: str | Path, joints: Sequence[JointText]) -> bvhio.BvhJoint
             copy.write_text(text, encoding="ascii")
             return bvhio.readAsBvh(str(copy), loadKeyFrames=False).Root
     except OSError as error:
-        raise FileError(tempfile.gettempdir(), f"no temporary file: {reason_of(error)}") from error
+        raise FileError(path, f"needs a temporary file: {reason_of(error)}") from error
     except Exception as error:
         raise BvhError(path, 0, f"bvhio refuses the hierarchy: {error!r}") from error
 

@@ -263,6 +263,8 @@ def _word_count(text: bytes) -> int:
 def _take_numbers_singly(words: Words) -> NDArray[np.float64]:
     """The same, slowly, to name the first word that is no finite number."""
     numbers: list[float] = []
-    while words.peek():
-        numbers.append(words.number("a value of a channel"))
+    while word := words.take():
+        if not is_finite(word):
+            words.refuse(word, "a finite number or the end of the file")
+        numbers.append(float(word))
     return np.array(numbers)

@@ -5,6 +5,8 @@ Half angles alpha, beta, gamma about the axes i, j, k of an order: q = q_i(alpha
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -14,13 +16,18 @@ Array = NDArray[np.float64]
 LOCKED = 1e-13
 """Below it the sine that separates the first angle from the last is rounding noise."""
 
+NEARLY_LOCKED = 1e-4
+"""Below it that noise would reach angles whose last one is dropped."""
+
 
 def euler_angles(rotations: Array, axes: str) -> Array:
     """The angles whose rotations multiply to the given ones: R = R_axes[0] R_axes[1] R_axes[2].
 
     Of the angles that give the same rotation each frame takes those nearest to the previous frame's; the
-    first takes the smallest. At gimbal lock the first angle carries on from the previous frame. Fewer than
-    three axes give the nearest rotation they can make: that of a full order with the last angles dropped.
+    first takes the smallest. At gimbal lock the first angle carries on from the previous frame.
+
+    Two axes give the first two of three angles, which leave the missing axis where the rotation takes it;
+    one axis gives the twist, the nearest rotation about it.
 
     Args:
         rotations: (frames, 4), unit quaternions x y z w.
@@ -34,13 +41,12 @@ def euler_angles(rotations: Array, axes: str) -> Array:
     order = axes + "".join(axis for axis in "XYZ" if axis not in axes)
     parity = 1.0 if order in "XYZXY" else -1.0
     i, j, k = (rotations[:, "XYZ".index(axis)] for axis in order)
-    w = rotations[:, 3]
     if len(axes) == 1:
-        return _continued(2 * np.arctan2(i, w)[:, None])
+        return _continued(2 * np.arctan2(i, rotations[:, 3])[:, None])
+    halves = _half_sums(rotations[:, 3], i, j, parity * k)
     if len(axes) == 2:
-        total, difference = np.arctan2(i + j, w - parity * k), np.arctan2(i - j, w + parity * k)
-        return _continued(np.stack([total + difference, total - difference], axis=1))
-    return _three_angles(w, i, j, parity * k, parity)
+        return _continued(_two_angles(halves))
+    return _continued(_nearer_twin(_three_angles(halves) * [1, 1, parity]))
 
 
 def restrict(rotations: Array, axes: str) -> Array:
@@ -52,23 +58,56 @@ def restrict(rotations: Array, axes: str) -> Array:
     return np.asarray(Rotation.from_euler(axes, euler_angles(rotations, axes)).as_quat())
 
 
-def _three_angles(w: Array, i: Array, j: Array, k: Array, parity: float) -> Array:
-    """Angles (frames, 3) from the quaternions' parts, the last one times the parity of the order.
+class _HalfSums(NamedTuple):
+    """Per frame alpha + gamma and alpha - gamma, gamma times the parity of the order, and
+    sin and cos of beta + pi/4 times sqrt(2): where these vanish, the angle above them is lost.
+    """
 
-    (w + j, i + k) = sqrt(2) sin(beta + pi/4) (cos, sin)(alpha + parity gamma) and
-    (w - j, i - k) = sqrt(2) cos(beta + pi/4) (cos, sin)(alpha - parity gamma): no angle of these is lost to
-    rounding but where its factor vanishes, and there it does not matter (E. Bernardes, S. Viollet, PLoS ONE
-    17 (2022) e0276302).
+    total: Array
+    difference: Array
+    sine: Array
+    cosine: Array
+
+
+def _half_sums(w: Array, i: Array, j: Array, k: Array) -> _HalfSums:
+    """The sums from the parts of the quaternions, k times the parity of the order.
+
+    (w + j, i + k) = sqrt(2) sin(beta + pi/4) (cos, sin)(alpha + gamma) and
+    (w - j, i - k) = sqrt(2) cos(beta + pi/4) (cos, sin)(alpha - gamma), after E. Bernardes and S. Viollet,
+    PLoS ONE 17 (2022) e0276302.
     """
     total, difference = np.arctan2(i + k, w + j), np.arctan2(i - k, w - j)
-    sine, cosine = np.hypot(w + j, i + k), np.hypot(w - j, i - k)
+    return _HalfSums(total, difference, np.hypot(w + j, i + k), np.hypot(w - j, i - k))
+
+
+def _angles(halves: _HalfSums) -> Array:
+    """Angles (frames, 3), the middle one within a right angle, the last one times the parity."""
+    total, difference, sine, cosine = halves
+    return np.stack(
+        [total + difference, 2 * np.arctan2(sine, cosine) - np.pi / 2, total - difference], axis=1
+    )
+
+
+def _three_angles(halves: _HalfSums) -> Array:
+    """`_angles` with a first one that carries on at the lock."""
+    total, difference, sine, cosine = halves
     first = _held(total + difference, (sine < LOCKED) | (cosine < LOCKED))
     total = np.where(sine < LOCKED, first - difference, total)
     difference = np.where(cosine < LOCKED, first - total, difference)
-    angles = np.stack(
-        [first, 2 * np.arctan2(sine, cosine) - np.pi / 2, parity * (total - difference)], axis=1
-    )
-    return _continued(_nearer_twin(angles))
+    return _angles(halves._replace(total=total, difference=difference))
+
+
+def _two_angles(halves: _HalfSums) -> Array:
+    """The first two (frames, 2) of `_angles` or their twins, whose last is below a right angle.
+
+    Near the lock the last is taken for zero, before the choice for zero or half a turn.
+    """
+    turned_over = np.cos(halves.total - halves.difference) < 0
+    last = np.where(turned_over, np.pi, 0.0)
+    total = np.where(halves.sine < NEARLY_LOCKED, halves.difference + last, halves.total)
+    difference = np.where(halves.cosine < NEARLY_LOCKED, halves.total - last, halves.difference)
+    angles = _angles(halves._replace(total=total, difference=difference))
+    return np.where(turned_over[:, None], _twins(angles), angles)[:, :2]
 
 
 def _held(angles: Array, locked: NDArray[np.bool_]) -> Array:
@@ -85,16 +124,22 @@ def _nearer_twin(angles: Array) -> Array:
     parity of the changes. The choice before the first frame is (0, 0, 0).
     """
     start = np.zeros((1, 3))
-    twins = angles * [1, -1, 1] + np.pi
+    twins = _twins(angles)
     kept = _turns(angles - np.concatenate([start, angles[:-1]]))
     changed = _turns(twins - np.concatenate([start, angles[:-1]]))
     is_twin = np.cumsum(changed < kept) % 2 == 1
     return np.where(is_twin[:, None], twins, angles)
 
 
+def _twins(angles: Array) -> Array:
+    """The other triples (frames, 3) of the same rotations."""
+    return angles * [1, -1, 1] + np.pi
+
+
 def _turns(steps: Array) -> Array:
     """The size (frames,) of steps between angles (frames, 3), each taken the short way round."""
-    return np.linalg.norm(np.remainder(steps + np.pi, 2 * np.pi) - np.pi, axis=1)
+    sizes: Array = np.linalg.norm(np.remainder(steps + np.pi, 2 * np.pi) - np.pi, axis=1)
+    return sizes
 
 
 def _continued(angles: Array) -> Array:

@@ -16,7 +16,7 @@ from distretarget.distances import DistanceProblem
 from distretarget.spg import Reason, spectral_gradient
 from distretarget.stress import stress_and_gradient, target_distances
 
-TOLERANCE = 1e-7  # norm of the search direction [body sizes] at which a posture is solved
+TOLERANCE = 1e-9  # norm of the search direction [body sizes] at which a posture is solved
 ITERATIONS = 2000  # at the most, per frame
 FLAT = 1e-6  # a posture thinner than this [body sizes] counts as planar ...
 NUDGE = 1e-4  # ... and starts this far [body sizes] off its plane

@@ -12,6 +12,7 @@ from typing import NoReturn
 import numpy as np
 
 from distretarget.bvh import read_bvh_skeleton
+from distretarget.bvh_text import is_name
 from distretarget.errors import SkeletonError, SkeletonFileError, closest, quoted
 from distretarget.files import read_text
 from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
@@ -30,8 +31,8 @@ HEAD = ("format", "version", "name")
 FULL = ("joints", "units", "up", "map")
 SHORT = ("scale", "lengths", "factors")
 
-NO_NAME = re.compile(r"^$|^[ \t\v\f]|[ \t\v\f]$|[{}\r\n\0\ud800-\udc7f\udd00-\udfff]")
-"""In what a BVH file cannot hold as a name; the surrogates left out stand for bytes that are no UTF-8."""
+NO_CHARACTER = re.compile(r"[\ud800-\udc7f\udd00-\udfff]")
+"""The surrogates that stand for nothing; the others are bytes that `read_text` found to be no UTF-8."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,10 +76,8 @@ class SkeletonEdit:
             lengths[self._bone("factors", key, source)] *= factor
         for key, length in self.lengths.items():
             lengths[self._bone("lengths", key, source)] = length
-        if both := [key for key in self.lengths if key in self.factors]:
-            raise SkeletonFileError(
-                self.path, _entry("lengths", both[0]), "is in factors too; expected one of both"
-            )
+        if both := [_entry("lengths", key) for key in self.lengths if key in self.factors]:
+            raise SkeletonFileError(self.path, both[0], "is in factors too; give one of them")
         offsets = source.with_lengths(lengths).offsets.copy()
         offsets[0] *= self.scale
         return _with_bones(source.with_offsets(offsets), self.path)
@@ -215,7 +214,7 @@ class _Node:
     def name(self) -> str:
         """A string that a BVH file can hold as a name."""
         name = self.text()
-        if NO_NAME.search(name):
+        if not is_name(name) or NO_CHARACTER.search(name):
             self.expected("a name without braces, line breaks and blanks at its ends")
         return name
 

@@ -68,7 +68,7 @@ def spectral_gradient(
     after `limit` iterations, or when no step of at least 1e-12 of the direction lowers the objective enough.
     """
 
-    @njit(cache=True, error_model="numpy")
+    @njit(error_model="numpy")  # not cached: its callers, which are, hold a copy of it
     def minimise(x, problem, tolerance, limit):  # type: ignore[no-untyped-def]
         g = np.empty_like(x)
         f = objective(x, problem, g)

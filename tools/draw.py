@@ -14,7 +14,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -29,11 +28,12 @@ VIEWS = {"front": (0.0, 10.0), "side": (90.0, 10.0), "three-quarter": (38.0, 16.
 COLOURS = {"left": "#2a7f9e", "right": "#e0793a", "trunk": "#3b4252"}
 FLOOR, GRID, LABEL = "#f6f7f9", "#dfe3e8", "#3b4252"
 SHADOW = ((0.060, "#eceef1"), (0.044, "#e2e5e9"), (0.028, "#d8dce1"))
-LIGHT = np.array([0.22, 0.0, -0.30])
+LIGHT = (0.10, -0.28)
 INCHES_PER_HEIGHT = 2.3
 POINTS_PER_HEIGHT = 72 * INCHES_PER_HEIGHT
 THICKNESS = 0.027
 DEPTH = 0.42
+MARGIN = np.array([0.08, 0.15])
 
 Array = NDArray[np.float64]
 
@@ -50,19 +50,37 @@ class Camera:
         """How much of the floor's depth is seen."""
         return float(np.sin(np.radians(self.elevation)))
 
+    @property
+    def right(self) -> Array:
+        """The direction in the floor that goes to the right on the screen."""
+        a = np.radians(self.azimuth)
+        return np.array([np.cos(a), 0.0, np.sin(a)])
+
+    @property
+    def near(self) -> Array:
+        """The direction in the floor that comes nearer."""
+        a = np.radians(self.azimuth)
+        return np.array([-np.sin(a), 0.0, np.cos(a)])
+
     def __call__(self, points: Array) -> tuple[Array, Array]:
         """Screen coordinates (..., 2) and nearness (...) of points (..., 3), Y up."""
-        a, e = np.radians([self.azimuth, self.elevation])
-        right = np.array([np.cos(a), 0.0, np.sin(a)])
-        level = np.array([-np.sin(a), 0.0, np.cos(a)])
-        toward = np.cos(e) * level + [0.0, np.sin(e), 0.0]
-        upward = [0.0, np.cos(e), 0.0] - np.sin(e) * level
-        return np.stack([points @ right, points @ upward], axis=-1), points @ toward
+        e = np.radians(self.elevation)
+        height = points[..., 1]
+        upward = height * np.cos(e) - points @ self.near * np.sin(e)
+        return np.stack([points @ self.right, upward], axis=-1), points @ self.near * np.cos(
+            e
+        ) + height * np.sin(e)
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One figure: its joints (joints, 3), Y up, on the floor, in body heights, and where the floor's grid lies."""
+    """One figure.
+
+    Attributes:
+        skeleton: its joints and names.
+        points: (joints, 3), Y up, in body heights, the root over the origin.
+        ground: (3,), where in the world the origin is.
+    """
 
     skeleton: Skeleton
     points: Array
@@ -120,7 +138,7 @@ def side_of(name: str) -> str:
 def _draw_figure(ax: Axes, cell: Cell, camera: Camera, shift: float) -> None:
     """A figure with its feet at `shift` on the horizontal axis."""
     screen, nearness = camera(cell.points)
-    screen = screen + (shift, 0.0)
+    screen[:, 0] += shift
     width = THICKNESS * POINTS_PER_HEIGHT
     _draw_shadow(ax, cell, camera, shift)
     chains = sorted(_chains(cell.skeleton), key=lambda chain: nearness[chain[1:]].mean())
@@ -128,28 +146,32 @@ def _draw_figure(ax: Axes, cell: Cell, camera: Camera, shift: float) -> None:
         side = side_of(cell.skeleton.names[chain[-1]])
         line = {"solid_capstyle": "round", "solid_joinstyle": "round", "zorder": order}
         thick = width * (1.15 if side == "trunk" else 1.0)
+        if _is_head(cell.skeleton, chain):
+            _draw_head(ax, *screen[chain[-2:]], order)
+            chain = chain[:-1]
         ax.plot(*screen[chain].T, color="white", linewidth=thick + 0.35 * width, **line)
         ax.plot(*screen[chain].T, color=COLOURS[side], linewidth=thick, **line)
-        _draw_head(ax, cell.skeleton, chain, screen, order)
-        ax.plot(
-            *screen[chain].T, "o", color="white", markersize=0.42 * width, markeredgewidth=0, zorder=order
-        )
+        ax.plot(*screen[chain].T, "o", color="white", markersize=0.4 * width, markeredgewidth=0, zorder=order)
 
 
-def _draw_head(ax: Axes, skeleton: Skeleton, chain: list[int], screen: Array, order: int) -> None:
-    """A disc over a chain's last bone where it is the head's."""
+def _is_head(skeleton: Skeleton, chain: Sequence[int]) -> bool:
     neck, top = chain[-2:]
-    if skeleton.end_sites[top] and "head" in skeleton.names[neck].lower():
-        centre = 0.5 * (screen[neck] + screen[top])
-        radius = 0.56 * float(np.hypot(*(screen[top] - screen[neck])))
-        ax.add_patch(
-            Circle(tuple(centre), radius, facecolor=COLOURS["trunk"], edgecolor="white", zorder=order)
-        )
+    return bool(skeleton.end_sites[top]) and "head" in skeleton.names[neck].lower()
+
+
+def _draw_head(ax: Axes, neck: Array, top: Array, order: int) -> None:
+    """A disc in place of the head's bone."""
+    centre = 0.42 * neck + 0.58 * top
+    radius = 0.52 * float(np.hypot(*(top - neck)))
+    ax.add_patch(Circle(tuple(centre), radius, facecolor=COLOURS["trunk"], edgecolor="white", zorder=order))
 
 
 def _draw_shadow(ax: Axes, cell: Cell, camera: Camera, shift: float) -> None:
-    fallen = cell.points * (1, 0, 1) + cell.points[:, 1:2] * LIGHT
-    screen = camera(fallen)[0] + (shift, 0.0)
+    fallen = cell.points * (1, 0, 1) + cell.points[:, 1:2] * (
+        LIGHT[0] * camera.right + LIGHT[1] * camera.near
+    )
+    screen = camera(fallen)[0]
+    screen[:, 0] += shift
     for level, (thickness, colour) in enumerate(SHADOW):
         for chain in _chains(cell.skeleton):
             ax.plot(
@@ -237,8 +259,9 @@ def _write_picture(
 ) -> None:
     """The scenes below each other, all with the same spacing."""
     screen = np.concatenate([camera(cell.points)[0] for scene in scenes for cell in scene])
-    (left, low), (right, high) = screen.min(axis=0) - (0.08, 0.13), screen.max(axis=0) + (0.08, 0.16)
-    low = min(low, -DEPTH * camera.slope - 0.09)
+    left, low = screen.min(axis=0) - MARGIN
+    right, high = screen.max(axis=0) + MARGIN
+    low = min(low, -DEPTH * camera.slope - MARGIN[0])
     across, upward = (right - left) * len(scenes[0]), high - low
     figure = Figure((across * INCHES_PER_HEIGHT, upward * len(scenes) * INCHES_PER_HEIGHT), dpi=150)
     for number, (scene, title, names) in enumerate(zip(scenes, titles, labels, strict=True)):
@@ -263,7 +286,6 @@ def main() -> None:
     parser.add_argument("--columns", action="store_true", help="motions side by side, a row for every frame")
     parser.add_argument("--same-scale", action="store_true", help="keep the sizes of the bodies")
     args = parser.parse_args()
-    mpl.use("Agg")
     rows = [(file.stem, read_bvh(file)) for file in args.files]
     frames = [int(frame) for frame in args.frames.split(",")]
     draw_strip(rows, frames, args.output, args.view, args.up, args.columns, args.same_scale)

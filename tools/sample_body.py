@@ -22,6 +22,12 @@ SIDES = ("Left", "Right")
 ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")
 POSITIONS = ("Xposition", "Yposition", "Zposition")
 
+ANKLE_HEIGHT = 6.5
+HEEL = np.array([0.0, -ANKLE_HEIGHT, -5.0])
+THIGH, SHANK = 43.5, 45.3
+UPPER_ARM, FOREARM = 27.3, 25.8
+ARM_LENGTH = UPPER_ARM + FOREARM
+
 TRUNK = (
     ("Hips", "", (0, 0, 0), 0),
     ("Chest", "Hips", (0, 1, 0), 16.0),
@@ -34,23 +40,20 @@ TRUNK = (
 ARM = (
     ("Collar", "Chest3", (0.8, 0.6, 0), 7.2),
     ("Shoulder", "Collar", (0.96, -0.28, 0), 15.8),
-    ("Elbow", "Shoulder", (1, 0, 0), 27.3),
-    ("Wrist", "Elbow", (1, 0, 0), 25.8),
+    ("Elbow", "Shoulder", (1, 0, 0), UPPER_ARM),
+    ("Wrist", "Elbow", (1, 0, 0), FOREARM),
     ("Wrist_End", "Wrist", (1, 0, 0), 17.5),
 )
 LEG = (
     ("Hip", "Hips", (0.8, -0.6, 0), 10.8),
-    ("Knee", "Hip", (0, -1, 0), 43.5),
-    ("Ankle", "Knee", (0, -1, 0), 45.3),
+    ("Knee", "Hip", (0, -1, 0), THIGH),
+    ("Ankle", "Knee", (0, -1, 0), SHANK),
     ("Toe", "Ankle", (0, -0.28, 0.96), 12.5),
     ("Toe_End", "Toe", (0, -0.28, 0.96), 6.0),
 )
-ANKLE_HEIGHT = 6.5
-LEG_LENGTH = 43.5 + 45.3
-HEEL = np.array([0.0, -ANKLE_HEIGHT, -5.0])
-BALL = np.array([0.0, -ANKLE_HEIGHT, 12.0])
-
 Points = NDArray[np.float64]
+Place = tuple[Points, Rotation]
+"""Where a bone is in the world: position (frames, 3) and rotation."""
 
 
 def _limb(side: str, rows: tuple) -> list[tuple]:
@@ -84,6 +87,8 @@ def _table_one() -> Skeleton:
 
 SKELETON = _table_one()
 OFFSET = {name: np.array(offset) for name, offset in zip(SKELETON.names, SKELETON.offsets, strict=True)}
+STANDING = ANKLE_HEIGHT + 0.9965 * (THIGH + SHANK) - OFFSET["LeftHip"][1]
+"""The height of the hips over knees that bend a little."""
 
 
 def flipped(points: ArrayLike) -> Points:
@@ -94,6 +99,12 @@ def flipped(points: ArrayLike) -> Points:
 def mirrored(rotation: Rotation) -> Rotation:
     """A rotation seen in the mirror between left and right."""
     return Rotation.from_quat(rotation.as_quat() * (1, -1, -1, 1))
+
+
+def seen_from(side: str, place: Place) -> Place:
+    """A place as a limb of that side sees it, by the left side's rules."""
+    position, rotation = place
+    return place if side == "Left" else (flipped(position), mirrored(rotation))
 
 
 def turned(pitch: ArrayLike = 0.0, yaw: ArrayLike = 0.0, roll: ArrayLike = 0.0) -> Rotation:
@@ -157,7 +168,10 @@ class Trunk:
     position: Points
     local: Mapping[str, Rotation]
 
-    def chest(self) -> tuple[Points, Rotation]:
+    def pelvis(self) -> Place:
+        return self.position, self.local["Hips"]
+
+    def chest(self) -> Place:
         """Position and world rotation of Chest3, which carries the arms."""
         position, rotation = self.position, self.local["Hips"]
         for name in SPINE:
@@ -202,9 +216,9 @@ def swung_arm(
 ) -> Arm:
     """An arm from the angles of its joints in degrees; all zero, it hangs down with the palm to the thigh.
 
-    The upper arm swings forward by `flexion` out of the plane in which it is lifted sideways by `abduction`, and
-    rolls inwards by `roll`; `wrist` bends towards the palm, `deviation` towards the thumb. The collar helps: it
-    rises with the upper arm and follows it forward.
+    The upper arm swings forward by `flexion` out of the plane in which it is lifted sideways by `abduction`,
+    and rolls inwards by `roll`; `wrist` bends towards the palm, `deviation` towards the thumb. The collar
+    helps: it rises with the upper arm and follows it forward.
     """
     angles = np.broadcast_arrays(flexion, abduction, elbow, roll, pronation, wrist, deviation)
     flexion, abduction, elbow, roll, pronation, wrist, deviation = np.array(angles, float)
@@ -224,7 +238,7 @@ def _euler(axes: str, *angles: NDArray[np.float64]) -> Rotation:
 
 def _collar_help(direction: Points) -> tuple[Points, Points]:
     """Lift and reach of the collar in degrees for an upper arm in this direction of the chest."""
-    lift = 14 * (1 + direction[..., 1]) ** 2
+    lift = 9 * (1 + direction[..., 1]) ** 2
     return lift, 9 * direction[..., 2] * np.abs(direction[..., 2])
 
 
@@ -241,17 +255,15 @@ def hand(fingers: ArrayLike, palm: ArrayLike) -> Rotation:
     return from_axes(fingers, -palm)
 
 
-def reaching_arm(
-    chest: tuple[Points, Rotation], collar: Rotation, wrist: Points, pole: Points, hand_world: Rotation
-) -> Arm:
-    """The left arm with the wrist at these points, the elbow towards `pole`, and the hand as given in the world.
+def reaching_arm(chest: Place, collar: Rotation, wrist: Points, pole: Points, hand_world: Rotation) -> Arm:
+    """The left arm with the wrist at these points, the elbow towards `pole`, and this rotation of the hand.
 
-    The forearm takes the whole roll of the hand.
+    All in the world. The forearm takes the whole roll of the hand.
     """
     position, rotation = chest
     carried = rotation * collar
     shoulder = position + rotation.apply(OFFSET["LeftCollar"]) + carried.apply(OFFSET["LeftShoulder"])
-    u, f, axis = two_bones(shoulder, wrist, pole, 27.3, 25.8)
+    u, f, axis = two_bones(shoulder, wrist, pole, UPPER_ARM, FOREARM)
     upper, fore = from_axes(u, -axis), from_axes(f, -axis)
     fore = fore * _roll_about_x(fore.inv() * hand_world)
     return Arm(collar, carried.inv() * upper, upper.inv() * fore, fore.inv() * hand_world)
@@ -283,12 +295,18 @@ class Foot:
         return turned(-self.pitch, self.yaw)
 
 
+def rolled_ankle(pitch: Points) -> Points:
+    """(frames, 3), how far the ankle goes when the flat foot rolls on its heel (toes up) or its toe joint."""
+    pivot = np.where(pitch[:, None] > 0, HEEL, OFFSET["LeftToe"])
+    return pivot - turned(pitch=-pitch).apply(pivot)
+
+
 def _leg(trunk: Trunk, side: str, foot: Foot) -> dict[str, Rotation]:
     """Local rotations of a leg whose knee points between the pelvis' way and the foot's."""
     pelvis = trunk.local["Hips"]
     hip = trunk.position + pelvis.apply(OFFSET[side + "Hip"])
     pole = unit(pelvis.apply([0.0, 0.0, 1.0]) * (1, 0, 1)) + 2 * turned(yaw=foot.yaw).apply([0.0, 0.0, 1.0])
-    u, f, axis = two_bones(hip, foot.ankle, pole, 43.5, 45.3)
+    u, f, axis = two_bones(hip, foot.ankle, pole, THIGH, SHANK)
     thigh, shank = from_axes(axis, -u), from_axes(axis, -f)
     return {
         side + "Hip": pelvis.inv() * thigh,

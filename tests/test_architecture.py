@@ -1,0 +1,96 @@
+"""The layout: imports point downwards, public names are documented, the front page tells the truth."""
+
+import ast
+import inspect
+import re
+from pathlib import Path
+
+import pytest
+
+import distretarget
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "distretarget"
+
+# From the top down; a module may import from layers below its own, and from its own only what stands in ALLOWED.
+LAYERS = [
+    {"__main__"},
+    {"cli"},
+    {"__init__"},
+    {"retarget"},
+    {"articulation", "footing"},
+    {"points", "rotation_copy", "matching", "body"},
+    {"distances", "stress", "spg", "alignment", "skeleton_json"},
+    {"bvh"},
+    {"bvh_text", "files", "euler", "motion"},
+    {"skeleton"},
+    {"errors"},
+]
+
+
+def layer_of(module):
+    return next(level for level, names in enumerate(LAYERS) if module in names)
+
+
+def module_of(path):
+    parts = path.relative_to(PACKAGE).with_suffix("").parts
+    return parts[0]
+
+
+def imports_of(path):
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "distretarget":
+            yield (node.module.split(".") + ["__init__"])[1]
+
+
+FILES = sorted(PACKAGE.rglob("*.py"))
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_imports_point_downwards(path):
+    module = module_of(path)
+    for imported in imports_of(path):
+        inside = module == imported and path.parent != PACKAGE
+        assert inside or layer_of(imported) > layer_of(module), f"{module} imports {imported}"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_only_the_command_line_prints_and_only_bvh_knows_bvhio(path):
+    imported = {alias.name for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Import) for alias in node.names}
+    imported |= {node.module for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ImportFrom)}
+    if module_of(path) != "cli":
+        assert not imported & {"click", "tqdm"}
+        assert "print(" not in path.read_text()
+    if module_of(path) != "bvh":
+        assert "bvhio" not in imported
+
+
+@pytest.mark.parametrize("name", distretarget.__all__)
+def test_public_names_exist_and_are_documented(name):
+    thing = getattr(distretarget, name)
+    assert inspect.getdoc(thing)
+    if inspect.isclass(thing):
+        for member, value in vars(thing).items():
+            if not member.startswith("_") and (callable(value) or isinstance(value, property)):
+                assert inspect.getdoc(value), f"{name}.{member}"
+
+
+def test_every_public_function_of_the_package_is_documented():
+    for path in FILES:
+        for node in ast.parse(path.read_text()).body:
+            if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+                assert ast.get_docstring(node), f"{path.name}: {node.name}"
+        assert ast.get_docstring(ast.parse(path.read_text())), path.name
+
+
+def commands_of_the_front_page():
+    text = (ROOT / "README.md").read_text()
+    return [line.strip() for block in re.findall(r"```sh\n(.*?)```", text, re.S)[:2] for line in block.strip().splitlines()]
+
+
+def test_two_commands_do_all_the_set_up_and_ci_runs_the_second():
+    commands = commands_of_the_front_page()
+    assert len(commands) == 2
+    assert "distretarget sample_bvh/" in commands[0]
+    assert "pytest" in commands[1]
+    assert commands[1] in (ROOT / ".ci" / "run").read_text().splitlines()

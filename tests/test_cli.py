@@ -1,0 +1,169 @@
+"""The command line as a user meets it: exit status, one line per error, nothing lost."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from bodies import SAMPLES, other_lengths, person, swaying
+from click.testing import CliRunner
+
+from distretarget import read_bvh, write_bvh
+from distretarget.cli import cli
+from distretarget.skeleton_json import skeleton_to_json
+
+
+def run(*arguments, cwd=None):
+    command = [sys.executable, "-m", "distretarget", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=120)
+
+
+def lengths_of(skeleton):
+    return dict(zip(skeleton.keys, skeleton.lengths, strict=True))
+
+
+@pytest.fixture
+def folder(tmp_path):
+    motion = swaying(person())
+    write_bvh(tmp_path / "in.bvh", motion)
+    (tmp_path / "body.json").write_text(skeleton_to_json(other_lengths(person()), "body"))
+    return tmp_path
+
+
+def test_the_main_job(folder):
+    done = run("in.bvh", "body.json", "-o", "out.bvh", "--json", "out.json", cwd=folder)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("20 frames in ")
+    assert done.stdout.count("\n") == 1
+    motion = read_bvh(folder / "out.bvh")
+    assert len(motion) == 20
+    assert lengths_of(motion.skeleton) == pytest.approx(lengths_of(other_lengths(person())), rel=1e-9)
+    figures = json.loads((folder / "out.json").read_text())
+    assert {len(values) for values in figures["frames"].values()} == {20}
+    worst = np.argmax(figures["frames"]["stress_written"])
+    assert f"worst frame {worst} " in done.stdout
+
+
+def test_the_command_may_be_named(folder):
+    runs = [run(*named, "in.bvh", "body.json", "-o", f"{number}.bvh", cwd=folder) for number, named in enumerate([(), ("retarget",)])]
+    assert [done.returncode for done in runs] == [0, 0]
+    assert (folder / "0.bvh").read_bytes() == (folder / "1.bvh").read_bytes()
+
+
+def test_options_may_come_first(folder):
+    assert run("-o", "out.bvh", "in.bvh", "body.json", cwd=folder).returncode == 0
+
+
+def test_root_scale_is_passed_on(folder):
+    run("in.bvh", "body.json", "-o", "out.bvh", "--root-scale", "3", cwd=folder)
+    source, result = (read_bvh(folder / name) for name in ("in.bvh", "out.bvh"))
+    np.testing.assert_allclose(result.root_positions, 3 * source.root_positions, atol=1e-5)
+
+
+BAD = {
+    "missing source": (["none.bvh", "body.json", "-o", "out.bvh"], 1, "none.bvh"),
+    "missing target": (["in.bvh", "none.json", "-o", "out.bvh"], 1, "none.json"),
+    "folder as source": (["sub", "body.json", "-o", "out.bvh"], 1, "sub"),
+    "empty file": (["empty.bvh", "body.json", "-o", "out.bvh"], 1, "empty.bvh"),
+    "binary file": (["binary.bvh", "body.json", "-o", "out.bvh"], 1, "binary.bvh"),
+    "typo in a key": (["in.bvh", "typo.json", "-o", "out.bvh"], 1, "ofset"),
+    "joint the source lacks": (["in.bvh", "tail.json", "-o", "out.bvh"], 1, "'Tail'"),
+    "output in no folder": (["in.bvh", "body.json", "-o", "no/out.bvh"], 1, "no"),
+    "output equal to input": (["in.bvh", "body.json", "-o", "in.bvh", "--overwrite"], 1, "in.bvh"),
+    "output equal to target": (["in.bvh", "body.json", "-o", "./body.json", "--overwrite"], 1, "body.json"),
+    "figures over the output": (["in.bvh", "body.json", "-o", "o", "--json", "o"], 1, "another output"),
+    "existing output": (["in.bvh", "body.json", "-o", "there.bvh"], 1, "--overwrite"),
+    "existing figures": (["in.bvh", "body.json", "-o", "out.bvh", "--json", "there.bvh"], 1, "--overwrite"),
+    "truncated source": (["short.bvh", "body.json", "-o", "out.bvh"], 1, "short.bvh:"),
+    "no output": (["in.bvh", "body.json"], 2, "--output"),
+    "unknown option": (["in.bvh", "body.json", "-o", "out.bvh", "--fast"], 2, "--fast"),
+    "zero root scale": (["in.bvh", "body.json", "-o", "out.bvh", "--root-scale", "0"], 2, "--root-scale"),
+    "one argument": (["in.bvh", "-o", "out.bvh"], 2, "TARGET"),
+    "show a missing file": (["skeleton", "show", "none.bvh"], 1, "none.bvh"),
+    "export over the input": (["skeleton", "export", "in.bvh", "-o", "in.bvh", "--overwrite"], 1, "in.bvh"),
+    "unknown subcommand": (["skeleton", "shew", "in.bvh"], 2, "shew"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_gives_one_line(folder, case):
+    (folder / "sub").mkdir()
+    (folder / "empty.bvh").touch()
+    (folder / "binary.bvh").write_bytes(bytes(range(256)))
+    (folder / "there.bvh").write_text("precious")
+    text = (folder / "in.bvh").read_text()
+    (folder / "short.bvh").write_text(text[: len(text) // 2])
+    body = (folder / "body.json").read_text()
+    (folder / "typo.json").write_text(body.replace("offset", "ofset", 1))
+    (folder / "tail.json").write_text(body.replace("Neck", "Tail"))
+    before = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    arguments, status, words = BAD[case]
+    done = run(*arguments, cwd=folder)
+    assert done.returncode == status
+    assert done.stdout == ""
+    assert done.stderr.startswith("distretarget: ")
+    assert done.stderr.count("\n") == 1
+    assert words in done.stderr
+    assert {path: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
+
+
+@pytest.mark.skipif(not hasattr(os, "link"), reason="no hard links here")
+def test_an_input_under_another_name_is_not_overwritten(folder):
+    os.link(folder / "in.bvh", folder / "alias.bvh")
+    done = run("in.bvh", "body.json", "-o", "alias.bvh", "--overwrite", cwd=folder)
+    assert done.returncode == 1
+    assert "is an input as well" in done.stderr
+
+
+def test_overwrite_replaces_an_output(folder):
+    (folder / "out.bvh").write_text("old")
+    assert run("in.bvh", "body.json", "-o", "out.bvh", "--overwrite", cwd=folder).returncode == 0
+    assert len(read_bvh(folder / "out.bvh")) == 20
+
+
+def test_show_prints_the_tree(folder):
+    shown = run("skeleton", "show", "in.bvh", cwd=folder).stdout.splitlines()
+    assert shown[0].startswith("22 joints, 5 End Sites; height ")
+    assert len(shown) == 1 + 27
+    assert any(line.split()[-2:] == ["LeftElbow", "0.2730"] for line in shown)
+
+
+def test_an_exported_skeleton_is_the_same_target(folder):
+    assert run("skeleton", "export", "in.bvh", "-o", "own.json", cwd=folder).returncode == 0
+    assert run("skeleton", "export", "in.bvh", cwd=folder).stdout == (folder / "own.json").read_text()
+    for target in ("in.bvh", "own.json"):
+        run("in.bvh", target, "-o", f"to_{target}.bvh", cwd=folder)
+    assert (folder / "to_in.bvh.bvh").read_bytes() == (folder / "to_own.json.bvh").read_bytes()
+
+
+def test_frames_that_do_not_converge_are_told(folder, monkeypatch):
+    monkeypatch.setattr("distretarget.points._solve", _stop_early)
+    arguments = [str(folder / "in.bvh"), str(folder / "body.json"), "-o", str(folder / "out.bvh")]
+    done = CliRunner().invoke(cli, arguments)
+    assert done.exit_code == 0
+    assert "warning: 20 of 20 frames did not converge (first: frame 0; iteration limit)" in done.stderr
+
+
+def _stop_early(_source, copy, _x, _ratio, _pi, solved, figures):
+    solved[:] = copy
+    figures[3] = 1
+
+
+def test_every_sample_is_retargeted_to_every_sample_target(tmp_path):
+    clips = sorted(SAMPLES.glob("*.bvh"))
+    targets = sorted(SAMPLES.glob("*.json"))
+    assert len(clips) >= 6
+    assert len(targets) >= 4
+    for number, clip in enumerate(clips):
+        target = targets[number % len(targets)]
+        done = CliRunner().invoke(cli, [str(clip), str(target), "-o", str(tmp_path / clip.name)])
+        assert (done.exit_code, done.stderr) == (0, "")
+        assert len(read_bvh(tmp_path / clip.name)) == len(read_bvh(clip))
+
+
+def test_help_and_version():
+    assert "SOURCE.bvh TARGET -o OUT.bvh" in run("--help").stdout
+    assert run("--version").stdout.startswith("distretarget, version ")
+    assert run().returncode == 2

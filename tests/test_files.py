@@ -1,0 +1,173 @@
+"""Files are read with their faults named, and written whole or not at all."""
+
+import errno
+import os
+import stat
+
+import pytest
+
+from distretarget.errors import FileError
+from distretarget.files import check_writable, read_text, write_whole
+
+
+def read(tmp_path, content):
+    path = tmp_path / "a.bvh"
+    path.write_bytes(content)
+    return read_text(path)
+
+
+def names(folder):
+    return [path.name for path in folder.iterdir()]
+
+
+@pytest.mark.parametrize(
+    ("content", "text"),
+    [
+        (b"a\r\nb\rc\n", "a\r\nb\rc\n"),
+        (b"\xef\xbb\xbfa", "a"),
+        ("腰".encode(), "腰"),
+        ("腰".encode("utf-16"), "腰"),
+        (b"\xfe\xff\x00a", "a"),
+        (b"a\n\x1a", "a\n"),
+    ],
+    ids=["line ends", "mark", "utf-8", "utf-16", "utf-16 big-endian", "Ctrl-Z"],
+)
+def test_reading(tmp_path, content, text):
+    assert read(tmp_path, content) == text
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b"", "is empty"),
+        (b"\xef\xbb\xbf \n", "is empty"),
+        (b"ab\0c", "is no text: it has a NUL as character 3"),
+        (b"\xff\xfe\x00\xd8\x41\x00", "is marked as UTF-16, but is not: illegal UTF-16 surrogate"),
+        ("a".encode("utf-32"), "is no text: it has a NUL as character 1"),
+    ],
+)
+def test_what_is_no_text_is_refused(tmp_path, content, reason):
+    with pytest.raises(FileError) as caught:
+        read(tmp_path, content)
+    assert caught.value.path == tmp_path / "a.bvh"
+    assert caught.value.reason == reason
+
+
+def test_reading_what_is_not_there(tmp_path):
+    with pytest.raises(FileError, match="there is no such file"):
+        read_text(tmp_path / "none.bvh")
+    with pytest.raises(FileError, match="is a folder"):
+        read_text(tmp_path)
+    with pytest.raises(FileError, match="is no file name"):
+        read_text("a\0b")
+
+
+def test_unknown_bytes_survive_a_round_trip(tmp_path):
+    content = bytes(range(1, 256)) + b"\n"
+    write_whole(tmp_path / "b", read(tmp_path, content))
+    assert (tmp_path / "b").read_bytes() == content
+
+
+def test_line_ends_are_written_as_given(tmp_path):
+    write_whole(tmp_path / "a", "x\ny\r\n")
+    assert (tmp_path / "a").read_bytes() == b"x\ny\r\n"
+
+
+def test_a_new_file_has_the_usual_permissions(tmp_path):
+    (tmp_path / "usual").write_text("x")
+    write_whole(tmp_path / "a", "x")
+    assert stat.S_IMODE((tmp_path / "a").stat().st_mode) == stat.S_IMODE((tmp_path / "usual").stat().st_mode)
+
+
+def test_a_file_is_replaced_only_when_asked(tmp_path):
+    path = tmp_path / "a"
+    path.write_text("old")
+    for write in (lambda: write_whole(path, "new"), lambda: check_writable(path)):
+        with pytest.raises(FileError, match="exists already; --overwrite"):
+            write()
+        assert path.read_text() == "old"
+    check_writable(path, overwrite=True)
+    write_whole(path, "new", overwrite=True)
+    assert path.read_text() == "new"
+
+
+def test_a_link_is_followed(tmp_path):
+    (tmp_path / "target").write_text("old")
+    (tmp_path / "link").symlink_to("target")
+    write_whole(tmp_path / "link", "new", overwrite=True)
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "target").read_text() == "new"
+
+
+def test_places_that_cannot_be_written(tmp_path):
+    (tmp_path / "file").write_text("x")
+    places = {
+        "is a folder": tmp_path,
+        "there is no folder": tmp_path / "none" / "a",
+        "is no file name": "a\0b",
+        "file": tmp_path / "file" / "a",
+        "is no regular file": os.devnull,
+    }
+    for reason, place in places.items():
+        for write in (
+            lambda place=place: write_whole(place, "x", True),
+            lambda place=place: check_writable(place, True),
+        ):
+            with pytest.raises(FileError, match=reason):
+                write()
+    assert names(tmp_path) == ["file"]
+
+
+def test_places_without_permission(tmp_path, monkeypatch):
+    (tmp_path / "a").write_text("old")
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    with pytest.raises(FileError, match="permission denied to write into the folder"):
+        check_writable(tmp_path / "b")
+    with pytest.raises(FileError, match="write-protected"):
+        write_whole(tmp_path / "a", "new", overwrite=True)
+
+
+@pytest.mark.parametrize("step", ["fsync", "replace"])
+@pytest.mark.parametrize(
+    ("number", "reason"),
+    [
+        (errno.ENOSPC, "the disk is full"),
+        (errno.EACCES, "permission denied"),
+        (errno.EIO, os.strerror(errno.EIO)),
+    ],
+)
+def test_a_failure_changes_nothing(tmp_path, monkeypatch, step, number, reason):
+    def fail(*_):
+        raise OSError(number, os.strerror(number))
+
+    path = tmp_path / "a"
+    path.write_text("old")
+    monkeypatch.setattr(os, step, fail)
+    with pytest.raises(FileError, match=reason):
+        write_whole(path, "new", overwrite=True)
+    assert names(tmp_path) == ["a"]
+    assert path.read_text() == "old"
+
+
+def test_an_interruption_leaves_no_temporary_file(tmp_path, monkeypatch):
+    def interrupt(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "fsync", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        write_whole(tmp_path / "a", "new")
+    assert names(tmp_path) == []
+
+
+def test_a_character_no_file_can_hold(tmp_path):
+    with pytest.raises(FileError, match="ud800"):
+        write_whole(tmp_path / "a", "x\ud800")
+    assert names(tmp_path) == []
+
+
+def test_the_file_is_complete_before_it_has_its_name(tmp_path, monkeypatch):
+    seen = []
+    monkeypatch.setattr(os, "fsync", lambda _: seen.append((tmp_path / "a").exists()))
+    write_whole(tmp_path / "a", "x" * 100_000)
+    assert seen == [False]
+    assert (tmp_path / "a").read_text() == "x" * 100_000

@@ -1,0 +1,131 @@
+"""One clip through all of it: what must come out whatever the motion."""
+
+import numpy as np
+import pytest
+from bodies import mirrored, moved, other_lengths, person, swaying
+from scipy.spatial.transform import Rotation
+
+from distretarget import Motion, Skeleton, retarget
+from distretarget.errors import MotionError
+
+BODY = person()
+
+
+def size(skeleton):
+    return skeleton.path_lengths.max()
+
+
+def test_the_same_skeleton_gives_the_same_motion():
+    motion = swaying(BODY)
+    result = retarget(motion, BODY)
+    np.testing.assert_allclose(result.motion.positions, motion.positions, atol=1e-9)
+    np.testing.assert_allclose(result.motion.world_rotations, motion.world_rotations, atol=1e-9)
+    assert result.motion.frame_time_text == motion.frame_time_text
+
+
+def test_every_bone_scaled_by_s_gives_s_times_the_motion():
+    motion = swaying(BODY)
+    result = retarget(motion, BODY.with_offsets(0.31 * BODY.offsets))
+    assert result.root_scale == pytest.approx(0.31)
+    np.testing.assert_allclose(result.motion.positions, 0.31 * motion.positions, atol=1e-9)
+
+
+def test_the_result_turns_and_moves_with_the_source():
+    motion, target = swaying(BODY), other_lengths(BODY)
+    turn, shift = Rotation.from_euler("y", 123, degrees=True), np.array([4.0, 0, -2])
+    result = retarget(motion, target)
+    turned = retarget(moved(motion, turn, tuple(shift)), target)
+    expected = np.einsum("ij,fpj->fpi", turn.as_matrix(), result.motion.positions) + result.root_scale * shift
+    np.testing.assert_allclose(turned.motion.positions, expected, atol=1e-5 * size(target))
+
+
+def test_a_mirrored_source_gives_the_mirrored_result():
+    motion, target = swaying(BODY), other_lengths(BODY)
+    result = retarget(motion, target).motion.positions
+    flipped = retarget(mirrored(motion), target.with_offsets([-1, 1, 1] * target.offsets)).motion.positions
+    np.testing.assert_allclose(flipped, [-1, 1, 1] * result, atol=1e-5 * size(target))
+
+
+@pytest.mark.parametrize("source_unit", [0.01, 1 / 0.0254])
+def test_units_of_the_source_do_not_matter(source_unit):
+    motion, target = swaying(BODY), other_lengths(BODY)
+    result = retarget(motion, target).motion.positions
+    scaled = retarget(moved(motion, Rotation.identity(), scale=source_unit), target).motion.positions
+    np.testing.assert_allclose(scaled, result, atol=1e-5 * size(target))
+
+
+def test_units_of_the_target_scale_the_result():
+    motion, target = swaying(BODY), other_lengths(BODY)
+    result = retarget(motion, target).motion.positions
+    scaled = retarget(motion, target.with_offsets(100 * target.offsets)).motion.positions
+    np.testing.assert_allclose(scaled, 100 * result, atol=1e-3 * size(target))
+
+
+def test_a_full_turn_turns_the_result():
+    frames = 60
+    still = swaying(BODY, frames=1, angle=0.3)
+    turns = Rotation.from_euler("y", np.linspace(0, 360, frames)[:, None], degrees=True)
+    rotations = np.repeat(still.rotations, frames, axis=0)
+    rotations[:, 0] = (turns * Rotation.from_quat(rotations[:, 0])).as_quat()
+    motion = Motion(BODY, np.repeat(still.translations, frames, axis=0), rotations, "0.02")
+    positions = retarget(motion, other_lengths(BODY)).motion.positions
+    hips = positions[:, BODY.index("LeftHip")] - positions[:, BODY.index("RightHip")]
+    heading = np.unwrap(np.arctan2(hips[:, 0], hips[:, 2]))
+    np.testing.assert_allclose(heading - heading[0], np.radians(np.linspace(0, 360, frames)), atol=1e-4)
+
+
+def test_bones_are_the_targets():
+    target = other_lengths(BODY)
+    motion = retarget(swaying(BODY), target).motion
+    bones = motion.positions[:, 1:] - motion.positions[:, BODY.parents[1:]]
+    expected = np.broadcast_to(target.lengths[1:], bones.shape[:2])
+    np.testing.assert_allclose(np.linalg.norm(bones, axis=-1), expected, rtol=1e-9)
+
+
+def test_stress_figures_are_in_order():
+    result = retarget(swaying(BODY), other_lengths(BODY))
+    assert np.all(result.free_stress <= result.written_stress)
+    assert result.written_stress.mean() < result.copy_stress.mean()
+
+
+def test_a_given_root_scale_is_used():
+    motion = swaying(BODY)
+    result = retarget(motion, BODY, root_scale=2.0)
+    np.testing.assert_allclose(result.motion.root_positions, 2 * motion.root_positions)
+
+
+def test_progress_counts_every_frame():
+    seen = []
+    retarget(swaying(BODY, frames=600), BODY, progress=seen.append)
+    assert sum(seen) == 600
+    assert len(seen) > 1
+
+
+@pytest.mark.parametrize("frames", [1, 2])
+def test_the_shortest_motions(frames):
+    result = retarget(swaying(BODY, frames=frames), other_lengths(BODY))
+    assert np.all(np.isfinite(result.motion.positions))
+    assert len(result.motion) == frames
+
+
+def test_the_smallest_skeletons():
+    for joints in (2, 3):
+        chain = Skeleton(
+            tuple("abc"[:joints]),
+            np.arange(joints) - 1,
+            [[0, i > 0, 0] for i in range(joints)],
+            (("Zrotation",),) * joints,
+            [False] * joints,
+        )
+        result = retarget(swaying(chain), chain.with_offsets(2 * chain.offsets))
+        np.testing.assert_allclose(result.motion.skeleton.lengths[1:], 2.0)
+
+
+def test_motions_that_cannot_be_retargeted_are_refused():
+    motion = swaying(BODY)
+    with pytest.raises(MotionError, match="no frames"):
+        retarget(Motion(BODY, motion.translations[:0], motion.rotations[:0], "1"), BODY)
+    with pytest.raises(MotionError, match="no bone of the target has a length"):
+        retarget(motion, BODY.with_offsets(0 * BODY.offsets))
+    with pytest.raises(MotionError, match="beyond"):
+        retarget(moved(motion, Rotation.identity(), (1e150, 0, 0)), BODY)

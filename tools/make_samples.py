@@ -1,0 +1,82 @@
+"""Write the sample clips and target skeletons.
+
+    python tools/make_samples.py [FOLDER]
+
+The folder is `sample_bvh` of this project unless another one is given. The same files come out every time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from sample_body import SKELETON
+from sample_motions import CLIPS
+
+from distretarget.bvh import write_bvh
+from distretarget.skeleton import Skeleton
+from distretarget.skeleton_json import FORMAT, VERSION, skeleton_to_json
+
+SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"
+
+PARTS = {
+    "spine": r"Chest\d?|Neck|Head",
+    "head": r"Head_End",
+    "shoulders": r"(Left|Right)(Collar|Shoulder)",
+    "arms": r"(Left|Right)(Elbow|Wrist|Wrist_End)",
+    "hips": r"(Left|Right)Hip",
+    "legs": r"(Left|Right)(Knee|Ankle|Toe|Toe_End)",
+}
+BODIES = {
+    "child": {"spine": 0.85, "head": 0.97, "shoulders": 0.72, "arms": 0.7, "hips": 0.75, "legs": 0.6},
+    "giant": {
+        "spine": 1.9,
+        "head": 1.8,
+        "shoulders": 1.9 * 1.3,
+        "arms": 1.9 * 1.2,
+        "hips": 1.9 * 1.1,
+        "legs": 1.9,
+    },
+}
+EDITS = {
+    "long_arms": dict.fromkeys(["LeftWrist", "LeftWrist_End", "RightWrist", "RightWrist_End"], 1.5),
+    "long_spine": dict.fromkeys(["Chest", "Chest2", "Chest3", "Neck"], 1.6),
+}
+
+
+def reshaped(skeleton: Skeleton, factors: Mapping[str, float]) -> Skeleton:
+    """The skeleton with the bones of each part of the body longer by that part's factor."""
+    offsets = skeleton.offsets.copy()
+    for joint, name in enumerate(skeleton.names[1:], start=1):
+        part = next(part for part, pattern in PARTS.items() if re.fullmatch(pattern, name))
+        offsets[joint] *= factors[part]
+    return skeleton.with_offsets(offsets.round(6))
+
+
+def write_samples(folder: Path) -> None:
+    """Write all clips and targets into a folder, over what is there."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, clip in CLIPS.items():
+        write_bvh(folder / f"{name}.bvh", clip(), overwrite=True)
+    texts = {name: skeleton_to_json(reshaped(SKELETON, factors), name) for name, factors in BODIES.items()}
+    for name, factors in EDITS.items():
+        document = {"format": FORMAT, "version": VERSION, "name": name, "factors": factors}
+        texts[name] = json.dumps(document, indent=2) + "\n"
+    for name, text in texts.items():
+        (folder / f"{name}.json").write_text(text, encoding="utf-8", newline="\n")
+
+
+def main() -> None:
+    """Write the samples into the folder on the command line."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("folder", nargs="?", type=Path, default=SAMPLES)
+    write_samples(parser.parse_args().folder)
+
+
+if __name__ == "__main__":
+    main()
