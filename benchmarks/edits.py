@@ -1,4 +1,4 @@
-"""Other bodies made from a skeleton by its joints' names: the targets of the measurements."""
+"""Other bodies made from a skeleton by the names of its joints: the targets of the measurements."""
 
 from __future__ import annotations
 
@@ -9,16 +9,39 @@ import numpy as np
 from distretarget import Skeleton
 
 # The part of the body a bone belongs to, by the name of its lower joint; the first pattern that fits counts.
-PARTS = [
-    ("end", r"_end\d*$"),
-    ("finger", r"finger|thumb|index|mid|ring|pinky|metacarpal"),
-    ("toe", r"toe|metatarsal"),
-    ("forearm", r"forearm|lowarm|lowerarm|elbow"),
-    ("hand", r"hand|wrist"),
-    ("upper arm", r"arm|shldr$|upperarm|humerus"),
-    ("shoulder", r"shoulder|collar|clavicle"),
-    ("shin", r"foot|ankle"),
-    ("thigh", r"^(?!.*(up|thigh)).*leg|knee|shin|calf"),
-    ("hip", r"upleg|thigh|upperleg|hip|buttock|pelvis\."),
-    ("trunk", r"spine|back|abdomen|chest|neck|head|torso"),
-]
+PARTS = {
+    "hand": r"finger|thumb|index|mid|ring|pinky|metacarp|(hand|wrist)_?end",
+    "foot": r"toe|metatars|(foot|ankle)_?end",
+    "upper arm": r"forearm|elbow|lowerarm|lowarm",
+    "forearm": r"hand|wrist",
+    "shoulders": r"arm|shoulder|shldr|collar|clavicle",
+    "shin": r"foot|ankle",
+    "hips": r"upleg|upperleg|thigh|hip|buttock|pelvis\.",
+    "thigh": r"leg|knee|shin|calf",
+    "trunk": r"spine|back|abdomen|chest|neck|head|torso|waist",
+}
+LEGS = ("thigh", "shin", "foot")
+ARMS = ("upper arm", "forearm", "hand")
+
+TARGETS: dict[str, dict[str, float]] = {
+    "spine +60 %": {"trunk": 1.6},
+    "forearm and hand +50 %": {"forearm": 1.5, "hand": 1.5},
+    "lower legs -30 %": {"shin": 0.7},
+    "child": {**dict.fromkeys(LEGS, 0.6), **dict.fromkeys(ARMS, 0.7), "trunk": 0.85},
+    "H": {
+        **{"thigh": 1.5, "shin": 1.1, "hips": 1.35, "shoulders": 1.2},
+        **{"upper arm": 0.7, "forearm": 0.95, "trunk": 1.15},
+    },
+}
+ARMS_AND_LEGS = {**dict.fromkeys(ARMS, 1.3), **dict.fromkeys(LEGS, 0.8)}
+
+
+def part_of(name: str) -> str | None:
+    """The part of the body to which the bone above the joint of this name belongs; None for unknown names."""
+    return next((part for part, pattern in PARTS.items() if re.search(pattern, name.lower())), None)
+
+
+def edited(skeleton: Skeleton, factors: dict[str, float]) -> Skeleton:
+    """The skeleton with the bones of each part scaled by its factor."""
+    scale = [factors.get(part_of(name) or "", 1.0) for name in skeleton.names]
+    return skeleton.with_lengths(skeleton.lengths * np.array(scale))

@@ -98,9 +98,21 @@ def _bends(skeleton: Skeleton, chain: list[int], k: int) -> bool:
     return bool(a @ b < np.cos(ANKLE_BEND) * np.linalg.norm(a) * np.linalg.norm(b))
 
 
-def leg_length(skeleton: Skeleton, leg: Leg) -> float:
-    """Thigh and shin [file units]."""
-    return float(skeleton.path_lengths[leg.hip, leg.ankle])
+def shared_legs(
+    target: Skeleton, drivers: NDArray[np.intp]
+) -> tuple[tuple[Leg, Leg], tuple[Leg, Leg]] | None:
+    """The legs of a target, found from its tree, and those of its source, which drive them; None without legs that
+    both have. `drivers`, (target joints,), is the source joint for each, -1 for none."""
+    legs = find_legs(target)
+    if legs is None:
+        return None
+    a, b = (Leg(*(int(drivers[joint]) for joint in (leg.hip, leg.ankle, leg.toe))) for leg in legs)
+    return (legs, (a, b)) if min(a.hip, a.ankle, a.toe, b.hip, b.ankle, b.toe) >= 0 else None
+
+
+def leg_length(skeleton: Skeleton, legs: tuple[Leg, Leg]) -> float:
+    """Thigh and shin, the mean of both legs [file units]."""
+    return float(np.mean([skeleton.path_lengths[leg.hip, leg.ankle] for leg in legs]))
 
 
 def up_axis(positions: NDArray[np.float64], legs: tuple[Leg, Leg]) -> NDArray[np.float64]:

@@ -20,7 +20,7 @@ def test_legs_of_the_papers_skeleton():
     body = person()
     expected = [("LeftHip", "LeftAnkle", "LeftToe"), ("RightHip", "RightAnkle", "RightToe")]
     assert names_of_legs(body) == expected
-    assert leg_length(body, find_legs(body)[0]) == pytest.approx(0.435 + 0.453)
+    assert leg_length(body, find_legs(body)) == pytest.approx(0.435 + 0.453)
 
 
 def test_legs_of_a_rest_pose_that_lies_along_one_axis():

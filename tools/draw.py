@@ -33,6 +33,7 @@ INCHES_PER_HEIGHT = 2.3
 POINTS_PER_HEIGHT = 72 * INCHES_PER_HEIGHT
 THICKNESS = 0.027
 DEPTH = 0.42
+ON_THE_SPOT = 0.4
 MARGIN = np.array([0.08, 0.15])
 
 Array = NDArray[np.float64]
@@ -67,9 +68,8 @@ class Camera:
         e = np.radians(self.elevation)
         height = points[..., 1]
         upward = height * np.cos(e) - points @ self.near * np.sin(e)
-        return np.stack([points @ self.right, upward], axis=-1), points @ self.near * np.cos(
-            e
-        ) + height * np.sin(e)
+        nearness = height * np.sin(e) + points @ self.near * np.cos(e)
+        return np.stack([points @ self.right, upward], axis=-1), nearness
 
 
 @dataclass(frozen=True)
@@ -78,13 +78,15 @@ class Cell:
 
     Attributes:
         skeleton: its joints and names.
-        points: (joints, 3), Y up, in body heights, the root over the origin.
+        points: (joints, 3), Y up, in body heights, the origin on the floor below the body.
         ground: (3,), where in the world the origin is.
+        size: of the body, 1 if not smaller than the others.
     """
 
     skeleton: Skeleton
     points: Array
     ground: Array
+    size: float
 
 
 def _upright(points: Array, up: str) -> Array:
@@ -100,14 +102,19 @@ def _upright(points: Array, up: str) -> Array:
 
 
 def _cells(motion: Motion, frames: Sequence[int], up: str | None, size: float | None) -> list[Cell]:
+    """The frames, each moved to the origin, or all together where the motion stays on the spot."""
     points = _upright(motion.positions, up or motion.skeleton.up or "Y")
-    points = points / (size or body_height(motion.skeleton))
+    own = body_height(motion.skeleton)
+    size = size or own
+    points = points / size
     points[..., 1] -= points[..., 1].min()
-    cells = []
-    for frame in frames:
-        ground = points[frame, 0] * (1, 0, 1)
-        cells.append(Cell(motion.skeleton, points[frame] - ground, ground))
-    return cells
+    grounds = points[frames, 0] * (1, 0, 1)
+    if np.all(np.ptp(grounds, axis=0) < ON_THE_SPOT):
+        grounds[:] = grounds.mean(axis=0)
+    return [
+        Cell(motion.skeleton, points[frame] - ground, ground, own / size)
+        for frame, ground in zip(frames, grounds, strict=True)
+    ]
 
 
 def body_height(skeleton: Skeleton) -> float:
@@ -139,7 +146,7 @@ def _draw_figure(ax: Axes, cell: Cell, camera: Camera, shift: float) -> None:
     """A figure with its feet at `shift` on the horizontal axis."""
     screen, nearness = camera(cell.points)
     screen[:, 0] += shift
-    width = THICKNESS * POINTS_PER_HEIGHT
+    width = THICKNESS * POINTS_PER_HEIGHT * cell.size
     _draw_shadow(ax, cell, camera, shift)
     chains = sorted(_chains(cell.skeleton), key=lambda chain: nearness[chain[1:]].mean())
     for order, chain in enumerate(chains, start=10):
@@ -177,7 +184,7 @@ def _draw_shadow(ax: Axes, cell: Cell, camera: Camera, shift: float) -> None:
             ax.plot(
                 *screen[chain].T,
                 color=colour,
-                linewidth=thickness * POINTS_PER_HEIGHT,
+                linewidth=thickness * POINTS_PER_HEIGHT * cell.size,
                 solid_capstyle="round",
                 solid_joinstyle="round",
                 zorder=3 + level,
@@ -211,7 +218,7 @@ def _draw_scene(ax: Axes, cells: Sequence[Cell], labels: Sequence[str], camera: 
 
 def _grid(
     rows: Sequence[tuple[str, Motion]], frames: Sequence[int], up: str | None, same_scale: bool
-) -> list:
+) -> list[list[Cell]]:
     """Per motion, its cells."""
     for label, motion in rows:
         if max(frames) >= len(motion):

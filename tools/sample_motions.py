@@ -136,7 +136,7 @@ def _squatting_trunk(t: Track, depth: Track, ankle: Track) -> Trunk:
     span = np.sqrt(THIGH**2 + SHANK**2 + 2 * THIGH * SHANK * np.cos(knee))
     pelvis = turned(pitch=3 + 27 * depth)
     hip = pelvis.apply(OFFSET["LeftHip"])
-    forward = ankle[:, 2] + 3.5 - 22 * depth
+    forward = ankle[:, 2] + 3.5 - 24 * depth
     aside, behind = ankle[:, 0] - hip[:, 0], forward + hip[:, 2] - ankle[:, 2]
     height = ankle[:, 1] + np.sqrt(span**2 - aside**2 - behind**2) - hip[:, 1]
     bend = turned(pitch=2 + 12 * depth + 0.7 * cosine(t, 3.4))
@@ -218,7 +218,7 @@ def _stepping_foot(t: Track, sign: int, lifts: Sequence[float], step: float) -> 
     pitch = -14 * sum(bump(t, lift - 0.06, lift + 0.6 * air) for lift in lifts)
     ankle = turned(yaw=heading).apply(columns(sign * (9.5 + 1.5 * lifted), ANKLE_HEIGHT + 4.5 * lifted, -4.0))
     yaw = heading + sign * 9
-    return Foot(ankle + turned(yaw=yaw).apply(rolled_ankle(pitch)), yaw, pitch, -0.6 * pitch)
+    return Foot(ankle + turned(yaw=yaw).apply(rolled_ankle(pitch)), yaw, pitch, -pitch)
 
 
 CLIPS: dict[str, Callable[[], Motion]] = {

@@ -18,7 +18,7 @@ from sample_body import (
     trunk,
     turned,
 )
-from sample_tracks import FPS, Track, bump, clock, columns, cosine
+from sample_tracks import FPS, Track, clock, columns, cosine
 from scipy.interpolate import make_interp_spline
 
 from distretarget.motion import Motion
@@ -26,6 +26,7 @@ from distretarget.motion import Motion
 STRIDE = 116.0
 CYCLE = 62 / FPS
 CYCLES = 4
+TOE_OUT = 5.0
 FLAT, HEEL_OFF, TOE_OFF = 0.10, 0.33, 0.61
 AT_REST = [(1, 0.0), (2, 0.0)]
 
@@ -51,23 +52,22 @@ def _toe_return() -> Curve:
     )
 
 
-def _stance_ankle(phase: float) -> Track:
-    """How far forward and up the ankle is, (2,), while the foot rolls on the floor."""
-    return rolled_ankle(_pitch(np.array([phase % 1])))[0, [2, 1]]
+def _stance_ankle(pitch: Track) -> Track:
+    """How far the ankle goes, (frames, 3), while the left foot rolls on the floor."""
+    return turned(yaw=TOE_OUT).apply(rolled_ankle(pitch))
 
 
 def _swing_ankle() -> Curve:
-    """How far forward and up the ankle is, (..., 2), from toe-off to heel strike."""
+    """The left ankle's way from toe-off to heel strike, (frames, 3); it joins the stance smoothly."""
     step = 1e-3
     values, conditions = [], []
     for phase, landed in ((TOE_OFF, 0.0), (1.0, STRIDE)):
-        before, at, after = (_stance_ankle(phase + d) for d in (-step, 0.0, step))
-        values.append(at + np.array([landed, 0.0]))
+        around = (phase + np.array([-step, 0.0, step])) % 1
+        before, at, after = _stance_ankle(_pitch(around))
+        values.append(at + np.array([0.0, 0.0, landed]))
         conditions.append([(1, (after - before) / (2 * step)), (2, (after - 2 * at + before) / step**2)])
-    middle = np.array([0.5 * STRIDE - 2.0, 9.0])
-    return make_interp_spline(
-        [TOE_OFF, 0.79, 1.0], [values[0], middle, values[1]], k=5, bc_type=tuple(conditions)
-    )
+    values.insert(1, np.array([0.8, 9.0, 0.5 * STRIDE - 2.0]))
+    return make_interp_spline([TOE_OFF, 0.79, 1.0], values, k=5, bc_type=tuple(conditions))
 
 
 def _pitch(phase: Track) -> Track:
@@ -87,11 +87,9 @@ def _foot(t: Track, side: str) -> Foot:
     strides, phase = np.divmod(t / CYCLE + ahead, 1.0)
     pitch = _pitch(phase)
     swings = phase[:, None] > TOE_OFF
-    swing = _swing_ankle()(np.maximum(phase, TOE_OFF))
-    forward, up = np.where(swings, swing, rolled_ankle(pitch)[:, [2, 1]]).T
-    aside = sign * (4.6 + 0.8 * bump(phase, TOE_OFF, 1.0))
-    ankle = columns(aside, up + ANKLE_HEIGHT, forward + (strides - ahead) * STRIDE)
-    return Foot(ankle, np.full(len(t), sign * 5.0), pitch, _toes(phase, pitch))
+    ankle = np.where(swings, _swing_ankle()(np.maximum(phase, TOE_OFF)), _stance_ankle(pitch))
+    ankle = ankle + columns(4.6, ANKLE_HEIGHT, (strides - ahead) * STRIDE)
+    return Foot(ankle * (sign, 1, 1), np.full(len(t), sign * TOE_OUT), pitch, _toes(phase, pitch))
 
 
 def _arm(t: Track, front: float) -> Arm:
@@ -112,8 +110,8 @@ def walk() -> Motion:
     t = clock(CYCLES * CYCLE)
     phase = t / CYCLE
     once, twice = partial(cosine, phase, 1.0), partial(cosine, phase, 0.5)
-    forward = STRIDE * (phase - 0.25) + 2.5 + 0.8 * twice(0.30)
-    hips = columns(1.9 * once(0.30), STANDING - 2.2 + 1.6 * twice(0.25), forward)
+    forward = STRIDE * (phase - 0.25) + 4.0 + 0.8 * twice(0.30)
+    hips = columns(1.9 * once(0.30), STANDING - 2.0 + 1.2 * twice(0.25), forward)
     tilt = 3.2 * once(0.14)
     pelvis = turned(pitch=4 + twice(0.05), yaw=-4.5 * once(0.0), roll=tilt)
     bend = turned(pitch=0.5 + twice(0.15), yaw=8.5 * once(0.03), roll=-1.15 * tilt)

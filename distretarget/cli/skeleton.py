@@ -57,7 +57,7 @@ def _headline(skeleton: Skeleton) -> str:
     unit = f" {skeleton.units}" if skeleton.units else ""
     ends = int(skeleton.end_sites.sum())
     legs = find_legs(skeleton)
-    leg = f", legs {sum(leg_length(skeleton, leg) for leg in legs) / 2:.6g}{unit}" if legs else ""
+    leg = f", legs {leg_length(skeleton, legs):.6g}{unit}" if legs else ""
     return f"{len(skeleton) - ends} joints, {ends} End Sites; height {height(skeleton):.6g}{unit}{leg}"
 
 

@@ -1,0 +1,735 @@
+"""BVH files: what is accepted, what is refused and where, and that what is written reads back the same."""
+
+import itertools
+import random
+import re
+import tempfile
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bodies import CORPUS, needs_corpus
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from distretarget.bvh import format_bvh, read_bvh, read_bvh_skeleton, write_bvh
+from distretarget.errors import BvhError, DistretargetError, FileError, MotionError, SkeletonError
+from distretarget.motion import Motion
+from distretarget.skeleton import Skeleton
+
+TEXT = """\
+HIERARCHY
+ROOT Hips
+{
+  OFFSET 1.0 2.0 3.0
+  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+  JOINT Chest
+  {
+    OFFSET 0.0 5.25 0.1
+    CHANNELS 3 Yrotation Xrotation Zrotation
+    JOINT Head
+    {
+      OFFSET 0.0 4.0 0.0
+      CHANNELS 2 Xrotation Yrotation
+      End Site
+      {
+        OFFSET 0.0 1.0 0.5
+      }
+    }
+  }
+  JOINT Leg
+  {
+    OFFSET 0.5 -3.0 0.0
+    CHANNELS 1 Xrotation
+    End Site
+    {
+      OFFSET 0.0 -4.0 1.0
+    }
+  }
+}
+MOTION
+Frames: 3
+Frame Time: 0.0333333
+0 10 0 0 0 0 0 0 0 0 0 0
+0.5 10.25 1 10 20 30 -40 50.5 60 12 13 70
+1 10.5 2 370 20 30 -400 50.5 60 12 13 885
+"""
+JOINTS = ("Hips", "Chest", "Head", "Head_End", "Leg", "Leg_End")
+HIERARCHY, MOTION = TEXT[: TEXT.index("MOTION")], TEXT[TEXT.index("MOTION") :]
+ROWS = MOTION.splitlines()[3:]
+
+
+def put(text, name="a.bvh"):
+    """A file of this text, bytes or str, in a new folder."""
+    path = Path(tempfile.mkdtemp(), name)
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+@pytest.fixture(autouse=True)
+def _scratch(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+
+def read(text):
+    return read_bvh(put(text))
+
+
+def edit(*changes, text=TEXT):
+    """The text with each (old, new) replaced once; it fails where `old` is not there."""
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    return text
+
+
+def assert_same(motion, other, atol=0.0):
+    assert motion.frame_time_text == other.frame_time_text
+    assert motion.skeleton.names == other.skeleton.names
+    assert motion.skeleton.channels == other.skeleton.channels
+    np.testing.assert_array_equal(motion.skeleton.parents, other.skeleton.parents)
+    np.testing.assert_array_equal(motion.skeleton.end_sites, other.skeleton.end_sites)
+    assert motion.positions.shape == other.positions.shape
+    assert np.all(np.isfinite(motion.positions))
+    np.testing.assert_allclose(motion.positions, other.positions, rtol=0, atol=atol)
+    agreement = np.abs(np.sum(motion.rotations * other.rotations, axis=-1))
+    np.testing.assert_allclose(agreement, 1.0, atol=1e-12)
+
+
+def naive_positions(text):
+    """Joint positions (frames, joints, 3) of TEXT by one matrix product a channel."""
+    values = iter(" ".join(text.splitlines()[-3:]).split())
+    frames = []
+    for _ in range(3):
+        turn = {"": np.eye(3)}
+        place = {"": np.zeros(3)}
+        for name, parent, offset, channels in (
+            ("Hips", "", [1, 2, 3], "xyzZXY"),
+            ("Chest", "Hips", [0, 5.25, 0.1], "YXZ"),
+            ("Head", "Chest", [0, 4, 0], "XY"),
+            ("Head_End", "Head", [0, 1, 0.5], ""),
+            ("Leg", "Hips", [0.5, -3, 0], "X"),
+            ("Leg_End", "Leg", [0, -4, 1], ""),
+        ):
+            translation, rotation = np.array(offset, float), np.eye(3)
+            for channel in channels:
+                value = float(next(values))
+                if channel in "xyz":
+                    translation["xyz".index(channel)] = value
+                else:
+                    axis = np.eye(3)["XYZ".index(channel)]
+                    rotation = rotation @ Rotation.from_rotvec(np.radians(value) * axis).as_matrix()
+            place[name] = place[parent] + turn[parent] @ translation
+            turn[name] = turn[parent] @ rotation
+        frames.append([place[name] for name in JOINTS])
+    return np.array(frames)
+
+
+def test_reading():
+    motion = read(TEXT)
+    assert motion.skeleton.names == JOINTS
+    assert motion.skeleton.parents.tolist() == [-1, 0, 1, 2, 0, 4]
+    assert motion.skeleton.end_sites.tolist() == [False, False, False, True, False, True]
+    assert motion.skeleton.channels[0][2:5] == ("Zposition", "Zrotation", "Xrotation")
+    assert motion.skeleton.channels[2:] == (("Xrotation", "Yrotation"), (), ("Xrotation",), ())
+    assert motion.skeleton.offsets[1].tolist() == [0.0, 5.25, 0.1]
+    assert motion.frame_time_text == "0.0333333"
+    np.testing.assert_allclose(motion.positions, naive_positions(TEXT), atol=1e-12)
+
+
+SAME = {
+    "CRLF": TEXT.replace("\n", "\r\n"),
+    "bare CR": TEXT.replace("\n", "\r"),
+    "mixed line ends": edit(("\n", "\r\n"), ("Hips\n", "Hips\r"), ("{\n", "{\r\n")),
+    "tabs": TEXT.replace("  ", "\t").replace(" ", "\t").replace("End\tSite", "End Site"),
+    "byte order mark": b"\xef\xbb\xbf" + TEXT.encode(),
+    "UTF-16": TEXT.encode("utf-16"),
+    "Ctrl-Z": TEXT + "\x1a",
+    "exponents": edit((" 5.25 ", " +52.5e-1 "), ("10.25", "1.025E1"), ("0.1\n", ".1\n"), ("370", "370.")),
+    "brace on the line": re.sub(r"\n *\{", " {", TEXT),
+    "brace at the name": re.sub(r"\n *\{", "{", TEXT),
+    "hierarchy on one line": re.sub(r"\s+", " ", HIERARCHY.replace("\n", " ")) + MOTION,
+    "everything on one line": re.sub(r"\s+", " ", re.sub(r"\n *\{", " {", TEXT)),
+    "upper case": HIERARCHY.upper().replace("HIPS", "Hips").replace("CHEST", "Chest").replace("HEAD", "Head")
+    .replace("LEG", "Leg") + MOTION.upper(),
+    "lower case": re.sub("[A-Z]+ |HIERARCHY|MOTION|End", lambda word: word.group().lower(), TEXT),
+    "channel case": TEXT.replace("Xrotation", "xROTATION").replace("Yposition", "YPosition"),
+    "wrapped rows": HIERARCHY + "\n".join(MOTION.splitlines()[:3]) + "\n" + "\n".join(" ".join(ROWS).split()),
+    "frames on one line": HIERARCHY + "\n".join(MOTION.splitlines()[:3]) + "\n" + " ".join(ROWS),
+    "blank lines": TEXT.replace("\n", " \n\n \t\n"),
+    "no final newline": TEXT.rstrip(),
+    "trailing blanks": TEXT.replace("\n", "  \n") + " \n\n\n",
+    "tab after Frames": edit(("Frames: 3", "Frames:\t3")),
+    "no blank after Frames": edit(("Frames: 3", "Frames:3"), ("Time: ", "Time:")),
+    "blanks in Frame Time": edit(("Frame Time: ", "FRAME \t time  :\n")),
+    "named End Site": edit(("End Site", "End LeftToe")),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", SAME.values(), ids=SAME.keys())
+def test_the_same_motion_in_other_words(text):
+    assert_same(read(text), read(TEXT))
+
+
+@pytest.mark.parametrize(
+    "name", ["mixamorig:Hips", "Bip01  Pelvis L", "a.b-c_d", "腰", "JOINT", "End Site", "Ünï\xa0", "x\u2028y"]
+)
+@pytest.mark.parametrize("brace", ["\n{", " {", "{"])
+def test_names_are_kept(name, brace):
+    motion = read(edit((" Hips\n{", f" \t{name} {brace}")))
+    assert motion.skeleton.names[0] == name
+    assert_same(read(format_bvh(motion)), motion, 1e-6)
+
+
+def test_names_in_an_unknown_encoding_are_kept_byte_for_byte(tmp_path):
+    text = TEXT.encode().replace(b"Hips", b"H\xfcfte")
+    write_bvh(tmp_path / "b.bvh", read(text))
+    assert b"ROOT H\xfcfte\n" in (tmp_path / "b.bvh").read_bytes()
+
+
+def test_end_sites_get_names_that_nobody_has():
+    sites = "End Site {OFFSET 0 0 0} End Site {OFFSET 1 2 3} JOINT Head_End2 {OFFSET 0 1 0} End Site"
+    skeleton = read(edit(("End Site", sites))).skeleton
+    assert skeleton.names[2:7] == ("Head", "Head_End", "Head_End3", "Head_End2", "Head_End4")
+    assert skeleton.parents.tolist()[2:7] == [1, 2, 2, 2, 2]
+    assert skeleton.offsets[3:5].tolist() == [[0, 0, 0], [1, 2, 3]]
+    assert skeleton.end_sites.tolist()[2:7] == [False, True, True, False, True]
+
+
+def test_missing_end_sites():
+    motion = read(re.sub(r"\s*End Site\s*\{[^}]*\}", "", TEXT))
+    assert motion.skeleton.names == ("Hips", "Chest", "Head", "Leg")
+    np.testing.assert_allclose(motion.positions, naive_positions(TEXT)[:, [0, 1, 2, 4]], atol=1e-12)
+
+
+@pytest.mark.parametrize("line", ["", "CHANNELS 0\n"])
+def test_joints_without_channels(line):
+    fixed = f"JOINT Fixed\n{{\nOFFSET 0 1 0\n{line}JOINT Head"
+    text = edit(("JOINT Head", fixed), ("      }\n", "      }\n}\n"))
+    motion = read(text)
+    assert motion.skeleton.channels[motion.skeleton.index("Fixed")] == ()
+    np.testing.assert_allclose(motion.rotations[:, 2], np.tile([0, 0, 0, 1], (3, 1)), atol=0)
+    assert_same(read(format_bvh(motion)), motion, 1e-6)
+
+
+@pytest.mark.parametrize(
+    "order", ["".join(axes) for n in range(4) for axes in itertools.permutations("XYZ", n)]
+)
+@pytest.mark.parametrize("slides", ["", "Y", "ZX"])
+def test_any_channels_in_any_order(order, slides):
+    names = [f"{axis}rotation" for axis in order]
+    names[1:1] = [f"{axis}position" for axis in slides]
+    row = [10.0 * (column + 1) for column in range(len(names))]
+    text = "\n".join([
+        "HIERARCHY", "ROOT a", "{", "OFFSET 0 0 0", "CHANNELS 1 Yrotation", "JOINT b", "{", "OFFSET 1 2 3",
+        f"CHANNELS {len(names)} {' '.join(names)}", "}", "}", "MOTION", "Frames: 1", "Frame Time: 1",
+        " ".join(map(str, [0, *row])),
+    ])  # fmt: skip
+    motion = read(text)
+    turned = Rotation.identity()
+    translation = np.array([1.0, 2.0, 3.0])
+    for name, value in zip(names, row, strict=True):
+        if name.endswith("position"):
+            translation["XYZ".index(name[0])] = value
+        else:
+            turned = turned * Rotation.from_euler(name[0], value, degrees=True)
+    np.testing.assert_allclose(motion.translations[0, 1], translation, atol=0)
+    assert (Rotation.from_quat(motion.rotations[0, 1]).inv() * turned).magnitude() < 1e-12
+    assert motion.skeleton.channels[1] == tuple(names)
+    assert_same(read(format_bvh(motion)), motion, 1e-6)
+
+
+def test_no_frames():
+    motion = read(HIERARCHY + "MOTION\nFrames: 0\nFrame Time: .0083333\n\n")
+    assert len(motion) == 0
+    assert motion.frame_time_text == ".0083333"
+    assert_same(read(format_bvh(motion)), motion)
+
+
+REFUSED = {
+    "no hierarchy": (edit(("HIERARCHY\n", "")), 1, "'ROOT'", "HIERARCHY"),
+    "no joints": ("HIERARCHY\nMOTION\nFrames: 0\nFrame Time: 1\n", 2, "'MOTION'", "ROOT"),
+    "no root": (edit(("ROOT", "JOINT")), 2, "'JOINT'", "ROOT"),
+    "nameless": (edit(("ROOT Hips", "ROOT")), 3, "'{'", "a name"),
+    "no opening brace": (edit(("Chest\n  {", "Chest\n")), 8, "'OFFSET'", "{"),
+    "no closing brace": (edit(("}\nMOTION", "MOTION")), 29, "'MOTION'", "}"),
+    "brace too many": (edit(("}\nMOTION", "}\n}\nMOTION")), 30, "'}'", "MOTION"),
+    "words before MOTION": (edit(("MOTION", "\nhello\nMOTION")), 31, "'hello'", "MOTION"),
+    "second root": (edit(("MOTION", "ROOT b\n{\nOFFSET 0 0 0\n}\nMOTION")), 30, "second ROOT", "MOTION"),
+    "no offset": (edit(("    OFFSET 0.0 5.25 0.1\n", "")), 8, "'CHANNELS'", "OFFSET"),
+    "offset of two": (edit((" 5.25 0.1", " 5.25")), 9, "'CHANNELS'", "the z offset, a finite number"),
+    "offset of four": (edit((" 5.25", " 5.25 6")), 8, "'0.1'", "JOINT"),
+    "offset of text": (edit((" 5.25", " 5,25")), 8, "'5,25'", "the y offset, a finite number"),
+    "offset not finite": (edit((" 5.25", " 1e999")), 8, "'1e999'", "the y offset, a finite number"),
+    "offset of End Site": (edit(("        OFFSET 0.0 1.0 0.5\n", "")), 16, "'}'", "OFFSET"),
+    "unknown channel": (edit(("Yrotation\n  JOINT", "Wrotation\n  JOINT")), 5, "'Wrotation'", "Xposition"),
+    "repeated channel": (edit(("Zposition", "XPOSITION")), 5, "'XPOSITION' twice", "each channel once"),
+    "channels too few": (edit(("Xposition ", "")), 5, "5 channel names", "6 as declared"),
+    "channels too many": (edit(("S 6", "S 5")), 5, "6 channel names", "5 as declared"),
+    "channels uncounted": (edit(("S 6", "S")), 5, "'Xposition'", "the number of channels"),
+    "channels twice": (edit(("S 1", "S 1 Zrotation\nCHANNELS 1")), 24, "'CHANNELS'", "JOINT or End Site"),
+    "channels of End Site": (edit(("1.0 0.5", "1.0 0.5\nCHANNELS 0")), 17, "'CHANNELS'", "}"),
+    "joint in End Site": (edit(("1.0 0.5", "1.0 0.5\nJOINT x\n{\nOFFSET 0 0 0\n}")), 17, "'JOINT'", "}"),
+    "twins": (edit(("Leg", "Chest")), 20, "'Hips/Chest'", "rename"),
+    "no Frames": (edit(("Frames: 3\n", "")), 31, "'Frame'", "Frames:"),
+    "no frame count": (edit(("Frames: 3", "Frames:")), 32, "'Frame'", "the number of frames, a whole number"),
+    "negative frame count": (edit(("Frames: 3", "Frames: -3")), 31, "'-3'", "a whole number"),
+    "fraction of frames": (edit(("Frames: 3", "Frames: 3.0")), 31, "'3.0'", "a whole number"),
+    "endless frame count": (edit(("Frames: 3", "Frames: " + "9" * 9999)), 31, "'9999", "a whole number"),
+    "huge frame count": (edit(("Frames: 3", "Frames: 999999999999")), 31, "3 whole frames", "999999999999"),
+    "frames too few": (edit(("Frames: 3", "Frames: 4")), 31, "3 whole frames of 12 numbers", "4 frames"),
+    "frames too many": (edit(("Frames: 3", "Frames: 2")), 31, "3 whole frames", "2 frames as declared"),
+    "short row": (edit((" 885", "")), 31, "2 whole frames of 12 numbers and 11 numbers over", "3 frames"),
+    "no frame time": (edit(("Frame Time: 0.0333333\n", "")), 32, "'0'", "Frame Time:"),
+    "frame time 0": (edit(("0.0333333", "0.0")), 32, "'0.0'", "a number above 0"),
+    "frame time underflow": (edit(("0.0333333", "1e-999")), 32, "'1e-999'", "a number above 0"),
+    "frame time negative": (edit(("0.0333333", "-.1")), 32, "'-.1'", "a number above 0"),
+    "frame time text": (edit(("0.0333333", "1/30")), 32, "'1/30'", "a number above 0"),
+    "frame time infinite": (edit(("0.0333333", "inf")), 32, "'inf'", "a number above 0"),
+    "text in frames": (edit(("13 70", "13 abc 70")), 34, "'abc'", "a finite number"),
+    "text after frames": (TEXT + "the end\n", 36, "'the'", "a finite number or the end of the file"),
+    "nan": (edit(("13 70", "nan 70")), 34, "'nan'", "a finite number"),
+    "infinity": (edit(("13 885", "-Infinity 885")), 35, "'-Infinity'", "a finite number"),
+    "overflow": (edit(("13 885", "1e999 885")), 35, "'1e999'", "a finite number"),
+    "two dots": (edit(("12 13 70", "1.2.3 70")), 34, "'1.2.3'", "a finite number"),
+    "glued numbers": (edit(("12 13 70", "12-13 70")), 34, "'12-13'", "a finite number"),
+    "underscore": (edit(("12 13 70", "12 1_3 70")), 34, "'1_3'", "a finite number"),
+    "other digits": (edit(("12 13 70", "12 \u0661 70")), 34, "'\u0661'", "a finite number"),
+    "line counted over CR": (edit(("13 70", "nan 70")).replace("\n", "\r"), 34, "'nan'", "finite"),
+    "line counted over CRLF": (edit(("13 70", "nan 70")).replace("\n", "\r\n"), 34, "'nan'", "finite"),
+    "too deep": (
+        "HIERARCHY\n" + "".join(f"{'JOINT' if n else 'ROOT'} n{n} {{\nOFFSET 0 0 0\n" for n in range(5000)),
+        804, "inside 401 others", "400 at most",
+    ),
+    "frames without channels": (
+        "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\n}\nMOTION\nFrames: 99999999999\nFrame Time: 1\n",
+        7, "99999999999", "expected 0",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "line", "found", "expected"), REFUSED.values(), ids=REFUSED.keys())
+def test_refusals_name_line_and_what_was_found_and_expected(text, line, found, expected):
+    path = put(text)
+    with pytest.raises(BvhError) as caught:
+        read_bvh(path)
+    assert (caught.value.path, caught.value.line) == (path, line)
+    assert found in caught.value.reason
+    assert expected in caught.value.reason
+    assert len(str(caught.value).splitlines()) == 1
+    assert len(caught.value.reason) < 250
+
+
+WORDS = [match.end() for match in re.finditer(r"\S+", TEXT)]
+
+
+@pytest.mark.parametrize("end", WORDS[:-1], ids=lambda end: repr(TEXT[:end].split()[-1]) + f" {end}")
+def test_files_that_end_early(end):
+    with pytest.raises(BvhError) as caught:
+        read(TEXT[:end] + "\n\n")
+    in_frames = "whole frames" in caught.value.reason
+    assert in_frames or re.search("the file ends|channel names, expected|'Frame'", caught.value.reason)
+    assert caught.value.line == (31 if in_frames else TEXT[:end].count("\n") + 1)
+
+
+def test_deep_nesting_up_to_the_limit():
+    joints = [f"{'JOINT' if n else 'ROOT'} n {{\nOFFSET 0 1 0\n" for n in range(401)]
+    text = "HIERARCHY\n" + "".join(joints) + "}" * 401
+    assert len(read_bvh_skeleton(put(text))) == 401
+
+
+def test_bvhio_does_build_the_tree(monkeypatch):
+    import bvhio
+
+    def fail(*_, **__):
+        raise SyntaxError("no")
+
+    monkeypatch.setattr(bvhio, "readAsBvh", fail)
+    with pytest.raises(BvhError, match="bvhio refuses the hierarchy"):
+        read(TEXT)
+
+
+def test_no_temporary_files_stay(tmp_path):
+    path = put(TEXT)
+    read_bvh(path)
+    assert [found for found in tmp_path.rglob("*") if found.is_file()] == [path]
+
+
+@pytest.mark.parametrize(
+    "motion", ["", "MOTION", "MOTION\nFrames: x", MOTION.replace("10", "?"), MOTION + "1 2"]
+)
+def test_a_skeleton_needs_no_motion(motion):
+    skeleton = read_bvh_skeleton(put(HIERARCHY + motion))
+    assert skeleton.names == JOINTS
+    assert skeleton.offsets.tolist() == read(TEXT).skeleton.offsets.tolist()
+
+
+def test_a_skeleton_needs_a_whole_hierarchy():
+    with pytest.raises(BvhError, match="expected MOTION"):
+        read_bvh_skeleton(put(HIERARCHY + "MOTIN\n"))
+    with pytest.raises(BvhError, match="the file ends, expected JOINT or End Site or }"):
+        read_bvh_skeleton(put(HIERARCHY.rstrip().removesuffix("}")))
+
+
+SLIDING = edit(
+    ("S 1 Xrotation", "S 2 Yposition Xrotation"),
+    ("0 0\n0.5", "0 -3 0\n0.5"),
+    ("13 70", "13 -7 70"),
+    ("13 885", "13 -8 885"),
+)
+
+
+def test_bones_of_joints_that_slide_come_from_the_frames():
+    path = put(SLIDING)
+    skeleton = read_bvh_skeleton(path)
+    np.testing.assert_array_equal(skeleton.offsets, read_bvh(path).rigid_skeleton.offsets)
+    np.testing.assert_allclose(skeleton.lengths[4], np.hypot(0.5, 7))
+    assert read_bvh_skeleton(put(SLIDING[: SLIDING.index("MOTION")])).offsets[4].tolist() == [0.5, -3, 0]
+    with pytest.raises(BvhError, match="whole frames"):
+        read_bvh_skeleton(put(SLIDING.replace("Frames: 3", "Frames: 4")))
+
+
+def test_writing():
+    motion = read(edit(("0 10 0 0", "-0 10 -1e-9 -4e-7")))
+    lines = format_bvh(motion).splitlines()
+    assert lines[:9] == [
+        "HIERARCHY",
+        "ROOT Hips",
+        "{",
+        "  OFFSET 0.000000 0.000000 0.000000",
+        "  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation",
+        "  JOINT Chest",
+        "  {",
+        "    OFFSET 0.000000 5.250000 0.100000",
+        "    CHANNELS 3 Yrotation Xrotation Zrotation",
+    ]
+    assert lines[13:17] == [
+        "      End Site",
+        "      {",
+        "        OFFSET 0.000000 1.000000 0.500000",
+        "      }",
+    ]
+    assert lines[-6:-3] == ["MOTION", "Frames: 3", "Frame Time: 0.0333333"]
+    assert lines[-3] == "0.0000000 10.0000000 0.0000000" + 9 * " 0.000000"
+    assert format_bvh(motion).endswith("\n")
+    assert "\r" not in format_bvh(motion)
+
+
+def test_the_hierarchy_is_written_as_it_is_usually_laid_out():
+    zero = HIERARCHY.replace("OFFSET 1.0 2.0 3.0", "OFFSET 0.0 0.0 0.0")
+    written = format_bvh(read(TEXT)).split("MOTION")[0]
+    assert re.sub(r"(\.\d+?)0+\b", r"\1", written) == zero
+
+
+def test_a_root_offset_stays_where_no_channel_replaces_it():
+    text = edit(
+        ("6 Xposition Yposition Zposition", "4 Yposition"),
+        ("0 10 0", "10"),
+        ("0.5 10.25 1", "10.25"),
+        ("1 10.5 2", "10.5"),
+    )
+    motion = read(text)
+    assert motion.root_positions[0].tolist() == [1.0, 10.0, 3.0]
+    assert "  OFFSET 1.000000 0.000000 3.000000\n" in format_bvh(motion)
+    assert_same(read(format_bvh(motion)), motion, 1e-6)
+
+
+@pytest.mark.parametrize("text", ["0.0333333", ".0083333", "8.3333E-3", "0.008333330000000001", "1"])
+def test_the_frame_time_is_kept_digit_for_digit(text):
+    motion = read(edit(("0.0333333", text)))
+    assert motion.frame_time_text == text
+    assert f"\nFrame Time: {text}\n" in format_bvh(motion)
+
+
+def test_offsets_keep_all_their_digits():
+    motion = read(edit(("5.25", "5.0123456789012345"), (" 0.1\n", " 1e-12\n")))
+    again = read(format_bvh(motion))
+    np.testing.assert_array_equal(again.skeleton.offsets[1:], motion.skeleton.offsets[1:])
+
+
+@pytest.mark.parametrize("scale", [1e-4, 1e-2, 1.0, 100.0])
+def test_positions_are_written_to_1e_8_of_the_body_in_any_unit(scale):
+    motion = read(TEXT)
+    small = Motion(motion.skeleton.with_offsets(scale * motion.skeleton.offsets),
+                   scale * motion.translations, motion.rotations, "1")  # fmt: skip
+    size = np.max(small.skeleton.path_lengths)
+    again = read(format_bvh(small))
+    np.testing.assert_allclose(
+        again.root_positions, small.root_positions, rtol=0, atol=max(0.5e-8 * size, 1e-15)
+    )
+
+
+CHANNELS = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
+
+
+@st.composite
+def skeletons(draw):
+    """Random bodies of 2 to 7 joints, depth first, in any unit and with any channels."""
+    count = draw(st.integers(2, 7))
+    chance = np.random.default_rng(draw(st.integers(0, 2**32)))
+    depths = [0]
+    while len(depths) < count:
+        depths.append(draw(st.integers(1, depths[-1] + 1)))
+    parents = [
+        -1 if not depth else depths[:joint][::-1].index(depth - 1) for joint, depth in enumerate(depths)
+    ]
+    parents = [joint - 1 - back if joint else -1 for joint, back in enumerate(parents)]
+    end_sites = [joint > 0 and joint not in parents and chance.random() < 0.7 for joint in range(count)]
+    names: list[str] = []
+    for joint, parent in enumerate(parents):
+        twins = [j for j in range(joint) if end_sites[j] and parents[j] == parent]
+        number = len(twins) + 1 if twins else ""
+        names.append(f"{names[parent]}_End{number}" if end_sites[joint] else f"joint {joint}")
+    channels = [
+        () if end else tuple(draw(st.permutations(CHANNELS))[: draw(st.integers(1, 6))]) for end in end_sites
+    ]
+    offsets = 10.0 ** draw(st.integers(-2, 3)) * chance.normal(size=(count, 3))
+    return Skeleton(tuple(names), np.array(parents), offsets, tuple(channels), np.array(end_sites))
+
+
+@st.composite
+def motions(draw):
+    """Random bodies with random frames, as the channels of each joint allow them, many at gimbal lock."""
+    skeleton = draw(skeletons())
+    chance = np.random.default_rng(draw(st.integers(0, 2**32)))
+    frames = draw(st.integers(0, 4))
+    translations = np.tile(skeleton.offsets, (frames, 1, 1))
+    rotations = np.tile([0.0, 0.0, 0.0, 1.0], (frames, len(skeleton), 1))
+    for joint, channels in enumerate(skeleton.channels):
+        for channel in channels:
+            if channel.endswith("position"):
+                translations[:, joint, "XYZ".index(channel[0])] *= chance.normal(0, 5, frames)
+            else:
+                angles = chance.choice([0, 90, -90, 180, 33.3], (frames, 1))
+                turn = Rotation.from_euler(channel[0], angles, degrees=True)
+                rotations[:, joint] = (Rotation.from_quat(rotations[:, joint]) * turn).as_quat()
+    return Motion(skeleton, translations, rotations, draw(st.sampled_from(["0.01", ".04", "1e-2"])))
+
+
+@settings(max_examples=150, deadline=None)
+@given(motions())
+def test_what_is_written_reads_back_the_same(motion):
+    again = read(format_bvh(motion))
+    size = np.max(np.abs(motion.positions), initial=np.max(motion.skeleton.lengths))
+    assert_same(again, motion, 1e-6 * size)
+    replaced = [name in motion.skeleton.channels[0] for name in ("Xposition", "Yposition", "Zposition")]
+    np.testing.assert_array_equal(
+        again.skeleton.offsets[0], np.where(replaced, 0, motion.skeleton.offsets[0])
+    )
+    np.testing.assert_array_equal(again.skeleton.offsets[1:], motion.skeleton.offsets[1:])
+
+
+def test_joints_are_written_depth_first_whatever_their_numbers():
+    parents, channels = [-1, 0, 0, 1], tuple((f"{axis}rotation",) for axis in "XYZX")
+    offsets = np.arange(12.0).reshape(4, 3)
+    skeleton = Skeleton(("a", "b", "c", "d"), parents, offsets, channels, np.zeros(4, bool))
+    rotations = np.array([Rotation.from_euler(axis, 0.1).as_quat() for axis in "XYZX"])
+    motion = Motion(skeleton, offsets[None], rotations[None], "1")
+    again = read(format_bvh(motion))
+    assert again.skeleton.names == ("a", "b", "d", "c")
+    np.testing.assert_allclose(again.positions, motion.positions[:, [0, 1, 3, 2]], atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["", " a", "a\t", "a\nb", "a{b", "a\0"])
+def test_names_that_bvh_cannot_hold_are_refused(name):
+    skeleton = Skeleton((name,), [-1], np.zeros((1, 3)), ((),), [False])
+    with pytest.raises(SkeletonError, match=re.escape(repr(name))):
+        format_bvh(Motion(skeleton, np.zeros((0, 1, 3)), np.zeros((0, 1, 4)), "1"))
+
+
+def test_values_that_are_not_finite_are_not_written(tmp_path):
+    motion = read(TEXT)
+    translations = motion.translations.copy()
+    translations[1, 0, 1] = np.inf
+    with pytest.raises(MotionError, match="finite"):
+        write_bvh(tmp_path / "b.bvh", Motion(motion.skeleton, translations, motion.rotations, "1"))
+    assert not (tmp_path / "b.bvh").exists()
+
+
+def test_a_file_is_replaced_only_when_asked(tmp_path):
+    motion = read(TEXT)
+    write_bvh(tmp_path / "b.bvh", motion)
+    with pytest.raises(FileError, match="--overwrite"):
+        write_bvh(tmp_path / "b.bvh", motion)
+    write_bvh(tmp_path / "b.bvh", motion, overwrite=True)
+    assert_same(read_bvh(tmp_path / "b.bvh"), motion, 1e-6)
+
+
+def test_angles_turn_on_over_the_frames_and_through_the_lock():
+    angles = np.stack([np.linspace(0, 720, 100), np.linspace(0, 180, 100), np.linspace(0, -360, 100)], axis=1)
+    rotations = Rotation.from_euler("ZXY", angles, degrees=True).as_quat()[:, None]
+    skeleton = Skeleton(("a",), [-1], np.zeros((1, 3)), (("Zrotation", "Xrotation", "Yrotation"),), [False])
+    text = format_bvh(Motion(skeleton, np.zeros((100, 1, 3)), rotations, "1"))
+    np.testing.assert_allclose(np.loadtxt(text.splitlines()[-100:]), angles, atol=1e-6)
+
+
+def outcome(content):
+    """The motion, or the error; anything else fails, as does taking long."""
+    start = time.perf_counter()
+    try:
+        result = read(content)
+    except DistretargetError as error:
+        result = error
+    assert time.perf_counter() - start < 5
+    if isinstance(result, Motion):
+        assert np.all(np.isfinite(result.rotations))
+        assert np.all(np.isfinite(result.translations))
+    else:
+        assert len(str(result).splitlines()) == 1
+    return result
+
+
+@settings(max_examples=250, deadline=None)
+@given(st.integers(0, len(TEXT)))
+def test_fuzz_truncated(end):
+    motion = outcome(TEXT.encode()[:end])
+    whole = TEXT.rstrip()
+    assert isinstance(motion, Motion) == (end >= len(whole) - 2)
+
+
+@settings(max_examples=400, deadline=None)
+@given(st.integers(0, len(TEXT) - 1), st.integers(0, 255))
+def test_fuzz_one_byte(at, byte):
+    content = bytearray(TEXT.encode())
+    content[at] = byte
+    outcome(bytes(content))
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.integers(0, TEXT.count("\n")), st.integers(0, TEXT.count("\n"))), min_size=1, max_size=3
+    )
+)
+def test_fuzz_lines_moved_or_lost(moves):
+    lines = TEXT.splitlines()
+    for source, target in moves:
+        line = lines.pop(source % len(lines))
+        if target % 2:
+            lines.insert(target, line)
+    outcome("\n".join(lines))
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.binary(max_size=60))
+def test_fuzz_any_bytes(content):
+    assert isinstance(outcome(content), DistretargetError)
+
+
+@pytest.mark.parametrize("word", ["1" * 100_000 + "x", "." * 100_000, "1e" * 50_000, "{" * 100_000])
+def test_long_words_take_no_longer(word):
+    for place in ("5.25", "0.0333333", "885"):
+        error = outcome(edit((place, word)))
+        assert isinstance(error, BvhError)
+        assert len(error.reason) < 250
+
+
+def test_many_joints_take_no_longer():
+    sites = "End Site\n{\nOFFSET 0 0 0\n}\n" * 5000
+    twins = "JOINT a\n{\nOFFSET 0 0 0\n}\n" * 5000
+    assert len(outcome(edit(("End Site", sites + "End Site"))).skeleton) == 5006
+    assert "'Hips/Chest/Head/a'" in outcome(edit(("End Site", twins + "End Site"))).reason
+
+
+SYNTHETIC_REFUSALS = {
+    "odd_declared_less.bvh": (
+        103,
+        "found 20 whole frames of 51 numbers and 0 numbers over, expected 10 frames",
+    ),
+    "odd_declared_more.bvh": (
+        103,
+        "found 20 whole frames of 51 numbers and 0 numbers over, expected 30 frames",
+    ),
+    "odd_frame_time_zero.bvh": (104, "found '0'"),
+    "odd_last_row_short.bvh": (
+        103,
+        "found 19 whole frames of 51 numbers and 46 numbers over, expected 20 frames",
+    ),
+    "odd_nan_value.bvh": (109, "found 'nan'"),
+    "odd_two_roots.bvh": (102, "found a second ROOT"),
+}
+FILES = sorted(CORPUS.rglob("*.bvh")) if CORPUS.is_dir() else []
+SOUND = [path for path in FILES if path.name not in SYNTHETIC_REFUSALS]
+
+
+def corpus(paths):
+    return pytest.mark.parametrize("path", paths, ids=lambda path: f"{path.parent.name}/{path.name}")
+
+
+def cut(path, tmp_path, frames=30):
+    """A copy of the file with its first frames only, if it has that many."""
+    head, count, rest = re.split(rb"(?i)Frames:\s*(\d+)", path.read_bytes(), maxsplit=1)
+    if int(count) <= frames:
+        return path
+    rows = re.split(rb"\r\n|\r|\n", rest)
+    (tmp_path / path.name).write_bytes(head + b"Frames: %d" % frames + b"\n".join(rows[: frames + 2]) + b"\n")
+    return tmp_path / path.name
+
+
+@needs_corpus
+@corpus([path for path in FILES if path.name in SYNTHETIC_REFUSALS])
+def test_corpus_refusals(path):
+    line, reason = SYNTHETIC_REFUSALS[path.name]
+    with pytest.raises(BvhError) as caught:
+        read_bvh(path)
+    assert caught.value.line == line
+    assert caught.value.reason.startswith(reason)
+
+
+@needs_corpus
+@corpus(SOUND)
+def test_corpus_round_trip(path, tmp_path):
+    motion = read_bvh(cut(path, tmp_path))
+    size = np.max(motion.skeleton.path_lengths)
+    assert_same(read(format_bvh(motion)), motion, 1e-6 * size)
+
+
+@needs_corpus
+@corpus(
+    [*random.Random(3).sample([path for path in SOUND if "synthetic" not in str(path)], min(20, len(SOUND)))]
+)
+def test_corpus_positions_agree_with_pybvh(path, tmp_path):
+    import pybvh
+
+    path = cut(path, tmp_path)
+    motion = read_bvh(path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        theirs = pybvh.read_bvh_file(path)
+    joints = np.flatnonzero(~motion.skeleton.end_sites)
+    rows = [theirs.joint_index[motion.skeleton.names[joint]] for joint in joints]
+    size = np.max(motion.skeleton.path_lengths)
+    np.testing.assert_allclose(
+        motion.positions[:, joints], theirs.joint_positions()[:, rows], rtol=0, atol=1e-6 * size
+    )
+    tips = theirs.node_positions()
+    ours = motion.positions[:, motion.skeleton.end_sites]
+    nodes = [row for name, row in theirs.node_index.items() if name not in theirs.joint_index]
+    assert len(nodes) == ours.shape[1]
+    np.testing.assert_allclose(ours, tips[:, nodes], rtol=0, atol=1e-6 * size)
+
+
+@needs_corpus
+@corpus(
+    [
+        path
+        for path in FILES
+        if path.stem in ("example", "bvh_example", "odd_order_xzy", "standard_skeleton", "tpose")
+    ]
+)
+def test_corpus_positions_agree_with_bvhio(path, tmp_path):
+    import bvhio
+
+    path = cut(path, tmp_path, frames=5)
+    motion = read_bvh(path)
+    root = bvhio.readAsHierarchy(str(path))
+    size = np.max(motion.skeleton.path_lengths)
+    for frame in range(len(motion)):
+        root.loadPose(frame)
+        theirs = {joint.Name: joint.PositionWorld.to_tuple() for joint, _, _ in root.layout()}
+        joints = np.flatnonzero(~motion.skeleton.end_sites)
+        expected = [theirs[motion.skeleton.names[joint]] for joint in joints]
+        np.testing.assert_allclose(motion.positions[frame, joints], expected, rtol=0, atol=1e-4 * size)
