@@ -1,32 +1,74 @@
-"""From points to rotations: the target's joints turned so that its exact bones reach for the solved points."""
+"""The articulated body: rigid parts that turn on exact bones, and how points pull at them. Compiled.
+
+A part is a joint with the joints that never turn against it. A pose is how far each part deviates from the rotation
+copy, a rotation vector in the world [rad], and after the parts how far the root is moved: an array (parts + 1, 3).
+World rotations as unknowns leave the deviations independent: R_j = exp(v_part(j)) RC_j, so that a bone of the copy, b,
+becomes exp(v) b and nothing but the copy's bones is needed to pose the body.
+"""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.alignment import best_rotation
-from distretarget.euler import restrict
-from distretarget.motion import Motion
-from distretarget.rotation_copy import rigid_motion
-from distretarget.skeleton import ROTATION_CHANNELS, Skeleton
+from distretarget.motion import Motion, local_rotations, rigid_motion
+from distretarget.skeleton import Skeleton
+
+Array = NDArray[np.float64]
 
 STILL = 1e-6  # a joint whose local quaternion never moves by more than this is still
+SMALL = 1e-8  # squared angles below this [rad^2] are served by the first terms of a series
+
+
+class Body(NamedTuple):
+    """A body for the compiled functions. Lengths are in units of the solver.
+
+    Attributes:
+        parents: (joints,), -1 for the root.
+        parts: (joints,), the part that carries the bones below each joint.
+        holds: (parts + 1,), how strongly each part keeps to the copy's rotation, and the root to its path.
+    """
+
+    parents: NDArray[np.intp]
+    parts: NDArray[np.intp]
+    holds: Array
+
+
+class Work(NamedTuple):
+    """Scratch arrays of one body.
+
+    Attributes:
+        x: (joints, 3), positions.
+        bones: (joints, 3), the posed bone from the parent to each joint.
+        turns: (parts, 9), exp(v) of each part, row by row.
+        pull: (joints, 3), the gradient with respect to positions; `pull_back` sums it up towards the root.
+        arms: (joints, parts, 3), how each joint's position hangs on each part; see `hang`.
+    """
+
+    x: Array
+    bones: Array
+    turns: Array
+    pull: Array
+    arms: Array
 
 
 def rigid_heads(copy: Motion) -> NDArray[np.intp]:
     """(joints,), the joint with which each joint turns as one rigid part: itself, unless it never turns against its
-    parent in the whole motion (hip joints and collars of many rigs).
+    parent in the whole motion (hip joints and collars of many rigs) or cannot, having no rotation channels.
 
     In a motion in which no joint turns, as in a single frame, only joints that coincide with their parents are rigid.
     """
     skeleton = copy.skeleton
-    first = copy.rotations[:1]
-    turn = 1.0 - np.abs(np.einsum("fji,fji->fj", copy.rotations, np.broadcast_to(first, copy.rotations.shape)))
+    first = np.broadcast_to(copy.rotations[:1], copy.rotations.shape)
+    turn = 1.0 - np.abs(np.einsum("fji,fji->fj", copy.rotations, first))
     still = np.all(turn <= STILL**2, axis=0)
     if still.all():
         still = skeleton.lengths == 0.0
+    still |= np.array([not skeleton.rotation_axes(joint) for joint in range(len(skeleton))])
     heads = np.arange(len(skeleton))
     for joint in range(1, len(skeleton)):
         if still[joint] and skeleton.children[joint]:
@@ -34,61 +76,133 @@ def rigid_heads(copy: Motion) -> NDArray[np.intp]:
     return heads
 
 
-def swing(copy: Motion, points: NDArray[np.float64], solved: NDArray[np.intp]) -> Motion:
-    """The motion whose bones point as the solved points say, from the root down.
+def parts_of(skeleton: Skeleton, heads: NDArray[np.intp]) -> NDArray[np.intp]:
+    """(joints,), the number of the part that carries the bones below each joint; parts count from the root down, and a
+    leaf, which carries none, belongs to its parent's."""
+    carriers = np.array([joint if below else skeleton.parents[joint] for joint, below in enumerate(skeleton.children)])
+    numbers: NDArray[np.intp] = np.unique(heads[np.maximum(carriers, 0)], return_inverse=True)[1]
+    return numbers
 
-    Each rigid part deviates from the rotation copy by the rotation that takes its bones, as the copy has them, nearest
-    to the points below it: the least rotation for one bone, a weighted alignment for several. So the twist, which
-    points do not determine, is the copy's, which is the source's relative to the target's rest pose. A joint with no
-    point below it keeps the copy's world rotation. Joints with fewer than three rotation channels turn as far as
-    those allow, and what is below them makes up for it.
 
-    Args:
-        copy: the rotation copy on the target.
-        points: (frames, joints, 3), positions; only those of `solved` are looked at [file units].
-        solved: the joints that have points.
+def subtree_lengths(skeleton: Skeleton) -> Array:
+    """(joints,), the sum of the lengths of all bones below each joint and of its own [file units]."""
+    sums = np.array(skeleton.lengths)
+    for joint in range(len(skeleton) - 1, 0, -1):
+        sums[skeleton.parents[joint]] += sums[joint]
+    return sums
+
+
+def posed_motion(copy: Motion, v: Array, parts: NDArray[np.intp], root_positions: Array) -> Motion:
+    """The motion whose parts deviate from the copy's rotations by `v`, (frames, parts + 1, 3).
+
+    Leaves keep the copy's world rotations: nothing hangs on them. `root_positions`, (frames, 3), are final.
     """
     skeleton = copy.skeleton
-    heads = rigid_heads(copy)
-    handles = _handles(skeleton, heads, set(solved.tolist()))
-    positions = np.array(copy.positions)
-    world = np.array(copy.world_rotations)
-    local = np.array(copy.rotations)
-    deviations = np.tile([0.0, 0.0, 0.0, 1.0], (len(skeleton), len(copy), 1))
-    for joint, head in enumerate(heads):
-        above = world[:, skeleton.parents[joint]] if joint else np.array([[0.0, 0.0, 0.0, 1.0]])
-        if joint:
-            positions[:, joint] = positions[:, skeleton.parents[joint]] + _turn(above, skeleton.offsets[joint])
-        if handles[joint]:
-            bones = copy.positions[:, handles[joint]] - copy.positions[:, joint, None]
-            deviations[joint] = best_rotation(bones, points[:, handles[joint]] - positions[:, joint, None])
-        world[:, joint] = _product(deviations[head], copy.world_rotations[:, joint])
-        local[:, joint] = _product(above * [-1, -1, -1, 1], world[:, joint])
-        axes = rotation_axes(skeleton, joint)
-        if len(axes) < 3:
-            local[:, joint] = restrict(local[:, joint], axes)
-            world[:, joint] = _product(above, local[:, joint])
-    return rigid_motion(skeleton, copy.root_positions, local, copy.frame_time_text)
+    turns = Rotation.from_rotvec(v[:, :-1]).as_quat()[:, parts]
+    turns[:, [joint for joint, below in enumerate(skeleton.children) if not below]] = [0.0, 0.0, 0.0, 1.0]
+    world = (Rotation.from_quat(turns) * Rotation.from_quat(copy.world_rotations)).as_quat()
+    return rigid_motion(skeleton, root_positions, local_rotations(skeleton, world), copy.frame_time_text)
 
 
-def rotation_axes(skeleton: Skeleton, joint: int) -> str:
-    """The axes of a joint's rotation channels in order, as "ZXY"."""
-    return "".join(channel[0] for channel in skeleton.channels[joint] if channel in ROTATION_CHANNELS)
+@njit(cache=True)
+def workspace(joints: int, parts: int) -> Work:
+    """Scratch arrays for a body of so many joints and parts."""
+    return Work(
+        np.zeros((joints, 3)),
+        np.zeros((joints, 3)),
+        np.zeros((parts, 9)),
+        np.zeros((joints, 3)),
+        np.zeros((joints, parts, 3)),
+    )
 
 
-def _handles(skeleton: Skeleton, heads: NDArray[np.intp], solved: set[int]) -> list[list[int]]:
-    """Per joint, where it heads a rigid part, the joints with points that the part's bones carry, away from it."""
-    handles: list[list[int]] = [[] for _ in heads]
-    for joint in range(1, len(skeleton)):
-        head = int(heads[skeleton.parents[joint]])
-        if joint in solved and skeleton.path_lengths[head, joint] > 0:
-            handles[head].append(joint)
-    return handles
+@njit(cache=True, error_model="numpy", fastmath=True)
+def pose_body(v: Array, body: Body, bones: Array, root: Array, work: Work) -> None:
+    """Positions and posed bones, written to `work`, of the pose `v` of a frame whose copy has `bones`, (joints, 3), from
+    each joint's parent to it, and its root at `root`."""
+    parts = len(work.turns)
+    for part in range(parts):
+        _exp(v[part, 0], v[part, 1], v[part, 2], work.turns[part])
+    for i in range(3):
+        work.x[0, i] = root[i] + v[parts, i]
+    for joint in range(1, len(body.parents)):
+        parent = body.parents[joint]
+        E = work.turns[body.parts[parent]]
+        bx, by, bz = bones[joint, 0], bones[joint, 1], bones[joint, 2]
+        for i in range(3):
+            work.bones[joint, i] = E[3 * i] * bx + E[3 * i + 1] * by + E[3 * i + 2] * bz
+            work.x[joint, i] = work.x[parent, i] + work.bones[joint, i]
 
 
-def _turn(rotations: NDArray[np.float64], vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(Rotation.from_quat(rotations).apply(np.array(vector)))  # scipy wants it writable
+@njit(cache=True, error_model="numpy", fastmath=True)
+def _exp(x: float, y: float, z: float, E: Array) -> None:
+    """The rotation matrix of a rotation vector (Rodrigues), row by row."""
+    square = x * x + y * y + z * z
+    if square < SMALL:
+        a, b = 1.0 - square / 6.0, 0.5 - square / 24.0
+    else:
+        angle = np.sqrt(square)
+        a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / square
+    E[0], E[1], E[2] = 1.0 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y
+    E[3], E[4], E[5] = b * x * y + a * z, 1.0 - b * (x * x + z * z), b * y * z - a * x
+    E[6], E[7], E[8] = b * x * z - a * y, b * y * z + a * x, 1.0 - b * (x * x + y * y)
 
 
-def _product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray((Rotation.from_quat(a) * Rotation.from_quat(b)).as_quat())
+@njit(cache=True, error_model="numpy", fastmath=True)
+def pull_back(v: Array, body: Body, work: Work, gradient: Array) -> float:
+    """Turn the gradient with respect to positions, `work.pull`, into that with respect to the pose, written, add what
+    the holds 1/2 h |v|^2 contribute, and return their value.
+
+    A bone b of a part turns by dw about its upper end, which moves all that hangs on it by dw x b: the part feels the
+    moment b x (sum of the pulls below). dw = J dv with the left Jacobian of the exponential map, so that the gradient is
+    J^T times the moment.
+    """
+    parts = len(work.turns)
+    gradient[:] = 0.0
+    for joint in range(len(body.parents) - 1, 0, -1):
+        parent = body.parents[joint]
+        part = body.parts[parent]
+        sx, sy, sz = work.pull[joint, 0], work.pull[joint, 1], work.pull[joint, 2]
+        bx, by, bz = work.bones[joint, 0], work.bones[joint, 1], work.bones[joint, 2]
+        gradient[part, 0] += by * sz - bz * sy
+        gradient[part, 1] += bz * sx - bx * sz
+        gradient[part, 2] += bx * sy - by * sx
+        for i in range(3):
+            work.pull[parent, i] += work.pull[joint, i]
+    for part in range(parts):
+        _to_rotation_vector(v[part], gradient[part])
+    gradient[parts] = work.pull[0]
+    value = 0.0
+    for part in range(parts + 1):
+        for i in range(3):
+            gradient[part, i] += body.holds[part] * v[part, i]
+            value += 0.5 * body.holds[part] * v[part, i] * v[part, i]
+    return value
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def _to_rotation_vector(v: Array, m: Array) -> None:
+    """J^T m in place of the moment m, where J^T = I - a [v] + b [v]^2."""
+    x, y, z = v[0], v[1], v[2]
+    square = x * x + y * y + z * z
+    if square < SMALL:
+        a, b = 0.5 - square / 24.0, 1.0 / 6.0 - square / 120.0
+    else:
+        angle = np.sqrt(square)
+        a, b = (1.0 - np.cos(angle)) / square, (angle - np.sin(angle)) / (square * angle)
+    cx, cy, cz = y * m[2] - z * m[1], z * m[0] - x * m[2], x * m[1] - y * m[0]
+    m[0] += b * (y * cz - z * cy) - a * cx
+    m[1] += b * (z * cx - x * cz) - a * cy
+    m[2] += b * (x * cy - y * cx) - a * cz
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def hang(body: Body, work: Work) -> None:
+    """For the pose in `work`, the arms: the sum of the bones of each part on the way to each joint. A small turn w of
+    the part moves the joint by w x arm."""
+    work.arms[:] = 0.0
+    for joint in range(1, len(body.parents)):
+        parent = body.parents[joint]
+        work.arms[joint] = work.arms[parent]
+        for i in range(3):
+            work.arms[joint, body.parts[parent], i] += work.bones[joint, i]

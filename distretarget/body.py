@@ -115,6 +115,13 @@ def leg_length(skeleton: Skeleton, legs: tuple[Leg, Leg]) -> float:
     return float(np.mean([skeleton.path_lengths[leg.hip, leg.ankle] for leg in legs]))
 
 
+def body_unit(skeleton: Skeleton) -> float:
+    """Twice the leg length, which is about the height of a person; without legs the largest path length
+    [file units]."""
+    legs = find_legs(skeleton)
+    return 2.0 * leg_length(skeleton, legs) if legs else float(skeleton.path_lengths.max())
+
+
 def up_axis(positions: NDArray[np.float64], legs: tuple[Leg, Leg]) -> NDArray[np.float64]:
     """(3,), the signed axis that points most from ankles to hips, over positions (frames, joints, 3)."""
     hips = positions[:, [leg.hip for leg in legs]]

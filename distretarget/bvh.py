@@ -35,10 +35,12 @@ with warnings.catch_warnings():
 Array = NDArray[np.float64]
 
 ANGLE_DECIMALS = 6
+NOISE = 0.01  # of an OFFSET's length: position channels that stay within it say nothing
 
 
 def read_bvh(path: str | Path) -> Motion:
-    """The motion of a BVH file. A position channel replaces its component of the OFFSET.
+    """The motion of a BVH file. A position channel replaces its component of the OFFSET; where the position channels
+    of most joints hold nothing but noise about zero, they are added to it.
 
     End Sites become joints called `<parent>_End`, `<parent>_End2`, ...
 
@@ -206,7 +208,24 @@ def _translations(skeleton: Skeleton, values: Array) -> Array:
         for component, channel in enumerate(POSITION_CHANNELS):
             if channel in columns:
                 translations[:, joint, component] = values[:, columns[channel]]
+    added = _added(skeleton, translations)
+    translations[:, added] += skeleton.offsets[added]
     return translations
+
+
+def _added(skeleton: Skeleton, translations: Array) -> NDArray[np.intp]:
+    """The joints whose position channels are added to their OFFSETs.
+
+    MakeHuman writes position channels of nothing but rounding noise on all joints: replacing the OFFSETs by them would
+    collapse the body into one point. So where several joints below the root have position channels, and most of these
+    stay within `NOISE` of zero though their OFFSETs do not, they are all added.
+    """
+    slides = [j for j, columns in enumerate(_columns(skeleton)) if j and set(POSITION_CHANNELS) <= set(columns)]
+    joints = np.array([j for j in slides if skeleton.lengths[j] > 0], dtype=np.intp)
+    if len(joints) < 2 or not len(translations):
+        return joints[:0]
+    largest = np.linalg.norm(translations[:, joints], axis=-1).max(axis=0)
+    return joints if np.median(largest / skeleton.lengths[joints]) < NOISE else joints[:0]
 
 
 def _rotations(skeleton: Skeleton, values: Array) -> Array:

@@ -121,7 +121,7 @@ class JointText:
     Attributes:
         name: as written; of End Sites what stands after `End`.
         depth: the number of joints it is inside of.
-        offset: three words.
+        offset: to the parent [file units].
         channels: in the usual spelling, `Xposition`.
         end_site: whether it is one.
         at: where it stands in the text.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,15 +23,16 @@ class DistanceProblem:
     Attributes:
         targets: (points,), the target joint at each point.
         sources: (points,), the source joint at each point.
-        ratio: (points, points), tau2 / tau1 [body sizes / source file unit]; 0 where tau1 is 0.
-        priorities: pi, (points, points), zero on the diagonal and where tau1 is 0, which says nothing.
+        tau1, tau2: (points, points), path lengths on the source and on the target [file units].
+        sizes: |P|, (points, points), the larger of the two bodies' path sizes, counting points.
         body_size: the largest path length of the target [target file units].
     """
 
     targets: NDArray[np.intp]
     sources: NDArray[np.intp]
-    ratio: NDArray[np.float64]
-    priorities: NDArray[np.float64]
+    tau1: NDArray[np.float64]
+    tau2: NDArray[np.float64]
+    sizes: NDArray[np.float64]
     body_size: float
 
     def __len__(self) -> int:
@@ -38,6 +40,19 @@ class DistanceProblem:
 
     def __repr__(self) -> str:
         return f"<DistanceProblem of {len(self)} points, body size {self.body_size:g}>"
+
+    @cached_property
+    def ratio(self) -> NDArray[np.float64]:
+        """tau2 / tau1, (points, points) [body sizes / source file unit]; 0 where tau1 is 0."""
+        zeros = np.zeros_like(self.tau1)
+        return np.divide(self.tau2 / self.body_size, self.tau1, out=zeros, where=self.tau1 > 0)
+
+    @cached_property
+    def priorities(self) -> NDArray[np.float64]:
+        """pi_uv = (|Pmax| - |P_uv| + 2) / |Pmax|, (points, points); zero on the diagonal, and where tau1 is 0, for there
+        the source says nothing."""
+        largest = self.sizes.max()
+        return np.where(self.tau1 > 0, (largest - self.sizes + 2.0) / largest, 0.0)
 
 
 def distance_problem(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]) -> DistanceProblem:
@@ -48,23 +63,15 @@ def distance_problem(source: Skeleton, target: Skeleton, drivers: NDArray[np.int
     points = point_of_joint(source, target, drivers)
     targets = np.unique(points[points >= 0])
     sources = drivers[targets]
-    tau1 = source.path_lengths[np.ix_(sources, sources)]
-    tau2 = target.path_lengths[np.ix_(targets, targets)]
-    body_size = float(target.path_lengths.max())
-    ratio = np.divide(tau2 / body_size, tau1, out=np.zeros_like(tau1), where=tau1 > 0)
-    sizes = np.maximum(
-        _point_path_sizes(target, targets)[np.ix_(targets, targets)],
-        _point_path_sizes(source, sources)[np.ix_(sources, sources)],
+    ours, theirs = np.ix_(targets, targets), np.ix_(sources, sources)
+    return DistanceProblem(
+        targets,
+        sources,
+        source.path_lengths[theirs],
+        target.path_lengths[ours],
+        np.maximum(_point_path_sizes(target, targets)[ours], _point_path_sizes(source, sources)[theirs]),
+        float(target.path_lengths.max()),
     )
-    return DistanceProblem(targets, sources, ratio, np.where(tau1 > 0, priorities(sizes), 0.0), body_size)
-
-
-def priorities(sizes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """pi_uv = (|Pmax| - |P_uv| + 2) / |Pmax| from the path sizes |P|, (points, points); zero on the diagonal."""
-    largest = sizes.max()
-    pi = (largest - sizes + 2.0) / largest
-    np.fill_diagonal(pi, 0.0)
-    return pi
 
 
 def point_of_joint(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]) -> NDArray[np.intp]:

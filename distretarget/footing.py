@@ -1,12 +1,37 @@
-"""Where the target stands: the scale of its root's path."""
+"""Where the target stands: the scale of its root's path, and the feet that rest on the floor."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import convolve1d, maximum_filter1d
 
-from distretarget.body import leg_length, shared_legs
+from distretarget.body import Leg, leg_length, shared_legs, up_axis
+from distretarget.motion import Motion
 from distretarget.skeleton import Skeleton
+
+Array = NDArray[np.float64]
+
+SLOW = 0.35  # a foot at rest is slower than this [leg lengths / s] ...
+LOW = 0.1  # ... and no more than this [leg lengths] above the lowest joint of the body
+BLEND = 0.08  # [s] over which a foot is caught, and let go
+
+
+@dataclass(frozen=True, eq=False)
+class Stance:
+    """Feet at rest, and where they belong.
+
+    Attributes:
+        joints: (feet,), ankles and toes of the target.
+        weights: (frames, feet), 1 while the source's foot rests, blended to 0.
+        places: (frames, feet, 3), where the target's foot belongs [target file units].
+    """
+
+    joints: NDArray[np.intp]
+    weights: Array
+    places: Array
 
 
 def root_scale(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]) -> float:
@@ -23,3 +48,74 @@ def root_scale(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]) ->
         ours = target.path_lengths[np.ix_(shared, shared)].max()
         theirs = source.path_lengths[np.ix_(drivers[shared], drivers[shared])].max()
     return float(ours / theirs) if theirs > 0 else 1.0
+
+
+def root_path(source: Motion, copy: Motion, drivers: NDArray[np.intp], scale: float) -> Array:
+    """(frames, 3), the root's path that brings the middle between the hip joints to the scaled place of the source's:
+    legs hang from there, whatever lies between them and the root [target file units]. Without legs, the copy's."""
+    legs = shared_legs(copy.skeleton, drivers)
+    if legs is None:
+        return copy.root_positions
+    ours, theirs = (motion.positions[:, [leg.hip for leg in pair]] for motion, pair in zip((copy, source), legs, strict=True))
+    return np.asarray(scale * theirs.mean(axis=1) - ours.mean(axis=1) + copy.root_positions)
+
+
+def no_stance(frames: int) -> Stance:
+    """No foot rests."""
+    return Stance(np.zeros(0, np.intp), np.zeros((frames, 0)), np.zeros((frames, 0, 3)))
+
+
+def find_stance(source: Motion, target: Skeleton, drivers: NDArray[np.intp], scale: float) -> Stance:
+    """The feet at rest in the source, and their places on the target: the scaled places of the source's.
+
+    A foot rests while it is slow and low. Only the frames around a frame decide, so that a clip may be cut anywhere.
+    Feet whose bones are not in proportion to the legs keep the toe's place and both heights; the ankle is drawn to the
+    toe by what the bone is too short.
+    """
+    legs = shared_legs(target, drivers)
+    if legs is None:
+        return no_stance(len(source))
+    up = up_axis(source.positions, legs[1])
+    length = leg_length(source.rigid_skeleton, legs[1])
+    joints, weights, places = [], [], []
+    for ours, theirs in zip(*legs, strict=True):
+        rest = _at_rest(source, theirs, up, length)
+        joints += [ours.ankle, ours.toe]
+        weights += list(widened(rest.astype(np.float64), BLEND / source.frame_time).T)
+        places += _places(source, theirs, up, scale, target.path_lengths[ours.ankle, ours.toe])
+    return Stance(np.array(joints), np.stack(weights, axis=1), np.stack(places, axis=1))
+
+
+def _at_rest(source: Motion, leg: Leg, up: Array, length: float) -> NDArray[np.bool_]:
+    """(frames, 2), whether ankle and toe rest."""
+    feet = source.positions[:, [leg.ankle, leg.toe]]
+    if len(feet) < 2:
+        return np.ones((len(feet), 2), bool)
+    speed = np.linalg.norm(np.gradient(feet, source.frame_time, axis=0), axis=-1)
+    below = [leg.ankle, leg.toe, *source.skeleton.children[leg.toe]]
+    heights = source.positions @ up
+    low = heights[:, below].min(axis=1) - heights.min(axis=1) < LOW * length
+    return np.asarray((speed < SLOW * length) & low[:, None])
+
+
+def widened(values: Array, frames: float) -> Array:
+    """Values over time, (frames, n), taken at their largest within `frames` and then averaged over as many on both sides
+    (a raised cosine): nowhere less than they were, and smooth."""
+    reach = round(frames)
+    if reach < 1:
+        return values
+    window = np.hanning(2 * reach + 3)[1:-1]
+    highest = maximum_filter1d(values, 2 * reach + 1, axis=0, mode="nearest")
+    return np.asarray(convolve1d(highest, window / window.sum(), axis=0, mode="nearest"))
+
+
+def _places(source: Motion, leg: Leg, up: Array, scale: float, bone: float) -> list[Array]:
+    """Where ankle and toe belong, (frames, 3) each, a foot's bone of the given length apart."""
+    toe = scale * source.positions[:, leg.toe]
+    foot = scale * source.positions[:, leg.ankle] - toe
+    if leg.ankle == leg.toe:
+        return [toe, toe]
+    rise = np.clip(foot @ up, -bone, bone)
+    level = foot - (foot @ up)[:, None] * up
+    reach = np.sqrt(bone**2 - rise**2) / np.maximum(np.linalg.norm(level, axis=1), 1e-9 * bone)
+    return [toe + reach[:, None] * level + rise[:, None] * up, toe]

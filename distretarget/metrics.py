@@ -58,14 +58,33 @@ class Comparison:
     jerk: Array
     turn: Array
 
-    @property
-    def mean_contact_error(self) -> float:
-        """Pooled over the contact pairs of all frames; 0 where there are none."""
-        return float(self.contact_error.sum() / max(self.contacts.sum(), 1))
-
     def in_stance(self, figure: Array) -> float:
         """The mean of a figure (frames, feet) over the stance of all feet; 0 where there is none."""
         return float(figure[self.stance].mean()) if self.stance.any() else 0.0
+
+    def means(self) -> dict[str, float]:
+        """The figures of the whole clip, under the names and in the units of the attributes.
+
+        Contact error is pooled over the contact pairs of all frames; slide and foot height are taken in stance;
+        `turn` is the largest.
+        """
+        return {
+            "distance_error": float(self.distance_error.mean()),
+            "contact_error": float(self.contact_error.sum() / max(self.contacts.sum(), 1)),
+            "direction_error": _mean(self.direction_error),
+            "direction_error_p99": float(np.percentile(self.direction_error, 99)) if self.direction_error.size else 0.0,
+            "bone_error": float(self.bone_error.max()),
+            "slide": self.in_stance(self.slide),
+            "source_slide": self.in_stance(self.source_slide),
+            "foot_height": self.in_stance(self.foot_height),
+            "source_foot_height": self.in_stance(self.source_foot_height),
+            "jerk": _mean(self.jerk),
+            "turn": float(self.turn.max(initial=0.0)),
+        }
+
+
+def _mean(values: Array) -> float:
+    return float(values.mean()) if values.size else 0.0
 
 
 def compare(source: Motion, result: Motion, drivers: NDArray[np.intp]) -> Comparison:

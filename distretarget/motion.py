@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
@@ -68,10 +69,8 @@ class Motion:
     @cached_property
     def positions(self) -> NDArray[np.float64]:
         """(frames, joints, 3), each joint's position in the world, by forward kinematics [file units]."""
-        positions = np.array(self.translations)
-        for joint, parent in enumerate(self.skeleton.parents[1:], start=1):
-            turned = Rotation.from_quat(self.world_rotations[:, parent]).apply(positions[:, joint])
-            positions[:, joint] = positions[:, parent] + turned
+        positions = np.empty_like(self.translations)
+        _positions(self.skeleton.parents, self.translations, self.world_rotations, positions)
         return positions
 
     @cached_property
@@ -92,10 +91,42 @@ class Motion:
 def world_rotations(skeleton: Skeleton, rotations: NDArray[np.float64]) -> NDArray[np.float64]:
     """World rotations (frames, joints, 4) from local ones: each joint's is its parent's times its own."""
     world = np.array(rotations)
-    for joint, parent in enumerate(skeleton.parents[1:], start=1):
-        turned = Rotation.from_quat(world[:, parent]) * Rotation.from_quat(world[:, joint])
-        world[:, joint] = turned.as_quat()
+    _world_rotations(skeleton.parents, world)
     return world
+
+
+@njit(cache=True)
+def _world_rotations(parents: NDArray[np.intp], world: NDArray[np.float64]) -> None:
+    """Local rotations turned into world rotations in place; the product of quaternions, x y z w."""
+    for frame in range(len(world)):
+        for joint in range(1, len(parents)):
+            x, y, z, w = world[frame, parents[joint]]
+            i, j, k, r = world[frame, joint]
+            world[frame, joint, 0] = w * i + x * r + y * k - z * j
+            world[frame, joint, 1] = w * j - x * k + y * r + z * i
+            world[frame, joint, 2] = w * k + x * j - y * i + z * r
+            world[frame, joint, 3] = w * r - x * i - y * j - z * k
+
+
+@njit(cache=True)
+def _positions(
+    parents: NDArray[np.intp],
+    translations: NDArray[np.float64],
+    world: NDArray[np.float64],
+    positions: NDArray[np.float64],
+) -> None:
+    """Forward kinematics, written: each joint stands from its parent by its translation, turned by the parent."""
+    for frame in range(len(world)):
+        positions[frame, 0] = translations[frame, 0]
+        for joint in range(1, len(parents)):
+            parent = parents[joint]
+            x, y, z, w = world[frame, parent]
+            a, b, c = translations[frame, joint]
+            # v + 2 w (q x v) + 2 q x (q x v), q the vector part
+            i, j, k = y * c - z * b, z * a - x * c, x * b - y * a
+            positions[frame, joint, 0] = positions[frame, parent, 0] + a + 2.0 * (w * i + y * k - z * j)
+            positions[frame, joint, 1] = positions[frame, parent, 1] + b + 2.0 * (w * j + z * i - x * k)
+            positions[frame, joint, 2] = positions[frame, parent, 2] + c + 2.0 * (w * k + x * j - y * i)
 
 
 def local_rotations(skeleton: Skeleton, world: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -104,3 +135,12 @@ def local_rotations(skeleton: Skeleton, world: NDArray[np.float64]) -> NDArray[n
     parents = skeleton.parents[1:]
     local[:, 1:] = (Rotation.from_quat(world[:, parents]).inv() * Rotation.from_quat(world[:, 1:])).as_quat()
     return local
+
+
+def rigid_motion(
+    skeleton: Skeleton, root_positions: NDArray[np.float64], rotations: NDArray[np.float64], frame_time_text: str
+) -> Motion:
+    """The motion with these local rotations, (frames, joints, 4), and root path on bones that keep their offsets."""
+    translations = np.array(np.broadcast_to(skeleton.offsets, (len(rotations), len(skeleton), 3)))
+    translations[:, 0] = root_positions
+    return Motion(skeleton, translations, rotations, frame_time_text)

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.alignment import best_rotation
 from distretarget.distances import DistanceProblem
-from distretarget.spg import Reason, spectral_gradient
+from distretarget.spg import Effort, record, spectral_gradient
 from distretarget.stress import stress_and_gradient, target_distances
 
 TOLERANCE = 1e-9  # norm of the search direction [body sizes] at which a posture is solved
@@ -30,20 +30,12 @@ class Postures:
     Attributes:
         positions: (frames, points, 3) [target file units], turned as the rotation copy and with its centroid.
         stress: (frames,), sigma [body sizes squared].
-        iterations, evaluations: (frames,), what the solver spent.
-        reasons: (frames,), a `spg.Reason` each.
+        effort: what the solver took.
     """
 
     positions: NDArray[np.float64]
     stress: NDArray[np.float64]
-    iterations: NDArray[np.int64]
-    evaluations: NDArray[np.int64]
-    reasons: NDArray[np.int64]
-
-    @property
-    def unsolved(self) -> NDArray[np.intp]:
-        """The frames that did not converge."""
-        return np.flatnonzero(self.reasons != Reason.CONVERGED)
+    effort: Effort
 
 
 class _Pairs(NamedTuple):
@@ -79,10 +71,7 @@ def _solve(source, copy, x, ratio, pi, solved, figures):  # type: ignore[no-unty
         target_distances(source[t], ratio, problem.delta)
         minimum = _minimise(x, problem, TOLERANCE, ITERATIONS)
         solved[t] = x
-        figures[0, t] = minimum.value
-        figures[1, t] = minimum.iterations
-        figures[2, t] = minimum.evaluations
-        figures[3, t] = minimum.reason
+        record(minimum, figures, t)
 
 
 def solve_postures(
@@ -109,8 +98,7 @@ def solve_postures(
         _solve(S[block], C[block], x, problem.ratio, problem.priorities, X[block], figures[:, block])
         progress(len(C[block]))
     positions = aligned(X.transpose(0, 2, 1), C.transpose(0, 2, 1)) * problem.body_size + centroids
-    counts = figures[1:].astype(np.int64)
-    return Postures(positions, figures[0], *counts)
+    return Postures(positions, figures[0], Effort(*figures[1:].astype(np.int64)))
 
 
 def posture_stress(problem: DistanceProblem, source: NDArray[np.float64], result: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -4,21 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
-from distretarget.articulation import swing
-from distretarget.body import height
+from distretarget.articulation import parts_of, posed_motion, rigid_heads
+from distretarget.body import body_unit, height
+from distretarget.contact import solve_contact
 from distretarget.distances import DistanceProblem, distance_problem
 from distretarget.errors import MotionError
+from distretarget.footing import find_stance, no_stance, root_path
 from distretarget.footing import root_scale as leg_ratio
 from distretarget.matching import match
 from distretarget.motion import Motion
+from distretarget.paper import solve_paper
 from distretarget.points import Postures, posture_stress, solve_postures
 from distretarget.rotation_copy import rotation_copy
 from distretarget.skeleton import Skeleton
+from distretarget.spg import Effort
+from distretarget.swing import swing
+
+Objective = Literal["contact", "paper"]
+OBJECTIVES: tuple[Objective, ...] = ("contact", "paper")
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,19 +37,24 @@ class RetargetResult:
     Attributes:
         motion: on the target, with the source's frames and frame time.
         copy: the rotation copy, the baseline.
-        postures: the solved points and what the solver says of each frame.
+        drivers: (target joints,), the source joint that drives each target joint, -1 for none.
         root_scale: target units per source unit of the root's path.
-        copy_stress, free_stress, written_stress: (frames,), Eq. (2) divided by the squared height of the target's
-            rest pose, of the rotation copy, the solved points and `motion`.
+        effort: what the solver took for each frame.
+        postures: the paper's solved points; None for the contact objective, which needs none.
+        copy_stress, written_stress: (frames,), Eq. (2) divided by the squared height of the target's rest pose, of the
+            rotation copy and of `motion`.
+        free_stress: (frames,), the same of the solved points; None without them.
     """
 
     motion: Motion
     copy: Motion
-    postures: Postures
+    drivers: NDArray[np.intp]
     root_scale: float
+    effort: Effort
+    postures: Postures | None
     copy_stress: NDArray[np.float64]
-    free_stress: NDArray[np.float64]
     written_stress: NDArray[np.float64]
+    free_stress: NDArray[np.float64] | None
 
     def __repr__(self) -> str:
         return f"<RetargetResult of {len(self.motion)} frames, mean stress {self.written_stress.mean():.3g}>"
@@ -50,18 +64,20 @@ def retarget(
     source: Motion,
     target: Skeleton,
     *,
+    objective: Objective = "contact",
+    hold_feet: bool = True,
     joint_map: Mapping[str, str] | None = None,
     root_scale: float | None = None,
     progress: Callable[[int], Any] = lambda frames: None,
 ) -> RetargetResult:
-    """Carry a motion over to another body by its normalised joint distances.
-
-    Mucherino, Goncalves, Bernardin, Hoyet, Multon, "A Distance-Based Approach for Human Posture Simulations",
-    FedCSIS 2017: solve each frame's points, then turn the target's bones towards them.
+    """Carry a motion over to another body.
 
     Args:
         source: the motion to carry over.
         target: the body to carry it to; its joints have the names of the source's, or `joint_map` says which.
+        objective: "contact" keeps what is near near and the rest as it was; "paper" minimises Eq. (2) of Mucherino,
+            Goncalves, Bernardin, Hoyet, Multon, "A Distance-Based Approach for Human Posture Simulations", FedCSIS 2017.
+        hold_feet: whether feet at rest stay where they belong; the paper's objective has no such term.
         joint_map: source key for target keys whose names differ.
         root_scale: target units per source unit of the root's path; the ratio of leg lengths if not given.
         progress: called with numbers of frames as they are solved.
@@ -70,26 +86,55 @@ def retarget(
         MatchingError: the source lacks joints of the target.
         MotionError: the source has no frames, or positions too large to compute with, or a body has no extent.
     """
-    skeleton = source.rigid_skeleton
     _check(source, target)
+    skeleton = source.rigid_skeleton
     drivers = match(skeleton, target, joint_map)
     scale = leg_ratio(skeleton, target, drivers) if root_scale is None else root_scale
     copy = rotation_copy(source, target, drivers, scale * source.positions[:, drivers[0]])
     problem = distance_problem(skeleton, target, drivers)
-    postures = solve_postures(problem, source.positions, copy.positions, progress)
-    points = np.array(copy.positions)
-    points[:, problem.targets] = postures.positions
-    motion = swing(copy, points, problem.targets)
-    unit = (problem.body_size / height(target)) ** 2
+    root = root_path(source, copy, drivers, scale)
+    parts = parts_of(target, rigid_heads(copy))
+    postures = None
+    if objective == "paper":
+        postures = solve_postures(problem, source.positions, copy.positions)
+        guess = _deviations(copy, swing(copy, _with_points(copy, problem, postures), problem.targets), parts)
+        poses = solve_paper(target, parts, problem, source.positions, copy.positions, root, guess, progress)
+        unit = problem.body_size
+    else:
+        unit = body_unit(target)
+        stance = find_stance(source, target, drivers, scale) if hold_feet else no_stance(len(source))
+        poses = solve_contact(
+            target, parts, problem, source.positions, copy.positions, root, stance, source.frame_time, unit, progress
+        )
+    motion = posed_motion(copy, poses.v, parts, root + unit * poses.v[:, -1])
+    if any(0 < len(target.rotation_axes(joint)) < 3 for joint in range(len(target))):
+        motion = swing(copy, motion.positions, np.arange(1, len(target)))
+    relative = (problem.body_size / height(target)) ** 2
     return RetargetResult(
         motion,
         copy,
-        postures,
+        drivers,
         scale,
-        unit * posture_stress(problem, source.positions, copy.positions),
-        unit * postures.stress,
-        unit * posture_stress(problem, source.positions, motion.positions),
+        poses.effort,
+        postures,
+        relative * posture_stress(problem, source.positions, copy.positions),
+        relative * posture_stress(problem, source.positions, motion.positions),
+        None if postures is None else relative * postures.stress,
     )
+
+
+def _with_points(copy: Motion, problem: DistanceProblem, postures: Postures) -> NDArray[np.float64]:
+    """The copy's positions, (frames, joints, 3), with the solved points in their places."""
+    points = np.array(copy.positions)
+    points[:, problem.targets] = postures.positions
+    return points
+
+
+def _deviations(copy: Motion, motion: Motion, parts: NDArray[np.intp]) -> NDArray[np.float64]:
+    """(frames, parts + 1, 3), how far each part of a motion deviates from the copy; the root not at all."""
+    heads = np.unique(parts, return_index=True)[1]
+    turns = Rotation.from_quat(motion.world_rotations[:, heads]) * Rotation.from_quat(copy.world_rotations[:, heads]).inv()
+    return np.pad(turns.as_rotvec(), ((0, 0), (0, 1), (0, 0)))
 
 
 def _check(source: Motion, target: Skeleton) -> None:

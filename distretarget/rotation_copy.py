@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.alignment import best_rotation
-from distretarget.motion import Motion, local_rotations
+from distretarget.motion import Motion, local_rotations, rigid_motion
 from distretarget.skeleton import Skeleton
 
 
@@ -28,15 +28,6 @@ def rotation_copy(
         else:
             world[:, joint] = world[:, target.parents[joint]]
     return rigid_motion(target, root_positions, local_rotations(target, world), motion.frame_time_text)
-
-
-def rigid_motion(
-    skeleton: Skeleton, root_positions: NDArray[np.float64], rotations: NDArray[np.float64], frame_time_text: str
-) -> Motion:
-    """The motion with these local rotations, (frames, joints, 4), and root path on bones that keep their offsets."""
-    translations = np.array(np.broadcast_to(skeleton.offsets, (len(rotations), len(skeleton), 3)))
-    translations[:, 0] = root_positions
-    return Motion(skeleton, translations, rotations, frame_time_text)
 
 
 def rest_alignment(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]) -> NDArray[np.float64]:

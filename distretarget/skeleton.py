@@ -157,6 +157,10 @@ class Skeleton:
             positions[joint] += positions[self.parents[joint]]
         return positions
 
+    def rotation_axes(self, joint: int) -> str:
+        """The axes of a joint's rotation channels in file order, as "ZXY"."""
+        return "".join(channel[0] for channel in self.channels[joint] if channel in ROTATION_CHANNELS)
+
     def with_offsets(self, offsets: ArrayLike) -> Skeleton:
         """The same tree with other offsets, (joints, 3)."""
         return replace(self, offsets=np.asarray(offsets, np.float64))

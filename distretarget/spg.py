@@ -8,6 +8,7 @@ Optim. 14 (2004), doi:10.1137/S1052623403428208. It knows no skeleton: a problem
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, NamedTuple
 
@@ -43,6 +44,34 @@ class Minimum(NamedTuple):
     iterations: int
     evaluations: int
     reason: int
+
+
+@dataclass(frozen=True, eq=False)
+class Effort:
+    """What a run over many frames took.
+
+    Attributes:
+        iterations, evaluations: (frames,), what the solver spent.
+        reasons: (frames,), a `Reason` each.
+    """
+
+    iterations: NDArray[np.int64]
+    evaluations: NDArray[np.int64]
+    reasons: NDArray[np.int64]
+
+    @property
+    def unsolved(self) -> NDArray[np.intp]:
+        """The frames that did not converge."""
+        return np.flatnonzero(self.reasons != Reason.CONVERGED)
+
+
+@njit(cache=True)
+def record(minimum: Minimum, figures: NDArray[np.float64], frame: int) -> None:
+    """Write what a frame took to column `frame` of `figures`: value, iterations, evaluations, reason."""
+    figures[0, frame] = minimum.value
+    figures[1, frame] = minimum.iterations
+    figures[2, frame] = minimum.evaluations
+    figures[3, frame] = minimum.reason
 
 
 @njit(cache=True)

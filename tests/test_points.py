@@ -28,7 +28,7 @@ def test_the_same_skeleton_is_solved_at_the_start():
     motion = swaying(person())
     _, _, postures = solve(motion, motion.skeleton)
     assert postures.stress.max() < 1e-24
-    assert postures.iterations.max() == 0
+    assert postures.effort.iterations.max() == 0
     np.testing.assert_allclose(postures.positions, motion.positions, atol=1e-12)
 
 
@@ -55,7 +55,7 @@ def test_stress_agrees_with_lbfgs_from_the_same_start():
 
         start = (copy.positions[0].T / problem.body_size).ravel()
         oracle = minimize(objective, start, jac=True, method="L-BFGS-B", options={"ftol": 0, "gtol": 1e-10})
-        assert postures.reasons[0] == Reason.CONVERGED
+        assert postures.effort.reasons[0] == Reason.CONVERGED
         assert postures.stress[0] == pytest.approx(oracle.fun, rel=1e-6)
 
 
@@ -96,8 +96,8 @@ def test_a_rigid_motion_is_predicted():
     translations[:, 0] += shift
     motion = type(still)(still.skeleton, translations, np.repeat(still.rotations, frames, axis=0), "1")
     _, _, postures = solve(motion, other_lengths(person()))
-    assert postures.iterations[0] > 20
-    assert postures.iterations[1:].max() <= 5
+    assert postures.effort.iterations[0] > 20
+    assert postures.effort.iterations[1:].max() <= 5
     np.testing.assert_allclose(np.diff(postures.stress), 0, atol=1e-12)
 
 
@@ -125,9 +125,9 @@ def test_off_plane_moves_flat_postures_only():
 def test_frames_that_do_not_converge_are_listed():
     motion = swaying(person(), frames=3)
     _, _, postures = solve(motion, other_lengths(motion.skeleton))
-    assert postures.unsolved.size == 0
+    assert postures.effort.unsolved.size == 0
     reasons = np.array([0, Reason.ITERATION_LIMIT, Reason.LINE_SEARCH_FAILED])
-    np.testing.assert_array_equal(replace(postures, reasons=reasons).unsolved, [1, 2])
+    np.testing.assert_array_equal(replace(postures.effort, reasons=reasons).unsolved, [1, 2])
 
 
 def test_stress_of_the_solved_points_is_below_that_of_the_copy_and_is_what_the_solver_says():

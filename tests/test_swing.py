@@ -8,8 +8,9 @@ from bodies import other_lengths, person, swaying
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion
-from distretarget.articulation import rigid_heads, swing
+from distretarget.articulation import rigid_heads
 from distretarget.rotation_copy import rotation_copy
+from distretarget.swing import swing
 
 BODY = person()
 ALL = np.arange(len(BODY))

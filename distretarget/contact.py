@@ -1,0 +1,208 @@
+"""The contact objective: what is near stays as near, everything else keeps the rotation copy's rotations.
+
+Per frame, over the rotations of a body of exact bones and the displacement of its root, it minimises
+
+    1/2 sum over near pairs   GRIP f r^T (k I + (1 - k) e e^T) r,    r = x_u - x_v - delta_uv
+  + 1/2 sum over parts        h_j |v_j|^2
+  + 1/2 sum over stance feet  STAND s |x_f - place_f|^2
+  + 1/2                       ROOT |root - its path|^2
+
+The target of a pair is a vector, not only a distance, so that nothing changes sides:
+delta = d_copy + f (tau2 / tau1 d_source - d_copy), which at f = 1 has the length tau2 D of Eq. (1) and the source's
+direction e. f grows smoothly from 0 to 1 as the pair comes near, and a little ahead of it in time. Where nothing is near
+and no foot rests, this is the rotation copy; each frame depends on the frames around it only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from distretarget.articulation import Body, subtree_lengths, workspace
+from distretarget.body import find_legs
+from distretarget.distances import DistanceProblem
+from distretarget.footing import Stance, widened
+from distretarget.poses import Frame, Poses, Springs, needs_curvature, pose_solver, spring_energy
+from distretarget.skeleton import Skeleton
+from distretarget.spg import Effort, Minimum, record
+
+Array = NDArray[np.float64]
+
+CLOSE = 0.12  # a pair is kept fully where its D is at most this ...
+APART = 0.20  # ... and is not looked at where it is at least this; farther apart keeps more, and changes more
+FAR_ALONG = 5  # joints on the path of a pair, at least: near along the tree is no contact
+GRIP = 20.0  # how firmly a pair is kept, against the holds
+ACROSS = 0.08  # [body units] pairs nearer than this are kept in all directions, farther ones along their own
+LEAD = 0.2  # [s] a pair begins to take hold so long before it is near
+HOLD = 0.1  # how firmly parts keep to the copy's rotation
+LEAST = 0.3  # [body units] a part's bones count as at least so long
+TRUNK = 20.0  # how much firmer a part is held that carries the whole body, against one that carries nothing
+FOOT = 5.0  # how much firmer the feet are
+ROOT = 20.0  # how firmly the root keeps to its path
+STAND = 5000.0  # how firmly a resting foot keeps its place
+BLOCK = 256  # frames in memory at once
+
+
+@dataclass(frozen=True, eq=False)
+class NearPairs:
+    """The pairs that may come near, being far apart along the tree. `u`, `v`: (pairs,), points; `tau1`, `tau2`: (pairs,),
+    path lengths [source file units, body units]."""
+
+    u: NDArray[np.intp]
+    v: NDArray[np.intp]
+    tau1: Array
+    tau2: Array
+
+
+def holds(skeleton: Skeleton, parts: NDArray[np.intp], unit: float) -> Array:
+    """(parts + 1,), how firmly each part is held to the copy's rotation, and the root to its path.
+
+    In proportion to the length of its bones and, rising to `TRUNK`, to how much of the body it carries: arms give before
+    the spine does.
+    """
+    carried = subtree_lengths(skeleton)
+    longest = np.zeros(parts.max() + 1)
+    bones = np.zeros_like(longest)
+    np.add.at(bones, parts[skeleton.parents[1:]], skeleton.lengths[1:] / unit)
+    np.maximum.at(longest, parts[skeleton.parents[1:]], carried[skeleton.parents[1:]] / carried[0])
+    firm = HOLD * (bones + LEAST) * (1.0 + TRUNK * longest)
+    feet = {joint for leg in find_legs(skeleton) or () for joint in (leg.ankle, leg.toe) if skeleton.children[joint]}
+    firm[parts[sorted(feet)]] *= FOOT
+    return np.append(firm, ROOT)
+
+
+def near_pairs(problem: DistanceProblem, unit: float) -> NearPairs:
+    """All pairs of points with at least `FAR_ALONG` joints on their path."""
+    u, v = np.triu_indices(len(problem), 1)
+    far = (problem.sizes[u, v] >= FAR_ALONG) & (problem.tau1[u, v] > 0)
+    u, v = u[far], v[far]
+    return NearPairs(u, v, problem.tau1[u, v], problem.tau2[u, v] / unit)
+
+
+def grips(D: Array, lead: float) -> Array:
+    """f: (frames, pairs), from normalised distances: 1 up to `CLOSE`, 0 from `APART` on, smooth in between, and widened
+    in time by `lead` frames."""
+    t = np.clip((APART - D) / (APART - CLOSE), 0.0, 1.0)
+    return widened(t**3 * (t * (6.0 * t - 15.0) + 10.0), lead)
+
+
+def pair_springs(
+    pairs: NearPairs, problem: DistanceProblem, source: Array, copy: Array, block: slice, lead: float
+) -> Springs:
+    """The springs of the near pairs in a block of frames; arrays have the frames in front.
+
+    `source`, (frames, points, 3), is the source's points [file units], `copy` the copy's [body units], of the whole clip.
+    """
+    margin = 2 * round(lead)
+    first, last = max(block.start - margin, 0), min(block.stop + margin, len(source))
+    seen = source[first:last]
+    D = np.linalg.norm(seen[:, pairs.u] - seen[:, pairs.v], axis=-1) / pairs.tau1
+    on = np.flatnonzero((D < APART).any(axis=0))
+    u, v = pairs.u[on], pairs.v[on]
+    f = grips(D[:, on], lead)[block.start - first : block.stop - first]
+    d_source = (source[block][:, u] - source[block][:, v]) * (pairs.tau2[on] / pairs.tau1[on])[:, None]
+    d_copy = copy[block][:, u] - copy[block][:, v]
+    delta = d_copy + f[..., None] * (d_source - d_copy)
+    length = np.linalg.norm(d_source, axis=-1)
+    e = d_source / np.maximum(length, 1e-12)[..., None]
+    k = ACROSS**2 / (ACROSS**2 + length**2)
+    return Springs(problem.targets[u], problem.targets[v], delta, e, GRIP * _shared(f, u, v, len(problem)), k)
+
+
+def _shared(f: Array, u: NDArray[np.intp], v: NDArray[np.intp], points: int) -> Array:
+    """The grips divided by the square root of the sums of both points' grips, so that a cluster of points that comes
+    near another counts once."""
+    sums = np.zeros((points, len(f)))
+    np.add.at(sums, u, f.T)
+    np.add.at(sums, v, f.T)
+    return f / np.sqrt(np.maximum(sums[u] * sums[v], 1e-12)).T
+
+
+def _foot_springs(stance: Stance, block: slice, unit: float) -> Springs:
+    """The springs that keep resting feet in their places."""
+    weights = STAND * stance.weights[block]
+    ground = np.full(len(stance.joints), -1)
+    places = stance.places[block] / unit
+    return Springs(stance.joints, ground, places, np.zeros_like(places), weights, np.ones_like(weights))
+
+
+def _joined(one: Springs, other: Springs) -> Springs:
+    """Both, along the axis of springs."""
+    lists = [np.concatenate([a, b], axis=min(np.ndim(a) - 1, 1)) for a, b in zip(one, other, strict=True)]
+    return Springs(*lists)
+
+
+@njit(cache=True)
+def _same(work, springs):  # type: ignore[no-untyped-def] # noqa: ARG001
+    return springs
+
+
+_solve_pose = pose_solver(spring_energy, _same)
+
+
+@njit(cache=True, error_model="numpy")
+def _solve(body, bones, root, springs, v, first, figures):  # type: ignore[no-untyped-def]
+    """Solve the frames from `first` on, each from the best of: the copy, the pose before, the two before continued."""
+    joints, parts = len(body.parents), len(body.holds) - 1
+    work = workspace(joints, parts)
+    n = 3 * (parts + 1)
+    U, scratch = np.zeros((n, n)), np.zeros((parts + 1, 3))
+    starts = np.zeros((3, parts + 1, 3))
+    last = Minimum(0.0, 0, 0, 0)
+    for t in range(len(bones)):
+        at = first + t
+        count = min(at, 2) + 1
+        if at > 0:
+            starts[1] = v[at - 1]
+        if at > 1:
+            starts[2] = 2.0 * v[at - 1] - v[at - 2]
+        frame = Frame(bones[t], root[t], U, scratch)
+        now = Springs(springs.a, springs.b, springs.rest[t], springs.e[t], springs.w[t], springs.k[t])
+        last = _solve_pose(starts, count, body, work, frame, now, needs_curvature(t, last), v[at])
+        record(last, figures, at)
+
+
+def solve_contact(
+    skeleton: Skeleton,
+    parts: NDArray[np.intp],
+    problem: DistanceProblem,
+    source: Array,
+    copy: Array,
+    root: Array,
+    stance: Stance,
+    frame_time: float,
+    unit: float,
+    progress: Callable[[int], Any] = lambda frames: None,
+) -> Poses:
+    """Minimise the contact objective in every frame.
+
+    Args:
+        skeleton: of the target.
+        parts: (joints,), its rigid parts.
+        problem: the points that source and target share.
+        source: (frames, source joints, 3), positions [source file units].
+        copy: (frames, joints, 3), positions of the rotation copy [target file units].
+        root: (frames, 3), the root's path [target file units].
+        stance: the feet at rest.
+        frame_time: [s].
+        unit: target file units in one body unit.
+        progress: called with numbers of frames as they are done.
+    """
+    body = Body(skeleton.parents, parts, holds(skeleton, parts, unit))
+    pairs = near_pairs(problem, unit)
+    bones = copy - copy[:, skeleton.parents]
+    shared = copy[:, problem.targets] / unit
+    v = np.zeros((len(copy), len(body.holds), 3))
+    figures = np.zeros((4, len(copy)))
+    for start in range(0, len(copy), BLOCK):
+        block = slice(start, min(start + BLOCK, len(copy)))
+        springs = pair_springs(pairs, problem, source[:, problem.sources], shared, block, LEAD / frame_time)
+        springs = _joined(springs, _foot_springs(stance, block, unit))
+        _solve(body, bones[block] / unit, root[block] / unit, springs, v, start, figures)
+        progress(block.stop - start)
+    return Poses(v, Effort(*figures[1:].astype(np.int64)))

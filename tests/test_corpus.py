@@ -1,0 +1,98 @@
+"""Whole clips, from file to file: the samples, and real files of many makers where they are at hand."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bodies import CORPUS, SAMPLES, needs_corpus
+
+from distretarget import DistretargetError, Motion, read_bvh, retarget, write_bvh
+from distretarget.body import height
+from distretarget.rotation_copy import rigid_motion
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "benchmarks"))
+from edits import ARMS_AND_LEGS, edited
+
+REFUSED = {
+    "odd_declared_less.bvh": "20 whole frames of 51 numbers",
+    "odd_declared_more.bvh": "20 whole frames of 51 numbers",
+    "odd_frame_time_zero.bvh": "a number above 0",
+    "odd_frames_0.bvh": "no frames",
+    "odd_last_row_short.bvh": "19 whole frames of 51 numbers and 46 numbers over",
+    "odd_nan_value.bvh": "'nan'",
+    "odd_two_roots.bvh": "second ROOT",
+}
+SAMPLE_FILES = sorted(SAMPLES.glob("*.bvh"))
+CORPUS_FILES = sorted(CORPUS.rglob("*.bvh")) if CORPUS.is_dir() else []
+
+
+def files(paths):
+    return pytest.mark.parametrize("path", paths, ids=lambda path: f"{path.parent.name}/{path.name}")
+
+
+clips = files([*SAMPLE_FILES, *(path for path in CORPUS_FILES if path.name not in REFUSED)])
+
+
+def read_rigid(path):
+    """The motion of a file, on bones that do not stretch."""
+    motion = read_bvh(path)
+    rigid = rigid_motion(
+        motion.rigid_skeleton, motion.root_positions, motion.rotations, motion.frame_time_text
+    )
+    stretch = np.abs(rigid.positions - motion.positions).max() / height(motion.rigid_skeleton)
+    if stretch > 1e-9:
+        pytest.skip(f"the bones stretch: joints are up to {stretch:.1e} heights off those of a rigid body")
+    return rigid
+
+
+def through_a_file(motion: Motion, folder: Path) -> Motion:
+    write_bvh(folder / "out.bvh", motion)
+    return read_bvh(folder / "out.bvh")
+
+
+def assert_near(positions, expected, skeleton):
+    """Equal to 1e-5 of the body's height."""
+    np.testing.assert_allclose(positions, expected, rtol=0, atol=1e-5 * height(skeleton))
+
+
+@clips
+def test_the_same_body_gives_the_same_positions(path, tmp_path):
+    source = read_rigid(path)
+    written = through_a_file(retarget(source, source.skeleton).motion, tmp_path)
+    assert written.frame_time_text == source.frame_time_text
+    assert_near(written.positions, source.positions, source.skeleton)
+
+
+@clips
+def test_a_scaled_body_gives_scaled_positions(path, tmp_path):
+    source = read_rigid(path)
+    target = source.skeleton.with_offsets(0.37 * source.skeleton.offsets)
+    written = through_a_file(retarget(source, target).motion, tmp_path)
+    assert_near(written.positions, 0.37 * source.positions, target)
+
+
+@clips
+def test_written_bones_are_the_targets(path, tmp_path):
+    source = read_bvh(path)
+    target = edited(source.rigid_skeleton, ARMS_AND_LEGS)
+    written = through_a_file(retarget(source, target).motion, tmp_path)
+    bones = written.positions[:, 1:] - written.positions[:, written.skeleton.parents[1:]]
+    lengths = dict(zip(target.keys, target.lengths, strict=True))
+    expected = np.array([lengths[key] for key in written.skeleton.keys[1:]])
+    expected = np.broadcast_to(expected, bones.shape[:2])
+    np.testing.assert_allclose(np.linalg.norm(bones, axis=-1), expected, rtol=1e-6)
+
+
+@files([path for path in CORPUS_FILES if path.name in REFUSED])
+def test_refusals(path):
+    with pytest.raises(DistretargetError) as caught:
+        retarget(motion := read_bvh(path), motion.rigid_skeleton)
+    assert REFUSED[path.name] in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@needs_corpus
+def test_the_corpus_is_whole():
+    assert len(CORPUS_FILES) == 96
+    assert {path.name for path in CORPUS_FILES} > set(REFUSED)

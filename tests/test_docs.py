@@ -1,0 +1,67 @@
+"""The manual: the reference is up to date, links lead somewhere, and every example runs."""
+
+import re
+import shlex
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+from bodies import SAMPLES
+from click.testing import CliRunner
+
+from distretarget.cli import cli
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
+from make_reference import PAGE, reference
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
+WITH_EXAMPLES = [page for page in PAGES if page.name != "CONTRIBUTING.md"]
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+PROGRAM = re.compile(r"(?:^|\.venv/bin/)distretarget (.+)$")
+
+
+def each(pages):
+    return pytest.mark.parametrize("page", pages, ids=lambda page: page.name)
+
+
+def run_line(line):
+    """Run what a line of shell asks of the program; a line that asks for the tests is one of the checks."""
+    found = PROGRAM.search(line)
+    if not found:
+        assert line in (ROOT / ".ci" / "run").read_text().splitlines()
+        return
+    done = CliRunner().invoke(cli, shlex.split(found[1]))
+    assert done.exit_code == 0, f"{line}: {done.exception or done.output}"
+
+
+def run_block(language, text, names):
+    if language == "sh":
+        for line in text.splitlines():
+            run_line(line)
+    elif language == "python":
+        exec(compile(text, "example", "exec"), names)
+
+
+def test_the_reference_is_up_to_date():
+    assert PAGE.read_text("utf-8") == reference(), "run tools/make_reference.py"
+
+
+@each(WITH_EXAMPLES)
+def test_every_example_runs(page, tmp_path, monkeypatch):
+    shutil.copytree(SAMPLES, tmp_path / SAMPLES.name)
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    for language, text in BLOCK.findall(page.read_text("utf-8")):
+        run_block(language, text, names)
+
+
+@each(PAGES)
+def test_links_lead_to_files(page):
+    for link in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text("utf-8")):
+        assert link.startswith("https://") or (page.parent / link).exists(), link
+
+
+def test_the_front_page_is_short():
+    assert len((ROOT / "README.md").read_text().splitlines()) <= 100

@@ -1,0 +1,70 @@
+"""Written files mean the same to other readers: bvhio and pybvh."""
+
+import sys
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bodies import CORPUS, SAMPLES, needs_corpus
+
+from distretarget import read_bvh, retarget, write_bvh
+from distretarget.body import height
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "benchmarks"))
+from edits import ARMS_AND_LEGS, edited
+
+CLIPS = (
+    "animated_drawings/dab",
+    "animated_drawings/jesse_dance",
+    "bvhio/example",
+    "cmu_daz/05_03",
+    "cmu_mb/12_01",
+    "makehuman/walk1",
+    "pybvh/bvh_test2",
+    "synthetic_odd/odd_order_yxz",
+)
+
+clips = pytest.mark.parametrize(
+    "path",
+    [pytest.param(path, id=path.stem) for path in sorted(SAMPLES.glob("*.bvh"))]
+    + [pytest.param(CORPUS / f"{clip}.bvh", id=clip, marks=needs_corpus) for clip in CLIPS],
+)
+
+
+def written(path, frames, folder):
+    """A clip on another body: the file, and its first frames as this package reads them."""
+    source = read_bvh(path)
+    start = replace(source, translations=source.translations[:frames], rotations=source.rotations[:frames])
+    result = retarget(start, edited(source.rigid_skeleton, ARMS_AND_LEGS))
+    write_bvh(folder / "out.bvh", result.motion)
+    return folder / "out.bvh", read_bvh(folder / "out.bvh")
+
+
+@clips
+def test_bvhio(path, tmp_path):
+    import bvhio
+
+    file, motion = written(path, 4, tmp_path)
+    root = bvhio.readAsHierarchy(str(file))
+    joints = np.flatnonzero(~motion.skeleton.end_sites)
+    for frame in range(len(motion)):
+        root.loadPose(frame)
+        theirs = {joint.Name: joint.PositionWorld.to_tuple() for joint, _, _ in root.layout()}
+        expected = [theirs[motion.skeleton.names[joint]] for joint in joints]
+        atol = 1e-4 * height(motion.skeleton)
+        np.testing.assert_allclose(motion.positions[frame, joints], expected, rtol=0, atol=atol)
+
+
+@clips
+def test_pybvh(path, tmp_path):
+    import pybvh
+
+    file, motion = written(path, 100, tmp_path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # it guesses which way is up, and says so
+        theirs = pybvh.read_bvh_file(file)
+    np.testing.assert_allclose(
+        motion.positions, theirs.node_positions(), rtol=0, atol=1e-6 * height(motion.skeleton)
+    )

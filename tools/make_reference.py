@@ -1,0 +1,59 @@
+"""Write `docs/command_line.md`: the help text of every command.
+
+python tools/make_reference.py
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+
+from distretarget.cli import cli
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "command_line.md"
+WIDTH = 100
+
+INTRODUCTION = """\
+# The command line
+
+Written by `tools/make_reference.py` from the help texts of the program; each stands there under `--help` too.
+
+| exit status | |
+|---|---|
+| 0 | done |
+| 1 | failed: one line on standard error says why, with the file and the place in it |
+| 2 | wrong usage: an option or argument that is missing or unknown |
+| 130 | interrupted |
+
+Results go to standard output, errors and warnings to standard error. On a terminal a bar counts the frames;
+elsewhere there is none. A file that exists is replaced with `--overwrite` only, an input never. Files are
+written beside their place and moved there when they are complete.
+"""
+
+
+def contexts(
+    command: click.Command, name: str, parent: click.Context | None = None
+) -> Iterator[click.Context]:
+    """A command and all commands below it, each in its context."""
+    context = click.Context(
+        command, parent, name, terminal_width=WIDTH, max_content_width=WIDTH, **command.context_settings
+    )
+    yield context
+    if isinstance(command, click.Group):
+        for below in command.list_commands(context):
+            yield from contexts(command.commands[below], below, context)
+
+
+def reference() -> str:
+    """The text of the page."""
+    sections = [
+        f"## {context.command_path}\n\n```text\n{context.get_help().rstrip()}\n```\n"
+        for context in contexts(cli, "distretarget")
+    ]
+    return "\n".join([INTRODUCTION, *sections])
+
+
+if __name__ == "__main__":
+    PAGE.write_text(reference(), encoding="utf-8", newline="\n")
