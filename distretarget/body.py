@@ -15,7 +15,8 @@ from distretarget.skeleton import Skeleton
 
 LIKENESS = 0.15  # the two legs differ by at most this part of their length, summed over the bones
 LIMB = 0.4  # a leg is at least this part of the longest pair of limbs
-ANKLE_BEND = np.radians(30)  # the foot leaves the shin of the rest pose at a larger angle
+BEND = np.radians(30)  # thigh and hip, foot and shin of most rest poses meet at a larger angle
+HIP, KNEE = 0.3, 0.6  # of a leg's chain: the hip joint is above the one, the ankle below the other
 
 
 @dataclass(frozen=True)
@@ -81,21 +82,22 @@ def _length(skeleton: Skeleton, chain: list[int]) -> float:
 
 
 def _leg(skeleton: Skeleton, chain: list[int]) -> Leg:
-    """The leg in a chain: from its first long bone to the bend of the ankle, or to the end of its last long bone
-    where the rest pose does not bend."""
+    """The leg in a chain: from the bend at the hip to the bend at the ankle, or where the rest pose does not bend there,
+    from the start of the first long bone to the end of the last."""
     lengths = skeleton.lengths[chain]
+    along = np.cumsum(lengths) / max(lengths.sum(), 1e-300)
     long = np.flatnonzero(2 * lengths[1:] >= lengths[1:].max(initial=0.0)) + 1
     if not len(long):
         return Leg(chain[0], chain[-1], chain[-1])
-    first = long[0] - 1
-    bent = [k for k in range(first + 2, len(chain) - 1) if _bends(skeleton, chain, k)]
-    last = min([k for k in bent if lengths[first + 1 : k + 1].sum() > 0.5 * lengths[first + 1 :].sum()] or [long[-1]])
+    bent = [k for k in range(1, len(chain) - 1) if _bends(skeleton, chain, k)]
+    first = max([k for k in bent if along[k] < HIP], default=long[0] - 1)
+    last = min([k for k in bent if along[k] > KNEE], default=long[-1])
     return Leg(chain[first], chain[last], chain[min(last + 1, len(chain) - 1)])
 
 
 def _bends(skeleton: Skeleton, chain: list[int], k: int) -> bool:
     a, b = skeleton.offsets[chain[k]], skeleton.offsets[chain[k + 1]]
-    return bool(a @ b < np.cos(ANKLE_BEND) * np.linalg.norm(a) * np.linalg.norm(b))
+    return bool(a @ b < np.cos(BEND) * np.linalg.norm(a) * np.linalg.norm(b))
 
 
 def shared_legs(

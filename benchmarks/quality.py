@@ -1,0 +1,250 @@
+"""Every figure of quality for rotation copy, paper and contact, over the samples and a folder of real clips.
+
+    python benchmarks/quality.py CORPUS [--markdown FILE] [--clips GLOB] [--methods contact] [--frames N]
+
+CORPUS is a folder with the real clips named in `CLIPS`; those that are absent are left out and said. Figures are defined
+in docs/results.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from fnmatch import fnmatch
+from functools import partial
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+from edits import TARGETS, edited, part_of
+from numpy.typing import NDArray
+
+from distretarget import Motion, read_bvh, retarget
+from distretarget.body import find_legs
+from distretarget.metrics import compare
+
+SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"
+CLIPS = [
+    *(f"cmu_mb/{clip}.bvh" for clip in ("02_01", "02_05", "02_10", "05_03", "05_12", "12_01")),
+    *(f"cmu_daz/{clip}.bvh" for clip in ("05_03", "13_11", "14_04", "14_30")),
+    *(f"animated_drawings/{clip}.bvh" for clip in ("jesse_dance", "zombie")),
+]
+METHODS = ("rotation copy", "paper", "contact")
+NEAR = 0.15
+SMALL = 0.002  # contact errors below this [D] are as good as none
+NO_CONTACT = ("walk.bvh", "02_01.bvh")  # clips in which no hand comes near anything
+
+
+@dataclass(frozen=True)
+class Row:
+    """One clip on one target by one method."""
+
+    clip: str
+    target: str
+    method: str
+    figures: dict[str, float]
+
+    @property
+    def captured(self) -> bool:
+        """Whether the clip is of a real person."""
+        return "/" in self.clip
+
+
+def measure(folder: Path, clip: str, target: str, methods: tuple[str, ...], frames: int | None) -> list[Row]:
+    """The rows of a clip on a target."""
+    source = read_bvh((folder if "/" in clip else SAMPLES) / clip)
+    if frames:
+        source = replace(source, translations=source.translations[:frames], rotations=source.rotations[:frames])
+    body = edited(source.rigid_skeleton, TARGETS[target])
+    rows = []
+    for method in methods:
+        result = retarget(source, body, objective="paper" if method == "paper" else "contact")
+        if not rows:
+            rows.append(Row(clip, target, "rotation copy", _figures(source, result.copy, result.drivers)))
+        figures = _figures(source, result.motion, result.drivers)
+        figures["written_stress"] = float(result.written_stress.mean())
+        figures["copy_stress"] = float(result.copy_stress.mean())
+        if result.free_stress is not None:
+            figures["free_stress"] = float(result.free_stress.mean())
+        figures["unsolved"] = float(len(result.effort.unsolved))
+        rows.append(Row(clip, target, method, figures))
+    return rows
+
+
+def _figures(source: Motion, result: Motion, drivers: NDArray[np.intp]) -> dict[str, float]:
+    comparison = compare(source, result, drivers)
+    figures = comparison.means()
+    figures["contacts"] = float(comparison.contacts.sum())
+    figures["turn"] *= 1.0 / (60.0 * source.frame_time)
+    wrists = [j for j, name in enumerate(result.skeleton.names) if part_of(name) == "forearm"]
+    hips = [leg.hip for leg in find_legs(result.skeleton) or ()]
+    heads = [j for j, name in enumerate(result.skeleton.names) if name.lower() == "head"]
+    figures["hand_hip"] = _gap(source, result, drivers, wrists, hips)
+    figures["hand_head"] = _gap(source, result, drivers, wrists, heads)
+    figures["wrist_gap"] = _wrist_gap(result, wrists)
+    return figures
+
+
+def _gap(
+    source: Motion, result: Motion, drivers: NDArray[np.intp], ones: Iterable[int], others: Iterable[int]
+) -> float:
+    """Mean D of the result over mean D of the source, over the frames and pairs in which the source's is near; nan where
+    none is."""
+    ours, theirs = [], []
+    for a, b in product(ones, others):
+        D = _distance(source, int(drivers[a]), int(drivers[b]))
+        theirs.append(D[D < NEAR])
+        ours.append(_distance(result, a, b)[D < NEAR])
+    total = np.concatenate(theirs).sum() if theirs else 0.0
+    return float(np.concatenate(ours).sum() / total) if total else float("nan")
+
+
+def _distance(motion: Motion, a: int, b: int) -> NDArray[np.float64]:
+    apart = np.linalg.norm(motion.positions[:, a] - motion.positions[:, b], axis=-1)
+    return np.asarray(apart / motion.rigid_skeleton.path_lengths[a, b])
+
+
+def _wrist_gap(motion: Motion, wrists: list[int]) -> float:
+    """The least distance between the wrists, in % of the arm."""
+    if len(wrists) != 2:
+        return float("nan")
+    arm = sum(motion.skeleton.lengths[[wrist, motion.skeleton.parents[wrist]]].sum() for wrist in wrists) / 2
+    return float(100 * np.linalg.norm(np.diff(motion.positions[:, wrists], axis=1), axis=-1).min() / arm)
+
+
+def run(folder: Path, clips: list[str], methods: tuple[str, ...], frames: int | None, jobs: int = 2) -> list[Row]:
+    """All rows, a process per core, with a line of progress for each clip."""
+    tasks = list(product(clips, TARGETS))
+    measured = partial(_measure_task, folder, methods, frames)
+    with ProcessPoolExecutor(jobs) as pool:
+        return [row for rows in pool.map(measured, tasks) for row in rows]
+
+
+def _measure_task(folder: Path, methods: tuple[str, ...], frames: int | None, task: tuple[str, str]) -> list[Row]:
+    return measure(folder, *task, methods, frames)
+
+
+@dataclass(frozen=True)
+class Summary:
+    """The figures of one method over all clips and targets."""
+
+    rows: list[Row]
+    copies: list[Row]
+
+    def all(self, name: str, rows: list[Row] | None = None) -> NDArray[np.float64]:
+        """A figure of all rows that have it."""
+        return np.array([row.figures.get(name, np.nan) for row in (self.rows if rows is None else rows)])
+
+    def lines(self) -> Iterator[tuple[str, str]]:
+        """Names and values of the figures, as text."""
+        error, copied, pairs = self.all("contact_error"), self.all("contact_error", self.copies), self.all("contacts")
+        worse = [
+            f"{row.clip} on {row.target}"
+            for row, ours, theirs in zip(self.rows, error, copied, strict=True)
+            if ours > max(theirs, SMALL)
+        ]
+        yield "contact error, pooled over pairs, against rotation copy's", f"{(error @ pairs) / (copied @ pairs):.3f}"
+        yield "contact error, mean over clips, against rotation copy's", f"{error.mean() / copied.mean():.3f}"
+        yield "runs with more contact error than rotation copy and over 0.002", f"{len(worse)}: {'; '.join(worse)}"
+        yield "clap on long forearms, wrist gap, % of arm", _one(self._pick("wrist_gap", "clap.bvh", "forearm"))
+        yield "hands on hips, gap against source's, largest", _one(self._pick("hand_hip", "hands_on_hips.bvh").max())
+        yield "hand to hip, gap against source's, mean", _one(np.nanmean(self.all("hand_hip")))
+        yield "hand to head, gap against source's, mean", _one(np.nanmean(self.all("hand_head")))
+        yield "direction error, mean, degrees", _one(self.all("direction_error").mean())
+        yield "direction error, 99th percentile, mean / largest", _two(self.all("direction_error_p99"))
+        still = [row for row in self.rows if row.clip.endswith(NO_CONTACT)]
+        yield "direction error on clips without hand contacts", _one(self.all("direction_error", still).mean())
+        yield "bone error, largest", f"{self.all('bone_error').max():.1e}"
+        slide, source = self.all("slide").mean(), self.all("source_slide").mean()
+        yield "slide in stance, leg lengths/s (source's)", f"{slide:.4f} ({source:.4f}), ratio {slide / source:.3f}"
+        off = np.abs(self.all("foot_height") - self.all("source_foot_height"))
+        yield "foot height in stance off the source's, % of leg, mean / largest", _two(off)
+        jerk = self.all("jerk") / self.all("jerk", self.copies)
+        captured = np.array([row.captured for row in self.rows])
+        for name, rows in (("captured clips", captured), ("samples", ~captured)):
+            if rows.any():
+                yield f"jerk against rotation copy's, {name}, mean / largest", _two(jerk[rows])
+        yield "turn beyond the source's from frame to frame at 60 fps, largest, degrees", _one(self.all("turn").max())
+        if "free_stress" in self.rows[0].figures:
+            ratio = self.all("written_stress") / self.all("free_stress")
+            yield "written stress / free stress, mean / largest", _two(ratio)
+            yield "written stress / rotation copy's, largest", _one(
+                (self.all("written_stress") / self.all("copy_stress")).max()
+            )
+        if "unsolved" in self.rows[0].figures:
+            yield "frames that did not converge", f"{self.all('unsolved').sum():.0f}"
+
+    def _pick(self, name: str, clip: str, target: str = "") -> NDArray[np.float64]:
+        return self.all(name, [row for row in self.rows if row.clip == clip and row.target.startswith(target)])
+
+
+def _one(value: NDArray[np.float64] | float) -> str:
+    return f"{float(np.squeeze(value)):.2f}"
+
+
+def _two(values: NDArray[np.float64]) -> str:
+    return f"{values.mean():.2f} / {values.max():.2f}"
+
+
+def summaries(rows: list[Row]) -> dict[str, Summary]:
+    """A summary for each method."""
+    by_method = {method: [row for row in rows if row.method == method] for method in METHODS}
+    return {method: Summary(own, by_method["rotation copy"]) for method, own in by_method.items() if own}
+
+
+def markdown(rows: list[Row]) -> str:
+    """The summary as a table, and below it one with a line for each clip and target."""
+    columns = {method: dict(summary.lines()) for method, summary in summaries(rows).items()}
+    names = list(dict.fromkeys(name for column in columns.values() for name in column))
+    lines = [f"| figure | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
+    lines += [f"| {name} | {' | '.join(column.get(name, '-') for column in columns.values())} |" for name in names]
+    methods = list(columns)
+    lines += ["", f"Contact error (D) and direction error (degrees), {' / '.join(methods)}:", ""]
+    lines += ["| clip | target | contact pairs | contact error | direction error | jerk against rotation copy's |"]
+    lines += ["|---|---|---|---|---|---|"]
+    for first in range(0, len(rows), len(methods)):
+        lines.append(_line(rows[first : first + len(methods)]))
+    return "\n".join(lines) + "\n"
+
+
+def _line(group: list[Row]) -> str:
+    def cells(name: str, digits: int) -> str:
+        return " / ".join(f"{row.figures[name]:.{digits}f}" for row in group)
+
+    copy = group[0]
+    jerk = " / ".join(f"{row.figures['jerk'] / copy.figures['jerk']:.2f}" for row in group)
+    pairs = f"{copy.figures['contacts']:.0f}"
+    return f"| {copy.clip} | {copy.target} | {pairs} | {cells('contact_error', 4)} | {cells('direction_error', 1)} | {jerk} |"
+
+
+def main() -> None:
+    """Measure, print, and write the tables where asked."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("corpus", type=Path)
+    parser.add_argument("--markdown", type=Path, help="write the tables to this file")
+    parser.add_argument("--clips", default="*", help="only clips whose names match")
+    parser.add_argument("--methods", default="paper,contact", help="paper, contact or both")
+    parser.add_argument("--frames", type=int, help="only the first frames of each clip")
+    arguments = parser.parse_args()
+    clips = [clip for clip in [*sorted(p.name for p in SAMPLES.glob("*.bvh")), *CLIPS] if fnmatch(clip, arguments.clips)]
+    absent = [clip for clip in clips if "/" in clip and not (arguments.corpus / clip).is_file()]
+    if absent:
+        print("left out, not in the corpus:", *absent)
+    rows = run(
+        arguments.corpus,
+        [clip for clip in clips if clip not in absent],
+        tuple(arguments.methods.split(",")),
+        arguments.frames,
+    )
+    for method, summary in summaries(rows).items():
+        print(f"\n{method}")
+        for name, value in summary.lines():
+            print(f"  {name:72s} {value}")
+    if arguments.markdown:
+        arguments.markdown.write_text(markdown(rows))
+
+
+if __name__ == "__main__":
+    main()
