@@ -18,6 +18,8 @@ SLOW = 0.35  # a foot at rest is slower than this [leg lengths / s] ...
 LOW = 0.1  # ... and no more than this [leg lengths] above the lowest joint of the body
 BLEND = 0.08  # [s] over which a foot is caught, and let go
 
+PITCH = (0.5, 4.0 / 3.0)  # the least and the most by which the sine of a flat foot's pitch is scaled
+
 
 @dataclass(frozen=True, eq=False)
 class Stance:
@@ -110,12 +112,19 @@ def widened(values: Array, frames: float) -> Array:
 
 
 def _places(source: Motion, leg: Leg, up: Array, scale: float, bone: float) -> list[Array]:
-    """Where ankle and toe belong, (frames, 3) each, a foot's bone of the given length apart."""
+    """Where ankle and toe belong, (frames, 3) each, a foot's bone of the given length apart.
+
+    The sine of the foot's pitch is scaled so that a flat foot's ankle comes to the scaled height, less and less so the
+    steeper the foot: s' = s (q + (1 - q) |s|^3), q being the scaled length of the source's foot over the target's.
+    """
     toe = scale * source.positions[:, leg.toe]
-    foot = scale * source.positions[:, leg.ankle] - toe
-    if leg.ankle == leg.toe:
+    foot = source.positions[:, leg.ankle] - source.positions[:, leg.toe]
+    length = np.linalg.norm(foot, axis=1)
+    if not length.all() or bone == 0.0:
         return [toe, toe]
-    rise = np.clip(foot @ up, -bone, bone)
+    q = np.clip(scale * length / bone, *PITCH)
+    sine = np.clip(foot @ up / length, -1.0, 1.0)
+    pitched = sine * (q + (1.0 - q) * np.abs(sine) ** 3)
     level = foot - (foot @ up)[:, None] * up
-    reach = np.sqrt(bone**2 - rise**2) / np.maximum(np.linalg.norm(level, axis=1), 1e-9 * bone)
-    return [toe + reach[:, None] * level + rise[:, None] * up, toe]
+    reach = np.sqrt(1.0 - pitched**2) / np.maximum(np.linalg.norm(level, axis=1), 1e-9 * length)
+    return [toe + bone * (reach[:, None] * level + pitched[:, None] * up), toe]
