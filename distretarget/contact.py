@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 CLOSE = 0.12  # a pair is kept fully where its D is at most this ...
 APART = 0.20  # ... and is not looked at where it is at least this; farther apart keeps more, and changes more
 FAR_ALONG = 5  # joints on the path of a pair, at least: near along the tree is no contact
-GRIP = 20.0  # how firmly a pair is kept, against the holds
+GRIP = 40.0  # how firmly a pair is kept, against the holds
 ACROSS = 0.08  # [body units] pairs nearer than this are kept in all directions, farther ones along their own
 LEAD = 0.2  # [s] a pair begins to take hold so long before it is near
 HOLD = 0.1  # how firmly parts keep to the copy's rotation
@@ -115,12 +115,12 @@ def pair_springs(
 
 
 def _shared(f: Array, u: NDArray[np.intp], v: NDArray[np.intp], points: int) -> Array:
-    """The grips divided by the square root of the sums of both points' grips, so that a cluster of points that comes
-    near another counts once."""
-    sums = np.zeros((points, len(f)))
+    """The grips divided by the square root of how many grips either point has, so that a cluster of points that comes
+    near another counts about once."""
+    sums = np.ones((points, len(f)))
     np.add.at(sums, u, f.T)
     np.add.at(sums, v, f.T)
-    return f / np.sqrt(np.maximum(sums[u] * sums[v], 1e-12)).T
+    return np.asarray(f / np.sqrt(sums[u] * sums[v]).T)
 
 
 def _foot_springs(stance: Stance, block: slice, unit: float) -> Springs:

@@ -1,4 +1,8 @@
-"""The paper's postures: every frame's points of least stress, each warm-started from the frame before."""
+"""The paper's postures: every frame's points of least stress, each from the rotation copy.
+
+A warm start from the frame before takes fewer iterations, but over a clip it drifts to mirrored postures, which the
+stress cannot tell from the right ones. The rotation copy is on the right side, and makes each frame its own.
+"""
 
 from __future__ import annotations
 
@@ -62,12 +66,11 @@ _minimise = spectral_gradient(_objective, _steepest, _straight)
 
 
 @njit(cache=True, error_model="numpy")
-def _solve(source, copy, x, ratio, pi, solved, figures):  # type: ignore[no-untyped-def]
-    """Solve frames in a row from the start `x` of the first; distances are made per frame."""
+def _solve(source, starts, ratio, pi, solved, figures):  # type: ignore[no-untyped-def]
+    """Solve frame by frame; distances are made per frame."""
     problem = _Pairs(np.empty_like(pi), pi)
     for t in range(len(source)):
-        if t > 0:
-            x += copy[t] - copy[t - 1]
+        x = starts[t].copy()
         target_distances(source[t], ratio, problem.delta)
         minimum = _minimise(x, problem, TOLERANCE, ITERATIONS)
         solved[t] = x
@@ -83,8 +86,8 @@ def solve_postures(
     """Minimise Eq. (2) in every frame.
 
     `source`, (frames, source joints, 3), and `copy`, (frames, target joints, 3), are the positions of the source and
-    of its rotation copy on the target [file units]. The first frame starts from the copy, frame t from
-    X[t-1] + copy[t] - copy[t-1]. `progress` is called with numbers of frames as they are done.
+    of its rotation copy on the target [file units], from which each frame starts. `progress` is called with numbers of
+    frames as they are done.
     """
     copied = copy[:, problem.targets]
     centroids = copied.mean(axis=1, keepdims=True)
@@ -94,8 +97,7 @@ def solve_postures(
     figures = np.zeros((4, len(C)))
     for first in range(0, len(C), BLOCK):
         block = slice(first, first + BLOCK)
-        x = off_plane(C[0]) if first == 0 else X[first - 1] + C[first] - C[first - 1]
-        _solve(S[block], C[block], x, problem.ratio, problem.priorities, X[block], figures[:, block])
+        _solve(S[block], off_plane(C[block]), problem.ratio, problem.priorities, X[block], figures[:, block])
         progress(len(C[block]))
     positions = aligned(X.transpose(0, 2, 1), C.transpose(0, 2, 1)) * problem.body_size + centroids
     return Postures(positions, figures[0], Effort(*figures[1:].astype(np.int64)))
@@ -125,17 +127,17 @@ def _columns(positions: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def off_plane(x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A posture, (3, points), moved off its plane or line where it lies in one; else a copy of it.
+    """Postures, (frames, 3, points), moved off their plane or line where they lie in one.
 
     The gradient of a planar posture lies in its plane, so that a solver never leaves it. The points move by
     `NUDGE` across the plane, by turns to this side and to that; from a line, along both directions across.
     """
-    axes, extents, _ = np.linalg.svd(x - x.mean(axis=1, keepdims=True))
     x = np.array(x)
-    for turn, axis in enumerate(axes.T, start=1):
-        if turn > len(extents) or extents[turn - 1] < FLAT:
-            x += NUDGE * np.outer(axis, np.cos(turn * np.arange(x.shape[1])))
-    return x
+    axes, extents, _ = np.linalg.svd(x - x.mean(axis=2, keepdims=True), full_matrices=True)
+    flat = np.ones((len(x), 3), bool)
+    flat[:, : extents.shape[1]] = extents < FLAT
+    waves = NUDGE * np.cos(np.outer(np.arange(1, 4), np.arange(x.shape[2])))
+    return np.asarray(x + np.einsum("fix,fx,xp->fip", axes, flat, waves))
 
 
 def aligned(x: NDArray[np.float64], onto: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -16,14 +16,17 @@ from numba import njit
 from numpy.typing import NDArray
 
 from distretarget.articulation import Body, Work, hang, pose_body, pull_back
-from distretarget.spg import Effort, Minimum, spectral_gradient
+from distretarget.spg import Effort, Minimum, Reason, spectral_gradient
 
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-5  # norm of the search direction in z [square root of the objective] at which a pose is solved
-ITERATIONS = 100  # at the most, per frame
+ITERATIONS = 30  # at the most, before the curvature is made anew ...
+ROUNDS = 20  # ... which it is so often at the most
 REFRESH = 8  # frames for which a curvature serves ...
+CONVERGED = Reason.CONVERGED.value
 SLOW = 12  # ... unless a frame needs more iterations than this
+SOFTEST = 0.01  # the scaling takes no direction for softer than this, so that no step turns a part right round
 EMPTY = 1e-9  # stiffnesses below this are left out of the curvature
 
 
@@ -134,15 +137,21 @@ def pose_solver(energy: Callable[..., Any], stiffen: Callable[..., Any]) -> Call
             if sigma < best:
                 best = sigma
                 out[:] = starts[start]
-        if fresh:
-            pose_body(out, body, frame.bones, frame.root, work)
-            _curvature(body, work, stiffen(work, terms), frame.U)
-            _factorise(frame.U)
         z = np.empty_like(out)
-        _scale(frame.U, out, z)
-        minimum = minimise(z, (body, work, frame, terms), TOLERANCE, ITERATIONS)
-        _unscale(frame.U, z, out)
-        return minimum
+        iterations, evaluations = 0, count
+        for turn in range(ROUNDS):
+            if fresh or turn > 0:
+                pose_body(out, body, frame.bones, frame.root, work)
+                _curvature(body, work, stiffen(work, terms), frame.U)
+                _factorise(frame.U)
+            _scale(frame.U, out, z)
+            minimum = minimise(z, (body, work, frame, terms), TOLERANCE, ITERATIONS)
+            _unscale(frame.U, z, out)
+            iterations += minimum.iterations
+            evaluations += minimum.evaluations
+            if minimum.reason == CONVERGED:
+                break
+        return Minimum(minimum.value, iterations, evaluations, minimum.reason)
 
     return solve
 
@@ -174,7 +183,7 @@ def _curvature(body: Body, work: Work, springs: Springs, H: Array) -> None:
     parts = len(work.turns)
     H[:] = 0.0
     for i in range(3 * parts + 3):
-        H[i, i] = body.holds[i // 3]
+        H[i, i] = max(body.holds[i // 3], SOFTEST)
     on = np.empty(parts, np.intp)
     Q = np.empty((parts, 3))
     for s in range(len(springs.a)):
