@@ -149,9 +149,9 @@ class Summary:
         yield "contact error, mean over clips, against rotation copy's", f"{error.mean() / copied.mean():.3f}"
         yield "runs with more contact error than rotation copy and over 0.002", f"{len(worse)}: {'; '.join(worse)}"
         yield "clap on long forearms, wrist gap, % of arm", _one(self._pick("wrist_gap", "clap.bvh", "forearm"))
-        yield "hands on hips, gap against source's, largest", _one(self._pick("hand_hip", "hands_on_hips.bvh").max())
-        yield "hand to hip, gap against source's, mean", _one(np.nanmean(self.all("hand_hip")))
-        yield "hand to head, gap against source's, mean", _one(np.nanmean(self.all("hand_head")))
+        yield "hands on hips, gap against source's, mean / largest", _two(self._pick("hand_hip", "hands_on_hips.bvh"))
+        yield "hand to hip, all clips, gap against source's, mean / largest", _two(self.all("hand_hip"))
+        yield "hand to head, all clips, gap against source's, mean / largest", _two(self.all("hand_head"))
         yield "direction error, mean, degrees", _one(self.all("direction_error").mean())
         yield "direction error, 99th percentile, mean / largest", _two(self.all("direction_error_p99"))
         still = [row for row in self.rows if row.clip.endswith(NO_CONTACT)]
@@ -185,6 +185,9 @@ def _one(value: NDArray[np.float64] | float) -> str:
 
 
 def _two(values: NDArray[np.float64]) -> str:
+    values = values[np.isfinite(values)]
+    if not values.size:
+        return "-"
     return f"{values.mean():.2f} / {values.max():.2f}"
 
 

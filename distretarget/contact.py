@@ -22,29 +22,32 @@ from typing import Any
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from distretarget.articulation import Body, subtree_lengths, workspace
 from distretarget.body import find_legs
 from distretarget.distances import DistanceProblem
-from distretarget.footing import Stance, widened
+from distretarget.footing import Stance, averaged, widened
 from distretarget.poses import Frame, Poses, Springs, needs_curvature, pose_solver, spring_energy
 from distretarget.skeleton import Skeleton
 from distretarget.spg import Effort, Minimum, record
 
 Array = NDArray[np.float64]
 
-CLOSE = 0.12  # a pair is kept fully where its D is at most this ...
-APART = 0.20  # ... and is not looked at where it is at least this; farther apart keeps more, and changes more
+CLOSE = 0.11  # a pair is kept fully where its D is at most this ...
+APART = 0.16  # ... and is not looked at where it is at least this; farther apart keeps more, and changes more
 FAR_ALONG = 5  # joints on the path of a pair, at least: near along the tree is no contact
 GRIP = 40.0  # how firmly a pair is kept, against the holds
 ACROSS = 0.08  # [body units] pairs nearer than this are kept in all directions, farther ones along their own
-LEAD = 0.2  # [s] a pair begins to take hold so long before it is near
+LEAD = 0.3  # [s] a pair begins to take hold so long before it is near
 HOLD = 0.1  # how firmly parts keep to the copy's rotation
 LEAST = 0.3  # [body units] a part's bones count as at least so long
 TRUNK = 20.0  # how much firmer a part is held that carries the whole body, against one that carries nothing
 FOOT = 5.0  # how much firmer the feet are
 ROOT = 20.0  # how firmly the root keeps to its path
 STAND = 5000.0  # how firmly a resting foot keeps its place
+LEAP = np.radians(10)  # a part that deviates by so much more from one frame to the next [rad / (1/60 s)] leaps ...
+SETTLE = 0.1  # [s] ... and is led over within so long before and after
 BLOCK = 256  # frames in memory at once
 
 
@@ -86,8 +89,8 @@ def near_pairs(problem: DistanceProblem, unit: float) -> NearPairs:
 
 def grips(D: Array, lead: float) -> Array:
     """f: (frames, pairs), from normalised distances: 1 up to `CLOSE`, 0 from `APART` on, smooth in between, and widened
-    in time by `lead` frames."""
-    t = np.clip((APART - D) / (APART - CLOSE), 0.0, 1.0)
+    in time by `lead` frames. A single frame unlike both its neighbours, a spike, counts for nothing."""
+    t = np.clip((APART - median_filter(D, (3, 1), mode="nearest")) / (APART - CLOSE), 0.0, 1.0)
     return widened(t**3 * (t * (6.0 * t - 15.0) + 10.0), lead)
 
 
@@ -135,6 +138,29 @@ def _joined(one: Springs, other: Springs) -> Springs:
     """Both, along the axis of springs."""
     lists = [np.concatenate([a, b], axis=min(np.ndim(a) - 1, 1)) for a, b in zip(one, other, strict=True)]
     return Springs(*lists)
+
+
+def settled(v: Array, frame_time: float) -> Array:
+    """Poses (frames, parts + 1, 3) in which no part leaps from one solution to another.
+
+    Where a part leaps and stays, its deviation becomes a mean over the frames around (a raised cosine); a spike of one
+    or two frames is no leap, and stays alone.
+    """
+    limit = LEAP * 60.0 * frame_time
+    if not _leaps(v, limit).any():
+        return v
+    lasting = median_filter(v, (5, 1, 1), mode="nearest")
+    leaps = _leaps(lasting, limit)
+    reach = round(SETTLE / frame_time)
+    share = widened(np.maximum(leaps, np.roll(leaps, 1, axis=0)), reach)[..., None]
+    return np.asarray(v + share * (averaged(lasting, reach) - v))
+
+
+def _leaps(v: Array, limit: float) -> Array:
+    """(frames, parts + 1), 1 where a part's deviation changes by more than `limit` [rad] to the next frame, else 0."""
+    leaps = np.zeros(v.shape[:2])
+    leaps[:-1, :-1] = np.linalg.norm(np.diff(v[:, :-1], axis=0), axis=-1) > limit
+    return leaps
 
 
 @njit(cache=True)
@@ -205,4 +231,4 @@ def solve_contact(
         springs = _joined(springs, _foot_springs(stance, block, unit))
         _solve(body, bones[block] / unit, root[block] / unit, springs, v, start, figures)
         progress(block.stop - start)
-    return Poses(v, Effort(*figures[1:].astype(np.int64)))
+    return Poses(settled(v, frame_time), Effort(*figures[1:].astype(np.int64)))

@@ -101,14 +101,18 @@ def _at_rest(source: Motion, leg: Leg, up: Array, length: float) -> NDArray[np.b
 
 
 def widened(values: Array, frames: float) -> Array:
-    """Values over time, (frames, n), taken at their largest within `frames` and then averaged over as many on both sides
-    (a raised cosine): nowhere less than they were, and smooth."""
+    """Values over time, (frames, n), taken at their largest within `frames` and then averaged over as many on both
+    sides: nowhere less than they were, and smooth."""
     reach = round(frames)
     if reach < 1:
         return values
+    return averaged(maximum_filter1d(values, 2 * reach + 1, axis=0, mode="nearest"), reach)
+
+
+def averaged(values: Array, reach: int) -> Array:
+    """Values over time, (frames, ...), averaged over `reach` frames on both sides (a raised cosine)."""
     window = np.hanning(2 * reach + 3)[1:-1]
-    highest = maximum_filter1d(values, 2 * reach + 1, axis=0, mode="nearest")
-    return np.asarray(convolve1d(highest, window / window.sum(), axis=0, mode="nearest"))
+    return np.asarray(convolve1d(values, window / window.sum(), axis=0, mode="nearest"))
 
 
 def _places(source: Motion, leg: Leg, up: Array, scale: float, bone: float) -> list[Array]:
