@@ -102,9 +102,7 @@ def _refusal(done: subprocess.CompletedProcess[str], output: Path, path: Path, n
 
 def main() -> int:
     """Print the outcome of every file and their counts; 1 if a file gave neither a motion nor a refusal."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, metavar="FOLDER")
     parser.add_argument("--only", default="*", metavar="GLOB", help="only files whose path ends like this")
     args = parser.parse_args()

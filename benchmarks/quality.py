@@ -2,8 +2,8 @@
 
     python benchmarks/quality.py CORPUS [--markdown FILE] [--clips GLOB] [--methods contact] [--frames N]
 
-CORPUS is a folder with the real clips named in `CLIPS`; those that are absent are left out and said. Figures are defined
-in docs/results.md.
+CORPUS is a folder with the real clips named in `CLIPS`; those that are absent are left out and said. Figures are
+defined in docs/results.md.
 """
 
 from __future__ import annotations
@@ -83,15 +83,17 @@ def _figures(source: Motion, result: Motion, drivers: NDArray[np.intp]) -> dict[
     heads = [j for j, name in enumerate(result.skeleton.names) if name.lower() == "head"]
     figures["hand_hip"] = _gap(source, result, drivers, wrists, hips)
     figures["hand_head"] = _gap(source, result, drivers, wrists, heads)
-    figures["wrist_gap"] = _wrist_gap(result, wrists)
+    figures["wrist_gap"] = _wrist_gap(source, result, drivers, wrists)
     return figures
 
 
 def _gap(
     source: Motion, result: Motion, drivers: NDArray[np.intp], ones: Iterable[int], others: Iterable[int]
 ) -> float:
-    """Mean D of the result over mean D of the source, over the frames and pairs in which the source's is near; nan where
-    none is."""
+    """Mean D of the result over mean D of the source, over the frames and pairs in which the source's is near.
+
+    nan where none is.
+    """
     ours, theirs = [], []
     for a, b in product(ones, others):
         D = _distance(source, int(drivers[a]), int(drivers[b]))
@@ -106,12 +108,19 @@ def _distance(motion: Motion, a: int, b: int) -> NDArray[np.float64]:
     return np.asarray(apart / motion.rigid_skeleton.path_lengths[a, b])
 
 
-def _wrist_gap(motion: Motion, wrists: list[int]) -> float:
-    """The least distance between the wrists, in % of the arm."""
+def _wrist_gap(source: Motion, result: Motion, drivers: NDArray[np.intp], wrists: list[int]) -> float:
+    """The mean distance between the wrists while the source's hands are together, in % of the arm."""
     if len(wrists) != 2:
         return float("nan")
-    arm = sum(motion.skeleton.lengths[[wrist, motion.skeleton.parents[wrist]]].sum() for wrist in wrists) / 2
-    return float(100 * np.linalg.norm(np.diff(motion.positions[:, wrists], axis=1), axis=-1).min() / arm)
+    together = _wrist_distance(source, drivers[wrists])
+    return float(_wrist_distance(result, np.array(wrists))[together < 1.2 * together.min()].mean())
+
+
+def _wrist_distance(motion: Motion, wrists: NDArray[np.intp]) -> NDArray[np.float64]:
+    """(frames,), the distance between the wrists, in % of the arm from shoulder to wrist."""
+    skeleton = motion.rigid_skeleton
+    arm = skeleton.lengths[wrists].sum() / 2 + skeleton.lengths[skeleton.parents[wrists]].sum() / 2
+    return np.asarray(100 * np.linalg.norm(np.diff(motion.positions[:, wrists], axis=1)[:, 0], axis=-1) / arm)
 
 
 def run(folder: Path, clips: list[str], methods: tuple[str, ...], frames: int | None, jobs: int = 2) -> list[Row]:
@@ -139,26 +148,48 @@ class Summary:
 
     def lines(self) -> Iterator[tuple[str, str]]:
         """Names and values of the figures, as text."""
-        error, copied, pairs = self.all("contact_error"), self.all("contact_error", self.copies), self.all("contacts")
+        error, copied, pairs = (
+            self.all("contact_error"),
+            self.all("contact_error", self.copies),
+            self.all("contacts"),
+        )
         worse = [
             f"{row.clip} on {row.target}"
             for row, ours, theirs in zip(self.rows, error, copied, strict=True)
             if ours > max(theirs, SMALL)
         ]
-        yield "contact error, pooled over pairs, against rotation copy's", f"{(error @ pairs) / (copied @ pairs):.3f}"
+        yield (
+            "contact error, pooled over pairs, against rotation copy's",
+            f"{(error @ pairs) / (copied @ pairs):.3f}",
+        )
         yield "contact error, mean over clips, against rotation copy's", f"{error.mean() / copied.mean():.3f}"
-        yield "runs with more contact error than rotation copy and over 0.002", f"{len(worse)}: {'; '.join(worse)}"
-        yield "clap on long forearms, wrist gap, % of arm", _one(self._pick("wrist_gap", "clap.bvh", "forearm"))
-        yield "hands on hips, gap against source's, mean / largest", _two(self._pick("hand_hip", "hands_on_hips.bvh"))
+        yield (
+            "runs with more contact error than rotation copy and over 0.002",
+            f"{len(worse)}: {'; '.join(worse)}",
+        )
+        yield (
+            "clap on long forearms, wrist gap, % of arm",
+            _two(self._pick("wrist_gap", "clap.bvh", "forearm")),
+        )
+        yield (
+            "hands on hips, gap against source's, mean / largest",
+            _two(self._pick("hand_hip", "hands_on_hips.bvh")),
+        )
         yield "hand to hip, all clips, gap against source's, mean / largest", _two(self.all("hand_hip"))
         yield "hand to head, all clips, gap against source's, mean / largest", _two(self.all("hand_head"))
         yield "direction error, mean, degrees", _one(self.all("direction_error").mean())
         yield "direction error, 99th percentile, mean / largest", _two(self.all("direction_error_p99"))
         still = [row for row in self.rows if row.clip.endswith(NO_CONTACT)]
-        yield "direction error on clips without hand contacts", _one(self.all("direction_error", still).mean())
+        yield (
+            "direction error on clips without hand contacts",
+            _one(self.all("direction_error", still).mean()),
+        )
         yield "bone error, largest", f"{self.all('bone_error').max():.1e}"
         slide, source = self.all("slide").mean(), self.all("source_slide").mean()
-        yield "slide in stance, leg lengths/s (source's)", f"{slide:.4f} ({source:.4f}), ratio {slide / source:.3f}"
+        yield (
+            "slide in stance, leg lengths/s (source's)",
+            f"{slide:.4f} ({source:.4f}), ratio {slide / source:.3f}",
+        )
         off = np.abs(self.all("foot_height") - self.all("source_foot_height"))
         yield "foot height in stance off the source's, % of leg, mean / largest", _two(off)
         jerk = self.all("jerk") / self.all("jerk", self.copies)
@@ -166,12 +197,16 @@ class Summary:
         for name, rows in (("captured clips", captured), ("samples", ~captured)):
             if rows.any():
                 yield f"jerk against rotation copy's, {name}, mean / largest", _two(jerk[rows])
-        yield "turn beyond the source's from frame to frame at 60 fps, largest, degrees", _one(self.all("turn").max())
+        yield (
+            "turn beyond the source's from frame to frame at 60 fps, largest, degrees",
+            _one(self.all("turn").max()),
+        )
         if "free_stress" in self.rows[0].figures:
             ratio = self.all("written_stress") / self.all("free_stress")
             yield "written stress / free stress, mean / largest", _two(ratio)
-            yield "written stress / rotation copy's, largest", _one(
-                (self.all("written_stress") / self.all("copy_stress")).max()
+            yield (
+                "written stress / rotation copy's, largest",
+                _one((self.all("written_stress") / self.all("copy_stress")).max()),
             )
         if "unsolved" in self.rows[0].figures:
             yield "frames that did not converge", f"{self.all('unsolved').sum():.0f}"
@@ -218,8 +253,8 @@ def _line(group: list[Row]) -> str:
 
     copy = group[0]
     jerk = " / ".join(f"{row.figures['jerk'] / copy.figures['jerk']:.2f}" for row in group)
-    pairs = f"{copy.figures['contacts']:.0f}"
-    return f"| {copy.clip} | {copy.target} | {pairs} | {cells('contact_error', 4)} | {cells('direction_error', 1)} | {jerk} |"
+    errors = f"{copy.figures['contacts']:.0f} | {cells('contact_error', 4)} | {cells('direction_error', 1)}"
+    return f"| {copy.clip} | {copy.target} | {errors} | {jerk} |"
 
 
 def main() -> None:
@@ -231,7 +266,9 @@ def main() -> None:
     parser.add_argument("--methods", default="paper,contact", help="paper, contact or both")
     parser.add_argument("--frames", type=int, help="only the first frames of each clip")
     arguments = parser.parse_args()
-    clips = [clip for clip in [*sorted(p.name for p in SAMPLES.glob("*.bvh")), *CLIPS] if fnmatch(clip, arguments.clips)]
+    clips = [
+        clip for clip in [*sorted(p.name for p in SAMPLES.glob("*.bvh")), *CLIPS] if fnmatch(clip, arguments.clips)
+    ]
     absent = [clip for clip in clips if "/" in clip and not (arguments.corpus / clip).is_file()]
     if absent:
         print("left out, not in the corpus:", *absent)

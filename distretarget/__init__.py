@@ -1,9 +1,9 @@
 """Retarget BVH motion to another body by normalised joint distances.
 
-    from distretarget import load_skeleton, read_bvh, retarget, write_bvh
+from distretarget import load_skeleton, read_bvh, retarget, write_bvh
 
-    result = retarget(read_bvh("walk.bvh"), load_skeleton("hero.json"))
-    write_bvh("walk_hero.bvh", result.motion)
+result = retarget(read_bvh("walk.bvh"), load_skeleton("hero.json"))
+write_bvh("walk_hero.bvh", result.motion)
 """
 
 from distretarget.bvh import read_bvh, write_bvh

@@ -37,4 +37,4 @@ def least_rotation(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np
     across = np.cross(a, np.eye(3)[np.argmin(np.abs(a), axis=1)])
     quaternions[opposite] = np.pad(across[opposite], ((0, 0), (0, 1)))
     quaternions[scale == 0] = [0.0, 0.0, 0.0, 1.0]
-    return quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)
+    return np.asarray(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True))

@@ -78,7 +78,8 @@ def rigid_heads(copy: Motion) -> NDArray[np.intp]:
 
 def parts_of(skeleton: Skeleton, heads: NDArray[np.intp]) -> NDArray[np.intp]:
     """(joints,), the number of the part that carries the bones below each joint; parts count from the root down, and a
-    leaf, which carries none, belongs to its parent's."""
+    leaf, which carries none, belongs to its parent's.
+    """
     carriers = np.array([joint if below else skeleton.parents[joint] for joint, below in enumerate(skeleton.children)])
     numbers: NDArray[np.intp] = np.unique(heads[np.maximum(carriers, 0)], return_inverse=True)[1]
     return numbers
@@ -118,8 +119,10 @@ def workspace(joints: int, parts: int) -> Work:
 
 @njit(cache=True, error_model="numpy", fastmath=True)
 def pose_body(v: Array, body: Body, bones: Array, root: Array, work: Work) -> None:
-    """Positions and posed bones, written to `work`, of the pose `v` of a frame whose copy has `bones`, (joints, 3), from
-    each joint's parent to it, and its root at `root`."""
+    """Positions and posed bones, written to `work`, of the pose `v` of a frame.
+
+    The frame's copy has `bones`, (joints, 3), from each joint's parent to it, and its root at `root`.
+    """
     parts = len(work.turns)
     for part in range(parts):
         _exp(v[part, 0], v[part, 1], v[part, 2], work.turns[part])
@@ -154,8 +157,8 @@ def pull_back(v: Array, body: Body, work: Work, gradient: Array) -> float:
     the holds 1/2 h |v|^2 contribute, and return their value.
 
     A bone b of a part turns by dw about its upper end, which moves all that hangs on it by dw x b: the part feels the
-    moment b x (sum of the pulls below). dw = J dv with the left Jacobian of the exponential map, so that the gradient is
-    J^T times the moment.
+    moment b x (sum of the pulls below). dw = J dv with the left Jacobian of the exponential map, so that the gradient
+    is J^T times the moment.
     """
     parts = len(work.turns)
     gradient[:] = 0.0
@@ -199,7 +202,8 @@ def _to_rotation_vector(v: Array, m: Array) -> None:
 @njit(cache=True, error_model="numpy", fastmath=True)
 def hang(body: Body, work: Work) -> None:
     """For the pose in `work`, the arms: the sum of the bones of each part on the way to each joint. A small turn w of
-    the part moves the joint by w x arm."""
+    the part moves the joint by w x arm.
+    """
     work.arms[:] = 0.0
     for joint in range(1, len(body.parents)):
         parent = body.parents[joint]

@@ -82,8 +82,10 @@ def _length(skeleton: Skeleton, chain: list[int]) -> float:
 
 
 def _leg(skeleton: Skeleton, chain: list[int]) -> Leg:
-    """The leg in a chain: from the bend at the hip to the bend at the ankle, or where the rest pose does not bend there,
-    from the start of the first long bone to the end of the last."""
+    """The leg in a chain: from the bend at the hip to the bend at the ankle.
+
+    Where the rest pose does not bend there, from the start of the first long bone to the end of the last.
+    """
     lengths = skeleton.lengths[chain]
     along = np.cumsum(lengths) / max(lengths.sum(), 1e-300)
     long = np.flatnonzero(2 * lengths[1:] >= lengths[1:].max(initial=0.0)) + 1
@@ -100,11 +102,10 @@ def _bends(skeleton: Skeleton, chain: list[int], k: int) -> bool:
     return bool(a @ b < np.cos(BEND) * np.linalg.norm(a) * np.linalg.norm(b))
 
 
-def shared_legs(
-    target: Skeleton, drivers: NDArray[np.intp]
-) -> tuple[tuple[Leg, Leg], tuple[Leg, Leg]] | None:
+def shared_legs(target: Skeleton, drivers: NDArray[np.intp]) -> tuple[tuple[Leg, Leg], tuple[Leg, Leg]] | None:
     """The legs of a target, found from its tree, and those of its source, which drive them; None without legs that
-    both have. `drivers`, (target joints,), is the source joint for each, -1 for none."""
+    both have. `drivers`, (target joints,), is the source joint for each, -1 for none.
+    """
     legs = find_legs(target)
     if legs is None:
         return None
@@ -119,7 +120,8 @@ def leg_length(skeleton: Skeleton, legs: tuple[Leg, Leg]) -> float:
 
 def body_unit(skeleton: Skeleton) -> float:
     """Twice the leg length, which is about the height of a person; without legs the largest path length
-    [file units]."""
+    [file units].
+    """
     legs = find_legs(skeleton)
     return 2.0 * leg_length(skeleton, legs) if legs else float(skeleton.path_lengths.max())
 
@@ -137,7 +139,8 @@ def up_axis(positions: NDArray[np.float64], legs: tuple[Leg, Leg]) -> NDArray[np
 
 def height(skeleton: Skeleton) -> float:
     """How tall the rest pose stands: its extent along the axis of its legs, without legs its largest extent
-    [file units]."""
+    [file units].
+    """
     legs = find_legs(skeleton)
     rest = skeleton.rest_positions
     if legs is None:

@@ -9,8 +9,8 @@ Per frame, over the rotations of a body of exact bones and the displacement of i
 
 The target of a pair is a vector, not only a distance, so that nothing changes sides:
 delta = d_copy + f (tau2 / tau1 d_source - d_copy), which at f = 1 has the length tau2 D of Eq. (1) and the source's
-direction e. f grows smoothly from 0 to 1 as the pair comes near, and a little ahead of it in time. Where nothing is near
-and no foot rests, this is the rotation copy; each frame depends on the frames around it only.
+direction e. f grows smoothly from 0 to 1 as the pair comes near, and a little ahead of it in time. Where nothing is
+near and no foot rests, this is the rotation copy; each frame depends on the frames around it only.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ Array = NDArray[np.float64]
 CLOSE = 0.11  # a pair is kept fully where its D is at most this ...
 APART = 0.16  # ... and is not looked at where it is at least this; farther apart keeps more, and changes more
 FAR_ALONG = 5  # joints on the path of a pair, at least: near along the tree is no contact
-GRIP = 40.0  # how firmly a pair is kept, against the holds
+GRIP = 60.0  # how firmly a pair is kept at D = CLOSE, against the holds; the nearer, the more firmly ...
+TOUCH = 0.005  # ... up to CLOSE / TOUCH times
 ACROSS = 0.08  # [body units] pairs nearer than this are kept in all directions, farther ones along their own
 LEAD = 0.3  # [s] a pair begins to take hold so long before it is near
 HOLD = 0.1  # how firmly parts keep to the copy's rotation
@@ -53,8 +54,12 @@ BLOCK = 256  # frames in memory at once
 
 @dataclass(frozen=True, eq=False)
 class NearPairs:
-    """The pairs that may come near, being far apart along the tree. `u`, `v`: (pairs,), points; `tau1`, `tau2`: (pairs,),
-    path lengths [source file units, body units]."""
+    """The pairs that may come near, being far apart along the tree.
+
+    Attributes:
+        u, v: (pairs,), points.
+        tau1, tau2: (pairs,), path lengths on the source and on the target [source file units, body units].
+    """
 
     u: NDArray[np.intp]
     v: NDArray[np.intp]
@@ -65,8 +70,8 @@ class NearPairs:
 def holds(skeleton: Skeleton, parts: NDArray[np.intp], unit: float) -> Array:
     """(parts + 1,), how firmly each part is held to the copy's rotation, and the root to its path.
 
-    In proportion to the length of its bones and, rising to `TRUNK`, to how much of the body it carries: arms give before
-    the spine does.
+    In proportion to the length of its bones and, rising to `TRUNK`, to how much of the body it carries: arms give
+    before the spine does.
     """
     carried = subtree_lengths(skeleton)
     longest = np.zeros(parts.max() + 1)
@@ -89,7 +94,8 @@ def near_pairs(problem: DistanceProblem, unit: float) -> NearPairs:
 
 def grips(D: Array, lead: float) -> Array:
     """f: (frames, pairs), from normalised distances: 1 up to `CLOSE`, 0 from `APART` on, smooth in between, and widened
-    in time by `lead` frames. A single frame unlike both its neighbours, a spike, counts for nothing."""
+    in time by `lead` frames. A single frame unlike both its neighbours, a spike, counts for nothing.
+    """
     t = np.clip((APART - median_filter(D, (3, 1), mode="nearest")) / (APART - CLOSE), 0.0, 1.0)
     return widened(t**3 * (t * (6.0 * t - 15.0) + 10.0), lead)
 
@@ -99,7 +105,8 @@ def pair_springs(
 ) -> Springs:
     """The springs of the near pairs in a block of frames; arrays have the frames in front.
 
-    `source`, (frames, points, 3), is the source's points [file units], `copy` the copy's [body units], of the whole clip.
+    `source`, (frames, points, 3), is the source's points [file units], `copy` the copy's [body units], of the whole
+    clip; `lead` is in frames.
     """
     margin = 2 * round(lead)
     first, last = max(block.start - margin, 0), min(block.stop + margin, len(source))
@@ -107,19 +114,22 @@ def pair_springs(
     D = np.linalg.norm(seen[:, pairs.u] - seen[:, pairs.v], axis=-1) / pairs.tau1
     on = np.flatnonzero((D < APART).any(axis=0))
     u, v = pairs.u[on], pairs.v[on]
-    f = grips(D[:, on], lead)[block.start - first : block.stop - first]
+    inside = slice(block.start - first, block.stop - first)
+    f = grips(D[:, on], lead)[inside]
+    firm = GRIP * _shared(f, u, v, len(problem)) * CLOSE / (D[inside][:, on] + TOUCH)
     d_source = (source[block][:, u] - source[block][:, v]) * (pairs.tau2[on] / pairs.tau1[on])[:, None]
     d_copy = copy[block][:, u] - copy[block][:, v]
     delta = d_copy + f[..., None] * (d_source - d_copy)
     length = np.linalg.norm(d_source, axis=-1)
     e = d_source / np.maximum(length, 1e-12)[..., None]
     k = ACROSS**2 / (ACROSS**2 + length**2)
-    return Springs(problem.targets[u], problem.targets[v], delta, e, GRIP * _shared(f, u, v, len(problem)), k)
+    return Springs(problem.targets[u], problem.targets[v], delta, e, firm, k)
 
 
 def _shared(f: Array, u: NDArray[np.intp], v: NDArray[np.intp], points: int) -> Array:
     """The grips divided by the square root of how many grips either point has, so that a cluster of points that comes
-    near another counts about once."""
+    near another counts about once.
+    """
     sums = np.ones((points, len(f)))
     np.add.at(sums, u, f.T)
     np.add.at(sums, v, f.T)
@@ -203,7 +213,7 @@ def solve_contact(
     stance: Stance,
     frame_time: float,
     unit: float,
-    progress: Callable[[int], Any] = lambda frames: None,
+    progress: Callable[[int], Any] = lambda _frames: None,
 ) -> Poses:
     """Minimise the contact objective in every frame.
 

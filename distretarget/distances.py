@@ -13,7 +13,7 @@ from distretarget.skeleton import Skeleton
 
 @dataclass(frozen=True, eq=False)
 class DistanceProblem:
-    """What is the same in every frame of the problem
+    """What is the same in every frame of the problem.
 
         minimise sigma(X) = 1/2 sum_{u<v} pi_uv (||x_u - x_v|| - delta_uv)^2,   delta = tau2 D.
 
@@ -49,8 +49,10 @@ class DistanceProblem:
 
     @cached_property
     def priorities(self) -> NDArray[np.float64]:
-        """pi_uv = (|Pmax| - |P_uv| + 2) / |Pmax|, (points, points); zero on the diagonal, and where tau1 is 0, for there
-        the source says nothing."""
+        """pi_uv = (|Pmax| - |P_uv| + 2) / |Pmax|, (points, points).
+
+        Zero on the diagonal, and where tau1 is 0, for there the source says nothing.
+        """
         largest = self.sizes.max()
         return np.where(self.tau1 > 0, (largest - self.sizes + 2.0) / largest, 0.0)
 
@@ -76,7 +78,8 @@ def distance_problem(source: Skeleton, target: Skeleton, drivers: NDArray[np.int
 
 def point_of_joint(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]) -> NDArray[np.intp]:
     """(target joints,), the joint that stands for each joint's point: itself, or the ancestor with which it
-    coincides on both skeletons; -1 for joints that are no point."""
+    coincides on both skeletons; -1 for joints that are no point.
+    """
     points = np.where(drivers >= 0, np.arange(len(target)), -1)
     coincide = (target.lengths == 0.0) & (source.lengths[drivers] == 0.0)
     for joint in np.flatnonzero((points >= 0) & coincide):

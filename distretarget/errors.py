@@ -67,9 +67,7 @@ class MatchingError(DistretargetError):
         self.missing = tuple(missing)
         self.available = tuple(available)
         noun = "joint" if len(self.missing) == 1 else "joints"
-        super().__init__(
-            f"{where} has no {noun} {quoted(self.missing)}; {closest(self.missing[0], self.available)}"
-        )
+        super().__init__(f"{where} has no {noun} {quoted(self.missing)}; {closest(self.missing[0], self.available)}")
 
 
 def quoted(names: Iterable[str], most: int = 6) -> str:

@@ -83,9 +83,7 @@ def _half_sums(w: Array, i: Array, j: Array, k: Array) -> _HalfSums:
 def _angles(halves: _HalfSums) -> Array:
     """Angles (frames, 3), the middle one within a right angle, the last one times the parity."""
     total, difference, sine, cosine = halves
-    return np.stack(
-        [total + difference, 2 * np.arctan2(sine, cosine) - np.pi / 2, total - difference], axis=1
-    )
+    return np.stack([total + difference, 2 * np.arctan2(sine, cosine) - np.pi / 2, total - difference], axis=1)
 
 
 def _three_angles(halves: _HalfSums) -> Array:

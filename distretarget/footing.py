@@ -54,11 +54,14 @@ def root_scale(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]) ->
 
 def root_path(source: Motion, copy: Motion, drivers: NDArray[np.intp], scale: float) -> Array:
     """(frames, 3), the root's path that brings the middle between the hip joints to the scaled place of the source's:
-    legs hang from there, whatever lies between them and the root [target file units]. Without legs, the copy's."""
+    legs hang from there, whatever lies between them and the root [target file units]. Without legs, the copy's.
+    """
     legs = shared_legs(copy.skeleton, drivers)
     if legs is None:
         return copy.root_positions
-    ours, theirs = (motion.positions[:, [leg.hip for leg in pair]] for motion, pair in zip((copy, source), legs, strict=True))
+    ours, theirs = (
+        motion.positions[:, [leg.hip for leg in pair]] for motion, pair in zip((copy, source), legs, strict=True)
+    )
     return np.asarray(scale * theirs.mean(axis=1) - ours.mean(axis=1) + copy.root_positions)
 
 
@@ -102,7 +105,8 @@ def _at_rest(source: Motion, leg: Leg, up: Array, length: float) -> NDArray[np.b
 
 def widened(values: Array, frames: float) -> Array:
     """Values over time, (frames, n), taken at their largest within `frames` and then averaged over as many on both
-    sides: nowhere less than they were, and smooth."""
+    sides: nowhere less than they were, and smooth.
+    """
     reach = round(frames)
     if reach < 1:
         return values

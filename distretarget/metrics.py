@@ -108,7 +108,8 @@ def compare(source: Motion, result: Motion, drivers: NDArray[np.intp]) -> Compar
 
 def normalised_distances(motion: Motion, joints: NDArray[np.intp]) -> Iterator[tuple[slice, Array]]:
     """D, (frames, pairs), block by block of frames, for the pairs u < v of the given joints; nan where the path
-    between them has no length."""
+    between them has no length.
+    """
     u, v = np.triu_indices(len(joints), 1)
     tau = motion.rigid_skeleton.path_lengths[joints[u], joints[v]]
     tau = np.where(tau > 0, tau, np.nan)
@@ -141,7 +142,7 @@ def _points(source: Skeleton, result: Skeleton, drivers: NDArray[np.intp]) -> ND
     apart = (result.path_lengths > 0)[np.ix_(shared, shared)]
     apart |= (source.path_lengths > 0)[np.ix_(drivers[shared], drivers[shared])]
     first = np.array([np.flatnonzero(~row)[0] for row in apart])
-    return shared[first == np.arange(len(shared))]
+    return np.asarray(shared[first == np.arange(len(shared))])
 
 
 def _bones(skeleton: Skeleton, drivers: NDArray[np.intp], source: Skeleton) -> NDArray[np.intp]:
@@ -159,7 +160,7 @@ def _direction_error(source: Motion, result: Motion, drivers: NDArray[np.intp]) 
     a = source.positions[:, drivers[lower]] - source.positions[:, drivers[upper]]
     b = result.positions[:, lower] - result.positions[:, upper]
     sine = np.linalg.norm(np.cross(a, b), axis=-1)
-    return np.degrees(np.arctan2(sine, np.einsum("fbi,fbi->fb", a, b)))
+    return np.asarray(np.degrees(np.arctan2(sine, np.einsum("fbi,fbi->fb", a, b))))
 
 
 def _bone_error(result: Motion) -> Array:
@@ -182,8 +183,8 @@ def _feet(
     heights = theirs @ up
     low = heights - np.percentile(heights, LOWEST, axis=0) < LOW
     stance = low & (_speeds(theirs, source.frame_time) < SLOW)
-    slides = [_speeds(paths - (paths @ up)[..., None] * up, source.frame_time) for paths in (theirs, ours)]
-    return stance, *slides, 100 * heights, 100 * (ours @ up)
+    source_slide, slide = (_speeds(x - (x @ up)[..., None] * up, source.frame_time) for x in (theirs, ours))
+    return np.asarray(stance), source_slide, slide, np.asarray(100 * heights), np.asarray(100 * (ours @ up))
 
 
 def _foot_paths(motion: Motion, legs: tuple[Leg, Leg]) -> Array:

@@ -76,7 +76,8 @@ class Motion:
     @cached_property
     def rigid_skeleton(self) -> Skeleton:
         """The skeleton with the bones that the frames show: offsets where nothing replaces them, elsewhere
-        the median translation over the frames at the median length."""
+        the median translation over the frames at the median length.
+        """
         moving = np.any(self.translations != self.skeleton.offsets, axis=(0, 2))
         moving[0] = False
         if not moving.any():
@@ -138,7 +139,10 @@ def local_rotations(skeleton: Skeleton, world: NDArray[np.float64]) -> NDArray[n
 
 
 def rigid_motion(
-    skeleton: Skeleton, root_positions: NDArray[np.float64], rotations: NDArray[np.float64], frame_time_text: str
+    skeleton: Skeleton,
+    root_positions: NDArray[np.float64],
+    rotations: NDArray[np.float64],
+    frame_time_text: str,
 ) -> Motion:
     """The motion with these local rotations, (frames, joints, 4), and root path on bones that keep their offsets."""
     translations = np.array(np.broadcast_to(skeleton.offsets, (len(rotations), len(skeleton), 3)))

@@ -101,7 +101,7 @@ def solve_paper(
     copy: Array,
     root: Array,
     guess: Array,
-    progress: Callable[[int], Any] = lambda frames: None,
+    progress: Callable[[int], Any] = lambda _frames: None,
 ) -> Poses:
     """Minimise Eq. (2) over the rotations in every frame; lengths are in body sizes.
 
@@ -125,7 +125,18 @@ def solve_paper(
     terms = _terms(problem)
     for start in range(0, len(copy), BLOCK):
         block = slice(start, min(start + BLOCK, len(copy)))
-        _solve(body, bones[block], root[block] / unit, S[block], problem.ratio, terms, guess[block], v, start, figures)
+        _solve(
+            body,
+            bones[block],
+            root[block] / unit,
+            S[block],
+            problem.ratio,
+            terms,
+            guess[block],
+            v,
+            start,
+            figures,
+        )
         progress(block.stop - start)
     return Poses(v, Effort(*figures[1:].astype(np.int64)))
 
@@ -137,7 +148,12 @@ def _terms(problem: DistanceProblem) -> Terms:
     u, v = u[on], v[on]
     directions = np.zeros((len(u), 3))
     springs = Springs(
-        problem.targets[u], problem.targets[v], directions, directions.copy(), problem.priorities[u, v], np.zeros(len(u))
+        problem.targets[u],
+        problem.targets[v],
+        directions,
+        directions.copy(),
+        problem.priorities[u, v],
+        np.zeros(len(u)),
     )
     square, columns = np.zeros((points, points)), np.zeros((3, points))
     return Terms(problem.targets, square, problem.priorities, columns, columns.copy(), springs)

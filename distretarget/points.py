@@ -81,7 +81,7 @@ def solve_postures(
     problem: DistanceProblem,
     source: NDArray[np.float64],
     copy: NDArray[np.float64],
-    progress: Callable[[int], Any] = lambda frames: None,
+    progress: Callable[[int], Any] = lambda _frames: None,
 ) -> Postures:
     """Minimise Eq. (2) in every frame.
 
@@ -103,12 +103,15 @@ def solve_postures(
     return Postures(positions, figures[0], Effort(*figures[1:].astype(np.int64)))
 
 
-def posture_stress(problem: DistanceProblem, source: NDArray[np.float64], result: NDArray[np.float64]) -> NDArray[np.float64]:
+def posture_stress(
+    problem: DistanceProblem, source: NDArray[np.float64], result: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """(frames,), sigma of given positions, (frames, target joints, 3) [file units], against the source's distances
-    [body sizes squared]."""
+    [body sizes squared].
+    """
     S = _columns(source[:, problem.sources])
     X = _columns((result[:, problem.targets] - result[:, :1]) / problem.body_size)
-    return _stresses(S, X, problem.ratio, problem.priorities)
+    return np.asarray(_stresses(S, X, problem.ratio, problem.priorities))
 
 
 @njit(cache=True, error_model="numpy")
@@ -142,6 +145,7 @@ def off_plane(x: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def aligned(x: NDArray[np.float64], onto: NDArray[np.float64]) -> NDArray[np.float64]:
     """Postures (frames, points, 3) turned about their centroids, by proper rotations, as near to others as they come;
-    the centroids of the result are at the origin."""
+    the centroids of the result are at the origin.
+    """
     x = x - x.mean(axis=1, keepdims=True)
     return np.asarray(Rotation.from_quat(best_rotation(x, onto)[:, None]).apply(x))

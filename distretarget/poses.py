@@ -248,7 +248,7 @@ def _factorise(H: Array) -> None:
 
 @njit(cache=True, error_model="numpy", fastmath=True)
 def _scale(U: Array, v: Array, z: Array) -> None:
-    """z = U v."""
+    """Z = U v."""
     flat_v, flat_z = v.reshape(v.size), z.reshape(z.size)
     for i in range(len(U)):
         total = 0.0
@@ -259,7 +259,7 @@ def _scale(U: Array, v: Array, z: Array) -> None:
 
 @njit(cache=True, error_model="numpy", fastmath=True)
 def _unscale(U: Array, z: Array, v: Array) -> None:
-    """v with U v = z."""
+    """V with U v = z."""
     flat_v, flat_z = v.reshape(v.size), z.reshape(z.size)
     for i in range(len(U) - 1, -1, -1):
         total = flat_z[i]

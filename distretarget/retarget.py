@@ -68,15 +68,16 @@ def retarget(
     hold_feet: bool = True,
     joint_map: Mapping[str, str] | None = None,
     root_scale: float | None = None,
-    progress: Callable[[int], Any] = lambda frames: None,
+    progress: Callable[[int], Any] = lambda _frames: None,
 ) -> RetargetResult:
     """Carry a motion over to another body.
 
     Args:
         source: the motion to carry over.
         target: the body to carry it to; its joints have the names of the source's, or `joint_map` says which.
-        objective: "contact" keeps what is near near and the rest as it was; "paper" minimises Eq. (2) of Mucherino,
-            Goncalves, Bernardin, Hoyet, Multon, "A Distance-Based Approach for Human Posture Simulations", FedCSIS 2017.
+        objective: "contact" keeps what is near near and the rest as it was; "paper" minimises Eq. (2) of
+            Mucherino, Goncalves, Bernardin, Hoyet, Multon, "A Distance-Based Approach for Human Posture Simulations",
+            FedCSIS 2017.
         hold_feet: whether feet at rest stay where they belong; the paper's objective has no such term.
         joint_map: source key for target keys whose names differ.
         root_scale: target units per source unit of the root's path; the ratio of leg lengths if not given.
@@ -104,7 +105,16 @@ def retarget(
         unit = body_unit(target)
         stance = find_stance(source, target, drivers, scale) if hold_feet else no_stance(len(source))
         poses = solve_contact(
-            target, parts, problem, source.positions, copy.positions, root, stance, source.frame_time, unit, progress
+            target,
+            parts,
+            problem,
+            source.positions,
+            copy.positions,
+            root,
+            stance,
+            source.frame_time,
+            unit,
+            progress,
         )
     motion = posed_motion(copy, poses.v, parts, root + unit * poses.v[:, -1])
     if any(0 < len(target.rotation_axes(joint)) < 3 for joint in range(len(target))):
@@ -133,7 +143,9 @@ def _with_points(copy: Motion, problem: DistanceProblem, postures: Postures) -> 
 def _deviations(copy: Motion, motion: Motion, parts: NDArray[np.intp]) -> NDArray[np.float64]:
     """(frames, parts + 1, 3), how far each part of a motion deviates from the copy; the root not at all."""
     heads = np.unique(parts, return_index=True)[1]
-    turns = Rotation.from_quat(motion.world_rotations[:, heads]) * Rotation.from_quat(copy.world_rotations[:, heads]).inv()
+    turns = (
+        Rotation.from_quat(motion.world_rotations[:, heads]) * Rotation.from_quat(copy.world_rotations[:, heads]).inv()
+    )
     return np.pad(turns.as_rotvec(), ((0, 0), (0, 1), (0, 0)))
 
 

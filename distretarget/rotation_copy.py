@@ -50,4 +50,4 @@ def rest_alignment(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]
 
 
 def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))

@@ -70,7 +70,7 @@ class Skeleton:
             raise SkeletonError(f"joints that cannot be told apart: {quoted(twins)}; rename all but one of each")
 
     def _where(self, mask: NDArray[np.bool_]) -> list[str]:
-        return [name for name, hit in zip(self.names, mask.any(axis=1), strict=True) if hit]
+        return [name for name, hit in zip(self.names, mask, strict=True) if hit.any()]
 
     def __len__(self) -> int:
         return len(self.names)
@@ -124,7 +124,7 @@ class Skeleton:
     @cached_property
     def lengths(self) -> NDArray[np.float64]:
         """(joints,), the length of each joint's bone to its parent; 0 for the root [file units]."""
-        lengths = np.linalg.norm(self.offsets, axis=1)
+        lengths = np.asarray(np.linalg.norm(self.offsets, axis=1))
         lengths[0] = 0.0
         return lengths
 
@@ -146,7 +146,7 @@ class Skeleton:
         bones = np.asarray(weights, np.float64)[1:]
         edges = (bones, (np.arange(1, len(self)), self.parents[1:]))
         graph = coo_array(edges, shape=(len(self), len(self))).tocsr()
-        return shortest_path(graph, method="D", directed=False)
+        return np.asarray(shortest_path(graph, method="D", directed=False))
 
     @cached_property
     def rest_positions(self) -> NDArray[np.float64]:

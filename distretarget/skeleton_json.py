@@ -306,9 +306,7 @@ def _full(document: _Node, fields: Mapping[str, _Node]) -> Target:
     """The full form."""
     if "joints" not in fields:
         document.fail('has no "joints"')
-    joints = [
-        node.fields(("name", "parent", "offset"), ("channels", "end")) for node in fields["joints"].items()
-    ]
+    joints = [node.fields(("name", "parent", "offset"), ("channels", "end")) for node in fields["joints"].items()]
     if not joints:
         fields["joints"].expected("at least a root and one bone")
     units = fields["units"].one_of(UNITS) if "units" in fields else None

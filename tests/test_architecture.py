@@ -40,7 +40,7 @@ def module_of(path):
 def imports_of(path):
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "distretarget":
-            yield (node.module.split(".") + ["__init__"])[1]
+            yield ([*node.module.split("."), "__init__"])[1]
 
 
 FILES = sorted(PACKAGE.rglob("*.py"))
@@ -56,7 +56,12 @@ def test_imports_point_downwards(path):
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_only_the_command_line_prints_and_only_bvh_knows_bvhio(path):
-    imported = {alias.name for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Import) for alias in node.names}
+    imported = {
+        alias.name
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Import)
+        for alias in node.names
+    }
     imported |= {node.module for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ImportFrom)}
     if module_of(path) != "cli":
         assert not imported & {"click", "tqdm"}
@@ -85,7 +90,9 @@ def test_every_public_function_of_the_package_is_documented():
 
 def commands_of_the_front_page():
     text = (ROOT / "README.md").read_text()
-    return [line.strip() for block in re.findall(r"```sh\n(.*?)```", text, re.S)[:2] for line in block.strip().splitlines()]
+    return [
+        line.strip() for block in re.findall(r"```sh\n(.*?)```", text, re.S)[:2] for line in block.strip().splitlines()
+    ]
 
 
 def test_two_commands_do_all_the_set_up_and_ci_runs_the_second():

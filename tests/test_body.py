@@ -13,7 +13,9 @@ from distretarget.footing import root_scale
 
 
 def names_of_legs(skeleton):
-    return sorted((skeleton.names[leg.hip], skeleton.names[leg.ankle], skeleton.names[leg.toe]) for leg in find_legs(skeleton))
+    return sorted(
+        (skeleton.names[leg.hip], skeleton.names[leg.ankle], skeleton.names[leg.toe]) for leg in find_legs(skeleton)
+    )
 
 
 def test_legs_of_the_papers_skeleton():
@@ -33,7 +35,10 @@ def test_legs_of_a_rest_pose_that_lies_along_one_axis():
 @pytest.mark.parametrize(
     ("file", "legs"),
     [
-        ("cmu_mb/02_01.bvh", [("LeftUpLeg", "LeftFoot", "LeftToeBase"), ("RightUpLeg", "RightFoot", "RightToeBase")]),
+        (
+            "cmu_mb/02_01.bvh",
+            [("LeftUpLeg", "LeftFoot", "LeftToeBase"), ("RightUpLeg", "RightFoot", "RightToeBase")],
+        ),
         ("cmu_daz/02_01.bvh", [("lThigh", "lFoot", "lFoot_End"), ("rThigh", "rFoot", "rFoot_End")]),
         ("animated_drawings/dab.bvh", [("LeftUpLeg", "LeftFoot"), ("RightUpLeg", "RightFoot")]),
         ("animated_drawings/jesse_dance.bvh", [("LeftUpLeg", "LeftFoot"), ("RightUpLeg", "RightFoot")]),
@@ -49,7 +54,11 @@ def test_legs_of_real_rigs(file, legs):
 @needs_corpus
 @pytest.mark.parametrize(
     ("file", "up"),
-    [("cmu_mb/02_01.bvh", [0, 1, 0]), ("animated_drawings/dab.bvh", [0, 0, 1]), ("animated_drawings/jesse_dance.bvh", [0, 1, 0])],
+    [
+        ("cmu_mb/02_01.bvh", [0, 1, 0]),
+        ("animated_drawings/dab.bvh", [0, 0, 1]),
+        ("animated_drawings/jesse_dance.bvh", [0, 1, 0]),
+    ],
 )
 def test_up_of_real_clips(file, up):
     motion = read_bvh(CORPUS / file)

@@ -214,9 +214,7 @@ def test_joints_without_channels(line):
     assert_same(read(format_bvh(motion)), motion, 1e-6)
 
 
-@pytest.mark.parametrize(
-    "order", ["".join(axes) for n in range(4) for axes in itertools.permutations("XYZ", n)]
-)
+@pytest.mark.parametrize("order", ["".join(axes) for n in range(4) for axes in itertools.permutations("XYZ", n)])
 @pytest.mark.parametrize("slides", ["", "Y", "ZX"])
 def test_any_channels_in_any_order(order, slides):
     names = [f"{axis}rotation" for axis in order]
@@ -357,9 +355,7 @@ def test_no_temporary_files_stay(tmp_path):
     assert [found for found in tmp_path.rglob("*") if found.is_file()] == [path]
 
 
-@pytest.mark.parametrize(
-    "motion", ["", "MOTION", "MOTION\nFrames: x", MOTION.replace("10", "?"), MOTION + "1 2"]
-)
+@pytest.mark.parametrize("motion", ["", "MOTION", "MOTION\nFrames: x", MOTION.replace("10", "?"), MOTION + "1 2"])
 def test_a_skeleton_needs_no_motion(motion):
     skeleton = read_bvh_skeleton(put(HIERARCHY + motion))
     assert skeleton.names == JOINTS
@@ -456,9 +452,7 @@ def test_positions_are_written_to_1e_8_of_the_body_in_any_unit(scale):
                    scale * motion.translations, motion.rotations, "1")  # fmt: skip
     size = np.max(small.skeleton.path_lengths)
     again = read(format_bvh(small))
-    np.testing.assert_allclose(
-        again.root_positions, small.root_positions, rtol=0, atol=max(0.5e-8 * size, 1e-15)
-    )
+    np.testing.assert_allclose(again.root_positions, small.root_positions, rtol=0, atol=max(0.5e-8 * size, 1e-15))
 
 
 CHANNELS = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
@@ -472,9 +466,7 @@ def skeletons(draw):
     depths = [0]
     while len(depths) < count:
         depths.append(draw(st.integers(1, depths[-1] + 1)))
-    parents = [
-        -1 if not depth else depths[:joint][::-1].index(depth - 1) for joint, depth in enumerate(depths)
-    ]
+    parents = [-1 if not depth else depths[:joint][::-1].index(depth - 1) for joint, depth in enumerate(depths)]
     parents = [joint - 1 - back if joint else -1 for joint, back in enumerate(parents)]
     end_sites = [joint > 0 and joint not in parents and chance.random() < 0.7 for joint in range(count)]
     names: list[str] = []
@@ -482,9 +474,7 @@ def skeletons(draw):
         twins = [j for j in range(joint) if end_sites[j] and parents[j] == parent]
         number = len(twins) + 1 if twins else ""
         names.append(f"{names[parent]}_End{number}" if end_sites[joint] else f"joint {joint}")
-    channels = [
-        () if end else tuple(draw(st.permutations(CHANNELS))[: draw(st.integers(1, 6))]) for end in end_sites
-    ]
+    channels = [() if end else tuple(draw(st.permutations(CHANNELS))[: draw(st.integers(1, 6))]) for end in end_sites]
     offsets = 10.0 ** draw(st.integers(-2, 3)) * chance.normal(size=(count, 3))
     return Skeleton(tuple(names), np.array(parents), offsets, tuple(channels), np.array(end_sites))
 
@@ -515,9 +505,7 @@ def test_what_is_written_reads_back_the_same(motion):
     size = np.max(np.abs(motion.positions), initial=np.max(motion.skeleton.lengths))
     assert_same(again, motion, 1e-6 * size)
     replaced = [name in motion.skeleton.channels[0] for name in ("Xposition", "Yposition", "Zposition")]
-    np.testing.assert_array_equal(
-        again.skeleton.offsets[0], np.where(replaced, 0, motion.skeleton.offsets[0])
-    )
+    np.testing.assert_array_equal(again.skeleton.offsets[0], np.where(replaced, 0, motion.skeleton.offsets[0]))
     np.testing.assert_array_equal(again.skeleton.offsets[1:], motion.skeleton.offsets[1:])
 
 
@@ -598,11 +586,7 @@ def test_fuzz_one_byte(at, byte):
 
 
 @settings(max_examples=100, deadline=None)
-@given(
-    st.lists(
-        st.tuples(st.integers(0, TEXT.count("\n")), st.integers(0, TEXT.count("\n"))), min_size=1, max_size=3
-    )
-)
+@given(st.lists(st.tuples(st.integers(0, TEXT.count("\n")), st.integers(0, TEXT.count("\n"))), min_size=1, max_size=3))
 def test_fuzz_lines_moved_or_lost(moves):
     lines = TEXT.splitlines()
     for source, target in moves:
@@ -711,9 +695,7 @@ def test_corpus_positions_agree_with_pybvh(path, tmp_path):
     joints = np.flatnonzero(~motion.skeleton.end_sites)
     rows = [theirs.joint_index[motion.skeleton.names[joint]] for joint in joints]
     size = np.max(motion.skeleton.path_lengths)
-    np.testing.assert_allclose(
-        motion.positions[:, joints], theirs.joint_positions()[:, rows], rtol=0, atol=1e-6 * size
-    )
+    np.testing.assert_allclose(motion.positions[:, joints], theirs.joint_positions()[:, rows], rtol=0, atol=1e-6 * size)
     tips = theirs.node_positions()
     ours = motion.positions[:, motion.skeleton.end_sites]
     nodes = [row for name, row in theirs.node_index.items() if name not in theirs.joint_index]

@@ -47,7 +47,10 @@ def test_the_main_job(folder):
 
 
 def test_the_command_may_be_named(folder):
-    runs = [run(*named, "in.bvh", "body.json", "-o", f"{number}.bvh", cwd=folder) for number, named in enumerate([(), ("retarget",)])]
+    runs = [
+        run(*named, "in.bvh", "body.json", "-o", f"{number}.bvh", cwd=folder)
+        for number, named in enumerate([(), ("retarget",)])
+    ]
     assert [done.returncode for done in runs] == [0, 0]
     assert (folder / "0.bvh").read_bytes() == (folder / "1.bvh").read_bytes()
 

@@ -37,9 +37,7 @@ clips = files([*SAMPLE_FILES, *(path for path in CORPUS_FILES if path.name not i
 def read_rigid(path):
     """The motion of a file, on bones that do not stretch."""
     motion = read_bvh(path)
-    rigid = rigid_motion(
-        motion.rigid_skeleton, motion.root_positions, motion.rotations, motion.frame_time_text
-    )
+    rigid = rigid_motion(motion.rigid_skeleton, motion.root_positions, motion.rotations, motion.frame_time_text)
     stretch = np.abs(rigid.positions - motion.positions).max() / height(motion.rigid_skeleton)
     if stretch > 1e-9:
         pytest.skip(f"the bones stretch: joints are up to {stretch:.1e} heights off those of a rigid body")

@@ -15,9 +15,7 @@ SHORT_ORDERS = ["".join(axes) for count in (1, 2) for axes in permutations("XYZ"
 NEAR_LOCK = [0.0, 1e-16, 1e-14, 1e-13, 1e-12, 1e-10, 1e-8, 1e-5, 1e-3, -1e-15, -1e-12, -1e-9, -1e-5]
 
 angle = st.floats(-10, 10)
-near_lock = st.builds(
-    lambda sign, gap: sign * (np.pi / 2 - gap), st.sampled_from([-1, 1]), st.sampled_from(NEAR_LOCK)
-)
+near_lock = st.builds(lambda sign, gap: sign * (np.pi / 2 - gap), st.sampled_from([-1, 1]), st.sampled_from(NEAR_LOCK))
 triple = st.tuples(angle, angle | near_lock, angle)
 
 
@@ -51,9 +49,7 @@ def test_angles_come_back_as_they_went_in_when_they_move_slowly(axes):
 @pytest.mark.parametrize("axes", ORDERS)
 @pytest.mark.parametrize("middle", [np.pi / 2, -np.pi / 2])
 def test_at_lock_the_first_angle_carries_on(axes, middle):
-    angles = np.array(
-        [[0.3, middle - 0.1, 0.2], [0.5, middle, -0.4], [2.5, middle, 0.1], [0.35, middle - 0.1, 0.2]]
-    )
+    angles = np.array([[0.3, middle - 0.1, 0.2], [0.5, middle, -0.4], [2.5, middle, 0.1], [0.35, middle - 0.1, 0.2]])
     rotations = Rotation.from_euler(axes, angles).as_quat()
     found = euler_angles(rotations, axes)
     assert error(rotations, axes, found) < 1e-12
@@ -106,9 +102,7 @@ def test_two_axes_keep_the_direction_of_the_third(order):
 
 def test_one_axis_turns_on_past_a_full_turn():
     angles = np.linspace(0, 20, 100)[:, None]
-    np.testing.assert_allclose(
-        euler_angles(Rotation.from_euler("Y", angles).as_quat(), "Y"), angles, atol=1e-12
-    )
+    np.testing.assert_allclose(euler_angles(Rotation.from_euler("Y", angles).as_quat(), "Y"), angles, atol=1e-12)
 
 
 def test_no_axes_leave_nothing():

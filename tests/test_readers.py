@@ -65,6 +65,4 @@ def test_pybvh(path, tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # it guesses which way is up, and says so
         theirs = pybvh.read_bvh_file(file)
-    np.testing.assert_allclose(
-        motion.positions, theirs.node_positions(), rtol=0, atol=1e-6 * height(motion.skeleton)
-    )
+    np.testing.assert_allclose(motion.positions, theirs.node_positions(), rtol=0, atol=1e-6 * height(motion.skeleton))

@@ -99,7 +99,7 @@ def test_joints_turn_as_far_as_their_channels_allow(axes):
     points = copy.positions + np.random.default_rng(0).normal(scale=0.1, size=copy.positions.shape)
     local = swing(copy, points, ALL).rotations[:, elbow]
     if axes:
-        angles = Rotation.from_quat(local).as_euler((axes + "XYZ".translate(dict.fromkeys(map(ord, axes)))))
+        angles = Rotation.from_quat(local).as_euler(axes + "XYZ".translate(dict.fromkeys(map(ord, axes))))
         np.testing.assert_allclose(angles[:, len(axes) :], 0, atol=1e-9)
         assert np.ptp(angles[:, 0]) > 0.1
     else:

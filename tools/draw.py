@@ -174,9 +174,7 @@ def _draw_head(ax: Axes, neck: Array, top: Array, order: int) -> None:
 
 
 def _draw_shadow(ax: Axes, cell: Cell, camera: Camera, shift: float) -> None:
-    fallen = cell.points * (1, 0, 1) + cell.points[:, 1:2] * (
-        LIGHT[0] * camera.right + LIGHT[1] * camera.near
-    )
+    fallen = cell.points * (1, 0, 1) + cell.points[:, 1:2] * (LIGHT[0] * camera.right + LIGHT[1] * camera.near)
     screen = camera(fallen)[0]
     screen[:, 0] += shift
     for level, (thickness, colour) in enumerate(SHADOW):
@@ -282,9 +280,7 @@ def _write_picture(
 
 def main() -> None:
     """Draw the files named on the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", nargs="+", type=Path, metavar="A.bvh")
     parser.add_argument("--frames", required=True, help="frame numbers, as 0,30,60")
     parser.add_argument("-o", "--output", required=True, type=Path, metavar="OUT.png")

@@ -33,9 +33,7 @@ written beside their place and moved there when they are complete.
 """
 
 
-def contexts(
-    command: click.Command, name: str, parent: click.Context | None = None
-) -> Iterator[click.Context]:
+def contexts(command: click.Command, name: str, parent: click.Context | None = None) -> Iterator[click.Context]:
     """A command and all commands below it, each in its context."""
     context = click.Context(
         command, parent, name, terminal_width=WIDTH, max_content_width=WIDTH, **command.context_settings

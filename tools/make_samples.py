@@ -71,9 +71,7 @@ def write_samples(folder: Path) -> None:
 
 def main() -> None:
     """Write the samples into the folder on the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", nargs="?", type=Path, default=SAMPLES)
     write_samples(parser.parse_args().folder)
 

@@ -132,9 +132,7 @@ def from_axes(x: Points, y: Points) -> Rotation:
     return Rotation.from_matrix(np.stack([x, y, np.cross(x, y)], axis=-1))
 
 
-def two_bones(
-    start: Points, end: Points, pole: ArrayLike, upper: float, lower: float
-) -> tuple[Points, Points, Points]:
+def two_bones(start: Points, end: Points, pole: ArrayLike, upper: float, lower: float) -> tuple[Points, Points, Points]:
     """Unit vectors along two bones that lead from `start` to `end` and bend towards `pole`, and the axis
     about which the bend turns the upper one into the lower one; (frames, 3) each.
 
@@ -144,9 +142,7 @@ def two_bones(
     span = end - start
     length = np.linalg.norm(span, axis=1)
     if np.any(length >= upper + lower) or np.any(length <= abs(upper - lower)):
-        raise ValueError(
-            f"two bones of {upper} and {lower} cannot span {length.min():.2f} to {length.max():.2f}"
-        )
+        raise ValueError(f"two bones of {upper} and {lower} cannot span {length.min():.2f} to {length.max():.2f}")
     along = unit(span)
     pole = np.broadcast_to(pole, span.shape)
     aside = unit(pole - np.sum(pole * along, axis=1, keepdims=True) * along)

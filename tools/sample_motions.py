@@ -77,10 +77,7 @@ def clap() -> Motion:
     look = turned(pitch=3 + attention * (2.5 + 0.8 * cosine(t, period, first)))
     body = standing_trunk(t, eased(t, [0.4, 1.5, 3.4, 4.4], [0, 1.5, -1.0, 0]), look)
     raised = held(t, 0.15, 0.95, last + 0.1, last + 0.95)
-    arms = {
-        side: hanging_arm(t).blended(_clapping_arm(seen_from(side, body.chest()), away), raised)
-        for side in SIDES
-    }
+    arms = {side: hanging_arm(t).blended(_clapping_arm(seen_from(side, body.chest()), away), raised) for side in SIDES}
     return motion(body, arms, planted_feet(t, width=19, toe_out=9))
 
 

@@ -15,7 +15,7 @@ from distretarget.errors import DistretargetError
 @click.group(cls=DefaultGroup, default="retarget", context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="distretarget")
 def cli() -> None:
-    """Retarget BVH motion to another body by normalised joint distances.
+    r"""Retarget BVH motion to another body by normalised joint distances.
 
     \b
     distretarget SOURCE.bvh TARGET -o OUT.bvh       the same as: distretarget retarget ...

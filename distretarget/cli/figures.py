@@ -50,9 +50,8 @@ class Figures:
         unsolved = self.result.effort.unsolved
         if len(unsolved):
             reasons = sorted({_name(reason) for reason in self.result.effort.reasons[unsolved]})
-            yield (
-                f"{len(unsolved)} of {frames} frames did not converge (first: frame {unsolved[0]}; {', '.join(reasons)})"
-            )
+            first = f"(first: frame {unsolved[0]}; {', '.join(reasons)})"
+            yield f"{len(unsolved)} of {frames} frames did not converge {first}"
         short = np.flatnonzero(self._unreached())
         if len(short) and self.result.postures is None:
             yield f"a foot in stance is off its height in {len(short)} of {frames} frames (first: frame {short[0]})"
@@ -99,7 +98,9 @@ def _per_frame(figures: Comparison) -> dict[str, list[object]]:
     contact = figures.contact_error / pairs
     return {
         "distance_error": figures.distance_error.tolist(),
-        "contact_error": [value if count else None for value, count in zip(contact.tolist(), figures.contacts, strict=True)],
+        "contact_error": [
+            value if count else None for value, count in zip(contact.tolist(), figures.contacts, strict=True)
+        ],
         "direction_error": figures.direction_error.mean(axis=1).tolist() if figures.direction_error.size else [],
         "bone_error": figures.bone_error.tolist(),
     }

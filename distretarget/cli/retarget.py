@@ -41,7 +41,9 @@ from distretarget.skeleton_json import load_target
     show_default=True,
     help="hold: feet at rest keep their place and height (contact objective only). free: feet follow the legs.",
 )
-@click.option("--json", "figures", type=click.Path(path_type=Path), help="Write the figures of each frame to this file.")
+@click.option(
+    "--json", "figures", type=click.Path(path_type=Path), help="Write the figures of each frame to this file."
+)
 def retarget_command(
     source: Path,
     target: Path,
@@ -52,7 +54,7 @@ def retarget_command(
     feet: str,
     figures: Path | None,
 ) -> None:
-    """Carry the motion of SOURCE, a BVH file, over to the body of TARGET.
+    r"""Carry the motion of SOURCE, a BVH file, over to the body of TARGET.
 
     TARGET is a skeleton file (.json) or any BVH file with the body wanted.
 
@@ -88,7 +90,10 @@ def retarget_command(
 def _check_outputs(outputs: list[Path], inputs: list[Path], overwrite: bool) -> None:
     """Refuse, before any work, outputs that cannot be written or are inputs or each other."""
     for number, path in enumerate(outputs):
-        for other, what in [*((i, "an input") for i in inputs), *((o, "another output") for o in outputs[:number])]:
+        for other, what in [
+            *((i, "an input") for i in inputs),
+            *((o, "another output") for o in outputs[:number]),
+        ]:
             if path.resolve() == other.resolve() or (path.exists() and other.exists() and path.samefile(other)):
                 raise FileError(path, f"is {what} as well; give the output another name")
         check_writable(path, overwrite=overwrite)

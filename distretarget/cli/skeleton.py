@@ -21,7 +21,7 @@ def skeleton_group() -> None:
 @skeleton_group.command("show")
 @click.argument("file", type=click.Path(path_type=Path))
 def show_command(file: Path) -> None:
-    """Print the tree of FILE, a BVH or skeleton file, with its bone lengths.
+    r"""Print the tree of FILE, a BVH or skeleton file, with its bone lengths.
 
     \b
     distretarget skeleton show walk.bvh
@@ -34,10 +34,15 @@ def show_command(file: Path) -> None:
 
 @skeleton_group.command("export")
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="The skeleton file to write; else standard output.")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    help="The skeleton file to write; else standard output.",
+)
 @click.option("--overwrite", is_flag=True, help="Replace the output if it exists.")
 def export_command(file: Path, output: Path | None, overwrite: bool) -> None:
-    """Write the skeleton of FILE as a target skeleton file, to edit and retarget to.
+    r"""Write the skeleton of FILE as a target skeleton file, to edit and retarget to.
 
     \b
     distretarget skeleton export hero.bvh -o hero.json
