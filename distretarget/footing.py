@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import convolve1d, maximum_filter1d
 
 from distretarget.body import Leg, leg_length, shared_legs, up_axis
 from distretarget.motion import Motion
 from distretarget.skeleton import Skeleton
+from distretarget.smoothing import widened
 
 Array = NDArray[np.float64]
 
@@ -101,22 +101,6 @@ def _at_rest(source: Motion, leg: Leg, up: Array, length: float) -> NDArray[np.b
     heights = source.positions @ up
     low = heights[:, below].min(axis=1) - heights.min(axis=1) < LOW * length
     return np.asarray((speed < SLOW * length) & low[:, None])
-
-
-def widened(values: Array, frames: float) -> Array:
-    """Values over time, (frames, n), taken at their largest within `frames` and then averaged over as many on both
-    sides: nowhere less than they were, and smooth.
-    """
-    reach = round(frames)
-    if reach < 1:
-        return values
-    return averaged(maximum_filter1d(values, 2 * reach + 1, axis=0, mode="nearest"), reach)
-
-
-def averaged(values: Array, reach: int) -> Array:
-    """Values over time, (frames, ...), averaged over `reach` frames on both sides (a raised cosine)."""
-    window = np.hanning(2 * reach + 3)[1:-1]
-    return np.asarray(convolve1d(values, window / window.sum(), axis=0, mode="nearest"))
 
 
 def _places(source: Motion, leg: Leg, up: Array, scale: float, bone: float) -> list[Array]:
