@@ -9,8 +9,8 @@ Per frame, over the rotations of a body of exact bones and the displacement of i
 
 The target of a pair is a vector, not only a distance, so that nothing changes sides:
 delta = d_copy + f (tau2 / tau1 d_source - d_copy), which at f = 1 has the length tau2 D of Eq. (1) and the source's
-direction e (`near`). f grows smoothly from 0 to 1 as the pair comes near, and a little ahead of it in time. Where nothing is
-near and no foot rests, this is the rotation copy; each frame depends on the frames around it only.
+direction e. f grows smoothly from 0 to 1 as the pair comes near, and a little ahead of it in time (`near`). Where
+nothing is near and no foot rests, this is the rotation copy; each frame depends on the frames around it only.
 """
 
 from __future__ import annotations

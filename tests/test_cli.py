@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -83,6 +84,8 @@ BAD = {
     "no output": (["in.bvh", "body.json"], 2, "--output"),
     "unknown option": (["in.bvh", "body.json", "-o", "out.bvh", "--fast"], 2, "--fast"),
     "zero root scale": (["in.bvh", "body.json", "-o", "out.bvh", "--root-scale", "0"], 2, "--root-scale"),
+    "feet for the paper": (["in.bvh", "body.json", "-o", "o", "--feet", "hold", "--objective", "paper"], 2, "feet"),
+    "no frames": (["still.bvh", "body.json", "-o", "out.bvh"], 1, "still.bvh"),
     "one argument": (["in.bvh", "-o", "out.bvh"], 2, "TARGET"),
     "show a missing file": (["skeleton", "show", "none.bvh"], 1, "none.bvh"),
     "export over the input": (["skeleton", "export", "in.bvh", "-o", "in.bvh", "--overwrite"], 1, "in.bvh"),
@@ -98,6 +101,10 @@ def test_bad_input_gives_one_line(folder, case):
     (folder / "there.bvh").write_text("precious")
     text = (folder / "in.bvh").read_text()
     (folder / "short.bvh").write_text(text[: len(text) // 2])
+    motion = swaying(person(), frames=1)
+    write_bvh(
+        folder / "still.bvh", replace(motion, translations=motion.translations[:0], rotations=motion.rotations[:0])
+    )
     body = (folder / "body.json").read_text()
     (folder / "typo.json").write_text(body.replace("offset", "ofset", 1))
     (folder / "tail.json").write_text(body.replace("Neck", "Tail"))

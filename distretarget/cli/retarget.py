@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 from distretarget.bvh import read_bvh, write_bvh
 from distretarget.cli.figures import Figures
-from distretarget.errors import FileError
+from distretarget.errors import DistretargetError, FileError
 from distretarget.files import check_writable, write_whole
 from distretarget.retarget import OBJECTIVES, Objective, retarget
 from distretarget.skeleton_json import load_target
@@ -37,9 +37,8 @@ from distretarget.skeleton_json import load_target
 @click.option(
     "--feet",
     type=click.Choice(["hold", "free"]),
-    default="hold",
-    show_default=True,
-    help="hold: feet at rest keep their place and height (contact objective only). free: feet follow the legs.",
+    help="hold: feet at rest keep their place and height; the contact objective does unless told otherwise. "
+    "free: feet follow the legs, as they do with the paper's objective.",
 )
 @click.option(
     "--json", "figures", type=click.Path(path_type=Path), help="Write the figures of each frame to this file."
@@ -51,7 +50,7 @@ def retarget_command(
     overwrite: bool,
     root_scale: float | None,
     objective: Objective,
-    feet: str,
+    feet: str | None,
     figures: Path | None,
 ) -> None:
     r"""Carry the motion of SOURCE, a BVH file, over to the body of TARGET.
@@ -62,21 +61,26 @@ def retarget_command(
     distretarget walk.bvh child.json -o walk_child.bvh
     distretarget walk.bvh hero.bvh -o walk_hero.bvh --json walk_hero.figures.json
     """
+    if feet == "hold" and objective == "paper":
+        raise click.UsageError("--feet hold: the paper's objective knows no feet; use --objective contact.")
     outputs = [path for path in (output, figures) if path]
     _check_outputs(outputs, [source, target], overwrite)
     started = time.perf_counter()
     motion = read_bvh(source)
     goal = load_target(target, motion.rigid_skeleton)
     with tqdm(total=len(motion), unit=" frames", desc=source.name, disable=None, leave=False) as bar:
-        result = retarget(
-            motion,
-            goal.skeleton,
-            objective=objective,
-            hold_feet=feet == "hold",
-            joint_map=goal.map,
-            root_scale=root_scale,
-            progress=bar.update,
-        )
+        try:
+            result = retarget(
+                motion,
+                goal.skeleton,
+                objective=objective,
+                hold_feet=feet != "free",
+                joint_map=goal.map,
+                root_scale=root_scale,
+                progress=bar.update,
+            )
+        except DistretargetError as error:
+            raise DistretargetError(f"{source} to {target}: {error}") from error
     write_bvh(output, result.motion, overwrite=overwrite)
     seconds = time.perf_counter() - started
     run = Figures(motion, result)
