@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 from distretarget.bvh import read_bvh, write_bvh
 from distretarget.cli.figures import Figures
-from distretarget.errors import DistretargetError, FileError
+from distretarget.errors import DistretargetError, FileError, MatchingError
 from distretarget.files import check_writable, write_whole
 from distretarget.retarget import OBJECTIVES, Objective, retarget
 from distretarget.skeleton_json import load_target
@@ -79,8 +79,10 @@ def retarget_command(
                 root_scale=root_scale,
                 progress=bar.update,
             )
+        except MatchingError as error:
+            raise FileError(target, str(error)) from error
         except DistretargetError as error:
-            raise DistretargetError(f"{source} to {target}: {error}") from error
+            raise FileError(source, str(error)) from error
     write_bvh(output, result.motion, overwrite=overwrite)
     seconds = time.perf_counter() - started
     run = Figures(motion, result)
