@@ -174,7 +174,8 @@ def pull_back(v: Array, body: Body, work: Work, gradient: Array) -> float:
             work.pull[parent, i] += work.pull[joint, i]
     for part in range(parts):
         _to_rotation_vector(v[part], gradient[part])
-    gradient[parts] = work.pull[0]
+    for i in range(3):
+        gradient[parts, i] = work.pull[0, i]
     value = 0.0
     for part in range(parts + 1):
         for i in range(3):
@@ -207,6 +208,8 @@ def hang(body: Body, work: Work) -> None:
     work.arms[:] = 0.0
     for joint in range(1, len(body.parents)):
         parent = body.parents[joint]
-        work.arms[joint] = work.arms[parent]
+        for part in range(len(work.turns)):
+            for i in range(3):
+                work.arms[joint, part, i] = work.arms[parent, part, i]
         for i in range(3):
             work.arms[joint, body.parts[parent], i] += work.bones[joint, i]

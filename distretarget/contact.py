@@ -28,7 +28,7 @@ from distretarget.body import find_legs
 from distretarget.distances import DistanceProblem
 from distretarget.footing import Stance
 from distretarget.near import LEAD, near_pairs, pair_springs
-from distretarget.poses import Frame, Poses, Springs, needs_curvature, pose_solver, spring_energy
+from distretarget.poses import Frame, Poses, Springs, continue_poses, needs_curvature, pose_solver, spring_energy
 from distretarget.skeleton import Skeleton
 from distretarget.smoothing import averaged, widened
 from distretarget.spg import Effort, Minimum, record
@@ -120,10 +120,7 @@ def _solve(body, bones, root, springs, v, first, figures):  # type: ignore[no-un
     for t in range(len(bones)):
         at = first + t
         count = min(at, 2) + 1
-        if at > 0:
-            starts[1] = v[at - 1]
-        if at > 1:
-            starts[2] = 2.0 * v[at - 1] - v[at - 2]
+        continue_poses(v, at, starts)
         frame = Frame(bones[t], root[t], U, scratch)
         now = Springs(springs.a, springs.b, springs.rest[t], springs.e[t], springs.w[t], springs.k[t])
         last = _solve_pose(starts, count, body, work, frame, now, needs_curvature(t, last), v[at])

@@ -101,8 +101,9 @@ def _world_rotations(parents: NDArray[np.intp], world: NDArray[np.float64]) -> N
     """Local rotations turned into world rotations in place; the product of quaternions, x y z w."""
     for frame in range(len(world)):
         for joint in range(1, len(parents)):
-            x, y, z, w = world[frame, parents[joint]]
-            i, j, k, r = world[frame, joint]
+            p, q = world[frame, parents[joint]], world[frame, joint]
+            x, y, z, w = p[0], p[1], p[2], p[3]
+            i, j, k, r = q[0], q[1], q[2], q[3]
             world[frame, joint, 0] = w * i + x * r + y * k - z * j
             world[frame, joint, 1] = w * j - x * k + y * r + z * i
             world[frame, joint, 2] = w * k + x * j - y * i + z * r
@@ -118,11 +119,13 @@ def _positions(
 ) -> None:
     """Forward kinematics, written: each joint stands from its parent by its translation, turned by the parent."""
     for frame in range(len(world)):
-        positions[frame, 0] = translations[frame, 0]
+        for i in range(3):
+            positions[frame, 0, i] = translations[frame, 0, i]
         for joint in range(1, len(parents)):
             parent = parents[joint]
-            x, y, z, w = world[frame, parent]
-            a, b, c = translations[frame, joint]
+            q, v = world[frame, parent], translations[frame, joint]
+            x, y, z, w = q[0], q[1], q[2], q[3]
+            a, b, c = v[0], v[1], v[2]
             # v + 2 w (q x v) + 2 q x (q x v), q the vector part
             i, j, k = y * c - z * b, z * a - x * c, x * b - y * a
             positions[frame, joint, 0] = positions[frame, parent, 0] + a + 2.0 * (w * i + y * k - z * j)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from distretarget.articulation import Body, Work, workspace
 from distretarget.distances import DistanceProblem
-from distretarget.poses import Frame, Poses, Springs, needs_curvature, pose_solver
+from distretarget.poses import Frame, Poses, Springs, continue_poses, needs_curvature, pose_solver
 from distretarget.skeleton import Skeleton
-from distretarget.spg import Effort, Minimum, record
+from distretarget.spg import Effort, Minimum, copy_to, record
 from distretarget.stress import stress_and_gradient, target_distances
 
 Array = NDArray[np.float64]
@@ -82,11 +82,8 @@ def _solve(body, bones, root, source, ratio, terms, guess, v, first, figures):  
     for t in range(len(bones)):
         at = first + t
         count = min(at, 2) + 1
-        starts[0] = guess[t]
-        if at > 0:
-            starts[1] = v[at - 1]
-        if at > 1:
-            starts[2] = 2.0 * v[at - 1] - v[at - 2]
+        copy_to(starts[0], guess[t])
+        continue_poses(v, at, starts)
         target_distances(source[t], ratio, terms.delta)
         frame = Frame(bones[t], root[t], U, scratch)
         last = _solve_pose(starts, count, body, work, frame, terms, needs_curvature(t, last), v[at])

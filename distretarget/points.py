@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.alignment import best_rotation
 from distretarget.distances import DistanceProblem
-from distretarget.spg import Effort, record, spectral_gradient
+from distretarget.spg import Effort, copy_to, record, spectral_gradient, steepest, straight
 from distretarget.stress import stress_and_gradient, target_distances
 
 TOLERANCE = 1e-9  # norm of the search direction [body sizes] at which a posture is solved
@@ -52,17 +52,7 @@ def _objective(x, problem, gradient):  # type: ignore[no-untyped-def]
     return stress_and_gradient(x, problem.delta, problem.pi, gradient)
 
 
-@njit(cache=True)
-def _steepest(x, gradient, step, problem, d):  # type: ignore[no-untyped-def] # noqa: ARG001
-    d[:] = -step * gradient
-
-
-@njit(cache=True)
-def _straight(x, d, alpha, problem, out):  # type: ignore[no-untyped-def] # noqa: ARG001
-    out[:] = x + alpha * d
-
-
-_minimise = spectral_gradient(_objective, _steepest, _straight)
+_minimise = spectral_gradient(_objective, steepest, straight)
 
 
 @njit(cache=True, error_model="numpy")
@@ -73,7 +63,7 @@ def _solve(source, starts, ratio, pi, solved, figures):  # type: ignore[no-untyp
         x = starts[t].copy()
         target_distances(source[t], ratio, problem.delta)
         minimum = _minimise(x, problem, TOLERANCE, ITERATIONS)
-        solved[t] = x
+        copy_to(solved[t], x)
         record(minimum, figures, t)
 
 

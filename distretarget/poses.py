@@ -16,7 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from distretarget.articulation import Body, Work, hang, pose_body, pull_back
-from distretarget.spg import Effort, Minimum, Reason, spectral_gradient
+from distretarget.spg import Effort, Minimum, Reason, copy_to, spectral_gradient, steepest, straight
 
 Array = NDArray[np.float64]
 
@@ -126,7 +126,7 @@ def pose_solver(energy: Callable[..., Any], stiffen: Callable[..., Any]) -> Call
         _scale_gradient(frame.U, gradient)
         return sigma
 
-    minimise = spectral_gradient(objective, _steepest, _straight)
+    minimise = spectral_gradient(objective, steepest, straight)
 
     @njit(error_model="numpy", fastmath=True)
     def solve(starts, count, body, work, frame, terms, fresh, out):  # type: ignore[no-untyped-def]
@@ -136,7 +136,7 @@ def pose_solver(energy: Callable[..., Any], stiffen: Callable[..., Any]) -> Call
             sigma = value(starts[start], body, work, frame, terms, gradient)
             if sigma < best:
                 best = sigma
-                out[:] = starts[start]
+                copy_to(out, starts[start])
         z = np.empty_like(out)
         iterations, evaluations = 0, count
         for turn in range(ROUNDS):
@@ -157,19 +157,22 @@ def pose_solver(energy: Callable[..., Any], stiffen: Callable[..., Any]) -> Call
 
 
 @njit(cache=True)
+def continue_poses(v: Array, frame: int, starts: Array) -> None:
+    """Write two poses to start a frame from, as far as there are frames before it: to `starts[1]` the pose before, to
+    `starts[2]` the two before continued.
+    """
+    if frame > 0:
+        copy_to(starts[1], v[frame - 1])
+    if frame > 1:
+        for part in range(v.shape[1]):
+            for i in range(3):
+                starts[2, part, i] = 2.0 * v[frame - 1, part, i] - v[frame - 2, part, i]
+
+
+@njit(cache=True)
 def needs_curvature(frame: int, last: Minimum) -> bool:
     """Whether a frame needs a new curvature, given its number and how the frame before it went."""
     return frame % REFRESH == 0 or last.iterations > SLOW
-
-
-@njit(cache=True)
-def _steepest(z, gradient, step, problem, d):  # type: ignore[no-untyped-def] # noqa: ARG001
-    d[:] = -step * gradient
-
-
-@njit(cache=True)
-def _straight(z, d, alpha, problem, out):  # type: ignore[no-untyped-def] # noqa: ARG001
-    out[:] = z + alpha * d
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)

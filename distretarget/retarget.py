@@ -15,7 +15,7 @@ from distretarget.body import body_unit, height
 from distretarget.contact import solve_contact
 from distretarget.distances import DistanceProblem, distance_problem
 from distretarget.errors import MotionError
-from distretarget.footing import find_stance, no_stance, root_path
+from distretarget.footing import Stance, find_stance, no_stance, root_path
 from distretarget.footing import root_scale as leg_ratio
 from distretarget.matching import match
 from distretarget.motion import Motion
@@ -40,6 +40,7 @@ class RetargetResult:
         drivers: (target joints,), the source joint that drives each target joint, -1 for none.
         root_scale: target units per source unit of the root's path.
         effort: what the solver took for each frame.
+        stance: the feet at rest and where they belong; no feet for the paper's objective.
         postures: the paper's solved points; None for the contact objective, which needs none.
         copy_stress, written_stress: (frames,), Eq. (2) divided by the squared height of the target's rest pose, of the
             rotation copy and of `motion`.
@@ -51,6 +52,7 @@ class RetargetResult:
     drivers: NDArray[np.intp]
     root_scale: float
     effort: Effort
+    stance: Stance
     postures: Postures | None
     copy_stress: NDArray[np.float64]
     written_stress: NDArray[np.float64]
@@ -96,6 +98,7 @@ def retarget(
     root = root_path(source, copy, drivers, scale)
     parts = parts_of(target, rigid_heads(copy))
     postures = None
+    stance = no_stance(len(source))
     if objective == "paper":
         postures = solve_postures(problem, source.positions, copy.positions)
         guess = _deviations(copy, swing(copy, _with_points(copy, problem, postures), problem.targets), parts)
@@ -103,7 +106,8 @@ def retarget(
         unit = problem.body_size
     else:
         unit = body_unit(target)
-        stance = find_stance(source, target, drivers, scale) if hold_feet else no_stance(len(source))
+        if hold_feet:
+            stance = find_stance(source, target, drivers, scale)
         poses = solve_contact(
             target,
             parts,
@@ -126,6 +130,7 @@ def retarget(
         drivers,
         scale,
         poses.effort,
+        stance,
         postures,
         relative * posture_stress(problem, source.positions, copy.positions),
         relative * posture_stress(problem, source.positions, motion.positions),

@@ -77,9 +77,33 @@ def record(minimum: Minimum, figures: NDArray[np.float64], frame: int) -> None:
 @njit(cache=True)
 def _inner(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     total = 0.0
-    for i in range(a.size):
-        total += a.flat[i] * b.flat[i]
+    for x, y in zip(a.ravel(), b.ravel()):  # noqa: B905
+        total += x * y
     return total
+
+
+@njit(cache=True)
+def steepest(x, gradient, step, problem, d):  # type: ignore[no-untyped-def] # noqa: ARG001
+    """The search direction where nothing is projected: d = -step gradient, written."""
+    flat_g, flat_d = gradient.ravel(), d.ravel()
+    for i in range(flat_g.size):
+        flat_d[i] = -step * flat_g[i]
+
+
+@njit(cache=True)
+def straight(x, d, alpha, problem, out):  # type: ignore[no-untyped-def] # noqa: ARG001
+    """The move in a Euclidean space: out = x + alpha d, written."""
+    flat_x, flat_d, flat_out = x.ravel(), d.ravel(), out.ravel()
+    for i in range(flat_x.size):
+        flat_out[i] = flat_x[i] + alpha * flat_d[i]
+
+
+@njit(cache=True)
+def copy_to(target: NDArray[np.float64], source: NDArray[np.float64]) -> None:
+    """target[:] = source for contiguous arrays of one shape; a loop compiles in a tenth of the time."""
+    flat_source, flat_target = source.ravel(), target.ravel()
+    for i in range(flat_source.size):
+        flat_target[i] = flat_source[i]
 
 
 def spectral_gradient(
@@ -139,13 +163,13 @@ def spectral_gradient(
             # Averaged reference value
             C = (ETA * Q * C + f_new) / (ETA * Q + 1.0)
             Q = ETA * Q + 1.0
-            x[:] = x_new
-            g[:] = g_new
+            copy_to(x, x_new)
+            copy_to(g, g_new)
             f = f_new
             if f < f_best:
                 f_best = f
-                x_best[:] = x
-        x[:] = x_best
+                copy_to(x_best, x)
+        copy_to(x, x_best)
         return Minimum(f_best, iterations, evaluations, reason)
 
     return minimise

@@ -62,3 +62,37 @@ def mirrored(motion: Motion) -> Motion:
     flip, turn = np.array([-1.0, 1, 1]), np.array([1.0, -1, -1, 1])
     skeleton = motion.skeleton.with_offsets(flip * motion.skeleton.offsets)
     return Motion(skeleton, flip * motion.translations, turn * motion.rotations, motion.frame_time_text)
+
+
+def posed(skeleton: Skeleton, turns: dict[str, np.ndarray], root: np.ndarray, frame_time: str = "0.02") -> Motion:
+    """The named joints turned by rotation vectors, (frames, 3) or (3,), each in its parent's frame, the others not at
+    all; the root follows the path `root`, (frames, 3).
+    """
+    vectors = np.zeros((len(root), len(skeleton), 3))
+    for name, turn in turns.items():
+        vectors[:, skeleton.index(name)] = turn
+    translations = np.array(np.broadcast_to(skeleton.offsets, vectors.shape))
+    translations[:, 0] = root
+    return Motion(skeleton, translations, Rotation.from_rotvec(vectors).as_quat(), frame_time)
+
+
+def lengthened(skeleton: Skeleton, factors: dict[str, float]) -> Skeleton:
+    """The body with the bones above the joints whose names end in a word of `factors` so many times as long."""
+    lengths = np.array(skeleton.lengths)
+    for ending, factor in factors.items():
+        lengths[[name.endswith(ending) for name in skeleton.names]] *= factor
+    return skeleton.with_lengths(lengths)
+
+
+def clapping(together: np.ndarray, frame_time: str = "0.02") -> Motion:
+    """A person with legs apart whose hands come together in front: `together`, (frames,), is 0 where the forearms point
+    outwards and 1 where the wrists are 2 cm apart and the hands parallel.
+    """
+    upper, fore = np.radians(100), np.radians(60) + np.asarray(together) * (np.arccos(-0.1726 / 0.258) - np.radians(60))
+    turns = {}
+    for side, sign in (("Left", -1.0), ("Right", 1.0)):
+        turns[f"{side}Shoulder"] = sign * np.array([0.0, upper, 0.0])
+        turns[f"{side}Elbow"] = sign * np.multiply.outer(fore - upper, [0.0, 1.0, 0.0])
+        turns[f"{side}Wrist"] = sign * np.multiply.outer(np.pi / 2 - fore, [0.0, 1.0, 0.0])
+        turns[f"{side}Hip"] = -sign * np.array([0.0, 0.0, 0.5])
+    return posed(person(), turns, np.tile([0.0, 0.9, 0.0], (len(fore), 1)), frame_time)

@@ -8,12 +8,13 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.body import body_unit
 from distretarget.metrics import Comparison, compare
 from distretarget.motion import Motion
 from distretarget.retarget import RetargetResult
 from distretarget.spg import Reason
 
-REACH = 1.0  # a foot in stance that is this far [% of leg length] off its height is told
+REACH = 0.005  # a resting foot so far [of twice the leg length] off its place is told
 
 
 class Figures:
@@ -53,13 +54,15 @@ class Figures:
             first = f"(first: frame {unsolved[0]}; {', '.join(reasons)})"
             yield f"{len(unsolved)} of {frames} frames did not converge {first}"
         short = np.flatnonzero(self._unreached())
-        if len(short) and self.result.postures is None:
-            yield f"a foot in stance is off its height in {len(short)} of {frames} frames (first: frame {short[0]})"
+        if len(short):
+            yield f"a resting foot does not reach its place in {len(short)} of {frames} frames (first: frame {short[0]})"
 
     def _unreached(self) -> NDArray[np.bool_]:
-        """(frames,), whether a foot in stance is off the source's height."""
-        off = np.abs(self.reached.foot_height - self.reached.source_foot_height) > REACH
-        return np.asarray((off & self.reached.stance).any(axis=1))
+        """(frames,), whether a resting foot is off its place."""
+        stance = self.result.stance
+        off = np.linalg.norm(self.result.motion.positions[:, stance.joints] - stance.places, axis=-1)
+        limit = REACH * body_unit(self.result.motion.skeleton)
+        return np.asarray(((off > limit) & (stance.weights > 0.99)).any(axis=1))
 
     def json(self) -> str:
         """The figures as JSON: what holds for the clip, then one list per figure with an entry per frame."""

@@ -1,0 +1,122 @@
+"""Draw the pictures of docs/results.md: source, rotation copy, paper and contact below each other.
+
+    python benchmarks/pictures.py CORPUS [FOLDER] [--only GLOB]
+    python benchmarks/pictures.py CORPUS FOLDER --clip cmu_mb/05_03.bvh --target H --frames 100,200,300
+
+CORPUS is a folder with the real clips; pictures of clips that are absent are left out and said. FOLDER is
+`docs/pictures` of this project unless another one is given. It needs matplotlib, the extra `docs`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import dataclass, replace
+from fnmatch import fnmatch
+from pathlib import Path
+
+import numpy as np
+from edits import TARGETS, edited
+from numpy.typing import NDArray
+from quality import SAMPLES
+from scipy.spatial.transform import Rotation
+
+from distretarget import Motion, read_bvh, retarget
+from distretarget.body import find_legs, up_axis
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.append(str(ROOT / "tools"))
+from draw import draw_strip  # noqa: E402
+
+
+@dataclass(frozen=True)
+class Picture:
+    """Frames of a clip on a target."""
+
+    name: str
+    clip: str
+    target: str
+    frames: tuple[int, ...]
+    view: str = "three-quarter"
+
+
+PICTURES = (
+    Picture("clap_long_forearms", "clap.bvh", "forearm and hand +50 %", (0, 64, 93, 120, 140)),
+    Picture("hands_on_hips_long_spine", "hands_on_hips.bvh", "spine +60 %", (0, 40, 70, 150, 290)),
+    Picture("walk_on_h", "cmu_mb/02_01.bvh", "H", (30, 90, 150, 210, 270)),
+    Picture("worst_direction", "cmu_daz/14_30.bvh", "spine +60 %", (700, 1400, 2000, 2196, 2400)),
+    Picture("worst_contact", "squat.bvh", "H", (0, 72, 130, 184, 330)),
+)
+
+
+def draw(folder: Path, corpus: Path, picture: Picture) -> None:
+    """Draw a picture: its four motions, each turned to face the same way, as `name.png`."""
+    source = read_bvh((corpus if "/" in picture.clip else SAMPLES) / picture.clip)
+    body = edited(source.rigid_skeleton, TARGETS[picture.target])
+    paper, contact = (retarget(source, body, objective=objective) for objective in ("paper", "contact"))
+    turn = facing(source, picture.frames)
+    rows = [
+        (f"{picture.clip}", source),
+        (f"rotation copy, {picture.target}", contact.copy),
+        ("paper", paper.motion),
+        ("contact", contact.motion),
+    ]
+    turned_rows = [(label, turned(motion, turn)) for label, motion in rows]
+    draw_strip(turned_rows, list(picture.frames), folder / f"{picture.name}.png", picture.view, up="Y", same_scale=True)
+
+
+def facing(motion: Motion, frames: tuple[int, ...]) -> Rotation:
+    """The rotation that stands a motion upright, Y up, and lets its first frame shown face +Z."""
+    legs = find_legs(motion.rigid_skeleton)
+    if legs is None:
+        return Rotation.identity()
+    up = up_axis(motion.positions, legs)
+    across = _across(motion, frames[0])
+    across = across - (across @ up) * up
+    across /= np.linalg.norm(across)
+    return Rotation.from_matrix(np.stack([across, up, np.cross(across, up)]))
+
+
+def _across(motion: Motion, frame: int) -> NDArray[np.float64]:
+    """From the right to the left hip joint: across the body; the left hip is the one whose name says so."""
+    legs = find_legs(motion.rigid_skeleton) or ()
+    left, right = sorted(
+        (leg.hip for leg in legs),
+        key=lambda hip: not motion.skeleton.names[min(hip + 1, len(motion.skeleton) - 1)].lower().startswith("l"),
+    )
+    return np.asarray(motion.positions[frame, left] - motion.positions[frame, right])
+
+
+def turned(motion: Motion, turn: Rotation) -> Motion:
+    """The motion, turned as a whole."""
+    translations, rotations = np.array(motion.translations), np.array(motion.rotations)
+    translations[:, 0] = turn.apply(translations[:, 0])
+    rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
+    return replace(motion, translations=translations, rotations=rotations)
+
+
+def main() -> None:
+    """Draw the pictures asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("corpus", type=Path)
+    parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "docs" / "pictures")
+    parser.add_argument("--only", default="*", help="only pictures whose names match")
+    parser.add_argument("--clip", help="another clip, not those of the page")
+    parser.add_argument("--target", choices=TARGETS, help="its target")
+    parser.add_argument("--frames", help="its frames, as 0,30,60")
+    parser.add_argument("--view", default="three-quarter", help="front, side or three-quarter")
+    arguments = parser.parse_args()
+    pictures = [picture for picture in PICTURES if fnmatch(picture.name, arguments.only)]
+    if arguments.clip:
+        name = f"{Path(arguments.clip).with_suffix('').as_posix()}_{arguments.target}".replace("/", "_")
+        frames = tuple(int(frame) for frame in arguments.frames.split(","))
+        pictures = [Picture(name, arguments.clip, arguments.target, frames, arguments.view)]
+    for picture in pictures:
+        if "/" in picture.clip and not (arguments.corpus / picture.clip).is_file():
+            print("left out, not in the corpus:", picture.clip)
+            continue
+        draw(arguments.folder, arguments.corpus, picture)
+
+
+if __name__ == "__main__":
+    main()
