@@ -10,6 +10,7 @@ CORPUS is a folder with the real clips; pictures of clips that are absent are le
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
@@ -88,11 +89,13 @@ def _across(motion: Motion, frame: int) -> NDArray[np.float64]:
 
 
 def turned(motion: Motion, turn: Rotation) -> Motion:
-    """The motion, turned as a whole."""
+    """The motion, turned as a whole, its names such that the drawing tells left from right (lHand, rHand)."""
+    names = [re.sub(r"^([lr])(?=[A-Z])", r"\1_", name) for name in motion.skeleton.names]
     translations, rotations = np.array(motion.translations), np.array(motion.rotations)
     translations[:, 0] = turn.apply(translations[:, 0])
     rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
-    return replace(motion, translations=translations, rotations=rotations)
+    skeleton = replace(motion.skeleton, names=tuple(names))
+    return replace(motion, skeleton=skeleton, translations=translations, rotations=rotations)
 
 
 def main() -> None:

@@ -5,6 +5,7 @@ Nothing here looks at names.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -52,13 +53,12 @@ def find_legs(skeleton: Skeleton) -> tuple[Leg, Leg] | None:
 
 def _like_limbs(skeleton: Skeleton, joint: int) -> list[tuple[list[int], list[int]]]:
     chains = [_longest_chain(skeleton, child) for child in skeleton.children[joint]]
+    chains = [chain for chain in chains if leg_length(skeleton, (_leg(skeleton, chain),)) > 0]
     return [(a, b) for a, b in combinations(chains, 2) if _alike(skeleton.lengths[a], skeleton.lengths[b])]
 
 
 def _alike(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
-    if len(a) != len(b) or not a.any():
-        return False
-    return bool(2 * np.abs(a - b).sum() <= LIKENESS * (a + b).sum())
+    return len(a) == len(b) and bool(2 * np.abs(a - b).sum() <= LIKENESS * (a + b).sum())
 
 
 def _longest_chain(skeleton: Skeleton, top: int) -> list[int]:
@@ -102,7 +102,9 @@ def _bends(skeleton: Skeleton, chain: list[int], k: int) -> bool:
     return bool(a @ b < np.cos(BEND) * np.linalg.norm(a) * np.linalg.norm(b))
 
 
-def shared_legs(target: Skeleton, drivers: NDArray[np.intp]) -> tuple[tuple[Leg, Leg], tuple[Leg, Leg]] | None:
+def shared_legs(
+    source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]
+) -> tuple[tuple[Leg, Leg], tuple[Leg, Leg]] | None:
     """The legs of a target, found from its tree, and those of its source, which drive them; None without legs that
     both have. `drivers`, (target joints,), is the source joint for each, -1 for none.
     """
@@ -110,11 +112,12 @@ def shared_legs(target: Skeleton, drivers: NDArray[np.intp]) -> tuple[tuple[Leg,
     if legs is None:
         return None
     a, b = (Leg(*(int(drivers[joint]) for joint in (leg.hip, leg.ankle, leg.toe))) for leg in legs)
-    return (legs, (a, b)) if min(a.hip, a.ankle, a.toe, b.hip, b.ankle, b.toe) >= 0 else None
+    driven = min(a.hip, a.ankle, a.toe, b.hip, b.ankle, b.toe) >= 0
+    return (legs, (a, b)) if driven and leg_length(source, (a, b)) > 0 else None
 
 
-def leg_length(skeleton: Skeleton, legs: tuple[Leg, Leg]) -> float:
-    """Thigh and shin, the mean of both legs [file units]."""
+def leg_length(skeleton: Skeleton, legs: Sequence[Leg]) -> float:
+    """Thigh and shin, the mean of the legs [file units]."""
     return float(np.mean([skeleton.path_lengths[leg.hip, leg.ankle] for leg in legs]))
 
 

@@ -42,7 +42,7 @@ def root_scale(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]) ->
 
     The target's legs are found from its tree and their drivers measured on the source.
     """
-    legs = shared_legs(target, drivers)
+    legs = shared_legs(source, target, drivers)
     if legs:
         ours, theirs = (leg_length(body, pair) for body, pair in zip((target, source), legs, strict=True))
     else:
@@ -56,7 +56,7 @@ def root_path(source: Motion, copy: Motion, drivers: NDArray[np.intp], scale: fl
     """(frames, 3), the root's path that brings the middle between the hip joints to the scaled place of the source's:
     legs hang from there, whatever lies between them and the root [target file units]. Without legs, the copy's.
     """
-    legs = shared_legs(copy.skeleton, drivers)
+    legs = shared_legs(source.rigid_skeleton, copy.skeleton, drivers)
     if legs is None:
         return copy.root_positions
     ours, theirs = (
@@ -77,7 +77,7 @@ def find_stance(source: Motion, target: Skeleton, drivers: NDArray[np.intp], sca
     Feet whose bones are not in proportion to the legs keep the toe's place and both heights; the ankle is drawn to the
     toe by what the bone is too short.
     """
-    legs = shared_legs(target, drivers)
+    legs = shared_legs(source.rigid_skeleton, target, drivers)
     if legs is None:
         return no_stance(len(source))
     up = up_axis(source.positions, legs[1])

@@ -129,8 +129,9 @@ def _distance_errors(
     blocks = zip(normalised_distances(source, drivers[joints]), normalised_distances(result, joints), strict=True)
     for (block, D_source), (_, D_result) in blocks:
         error = np.abs(D_source - D_result)
-        near = far & (D_source < NEAR)
-        mean[block] = np.nanmean(error, axis=1) if error.shape[1] else 0.0
+        known = np.isfinite(error)
+        near = far & (D_source < NEAR) & known
+        mean[block] = np.where(known, error, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
         contact[block] = np.where(near, error, 0.0).sum(axis=1)
         count[block] = near.sum(axis=1)
     return mean, contact, count
@@ -174,7 +175,7 @@ def _feet(
     source: Motion, result: Motion, drivers: NDArray[np.intp]
 ) -> tuple[NDArray[np.bool_], Array, Array, Array, Array]:
     """Stance of the source's feet, their slide and the result's, their height and the result's, all (frames, feet)."""
-    legs = shared_legs(result.skeleton, drivers)
+    legs = shared_legs(source.rigid_skeleton, result.skeleton, drivers)
     if legs is None:
         nothing = np.zeros((len(source), 0))
         return nothing.astype(bool), nothing, nothing, nothing, nothing

@@ -83,10 +83,10 @@ def test_a_written_part_turns_as_one_and_leaves_keep_the_rotations_of_the_copy()
     body = body_of(COPY)
     v = np.random.default_rng(2).normal(size=(len(COPY), len(body.holds), 3))
     motion = posed_motion(COPY, v, body.parts, COPY.root_positions)
-    turns = Rotation.from_quat(motion.world_rotations) * Rotation.from_quat(COPY.world_rotations).inv()
     for joint, below in enumerate(PERSON.children):
+        copied, written = (Rotation.from_quat(m.world_rotations[:, joint]) for m in (COPY, motion))
         expected = Rotation.from_rotvec(v[:, body.parts[joint]]) if below else Rotation.identity()
-        assert (turns[:, joint].inv() * expected).magnitude().max() < 1e-12
+        assert (written.inv() * expected * copied).magnitude().max() < 1e-12
     assert motion.frame_time_text == COPY.frame_time_text
 
 
@@ -161,7 +161,7 @@ def test_joints_without_rotation_channels_are_rigid():
     channels = tuple(() if joint == knee else names for joint, names in enumerate(PERSON.channels))
     heads = rigid_heads(swaying(replace(PERSON, channels=channels)))
     assert heads[knee] == PERSON.index("LeftHip")
-    assert PERSON.index("RightHip") == heads[PERSON.index("RightHip")]
+    np.testing.assert_array_equal(np.delete(heads, knee), np.delete(np.arange(len(PERSON)), knee))
 
 
 def test_parts_count_from_the_root_and_leaves_are_their_parents():

@@ -55,7 +55,8 @@ class Figures:
             yield f"{len(unsolved)} of {frames} frames did not converge {first}"
         short = np.flatnonzero(self._unreached())
         if len(short):
-            yield f"a resting foot does not reach its place in {len(short)} of {frames} frames (first: frame {short[0]})"
+            missed = f"in {len(short)} of {frames} frames (first: frame {short[0]})"
+            yield f"a resting foot does not reach its place {missed}"
 
     def _unreached(self) -> NDArray[np.bool_]:
         """(frames,), whether a resting foot is off its place."""
