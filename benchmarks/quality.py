@@ -257,6 +257,14 @@ def _line(group: list[Row]) -> str:
     return f"| {copy.clip} | {copy.target} | {errors} | {jerk} |"
 
 
+def insert(page: Path, name: str, text: str) -> None:
+    """Put a table into a page, between the lines `<!-- name -->` and `<!-- end -->`; as the page where these are not."""
+    old = page.read_text("utf-8") if page.exists() else ""
+    before, begin, rest = old.partition(f"<!-- {name} -->\n")
+    _, end, after = rest.partition("<!-- end -->")
+    page.write_text(f"{before}{begin}\n{text}\n{end}{after}" if begin and end else text, "utf-8")
+
+
 def main() -> None:
     """Measure, print, and write the tables where asked."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)

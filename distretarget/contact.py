@@ -24,11 +24,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from distretarget.articulation import Body, subtree_lengths, workspace
-from distretarget.body import find_legs
-from distretarget.distances import DistanceProblem
+from distretarget.body import body_unit, find_legs
 from distretarget.footing import Stance
 from distretarget.near import LEAD, near_pairs, pair_springs
-from distretarget.poses import Frame, Poses, Springs, continue_poses, needs_curvature, pose_solver, spring_energy
+from distretarget.poses import Clip, Frame, Poses, Springs, continue_poses, needs_curvature, pose_solver, spring_energy
 from distretarget.skeleton import Skeleton
 from distretarget.smoothing import averaged, widened
 from distretarget.spg import Effort, Minimum, record
@@ -127,42 +126,23 @@ def _solve(body, bones, root, springs, v, first, figures):  # type: ignore[no-un
         record(last, figures, at)
 
 
-def solve_contact(
-    skeleton: Skeleton,
-    parts: NDArray[np.intp],
-    problem: DistanceProblem,
-    source: Array,
-    copy: Array,
-    root: Array,
-    stance: Stance,
-    frame_time: float,
-    unit: float,
-    progress: Callable[[int], Any] = lambda _frames: None,
-) -> Poses:
-    """Minimise the contact objective in every frame.
+def solve_contact(clip: Clip, stance: Stance, progress: Callable[[int], Any] = lambda _frames: None) -> Poses:
+    """Minimise the contact objective in every frame of a clip, whose feet at rest are `stance`.
 
-    Args:
-        skeleton: of the target.
-        parts: (joints,), its rigid parts.
-        problem: the points that source and target share.
-        source: (frames, source joints, 3), positions [source file units].
-        copy: (frames, joints, 3), positions of the rotation copy [target file units].
-        root: (frames, 3), the root's path [target file units].
-        stance: the feet at rest.
-        frame_time: [s].
-        unit: target file units in one body unit.
-        progress: called with numbers of frames as they are done.
+    `progress` is called with numbers of frames as they are done.
     """
-    body = Body(skeleton.parents, parts, holds(skeleton, parts, unit))
-    pairs = near_pairs(problem, unit)
-    bones = copy - copy[:, skeleton.parents]
-    shared = copy[:, problem.targets] / unit
-    v = np.zeros((len(copy), len(body.holds), 3))
-    figures = np.zeros((4, len(copy)))
-    for start in range(0, len(copy), BLOCK):
-        block = slice(start, min(start + BLOCK, len(copy)))
-        springs = pair_springs(pairs, problem, source[:, problem.sources], shared, block, LEAD / frame_time)
-        springs = _joined(springs, _foot_springs(stance, block, unit))
-        _solve(body, bones[block] / unit, root[block] / unit, springs, v, start, figures)
+    unit = body_unit(clip.skeleton)
+    body = Body(clip.skeleton.parents, clip.parts, holds(clip.skeleton, clip.parts, unit))
+    pairs = near_pairs(clip.problem, unit)
+    points, copied = clip.source[:, clip.problem.sources], clip.copy[:, clip.problem.targets] / unit
+    bones, root = clip.bones / unit, clip.root / unit
+    v = np.zeros((len(clip), len(body.holds), 3))
+    figures = np.zeros((4, len(clip)))
+    for start in range(0, len(clip), BLOCK):
+        block = slice(start, min(start + BLOCK, len(clip)))
+        near = pair_springs(pairs, clip.problem, points, copied, block, LEAD / clip.frame_time)
+        springs = _joined(near, _foot_springs(stance, block, unit))
+        _solve(body, bones[block], root[block], springs, v, start, figures)
         progress(block.stop - start)
-    return Poses(settled(v, frame_time), Effort(*figures[1:].astype(np.int64)))
+    v[:, -1] *= unit
+    return Poses(settled(v, clip.frame_time), Effort(*figures[1:].astype(np.int64)))

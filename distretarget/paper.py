@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from distretarget.articulation import Body, Work, workspace
 from distretarget.distances import DistanceProblem
-from distretarget.poses import Frame, Poses, Springs, continue_poses, needs_curvature, pose_solver
-from distretarget.skeleton import Skeleton
+from distretarget.poses import Clip, Frame, Poses, Springs, continue_poses, needs_curvature, pose_solver
 from distretarget.spg import Effort, Minimum, copy_to, record
 from distretarget.stress import stress_and_gradient, target_distances
 
@@ -90,51 +89,25 @@ def _solve(body, bones, root, source, ratio, terms, guess, v, first, figures):  
         record(last, figures, at)
 
 
-def solve_paper(
-    skeleton: Skeleton,
-    parts: NDArray[np.intp],
-    problem: DistanceProblem,
-    source: Array,
-    copy: Array,
-    root: Array,
-    guess: Array,
-    progress: Callable[[int], Any] = lambda _frames: None,
-) -> Poses:
-    """Minimise Eq. (2) over the rotations in every frame; lengths are in body sizes.
+def solve_paper(clip: Clip, guess: Array, progress: Callable[[int], Any] = lambda _frames: None) -> Poses:
+    """Minimise Eq. (2) over the rotations in every frame of a clip; lengths are in body sizes.
 
-    Args:
-        skeleton: of the target.
-        parts: (joints,), its rigid parts.
-        problem: the points that source and target share.
-        source: (frames, source joints, 3), positions [source file units].
-        copy: (frames, joints, 3), positions of the rotation copy [target file units].
-        root: (frames, 3), the root's path [target file units].
-        guess: (frames, parts + 1, 3), poses to start from where they are better than the frame before.
-        progress: called with numbers of frames as they are done.
+    `guess`, (frames, parts + 1, 3), has poses to start from where they are better than the frame before. `progress` is
+    called with numbers of frames as they are done.
     """
-    unit = problem.body_size
-    count = int(parts.max()) + 1
-    body = Body(skeleton.parents, parts, np.append(np.full(count, HOLD), ROOT))
-    bones = (copy - copy[:, skeleton.parents]) / unit
-    S = np.ascontiguousarray(source[:, problem.sources].transpose(0, 2, 1))
-    v = np.zeros((len(copy), count + 1, 3))
-    figures = np.zeros((4, len(copy)))
+    problem, unit = clip.problem, clip.problem.body_size
+    count = int(clip.parts.max()) + 1
+    body = Body(clip.skeleton.parents, clip.parts, np.append(np.full(count, HOLD), ROOT))
+    bones, root = clip.bones / unit, clip.root / unit
+    S = np.ascontiguousarray(clip.source[:, problem.sources].transpose(0, 2, 1))
+    v = np.zeros((len(clip), count + 1, 3))
+    figures = np.zeros((4, len(clip)))
     terms = _terms(problem)
-    for start in range(0, len(copy), BLOCK):
-        block = slice(start, min(start + BLOCK, len(copy)))
-        _solve(
-            body,
-            bones[block],
-            root[block] / unit,
-            S[block],
-            problem.ratio,
-            terms,
-            guess[block],
-            v,
-            start,
-            figures,
-        )
+    for start in range(0, len(clip), BLOCK):
+        block = slice(start, min(start + BLOCK, len(clip)))
+        _solve(body, bones[block], root[block], S[block], problem.ratio, terms, guess[block], v, start, figures)
         progress(block.stop - start)
+    v[:, -1] *= unit
     return Poses(v, Effort(*figures[1:].astype(np.int64)))
 
 

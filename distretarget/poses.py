@@ -16,6 +16,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from distretarget.articulation import Body, Work, hang, pose_body, pull_back
+from distretarget.distances import DistanceProblem
+from distretarget.skeleton import Skeleton
 from distretarget.spg import Effort, Minimum, Reason, copy_to, spectral_gradient, steepest, straight
 
 Array = NDArray[np.float64]
@@ -31,12 +33,43 @@ EMPTY = 1e-9  # stiffnesses below this are left out of the curvature
 
 
 @dataclass(frozen=True, eq=False)
+class Clip:
+    """What an objective needs of a clip.
+
+    Attributes:
+        skeleton: of the target.
+        parts: (joints,), its rigid parts.
+        problem: the points that source and target share.
+        source: (frames, source joints, 3), positions [source file units].
+        copy: (frames, joints, 3), positions of the rotation copy [target file units].
+        root: (frames, 3), the path the root keeps to [target file units].
+        frame_time: [s].
+    """
+
+    skeleton: Skeleton
+    parts: NDArray[np.intp]
+    problem: DistanceProblem
+    source: Array
+    copy: Array
+    root: Array
+    frame_time: float
+
+    def __len__(self) -> int:
+        return len(self.copy)
+
+    @property
+    def bones(self) -> Array:
+        """(frames, joints, 3), the copy's bones, from each joint's parent to it [target file units]."""
+        return np.asarray(self.copy - self.copy[:, self.skeleton.parents])
+
+
+@dataclass(frozen=True, eq=False)
 class Poses:
     """The solved poses of a motion.
 
     Attributes:
         v: (frames, parts + 1, 3), the deviation of each part from the rotation copy [rad], last the root's displacement
-            [solver units].
+            from its path [target file units].
         effort: what the solver took.
     """
 

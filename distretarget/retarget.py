@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.articulation import parts_of, posed_motion, rigid_heads
-from distretarget.body import body_unit, height
+from distretarget.body import height
 from distretarget.contact import solve_contact
 from distretarget.distances import DistanceProblem, distance_problem
 from distretarget.errors import MotionError
@@ -21,6 +21,7 @@ from distretarget.matching import match
 from distretarget.motion import Motion
 from distretarget.paper import solve_paper
 from distretarget.points import Postures, posture_stress, solve_postures
+from distretarget.poses import Clip, Poses
 from distretarget.rotation_copy import rotation_copy
 from distretarget.skeleton import Skeleton
 from distretarget.spg import Effort
@@ -95,34 +96,18 @@ def retarget(
     scale = leg_ratio(skeleton, target, drivers) if root_scale is None else root_scale
     copy = rotation_copy(source, target, drivers, scale * source.positions[:, drivers[0]])
     problem = distance_problem(skeleton, target, drivers)
-    root = root_path(source, copy, drivers, scale)
     parts = parts_of(target, rigid_heads(copy))
-    postures = None
-    stance = no_stance(len(source))
+    root = root_path(source, copy, drivers, scale)
+    clip = Clip(target, parts, problem, source.positions, copy.positions, root, source.frame_time)
+    stance, postures = no_stance(len(source)), None
     if objective == "paper":
         postures = solve_postures(problem, source.positions, copy.positions)
-        guess = _deviations(copy, swing(copy, _with_points(copy, problem, postures), problem.targets), parts)
-        poses = solve_paper(target, parts, problem, source.positions, copy.positions, root, guess, progress)
-        unit = problem.body_size
+        poses = solve_paper(clip, _swung(copy, problem, postures, parts), progress)
     else:
-        unit = body_unit(target)
         if hold_feet:
             stance = find_stance(source, target, drivers, scale)
-        poses = solve_contact(
-            target,
-            parts,
-            problem,
-            source.positions,
-            copy.positions,
-            root,
-            stance,
-            source.frame_time,
-            unit,
-            progress,
-        )
-    motion = posed_motion(copy, poses.v, parts, root + unit * poses.v[:, -1])
-    if any(0 < len(target.rotation_axes(joint)) < 3 for joint in range(len(target))):
-        motion = swing(copy, motion.positions, np.arange(1, len(target)))
+        poses = solve_contact(clip, stance, progress)
+    motion = _written(copy, poses, clip)
     relative = (problem.body_size / height(target)) ** 2
     return RetargetResult(
         motion,
@@ -138,20 +123,24 @@ def retarget(
     )
 
 
-def _with_points(copy: Motion, problem: DistanceProblem, postures: Postures) -> NDArray[np.float64]:
-    """The copy's positions, (frames, joints, 3), with the solved points in their places."""
+def _written(copy: Motion, poses: Poses, clip: Clip) -> Motion:
+    """The motion of the poses; where joints have fewer than three rotation channels, as near to it as these allow."""
+    skeleton = clip.skeleton
+    motion = posed_motion(copy, poses.v, clip.parts, clip.root + poses.v[:, -1])
+    if any(0 < len(skeleton.rotation_axes(joint)) < 3 for joint in range(len(skeleton))):
+        moved = replace(copy, translations=motion.translations)
+        return swing(moved, motion.positions, np.arange(1, len(skeleton)))
+    return motion
+
+
+def _swung(copy: Motion, problem: DistanceProblem, postures: Postures, parts: NDArray[np.intp]) -> NDArray[np.float64]:
+    """(frames, parts + 1, 3), the poses that swing the copy's bones to the solved points; the root stays."""
     points = np.array(copy.positions)
     points[:, problem.targets] = postures.positions
-    return points
-
-
-def _deviations(copy: Motion, motion: Motion, parts: NDArray[np.intp]) -> NDArray[np.float64]:
-    """(frames, parts + 1, 3), how far each part of a motion deviates from the copy; the root not at all."""
+    swung = swing(copy, points, problem.targets)
     heads = np.unique(parts, return_index=True)[1]
-    turns = (
-        Rotation.from_quat(motion.world_rotations[:, heads]) * Rotation.from_quat(copy.world_rotations[:, heads]).inv()
-    )
-    return np.pad(turns.as_rotvec(), ((0, 0), (0, 1), (0, 0)))
+    ours, theirs = (Rotation.from_quat(motion.world_rotations[:, heads]) for motion in (swung, copy))
+    return np.pad((ours * theirs.inv()).as_rotvec(), ((0, 0), (0, 1), (0, 0)))
 
 
 def _check(source: Motion, target: Skeleton) -> None:

@@ -1,5 +1,7 @@
 """One clip through all of it: what must come out whatever the motion."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bodies import mirrored, moved, other_lengths, person, swaying
@@ -86,6 +88,19 @@ def test_stress_figures_are_in_order():
     result = retarget(swaying(BODY), other_lengths(BODY), objective="paper")
     assert np.all(result.free_stress <= result.written_stress)
     assert result.written_stress.mean() < result.copy_stress.mean()
+
+
+def test_joints_with_fewer_channels_are_written_as_far_as_these_go():
+    channels = tuple(c[:1] if name == "LeftElbow" else c for name, c in zip(BODY.names, BODY.channels, strict=True))
+    target = replace(other_lengths(BODY), channels=channels)
+    motion = swaying(BODY)
+    written = retarget(motion, target).motion
+    elbow = Rotation.from_quat(written.rotations[:, BODY.index("LeftElbow")]).as_rotvec()
+    np.testing.assert_allclose(elbow[:, :2], 0, atol=1e-12)
+    full = retarget(motion, other_lengths(BODY)).motion
+    np.testing.assert_allclose(written.root_positions, full.root_positions, atol=1e-9)
+    ankle = BODY.index("RightAnkle")
+    np.testing.assert_allclose(written.positions[:, ankle], full.positions[:, ankle], atol=1e-3)
 
 
 def test_a_given_root_scale_is_used():

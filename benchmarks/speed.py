@@ -1,0 +1,194 @@
+"""Frames per second of `retarget`, beside inverse kinematics by mink on the same body in the same run.
+
+    python benchmarks/speed.py CLIP.bvh [--target H] [--rounds 7] [--markdown FILE]
+
+Processor time is measured, summed over threads, so that neither more cores nor other programs count. The contestants
+take turns; medians over the rounds are told, compiling and reading left out. It needs the extra `bench`; without mink
+it measures the rest and says so.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+from edits import TARGETS, edited
+from numpy.typing import NDArray
+from quality import insert
+
+from distretarget import Motion, RetargetResult, read_bvh, retarget
+from distretarget.body import body_unit, find_legs
+
+try:
+    import mink
+    import mujoco
+except ImportError:
+    mink = None
+
+SOLVER = "daqp"
+STEPS = (1, 3)  # of the inverse kinematics per frame
+POSTURE = 1e-2  # cost of leaving the rotation copy's posture, against 1 for the place of hands, feet and hips
+DAMPING = 1e-3
+WRISTS = {"lefthand", "righthand", "lhand", "rhand", "leftwrist", "rightwrist"}
+TIMESTEP = 1.0  # [s], of which the inverse kinematics makes steps out of velocities
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """Something that makes all frames.
+
+    Attributes:
+        name: as the table has it.
+        run: makes them; returns the positions, (frames, joints, 3) [file units].
+    """
+
+    name: str
+    run: Callable[[], NDArray[np.float64]]
+
+
+class InverseKinematics:
+    """The target in MuJoCo, ball joints on a free root, and mink's tasks on it.
+
+    Hands, feet and hips are to be where the contact objective brought them, and all joints as the rotation copy has
+    them: what the contact objective balances, with its answer for the ends given.
+    """
+
+    def __init__(self, result: RetargetResult) -> None:
+        skeleton = result.motion.skeleton
+        self.unit = body_unit(skeleton)
+        self.bodies = [joint for joint in skeleton.depth_first if not skeleton.end_sites[joint]]
+        self.model = mujoco.MjModel.from_xml_string(_xml(result.motion, self.unit))
+        self.configuration = mink.Configuration(self.model)
+        self.postures = _postures(result.copy, self.bodies, self.unit)
+        self.ends = _ends(result.motion)
+        self.places = result.motion.positions[:, self.ends] / self.unit
+        self.frames = [
+            mink.FrameTask(f"joint{end}", "body", position_cost=1.0, orientation_cost=0.0) for end in self.ends
+        ]
+        self.posture = mink.PostureTask(self.model, cost=POSTURE)
+        self.tasks = [*self.frames, self.posture]
+
+    def solve(self, steps: int) -> NDArray[np.float64]:
+        """Positions of the bodies in every frame, (frames, bodies, 3) [file units], each from the frame before."""
+        positions = np.empty((len(self.postures), len(self.bodies), 3))
+        for t, posture in enumerate(self.postures):
+            if t == 0:
+                self.configuration.update(posture)
+            self.posture.set_target(posture)
+            for task, place in zip(self.frames, self.places[t], strict=True):
+                task.set_target(mink.SE3.from_translation(place))
+            for _ in range(steps):
+                velocity = mink.solve_ik(self.configuration, self.tasks, TIMESTEP, SOLVER, damping=DAMPING, limits=[])
+                self.configuration.integrate_inplace(velocity, TIMESTEP)
+            positions[t] = self.configuration.data.xpos[1:]
+        return positions * self.unit
+
+    def miss(self, positions: NDArray[np.float64]) -> float:
+        """How far hands, feet and hips are from their places, mean [% of leg length]."""
+        ours = positions[:, [self.bodies.index(end) for end in self.ends]] / self.unit
+        return float(200 * np.linalg.norm(ours - self.places, axis=-1).mean())
+
+
+def _xml(motion: Motion, unit: float) -> str:
+    """The target as a MuJoCo model; lengths in body units."""
+    skeleton = motion.skeleton
+
+    def body(joint: int) -> str:
+        place = " ".join(repr(float(x)) for x in (skeleton.offsets[joint] / unit if joint else np.zeros(3)))
+        kind = "ball" if joint else "free"
+        below = "".join(body(child) for child in skeleton.children[joint] if not skeleton.end_sites[child])
+        return (
+            f'<body name="joint{joint}" pos="{place}"><joint type="{kind}"/>'
+            f'<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>{below}</body>'
+        )
+
+    return f'<mujoco><compiler balanceinertia="true"/><worldbody>{body(0)}</worldbody></mujoco>'
+
+
+def _postures(copy: Motion, bodies: list[int], unit: float) -> NDArray[np.float64]:
+    """The copy in MuJoCo's coordinates, (frames, 3 + 4 bodies): the root's place, and each body's quaternion, w x y z."""
+    quaternions = copy.rotations[:, bodies][..., [3, 0, 1, 2]]
+    return np.concatenate([copy.root_positions / unit, quaternions.reshape(len(copy), -1)], axis=1)
+
+
+def _ends(motion: Motion) -> list[int]:
+    """The root, the ankles and the wrists."""
+    legs = find_legs(motion.skeleton) or ()
+    wrists = [joint for joint, name in enumerate(motion.skeleton.names) if name.lower() in WRISTS]
+    return sorted({0, *(leg.ankle for leg in legs), *wrists})
+
+
+def contestants(source: Motion, target: str) -> tuple[list[Contestant], InverseKinematics | None]:
+    """Everything that is measured."""
+    body = edited(source.rigid_skeleton, TARGETS[target])
+    ours = [
+        Contestant(f"distretarget, {objective}", lambda o=objective: retarget(source, body, objective=o).motion.positions)
+        for objective in ("contact", "paper")
+    ]
+    if mink is None:
+        return ours, None
+    peer = InverseKinematics(retarget(source, body))
+    steps = [
+        Contestant(f"mink {version('mink')}, {SOLVER}, {_steps(n)} a frame", lambda n=n: peer.solve(n)) for n in STEPS
+    ]
+    return ours + steps, peer
+
+
+def _steps(count: int) -> str:
+    return f"{count} step" + "s" * (count > 1)
+
+
+def measure(all_: list[Contestant], rounds: int) -> NDArray[np.float64]:
+    """(contestants, rounds), processor seconds; one round before them is not counted."""
+    seconds = np.zeros((len(all_), rounds + 1))
+    for turn in range(rounds + 1):
+        for number, contestant in enumerate(all_):
+            started = time.process_time()
+            contestant.run()
+            seconds[number, turn] = time.process_time() - started
+    return seconds[:, 1:]
+
+
+def table(source: Motion, target: str, rounds: int) -> str:
+    """The figures as a table."""
+    all_, peer = contestants(source, target)
+    seconds = measure(all_, rounds)
+    lines = [
+        "| | frames/s, median | slowest to fastest round | time against contact's | hands, feet and hips off, % of leg |",
+        "|---|---|---|---|---|",
+    ]
+    for number, (contestant, own) in enumerate(zip(all_, seconds, strict=True)):
+        speed = len(source) / own
+        ratio = np.median(own / seconds[0])
+        miss = f"{peer.miss(contestant.run()):.2f}" if peer and number >= len(all_) - len(STEPS) else ""
+        lines.append(
+            f"| {contestant.name} | {np.median(speed):,.0f} | {speed.min():,.0f} to {speed.max():,.0f} "
+            f"| {ratio:.2f} | {miss} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Measure, print, and write the table where asked."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("clip", type=Path, metavar="CLIP.bvh")
+    parser.add_argument("--target", choices=TARGETS, default="H")
+    parser.add_argument("--rounds", type=int, default=7)
+    parser.add_argument("--markdown", type=Path, help="write the table to this file")
+    arguments = parser.parse_args()
+    source = read_bvh(arguments.clip)
+    if mink is None:
+        print("mink is not installed: pip install '.[bench]'")
+    text = table(source, arguments.target, arguments.rounds)
+    print(f"{arguments.clip.name} on {arguments.target}, {len(source)} frames, {len(source.skeleton)} joints\n\n{text}")
+    if arguments.markdown:
+        insert(arguments.markdown, "speed", text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,161 @@
+"""The paper's objective over rotations: exact answers, bounds, and another solver from the solution."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from bodies import SAMPLES, other_lengths, person, swaying
+from scipy.optimize import minimize
+
+from distretarget import load_target, read_bvh, retarget
+from distretarget.articulation import Body, parts_of, pose_body, posed_motion, pull_back, rigid_heads, workspace
+from distretarget.distances import distance_problem
+from distretarget.paper import HOLD, ROOT, solve_paper
+from distretarget.points import posture_stress
+from distretarget.poses import Clip
+from distretarget.rotation_copy import rotation_copy
+from distretarget.spg import Reason
+from distretarget.stress import stress_and_gradient
+
+PERSON = person()
+TARGET = other_lengths(PERSON)
+CASES = [("clap", "long_arms"), ("hands_on_hips", "child"), ("walk", "long_spine"), ("squat", "giant")]
+
+
+@cache
+def paper_of(name, body):
+    source = read_bvh(SAMPLES / f"{name}.bvh")
+    source = replace(source, translations=source.translations[::4], rotations=source.rotations[::4])
+    target = load_target(SAMPLES / f"{body}.json", source.rigid_skeleton).skeleton
+    return source, retarget(source, target, objective="paper")
+
+
+class Solved:
+    """A motion of the person solved on another body, from the rotation copy."""
+
+    def __init__(self, source, target=TARGET):
+        self.source, self.drivers = source, np.arange(len(target))
+        self.problem = distance_problem(source.skeleton, target, self.drivers)
+        self.copy = rotation_copy(source, target, self.drivers, source.root_positions)
+        self.parts = parts_of(target, rigid_heads(self.copy))
+        count = self.parts.max() + 1
+        self.body = Body(target.parents, self.parts, np.append(np.full(count, HOLD), ROOT))
+        self.work = workspace(len(target), count)
+        guess = np.zeros((len(source), count + 1, 3))
+        self.poses = solve_paper(self.clip(len(source)), guess)
+        root = self.copy.root_positions + self.poses.v[:, -1]
+        self.motion = posed_motion(self.copy, self.poses.v, self.parts, root)
+
+    def clip(self, frames):
+        """The first frames of it."""
+        source, copy = self.source.positions[:frames], self.copy.positions[:frames]
+        return Clip(self.copy.skeleton, self.parts, self.problem, source, copy, copy[:, 0], self.source.frame_time)
+
+    def pose(self, frame):
+        """The solved pose, the root's displacement in body sizes, (n,)."""
+        v = np.array(self.poses.v[frame])
+        v[-1] /= self.problem.body_size
+        return v.ravel()
+
+    def objective(self, flat, frame):
+        """Eq. (2) and the holds, with the gradient, of a pose (n,)."""
+        problem, x = self.problem, self.copy.positions[frame] / self.problem.body_size
+        v, gradient = flat.reshape(self.poses.v[0].shape), np.empty(self.poses.v[0].shape)
+        pose_body(v, self.body, x - x[self.copy.skeleton.parents], x[0], self.work)
+        seen = self.source.positions[frame, problem.sources]
+        delta = problem.ratio * np.linalg.norm(seen[:, None] - seen, axis=-1)
+        pulls = np.empty((3, len(problem)))
+        points = np.ascontiguousarray(self.work.x[problem.targets].T)
+        sigma = stress_and_gradient(points, delta, problem.priorities, pulls)
+        self.work.pull[:] = 0.0
+        self.work.pull[problem.targets] = pulls.T
+        return sigma + pull_back(v, self.body, self.work, gradient), gradient.ravel()
+
+
+SOLVED = Solved(swaying(PERSON, frames=12))
+
+
+@pytest.mark.parametrize(("name", "body"), CASES)
+def test_written_stress_lies_between_that_of_the_solved_points_and_the_copys(name, body):
+    _, result = paper_of(name, body)
+    assert np.all(result.written_stress <= result.copy_stress)
+    assert np.all(result.written_stress >= result.free_stress)
+    assert result.written_stress.mean() < 0.8 * result.copy_stress.mean()
+
+
+@pytest.mark.parametrize(("name", "body"), CASES)
+def test_written_bones_are_exact_and_every_frame_converges(name, body):
+    _, result = paper_of(name, body)
+    motion, parents = result.motion, result.motion.skeleton.parents[1:]
+    bones = np.linalg.norm(motion.positions[:, 1:] - motion.positions[:, parents], axis=-1)
+    np.testing.assert_allclose(bones, np.broadcast_to(motion.skeleton.lengths[1:], bones.shape), rtol=1e-9)
+    assert np.all(result.effort.reasons == Reason.CONVERGED)
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.31])
+def test_a_body_of_the_same_proportions_has_no_stress(factor):
+    source = swaying(PERSON)
+    result = retarget(source, PERSON.with_offsets(factor * PERSON.offsets), objective="paper")
+    assert result.written_stress.max() < 1e-12
+    np.testing.assert_allclose(result.motion.positions, factor * source.positions, atol=1e-6)
+
+
+def test_stress_of_the_written_motion_is_what_its_positions_say():
+    source, result = paper_of("clap", "long_arms")
+    frame, target = 20, result.motion.skeleton
+    x, y = source.positions[frame], result.motion.positions[frame]
+    tau1, tau2, sizes = source.skeleton.path_lengths, target.path_lengths, target.path_sizes
+    sigma = sum(
+        (sizes.max() - sizes[u, v] + 2)
+        / sizes.max()
+        * (np.linalg.norm(y[u] - y[v]) - tau2[u, v] * np.linalg.norm(x[u] - x[v]) / tau1[u, v]) ** 2
+        / 2
+        for u in range(len(target))
+        for v in range(u + 1, len(target))
+    )
+    height = np.ptp(target.rest_positions[:, 1])
+    assert result.written_stress[frame] == pytest.approx(sigma / height**2, rel=1e-9)
+
+
+@pytest.mark.parametrize("frame", [0, 7])
+def test_lbfgs_cannot_improve_a_solved_pose(frame):
+    v = SOLVED.pose(frame)
+    value, gradient = SOLVED.objective(v, frame)
+    start = SOLVED.objective(np.zeros(v.size), frame)[0]
+    options = {"ftol": 0, "gtol": 1e-10, "maxiter": 500}
+    oracle = minimize(SOLVED.objective, v, args=(frame,), jac=True, method="L-BFGS-B", options=options)
+    assert value < 0.9 * start
+    assert oracle.fun >= value * (1 - 1e-4)
+    assert np.abs(gradient).max() < 1e-4
+
+
+def test_lbfgs_from_the_copy_finds_nothing_better_in_the_first_frame():
+    v = SOLVED.pose(0)
+    options = {"ftol": 0, "gtol": 1e-10, "maxiter": 1000}
+    oracle = minimize(SOLVED.objective, np.zeros(v.size), args=(0,), jac=True, method="L-BFGS-B", options=options)
+    assert SOLVED.objective(v, 0)[0] == pytest.approx(oracle.fun, rel=1e-4)
+
+
+def test_holds_hardly_add_to_the_stress():
+    stress = posture_stress(SOLVED.problem, SOLVED.source.positions, SOLVED.motion.positions)
+    for frame, sigma in enumerate(stress):
+        value = SOLVED.objective(SOLVED.pose(frame), frame)[0]
+        assert sigma <= value <= 1.02 * sigma
+
+
+def test_the_root_stays_on_its_path():
+    np.testing.assert_allclose(SOLVED.motion.root_positions, SOLVED.copy.root_positions, atol=1e-6)
+
+
+def test_a_guess_that_is_better_than_the_copy_is_used():
+    again = solve_paper(SOLVED.clip(1), SOLVED.poses.v[:1])
+    assert again.effort.iterations[0] <= 1 < SOLVED.poses.effort.iterations[0]
+    np.testing.assert_allclose(again.v, SOLVED.poses.v[:1], atol=1e-3)
+
+
+def test_progress_counts_every_frame():
+    source, seen = swaying(PERSON, frames=300), []
+    retarget(source, PERSON, objective="paper", progress=seen.append)
+    assert sum(seen) == 300
+    assert len(seen) > 1
