@@ -258,7 +258,7 @@ def _line(group: list[Row]) -> str:
 
 
 def insert(page: Path, name: str, text: str) -> None:
-    """Put a table into a page, between the lines `<!-- name -->` and `<!-- end -->`; as the page where these are not."""
+    """Put a table into a page, between the lines `<!-- name -->` and `<!-- end -->`; alone where these are missing."""
     old = page.read_text("utf-8") if page.exists() else ""
     before, begin, rest = old.partition(f"<!-- {name} -->\n")
     _, end, after = rest.partition("<!-- end -->")

@@ -2,19 +2,23 @@
 
     python benchmarks/speed.py CLIP.bvh [--target H] [--rounds 7] [--markdown FILE]
 
-Processor time is measured, summed over threads, so that neither more cores nor other programs count. The contestants
-take turns; medians over the rounds are told, compiling and reading left out. It needs the extra `bench`; without mink
-it measures the rest and says so.
+Each has a process and a thread of its own, in which processor time is measured, so that neither more cores nor other
+programs count. They take turns; medians over the rounds are told, compiling and reading left out. It needs the extra
+`bench`; without mink it measures the rest and says so.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
 from importlib.metadata import version
+from multiprocessing import get_context
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from edits import TARGETS, edited
@@ -23,6 +27,7 @@ from quality import insert
 
 from distretarget import Motion, RetargetResult, read_bvh, retarget
 from distretarget.body import body_unit, find_legs
+from distretarget.retarget import OBJECTIVES
 
 try:
     import mink
@@ -31,24 +36,27 @@ except ImportError:
     mink = None
 
 SOLVER = "daqp"
-STEPS = (1, 3)  # of the inverse kinematics per frame
+STEPS = {"1 step a frame": 1, "3 steps a frame": 3}
 POSTURE = 1e-2  # cost of leaving the rotation copy's posture, against 1 for the place of hands, feet and hips
 DAMPING = 1e-3
 WRISTS = {"lefthand", "righthand", "lhand", "rhand", "leftwrist", "rightwrist"}
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # before numpy is imported
 TIMESTEP = 1.0  # [s], of which the inverse kinematics makes steps out of velocities
 
 
-@dataclass(frozen=True)
-class Contestant:
+class Contestant(NamedTuple):
     """Something that makes all frames.
 
     Attributes:
-        name: as the table has it.
-        run: makes them; returns the positions, (frames, joints, 3) [file units].
+        run: makes them; returns positions, (frames, joints, 3) [file units].
+        miss: how far the ends are off in such positions, where they have places to be in [% of leg length].
     """
 
-    name: str
     run: Callable[[], NDArray[np.float64]]
+    miss: Callable[[NDArray[np.float64]], float] | None = None
+
+
+_worker: dict[str, Contestant] = {}
 
 
 class InverseKinematics:
@@ -111,7 +119,7 @@ def _xml(motion: Motion, unit: float) -> str:
 
 
 def _postures(copy: Motion, bodies: list[int], unit: float) -> NDArray[np.float64]:
-    """The copy in MuJoCo's coordinates, (frames, 3 + 4 bodies): the root's place, and each body's quaternion, w x y z."""
+    """The copy in MuJoCo's coordinates, (frames, 3 + 4 bodies): the root's place, each body's quaternion w x y z."""
     quaternions = copy.rotations[:, bodies][..., [3, 0, 1, 2]]
     return np.concatenate([copy.root_positions / unit, quaternions.reshape(len(copy), -1)], axis=1)
 
@@ -123,54 +131,69 @@ def _ends(motion: Motion) -> list[int]:
     return sorted({0, *(leg.ankle for leg in legs), *wrists})
 
 
-def contestants(source: Motion, target: str) -> tuple[list[Contestant], InverseKinematics | None]:
-    """Everything that is measured."""
+def contestant(clip: Path, target: str, name: str) -> Contestant:
+    """The contestant of a name, ready to run."""
+    source = read_bvh(clip)
     body = edited(source.rigid_skeleton, TARGETS[target])
-    ours = [
-        Contestant(f"distretarget, {objective}", lambda o=objective: retarget(source, body, objective=o).motion.positions)
-        for objective in ("contact", "paper")
-    ]
-    if mink is None:
-        return ours, None
+    if name in OBJECTIVES:
+        return Contestant(lambda: retarget(source, body, objective=name).motion.positions)
     peer = InverseKinematics(retarget(source, body))
-    steps = [
-        Contestant(f"mink {version('mink')}, {SOLVER}, {_steps(n)} a frame", lambda n=n: peer.solve(n)) for n in STEPS
-    ]
-    return ours + steps, peer
+    return Contestant(lambda: peer.solve(STEPS[name]), peer.miss)
 
 
-def _steps(count: int) -> str:
-    return f"{count} step" + "s" * (count > 1)
+def _prepare(clip: Path, target: str, name: str) -> None:
+    """Make a worker ready for a contestant."""
+    _worker[name] = contestant(clip, target, name)
 
 
-def measure(all_: list[Contestant], rounds: int) -> NDArray[np.float64]:
-    """(contestants, rounds), processor seconds; one round before them is not counted."""
-    seconds = np.zeros((len(all_), rounds + 1))
-    for turn in range(rounds + 1):
-        for number, contestant in enumerate(all_):
-            started = time.process_time()
-            contestant.run()
-            seconds[number, turn] = time.process_time() - started
-    return seconds[:, 1:]
+def _seconds(name: str) -> float:
+    """Processor seconds of a run, the second in a row."""
+    _worker[name].run()
+    started = time.process_time()
+    _worker[name].run()
+    return time.process_time() - started
 
 
-def table(source: Motion, target: str, rounds: int) -> str:
+def _miss(name: str) -> str:
+    own = _worker[name]
+    return f"{own.miss(own.run()):.2f}" if own.miss else ""
+
+
+def measure(clip: Path, target: str, rounds: int) -> tuple[dict[str, NDArray[np.float64]], dict[str, str]]:
+    """Processor seconds of each round, and how far the ends are off, for each contestant.
+
+    Each has a process of its own with one thread, since what one leaves behind slows the next; they take turns.
+    """
+    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+    names = [*OBJECTIVES, *(STEPS if mink else ())]
+    context = get_context("spawn")
+    with ExitStack() as stack:
+        workers = {
+            name: stack.enter_context(ProcessPoolExecutor(1, context, _prepare, (clip, target, name))) for name in names
+        }
+        misses = {name: worker.submit(_miss, name).result() for name, worker in workers.items()}
+        seconds = [[workers[name].submit(_seconds, name).result() for name in names] for _ in range(rounds)]
+    return dict(zip(names, np.transpose(seconds), strict=True)), misses
+
+
+def table(frames: int, seconds: dict[str, NDArray[np.float64]], misses: dict[str, str]) -> str:
     """The figures as a table."""
-    all_, peer = contestants(source, target)
-    seconds = measure(all_, rounds)
     lines = [
-        "| | frames/s, median | slowest to fastest round | time against contact's | hands, feet and hips off, % of leg |",
+        "| | frames/s, median | slowest to fastest | time against contact's | hands, feet and hips off, % of leg |",
         "|---|---|---|---|---|",
     ]
-    for number, (contestant, own) in enumerate(zip(all_, seconds, strict=True)):
-        speed = len(source) / own
-        ratio = np.median(own / seconds[0])
-        miss = f"{peer.miss(contestant.run()):.2f}" if peer and number >= len(all_) - len(STEPS) else ""
+    for name, own in seconds.items():
+        speed = frames / own
+        ratio = np.median(own / seconds["contact"])
         lines.append(
-            f"| {contestant.name} | {np.median(speed):,.0f} | {speed.min():,.0f} to {speed.max():,.0f} "
-            f"| {ratio:.2f} | {miss} |"
+            f"| {_title(name)} | {np.median(speed):,.0f} | {speed.min():,.0f} to {speed.max():,.0f} "
+            f"| {ratio:.2f} | {misses[name]} |"
         )
     return "\n".join(lines) + "\n"
+
+
+def _title(name: str) -> str:
+    return f"`retarget`, {name}" if name in OBJECTIVES else f"mink {version('mink')} with {SOLVER}, {name}"
 
 
 def main() -> None:
@@ -184,7 +207,7 @@ def main() -> None:
     source = read_bvh(arguments.clip)
     if mink is None:
         print("mink is not installed: pip install '.[bench]'")
-    text = table(source, arguments.target, arguments.rounds)
+    text = table(len(source), *measure(arguments.clip, arguments.target, arguments.rounds))
     print(f"{arguments.clip.name} on {arguments.target}, {len(source)} frames, {len(source.skeleton)} joints\n\n{text}")
     if arguments.markdown:
         insert(arguments.markdown, "speed", text)

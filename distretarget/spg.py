@@ -82,7 +82,7 @@ def _inner(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     return total
 
 
-@njit(cache=True)
+@njit  # not cached, as minimise below: the type of a problem may belong to somebody else
 def steepest(x, gradient, step, problem, d):  # type: ignore[no-untyped-def] # noqa: ARG001
     """The search direction where nothing is projected: d = -step gradient, written."""
     flat_g, flat_d = gradient.ravel(), d.ravel()
@@ -90,7 +90,7 @@ def steepest(x, gradient, step, problem, d):  # type: ignore[no-untyped-def] # n
         flat_d[i] = -step * flat_g[i]
 
 
-@njit(cache=True)
+@njit
 def straight(x, d, alpha, problem, out):  # type: ignore[no-untyped-def] # noqa: ARG001
     """The move in a Euclidean space: out = x + alpha d, written."""
     flat_x, flat_d, flat_out = x.ravel(), d.ravel(), out.ravel()
@@ -121,7 +121,7 @@ def spectral_gradient(
     after `limit` iterations, or when no step of at least 1e-12 of the direction lowers the objective enough.
     """
 
-    @njit(error_model="numpy")  # not cached: its callers, which are, hold a copy of it
+    @njit(error_model="numpy")  # its callers are cached, and hold a copy of it
     def minimise(x, problem, tolerance, limit):  # type: ignore[no-untyped-def]
         g = np.empty_like(x)
         f = objective(x, problem, g)
