@@ -202,7 +202,7 @@ def main() -> None:
     parser.add_argument("clip", type=Path, metavar="CLIP.bvh")
     parser.add_argument("--target", choices=TARGETS, default="H")
     parser.add_argument("--rounds", type=int, default=7)
-    parser.add_argument("--markdown", type=Path, help="write the table to this file")
+    parser.add_argument("--markdown", type=Path, help="write the table to this file, or into its place in it")
     arguments = parser.parse_args()
     source = read_bvh(arguments.clip)
     if mink is None:
@@ -210,7 +210,7 @@ def main() -> None:
     text = table(len(source), *measure(arguments.clip, arguments.target, arguments.rounds))
     print(f"{arguments.clip.name} on {arguments.target}, {len(source)} frames, {len(source.skeleton)} joints\n\n{text}")
     if arguments.markdown:
-        insert(arguments.markdown, "speed", text)
+        insert(arguments.markdown, {"speed": text})
 
 
 if __name__ == "__main__":

@@ -20,7 +20,8 @@ from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 
-STILL = 1e-6  # a joint whose local quaternion never moves by more than this is still
+STILL = 1e-6  # a joint whose local quaternion moves by no more than this is still ...
+SPIKES = 0.05  # ... whatever it does in this part of the frames, which may be bad ones
 SMALL = 1e-8  # squared angles below this [rad^2] are served by the first terms of a series
 
 
@@ -57,15 +58,16 @@ class Work(NamedTuple):
 
 
 def rigid_heads(copy: Motion) -> NDArray[np.intp]:
-    """(joints,), the joint with which each joint turns as one rigid part: itself, unless it never turns against its
-    parent in the whole motion (hip joints and collars of many rigs) or cannot, having no rotation channels.
+    """(joints,), the joint with which each joint deviates as one rigid part: itself, unless it does not turn against
+    its parent in the motion (hip joints and collars of many rigs) or cannot, having no rotation channels.
 
     In a motion in which no joint turns, as in a single frame, only joints that coincide with their parents are rigid.
     """
     skeleton = copy.skeleton
-    first = np.broadcast_to(copy.rotations[:1], copy.rotations.shape)
-    turn = 1.0 - np.abs(np.einsum("fji,fji->fj", copy.rotations, first))
-    still = np.all(turn <= STILL**2, axis=0)
+    signs = np.sign(np.einsum("fji,ji->fj", copy.rotations, copy.rotations[0]))
+    rotations = signs[..., None] * copy.rotations
+    turned = np.abs(rotations - np.median(rotations, axis=0)).max(axis=2) > STILL
+    still = turned.mean(axis=0) <= SPIKES
     if still.all():
         still = skeleton.lengths == 0.0
     still |= np.array([not skeleton.rotation_axes(joint) for joint in range(len(skeleton))])

@@ -62,7 +62,7 @@ def pair_springs(
     `source`, (frames, points, 3), is the source's points [file units], `copy` the copy's [body units], of the whole
     clip; `lead` is in frames.
     """
-    margin = 2 * round(lead)
+    margin = 2 * round(lead) + 1  # what `grips` looks at: widened by twice the lead, after a median of three
     first, last = max(block.start - margin, 0), min(block.stop + margin, len(source))
     seen = source[first:last]
     D = np.linalg.norm(seen[:, pairs.u] - seen[:, pairs.v], axis=-1) / pairs.tau1

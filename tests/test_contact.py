@@ -149,7 +149,6 @@ def test_a_garbage_frame_in_the_source_does_not_spread(name, body):
     assert_a_garbage_frame_does_not_spread(name, body, turning)
 
 
-@pytest.mark.xfail(strict=True, reason="a single turn of a joint that never turns frees it in the whole clip")
 def test_a_garbage_frame_of_joints_that_never_turn_does_not_spread():
     assert_a_garbage_frame_does_not_spread("wave", "giant", np.flatnonzero(~sample("wave").skeleton.end_sites))
 

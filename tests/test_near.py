@@ -123,7 +123,6 @@ def test_springs_of_a_block_are_those_of_the_whole_clip(block, lead):
     assert_a_block_has_the_springs_of_the_whole(clapping(np.sin(np.linspace(0, 9, 150)) ** 2), block, lead)
 
 
-@pytest.mark.xfail(strict=True, reason="the margin of a block leaves out the frame that the median looks at")
 @pytest.mark.parametrize("lead", [0.0, 1.0, 9.0])
 def test_springs_of_a_block_are_those_of_the_whole_clip_where_every_frame_is_a_spike(lead):
     source = clapping(np.random.default_rng(0).uniform(0, 1, 150))

@@ -123,7 +123,7 @@ def test_lbfgs_cannot_improve_a_solved_pose(frame):
     v = SOLVED.pose(frame)
     value, gradient = SOLVED.objective(v, frame)
     start = SOLVED.objective(np.zeros(v.size), frame)[0]
-    options = {"ftol": 0, "gtol": 1e-10, "maxiter": 500}
+    options = {"ftol": 0, "gtol": 1e-10, "maxiter": 300}
     oracle = minimize(SOLVED.objective, v, args=(frame,), jac=True, method="L-BFGS-B", options=options)
     assert value < 0.9 * start
     assert oracle.fun >= value * (1 - 1e-4)
@@ -132,7 +132,7 @@ def test_lbfgs_cannot_improve_a_solved_pose(frame):
 
 def test_lbfgs_from_the_copy_finds_nothing_better_in_the_first_frame():
     v = SOLVED.pose(0)
-    options = {"ftol": 0, "gtol": 1e-10, "maxiter": 1000}
+    options = {"ftol": 0, "gtol": 1e-10, "maxiter": 400}
     oracle = minimize(SOLVED.objective, np.zeros(v.size), args=(0,), jac=True, method="L-BFGS-B", options=options)
     assert SOLVED.objective(v, 0)[0] == pytest.approx(oracle.fun, rel=1e-4)
 

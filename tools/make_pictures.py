@@ -1,9 +1,9 @@
-"""Draw the pictures of the documentation: a sample clip above the same clip on another body.
+"""Draw the picture of the front page: a sample clip, its rotation copy on another body, and the result.
 
     python tools/make_pictures.py [FOLDER]
 
 The folder is `docs/pictures` of this project unless another one is given. It needs matplotlib,
-the extra `docs`.
+the extra `docs`. The pictures of docs/results.md are made by benchmarks/pictures.py.
 """
 
 from __future__ import annotations
@@ -17,16 +17,18 @@ from distretarget import load_target, read_bvh, retarget
 
 ROOT = Path(__file__).resolve().parents[1]
 SAMPLES = ROOT / "sample_bvh"
-PICTURES = (("squat", "child", [20, 58, 72, 100, 130, 146]),)
+PICTURES = (("clap", "long_arms", [93, 140]),)
 
 
-def draw_pair(clip: str, target: str, frames: list[int], folder: Path) -> None:
-    """Draw frames of a sample clip, and below them the same frames on a sample body, as `clip.png`."""
+def draw_result(clip: str, target: str, frames: list[int], folder: Path) -> None:
+    """Draw frames of a sample clip, of its rotation copy on a sample body and of the result, side by side, as
+    `clip_target.png`.
+    """
     source = read_bvh(SAMPLES / f"{clip}.bvh")
     body = load_target(SAMPLES / f"{target}.json", source.rigid_skeleton)
     result = retarget(source, body.skeleton, joint_map=body.map)
-    rows = [(f"{clip}.bvh", source), (f"{clip}.bvh on {target}.json", result.motion)]
-    draw_strip(rows, frames, folder / f"{clip}.png", same_scale=True)
+    motions = [("source", source), ("rotation copy", result.copy), ("distretarget", result.motion)]
+    draw_strip(motions, frames, folder / f"{clip}_{target}.png", "front", columns=True, same_scale=True)
 
 
 def main() -> None:
@@ -36,7 +38,7 @@ def main() -> None:
     folder = parser.parse_args().folder
     folder.mkdir(parents=True, exist_ok=True)
     for clip, target, frames in PICTURES:
-        draw_pair(clip, target, frames, folder)
+        draw_result(clip, target, frames, folder)
 
 
 if __name__ == "__main__":

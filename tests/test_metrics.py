@@ -1,0 +1,288 @@
+"""Quality figures of clips whose figures are known by construction."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bodies import SAMPLES, clapping, lengthened, moved, other_lengths, person, posed, swaying
+from scipy.spatial.transform import Rotation
+
+from distretarget import Motion, Skeleton, read_bvh, retarget
+from distretarget.metrics import compare, normalised_distances
+
+LEG = 0.435 + 0.453
+TIME = 0.02
+PERSON = person()
+ALL = np.arange(len(PERSON))
+UP = np.array([0.0, 1.0, 0.0])
+ALONG = np.array([0.6, 0.0, 0.8])
+
+
+def chain(lengths):
+    """A chain along x."""
+    joints = len(lengths) + 1
+    offsets = np.outer([0, *lengths], [1.0, 0, 0])
+    return Skeleton(
+        tuple("abcdefgh"[:joints]), np.arange(joints) - 1, offsets, (("Zrotation",),) * joints, [False] * joints
+    )
+
+
+def squared(last, frames=4):
+    """Four bones of a square, the last of its own length: e comes back to a where that is 1."""
+    quarter = np.array([0.0, 0.0, np.pi / 2])
+    return posed(chain([1, 1, 1, last]), dict.fromkeys("bcd", quarter), np.zeros((frames, 3)))
+
+
+def standing(frames=30, path=0.0, height=LEG + 0.1, turns=None):
+    """A person with the feet apart: no pair of joints is near."""
+    spread = {"LeftHip": np.array([0, 0, 0.5]), "RightHip": np.array([0, 0, -0.5])}
+    return posed(PERSON, spread | (turns or {}), np.zeros((frames, 3)) + path + height * UP)
+
+
+def test_contact_and_distance_error_of_a_square_that_does_not_close():
+    source, result = squared(1.0), squared(1.4)
+    figures = compare(source, result, np.arange(5))
+    gap = 0.4 / 4.4
+    np.testing.assert_allclose(result.positions[0, 4], [0, -0.4, 0], atol=1e-12)
+    across = abs(np.sqrt(1 + 1.4**2) / 2.4 - np.sqrt(2) / 2)
+    behind = abs(np.sqrt(1 + 0.4**2) / 3.4 - 1 / 3)
+    np.testing.assert_array_equal(figures.contacts, 1)
+    np.testing.assert_allclose(figures.contact_error, gap)
+    np.testing.assert_allclose(figures.distance_error, (gap + across + behind) / 10)
+    assert figures.means()["contact_error"] == pytest.approx(gap)
+
+
+def test_contact_error_is_pooled_over_the_pairs_of_all_frames():
+    near = squared(1.0, 1)
+    open_ = posed(chain([1, 1, 1, 1]), {}, np.zeros((1, 3)))
+    source = Motion(
+        near.skeleton,
+        np.concatenate([near.translations, open_.translations, open_.translations]),
+        np.concatenate([near.rotations, open_.rotations, open_.rotations]),
+        "0.02",
+    )
+    result = posed(chain([1, 1, 1, 1]), {}, np.zeros((3, 3)))
+    figures = compare(source, result, np.arange(5))
+    np.testing.assert_array_equal(figures.contacts, [1, 0, 0])
+    np.testing.assert_allclose(figures.contact_error, [1.0, 0, 0], atol=1e-12)
+    assert figures.means()["contact_error"] == pytest.approx(1.0)
+
+
+def test_only_pairs_far_along_the_tree_are_contacts():
+    """A triangle of three bones closes, and is no contact."""
+    third = np.array([0.0, 0.0, 2 * np.pi / 3])
+    source = posed(chain([1, 1, 1]), dict.fromkeys("bc", third), np.zeros((2, 3)))
+    np.testing.assert_allclose(source.positions[0, 3], 0.0, atol=1e-12)
+    result = posed(chain([1, 1, 2]), dict.fromkeys("bc", third), np.zeros((2, 3)))
+    figures = compare(source, result, np.arange(4))
+    np.testing.assert_array_equal(figures.contacts, 0)
+    assert figures.means()["contact_error"] == 0.0
+    assert figures.means()["distance_error"] > 0
+
+
+def test_direction_error_is_the_angle_between_bones():
+    source = squared(1.0)
+    turned = moved(source, Rotation.from_euler("z", 10, degrees=True))
+    figures = compare(source, turned, np.arange(5))
+    np.testing.assert_allclose(figures.direction_error, np.full((4, 4), 10.0))
+    np.testing.assert_allclose(figures.turn, 0.0, atol=1e-9)
+    opposite = moved(source, Rotation.from_euler("z", 180, degrees=True))
+    np.testing.assert_allclose(compare(source, opposite, np.arange(5)).direction_error, 180.0)
+
+
+def test_direction_error_of_one_joint_is_that_of_the_bones_below_it():
+    source = standing()
+    result = standing(turns={"LeftElbow": np.radians([0, 0, 40.0])})
+    figures = compare(source, result, ALL)
+    assert figures.direction_error.shape == (30, len(PERSON) - 1)
+    errors = dict(zip(PERSON.names[1:], figures.direction_error[3], strict=True))
+    bent = {"LeftWrist": 40.0, "LeftWrist_End": 40.0}
+    assert errors == pytest.approx(dict.fromkeys(PERSON.names[1:], 0.0) | bent, abs=1e-6)
+    assert figures.means()["direction_error_p99"] == pytest.approx(40.0)
+    assert figures.means()["direction_error"] == pytest.approx(80 / (len(PERSON) - 1))
+
+
+def test_bone_error_is_the_largest_of_a_frame():
+    source = squared(1.0)
+    translations = np.array(source.translations)
+    translations[1, 2] *= 1.05
+    translations[2, 3] *= 0.9
+    translations[2, 4] *= 1.05
+    stretched = replace(source, translations=translations)
+    figures = compare(source, stretched, np.arange(5))
+    np.testing.assert_allclose(figures.bone_error, [0, 0.05, 0.1, 0], atol=1e-12)
+    assert figures.means()["bone_error"] == pytest.approx(0.1)
+
+
+def test_jerk_is_the_third_difference_over_the_size_of_the_body():
+    frames = np.arange(12)
+    source = posed(chain([1, 2, 1]), {}, np.outer(0.01 * frames**3, [0.6, 0.8, 0]), str(TIME))
+    figures = compare(source, source, np.arange(4))
+    np.testing.assert_allclose(figures.jerk, np.full(9, 0.06 / (4 * TIME**3)))
+    even = posed(chain([1, 2, 1]), {}, np.outer(frames**2, [1.0, 0, 0]), str(TIME))
+    np.testing.assert_allclose(compare(even, even, np.arange(4)).jerk, 0.0, atol=1e-6)
+
+
+def test_turn_is_how_much_more_a_joint_turns_than_in_the_source():
+    frames = np.arange(10)
+    slow, fast = (standing(10, turns={"LeftElbow": np.outer(np.radians(a) * frames, UP)}) for a in (2, 5))
+    figures = compare(slow, fast, ALL)
+    turned = [PERSON.index(name) for name in ("LeftElbow", "LeftWrist", "LeftWrist_End")]
+    assert figures.turn.shape == (9, len(PERSON))
+    np.testing.assert_allclose(figures.turn[:, turned], 3.0)
+    np.testing.assert_allclose(np.delete(figures.turn, turned, axis=1), 0.0, atol=1e-6)
+    assert compare(slow, fast, ALL).means()["turn"] == pytest.approx(3.0)
+    assert compare(fast, slow, ALL).means()["turn"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_feet_of_a_person_who_stands_are_in_stance_and_do_not_slide():
+    figures = compare(standing(), standing(), ALL)
+    assert figures.stance.shape == (30, 4)
+    assert figures.stance.all()
+    np.testing.assert_allclose(figures.slide, 0.0)
+
+
+def test_slide_is_the_horizontal_speed_in_leg_lengths():
+    rising = np.outer(np.arange(30) * TIME, 0.2 * ALONG + 3.0 * UP)
+    figures = compare(standing(), standing(path=rising), ALL)
+    np.testing.assert_allclose(figures.slide, np.full((30, 4), 0.2 / LEG))
+    np.testing.assert_allclose(figures.source_slide, 0.0)
+    assert figures.means()["slide"] == pytest.approx(0.2 / LEG)
+
+
+def test_foot_height_is_in_percent_of_each_bodys_own_leg():
+    big = moved(standing(height=LEG), Rotation.identity(), (0, 0.4, 0), scale=2.0)
+    figures = compare(standing(height=1.0), big, ALL)
+    ankle = np.cos(0.5) * LEG
+    np.testing.assert_allclose(figures.source_foot_height, 100 * (1.0 - ankle) / LEG)
+    np.testing.assert_allclose(figures.foot_height, 100 * (LEG - ankle + 0.2) / LEG)
+    assert figures.means()["foot_height"] == pytest.approx(100 * (LEG - ankle + 0.2) / LEG)
+
+
+@pytest.mark.parametrize(("speed", "in_stance"), [(0.3, True), (0.4, False)])
+def test_a_foot_faster_than_the_limit_is_not_in_stance(speed, in_stance):
+    source = standing(path=np.outer(np.arange(30) * TIME * speed * LEG, ALONG))
+    figures = compare(source, standing(), ALL)
+    assert np.all(figures.stance == in_stance)
+    if not in_stance:
+        means = figures.means()
+        assert (means["slide"], means["source_slide"], means["foot_height"]) == (0, 0, 0)
+
+
+def test_a_foot_above_its_lowest_heights_is_not_in_stance():
+    lift = np.zeros(200)
+    lift[100:160] = 0.07 * LEG
+    figures = compare(source := standing(200, path=np.outer(lift, UP)), source, ALL)
+    assert not figures.stance[101:159].any()
+    assert figures.stance[:99].all()
+    lift *= 0.05 / 0.07
+    figures = compare(source := standing(200, path=np.outer(lift, UP)), source, ALL)
+    assert figures.stance[102:158].all()
+
+
+@pytest.mark.parametrize("name", ["clap", "walk", "hands_on_hips"])
+def test_a_motion_is_as_good_as_itself(name):
+    source = read_bvh(SAMPLES / f"{name}.bvh")
+    means = compare(source, source, np.arange(len(source.skeleton))).means()
+    for figure in ("distance_error", "contact_error", "direction_error", "direction_error_p99", "bone_error", "turn"):
+        assert means[figure] == pytest.approx(0.0, abs=1e-9)
+    assert means["slide"] == means["source_slide"]
+    assert means["foot_height"] == means["source_foot_height"]
+    assert means["jerk"] > 0
+
+
+def pair():
+    source = clapping(np.sin(np.linspace(0, np.pi, 40)) ** 2)
+    return source, retarget(source, lengthened(PERSON, {"Wrist": 1.5, "Knee": 0.8}), hold_feet=False)
+
+
+def assert_same(ours, theirs):
+    assert ours == pytest.approx(theirs, rel=1e-6, abs=1e-6)
+
+
+def test_figures_do_not_depend_on_units():
+    source, result = pair()
+    expected = compare(source, result.motion, ALL).means()
+    assert min(expected[name] for name in ("contact_error", "direction_error", "foot_height")) > 0
+    still = Rotation.identity()
+    inches, metres = moved(source, still, scale=39.37), moved(result.motion, still, scale=0.01)
+    assert_same(compare(inches, metres, ALL).means(), expected)
+
+
+def test_figures_do_not_depend_on_where_both_face():
+    source, result = pair()
+    turn = Rotation.from_euler("y", 70, degrees=True)
+    ours, theirs = (moved(motion, turn, (3, 0, -5)) for motion in (result.motion, source))
+    assert_same(compare(theirs, ours, ALL).means(), compare(source, result.motion, ALL).means())
+
+
+def test_figures_do_not_depend_on_which_axis_is_up():
+    source, result = pair()
+    turn = Rotation.from_euler("x", 90, degrees=True)
+    ours, theirs = (moved(motion, turn) for motion in (result.motion, source))
+    assert_same(compare(theirs, ours, ALL).means(), compare(source, result.motion, ALL).means())
+
+
+def test_joints_without_a_driver_count_for_nothing_but_smoothness_and_bones():
+    source, result = pair()
+    expected = compare(source, result.motion, ALL).means()
+    body = result.motion.skeleton
+    tail = Skeleton(
+        (*body.names, "Tail", "Tail_End"),
+        [*body.parents, 0, len(body)],
+        [*body.offsets, (0, 0, -0.2), (0, 0, -0.2)],
+        (*body.channels, ("Zrotation", "Xrotation", "Yrotation"), ()),
+        [*body.end_sites, False, True],
+    )
+    wagging = np.zeros((40, 2, 3))
+    wagging[:, 0, 1] = np.sin(np.arange(40))
+    rotations = np.concatenate([result.motion.rotations, Rotation.from_rotvec(wagging).as_quat()], axis=1)
+    translations = np.concatenate([result.motion.translations, np.tile(tail.offsets[-2:], (40, 1, 1))], axis=1)
+    figures = compare(source, Motion(tail, translations, rotations, "0.02"), np.append(ALL, [-1, -1]))
+    means = figures.means()
+    assert means.pop("jerk") > 2 * expected.pop("jerk")
+    assert_same(means, expected)
+    assert figures.turn.shape == (39, len(body))
+
+
+def test_joints_that_coincide_for_good_count_once():
+    source = squared(1.0)
+    body = chain([1, 1, 1, 1.4, 0])
+    result = posed(body, dict.fromkeys("bcd", np.array([0, 0, np.pi / 2])), np.zeros((4, 3)))
+    longer = posed(chain([1, 1, 1, 1, 0]), dict.fromkeys("bcd", np.array([0, 0, np.pi / 2])), np.zeros((4, 3)))
+    figures = compare(longer, result, np.arange(6))
+    expected = compare(source, squared(1.4), np.arange(5))
+    np.testing.assert_array_equal(figures.contacts, 1)
+    np.testing.assert_allclose(figures.distance_error, expected.distance_error)
+    assert_same(figures.means(), expected.means())
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3])
+def test_the_shortest_motions_have_figures(frames):
+    source = swaying(PERSON, frames=frames)
+    figures = compare(source, retarget(source, other_lengths(PERSON)).copy, ALL)
+    assert figures.jerk.shape == (0,)
+    assert figures.turn.shape == (frames - 1, len(PERSON))
+    assert all(np.isfinite(value) for value in figures.means().values())
+    assert figures.means()["jerk"] == 0.0
+
+
+def test_a_body_without_legs_has_no_feet_to_measure():
+    figures = compare(squared(1.0), squared(1.4), np.arange(5))
+    shapes = {values.shape for values in (figures.stance, figures.slide, figures.foot_height)}
+    assert shapes == {(4, 0)}
+    assert figures.stance.dtype == bool
+    means = figures.means()
+    assert (means["slide"], means["foot_height"], means["source_foot_height"]) == (0, 0, 0)
+
+
+def test_normalised_distances_come_in_blocks_that_cover_every_frame():
+    motion = swaying(PERSON, frames=600)
+    joints = np.array([0, 5, 9])
+    blocks = list(normalised_distances(motion, joints))
+    assert len(blocks) > 1
+    D = np.concatenate([values for _, values in blocks])
+    x, tau = motion.positions, PERSON.path_lengths
+    for column, (u, v) in enumerate([(0, 5), (0, 9), (5, 9)]):
+        np.testing.assert_allclose(D[:, column], np.linalg.norm(x[:, u] - x[:, v], axis=1) / tau[u, v])
+    assert D.max() <= 1 + 1e-12

@@ -1,0 +1,55 @@
+"""Smooth courses over time."""
+
+import numpy as np
+import pytest
+
+from distretarget.smoothing import averaged, widened
+
+NOISE = np.random.default_rng(0).uniform(0, 1, (80, 3))
+
+
+@pytest.mark.parametrize("frames", [0, 0.4, 1, 2.6, 20, 200])
+def test_widened_values_are_nowhere_less_and_within_the_range(frames):
+    wide = widened(NOISE, frames)
+    assert np.all(wide >= NOISE - 1e-12)
+    assert np.all(wide <= NOISE.max(axis=0) + 1e-12)
+
+
+@pytest.mark.parametrize("frames", [0, 0.4])
+def test_less_than_half_a_frame_widens_nothing(frames):
+    np.testing.assert_array_equal(widened(NOISE, frames), NOISE)
+
+
+@pytest.mark.parametrize("reach", [1, 5])
+def test_a_pulse_widens_by_twice_the_reach_to_both_sides(reach):
+    pulse = np.zeros((61, 1))
+    pulse[30] = 1.0
+    wide = widened(pulse, reach)[:, 0]
+    assert wide[30] == pytest.approx(1.0)
+    np.testing.assert_array_equal(np.flatnonzero(wide > 1e-12), np.arange(30 - 2 * reach, 30 + 2 * reach + 1))
+    np.testing.assert_allclose(wide, wide[::-1], atol=1e-15)
+    assert np.all(np.diff(wide[:31]) >= -1e-15)
+
+
+@pytest.mark.parametrize("reach", [0, 1, 7])
+def test_the_mean_of_a_constant_is_the_constant(reach):
+    np.testing.assert_allclose(averaged(np.full((20, 2, 3), 1.7), reach), 1.7)
+
+
+def test_the_mean_of_a_slope_is_the_slope_away_from_the_ends():
+    slope = np.linspace(0, 1, 50)[:, None]
+    np.testing.assert_allclose(averaged(slope, 6)[6:-6], slope[6:-6])
+
+
+def test_the_mean_is_a_raised_cosine():
+    pulse = np.zeros((21, 1))
+    pulse[10] = 1.0
+    weights = 1 + np.cos(np.pi * np.arange(-4, 5) / 5)
+    np.testing.assert_allclose(averaged(pulse, 4)[6:15, 0], weights / weights.sum())
+    np.testing.assert_array_equal(averaged(pulse, 4)[[5, 15], 0], 0)
+
+
+def test_columns_do_not_mix():
+    alone = averaged(NOISE[:, :1], 5)
+    np.testing.assert_array_equal(averaged(NOISE, 5)[:, :1], alone)
+    assert averaged(np.zeros((9, 4, 3)), 2).shape == (9, 4, 3)
