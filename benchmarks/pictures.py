@@ -42,11 +42,11 @@ class Picture:
 
 
 PICTURES = (
-    Picture("clap_long_forearms", "clap.bvh", "forearm and hand +50 %", (0, 64, 93, 120, 140)),
-    Picture("hands_on_hips_long_spine", "hands_on_hips.bvh", "spine +60 %", (0, 40, 70, 150, 290)),
-    Picture("walk_on_h", "cmu_mb/02_01.bvh", "H", (30, 90, 150, 210, 270)),
-    Picture("worst_direction", "cmu_daz/14_30.bvh", "spine +60 %", (700, 1400, 2000, 2196, 2400)),
-    Picture("worst_contact", "squat.bvh", "H", (0, 72, 130, 184, 330)),
+    Picture("clap_long_forearms", "clap.bvh", "forearm and hand +50 %", (0, 93, 120, 140), "front"),
+    Picture("hands_on_hips_long_spine", "hands_on_hips.bvh", "spine +60 %", (0, 40, 150, 290), "front"),
+    Picture("walk_on_h", "cmu_mb/02_01.bvh", "H", (30, 90, 210, 270)),
+    Picture("worst_direction", "cmu_daz/13_11.bvh", "H", (5, 139, 250, 316)),
+    Picture("worst_contact", "squat.bvh", "H", (0, 72, 130, 330)),
 )
 
 

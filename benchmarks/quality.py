@@ -285,10 +285,8 @@ def _line(group: list[Row]) -> str:
     copy = group[0]
     jerk = " / ".join(f"{row.figures['jerk'] / copy.figures['jerk']:.2f}" for row in group)
     errors = f"{copy.figures['contacts']:.0f} | {cells('contact_error', 4)} | {cells('direction_error', 1)}"
-    ratios = [
-        row.figures["written_stress"] / row.figures["free_stress"] for row in group if "free_stress" in row.figures
-    ]
-    stress = "".join(f"{ratio:.2f}" for ratio in ratios)
+    free = [row.figures for row in group if "free_stress" in row.figures]
+    stress = "".join(f"{figures['written_stress'] / figures['free_stress']:.2f}" for figures in free)
     return f"| {copy.clip} | {copy.target} | {errors} | {jerk} | {stress} |"
 
 

@@ -143,6 +143,16 @@ def test_a_joint_that_turns_by_a_hundredth_of_a_degree_is_not_rigid():
     assert rigid_heads(replace(COPY, rotations=rotations))[hip] == hip
 
 
+@pytest.mark.parametrize("frame", [0, 41, 99])
+def test_a_joint_that_turns_in_a_single_bad_frame_only_is_still(frame):
+    clip = held_still(swaying(PERSON, frames=100), STILL)
+    rotations = np.array(clip.rotations)
+    rotations[frame] = Rotation.random(len(PERSON), rng=np.random.default_rng(0)).as_quat()
+    np.testing.assert_array_equal(rigid_heads(replace(clip, rotations=rotations)), rigid_heads(clip))
+    rotations[30:60] = rotations[frame]
+    np.testing.assert_array_equal(rigid_heads(replace(clip, rotations=rotations)), np.arange(len(PERSON)))
+
+
 def test_a_quaternion_and_its_negative_are_the_same_rotation():
     signs = np.where(np.arange(len(COPY)) % 2, -1.0, 1.0)[:, None, None]
     np.testing.assert_array_equal(rigid_heads(replace(COPY, rotations=signs * COPY.rotations)), rigid_heads(COPY))

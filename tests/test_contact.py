@@ -149,8 +149,9 @@ def test_a_garbage_frame_in_the_source_does_not_spread(name, body):
     assert_a_garbage_frame_does_not_spread(name, body, turning)
 
 
-def test_a_garbage_frame_of_joints_that_never_turn_does_not_spread():
-    assert_a_garbage_frame_does_not_spread("wave", "giant", np.flatnonzero(~sample("wave").skeleton.end_sites))
+@pytest.mark.parametrize(("name", "body"), SPOILT)
+def test_a_garbage_frame_of_joints_that_otherwise_never_turn_does_not_spread(name, body):
+    assert_a_garbage_frame_does_not_spread(name, body, np.flatnonzero(~sample(name).skeleton.end_sites))
 
 
 def test_holds_grow_with_what_a_part_carries_and_feet_are_held_firmly():
