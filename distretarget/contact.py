@@ -34,8 +34,8 @@ from distretarget.spg import Effort, Minimum, record
 
 Array = NDArray[np.float64]
 
-HOLD = 0.1  # how firmly parts keep to the copy's rotation
-LEAST = 0.3  # [body units] a part's bones count as at least so long
+HOLD = 0.04  # how firmly parts keep to the copy's rotation
+LEAST = 1.0  # [body units] a part's bones count as at least so long
 TRUNK = 20.0  # how much firmer a part is held that carries the whole body, against one that carries nothing
 FOOT = 5.0  # how much firmer the feet are
 ROOT = 20.0  # how firmly the root keeps to its path

@@ -81,8 +81,9 @@ def pair_springs(
 
 
 def _shared(f: Array, u: NDArray[np.intp], v: NDArray[np.intp], points: int) -> Array:
-    """The grips divided by the square root of how many grips either point has, so that a cluster of points that comes
-    near another counts about once.
+    """The grips divided by the square root of one and all grips of either point.
+
+    So each point of a cluster that comes near another is pulled about as firmly as one that comes alone.
     """
     sums = np.ones((points, len(f)))
     np.add.at(sums, u, f.T)

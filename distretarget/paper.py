@@ -17,7 +17,7 @@ from distretarget.stress import stress_and_gradient, target_distances
 
 Array = NDArray[np.float64]
 
-HOLD = 1e-5  # holds what the stress does not see (twist, the turn of the whole body) to the rotation copy
+HOLD = 3e-4  # holds what the stress does not see (twist, the turn of the whole body) to the rotation copy
 ROOT = 1.0  # the stress does not see the root's place: it stays on its path
 BLOCK = 256  # frames solved between two reports of progress
 

@@ -22,12 +22,12 @@ from distretarget.spg import Effort, Minimum, Reason, copy_to, spectral_gradient
 
 Array = NDArray[np.float64]
 
-TOLERANCE = 1e-5  # norm of the search direction in z [square root of the objective] at which a pose is solved
+TOLERANCE = 1e-6  # norm of the search direction in z [square root of the objective] at which a pose is solved
 ITERATIONS = 30  # at the most, before the curvature is made anew ...
 ROUNDS = 20  # ... which it is so often at the most
-REFRESH = 8  # frames for which a curvature serves ...
+REFRESH = 4  # frames for which a curvature serves ...
 CONVERGED = Reason.CONVERGED.value
-SLOW = 12  # ... unless a frame needs more iterations than this
+SLOW = 6  # ... unless a frame needs more iterations than this
 SOFTEST = 0.01  # the scaling takes no direction for softer than this, so that no step turns a part right round
 EMPTY = 1e-9  # stiffnesses below this are left out of the curvature
 

@@ -71,7 +71,7 @@ def record(minimum: Minimum, figures: NDArray[np.float64], frame: int) -> None:
     figures[0, frame] = minimum.value
     figures[1, frame] = minimum.iterations
     figures[2, frame] = minimum.evaluations
-    figures[3, frame] = minimum.reason
+    figures[3, frame] = minimum.reason if np.isfinite(minimum.value) else Reason.LINE_SEARCH_FAILED.value
 
 
 @njit(cache=True)
