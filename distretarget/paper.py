@@ -17,7 +17,8 @@ from distretarget.stress import stress_and_gradient, target_distances
 
 Array = NDArray[np.float64]
 
-HOLD = 3e-4  # holds what the stress does not see (twist, the turn of the whole body) to the rotation copy
+HOLD = 1e-4  # holds what the stress does not see (twist, the turn of the whole body) to the rotation copy
+TOLERANCE = 1e-5  # see `pose_solver`
 ROOT = 1.0  # the stress does not see the root's place: it stays on its path
 BLOCK = 256  # frames solved between two reports of progress
 
@@ -66,7 +67,7 @@ def _pair_springs(work: Work, terms: Terms) -> Springs:
     return springs
 
 
-_solve_pose = pose_solver(_stress, _pair_springs)
+_solve_pose = pose_solver(_stress, _pair_springs, TOLERANCE)
 
 
 @njit(cache=True, error_model="numpy")

@@ -22,7 +22,6 @@ from distretarget.spg import Effort, Minimum, Reason, copy_to, spectral_gradient
 
 Array = NDArray[np.float64]
 
-TOLERANCE = 1e-6  # norm of the search direction in z [square root of the objective] at which a pose is solved
 ITERATIONS = 30  # at the most, before the curvature is made anew ...
 ROUNDS = 20  # ... which it is so often at the most
 REFRESH = 4  # frames for which a curvature serves ...
@@ -134,8 +133,10 @@ def spring_energy(work: Work, springs: Springs) -> float:
     return energy
 
 
-def pose_solver(energy: Callable[..., Any], stiffen: Callable[..., Any]) -> Callable[..., Any]:
+def pose_solver(energy: Callable[..., Any], stiffen: Callable[..., Any], tolerance: float) -> Callable[..., Any]:
     """Compile the solver of one kind of objective, given as two compiled functions.
+
+    `tolerance` is the norm of the search direction in z [square root of the objective] at which a pose is solved.
 
     energy(work, terms) -> float: the value for the positions `work.x`; its gradient is added to `work.pull`.
     stiffen(work, terms) -> Springs: springs with the same Gauss-Newton curvature at `work.x`.
@@ -178,7 +179,7 @@ def pose_solver(energy: Callable[..., Any], stiffen: Callable[..., Any]) -> Call
                 _curvature(body, work, stiffen(work, terms), frame.U)
                 _factorise(frame.U)
             _scale(frame.U, out, z)
-            minimum = minimise(z, (body, work, frame, terms), TOLERANCE, ITERATIONS)
+            minimum = minimise(z, (body, work, frame, terms), tolerance, ITERATIONS)
             _unscale(frame.U, z, out)
             iterations += minimum.iterations
             evaluations += minimum.evaluations
