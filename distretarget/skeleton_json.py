@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import json
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 
 from distretarget.bvh import read_bvh_skeleton
-from distretarget.bvh_text import is_name
 from distretarget.errors import SkeletonError, SkeletonFileError, closest, quoted
 from distretarget.files import read_text
+from distretarget.json_node import Node, entry_place, field_place, found, parse_json
 from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
 
 FORMAT = "distretarget-skeleton"
@@ -24,15 +22,10 @@ AXES = ("X", "Y", "Z", "-X", "-Y", "-Z")
 CHANNELS = POSITION_CHANNELS + ROTATION_CHANNELS
 JOINT_CHANNELS = ("Zrotation", "Xrotation", "Yrotation")
 ROOT_CHANNELS = POSITION_CHANNELS + JOINT_CHANNELS
-LARGEST = 1e50
-"""Of a number in a file, so that squares and products of three stay finite."""
 
 HEAD = ("format", "version", "name")
 FULL = ("joints", "units", "up", "map")
 SHORT = ("scale", "lengths", "factors")
-
-NO_CHARACTER = re.compile(r"[\ud800-\udc7f\udd00-\udfff]")
-"""The surrogates that stand for nothing; the others are bytes that `read_text` found to be no UTF-8."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +69,7 @@ class SkeletonEdit:
             lengths[self._bone("factors", key, source)] *= factor
         for key, length in self.lengths.items():
             lengths[self._bone("lengths", key, source)] = length
-        if both := [_entry("lengths", key) for key in self.lengths if key in self.factors]:
+        if both := [entry_place("lengths", key) for key in self.lengths if key in self.factors]:
             raise SkeletonFileError(self.path, both[0], "is in factors too; give one of them")
         offsets = source.with_lengths(lengths).offsets.copy()
         offsets[0] *= self.scale
@@ -84,7 +77,7 @@ class SkeletonEdit:
 
     def _bone(self, field: str, key: str, source: Skeleton) -> int:
         """The number of the joint with this key, which must have a bone to change."""
-        place = _entry(field, key)
+        place = entry_place(field, key)
         if key not in source.keys:
             raise SkeletonFileError(self.path, place, f"no such joint; {closest(key, source.keys)}")
         joint = source.index(key)
@@ -153,113 +146,11 @@ def _joint(skeleton: Skeleton, joint: int) -> dict[str, object]:
     return entry | last
 
 
-def _entry(place: str, key: str) -> str:
-    """The place of an entry under a free key, on one line and printable."""
-    return f"{place}[{json.dumps(key, ensure_ascii=not key.isprintable())}]"
-
-
-def _field(place: str, key: str) -> str:
-    """The place of an entry under a key that the format sets."""
-    return f"{place}.{key}".lstrip(".") if key.isidentifier() else _entry(place, key)
-
-
-@dataclass(frozen=True)
-class _Node:
-    """A JSON value and its place in the file. Objects are tuples of (key, value), lists are lists."""
-
-    path: str | Path
-    place: str
-    value: object
-
-    def fail(self, reason: str) -> NoReturn:
-        raise SkeletonFileError(self.path, self.place, reason)
-
-    def expected(self, what: str) -> NoReturn:
-        self.fail(f"expected {what}, found {_found(self.value)}")
-
-    def entries(self, place_of: Callable[[str, str], str] = _entry) -> dict[str, _Node]:
-        """The values of an object, each under its key and at `place_of(self.place, key)`."""
-        if not isinstance(self.value, tuple):
-            self.expected("an object")
-        nodes: dict[str, _Node] = {}
-        for key, value in self.value:
-            node = _Node(self.path, place_of(self.place, key), value)
-            if key in nodes:
-                node.fail("expected each key once, found it twice")
-            nodes[key] = node
-        return nodes
-
-    def fields(self, required: Sequence[str], optional: Sequence[str]) -> dict[str, _Node]:
-        """The values of an object with known keys."""
-        fields = self.entries(_field)
-        for key, node in fields.items():
-            if key not in (*required, *optional):
-                node.fail(f"unknown key; {closest(key, (*required, *optional))}")
-        for key in required:
-            if key not in fields:
-                self.fail(f'has no "{key}"; expected {quoted(required)}')
-        return fields
-
-    def items(self) -> list[_Node]:
-        """The values of a list."""
-        if not isinstance(self.value, list):
-            self.expected("a list")
-        return [_Node(self.path, f"{self.place}[{i}]", value) for i, value in enumerate(self.value)]
-
-    def text(self) -> str:
-        if not isinstance(self.value, str):
-            self.expected("a string")
-        return self.value
-
-    def name(self) -> str:
-        """A string that a BVH file can hold as a name."""
-        name = self.text()
-        if not is_name(name) or NO_CHARACTER.search(name):
-            self.expected("a name without braces, line breaks and blanks at its ends")
-        return name
-
-    def one_of(self, choices: Sequence[str]) -> str:
-        if self.text() not in choices:
-            self.expected(f"one of {quoted(choices)}")
-        return self.text()
-
-    def number(self) -> float:
-        if not isinstance(self.value, float):
-            self.expected("a number")
-        if not abs(self.value) <= LARGEST:
-            self.expected(f"a finite number, at most {LARGEST:g}")
-        return self.value
-
-    def positive(self) -> float:
-        if not self.number() > 0:
-            self.expected("a number above 0")
-        return self.number()
-
-    def flag(self) -> bool:
-        if not isinstance(self.value, bool):
-            self.expected("true or false")
-        return self.value
-
-
-def _found(value: object) -> str:
-    match value:
-        case tuple():
-            return "an object"
-        case list():
-            return f"a list of {len(value)}"
-        case str():
-            return repr(value if len(value) <= 40 else f"{value[:37]}...")
-        case float():
-            return f"{value:.12g}"
-        case _:
-            return json.dumps(value)
-
-
 def _load(path: str | Path) -> Target | SkeletonEdit:
     text = read_text(path)
     if not text.lstrip().startswith(("{", "[")):
         return Target(read_bvh_skeleton(path), {})
-    document = _Node(path, "", _parsed(path, text))
+    document = Node(path, "", parse_json(path, text))
     _check_head(document)
     fields = document.fields(HEAD[:2], (*HEAD[2:], *FULL, *SHORT))
     full = [key for key in FULL if key in fields]
@@ -269,20 +160,9 @@ def _load(path: str | Path) -> Target | SkeletonEdit:
     return _full(document, fields) if full else _edit(document, fields)
 
 
-def _parsed(path: str | Path, text: str) -> object:
-    """The JSON in the text, all numbers as floats, so that none is too long for Python's int."""
-    try:
-        return json.loads(text, object_pairs_hook=tuple, parse_int=float)
-    except json.JSONDecodeError as error:
-        place = f"line {error.lineno}, column {error.colno}"
-        raise SkeletonFileError(path, place, f"is no JSON: {error.msg}") from None
-    except RecursionError:
-        raise SkeletonFileError(path, "", "is nested too deeply; the format has four levels") from None
-
-
-def _check_head(document: _Node) -> None:
+def _check_head(document: Node) -> None:
     """Raise unless format and version, before all else, are ours, and the name is a string."""
-    fields = document.entries(_field)
+    fields = document.entries(field_place)
     for key, ours in (("format", FORMAT), ("version", VERSION)):
         if key not in fields:
             document.fail(f'has no "{key}"; expected "{key}": {_dump(ours)}')
@@ -292,17 +172,17 @@ def _check_head(document: _Node) -> None:
         fields["name"].text()
 
 
-def _edit(document: _Node, fields: Mapping[str, _Node]) -> SkeletonEdit:
+def _edit(document: Node, fields: Mapping[str, Node]) -> SkeletonEdit:
     """The short form."""
     scale = fields["scale"].positive() if "scale" in fields else 1.0
     return SkeletonEdit(scale, _positives(fields, "lengths"), _positives(fields, "factors"), document.path)
 
 
-def _positives(fields: Mapping[str, _Node], key: str) -> dict[str, float]:
+def _positives(fields: Mapping[str, Node], key: str) -> dict[str, float]:
     return {name: node.positive() for name, node in fields[key].entries().items()} if key in fields else {}
 
 
-def _full(document: _Node, fields: Mapping[str, _Node]) -> Target:
+def _full(document: Node, fields: Mapping[str, Node]) -> Target:
     """The full form."""
     if "joints" not in fields:
         document.fail('has no "joints"')
@@ -318,7 +198,7 @@ def _full(document: _Node, fields: Mapping[str, _Node]) -> Target:
     return Target(_with_bones(skeleton, document.path, "joints"), _map(fields, skeleton))
 
 
-def _skeleton(joints: Sequence[Mapping[str, _Node]], units: str | None, up: str | None) -> Skeleton:
+def _skeleton(joints: Sequence[Mapping[str, Node]], units: str | None, up: str | None) -> Skeleton:
     names = tuple(joint["name"].name() for joint in joints)
     ends = ["end" in joint and joint["end"].flag() for joint in joints]
     if ends[0]:
@@ -329,14 +209,14 @@ def _skeleton(joints: Sequence[Mapping[str, _Node]], units: str | None, up: str 
     return Skeleton(names, np.array(parents), np.array(offsets), channels, np.array(ends), units, up)
 
 
-def _offset(node: _Node) -> list[float]:
+def _offset(node: Node) -> list[float]:
     numbers = node.items()
     if len(numbers) != 3:
         node.expected("a list of three numbers")
     return [number.number() for number in numbers]
 
 
-def _channels(joint: Mapping[str, _Node], end: bool) -> tuple[str, ...]:
+def _channels(joint: Mapping[str, Node], end: bool) -> tuple[str, ...]:
     """The joint's channels, those given or the usual ones."""
     if "channels" not in joint:
         usual = JOINT_CHANNELS if joint["parent"].value is not None else ROOT_CHANNELS
@@ -346,14 +226,14 @@ def _channels(joint: Mapping[str, _Node], end: bool) -> tuple[str, ...]:
         if end:
             joint["channels"].fail("an End Site has no channels")
         if node.text() not in CHANNELS:
-            node.fail(f"no channel {_found(node.value)}; {closest(node.text(), CHANNELS)}")
+            node.fail(f"no channel {found(node.value)}; {closest(node.text(), CHANNELS)}")
         if node.text() in channels:
-            node.fail(f"expected each channel once, found {_found(node.value)} again")
+            node.fail(f"expected each channel once, found {found(node.value)} again")
         channels.append(node.text())
     return tuple(channels)
 
 
-def _parents(nodes: Sequence[_Node], names: Sequence[str], ends: Sequence[bool]) -> list[int]:
+def _parents(nodes: Sequence[Node], names: Sequence[str], ends: Sequence[bool]) -> list[int]:
     """(joints,), the parent's number of each joint, -1 for the root."""
     roots = [node for node in nodes if node.value is None]
     if not roots:
@@ -370,7 +250,7 @@ def _parents(nodes: Sequence[_Node], names: Sequence[str], ends: Sequence[bool])
     return parents
 
 
-def _parent(node: _Node, names: Sequence[str], parents: Sequence[int]) -> int:
+def _parent(node: Node, names: Sequence[str], parents: Sequence[int]) -> int:
     """The joint that the node names, one of the first `len(parents)`."""
     meant = _meant(node.text(), names, parents)
     if not meant and node.text() in names:
@@ -412,7 +292,7 @@ def _with_bones(skeleton: Skeleton, path: str | Path, place: str = "") -> Skelet
     return skeleton
 
 
-def _map(fields: Mapping[str, _Node], skeleton: Skeleton) -> dict[str, str]:
+def _map(fields: Mapping[str, Node], skeleton: Skeleton) -> dict[str, str]:
     sources = fields["map"].entries() if "map" in fields else {}
     for key, node in sources.items():
         if key not in skeleton.keys:

@@ -22,7 +22,7 @@ LAYERS = [
     {"near"},
     {"poses", "points", "footing", "rotation_copy", "matching"},
     {"distances", "stress", "articulation", "body", "alignment", "smoothing", "skeleton_json"},
-    {"bvh", "spg"},
+    {"bvh", "spg", "json_node"},
     {"bvh_text", "files", "euler", "motion"},
     {"skeleton"},
     {"errors"},
