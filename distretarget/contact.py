@@ -23,11 +23,21 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from distretarget.articulation import Body, subtree_lengths, workspace
+from distretarget.articulation import Body, subtree_lengths
 from distretarget.body import body_unit, find_legs
 from distretarget.footing import Stance
 from distretarget.near import LEAD, near_pairs, pair_springs
-from distretarget.poses import Clip, Frame, Poses, Springs, continue_poses, needs_curvature, pose_solver, spring_energy
+from distretarget.poses import (
+    Clip,
+    Frame,
+    Poses,
+    Springs,
+    continue_poses,
+    needs_curvature,
+    pose_solver,
+    scratch_arrays,
+    spring_energy,
+)
 from distretarget.skeleton import Skeleton
 from distretarget.smoothing import averaged, widened
 from distretarget.spg import Effort, Minimum, record
@@ -111,11 +121,7 @@ _solve_pose = pose_solver(spring_energy, _same, TOLERANCE)
 @njit(cache=True, error_model="numpy")
 def _solve(body, bones, root, springs, v, first, figures):  # type: ignore[no-untyped-def]
     """Solve the frames from `first` on, each from the best of: the copy, the pose before, the two before continued."""
-    joints, parts = len(body.parents), len(body.holds) - 1
-    work = workspace(joints, parts)
-    n = 3 * (parts + 1)
-    U, scratch = np.zeros((n, n)), np.zeros((parts + 1, 3))
-    starts = np.zeros((3, parts + 1, 3))
+    work, U, scratch, starts = scratch_arrays(body)
     last = Minimum(0.0, 0, 0, 0)
     for t in range(len(bones)):
         at = first + t

@@ -9,9 +9,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from distretarget.articulation import Body, Work, workspace
+from distretarget.articulation import Body, Work
 from distretarget.distances import DistanceProblem
-from distretarget.poses import Clip, Frame, Poses, Springs, continue_poses, needs_curvature, pose_solver
+from distretarget.poses import Clip, Frame, Poses, Springs, continue_poses, needs_curvature, pose_solver, scratch_arrays
 from distretarget.spg import Effort, Minimum, copy_to, record
 from distretarget.stress import stress_and_gradient, target_distances
 
@@ -73,11 +73,7 @@ _solve_pose = pose_solver(_stress, _pair_springs, TOLERANCE)
 @njit(cache=True, error_model="numpy")
 def _solve(body, bones, root, source, ratio, terms, guess, v, first, figures):  # type: ignore[no-untyped-def]
     """Solve the frames from `first` on, each from the best of: the guess, the pose before, the two before continued."""
-    joints, parts = len(body.parents), len(body.holds) - 1
-    work = workspace(joints, parts)
-    n = 3 * (parts + 1)
-    U, scratch = np.zeros((n, n)), np.zeros((parts + 1, 3))
-    starts = np.zeros((3, parts + 1, 3))
+    work, U, scratch, starts = scratch_arrays(body)
     last = Minimum(0.0, 0, 0, 0)
     for t in range(len(bones)):
         at = first + t

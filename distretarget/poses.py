@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from distretarget.articulation import Body, Work, hang, pose_body, pull_back
+from distretarget.articulation import Body, Work, hang, pose_body, pull_back, workspace
 from distretarget.distances import DistanceProblem
 from distretarget.skeleton import Skeleton
 from distretarget.spg import Effort, Minimum, Reason, copy_to, spectral_gradient, steepest, straight
@@ -188,6 +188,14 @@ def pose_solver(energy: Callable[..., Any], stiffen: Callable[..., Any], toleran
         return Minimum(minimum.value, iterations, evaluations, minimum.reason)
 
     return solve
+
+
+@njit(cache=True)
+def scratch_arrays(body: Body) -> tuple[Work, Array, Array, Array]:
+    """What the solver of a body writes to: work, the curvature's factor, a pose, and three poses to start from."""
+    parts = len(body.holds) - 1
+    U = np.zeros((3 * parts + 3, 3 * parts + 3))
+    return workspace(len(body.parents), parts), U, np.zeros((parts + 1, 3)), np.zeros((3, parts + 1, 3))
 
 
 @njit(cache=True)
