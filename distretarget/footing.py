@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 SLOW = 0.35  # a foot at rest is slower than this [leg lengths / s] ...
 LOW = 0.1  # ... and no more than this [leg lengths] above the lowest joint of the body
-BLEND = 0.08  # [s] over which a foot is caught, and let go
+BLEND = 0.16  # [s] over which a foot is caught, and let go
 
 PITCH = (0.5, 4.0 / 3.0)  # the least and the most by which the sine of a flat foot's pitch is scaled
 
