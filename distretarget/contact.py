@@ -2,15 +2,16 @@
 
 Per frame, over the rotations of a body of exact bones and the displacement of its root, it minimises
 
-    1/2 sum over near pairs   GRIP f r^T (k I + (1 - k) e e^T) r,    r = x_u - x_v - delta_uv
+    1/2 sum over near pairs   w r^T (k I + (1 - k) e e^T) r,    r = x_u - x_v - delta_uv
   + 1/2 sum over parts        h_j |v_j|^2
   + 1/2 sum over stance feet  STAND s |x_f - place_f|^2
   + 1/2                       ROOT |root - its path|^2
 
 The target of a pair is a vector, not only a distance, so that nothing changes sides:
 delta = d_copy + f (tau2 / tau1 d_source - d_copy), which at f = 1 has the length tau2 D of Eq. (1) and the source's
-direction e. f grows smoothly from 0 to 1 as the pair comes near, and a little ahead of it in time (`near`). Where
-nothing is near and no foot rests, this is the rotation copy; each frame depends on the frames around it only.
+direction e. f grows smoothly from 0 to 1 as the pair comes near, and a little ahead of it in time, and w with it
+(`near`). Where nothing is near and no foot rests, this is the rotation copy; each frame depends on the frames around
+it only.
 """
 
 from __future__ import annotations

@@ -17,7 +17,6 @@ Array = NDArray[np.float64]
 SLOW = 0.35  # a foot at rest is slower than this [leg lengths / s] ...
 LOW = 0.1  # ... and no more than this [leg lengths] above the lowest joint of the body
 BLEND = 0.16  # [s] over which a foot is caught, and let go
-
 PITCH = (0.5, 4.0 / 3.0)  # the least and the most by which the sine of a flat foot's pitch is scaled
 
 
@@ -74,8 +73,7 @@ def find_stance(source: Motion, target: Skeleton, drivers: NDArray[np.intp], sca
     """The feet at rest in the source, and their places on the target: the scaled places of the source's.
 
     A foot rests while it is slow and low. Only the frames around a frame decide, so that a clip may be cut anywhere.
-    Feet whose bones are not in proportion to the legs keep the toe's place and both heights; the ankle is drawn to the
-    toe by what the bone is too short.
+    Feet whose bones are not in proportion to the legs keep the toe's place; the ankle follows it (`_places`).
     """
     legs = shared_legs(source.rigid_skeleton, target, drivers)
     if legs is None:

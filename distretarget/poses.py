@@ -25,10 +25,10 @@ Array = NDArray[np.float64]
 ITERATIONS = 30  # at the most, before the curvature is made anew ...
 ROUNDS = 20  # ... which it is so often at the most
 REFRESH = 4  # frames for which a curvature serves ...
-CONVERGED = Reason.CONVERGED.value
 SLOW = 6  # ... unless a frame needs more iterations than this
 SOFTEST = 0.01  # the scaling takes no direction for softer than this, so that no step turns a part right round
-EMPTY = 1e-9  # stiffnesses below this are left out of the curvature
+EMPTY = 1e-9  # springs weaker than this are left out
+CONVERGED = Reason.CONVERGED.value
 
 
 @dataclass(frozen=True, eq=False)
@@ -293,7 +293,7 @@ def _factorise(H: Array) -> None:
 
 @njit(cache=True, error_model="numpy", fastmath=True)
 def _scale(U: Array, v: Array, z: Array) -> None:
-    """Z = U v."""
+    """The product z = U v, written."""
     flat_v, flat_z = v.reshape(v.size), z.reshape(z.size)
     for i in range(len(U)):
         total = 0.0
@@ -304,7 +304,7 @@ def _scale(U: Array, v: Array, z: Array) -> None:
 
 @njit(cache=True, error_model="numpy", fastmath=True)
 def _unscale(U: Array, z: Array, v: Array) -> None:
-    """V with U v = z."""
+    """The v with U v = z, written."""
     flat_v, flat_z = v.reshape(v.size), z.reshape(z.size)
     for i in range(len(U) - 1, -1, -1):
         total = flat_z[i]
