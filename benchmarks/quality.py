@@ -21,7 +21,7 @@ import numpy as np
 from edits import TARGETS, edited, part_of
 from numpy.typing import NDArray
 
-from distretarget import Motion, read_bvh, retarget
+from distretarget import Motion, RetargetResult, read_bvh, retarget
 from distretarget.body import find_legs
 from distretarget.metrics import compare
 
@@ -83,8 +83,8 @@ def measure(folder: Path, clip: str, target: str, methods: tuple[str, ...], fram
     for method in methods:
         result = retarget(source, body, objective="paper" if method == "paper" else "contact")
         if not rows:
-            rows.append(Row(clip, target, "rotation copy", _figures(source, result.copy, result.drivers)))
-        figures = _figures(source, result.motion, result.drivers)
+            rows.append(Row(clip, target, "rotation copy", _figures(result, result.copy)))
+        figures = _figures(result, result.motion)
         figures["written_stress"] = float(result.written_stress.mean())
         figures["copy_stress"] = float(result.copy_stress.mean())
         if result.free_stress is not None:
@@ -94,8 +94,10 @@ def measure(folder: Path, clip: str, target: str, methods: tuple[str, ...], fram
     return rows
 
 
-def _figures(source: Motion, result: Motion, drivers: NDArray[np.intp]) -> dict[str, float]:
-    comparison = compare(source, result, drivers)
+def _figures(run: RetargetResult, result: Motion) -> dict[str, float]:
+    """The figures of one of the motions of a run against its source."""
+    source, drivers = run.source, run.drivers
+    comparison = compare(source, result, run.matching, run.world.up_vector)
     figures = comparison.means()
     figures["contacts"] = float(comparison.contacts.sum())
     figures["turn"] *= 1.0 / (60.0 * source.frame_time)

@@ -102,18 +102,10 @@ def _bends(skeleton: Skeleton, chain: list[int], k: int) -> bool:
     return bool(a @ b < np.cos(BEND) * np.linalg.norm(a) * np.linalg.norm(b))
 
 
-def shared_legs(
-    source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]
-) -> tuple[tuple[Leg, Leg], tuple[Leg, Leg]] | None:
-    """The legs of a target, found from its tree, and those of its source, which drive them; None without legs that
-    both have. `drivers`, (target joints,), is the source joint for each, -1 for none.
-    """
-    legs = find_legs(target)
-    if legs is None:
-        return None
-    a, b = (Leg(*(int(drivers[joint]) for joint in (leg.hip, leg.ankle, leg.toe))) for leg in legs)
-    driven = min(a.hip, a.ankle, a.toe, b.hip, b.ankle, b.toe) >= 0
-    return (legs, (a, b)) if driven and leg_length(source, (a, b)) > 0 else None
+def parting(skeleton: Skeleton, legs: tuple[Leg, Leg]) -> int:
+    """The joint from which the legs part."""
+    a, b = ({leg.hip, *skeleton.ancestors(leg.hip)} for leg in legs)
+    return max(a & b)
 
 
 def leg_length(skeleton: Skeleton, legs: Sequence[Leg]) -> float:

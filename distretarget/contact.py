@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from distretarget.articulation import Body, subtree_lengths
-from distretarget.body import body_unit, find_legs
+from distretarget.body import body_unit, find_legs, parting
 from distretarget.footing import Stance
 from distretarget.near import LEAD, near_pairs, pair_springs
 from distretarget.poses import (
@@ -49,6 +49,7 @@ HOLD = 0.04  # how firmly parts keep to the copy's rotation
 LEAST = 1.0  # [body units] a part's bones count as at least so long
 TRUNK = 20.0  # how much firmer a part is held that carries the whole body, against one that carries nothing
 FOOT = 5.0  # how much firmer the feet are
+FIXED = 1e6  # how firmly what is above the pelvis is held: a root on the floor does not tip the body over
 ROOT = 20.0  # how firmly the root keeps to its path
 STAND = 5000.0  # how firmly a resting foot keeps its place
 LEAP = np.radians(10)  # a part that deviates by so much more from one frame to the next [rad / (1/60 s)] leaps ...
@@ -69,8 +70,13 @@ def holds(skeleton: Skeleton, parts: NDArray[np.intp], unit: float) -> Array:
     np.add.at(bones, parts[skeleton.parents[1:]], skeleton.lengths[1:] / unit)
     np.maximum.at(longest, parts[skeleton.parents[1:]], carried[skeleton.parents[1:]] / carried[0])
     firm = HOLD * (bones + LEAST) * (1.0 + TRUNK * longest)
-    feet = {joint for leg in find_legs(skeleton) or () for joint in (leg.ankle, leg.toe) if skeleton.children[joint]}
+    legs = find_legs(skeleton)
+    feet = {joint for leg in legs or () for joint in (leg.ankle, leg.toe) if skeleton.children[joint]}
     firm[parts[sorted(feet)]] *= FOOT
+    if legs:
+        pelvis = parting(skeleton, legs)
+        above = [joint for joint in skeleton.ancestors(pelvis) if parts[joint] != parts[pelvis]]
+        firm[parts[above]] = FIXED
     return np.append(firm, ROOT)
 
 

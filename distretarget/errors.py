@@ -58,16 +58,34 @@ class MotionError(DistretargetError):
 
 
 class MatchingError(DistretargetError):
-    """Joints of the target that no joint of the source drives.
+    """Joints of two skeletons that cannot be matched.
 
-    Attributes: `missing`, the names of those target joints, and `available`, the source's names.
+    Attributes: `reason`, and `target` and `source`, the names of their joints.
     """
 
-    def __init__(self, missing: Sequence[str], available: Sequence[str], where: str = "the source") -> None:
-        self.missing = tuple(missing)
-        self.available = tuple(available)
-        noun = "joint" if len(self.missing) == 1 else "joints"
-        super().__init__(f"{where} has no {noun} {quoted(self.missing)}; {closest(self.missing[0], self.available)}")
+    def __init__(self, reason: str, target: Sequence[str], source: Sequence[str]) -> None:
+        self.reason = reason
+        self.target = tuple(target)
+        self.source = tuple(source)
+        near = ((name, difflib.get_close_matches(name, source, n=1, cutoff=0.6)) for name in target)
+        pairs = [f"{name!r} and {found[0]!r}" for name, found in near if found]
+        shown = f"closest names: {', '.join(pairs[:6])}; " if pairs else ""
+        super().__init__(
+            f"{reason}; {shown}the target has {quoted(target, 12)}; the source has {quoted(source, 12)}; "
+            "say in a map which source joint drives which target joint"
+        )
+
+
+class MapError(DistretargetError):
+    """A map from target joints to source joints that names a joint which is not there.
+
+    Attributes: `key`, the entry, and `reason`.
+    """
+
+    def __init__(self, key: str, reason: str) -> None:
+        self.key = key
+        self.reason = reason
+        super().__init__(f"map[{key!r}]: {reason}")
 
 
 def quoted(names: Iterable[str], most: int = 6) -> str:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.body import Leg, leg_length, shared_legs, up_axis
+from distretarget.body import Leg, leg_length
+from distretarget.matching import Matching
 from distretarget.motion import Motion
-from distretarget.skeleton import Skeleton
 from distretarget.smoothing import widened
 
 Array = NDArray[np.float64]
@@ -35,15 +35,13 @@ class Stance:
     places: Array
 
 
-def root_scale(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]) -> float:
+def root_scale(matching: Matching) -> float:
     """How many target units the root travels for each source unit: the ratio of leg lengths, which keeps stride and
     height in proportion; for bodies without legs the ratio of their largest path lengths.
-
-    The target's legs are found from its tree and their drivers measured on the source.
     """
-    legs = shared_legs(source, target, drivers)
-    if legs:
-        ours, theirs = (leg_length(body, pair) for body, pair in zip((target, source), legs, strict=True))
+    source, target, drivers = matching.source, matching.target, matching.drivers
+    if matching.legs:
+        ours, theirs = (leg_length(body, pair) for body, pair in zip((target, source), matching.legs, strict=True))
     else:
         shared = np.flatnonzero(drivers >= 0)
         ours = target.path_lengths[np.ix_(shared, shared)].max()
@@ -51,15 +49,15 @@ def root_scale(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]) ->
     return float(ours / theirs) if theirs > 0 else 1.0
 
 
-def root_path(source: Motion, copy: Motion, drivers: NDArray[np.intp], scale: float) -> Array:
+def root_path(source: Motion, copy: Motion, matching: Matching, scale: float) -> Array:
     """(frames, 3), the root's path that brings the middle between the hip joints to the scaled place of the source's:
     legs hang from there, whatever lies between them and the root [target file units]. Without legs, the copy's.
     """
-    legs = shared_legs(source.rigid_skeleton, copy.skeleton, drivers)
-    if legs is None:
+    if matching.legs is None:
         return copy.root_positions
     ours, theirs = (
-        motion.positions[:, [leg.hip for leg in pair]] for motion, pair in zip((copy, source), legs, strict=True)
+        motion.positions[:, [leg.hip for leg in pair]]
+        for motion, pair in zip((copy, source), matching.legs, strict=True)
     )
     return np.asarray(scale * theirs.mean(axis=1) - ours.mean(axis=1) + copy.root_positions)
 
@@ -69,23 +67,22 @@ def no_stance(frames: int) -> Stance:
     return Stance(np.zeros(0, np.intp), np.zeros((frames, 0)), np.zeros((frames, 0, 3)))
 
 
-def find_stance(source: Motion, target: Skeleton, drivers: NDArray[np.intp], scale: float) -> Stance:
+def find_stance(source: Motion, matching: Matching, scale: float, up: Array) -> Stance:
     """The feet at rest in the source, and their places on the target: the scaled places of the source's.
 
     A foot rests while it is slow and low. Only the frames around a frame decide, so that a clip may be cut anywhere.
     Feet whose bones are not in proportion to the legs keep the toe's place; the ankle follows it (`_places`).
     """
-    legs = shared_legs(source.rigid_skeleton, target, drivers)
+    legs = matching.legs
     if legs is None:
         return no_stance(len(source))
-    up = up_axis(source.positions, legs[1])
     length = leg_length(source.rigid_skeleton, legs[1])
     joints, weights, places = [], [], []
     for ours, theirs in zip(*legs, strict=True):
         rest = _at_rest(source, theirs, up, length)
         joints += [ours.ankle, ours.toe]
         weights += list(widened(rest.astype(np.float64), BLEND / source.frame_time).T)
-        places += _places(source, theirs, up, scale, target.path_lengths[ours.ankle, ours.toe])
+        places += _places(source, theirs, up, scale, matching.target.path_lengths[ours.ankle, ours.toe])
     return Stance(np.array(joints), np.stack(weights, axis=1), np.stack(places, axis=1))
 
 

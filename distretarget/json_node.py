@@ -88,6 +88,11 @@ class Node:
             self.expected("a string")
         return self.value
 
+    def text_or_null(self) -> str | None:
+        if self.value is not None and not isinstance(self.value, str):
+            self.expected("a string or null")
+        return self.value
+
     def name(self) -> str:
         """A string that a BVH file can hold as a name."""
         name = self.text()

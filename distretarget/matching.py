@@ -1,41 +1,183 @@
-"""Which source joint drives which target joint."""
+"""Which source joint drives which target joint: by an explicit map, equal names, the parts of the body."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.anatomy import SIDES, Anatomy
+from distretarget.body import Leg, find_legs, leg_length, parting
+from distretarget.conventions import by_names
 from distretarget.errors import MatchingError
+from distretarget.orientation import on_all_fours, sides_agree, toe_bone
+from distretarget.pairs import JointMap, Pairs, given, joints_of, same_names, same_others, same_parts, tips
+from distretarget.shape import by_shape
 from distretarget.skeleton import Skeleton
+from distretarget.spread import spread
+
+ENOUGH = 0.5  # of the target's joints must have the names of source joints, where no human body is recognised
+LANDMARKS = ("hips", "head", "leftHand", "rightHand", "leftFoot", "rightFoot")
+TRUST = {"map": 1.0, "name": 1.0, "names": 0.95, "shape": 0.8, "tip": 0.9, "": 0.0}
+LIMBS = ("leftUpperArm", "rightUpperArm", "leftUpperLeg", "rightUpperLeg")  # of which bodies must share one
+
+Positions = NDArray[np.float64] | None
+Anatomies = tuple[Anatomy | None, Anatomy | None]
 
 
-def match(source: Skeleton, target: Skeleton, explicit: Mapping[str, str] | None = None) -> NDArray[np.intp]:
-    """(target joints,), the number of the source joint that drives each target joint; -1 for an End Site that has
-    no counterpart.
+@dataclass(frozen=True, eq=False)
+class Matching:
+    """Which source joint drives which target joint, and how that was found.
 
-    A joint is driven by the one that `explicit`, {target key: source key}, names, else by the one with the same
-    key; the End Sites of a joint by those of its driver, in order.
+    Attributes:
+        source, target: the skeletons.
+        drivers: (target joints,), the source joint that stands in each target joint's place; -1 for none.
+        turns: (target joints, 2), the source joints whose rotations each target joint follows, the same twice where it
+            is one; -1 where it follows its parent. In a spine or neck of another number of joints they are neighbours.
+        shares: (target joints,), the share of the second of them.
+        found: per target joint "map", "name" (equal names), "names" (names of the parts of a body), "shape", "tip"
+            (what ends a matched joint), or "" where it has no driver.
+        anatomies: of source and target; None where no human body is recognised.
+    """
+
+    source: Skeleton
+    target: Skeleton
+    drivers: NDArray[np.intp]
+    turns: NDArray[np.intp]
+    shares: NDArray[np.float64]
+    found: tuple[str, ...]
+    anatomies: Anatomies
+
+    @property
+    def sure(self) -> NDArray[np.float64]:
+        """(target joints,), 0 to 1, how far to trust each pair: by how it was found, times how alike the places of the
+        two joints are between hips, head, hands and feet, in path lengths.
+        """
+        trust = np.array([TRUST[found] for found in self.found])
+        s, t = self.anatomies
+        marks = [mark for mark in LANDMARKS if s and t and mark in s.roles and mark in t.roles]
+        if not (s and t and marks):
+            return trust
+        theirs, ours = (
+            body.path_lengths[:, [anatomy.roles[mark] for mark in marks]] / max(body.path_lengths.max(), 1e-300)
+            for body, anatomy in ((self.source, s), (self.target, t))
+        )
+        unlike = np.abs(theirs[self.drivers] - ours).mean(axis=1)
+        return np.asarray(trust * np.clip(1.0 - unlike, 0.0, 1.0))
+
+    @cached_property
+    def legs(self) -> tuple[tuple[Leg, Leg], tuple[Leg, Leg]] | None:
+        """The legs of the target and those of the source, joint by joint; None without legs that both have."""
+        legs = self._named_legs() or find_legs(self.target)
+        if legs is None:
+            return None
+        a, b = (Leg(*(int(self.drivers[joint]) for joint in (leg.hip, leg.ankle, leg.toe))) for leg in legs)
+        driven = min(a.hip, a.ankle, a.toe, b.hip, b.ankle, b.toe) >= 0
+        return (legs, (a, b)) if driven and leg_length(self.source, (a, b)) > 0 else None
+
+    def _named_legs(self) -> tuple[Leg, Leg] | None:
+        """The target's legs by the parts of its body; what ends the foot is the toe, if it has a driver."""
+        anatomy = self.anatomies[1]
+        roles = {} if anatomy is None or self.anatomies[0] is None else anatomy.roles
+        if anatomy is None or not {f"{side}{part}" for side in SIDES for part in ("UpperLeg", "Foot")} <= roles.keys():
+            return None
+        toes = [toe_bone(self.target, anatomy, side) for side in SIDES]
+        ends = [toe[1] if toe and self.drivers[toe[1]] >= 0 else roles[f"{s}Foot"] for s, toe in zip(SIDES, toes, strict=True)]
+        a, b = (Leg(roles[f"{s}UpperLeg"], roles[f"{s}Foot"], end) for s, end in zip(SIDES, ends, strict=True))
+        return a, b
+
+    @cached_property
+    def pelvis(self) -> int:
+        """The target joint from which its legs part, if it has a driver; else the first that has."""
+        joint = parting(self.target, self.legs[0]) if self.legs else -1
+        return joint if self.drivers[joint] >= 0 else int(np.argmax(self.drivers >= 0))
+
+
+def match(
+    source: Skeleton, target: Skeleton, explicit: JointMap | None = None, positions: Positions = None
+) -> Matching:
+    """The matching of `find_matching`, if it is one that a motion can be carried over by.
 
     Raises:
-        MatchingError: the source lacks a joint; the message names it and the closest ones.
+        MatchingError: it is not; the message has the names of both and the closest ones.
+        MapError: `explicit` names joints that are not there.
     """
-    explicit = explicit or {}
-    numbers = {key: joint for joint, key in enumerate(source.keys) if not source.end_sites[joint]}
-    wanted = {joint: explicit.get(key, key) for joint, key in enumerate(target.keys) if not target.end_sites[joint]}
-    missing = [key for key in wanted.values() if key not in numbers]
-    if missing:
-        raise MatchingError(missing, list(numbers))
-    drivers = np.full(len(target), -1, dtype=np.intp)
-    for joint, key in wanted.items():
-        drivers[joint] = numbers[key]
-    for joint in wanted:
-        below = zip(_end_sites(target, joint), _end_sites(source, int(drivers[joint])), strict=False)
-        for end, driver in below:
-            drivers[end] = driver
-    return drivers
+    matching = find_matching(source, target, explicit, positions)
+    if reason := refusal(matching, positions):
+        raise MatchingError(reason, *([body.keys[j] for j in joints_of(body)] for body in (target, source)))
+    return matching
 
 
-def _end_sites(skeleton: Skeleton, joint: int) -> list[int]:
-    return [child for child in skeleton.children[joint] if skeleton.end_sites[child]]
+def find_matching(
+    source: Skeleton, target: Skeleton, explicit: JointMap | None = None, positions: Positions = None
+) -> Matching:
+    """Match the joints of two skeletons, as far as that goes.
+
+    Pairs of `explicit` count before all, {target key: source key, or None for no driver}. If every joint of the target
+    has the name of a source joint, names decide. Otherwise the parts of the body, known by names or by shape, and then
+    equal names for joints that are no part of it; without a human body, equal names alone. Left and right are those of
+    the bodies, whatever the joints are called.
+
+    `positions`, (frames, joints, 3), are the source's in motion: they tell its shape where its rest pose does not.
+
+    Raises:
+        MapError: `explicit` names joints that are not there.
+    """
+    (s, t), crossed = _sided(source, target, positions)
+    pairs: Pairs = same_names(source, target)
+    parts = same_parts(s, t) if s and t else {}
+    alike = len(pairs) == len(joints_of(target)) and not crossed
+    if s and t and not alike:
+        pairs = parts | same_others(source, target, parts, (s, t))
+    wanted = given(source, target, explicit or {})
+    pairs |= wanted
+    pairs |= tips(source, target, pairs)
+    drivers = np.array([pairs.get(joint, (-1, ""))[0] for joint in range(len(target))], np.intp)
+    found = tuple(pairs[joint][1] if drivers[joint] >= 0 else "" for joint in range(len(target)))
+    turns, shares = np.stack([drivers, drivers], axis=1), np.zeros(len(target))
+    if s and t and not alike:
+        kept = {joint for joint in wanted if joint not in parts or wanted[joint][0] != parts[joint][0]}
+        spread((source, s), (target, t), kept, turns, shares)
+    return Matching(source, target, drivers, turns, shares, found, (s, t))
+
+
+def refusal(matching: Matching, positions: Positions = None) -> str:
+    """Why a motion cannot be carried over by this matching; empty where it can. `positions` as in `find_matching`."""
+    joints = joints_of(matching.target)
+    named = sum(matching.found[joint] in ("name", "map") for joint in joints)
+    s, t = matching.anatomies
+    if not (matching.drivers >= 0).any():
+        return "no joint of the target has a driver"
+    if named >= ENOUGH * len(joints) or "map" in matching.found:
+        return ""
+    if not (s and t):
+        body = "the source" if t else "the target" if s else "either of them"
+        return (
+            f"only {named} of {len(joints)} joints of the target have the names of source joints, and no human body is "
+            f"recognised in {body}"
+        )
+    for what, skeleton, anatomy, x in (("source", matching.source, s, positions), ("target", matching.target, t, None)):
+        if on_all_fours(skeleton, anatomy, x):
+            return f"the {what} seems to go on all fours: its trunk lies across its legs"
+    if not any(role in s.roles and role in t.roles for role in LIMBS):
+        return "they share neither arms nor legs"
+    return ""
+
+
+def _sided(source: Skeleton, target: Skeleton, positions: Positions) -> tuple[Anatomies, bool]:
+    """The anatomies of both, left being the body's left as far as that is known of both, and whether the names of one
+    say left for right and those of the other do not.
+    """
+    s, t = _anatomy(source, positions), _anatomy(target, None)
+    if s is None or t is None:
+        return (s, t), False
+    ours, theirs = sides_agree(target, t, None), sides_agree(source, s, positions)
+    if ours is None or theirs is None:
+        return (s, t), False
+    return (s if theirs else s.mirrored, t if ours else t.mirrored), ours != theirs
+
+
+def _anatomy(skeleton: Skeleton, positions: Positions) -> Anatomy | None:
+    return by_names(skeleton) or by_shape(skeleton, positions)

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.body import Leg, leg_length, shared_legs, up_axis
+from distretarget.body import Leg, leg_length
+from distretarget.matching import Matching
 from distretarget.motion import Motion
 from distretarget.skeleton import Skeleton
 
@@ -87,12 +88,12 @@ def _mean(values: Array) -> float:
     return float(values.mean()) if values.size else 0.0
 
 
-def compare(source: Motion, result: Motion, drivers: NDArray[np.intp]) -> Comparison:
+def compare(source: Motion, result: Motion, matching: Matching, up: Array) -> Comparison:
     """Measure a result against its source.
 
-    `drivers`, (result joints,), is the source joint for each joint of the result, -1 for none. The two have the same
-    number of frames.
+    `matching` is between their skeletons; the two have the same number of frames, and `up`, (3,), points up in both.
     """
+    drivers = matching.drivers
     distance_error, contact_error, contacts = _distance_errors(source, result, drivers)
     return Comparison(
         distance_error,
@@ -100,7 +101,7 @@ def compare(source: Motion, result: Motion, drivers: NDArray[np.intp]) -> Compar
         contacts,
         _direction_error(source, result, drivers),
         _bone_error(result),
-        *_feet(source, result, drivers),
+        *_feet(source, result, matching, up),
         _jerk(result),
         _turn(source, result, drivers),
     )
@@ -172,14 +173,13 @@ def _bone_error(result: Motion) -> Array:
 
 
 def _feet(
-    source: Motion, result: Motion, drivers: NDArray[np.intp]
+    source: Motion, result: Motion, matching: Matching, up: Array
 ) -> tuple[NDArray[np.bool_], Array, Array, Array, Array]:
     """Stance of the source's feet, their slide and the result's, their height and the result's, all (frames, feet)."""
-    legs = shared_legs(source.rigid_skeleton, result.skeleton, drivers)
+    legs = matching.legs
     if legs is None:
         nothing = np.zeros((len(source), 0))
         return nothing.astype(bool), nothing, nothing, nothing, nothing
-    up = up_axis(source.positions, legs[1])
     ours, theirs = _foot_paths(result, legs[0]), _foot_paths(source, legs[1])
     heights = theirs @ up
     low = heights - np.percentile(heights, LOWEST, axis=0) < LOW
@@ -190,7 +190,7 @@ def _feet(
 
 def _foot_paths(motion: Motion, legs: tuple[Leg, Leg]) -> Array:
     """(frames, feet, 3), where the foot joints are [leg lengths]."""
-    feet = sorted({joint for leg in legs for joint in (leg.ankle, leg.toe)})
+    feet = [joint for leg in legs for joint in (leg.ankle, leg.toe)]
     return motion.positions[:, feet] / leg_length(motion.rigid_skeleton, legs)
 
 

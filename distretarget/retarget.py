@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -17,8 +17,9 @@ from distretarget.distances import DistanceProblem, distance_problem
 from distretarget.errors import MotionError
 from distretarget.footing import Stance, find_stance, no_stance, root_path
 from distretarget.footing import root_scale as leg_ratio
-from distretarget.matching import match
+from distretarget.matching import Matching, match
 from distretarget.motion import Motion
+from distretarget.pairs import JointMap
 from distretarget.paper import solve_paper
 from distretarget.points import Postures, posture_stress, solve_postures
 from distretarget.poses import Clip, Poses
@@ -26,6 +27,7 @@ from distretarget.rotation_copy import rotation_copy
 from distretarget.skeleton import Skeleton
 from distretarget.spg import Effort
 from distretarget.swing import swing
+from distretarget.world import RootOffset, World, find_world
 
 Objective = Literal["contact", "paper"]
 OBJECTIVES: tuple[Objective, ...] = ("contact", "paper")
@@ -36,9 +38,11 @@ class RetargetResult:
     """A retargeted motion and what it took.
 
     Attributes:
+        source: the source's motion, in the target's world.
         motion: on the target, with the source's frames and frame time.
         copy: the rotation copy, the baseline.
-        drivers: (target joints,), the source joint that drives each target joint, -1 for none.
+        matching: which source joint drives which target joint.
+        world: the axes, and the root's OFFSET.
         root_scale: target units per source unit of the root's path.
         effort: what the solver took for each frame.
         stance: the feet at rest and where they belong; no feet for the paper's objective.
@@ -48,9 +52,11 @@ class RetargetResult:
         free_stress: (frames,), the same of the solved points; None without them.
     """
 
+    source: Motion
     motion: Motion
     copy: Motion
-    drivers: NDArray[np.intp]
+    matching: Matching
+    world: World
     root_scale: float
     effort: Effort
     stance: Stance
@@ -58,6 +64,11 @@ class RetargetResult:
     copy_stress: NDArray[np.float64]
     written_stress: NDArray[np.float64]
     free_stress: NDArray[np.float64] | None
+
+    @property
+    def drivers(self) -> NDArray[np.intp]:
+        """(target joints,), the source joint that drives each target joint, -1 for none."""
+        return self.matching.drivers
 
     def __repr__(self) -> str:
         return f"<RetargetResult of {len(self.motion)} frames, mean stress {self.written_stress.mean():.3g}>"
@@ -69,35 +80,44 @@ def retarget(
     *,
     objective: Objective = "contact",
     hold_feet: bool = True,
-    joint_map: Mapping[str, str] | None = None,
+    joint_map: JointMap | None = None,
     root_scale: float | None = None,
+    source_up: str | None = None,
+    target_up: str | None = None,
+    root_offset: RootOffset | None = None,
     progress: Callable[[int], Any] = lambda _frames: None,
 ) -> RetargetResult:
     """Carry a motion over to another body.
 
     Args:
         source: the motion to carry over.
-        target: the body to carry it to; its joints have the names of the source's, or `joint_map` says which.
+        target: the body to carry it to, with whatever names, rest pose and axes.
         objective: "contact" keeps what is near near and the rest as it was; "paper" minimises Eq. (2) of
             Mucherino, Goncalves, Bernardin, Hoyet, Multon, "A Distance-Based Approach for Human Posture Simulations",
             FedCSIS 2017.
         hold_feet: whether feet at rest stay where they belong; the paper's objective has no such term.
-        joint_map: source key for target keys whose names differ.
+        joint_map: source key for target keys, None for joints that nothing shall drive; the others are matched by
+            names or by shape (`matching`).
         root_scale: target units per source unit of the root's path; the ratio of leg lengths if not given.
+        source_up, target_up: the axes that point up in both files ("Y", "-Z", ...); found if not given (`world`).
+        root_offset: whether position channels of the source's root replace its OFFSET or are added; found if not given.
         progress: called with numbers of frames as they are solved.
 
     Raises:
-        MatchingError: the source lacks joints of the target.
+        MatchingError: the two bodies cannot be matched.
+        MapError: `joint_map` names joints that are not there.
         MotionError: the source has no frames, or positions too large to compute with, or a body has no extent.
     """
     _check(source, target)
-    skeleton = source.rigid_skeleton
-    drivers = match(skeleton, target, joint_map)
-    scale = leg_ratio(skeleton, target, drivers) if root_scale is None else root_scale
-    copy = rotation_copy(source, target, drivers, scale * source.positions[:, drivers[0]])
+    matching = match(source.rigid_skeleton, target, joint_map, source.positions)
+    world = find_world(source, matching, source_up, target_up, root_offset)
+    source = world.enter(source)
+    skeleton, drivers = matching.source, matching.drivers
+    scale = leg_ratio(matching) if root_scale is None else root_scale
+    copy = rotation_copy(source, matching, scale, world.up_vector)
     problem = distance_problem(skeleton, target, drivers)
     parts = parts_of(target, rigid_heads(copy))
-    root = root_path(source, copy, drivers, scale)
+    root = root_path(source, copy, matching, scale)
     clip = Clip(target, parts, problem, source.positions, copy.positions, root, source.frame_time)
     stance, postures = no_stance(len(source)), None
     if objective == "paper":
@@ -105,14 +125,16 @@ def retarget(
         poses = solve_paper(clip, _swung(copy, problem, postures, parts), progress)
     else:
         if hold_feet:
-            stance = find_stance(source, target, drivers, scale)
+            stance = find_stance(source, matching, scale, world.up_vector)
         poses = solve_contact(clip, stance, progress)
     motion = _written(copy, poses, clip)
     relative = (problem.body_size / height(target)) ** 2
     return RetargetResult(
+        source,
         motion,
         copy,
-        drivers,
+        matching,
+        world,
         scale,
         poses.effort,
         stance,

@@ -157,6 +157,13 @@ class Skeleton:
             positions[joint] += positions[self.parents[joint]]
         return positions
 
+    def ancestors(self, joint: int) -> tuple[int, ...]:
+        """The joints above a joint, from its parent to the root."""
+        above = []
+        while (joint := int(self.parents[joint])) >= 0:
+            above.append(joint)
+        return tuple(above)
+
     def rotation_axes(self, joint: int) -> str:
         """The axes of a joint's rotation channels in file order, as "ZXY"."""
         return "".join(channel[0] for channel in self.channels[joint] if channel in ROTATION_CHANNELS)

@@ -13,6 +13,7 @@ from distretarget.bvh import read_bvh_skeleton
 from distretarget.errors import SkeletonError, SkeletonFileError, closest, quoted
 from distretarget.files import read_text
 from distretarget.json_node import Node, entry_place, field_place, found, parse_json
+from distretarget.pairs import JointMap
 from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
 
 FORMAT = "distretarget-skeleton"
@@ -35,10 +36,12 @@ class Target:
     Attributes:
         skeleton: the target's.
         map: source joint for target joint, by key, where the file has an explicit map; else empty.
+        name: what the file calls the skeleton; empty where it says nothing.
     """
 
     skeleton: Skeleton
-    map: Mapping[str, str]
+    map: JointMap
+    name: str
 
 
 @dataclass(frozen=True)
@@ -101,11 +104,16 @@ def load_target(path: str | Path, source: Skeleton) -> Target:
         BvhError: anything else that is no BVH.
     """
     loaded = _load(path)
-    return Target(loaded.apply(source), {}) if isinstance(loaded, SkeletonEdit) else loaded
+    return Target(loaded.apply(source), {}, "") if isinstance(loaded, SkeletonEdit) else loaded
 
 
 def load_skeleton(path: str | Path) -> Skeleton:
-    """The skeleton in a skeleton file of the full form or a BVH file; errors as in `load_target`.
+    """The skeleton in a skeleton file of the full form or a BVH file; errors as in `load_whole`."""
+    return load_whole(path).skeleton
+
+
+def load_whole(path: str | Path) -> Target:
+    """The target in a skeleton file of the full form or a BVH file; errors as in `load_target`.
 
     Raises:
         SkeletonFileError: also for the short form, which is no skeleton without a source.
@@ -113,11 +121,17 @@ def load_skeleton(path: str | Path) -> Skeleton:
     loaded = _load(path)
     if isinstance(loaded, SkeletonEdit):
         raise SkeletonFileError(path, "", 'has no "joints"; this short form needs a source to change')
-    return loaded.skeleton
+    return loaded
 
 
-def skeleton_to_json(skeleton: Skeleton, name: str) -> str:
-    """The text of a skeleton file (full form) with everything in `skeleton`, one joint per line.
+def is_json(text: str) -> bool:
+    """Whether the text of a file is meant as JSON; else it is BVH."""
+    return text.lstrip().startswith(("{", "["))
+
+
+def skeleton_to_json(skeleton: Skeleton, name: str, joint_map: JointMap | None = None) -> str:
+    """The text of a skeleton file (full form) with everything in `skeleton` and the map, if it has entries; one joint
+    and one pair per line.
 
     Raises:
         SkeletonError: a "/" in joint names leaves open which joint is a parent.
@@ -125,7 +139,14 @@ def skeleton_to_json(skeleton: Skeleton, name: str) -> str:
     head = {"format": FORMAT, "version": VERSION, "name": name, "units": skeleton.units, "up": skeleton.up}
     lines = [f"  {_dump(key)}: {_dump(value)},\n" for key, value in head.items() if value is not None]
     joints = ",\n".join(f"    {_dump(_joint(skeleton, joint))}" for joint in range(len(skeleton)))
-    return "{\n" + "".join(lines) + f'  "joints": [\n{joints}\n  ]\n}}\n'
+    pairs = f',\n  "map": {pairs_to_json(joint_map, "  ")}' if joint_map else ""
+    return "{\n" + "".join(lines) + f'  "joints": [\n{joints}\n  ]{pairs}\n}}\n'
+
+
+def pairs_to_json(joint_map: JointMap, indent: str = "") -> str:
+    """The JSON object of a map, one pair per line, the lines below the first indented."""
+    pairs = ",\n".join(f"{indent}  {_dump(key)}: {_dump(driver)}" for key, driver in joint_map.items())
+    return f"{{\n{pairs}\n{indent}}}"
 
 
 def _dump(value: object) -> str:
@@ -148,8 +169,8 @@ def _joint(skeleton: Skeleton, joint: int) -> dict[str, object]:
 
 def _load(path: str | Path) -> Target | SkeletonEdit:
     text = read_text(path)
-    if not text.lstrip().startswith(("{", "[")):
-        return Target(read_bvh_skeleton(path), {})
+    if not is_json(text):
+        return Target(read_bvh_skeleton(path), {}, "")
     document = Node(path, "", parse_json(path, text))
     _check_head(document)
     fields = document.fields(HEAD[:2], (*HEAD[2:], *FULL, *SHORT))
@@ -195,7 +216,8 @@ def _full(document: Node, fields: Mapping[str, Node]) -> Target:
         skeleton = _skeleton(joints, units, up)
     except SkeletonError as error:
         fields["joints"].fail(str(error))
-    return Target(_with_bones(skeleton, document.path, "joints"), _map(fields, skeleton))
+    name = fields["name"].text() if "name" in fields else ""
+    return Target(_with_bones(skeleton, document.path, "joints"), _map(fields, skeleton), name)
 
 
 def _skeleton(joints: Sequence[Mapping[str, Node]], units: str | None, up: str | None) -> Skeleton:
@@ -292,9 +314,9 @@ def _with_bones(skeleton: Skeleton, path: str | Path, place: str = "") -> Skelet
     return skeleton
 
 
-def _map(fields: Mapping[str, Node], skeleton: Skeleton) -> dict[str, str]:
+def _map(fields: Mapping[str, Node], skeleton: Skeleton) -> JointMap:
     sources = fields["map"].entries() if "map" in fields else {}
     for key, node in sources.items():
         if key not in skeleton.keys:
             node.fail(f"the target has no such joint; {closest(key, skeleton.keys)}")
-    return {key: node.text() for key, node in sources.items()}
+    return {key: node.text_or_null() for key, node in sources.items()}

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from distretarget.body import body_unit
 from distretarget.metrics import Comparison, compare
-from distretarget.motion import Motion
 from distretarget.retarget import RetargetResult
 from distretarget.spg import Reason
 
@@ -20,10 +19,12 @@ REACH = 0.005  # a resting foot so far [of twice the leg length] off its place i
 class Figures:
     """The figures of a run and of the rotation copy, both against the source."""
 
-    def __init__(self, source: Motion, result: RetargetResult) -> None:
+    def __init__(self, result: RetargetResult) -> None:
         self.result = result
-        self.copied = compare(source, result.copy, result.drivers)
-        self.reached = compare(source, result.motion, result.drivers)
+        self.copied, self.reached = (
+            compare(result.source, motion, result.matching, result.world.up_vector)
+            for motion in (result.copy, result.motion)
+        )
 
     def line(self, seconds: float) -> str:
         """One line for the end of a run: rotation copy / result of each figure, and the frame of most stress."""

@@ -85,7 +85,7 @@ def retarget_command(
             raise FileError(source, str(error)) from error
     write_bvh(output, result.motion, overwrite=overwrite)
     seconds = time.perf_counter() - started
-    run = Figures(motion, result)
+    run = Figures(result)
     if figures:
         write_whole(figures, run.json(), overwrite=overwrite)
     for warning in run.warnings():

@@ -1,0 +1,79 @@
+"""Real motion onto another rig, beside what MotionBuilder made of the same motion.
+
+    python benchmarks/motionbuilder.py CORPUS [--markdown FILE] [--only GLOB]
+
+The CMU clips exist in two conversions: on the performers' own skeletons (folder cmu_mb), and retargeted by MotionBuilder
+to the Daz figure Aiko 3 (folder cmu_daz), frame for frame. Each clip of the first is retargeted to the skeleton of the
+second, with nothing said about joints, rest poses or axes. FILE's place for the table is filled.
+"""
+
+from __future__ import annotations
+
+import argparse
+from fnmatch import fnmatch
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from quality import insert
+
+from distretarget import Motion, read_bvh, retarget
+from distretarget.metrics import compare
+
+FIGURES = ("contact_error", "slide", "foot_height")
+HEAD = (
+    "| clip | frames | direction, copy and MotionBuilder, degrees | direction, result and MotionBuilder | contact error, "
+    "copy / MotionBuilder / result | slide, source / MotionBuilder / result |\n|---|---|---|---|---|---|"
+)
+
+
+def measure(folder: Path, clip: str) -> str:
+    """The row of one clip."""
+    source, theirs = read_bvh(folder / "cmu_mb" / clip), read_bvh(folder / "cmu_daz" / clip)
+    result = retarget(source, theirs.skeleton)
+    copied, made, ours = (
+        compare(result.source, motion, result.matching, result.world.up_vector).means()
+        for motion in (result.copy, theirs, result.motion)
+    )
+    apart = [directions(theirs, motion, result.drivers).mean() for motion in (result.copy, result.motion)]
+    return (
+        f"| {clip} | {len(source)} | {apart[0]:.1f} | {apart[1]:.1f} "
+        f"| {copied['contact_error']:.4f} / {made['contact_error']:.4f} / {ours['contact_error']:.4f} "
+        f"| {ours['source_slide']:.3f} / {made['slide']:.3f} / {ours['slide']:.3f} |"
+    )
+
+
+def directions(a: Motion, b: Motion, drivers: NDArray[np.intp]) -> NDArray[np.float64]:
+    """(frames, bones), the angle between the bones of two motions on one skeleton [degrees], where both ends of the bone
+    have a driver.
+    """
+    skeleton = a.skeleton
+    lower = np.arange(1, len(skeleton))
+    upper = skeleton.parents[1:]
+    told = (drivers[lower] >= 0) & (drivers[upper] >= 0) & (skeleton.lengths[1:] > 0)
+    bones = [motion.positions[:, lower[told]] - motion.positions[:, upper[told]] for motion in (a, b)]
+    sine = np.linalg.norm(np.cross(*bones), axis=-1)
+    return np.asarray(np.degrees(np.arctan2(sine, (bones[0] * bones[1]).sum(axis=-1))))
+
+
+def main() -> None:
+    """Print the table, and write it to its place."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("corpus", type=Path)
+    parser.add_argument("--markdown", type=Path, help="write the table into its place in this file")
+    parser.add_argument("--only", default="*", help="clips whose names match this")
+    arguments = parser.parse_args()
+    clips = sorted({path.name for path in (arguments.corpus / "cmu_mb").glob("*.bvh")})
+    both = [clip for clip in clips if (arguments.corpus / "cmu_daz" / clip).exists()]
+    rows = [HEAD]
+    print(HEAD)
+    for clip in both:
+        if fnmatch(clip, arguments.only):
+            rows.append(measure(arguments.corpus, clip))
+            print(rows[-1], flush=True)
+    if arguments.markdown:
+        insert(arguments.markdown, {"motionbuilder": "\n".join(rows)})
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,306 @@
+"""Real clips retargeted onto four conventions of skeletons, each in T-pose and A-pose, and LAFAN1's own rest pose.
+
+    python benchmarks/rigs.py CORPUS [--only GLOB] [--sheet FILE.png]
+
+CORPUS is a folder with the real clips; those that are absent are left out and said. One line per run: verdict, clip,
+target, the angle between the directions from hips to head of source and result, how far the lowest joint of the
+result's feet is from where the source's is [% of leg length], the angle between the ways they face, error of bone
+directions, error of contacts, seconds. The exit status is 1 if any run failed. `--sheet` draws a frame of every run;
+it needs matplotlib, the extra `docs`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+import time
+from dataclasses import dataclass, replace
+from fnmatch import fnmatch
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget import Motion, RetargetResult, Skeleton, read_bvh, retarget
+from distretarget.body import Leg, find_legs, leg_length, up_axis
+from distretarget.metrics import compare
+from distretarget.world import axis_vector
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.append(str(ROOT / "tools"))
+from make_rigs import CONVENTIONS, POSES, rig  # noqa: E402
+
+Array = NDArray[np.float64]
+Legs = tuple[Leg, Leg]
+
+CLIPS = (
+    "animated_drawings/dab.bvh",
+    "animated_drawings/jesse_dance.bvh",
+    "bvhio/example.bvh",
+    "cmu_daz/05_03.bvh",
+    "cmu_mb/05_03.bvh",
+    "makehuman/tpose.bvh",
+    "makehuman/walk1.bvh",
+    "makehuman_old/12_03.bvh",
+    "pybvh/bvh_test2.bvh",
+    "pybvh/bvh_test3.bvh",
+    "synthetic_odd/odd_plain.bvh",
+)
+TARGETS = {
+    **{f"{convention}_{pose.lower()}": rig(convention, pose) for convention in CONVENTIONS for pose in POSES},
+    "lafan1_x": rig("lafan1", "X"),
+}
+HELPERS = re.compile(r"^ik_|_twist_|_End_End$")
+LEFT = re.compile(r"[Ll]eft|^[lL](?=[A-Z])|[_.][lL]$")
+LIMITS = {"upright": 15.0, "floor": 8.0, "facing": 15.0, "direction": 25.0}
+UNITS = {"upright": "°", "floor": "%", "facing": "°", "direction": "°"}
+
+
+class CheckError(Exception):
+    """A result that cannot be measured, and why."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A clip on a target, and what became of it.
+
+    Attributes:
+        line: to print.
+        result: None where there was an exception.
+        failed: whether there was one, or a figure is above its limit.
+    """
+
+    clip: str
+    target: str
+    line: str
+    result: RetargetResult | None
+    failed: bool
+
+
+def run(clip: str, source: Motion, name: str, target: Skeleton) -> Run:
+    """Retarget a clip and measure the result."""
+    started = time.perf_counter()
+    result, figures = None, dict[str, float]()
+    try:
+        result = retarget(source, target)
+        figures = measured(result)
+        faults = [f"{key} above {limit:g}{UNITS[key]}" for key, limit in LIMITS.items() if not figures[key] <= limit]
+    except Exception as error:
+        faults = [f"{type(error).__name__}: {str(error).strip() or '-'}".splitlines()[0]]
+    seconds = time.perf_counter() - started
+    words = [
+        f"{'FAILED' if faults else 'OK':<6}",
+        f"{clip:<34}{name:<9}",
+        *in_words(figures),
+        f"{seconds:5.1f} s",
+        *faults,
+    ]
+    return Run(clip, name, "  ".join(words), result, bool(faults))
+
+
+def in_words(figures: dict[str, float]) -> list[str]:
+    """The figures for the line of a run; none where nothing was measured."""
+    if not figures:
+        return []
+    return [*(f"{key} {figures[key]:5.1f}{unit}" for key, unit in UNITS.items()), f"contact {figures['contact']:.3f}"]
+
+
+def measured(result: RetargetResult) -> dict[str, float]:
+    """The figures of a result.
+
+    Raises:
+        CheckError: legs or head have no driver, or the source does not stand upright in the target's axes.
+    """
+    motion, turned = result.motion, result.source
+    legs, driving = paired_legs(result)
+    up = target_up(result)
+    check_upright(turned, driving, up)
+    means = compare(turned, motion, result.matching, up).means()
+    head = head_of(motion.skeleton)
+    if result.drivers[head] < 0:
+        raise CheckError("the head has no driver")
+    ours, theirs = trunk(motion, legs, head), trunk(turned, driving, int(result.drivers[head]))
+    return {
+        "upright": mean_angle(ours, theirs),
+        "floor": floor_error(result, legs, driving, up),
+        "facing": mean_angle(facing(motion, legs, up), facing(turned, driving, up)),
+        "direction": means["direction_error"],
+        "contact": means["contact_error"],
+    }
+
+
+def paired_legs(result: RetargetResult) -> tuple[Legs, Legs]:
+    """The target's legs and those of the source that drive them, each the left one first, as their names say. Where
+    nothing drives the toe, the foot counts as its ankle.
+    """
+    target, drivers = result.motion.skeleton, result.drivers
+    if (found := find_legs(target)) is None:
+        raise CheckError("the target has no legs")
+    a, b = (replace(leg, toe=leg.toe if drivers[leg.toe] >= 0 else leg.ankle) for leg in found)
+    c, d = (Leg(*(int(drivers[joint]) for joint in (leg.hip, leg.ankle, leg.toe))) for leg in (a, b))
+    if min(c.hip, c.ankle, d.hip, d.ankle) < 0:
+        raise CheckError("a leg has no driver")
+    return left_first(target, (a, b)), left_first(result.source.skeleton, (c, d))
+
+
+def left_first(skeleton: Skeleton, legs: Legs) -> Legs:
+    """The legs in the order left, right, as their names say; as they are if these do not say it."""
+    return legs[::-1] if LEFT.search(skeleton.names[legs[1].ankle]) else legs
+
+
+def target_up(result: RetargetResult) -> Array:
+    """(3,), the axis that points up in the target's file; not what the run took for it."""
+    return axis_vector(result.motion.skeleton.up or "Y")
+
+
+def check_upright(turned: Motion, legs: Legs, up: Array) -> None:
+    """Raise unless the source stands upright in the target's axes."""
+    if not np.array_equal(found := up_axis(turned.positions, legs), up):
+        raise CheckError(f"the source's legs point up along {found} in the target's axes, where {up} is up")
+
+
+def head_of(skeleton: Skeleton) -> int:
+    """The first joint that is called head."""
+    return next(joint for joint, name in enumerate(skeleton.names) if "head" in name.lower())
+
+
+def trunk(motion: Motion, legs: Legs, head: int) -> Array:
+    """(frames, 3), from the middle of the hip joints to the head."""
+    return np.asarray(motion.positions[:, head] - motion.positions[:, [leg.hip for leg in legs]].mean(axis=1))
+
+
+def floor_error(result: RetargetResult, legs: Legs, driving: Legs, up: Array) -> float:
+    """How far the lowest joint of the feet is from the scaled height of the source's, mean over the frames
+    [% of leg length].
+    """
+    ours, theirs = lowest(result.motion, legs, up), result.root_scale * lowest(result.source, driving, up)
+    return float(100 * np.abs(ours - theirs).mean() / leg_length(result.motion.skeleton, legs))
+
+
+def lowest(motion: Motion, legs: Legs, up: Array) -> Array:
+    """(frames,), the height of the lowest ankle or toe."""
+    feet = [joint for leg in legs for joint in (leg.ankle, leg.toe)]
+    return np.asarray((motion.positions[:, feet] @ up).min(axis=1))
+
+
+def facing(motion: Motion, legs: Legs, up: Array) -> Array:
+    """(frames, 3), the way the hips face: horizontal, square to the line between the left and the right hip joint."""
+    left, right = legs
+    return np.asarray(np.cross(motion.positions[:, left.hip] - motion.positions[:, right.hip], up))
+
+
+def mean_angle(a: Array, b: Array) -> float:
+    """Between vectors (frames, 3) [degrees]."""
+    sine = np.linalg.norm(np.cross(a, b), axis=1)
+    return float(np.degrees(np.arctan2(sine, np.sum(a * b, axis=1))).mean())
+
+
+def draw_sheet(path: Path, sources: dict[str, Motion], runs: list[Run]) -> None:
+    """Draw a frame of every clip: a row per clip, its source and then every target, all seen from the same side."""
+    from draw import VIEWS, Camera, Cell, _cells, _write_picture
+
+    nobody = Skeleton(("nobody",), np.array([-1]), np.zeros((1, 3)), ((),), np.array([False]))
+    nothing = Cell(nobody, np.zeros((1, 3)), np.zeros(3), 1.0)
+    scenes, titles, labels = [], [], []
+    for clip, source in sources.items():
+        frame, own = articulated(source), [run for run in runs if run.clip == clip]
+        scene = _cells(figure(source, source_turn(source, frame)), [frame], "Y", None)
+        for result in (run.result for run in own):
+            turned = result and figure(result.motion, result_turn(result, frame))
+            scene += _cells(turned, [frame], "Y", None) if turned else [nothing]
+        scenes.append(scene)
+        titles.append(f"{clip}, frame {frame}")
+        labels.append(["source", *(f"{run.target} FAILED" if run.failed else run.target for run in own)])
+    _write_picture(scenes, titles, labels, Camera(*VIEWS["three-quarter"]), path)
+
+
+def articulated(motion: Motion) -> int:
+    """The frame whose posture is farthest from the mean one; the first frames, which may be a rest pose, aside."""
+    axes = Rotation.from_quat(motion.world_rotations[:, 0]).as_matrix()
+    postures = (motion.positions - motion.positions[:, :1]) @ axes
+    first = len(motion) // 10
+    return first + int(np.argmax(np.linalg.norm(postures - postures.mean(axis=0), axis=(1, 2))[first:]))
+
+
+def source_turn(source: Motion, frame: int) -> Rotation:
+    """The rotation that stands a source upright, Y up, and lets it face +Z in a frame."""
+    skeleton = source.rigid_skeleton
+    legs = find_legs(skeleton)
+    if legs is None:
+        return Rotation.identity()
+    return standing(source, left_first(skeleton, legs), up_axis(source.positions, legs), frame)
+
+
+def result_turn(result: RetargetResult, frame: int) -> Rotation:
+    """The rotation that does so to the source of a result, in the target's axes."""
+    try:
+        legs = paired_legs(result)[1]
+    except CheckError:
+        legs = None
+    return standing(result.source, legs, target_up(result), frame)
+
+
+def standing(motion: Motion, legs: Legs | None, up: Array, frame: int) -> Rotation:
+    """The rotation that turns `up` to +Y, and to +Z the way the motion faces in a frame, where it has legs."""
+    ahead = facing(motion, legs, up)[frame] if legs else np.roll(up, 1)
+    ahead = ahead / np.linalg.norm(ahead)
+    return Rotation.from_matrix(np.stack([np.cross(up, ahead), up, ahead]))
+
+
+def figure(motion: Motion, turn: Rotation) -> Motion:
+    """The motion turned, with what is to be seen of it: the body, without joints that only help to animate it."""
+    skeleton = motion.skeleton
+    shown = body_joints(skeleton)
+    number = {joint: k for k, joint in enumerate(shown)}
+    parents = np.array([number.get(int(skeleton.parents[joint]), -1) for joint in shown])
+    points = motion.positions[:, shown] @ turn.as_matrix().T
+    translations = points - np.where(parents[:, None] >= 0, points[:, parents], 0.0)
+    body = Skeleton(
+        tuple(re.sub(r"^([lrLR])(?=[A-Z])", r"\1_", skeleton.names[joint]) for joint in shown),
+        parents,
+        translations[0],
+        ((),) * len(shown),
+        ~np.isin(np.arange(len(shown)), parents),
+    )
+    return Motion(body, translations, np.tile([0.0, 0, 0, 1], (*points.shape[:2], 1)), motion.frame_time_text)
+
+
+def body_joints(skeleton: Skeleton) -> list[int]:
+    """The joints from where the body first parts, parents first."""
+    seen = [not HELPERS.search(name) for name in skeleton.names]
+    children = [[child for child in below if seen[child]] for below in skeleton.children]
+    joints = [next(joint for joint, below in enumerate(children) if len(below) > 1)]
+    for joint in joints:
+        joints.extend(children[joint])
+    return sorted(joints)
+
+
+def main() -> int:
+    """Print a line for every run and their count; 1 if any failed."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("corpus", type=Path, metavar="CORPUS")
+    parser.add_argument("--only", default="*", metavar="GLOB", help="only clips whose paths match")
+    parser.add_argument("--sheet", type=Path, metavar="FILE.png", help="draw a frame of every run")
+    arguments = parser.parse_args()
+    sources, runs = dict[str, Motion](), list[Run]()
+    for clip in CLIPS:
+        if not fnmatch(clip, arguments.only):
+            continue
+        if not (arguments.corpus / clip).is_file():
+            print("left out, not in the corpus:", clip)
+            continue
+        sources[clip] = read_bvh(arguments.corpus / clip)
+        for name, target in TARGETS.items():
+            runs.append(run(clip, sources[clip], name, target))
+            print(runs[-1].line, flush=True)
+    failed = sum(run.failed for run in runs)
+    print(f"{len(runs) - failed} OK + {failed} FAILED = {len(runs)} runs")
+    if arguments.sheet:
+        draw_sheet(arguments.sheet, sources, runs)
+    return 1 if failed or not runs else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

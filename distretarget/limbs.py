@@ -1,0 +1,157 @@
+"""The legs and arms of a tree of joints, by bone lengths.
+
+Nothing here looks at names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.body import LIKENESS, LIMB, Leg, find_legs
+from distretarget.skeleton import Skeleton
+
+FORK = 0.5  # a chain ends where another at least this part as long leaves it: fingers, toes, the face
+LONG = 0.5  # the forearm is at least this part of the longest bone of an arm
+FOREARM = 0.9  # of the upper arm's length; real bodies have 0.55 to 1.2
+ARM = 0.6  # of the leg's length, from shoulder to wrist; real bodies have 0.53 to 0.67
+TWIST = 0.05  # what a joint within the upper arm or the forearm adds to the logarithms of these ratios
+UNLIKE = 1.2  # and their sum from which a limb is no arm
+SHIN = 0.1  # of the leg's length; a shorter bone above the ankle is part of the foot
+
+
+@dataclass(frozen=True)
+class Limb:
+    """The joints of an arm or a leg.
+
+    Attributes:
+        collar: the joints between trunk and upper arm, from the trunk on; none for a leg.
+        upper: where upper arm or thigh begins.
+        lower: where forearm or shin begins.
+        end: where it ends.
+        length: from `upper` to `end` [file units].
+    """
+
+    collar: tuple[int, ...]
+    upper: int
+    lower: int
+    end: int
+    length: float
+
+
+Pair = tuple[Limb, Limb]
+
+
+def find_limbs(skeleton: Skeleton) -> tuple[Pair, Pair] | None:
+    """The two legs and the two arms; None where there are no such pairs."""
+    found = find_legs(skeleton)
+    a, b = (_leg(skeleton, leg) for leg in found) if found else (None, None)
+    arms = _find_arms(skeleton, (a, b)) if a and b else None
+    return ((a, b), arms) if a and b and arms else None
+
+
+def like_chains(skeleton: Skeleton, tops: Sequence[int]) -> list[tuple[list[int], list[int]]]:
+    """The pairs among the chains below some joints whose bones have about equal lengths, one by one."""
+    chains = [chain for top in tops if (chain := _chain(skeleton, top))]
+    return [(a, b) for a, b in combinations(chains, 2) if _alike(skeleton.lengths[a], skeleton.lengths[b])]
+
+
+def forks(skeleton: Skeleton, joint: int) -> bool:
+    """Whether two chains of about equal length leave a joint."""
+    *_, second, longest = sorted([0.0, 0.0, *(_reach(skeleton, child) for child in skeleton.children[joint])])
+    return second > 0 and second >= FORK * longest
+
+
+def ancestors(skeleton: Skeleton, joint: int) -> list[int]:
+    """The joints from `joint` up to the root, both counted."""
+    up = [joint]
+    while up[-1]:
+        up.append(int(skeleton.parents[up[-1]]))
+    return up
+
+
+def subtree(skeleton: Skeleton, top: int) -> list[int]:
+    """`top` and all joints below it."""
+    below = [top]
+    for joint in below:
+        below.extend(skeleton.children[joint])
+    return below
+
+
+def _leg(skeleton: Skeleton, leg: Leg) -> Limb | None:
+    """The leg with its knee, the joint nearest to its middle; None for a leg of one bone."""
+    up = ancestors(skeleton, leg.ankle)
+    joints = up[up.index(leg.hip) :: -1]
+    from_hip = skeleton.path_lengths[leg.hip]
+    while len(joints) > 3 and (
+        skeleton.end_sites[joints[-1]] or skeleton.lengths[joints[-1]] < SHIN * from_hip[joints[-1]]
+    ):
+        joints.pop()
+    if len(joints) < 3:
+        return None
+    length = float(from_hip[joints[-1]])
+    knee = min(joints[1:-1], key=lambda joint: abs(2 * from_hip[joint] - length))
+    return Limb((), leg.hip, knee, joints[-1], length)
+
+
+def _find_arms(skeleton: Skeleton, legs: Pair) -> Pair | None:
+    """Of the pairs of like limbs that part above the legs, the one most like human arms in its proportions."""
+    leg = (legs[0].length + legs[1].length) / 2
+    barred = {j for hip in legs for j in (*ancestors(skeleton, hip.upper), *subtree(skeleton, hip.upper))}
+    joints = [joint for joint in range(len(skeleton)) if joint not in barred]
+    pairs = [pair for joint in joints for pair in like_chains(skeleton, skeleton.children[joint])]
+    found = [
+        (*_best_arm(skeleton, pair[0], leg), *pair)
+        for pair in pairs
+        if len(pair[0]) >= 3 and skeleton.lengths[pair[0]].sum() >= LIMB * leg
+    ]
+    if not found or min(found)[0] > UNLIKE:
+        return None
+    _, (upper, lower, end), a, b = min(found)
+    one, other = (
+        Limb(tuple(c[:upper]), c[upper], c[lower], c[end], float(skeleton.path_lengths[c[upper], c[end]])) for c in (a, b)
+    )
+    return one, other
+
+
+def _best_arm(skeleton: Skeleton, chain: list[int], leg: float) -> tuple[float, tuple[int, int, int]]:
+    """How unlike a human arm a chain is at best, and where in it shoulder, elbow and wrist are then."""
+    along = skeleton.path_lengths[chain[0], chain]
+    bones = np.diff(along)
+    long = np.flatnonzero(bones >= LONG * bones.max()) + 1
+    end = len(chain) - 1 if forks(skeleton, chain[-1]) else max(int(long[-1]), 2)
+    return min(
+        (_unlikeness(along[lower] - along[upper], along[end] - along[lower], leg) + TWIST * (end - upper - 2), (upper, lower, end))
+        for upper, lower in combinations(range(end), 2)
+    )
+
+
+def _unlikeness(upper: float, fore: float, leg: float) -> float:
+    """Of an arm with these bones to a human one, from 0 on."""
+    if min(upper, fore) <= 0:
+        return np.inf
+    return float(abs(np.log(fore / (FOREARM * upper))) + abs(np.log((upper + fore) / (ARM * leg))))
+
+
+def _chain(skeleton: Skeleton, top: int) -> list[int]:
+    """The joints from `top` down the longest way, as far as it does not fork; End Sites are left out."""
+    chain: list[int] = []
+    below: int | None = top
+    while below is not None and not skeleton.end_sites[below]:
+        chain.append(below)
+        children = () if forks(skeleton, below) else skeleton.children[below]
+        below = max(children, key=lambda child: _reach(skeleton, child), default=None)
+    return chain
+
+
+def _reach(skeleton: Skeleton, joint: int) -> float:
+    """How far the leaves below a joint are from its parent, along the bones."""
+    return float(skeleton.lengths[joint] + skeleton.path_lengths[joint, subtree(skeleton, joint)].max())
+
+
+def _alike(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+    return len(a) == len(b) and bool(2 * np.abs(a - b).sum() <= LIKENESS * (a + b).sum())

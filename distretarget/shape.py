@@ -1,0 +1,210 @@
+"""Which joint of a skeleton plays which part of a human body, as tree, bone lengths and posture tell.
+
+Nothing here looks at names.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.anatomy import SIDES, Anatomy, spine_roles
+from distretarget.limbs import Limb, Pair, ancestors, find_limbs, forks, like_chains, subtree
+from distretarget.skeleton import Skeleton
+
+Array = NDArray[np.float64]
+
+STANDING = 125.0  # degrees between trunk and legs, which people reach and animals on four legs rarely do
+FOLDED = 45.0  # a rest pose with a smaller angle is no pose, and tells nothing
+NECK_BONE = 0.17  # of the leg's length, at most; a longer bone up there is the head's
+RISE = 0.3  # of a neck bone's length, at least; the jaw's is less
+NECK = 0.25  # of the leg's length; collar bones that leave so near to the head leave from the neck
+CLEAR = 0.3  # mean cosine from which a direction tells front from back
+SLIGHT = 0.05  # of the leg's length; both feet or knees together point nowhere by less
+
+
+def by_shape(skeleton: Skeleton, positions: Array | None = None) -> Anatomy | None:
+    """The anatomy that tree, bone lengths and posture tell; None where this is no human body.
+
+    The posture is the rest pose where a person can stand so, else that of a motion: `positions`, (frames, joints, 3).
+    Feet tell which side is left, else knees, which bend forwards, else the way the body goes. Where nothing tells,
+    left is the side that comes first in the file.
+    """
+    limbs = find_limbs(skeleton)
+    moving = np.empty((0, len(skeleton), 3)) if positions is None else positions
+    posture = _posture(skeleton, *limbs, moving) if limbs else None
+    if limbs is None or posture is None:
+        return None
+    legs, arms = limbs
+    trunk = _trunk(skeleton, legs, arms, _heights(skeleton, legs, posture))
+    if trunk is None:
+        return None
+    roles = {"hips": trunk.hips, **spine_roles(trunk.spine), "head": trunk.head}
+    roles |= {"neck": joint for joint in trunk.neck[:1]}
+    for side, leg, arm in zip(SIDES, *_sided(skeleton, legs, arms, posture, moving), strict=True):
+        roles |= {f"{side}UpperLeg": leg.upper, f"{side}LowerLeg": leg.lower, f"{side}Foot": leg.end}
+        roles |= {f"{side}UpperArm": arm.upper, f"{side}LowerArm": arm.lower, f"{side}Hand": arm.end}
+        roles |= {f"{side}Toes": joint for joint in _toes(skeleton, leg)}
+        roles |= {f"{side}Shoulder": joint for joint in _collar(skeleton, arms, arm, posture)}
+    if any(skeleton.end_sites[joint] for joint in roles.values()):
+        return None
+    return Anatomy(roles, trunk.spine, trunk.neck, "", "shape")
+
+
+@dataclass(frozen=True)
+class _Trunk:
+    hips: int
+    spine: tuple[int, ...]
+    neck: tuple[int, ...]
+    head: int
+
+
+def _trunk(skeleton: Skeleton, legs: Pair, arms: Pair, heights: Array) -> _Trunk | None:
+    """From where legs and spine part, up past where the head's branch leaves; None without spine or head."""
+    up = ancestors(skeleton, int(skeleton.parents[_top(arms[0])]))
+    below_legs = set(ancestors(skeleton, legs[0].upper)) & set(ancestors(skeleton, legs[1].upper))
+    hips = next(joint for joint in up if joint in below_legs)
+    spine = up[: up.index(hips)]
+    taken = {_top(arm) for arm in arms}
+    while spine:
+        others = [child for child in skeleton.children[spine[0]] if child not in taken and not skeleton.end_sites[child]]
+        paired = {chain[0] for pair in like_chains(skeleton, others) for chain in pair}
+        single = [child for child in others if child not in paired]
+        if single:
+            first = max(single, key=lambda child: heights[subtree(skeleton, child)].max())
+            *neck, head = _neck(skeleton, first, heights, legs[0].length)
+            if not neck and len(spine) > 1 and skeleton.lengths[head] < NECK * legs[0].length:
+                neck = [spine.pop(0)]
+            return _Trunk(hips, tuple(spine[::-1]), tuple(neck), head)
+        taken = {spine.pop(0)}
+    return None
+
+
+def _neck(skeleton: Skeleton, first: int, heights: Array, leg: float) -> list[int]:
+    """The joints from the neck's first up to the head: where the branch ends, forks into a face, or has a longer bone
+    than a neck's, or one that does not rise.
+    """
+    neck = [first]
+    while True:
+        above = [child for child in skeleton.children[neck[-1]] if not skeleton.end_sites[child]]
+        if len(above) != 1:
+            return neck
+        length = skeleton.lengths[above[0]]
+        if length > NECK_BONE * leg or heights[above[0]] - heights[neck[-1]] < RISE * length:
+            return neck
+        neck += above
+
+
+def _top(arm: Limb) -> int:
+    return (*arm.collar, arm.upper)[0]
+
+
+def _collar(skeleton: Skeleton, arms: Pair, arm: Limb, posture: Array) -> list[int]:
+    """The joint from which an arm's collar bone goes: the only one, or the last that is nearer to the body's middle
+    than halfway to the shoulder.
+    """
+    if len(arm.collar) < 2:
+        return list(arm.collar)
+    x = posture if len(posture) else skeleton.rest_positions[None]
+    a, b = ([*arm.collar, arm.upper] for arm in arms)
+    apart = np.linalg.norm(x[:, a] - x[:, b], axis=2).mean(axis=0)
+    return [joint for joint, width in zip(arm.collar, apart, strict=False) if 2 * width < apart[-1]][-1:]
+
+
+def _toes(skeleton: Skeleton, leg: Limb) -> list[int]:
+    """The joint of a foot's toes; none where each toe has its own."""
+    below = [] if forks(skeleton, leg.end) else list(skeleton.children[leg.end])
+    longest = max(below, key=lambda joint: skeleton.path_lengths[leg.end, subtree(skeleton, joint)].max(), default=0)
+    return [longest] if below and not skeleton.end_sites[longest] else []
+
+
+def _posture(skeleton: Skeleton, legs: Pair, arms: Pair, moving: Array) -> Array | None:
+    """(frames, joints, 3), the rest pose or a motion in which the body stands, no frame where neither tells; None where
+    they tell that it goes on all fours.
+    """
+    rest = skeleton.rest_positions[None]
+    at_rest = float(_stretch(rest, legs, arms)[0])
+    if at_rest > STANDING:
+        return rest
+    if len(moving):
+        return moving if np.percentile(_stretch(moving, legs, arms), 99) > STANDING else None
+    return moving if at_rest < FOLDED else None
+
+
+def _stretch(x: Array, legs: Pair, arms: Pair) -> Array:
+    """(frames,), the angle between trunk and legs [degrees]: 180 for a person who stands."""
+    trunk = _middle(x, [arm.upper for arm in arms]) - _middle(x, [leg.upper for leg in legs])
+    cosine = -(_unit(trunk) * _up(x, legs)).sum(axis=-1)
+    return np.asarray(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+
+
+def _heights(skeleton: Skeleton, legs: Pair, posture: Array) -> Array:
+    """(joints,), how high joints are on average, by path lengths from the hip where there is no posture."""
+    if not len(posture):
+        return skeleton.path_lengths[legs[0].upper]
+    return np.asarray((posture * _up(posture, legs)[:, None]).sum(axis=-1).mean(axis=0))
+
+
+def _sided(skeleton: Skeleton, legs: Pair, arms: Pair, posture: Array, moving: Array) -> tuple[Pair, Pair]:
+    """Legs and arms, left before right."""
+    across, apart = (posture[:, a.upper] - posture[:, b.upper] for a, b in (legs, arms))
+    if (across * apart).sum() < 0:
+        arms = arms[::-1]
+    for cue in (_feet, _knees, _course):
+        for x in (posture, moving):
+            cosine = _agreement(cue(skeleton, legs, x), legs, x)
+            if abs(cosine) > CLEAR:
+                return (legs, arms) if cosine > 0 else (legs[::-1], arms[::-1])
+    return legs, arms
+
+
+def _feet(skeleton: Skeleton, legs: Pair, x: Array) -> Array:
+    """(frames, 3), from the ankles to what is below them, across the shins: a foot that goes on along the shin points
+    nowhere.
+    """
+    feet = [_middle(x, subtree(skeleton, leg.end)) - x[:, leg.end] for leg in legs]
+    shins = [_unit(x[:, leg.lower] - x[:, leg.end]) for leg in legs]
+    return np.sum([_across(foot, shin) for foot, shin in zip(feet, shins, strict=True)], axis=0)
+
+
+def _knees(skeleton: Skeleton, legs: Pair, x: Array) -> Array:
+    """(frames, 3), from between hips and ankles to the knees."""
+    return np.sum([x[:, leg.lower] - _middle(x, [leg.upper, leg.end]) for leg in legs], axis=0)
+
+
+def _course(skeleton: Skeleton, legs: Pair, x: Array) -> Array:
+    """(frames, 3), by how much the hips move, times the number of frames."""
+    hips = _middle(x, [leg.upper for leg in legs])
+    return len(x) * np.diff(hips, axis=0, prepend=hips[:1])
+
+
+def _agreement(forward: Array, legs: Pair, x: Array) -> float:
+    """The mean cosine, -1 to 1, between directions (frames, 3) and the front of a body whose first leg is the left one;
+    0 where they are slight.
+    """
+    up = _up(x, legs)
+    front = _unit(np.cross(x[:, legs[0].upper] - x[:, legs[1].upper], up))
+    level = np.linalg.norm(_across(forward, up), axis=-1).sum()
+    slight = SLIGHT * legs[0].length * len(x)
+    return float((forward * front).sum() / level) if level > slight else 0.0
+
+
+def _up(x: Array, legs: Pair) -> Array:
+    """(frames, 3), unit vectors from between the ankles to between the hips."""
+    return _unit(_middle(x, [leg.upper for leg in legs]) - _middle(x, [leg.end for leg in legs]))
+
+
+def _middle(x: Array, joints: list[int]) -> Array:
+    return np.asarray(x[:, joints].mean(axis=1))
+
+
+def _across(vectors: Array, axes: Array) -> Array:
+    """What of vectors is at right angles to unit vectors."""
+    return np.asarray(vectors - (vectors * axes).sum(axis=-1, keepdims=True) * axes)
+
+
+def _unit(vectors: Array) -> Array:
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)

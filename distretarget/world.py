@@ -1,0 +1,137 @@
+"""Where a motion is in the world: which axis points up, where the floor is, what the root's OFFSET means."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.alignment import least_rotation
+from distretarget.anatomy import Anatomy
+from distretarget.body import find_legs, leg_length, up_axis
+from distretarget.matching import Matching
+from distretarget.motion import Motion
+from distretarget.orientation import is_pose, leg_directions, trunk
+from distretarget.skeleton import POSITION_CHANNELS, Skeleton
+
+Array = NDArray[np.float64]
+RootOffset = Literal["replaced", "added"]
+
+AXES = ("X", "Y", "Z", "-X", "-Y", "-Z")
+STANDS = 0.7  # mean cosine from which the axis along which a body stands in motion is up, whatever its rest pose says
+ON_FLOOR = 0.1  # [leg lengths] feet so near to height 0 are on the floor ...
+OFF_FLOOR = 0.25  # ... and so far from it they are not
+
+
+def axis_vector(axis: str) -> Array:
+    """(3,), the unit vector of one of `AXES`."""
+    vector = np.zeros(3)
+    vector["XYZ".index(axis[-1])] = -1.0 if axis.startswith("-") else 1.0
+    return vector
+
+
+def up_of_motion(motion: Motion, anatomy: Anatomy | None) -> str | None:
+    """Which of `AXES` points up: the one along which the body stands in motion, else in its rest pose if that is a pose;
+    None where there is no body to tell.
+    """
+    if anatomy is None or not len(motion):
+        legs = find_legs(motion.rigid_skeleton)
+        return _axis(up_axis(motion.positions, legs))[0] if legs and len(motion) else None
+    axis, cosine = _axis(_upwards(anatomy, motion.positions).mean(axis=0))
+    if cosine < STANDS and is_pose(motion.rigid_skeleton, anatomy):
+        return up_of_rest(motion.rigid_skeleton, anatomy)
+    return axis
+
+
+def up_of_rest(skeleton: Skeleton, anatomy: Anatomy | None) -> str | None:
+    """Which of `AXES` points up in the rest pose; None where that is no pose in which a body stands."""
+    if anatomy is None or not is_pose(skeleton, anatomy):
+        return None
+    return _axis(_upwards(anatomy, skeleton.rest_positions))[0]
+
+
+def _upwards(anatomy: Anatomy, x: Array) -> Array:
+    """(..., 3), the mean of the directions up the trunk and up the legs."""
+    return np.asarray(trunk(anatomy, x) - leg_directions(anatomy, x)) / 2.0
+
+
+def _axis(direction: Array) -> tuple[str, float]:
+    """The axis nearest to a direction (3,), and the direction's component along it."""
+    signed = np.concatenate([direction, -direction])
+    return AXES[int(np.argmax(signed))], float(signed.max())
+
+
+@dataclass(frozen=True)
+class World:
+    """How a source's world becomes the target's.
+
+    Attributes:
+        source_up, up: which of `AXES` points up in the source's file, and in the target's.
+        root_offset: what the position channels of the source's root do to its OFFSET.
+    """
+
+    source_up: str
+    up: str
+    root_offset: RootOffset
+
+    @property
+    def up_vector(self) -> Array:
+        """(3,), up in the target's world."""
+        return axis_vector(self.up)
+
+    def enter(self, source: Motion) -> Motion:
+        """The source's motion in the target's world."""
+        return turned(with_root_offset(source) if self.root_offset == "added" else source, self.source_up, self.up)
+
+
+def find_world(
+    source: Motion, matching: Matching, source_up: str | None, up: str | None, offset: RootOffset | None
+) -> World:
+    """The world of source and target, as far as it is not given.
+
+    Up in the source is as its motion tells. Up in the target is what its file says; else, if both rest poses stand
+    along the same axis, as in the source; else the axis along which the target's rest pose stands. Where nothing tells,
+    Y is up.
+    """
+    s, t = matching.anatomies
+    source_up = source_up or up_of_motion(source, s) or "Y"
+    stands, rest = up_of_rest(source.rigid_skeleton, s), up_of_rest(matching.target, t)
+    up = up or matching.target.up or (source_up if rest in (None, stands) else rest)
+    return World(source_up, up, offset or root_offset_of(source, axis_vector(source_up)))
+
+
+def turned(motion: Motion, up: str, onto: str) -> Motion:
+    """The motion in a world where the axis `onto` points up instead of `up`, turned there by the least rotation: so
+    what faces Z with Y up faces -Y with Z up.
+    """
+    if up == onto:
+        return motion
+    turn = Rotation.from_quat(least_rotation(axis_vector(up)[None], axis_vector(onto)[None])[0])
+    translations, rotations = np.array(motion.translations), np.array(motion.rotations)
+    translations[:, 0] = turn.apply(translations[:, 0])
+    rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
+    return replace(motion, translations=translations, rotations=rotations)
+
+
+def root_offset_of(motion: Motion, up: Array) -> RootOffset:
+    """Whether the root's position channels replace its OFFSET or are added to it, which nothing in a file says: added, if
+    that puts the feet on the floor, at height 0, and replacing leaves them clearly off it. `up` is (3,).
+    """
+    legs = find_legs(motion.rigid_skeleton)
+    rise = float(motion.skeleton.offsets[0] @ up)
+    if legs is None or not len(motion) or not set(POSITION_CHANNELS) <= set(motion.skeleton.channels[0]):
+        return "replaced"
+    length = leg_length(motion.rigid_skeleton, legs)
+    feet = motion.positions[:, [joint for leg in legs for joint in (leg.ankle, leg.toe)]] @ up
+    lowest = float(np.percentile(feet.min(axis=1), 2))
+    return "added" if abs(lowest) > OFF_FLOOR * length and abs(lowest + rise) < ON_FLOOR * length else "replaced"
+
+
+def with_root_offset(motion: Motion) -> Motion:
+    """The motion with the root's OFFSET added to its positions."""
+    translations = np.array(motion.translations)
+    translations[:, 0] += motion.skeleton.offsets[0]
+    return replace(motion, translations=translations)
