@@ -20,7 +20,7 @@ from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 
-STILL = 1e-6  # a joint whose local quaternion moves by no more than this is still ...
+STILL = 2e-5  # a joint whose local quaternion moves by no more than this, the rounding of files, is still ...
 SPIKES = 0.05  # ... whatever it does in this part of the frames, which may be bad ones
 SMALL = 1e-8  # squared angles below this [rad^2] are served by the first terms of a series
 
@@ -66,7 +66,7 @@ def rigid_heads(copy: Motion) -> NDArray[np.intp]:
     skeleton = copy.skeleton
     signs = np.sign(np.einsum("fji,ji->fj", copy.rotations, copy.rotations[0]))
     rotations = signs[..., None] * copy.rotations
-    turned = np.abs(rotations - np.median(rotations, axis=0)).max(axis=2) > STILL
+    turned = np.linalg.norm(rotations - np.median(rotations, axis=0), axis=2) > STILL
     still = turned.mean(axis=0) <= SPIKES
     if still.all():
         still = skeleton.lengths == 0.0

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from distretarget.errors import MapError, SkeletonFileError
 from distretarget.files import read_text
 from distretarget.json_node import Node, entry_place, parse_json
 from distretarget.matching import Matching
-from distretarget.pairs import JointMap, given, joints_of
+from distretarget.pairs import JointMap, given
 from distretarget.skeleton import Skeleton
 from distretarget.skeleton_json import Target, pairs_to_json
 
@@ -26,16 +28,15 @@ def load_map(path: str | Path) -> JointMap:
 
 def map_to_json(matching: Matching) -> str:
     """The text of a map file that gives this matching again: a pair for each joint of the target, in the order of its
-    tree. End Sites are left out, as are joints without a driver that bend along with a spine or neck.
+    tree. Left out are joints without a driver that bend with a spine or neck, and End Sites that no map drives.
     """
     target, drivers = matching.target, matching.drivers
-    joints = set(joints_of(target)) - {
-        joint for joint in range(len(target)) if drivers[joint] < 0 <= matching.turns[joint, 0]
-    }
+    bending = (drivers < 0) & (matching.turns[:, 0] >= 0)
+    ends = target.end_sites & (np.array(matching.found) != "map")
     pairs = {
         target.keys[joint]: matching.source.keys[drivers[joint]] if drivers[joint] >= 0 else None
         for joint in target.depth_first
-        if joint in joints
+        if not (bending[joint] or ends[joint])
     }
     return f"{pairs_to_json(pairs)}\n"
 

@@ -21,6 +21,8 @@ FOREARM = 0.9  # of the upper arm's length; real bodies have 0.55 to 1.2
 ARM = 0.6  # of the leg's length, from shoulder to wrist; real bodies have 0.53 to 0.67
 TWIST = 0.05  # what a joint within the upper arm or the forearm adds to the logarithms of these ratios
 UNLIKE = 1.2  # and their sum from which a limb is no arm
+ARM_JOINTS = 3  # at least: shoulder, elbow, wrist
+STRAIGHT = np.radians(10)  # bones of one thigh meet at a smaller angle
 SHIN = 0.1  # of the leg's length; a shorter bone above the ankle is part of the foot
 
 
@@ -49,15 +51,25 @@ Pair = tuple[Limb, Limb]
 def find_limbs(skeleton: Skeleton) -> tuple[Pair, Pair] | None:
     """The two legs and the two arms; None where there are no such pairs."""
     found = find_legs(skeleton)
-    a, b = (_leg(skeleton, leg) for leg in found) if found else (None, None)
+    if found is None:
+        return None
+    a, b = (_leg(skeleton, leg, other) for leg, other in (found, found[::-1]))
     arms = _find_arms(skeleton, (a, b)) if a and b else None
     return ((a, b), arms) if a and b and arms else None
 
 
 def like_chains(skeleton: Skeleton, tops: Sequence[int]) -> list[tuple[list[int], list[int]]]:
-    """The pairs among the chains below some joints whose bones have about equal lengths, one by one."""
+    """The pairs among the chains below some joints whose bones have about equal lengths, one by one.
+
+    A chain may go on longer than its like, as an arm does that holds a sword; what it has more is left out.
+    """
     chains = [chain for top in tops if (chain := _chain(skeleton, top))]
-    return [(a, b) for a, b in combinations(chains, 2) if _alike(skeleton.lengths[a], skeleton.lengths[b])]
+    pairs = [
+        (a[: len(b)], b[: len(a)])
+        for a, b in combinations(chains, 2)
+        if len(a) == len(b) or min(len(a), len(b)) >= ARM_JOINTS
+    ]
+    return [(a, b) for a, b in pairs if _alike(skeleton.lengths[a], skeleton.lengths[b])]
 
 
 def forks(skeleton: Skeleton, joint: int) -> bool:
@@ -82,11 +94,12 @@ def subtree(skeleton: Skeleton, top: int) -> list[int]:
     return below
 
 
-def _leg(skeleton: Skeleton, leg: Leg) -> Limb | None:
+def _leg(skeleton: Skeleton, leg: Leg, other: Leg) -> Limb | None:
     """The leg with its knee, the joint nearest to its middle; None for a leg of one bone."""
+    hip = _hip(skeleton, leg, other)
     up = ancestors(skeleton, leg.ankle)
-    joints = up[up.index(leg.hip) :: -1]
-    from_hip = skeleton.path_lengths[leg.hip]
+    joints = up[up.index(hip) :: -1]
+    from_hip = skeleton.path_lengths[hip]
     while len(joints) > 3 and (
         skeleton.end_sites[joints[-1]] or skeleton.lengths[joints[-1]] < SHIN * from_hip[joints[-1]]
     ):
@@ -95,7 +108,19 @@ def _leg(skeleton: Skeleton, leg: Leg) -> Limb | None:
         return None
     length = float(from_hip[joints[-1]])
     knee = min(joints[1:-1], key=lambda joint: abs(2 * from_hip[joint] - length))
-    return Limb((), leg.hip, knee, joints[-1], length)
+    return Limb((), hip, knee, joints[-1], length)
+
+
+def _hip(skeleton: Skeleton, leg: Leg, other: Leg) -> int:
+    """Where the thigh begins: above twist joints, at the first bend upwards, where the rest pose has one."""
+    rest, trunk = skeleton.rest_positions, ancestors(skeleton, other.hip)
+    for joint in ancestors(skeleton, leg.hip):
+        bone, below = skeleton.offsets[joint], rest[leg.ankle] - rest[joint]
+        if joint in trunk or not skeleton.lengths[joint]:
+            break
+        if bone @ below < np.cos(STRAIGHT) * np.linalg.norm(bone) * np.linalg.norm(below):
+            return joint
+    return leg.hip
 
 
 def _find_arms(skeleton: Skeleton, legs: Pair) -> Pair | None:
@@ -104,37 +129,32 @@ def _find_arms(skeleton: Skeleton, legs: Pair) -> Pair | None:
     barred = {j for hip in legs for j in (*ancestors(skeleton, hip.upper), *subtree(skeleton, hip.upper))}
     joints = [joint for joint in range(len(skeleton)) if joint not in barred]
     pairs = [pair for joint in joints for pair in like_chains(skeleton, skeleton.children[joint])]
-    found = [
-        (*_best_arm(skeleton, pair[0], leg), *pair)
-        for pair in pairs
-        if len(pair[0]) >= 3 and skeleton.lengths[pair[0]].sum() >= LIMB * leg
-    ]
-    if not found or min(found)[0] > UNLIKE:
-        return None
-    _, (upper, lower, end), a, b = min(found)
-    one, other = (
-        Limb(tuple(c[:upper]), c[upper], c[lower], c[end], float(skeleton.path_lengths[c[upper], c[end]])) for c in (a, b)
-    )
-    return one, other
+    long = [(a, b) for a, b in pairs if len(a) >= ARM_JOINTS and skeleton.lengths[a].sum() >= LIMB * leg]
+    unlike, parts, a, b = min(((*_best_arm(skeleton, a, leg), a, b) for a, b in long), default=(np.inf, (), [], []))
+    return (_arm(skeleton, a, *parts), _arm(skeleton, b, *parts)) if unlike < UNLIKE else None
 
 
-def _best_arm(skeleton: Skeleton, chain: list[int], leg: float) -> tuple[float, tuple[int, int, int]]:
+def _best_arm(skeleton: Skeleton, chain: list[int], leg: float) -> tuple[float, tuple[int, ...]]:
     """How unlike a human arm a chain is at best, and where in it shoulder, elbow and wrist are then."""
     along = skeleton.path_lengths[chain[0], chain]
     bones = np.diff(along)
-    long = np.flatnonzero(bones >= LONG * bones.max()) + 1
-    end = len(chain) - 1 if forks(skeleton, chain[-1]) else max(int(long[-1]), 2)
-    return min(
-        (_unlikeness(along[lower] - along[upper], along[end] - along[lower], leg) + TWIST * (end - upper - 2), (upper, lower, end))
-        for upper, lower in combinations(range(end), 2)
-    )
+    last_long = int(np.flatnonzero(bones >= LONG * bones.max())[-1]) + 1
+    wrist = len(chain) - 1 if forks(skeleton, chain[-1]) else max(last_long, ARM_JOINTS - 1)
+    arms = [(upper, lower, wrist) for upper, lower in combinations(range(wrist), 2)]
+    return min((_unlikeness(along[list(arm)], leg) + TWIST * (arm[2] - arm[0] - 2), arm) for arm in arms)
 
 
-def _unlikeness(upper: float, fore: float, leg: float) -> float:
-    """Of an arm with these bones to a human one, from 0 on."""
+def _unlikeness(along: NDArray[np.float64], leg: float) -> float:
+    """Of an arm whose shoulder, elbow and wrist are so far along it to a human one, from 0 on."""
+    upper, fore = np.diff(along)
     if min(upper, fore) <= 0:
         return np.inf
     return float(abs(np.log(fore / (FOREARM * upper))) + abs(np.log((upper + fore) / (ARM * leg))))
+
+
+def _arm(skeleton: Skeleton, chain: list[int], upper: int, lower: int, end: int) -> Limb:
+    length = float(skeleton.path_lengths[chain[upper], chain[end]])
+    return Limb(tuple(chain[:upper]), chain[upper], chain[lower], chain[end], length)
 
 
 def _chain(skeleton: Skeleton, top: int) -> list[int]:

@@ -193,13 +193,12 @@ def _handles(matching: Matching, x: Array, y: Array) -> list[list[int]]:
 
 
 def _alike(matching: Matching) -> bool:
-    """Whether the limbs of both rest poses point the same way, so that nothing needs to stand up."""
+    """Whether all bones of both rest poses point the same way, so that nothing needs to stand up."""
     x, y = matching.source.rest_positions, matching.target.rest_positions
     for joint, handles in enumerate(_handles(matching, x, y)):
-        if len(handles) == 1:
-            a, b = unit(y[handles] - y[joint]), unit(x[matching.drivers[handles]] - x[matching.drivers[joint]])
-            if (a * b).sum() < np.cos(BUILD):
-                return False
+        a, b = unit(y[handles] - y[joint]), unit(x[matching.drivers[handles]] - x[matching.drivers[joint]])
+        if ((a * b).sum(axis=1) < np.cos(BUILD)).any():
+            return False
     return True
 
 

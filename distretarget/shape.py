@@ -33,16 +33,17 @@ def by_shape(skeleton: Skeleton, positions: Array | None = None) -> Anatomy | No
     left is the side that comes first in the file.
     """
     limbs = find_limbs(skeleton)
-    moving = np.empty((0, len(skeleton), 3)) if positions is None else positions
-    posture = _posture(skeleton, *limbs, moving) if limbs else None
-    if limbs is None or posture is None:
+    if limbs is None:
         return None
     legs, arms = limbs
-    trunk = _trunk(skeleton, legs, arms, _heights(skeleton, legs, posture))
-    if trunk is None:
+    moving = np.empty((0, len(skeleton), 3)) if positions is None else positions
+    posture = _posture(skeleton, legs, arms, moving)
+    trunk = None if posture is None else _trunk(skeleton, legs, arms, _heights(skeleton, legs, posture))
+    if posture is None or trunk is None:
         return None
     roles = {"hips": trunk.hips, **spine_roles(trunk.spine), "head": trunk.head}
-    roles |= {"neck": joint for joint in trunk.neck[:1]}
+    if trunk.neck:
+        roles["neck"] = trunk.neck[0]
     for side, leg, arm in zip(SIDES, *_sided(skeleton, legs, arms, posture, moving), strict=True):
         roles |= {f"{side}UpperLeg": leg.upper, f"{side}LowerLeg": leg.lower, f"{side}Foot": leg.end}
         roles |= {f"{side}UpperArm": arm.upper, f"{side}LowerArm": arm.lower, f"{side}Hand": arm.end}
@@ -62,23 +63,26 @@ class _Trunk:
 
 
 def _trunk(skeleton: Skeleton, legs: Pair, arms: Pair, heights: Array) -> _Trunk | None:
-    """From where legs and spine part, up past where the head's branch leaves; None without spine or head."""
-    up = ancestors(skeleton, int(skeleton.parents[_top(arms[0])]))
-    below_legs = set(ancestors(skeleton, legs[0].upper)) & set(ancestors(skeleton, legs[1].upper))
-    hips = next(joint for joint in up if joint in below_legs)
-    spine = up[: up.index(hips)]
-    taken = {_top(arm) for arm in arms}
-    while spine:
-        others = [child for child in skeleton.children[spine[0]] if child not in taken and not skeleton.end_sites[child]]
-        paired = {chain[0] for pair in like_chains(skeleton, others) for chain in pair}
-        single = [child for child in others if child not in paired]
-        if single:
-            first = max(single, key=lambda child: heights[subtree(skeleton, child)].max())
+    """From where legs and spine part up to the head; None without spine or head.
+
+    The head's branch leaves the spine where the arms do or below, and no other branch there is like it.
+    """
+    taken = {(*arm.collar, arm.upper)[0] for arm in arms}
+    up = ancestors(skeleton, int(skeleton.parents[min(taken)]))
+    both_legs = set(ancestors(skeleton, legs[0].upper)) & set(ancestors(skeleton, legs[1].upper))
+    hips = next(joint for joint in up if joint in both_legs)
+    for k, joint in enumerate(up[: up.index(hips)]):
+        free = [child for child in skeleton.children[joint] if child not in taken and not skeleton.end_sites[child]]
+        paired = {chain[0] for pair in like_chains(skeleton, free) for chain in pair}
+        branches = [child for child in free if child not in paired]
+        if branches:
+            first = max(branches, key=lambda child: heights[subtree(skeleton, child)].max())
             *neck, head = _neck(skeleton, first, heights, legs[0].length)
+            spine = up[k : up.index(hips)][::-1]
             if not neck and len(spine) > 1 and skeleton.lengths[head] < NECK * legs[0].length:
-                neck = [spine.pop(0)]
-            return _Trunk(hips, tuple(spine[::-1]), tuple(neck), head)
-        taken = {spine.pop(0)}
+                neck = [spine.pop()]
+            return _Trunk(hips, tuple(spine), tuple(neck), head)
+        taken = {joint}
     return None
 
 
@@ -95,10 +99,6 @@ def _neck(skeleton: Skeleton, first: int, heights: Array, leg: float) -> list[in
         if length > NECK_BONE * leg or heights[above[0]] - heights[neck[-1]] < RISE * length:
             return neck
         neck += above
-
-
-def _top(arm: Limb) -> int:
-    return (*arm.collar, arm.upper)[0]
 
 
 def _collar(skeleton: Skeleton, arms: Pair, arm: Limb, posture: Array) -> list[int]:
@@ -143,7 +143,7 @@ def _stretch(x: Array, legs: Pair, arms: Pair) -> Array:
 def _heights(skeleton: Skeleton, legs: Pair, posture: Array) -> Array:
     """(joints,), how high joints are on average, by path lengths from the hip where there is no posture."""
     if not len(posture):
-        return skeleton.path_lengths[legs[0].upper]
+        return np.asarray(skeleton.path_lengths[legs[0].upper])
     return np.asarray((posture * _up(posture, legs)[:, None]).sum(axis=-1).mean(axis=0))
 
 
@@ -152,11 +152,14 @@ def _sided(skeleton: Skeleton, legs: Pair, arms: Pair, posture: Array, moving: A
     across, apart = (posture[:, a.upper] - posture[:, b.upper] for a, b in (legs, arms))
     if (across * apart).sum() < 0:
         arms = arms[::-1]
-    for cue in (_feet, _knees, _course):
-        for x in (posture, moving):
-            cosine = _agreement(cue(skeleton, legs, x), legs, x)
-            if abs(cosine) > CLEAR:
-                return (legs, arms) if cosine > 0 else (legs[::-1], arms[::-1])
+    for x, forward in (
+        *((x, _feet(skeleton, legs, x)) for x in (posture, moving)),
+        *((x, _knees(legs, x)) for x in (posture, moving)),
+        (moving, _course(legs, moving)),
+    ):
+        cosine = _agreement(forward, legs, x)
+        if abs(cosine) > CLEAR:
+            return (legs, arms) if cosine > 0 else (legs[::-1], arms[::-1])
     return legs, arms
 
 
@@ -166,15 +169,15 @@ def _feet(skeleton: Skeleton, legs: Pair, x: Array) -> Array:
     """
     feet = [_middle(x, subtree(skeleton, leg.end)) - x[:, leg.end] for leg in legs]
     shins = [_unit(x[:, leg.lower] - x[:, leg.end]) for leg in legs]
-    return np.sum([_across(foot, shin) for foot, shin in zip(feet, shins, strict=True)], axis=0)
+    return np.asarray(sum(_across(foot, shin) for foot, shin in zip(feet, shins, strict=True)))
 
 
-def _knees(skeleton: Skeleton, legs: Pair, x: Array) -> Array:
+def _knees(legs: Pair, x: Array) -> Array:
     """(frames, 3), from between hips and ankles to the knees."""
-    return np.sum([x[:, leg.lower] - _middle(x, [leg.upper, leg.end]) for leg in legs], axis=0)
+    return np.asarray(sum(x[:, leg.lower] - _middle(x, [leg.upper, leg.end]) for leg in legs))
 
 
-def _course(skeleton: Skeleton, legs: Pair, x: Array) -> Array:
+def _course(legs: Pair, x: Array) -> Array:
     """(frames, 3), by how much the hips move, times the number of frames."""
     hips = _middle(x, [leg.upper for leg in legs])
     return len(x) * np.diff(hips, axis=0, prepend=hips[:1])
@@ -207,4 +210,4 @@ def _across(vectors: Array, axes: Array) -> Array:
 
 def _unit(vectors: Array) -> Array:
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
+    return np.asarray(np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0))

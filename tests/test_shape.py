@@ -1,7 +1,5 @@
 """The parts of a body, found without names."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from bodies import CORPUS, mirrored, moved, needs_corpus, person, posed, swaying
@@ -47,9 +45,22 @@ def bones_of(skeleton):
     return dict(zip(skeleton.names, zip(parents, skeleton.offsets, strict=True), strict=True))
 
 
+def in_order(bones):
+    """The rig with parents before children."""
+    done = {}
+    while len(done) < len(bones):
+        done |= {name: bone for name, bone in bones.items() if name not in done and bone[0] in (*done, "")}
+    return rig(done)
+
+
 def person_with(bones):
     """A person with other or more bones."""
-    return rig(bones_of(person()) | bones)
+    return in_order(bones_of(person()) | bones)
+
+
+def without(*words):
+    """A person's bones but for those with one of the words in their names."""
+    return {name: bone for name, bone in bones_of(person()).items() if not any(word in name for word in words)}
 
 
 def sided(bones):
@@ -146,29 +157,24 @@ def test_a_mirror_swaps_the_sides():
     assert by_shape(lying(motion.skeleton), motion.positions).roles == expected
 
 
-@pytest.mark.parametrize("forward", [1, -1])
-def test_knees_tell_the_sides_where_feet_do_not(forward):
-    straight = person_with({f"{side}Toe": (f"{side}Ankle", (0, -0.1, 0)) for side in ("Left", "Right")})
-    turns = {f"{side}Hip": np.array([-forward * 0.6, 0, 0]) for side in ("Left", "Right")}
-    turns |= {f"{side}Knee": np.array([forward * 0.6, 0, 0]) for side in ("Left", "Right")}
-    motion = posed(person_with(straightened(straight)), turns, np.zeros((3, 3)))
+STRAIGHT_FEET = sided({"LeftToe": ("LeftAnkle", (0, -0.1, 0)), "LeftToe_End": ("LeftToe", (0, -0.1, 0))})
+
+
+@pytest.mark.parametrize("front", [1, -1])
+def test_knees_tell_the_sides_where_feet_do_not(front):
+    turns = {f"{side}Hip": np.array([-front * 0.6, 0, 0]) for side in ("Left", "Right")}
+    turns |= {f"{side}Knee": np.array([front * 0.6, 0, 0]) for side in ("Left", "Right")}
+    motion = posed(person_with(STRAIGHT_FEET), turns, np.zeros((3, 3)))
     names = named(motion.skeleton, by_shape(motion.skeleton, motion.positions))
-    assert names["leftUpperLeg"] == ("LeftHip" if forward > 0 else "RightHip")
-    assert names["leftHand"] == ("LeftWrist" if forward > 0 else "RightWrist")
+    assert names["leftUpperLeg"] == ("LeftHip" if front > 0 else "RightHip")
+    assert names["leftHand"] == ("LeftWrist" if front > 0 else "RightWrist")
 
 
-def straightened(skeleton):
-    return {name: bone for name, bone in bones_of(skeleton).items() if "Toe" in name} | {
-        f"{side}Toe_End": (f"{side}Toe", (0, -0.1, 0)) for side in ("Left", "Right")
-    }
-
-
-@pytest.mark.parametrize("forward", [1, -1])
-def test_the_course_tells_the_sides_where_legs_do_not(forward):
-    body = person_with(straightened(person_with({f"{s}Toe": (f"{s}Ankle", (0, -0.1, 0)) for s in ("Left", "Right")})))
-    motion = posed(body, {}, np.linspace([0, 1, 0], [0, 1, 3.0 * forward], 10))
-    names = named(body, by_shape(body, motion.positions))
-    assert names["leftUpperLeg"] == ("LeftHip" if forward > 0 else "RightHip")
+@pytest.mark.parametrize("front", [1, -1])
+def test_the_course_tells_the_sides_where_legs_do_not(front):
+    motion = posed(person_with(STRAIGHT_FEET), {}, np.linspace([0, 1, 0], [0, 1, 3.0 * front], 10))
+    names = named(motion.skeleton, by_shape(motion.skeleton, motion.positions))
+    assert names["leftUpperLeg"] == ("LeftHip" if front > 0 else "RightHip")
 
 
 TWISTS = sided(
@@ -178,8 +184,8 @@ TWISTS = sided(
         "LeftArmTwist2": ("LeftArmTwist", (0.09, 0, 0)),
         "LeftForeTwist": ("LeftElbow", (0.13, 0, 0)),
         "LeftWrist": ("LeftForeTwist", (0.13, 0, 0)),
-        "LeftThighTwist": ("LeftHip", (0, -0.2, 0)),
-        "LeftKnee": ("LeftThighTwist", (0, -0.235, 0)),
+        "LeftShinTwist": ("LeftKnee", (0, -0.2, 0)),
+        "LeftAnkle": ("LeftShinTwist", (0, -0.253, 0)),
     }
 )
 HAND = sided(
@@ -231,7 +237,7 @@ SHAPES = {
 @pytest.mark.parametrize("bones", SHAPES.values(), ids=SHAPES)
 @pytest.mark.parametrize("alone", [True, False])
 def test_what_else_a_body_has_changes_nothing(bones, alone):
-    body = in_order(bones_of(person()) | bones)
+    body = person_with(bones)
     if alone:
         assert named(body, by_shape(body)) == PERSON
         return
@@ -243,9 +249,240 @@ def test_what_else_a_body_has_changes_nothing(bones, alone):
     assert named(body, by_shape(lying(body), motion.positions)) == PERSON
 
 
-def in_order(bones):
-    """The rig with parents before children."""
-    done = {}
-    while len(done) < len(bones):
-        done |= {name: bone for name, bone in bones.items() if name not in done and bone[0] in (*done, "")}
-    return rig(done)
+# Other trees of the same body
+
+
+def test_a_thigh_in_two_pieces_begins_above_both():
+    twists = sided({"LeftThighTwist": ("LeftHip", (0, -0.2, 0)), "LeftKnee": ("LeftThighTwist", (0, -0.235, 0))})
+    body = person_with(twists)
+    assert named(body, by_shape(body)) == PERSON
+
+
+def test_collar_bones_from_the_neck_and_legs_from_the_spine():
+    bones = bones_of(person())
+    bones |= sided(
+        {"LeftCollar": ("Neck", (0.03, 0, 0)), "LeftShoulder": ("LeftCollar", (0.15, -0.02, 0))}
+        | {"LeftHip": ("Chest", (0.1, -0.1, 0))}
+    )
+    body = in_order(bones)
+    anatomy = by_shape(body)
+    names = named(body, anatomy)
+    assert [body.names[joint] for joint in anatomy.neck] == ["Neck"]
+    assert [body.names[joint] for joint in anatomy.spine] == ["Chest2", "Chest3"]
+    assert names.pop("hips") == "Chest"
+    assert names.items() >= {role: name for role, name in PERSON.items() if role.startswith(SIDES)}.items()
+
+
+def test_a_floor_root_with_helpers_above_the_hips():
+    bones = {"Floor": ("", (0, 0, 0)), "Hips": ("Floor", (0, 0.99, 0)), "Aim": ("Floor", (0, 0, 0))}
+    bones |= sided({"LeftAimFoot": ("Aim", (0.1, 0.1, 0)), "LeftAimHand": ("Aim", (0.7, 1.4, 0))})
+    body = person_with(bones)
+    assert named(body, by_shape(body)) == PERSON
+
+
+def test_joints_that_coincide():
+    bones = sided({"LeftHipJoint": ("Hips", (0, 0, 0)), "LeftHip": ("LeftHipJoint", (0.1, 0, 0))})
+    bones |= sided({"LeftCollar": ("Chest3", (0, 0, 0)), "LeftShoulder": ("LeftCollar", (0.2, 0.07, 0))})
+    bones |= {"LowerBack": ("Hips", (0, 0, 0)), "Chest": ("LowerBack", (0, 0.16, 0))}
+    bones |= {"LowerNeck": ("Chest3", (0, 0, 0)), "Neck": ("LowerNeck", (0, 0.07, 0))}
+    body = person_with(bones)
+    anatomy = by_shape(body)
+    assert named(body, anatomy) == PERSON | {"neck": "LowerNeck", "spine": "LowerBack", "chest": "Chest"}
+    assert len(anatomy.spine) == 4
+
+
+def test_what_is_absent_is_left_out():
+    bones = without("Toe", "Neck", "Collar") | {"Head": ("Chest3", (0, 0.3, 0))}
+    bones |= sided({"LeftShoulder": ("Chest3", (0.2, 0.05, 0)), "LeftAnkle_End": ("LeftAnkle", (0, -0.05, 0.1))})
+    body = in_order(bones)
+    absent = {"neck", *(f"{side}{role}" for side in SIDES for role in ("Shoulder", "Toes"))}
+    assert named(body, by_shape(body)) == {role: name for role, name in PERSON.items() if role not in absent}
+
+
+def test_without_end_sites():
+    body = in_order(without("_End"))
+    assert named(body, by_shape(body)) == PERSON
+
+
+# What is no human body
+
+
+def chain(name, parent, *offsets):
+    """{name0: (parent, offset), ...}, each joint below the one before."""
+    return {f"{name}{k}": (f"{name}{k - 1}" if k else parent, offset) for k, offset in enumerate(offsets)}
+
+
+def limbs(tops, offsets):
+    """Equal chains below the root that begin at different places."""
+    return {
+        name: bone for k, top in enumerate(tops) for name, bone in chain(f"Limb{k}x", "Root", top, *offsets).items()
+    }
+
+
+ROOT = {"Root": ("", (0, 0, 0))}
+LEG = [(0.1, -0.1, 0), (0, -0.4, 0.02), (0, -0.4, -0.02), (0, -0.05, 0.1)]
+HORSE = (
+    ROOT
+    | sided(chain("LeftHind", "Root", *LEG))
+    | chain("Spine", "Root", (0, 0.05, 0.3), (0, 0, 0.4), (0, 0, 0.3))
+    | sided(chain("LeftFore", "Spine2", *LEG))
+    | chain("Neck", "Spine2", (0, 0.1, 0.1), (0, 0.2, 0.2), (0, 0.1, 0.1))
+    | chain("Tail", "Root", *[(0, 0, -0.2)] * 4)
+)
+OTHERS = {
+    "a horse": HORSE,
+    "a chain": ROOT | chain("Link", "Root", *[(0, -0.3, 0)] * 12),
+    "one joint": ROOT,
+    "a star": ROOT
+    | limbs(TURN.apply([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0]]), [[0.1, 0.2, 0.3]] * 2),
+    "a table": ROOT | limbs([(1, 0, 1), (1, 0, -1), (-1, 0, 1), (-1, 0, -1)], [(0, -1, 0), (0, -1, 0), (0, -0.1, 0)]),
+    "a hand": ROOT | limbs([(0.08, 0, 0.02 * k) for k in range(5)], [(0.04, 0, 0), (0.03, 0, 0), (0.02, 0, 0)]),
+    "a face": ROOT | {"Head": ("Root", (0, 0.1, 0))} | FACE,
+    "a person without arms": without("Collar", "Shoulder", "Elbow", "Wrist"),
+    "a person without legs": without("LeftHip", "RightHip", "Knee", "Ankle", "Toe"),
+    "a person without a head": without("Neck", "Head"),
+}
+
+
+@pytest.mark.parametrize("bones", OTHERS.values(), ids=OTHERS)
+def test_what_is_no_human_body(bones):
+    assert by_shape(in_order(bones)) is None
+
+
+def test_a_horse_in_motion_is_no_human_body_whatever_its_rest_pose():
+    horse = in_order(HORSE)
+    positions = posed(horse, {"Spine1": np.array([0.2, 0, 0])}, np.zeros((5, 3))).positions
+    assert by_shape(horse, positions) is None
+    assert by_shape(lying(horse), positions) is None
+
+
+def test_random_trees_are_no_human_bodies():
+    draw = np.random.default_rng(0)
+    for _ in range(200):
+        count = int(draw.integers(2, 40))
+        parents = np.array([-1, *(draw.integers(max(0, k - 4), k) for k in range(1, count))])
+        tree = Skeleton(
+            tuple(map(str, range(count))), parents, draw.normal(size=(count, 3)), ((),) * count, np.zeros(count, bool)
+        )
+        assert by_shape(tree) is None
+
+
+def test_a_motion_without_frames_is_no_motion():
+    assert by_shape(lying(person()), np.empty((0, len(person()), 3))) is not None
+
+
+# Real rigs
+
+
+MIXAMO = "{}Shoulder {}Arm {}ForeArm {}Hand {}UpLeg {}Leg {}Foot {}ToeBase"
+POSER = "{}Collar {}Shldr {}ForeArm {}Hand {}Thigh {}Shin {}Foot -"
+OPTITRACK = "{}Collar {}Shoulder {}Elbow {}Wrist {}Hip {}Knee {}Ankle {}Toe"
+MAKEHUMAN = "clavicle.{} upperarm01.{} lowerarm01.{} wrist.{} upperleg01.{} lowerleg01.{} foot.{} -"
+SECOND_LIFE = "Clavicle_{} UpArm_{} LoArm_{} Hand_{} UpLeg_{} LoLeg_{} Foot_{} Toe_{}"
+WORDS, LETTERS = ("Left", "Right"), ("L", "R")
+SPINE4 = "Spine Spine1 Spine2 Spine3"
+CMU = ("Hips", "LowerBack Spine Spine1", "Neck Neck1", "Head", MIXAMO, WORDS)
+MAKEHUMAN_RIG = (
+    "root",
+    "spine05 spine04 spine03 spine02 spine01",
+    "neck01 neck02 neck03",
+    "head",
+    MAKEHUMAN,
+    LETTERS,
+)
+OLD_MAKEHUMAN_RIG = ("Root", "Spine1 Spine2 Spine3", "Neck", "Head", SECOND_LIFE, LETTERS)
+PLAIN = ("Hips", "Spine", "Neck", "Head", "- {}Arm {}ForeArm {}Hand {}UpLeg {}Leg {}Foot -", WORDS)
+RIGS = {  # hips, spine, neck, head, limbs in the order of LIMBS, left and right
+    "animated_drawings/dab.bvh": ("Hips", SPINE4, "Neck", "Head", MIXAMO, WORDS),
+    "animated_drawings/jesse_dance.bvh": ("Hips", "Spine Spine1 Spine2", "Neck", "Head", MIXAMO, WORDS),
+    "animated_drawings/jumping_jacks.bvh": (
+        "Hips",
+        "lowerback Chest Chest2",
+        "lowerneck Neck",
+        "Head",
+        OPTITRACK,
+        WORDS,
+    ),
+    "animated_drawings/wave_hello.bvh": ("Hips", SPINE4, "Neck", "Head", MIXAMO, WORDS),
+    "bvhio/example.bvh": (
+        "Hips",
+        "Chest",
+        "Neck",
+        "Head",
+        "{}Collar {}UpArm {}LowArm {}Hand {}UpLeg {}LowLeg {}Foot -",
+        WORDS,
+    ),
+    "cmu_daz/02_01.bvh": ("hip", "abdomen chest", "neck", "head", POSER, ("l", "r")),
+    "cmu_mb/01_01.bvh": CMU,
+    "cmu_mb/02_01.bvh": CMU,
+    "cmu_mb/05_02.bvh": CMU,
+    "cmu_mb/12_01.bvh": CMU,
+    "makehuman/benchmark.bvh": MAKEHUMAN_RIG,
+    "makehuman/dance1.bvh": OLD_MAKEHUMAN_RIG,
+    "makehuman/face-poseunits.bvh": MAKEHUMAN_RIG,
+    "makehuman/tpose.bvh": MAKEHUMAN_RIG,
+    "makehuman/walk1.bvh": OLD_MAKEHUMAN_RIG,
+    "makehuman_old/12_03.bvh": CMU,
+    "pybvh/bvh_example.bvh": ("Hips", SPINE4, "Neck Neck1", "Head", MIXAMO, WORDS),
+    "pybvh/bvh_test2.bvh": ("Hips", "Chest Chest2 Chest3 Chest4", "Neck", "Head", OPTITRACK, WORDS),
+    "pybvh/bvh_test3.bvh": (
+        "Hips",
+        SPINE4,
+        "Neck Neck1",
+        "Head",
+        MIXAMO.replace("ToeBase", "ForeFoot"),
+        WORDS,
+    ),
+    "pybvh/standard_skeleton.bvh": ("Hips", SPINE4, "Neck Neck1", "Head", MIXAMO, WORDS),
+    "synthetic_odd/odd_plain.bvh": PLAIN,
+    "synthetic_odd/odd_frames_0.bvh": PLAIN,
+    "synthetic_odd/odd_end_site_zero.bvh": PLAIN,
+    "synthetic_odd/odd_no_end_sites.bvh": PLAIN,
+    "synthetic_odd/odd_zero_offset_joints.bvh": PLAIN,
+}
+
+
+def parts(skeleton, anatomy):
+    """What RIGS has: hips, spine, neck and head, and per side the limbs, by names."""
+    names = named(skeleton, anatomy)
+    spine, neck = (" ".join(skeleton.names[joint] for joint in joints) for joints in (anatomy.spine, anatomy.neck))
+    limbs = tuple(" ".join(names.get(side + role, "-") for role in LIMBS) for side in SIDES)
+    return names["hips"], spine, neck, names["head"], *limbs
+
+
+@needs_corpus
+@pytest.mark.parametrize("file", RIGS)
+def test_real_rigs(file):
+    *trunk, limbs, sides = RIGS[file]
+    expected = (*trunk, *(limbs.replace("{}", side) for side in sides))
+    motion = read_bvh(CORPUS / file)
+    body = motion.rigid_skeleton
+    assert parts(body, by_shape(body)) == expected
+    assert parts(body, by_shape(body, motion.positions)) == expected
+
+
+@needs_corpus
+@pytest.mark.parametrize(
+    "file",
+    [
+        "animated_drawings/dab.bvh",
+        "animated_drawings/jesse_dance.bvh",
+        "cmu_daz/02_01.bvh",
+        "cmu_mb/02_01.bvh",
+        "makehuman/walk1.bvh",
+        "pybvh/bvh_test3.bvh",
+    ],
+)
+def test_real_rigs_whose_rest_pose_lies_along_one_axis_in_any_order(file):
+    motion = read_bvh(CORPUS / file)
+    body, order = renumbered(lying(motion.rigid_skeleton), 1)
+    found = by_shape(body, motion.positions[:, order])
+    expected = by_shape(motion.rigid_skeleton, motion.positions)
+    assert {role: order[joint] for role, joint in found.roles.items()} == expected.roles
+
+
+@needs_corpus
+@pytest.mark.parametrize("file", ["pybvh/full_precision_frame_time.bvh", "pybvh/rotation_first_root.bvh"])
+def test_real_files_without_a_body(file):
+    motion = read_bvh(CORPUS / file)
+    assert by_shape(motion.skeleton, motion.positions) is None

@@ -15,12 +15,13 @@ from distretarget.errors import DistretargetError
 @click.group(cls=DefaultGroup, default="retarget", context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="distretarget")
 def cli() -> None:
-    r"""Retarget BVH motion to another body by normalised joint distances.
+    """Retarget BVH motion to another body by normalised joint distances.
 
     \b
     distretarget SOURCE.bvh TARGET -o OUT.bvh       the same as: distretarget retarget ...
+    distretarget skeleton match SOURCE.bvh TARGET   which joint drives which
     distretarget skeleton show FILE
-    """
+    """  # noqa: D301
 
 
 cli.add_command(retarget_command)

@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+import shlex
 import time
+from collections.abc import Iterator
 from pathlib import Path
+from typing import get_args
 
 import click
 from tqdm import tqdm
 
 from distretarget.bvh import read_bvh, write_bvh
 from distretarget.cli.figures import Figures
-from distretarget.errors import DistretargetError, FileError, MatchingError
-from distretarget.files import check_writable, write_whole
-from distretarget.retarget import OBJECTIVES, Objective, retarget
+from distretarget.cli.matching_table import headline, unused, without_driver
+from distretarget.cli.outputs import check_outputs, say
+from distretarget.cli.parameters import positive
+from distretarget.errors import DistretargetError, FileError, MatchingError, quoted
+from distretarget.files import write_whole
+from distretarget.joint_map import joint_map
+from distretarget.matching import Matching
+from distretarget.retarget import OBJECTIVES, Objective, RetargetResult, retarget
 from distretarget.skeleton_json import load_target
+from distretarget.world import AXES, RootOffset
+
+LISTED = 12  # joints in a line of --verbose, at most
 
 
 @click.command("retarget")
@@ -22,10 +33,34 @@ from distretarget.skeleton_json import load_target
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="The BVH file to write.")
 @click.option("--overwrite", is_flag=True, help="Replace files that exist. An input is never replaced.")
 @click.option(
+    "--map",
+    "map_path",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help='A JSON file with {"target joint": "source joint"}, null for joints that nothing drives. Its pairs count '
+    "before those in the target's file; joints in neither are matched by names or shape.",
+)
+@click.option(
     "--root-scale",
-    type=click.FloatRange(min=0, min_open=True),
+    type=positive,
     metavar="FACTOR",
     help="Target units per source unit of the root's path. Default: the ratio of leg lengths.",
+)
+@click.option(
+    "--source-up", type=click.Choice(AXES), metavar="AXIS", help="The axis that points up in SOURCE. Default: found."
+)
+@click.option(
+    "--target-up",
+    type=click.Choice(AXES),
+    metavar="AXIS",
+    help=f"The axis that points up in TARGET and in the output: {', '.join(AXES)}. Default: what the target's file "
+    "says; else found.",
+)
+@click.option(
+    "--root-offset",
+    type=click.Choice(get_args(RootOffset)),
+    help="Whether the position of the source's root replaces its OFFSET or is added to it. Default: whichever puts the "
+    "feet on the floor.",
 )
 @click.option(
     "--objective",
@@ -43,31 +78,41 @@ from distretarget.skeleton_json import load_target
 @click.option(
     "--json", "figures", type=click.Path(path_type=Path), help="Write the figures of each frame to this file."
 )
+@click.option(
+    "-v", "--verbose", is_flag=True, help="Tell what was recognised and matched, and how the source's world was taken."
+)
 def retarget_command(
     source: Path,
     target: Path,
     output: Path,
     overwrite: bool,
+    map_path: Path | None,
     root_scale: float | None,
+    source_up: str | None,
+    target_up: str | None,
+    root_offset: RootOffset | None,
     objective: Objective,
     feet: str | None,
     figures: Path | None,
+    verbose: bool,
 ) -> None:
-    r"""Carry the motion of SOURCE, a BVH file, over to the body of TARGET.
+    """Carry the motion of SOURCE, a BVH file, over to the body of TARGET.
 
-    TARGET is a skeleton file (.json) or any BVH file with the body wanted.
+    TARGET is a skeleton file (.json) or any BVH file with the body wanted. Its joints may have other names, another
+    rest pose and other axes than those of SOURCE; 'distretarget skeleton match' shows which joint drives which.
 
     \b
     distretarget walk.bvh child.json -o walk_child.bvh
     distretarget walk.bvh hero.bvh -o walk_hero.bvh --json walk_hero.figures.json
-    """
+    distretarget walk.bvh robot.bvh -o walk_robot.bvh --map walk_robot.map.json -v
+    """  # noqa: D301
     if feet == "hold" and objective == "paper":
         raise click.UsageError("--feet hold: the paper's objective knows no feet; use --objective contact.")
-    outputs = [path for path in (output, figures) if path]
-    _check_outputs(outputs, [source, target], overwrite)
+    check_outputs([output, figures], [source, target, map_path], overwrite)
     started = time.perf_counter()
     motion = read_bvh(source)
     goal = load_target(target, motion.rigid_skeleton)
+    pairs = joint_map(motion.rigid_skeleton, goal, target, map_path)
     with tqdm(total=len(motion), unit=" frames", desc=source.name, disable=None, leave=False) as bar:
         try:
             result = retarget(
@@ -75,12 +120,16 @@ def retarget_command(
                 goal.skeleton,
                 objective=objective,
                 hold_feet=feet != "free",
-                joint_map=goal.map,
+                joint_map=pairs,
                 root_scale=root_scale,
+                source_up=source_up,
+                target_up=target_up,
+                root_offset=root_offset,
                 progress=bar.update,
             )
         except MatchingError as error:
-            raise FileError(target, str(error)) from error
+            command = f"distretarget skeleton match {shlex.quote(str(source))} {shlex.quote(str(target))} -o MAP.json"
+            raise FileError(target, f"{error}: write one with `{command}`, and give it with --map MAP.json") from error
         except DistretargetError as error:
             raise FileError(source, str(error)) from error
     write_bvh(output, result.motion, overwrite=overwrite)
@@ -88,18 +137,49 @@ def retarget_command(
     run = Figures(result)
     if figures:
         write_whole(figures, run.json(), overwrite=overwrite)
+    for line in _account(result) if verbose else _unmatched(result.matching):
+        say(line, err=True)
     for warning in run.warnings():
         click.echo(f"warning: {warning}", err=True)
     click.echo(run.line(seconds))
 
 
-def _check_outputs(outputs: list[Path], inputs: list[Path], overwrite: bool) -> None:
-    """Refuse, before any work, outputs that cannot be written or are inputs or each other."""
-    for number, path in enumerate(outputs):
-        for other, what in [
-            *((i, "an input") for i in inputs),
-            *((o, "another output") for o in outputs[:number]),
-        ]:
-            if path.resolve() == other.resolve() or (path.exists() and other.exists() and path.samefile(other)):
-                raise FileError(path, f"is {what} as well; give the output another name")
-        check_writable(path, overwrite=overwrite)
+def _unmatched(matching: Matching) -> Iterator[str]:
+    """A warning of joints that follow their parents, if there are any."""
+    if joints := _followers(matching):
+        many = f"{len(joints)} joints of the target have no counterpart and follow their parents"
+        one = "1 joint of the target has no counterpart and follows its parent"
+        yield f"warning: {one if len(joints) == 1 else many}: {quoted(joints)}; see -v"
+
+
+def _followers(matching: Matching) -> list[str]:
+    """The joints without a counterpart below the root, which has no parent to follow."""
+    return [key for key in without_driver(matching) if key != matching.target.keys[0]]
+
+
+def _account(result: RetargetResult) -> Iterator[str]:
+    """What was recognised and matched, and how the source's world was taken."""
+    yield from headline(result.matching)
+    for what, joints in (
+        ("joints of the target that follow their parents", _followers(result.matching)),
+        ("joints of the source not used", unused(result.matching)),
+    ):
+        yield f"{what}: {quoted(joints, LISTED) or 'none'}"
+    world = result.world
+    turned = (
+        "the same in the target" if world.up == world.source_up else f"{world.up} in the target: the world is turned"
+    )
+    yield f"up: {world.source_up} in the source, {turned}"
+    yield _root_offset(result)
+    yield f"root scale: {result.root_scale:.6g} target units per source unit"
+
+
+def _root_offset(result: RetargetResult) -> str:
+    """What the root's OFFSET does."""
+    offset = result.source.skeleton.offsets[0]
+    if not offset.any():
+        return "the source's root has OFFSET 0: replaced or added to, it is the same"
+    other = next(choice for choice in get_args(RootOffset) if choice != result.world.root_offset)
+    does = {"replaced": "replaces it", "added": "is added to it"}[result.world.root_offset]
+    numbers = " ".join(f"{number:.6g}" for number in offset)
+    return f"the source's root has OFFSET {numbers}: its position {does}; --root-offset {other} for the other reading"

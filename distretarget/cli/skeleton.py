@@ -1,35 +1,52 @@
-"""`distretarget skeleton`: look at skeletons and turn them into files to edit."""
+"""`distretarget skeleton`: look at skeletons, change and match them, and turn them into files to edit."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 import click
+import numpy as np
 
 from distretarget.body import find_legs, height, leg_length
-from distretarget.errors import FileError
-from distretarget.files import check_writable, write_whole
+from distretarget.bvh import read_bvh
+from distretarget.cli.matching_table import headline, recognised, rows, unused, without_driver
+from distretarget.cli.outputs import check_outputs, say
+from distretarget.cli.parameters import of_bone, positive
+from distretarget.conventions import by_names
+from distretarget.errors import FileError, closest
+from distretarget.files import read_text, write_whole
+from distretarget.joint_map import joint_map, map_to_json
+from distretarget.matching import Positions, find_matching, refusal
+from distretarget.shape import by_shape
 from distretarget.skeleton import Skeleton
-from distretarget.skeleton_json import load_skeleton, skeleton_to_json
+from distretarget.skeleton_json import (
+    SkeletonEdit,
+    is_json,
+    load_skeleton,
+    load_target,
+    load_whole,
+    skeleton_to_json,
+)
 
 
 @click.group("skeleton")
 def skeleton_group() -> None:
-    """Look at skeletons and write skeleton files."""
+    """Look at skeletons, match them, and write skeleton files."""
 
 
 @skeleton_group.command("show")
 @click.argument("file", type=click.Path(path_type=Path))
 def show_command(file: Path) -> None:
-    r"""Print the tree of FILE, a BVH or skeleton file, with its bone lengths.
+    """Print the tree of FILE, a BVH or skeleton file, with its bone lengths.
 
     \b
     distretarget skeleton show walk.bvh
-    """
+    """  # noqa: D301
     skeleton = load_skeleton(file)
-    click.echo(_headline(skeleton))
-    for line in _tree(skeleton):
-        click.echo(line.encode("utf-8", "backslashreplace").decode())
+    for line in (_headline(skeleton), *_tree(skeleton)):
+        say(line)
 
 
 @skeleton_group.command("export")
@@ -42,20 +59,160 @@ def show_command(file: Path) -> None:
 )
 @click.option("--overwrite", is_flag=True, help="Replace the output if it exists.")
 def export_command(file: Path, output: Path | None, overwrite: bool) -> None:
-    r"""Write the skeleton of FILE as a target skeleton file, to edit and retarget to.
+    """Write the skeleton of FILE as a target skeleton file, to edit and retarget to.
 
     \b
     distretarget skeleton export hero.bvh -o hero.json
-    """
-    if output:
-        if output.resolve() == file.resolve():
-            raise FileError(output, "is the input as well; give the output another name")
-        check_writable(output, overwrite=overwrite)
-    text = skeleton_to_json(load_skeleton(file), file.stem)
+    """  # noqa: D301
+    check_outputs([output], [file], overwrite)
+    body = load_whole(file)
+    text = skeleton_to_json(body.skeleton, body.name or file.stem, body.map)
     if output:
         write_whole(output, text, overwrite=overwrite)
     else:
         click.echo(text, nl=False)
+
+
+@skeleton_group.command("edit")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option(
+    "--scale", type=positive, metavar="FACTOR", help="What all bones and the root's offset are multiplied by."
+)
+@click.option(
+    "--length",
+    "lengths",
+    type=of_bone,
+    multiple=True,
+    metavar="BONE=LENGTH",
+    help="The final length of a bone, in the file's units, whatever the scale. May be given several times.",
+)
+@click.option(
+    "--factor",
+    "factors",
+    type=of_bone,
+    multiple=True,
+    metavar="BONE=FACTOR",
+    help="What a bone is multiplied by, besides the scale. May be given several times.",
+)
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="The skeleton file to write.")
+@click.option("--overwrite", is_flag=True, help="Replace the output if it exists.")
+def edit_command(
+    file: Path,
+    scale: float | None,
+    lengths: tuple[tuple[str, float], ...],
+    factors: tuple[tuple[str, float], ...],
+    output: Path,
+    overwrite: bool,
+) -> None:
+    """Write the skeleton of FILE with other bone lengths as a target skeleton file.
+
+    A BONE is named by its lower joint, or several by a pattern with * and ?: 'Left*' is every bone whose name begins
+    with Left and that has a length. Each bone may be named once.
+
+    \b
+    distretarget skeleton edit hero.bvh --scale 1.1 -o tall_hero.json
+    distretarget skeleton edit hero.bvh --length LeftLeg=42 --factor '*ForeArm=1.5' -o other_hero.json
+    """  # noqa: D301
+    if scale is None and not lengths and not factors:
+        raise click.UsageError("nothing to change; give --scale, --length or --factor.")
+    check_outputs([output], [file], overwrite)
+    body = load_whole(file)
+    options = [
+        *(("--length", name, number) for name, number in lengths),
+        *(("--factor", name, number) for name, number in factors),
+    ]
+    chosen = _bones(file, body.skeleton, options)
+    per_option = {
+        option: {key: number for key, (by, _, number) in chosen.items() if by == option}
+        for option in ("--length", "--factor")
+    }
+    edit = SkeletonEdit(1.0 if scale is None else scale, per_option["--length"], per_option["--factor"], file)
+    edited = edit.apply(body.skeleton)
+    write_whole(output, skeleton_to_json(edited, body.name or file.stem, body.map), overwrite=overwrite)
+    changed = int(np.sum(edited.lengths != body.skeleton.lengths))
+    unit = f" {edited.units}" if edited.units else ""
+    bones = "1 bone" if changed == 1 else f"{changed} bones"
+    click.echo(f"{bones} changed; height {height(body.skeleton):.6g} -> {height(edited):.6g}{unit}")
+
+
+@skeleton_group.command("match")
+@click.argument("source", type=click.Path(path_type=Path))
+@click.argument("target", type=click.Path(path_type=Path))
+@click.option(
+    "--map",
+    "map_path",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="A map file whose pairs count before all others.",
+)
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="The map file to write.")
+@click.option("--overwrite", is_flag=True, help="Replace the output if it exists.")
+def match_command(source: Path, target: Path, map_path: Path | None, output: Path | None, overwrite: bool) -> None:
+    """Print which joint of SOURCE drives which joint of TARGET, and write it as a map to edit.
+
+    Both are BVH or skeleton files. A joint is found by a map, an equal name, names of parts of the body, its shape, or
+    as the tip of a matched joint. Joints of a spine or neck that has more or fewer joints in the other body turn
+    between two of its joints.
+
+    A map is given to 'distretarget retarget' with --map; it has null for joints that nothing drives.
+
+    \b
+    distretarget skeleton match walk.bvh robot.bvh
+    distretarget skeleton match walk.bvh robot.bvh -o walk_robot.map.json
+    """  # noqa: D301
+    check_outputs([output], [source, target, map_path], overwrite)
+    skeleton, positions = _load_source(source)
+    goal = load_target(target, skeleton)
+    matching = find_matching(skeleton, goal.skeleton, joint_map(skeleton, goal, target, map_path), positions)
+    lines = [
+        *headline(matching),
+        "",
+        *rows(matching),
+        "",
+        f"joints of the target without a counterpart: {', '.join(without_driver(matching)) or 'none'}",
+        f"joints of the source not used: {', '.join(unused(matching)) or 'none'}",
+    ]
+    for line in lines:
+        say(line)
+    if output:
+        write_whole(output, map_to_json(matching), overwrite=overwrite)
+    if reason := refusal(matching, positions):
+        raise FileError(target, f"{reason}; fill in {_the_map(output)} and give it with --map")
+
+
+def _the_map(output: Path | None) -> str:
+    return str(output) if output else "a map, which -o MAP.json writes,"
+
+
+def _load_source(path: Path) -> tuple[Skeleton, Positions]:
+    """The skeleton of a BVH or skeleton file as its frames show it, and its positions, if it has frames."""
+    if is_json(read_text(path)):
+        return load_skeleton(path), None
+    motion = read_bvh(path)
+    return motion.rigid_skeleton, motion.positions if len(motion) else None
+
+
+def _bones(
+    file: Path, skeleton: Skeleton, options: Iterable[tuple[str, str, float]]
+) -> dict[str, tuple[str, str, float]]:
+    """Per bone the option that names it: (option, name or pattern, number).
+
+    Raises:
+        FileError: an option names no bone, or two name the same.
+    """
+    chosen: dict[str, tuple[str, str, float]] = {}
+    for option, name, number in options:
+        bones = [key for key, length in zip(skeleton.keys, skeleton.lengths, strict=True) if length > 0]
+        named = [name] if name in skeleton.keys else [key for key in bones if fnmatchcase(key, name)]
+        if not named:
+            raise FileError(file, f"{option} {name}: no such bone; {closest(name, bones)}")
+        for key in named:
+            if key in chosen:
+                other, pattern, _ = chosen[key]
+                both = f"{other} {pattern} and {option} {name}"
+                raise FileError(file, f"{both} are both for the bone {key!r}; each bone may be named once")
+            chosen[key] = option, name, number
+    return chosen
 
 
 def _headline(skeleton: Skeleton) -> str:
@@ -63,7 +220,8 @@ def _headline(skeleton: Skeleton) -> str:
     ends = int(skeleton.end_sites.sum())
     legs = find_legs(skeleton)
     leg = f", legs {leg_length(skeleton, legs):.6g}{unit}" if legs else ""
-    return f"{len(skeleton) - ends} joints, {ends} End Sites; height {height(skeleton):.6g}{unit}{leg}"
+    known = recognised(skeleton, by_names(skeleton) or by_shape(skeleton))
+    return f"{len(skeleton) - ends} joints, {ends} End Sites; height {height(skeleton):.6g}{unit}{leg}; {known}"
 
 
 def _tree(skeleton: Skeleton) -> list[str]:

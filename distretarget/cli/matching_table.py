@@ -1,0 +1,75 @@
+"""What a matching is, in words: what was recognised, which joint drives which, and what is left over."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+from distretarget.anatomy import Anatomy
+from distretarget.conventions import convention_of
+from distretarget.matching import Matching
+from distretarget.pairs import joints_of
+from distretarget.skeleton import Skeleton
+
+WAYS = {"map": "map", "name": "equal name", "names": "names", "shape": "shape", "tip": "tip"}
+HEAD = ("target joint", "source joint", "sure", "found by")
+
+
+def recognised(skeleton: Skeleton, anatomy: Anatomy | None) -> str:
+    """What told the parts of a body."""
+    if title := convention_of(skeleton):
+        return f"joints named as in {title}"
+    return f"joints recognised by {anatomy.found}" if anatomy else "no human body recognised"
+
+
+def headline(matching: Matching) -> Iterator[str]:
+    """What source and target were recognised by, and how many joints were matched in which way."""
+    bodies = zip(("source", "target"), (matching.source, matching.target), matching.anatomies, strict=True)
+    for what, skeleton, anatomy in bodies:
+        yield f"{what}: {recognised(skeleton, anatomy)}"
+    joints = joints_of(matching.target)
+    times = Counter(matching.found[joint] for joint in joints if matching.found[joint])
+    counts = ", ".join(f"{times[way]} by {words}" for way, words in WAYS.items() if times[way])
+    yield f"matched: {times.total()} of the target's {len(joints)} joints{f' ({counts})' if counts else ''}"
+
+
+def rows(matching: Matching) -> list[str]:
+    """A table with a line for each joint of the target, in the order of its tree; End Sites apart."""
+    target, joints = matching.target, set(joints_of(matching.target))
+    table = [HEAD, *(_row(matching, joint) for joint in target.depth_first if joint in joints)]
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    return ["  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in table]
+
+
+def _row(matching: Matching, joint: int) -> tuple[str, str, str, str]:
+    key, driver = matching.target.keys[joint], matching.drivers[joint]
+    if driver < 0:
+        return key, "-", "", _turning(matching, joint)
+    found = ", ".join(filter(None, (WAYS[matching.found[joint]], _turning(matching, joint))))
+    return key, matching.source.keys[driver], f"{100 * matching.sure[joint]:.0f} %", found
+
+
+def _turning(matching: Matching, joint: int) -> str:
+    """What the joint's rotation follows, where that is not its driver's alone."""
+    keys, share = matching.source.keys, matching.shares[joint]
+    (a, b), driver = matching.turns[joint], matching.drivers[joint]
+    if a == b or share in (0, 1):
+        only = b if share == 1 else a
+        return "" if only == driver else f"turns as {keys[only]}"
+    return f"turns between {keys[a]} and {keys[b]}"
+
+
+def without_driver(matching: Matching) -> list[str]:
+    """The target's joints that follow no joint of the source; End Sites apart."""
+    following = matching.turns[:, 0] >= 0
+    return [
+        matching.target.keys[joint]
+        for joint in joints_of(matching.target)
+        if not following[joint] and matching.drivers[joint] < 0
+    ]
+
+
+def unused(matching: Matching) -> list[str]:
+    """The source's joints that no joint of the target follows; End Sites apart."""
+    used = {*matching.drivers.tolist(), *matching.turns.ravel().tolist()}
+    return [matching.source.keys[joint] for joint in joints_of(matching.source) if joint not in used]

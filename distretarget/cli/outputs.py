@@ -1,0 +1,27 @@
+"""What a command writes: files that may be written, and lines that any stream can hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from distretarget.errors import FileError
+from distretarget.files import check_writable
+
+
+def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None], overwrite: bool) -> None:
+    """Refuse, before any work, outputs that cannot be written or are inputs or each other; None is no file."""
+    written = [path for path in outputs if path]
+    read = [path for path in inputs if path]
+    for number, path in enumerate(written):
+        for other, what in [*((i, "an input") for i in read), *((o, "another output") for o in written[:number])]:
+            if path.resolve() == other.resolve() or (path.exists() and other.exists() and path.samefile(other)):
+                raise FileError(path, f"is {what} as well; give the output another name")
+        check_writable(path, overwrite=overwrite)
+
+
+def say(line: str, err: bool = False) -> None:
+    """Print a line; what UTF-8 has no character for is escaped."""
+    click.echo(line.encode("utf-8", "backslashreplace").decode(), err=err)
