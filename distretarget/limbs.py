@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,9 @@ FORK = 0.5  # a chain ends where another at least this part as long leaves it: f
 LONG = 0.5  # the forearm is at least this part of the longest bone of an arm
 FOREARM = 0.9  # of the upper arm's length; real bodies have 0.55 to 1.2
 ARM = 0.6  # of the leg's length, from shoulder to wrist; real bodies have 0.53 to 0.67
-TWIST = 0.05  # what a joint within the upper arm or the forearm adds to the logarithms of these ratios
+TWIST = 0.05  # what a joint within the upper arm or the forearm adds to the logarithms of these ratios,
+BENT = 0.3  # what one adds at which the rest pose bends,
+BARE = 0.3  # what an arm adds that leaves no joint of its chain to the collar bone,
 UNLIKE = 1.2  # and their sum from which a limb is no arm
 ARM_JOINTS = 3  # at least: shoulder, elbow, wrist
 STRAIGHT = np.radians(10)  # bones of one thigh meet at a smaller angle
@@ -113,14 +115,19 @@ def _leg(skeleton: Skeleton, leg: Leg, other: Leg) -> Limb | None:
 
 def _hip(skeleton: Skeleton, leg: Leg, other: Leg) -> int:
     """Where the thigh begins: above twist joints, at the first bend upwards, where the rest pose has one."""
-    rest, trunk = skeleton.rest_positions, ancestors(skeleton, other.hip)
+    trunk = ancestors(skeleton, other.hip)
     for joint in ancestors(skeleton, leg.hip):
-        bone, below = skeleton.offsets[joint], rest[leg.ankle] - rest[joint]
         if joint in trunk or not skeleton.lengths[joint]:
             break
-        if bone @ below < np.cos(STRAIGHT) * np.linalg.norm(bone) * np.linalg.norm(below):
+        if _bends(skeleton, joint, leg.ankle):
             return joint
     return leg.hip
+
+
+def _bends(skeleton: Skeleton, joint: int, below: int) -> bool:
+    """Whether the rest pose bends at a joint, on the way to one below it."""
+    bone, on = skeleton.offsets[joint], skeleton.rest_positions[below] - skeleton.rest_positions[joint]
+    return bool(bone @ on < np.cos(STRAIGHT) * np.linalg.norm(bone) * np.linalg.norm(on))
 
 
 def _find_arms(skeleton: Skeleton, legs: Pair) -> Pair | None:
@@ -140,8 +147,13 @@ def _best_arm(skeleton: Skeleton, chain: list[int], leg: float) -> tuple[float, 
     bones = np.diff(along)
     last_long = int(np.flatnonzero(bones >= LONG * bones.max())[-1]) + 1
     wrist = len(chain) - 1 if forks(skeleton, chain[-1]) else max(last_long, ARM_JOINTS - 1)
-    arms = [(upper, lower, wrist) for upper, lower in combinations(range(wrist), 2)]
-    return min((_unlikeness(along[list(arm)], leg) + TWIST * (arm[2] - arm[0] - 2), arm) for arm in arms)
+    inner = np.array([BENT if _bends(skeleton, a, b) else TWIST for a, b in pairwise(chain)])
+    best = (np.inf, (0, 1, wrist))
+    for upper, lower in combinations(range(wrist), 2):
+        unlike = _unlikeness(along[[upper, lower, wrist]], leg) + inner[upper + 1 : wrist].sum() - inner[lower]
+        bare = BARE if upper == 0 and wrist >= ARM_JOINTS else 0.0
+        best = min(best, (unlike + bare, (upper, lower, wrist)))
+    return best
 
 
 def _unlikeness(along: NDArray[np.float64], leg: float) -> float:

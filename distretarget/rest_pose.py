@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 
 BUILD = np.radians(55)  # bones of trunk, hands and feet whose rest directions differ by less differ in build only
 LONG = ("UpperArm", "LowerArm", "UpperLeg", "LowerLeg")  # whose bones are laid upon each other exactly
+BUILT = ("hips", "head", "Shoulder", "Foot", "Toes")  # whose bones never are
 SQUARE = np.radians(25)  # a body that stands so nearly along the axes stands along them
 PITCH = np.radians(25)  # by which a foot points below the floor's plane where its rest pose does not say
 OPPOSITE = -0.9  # cosine below which a bone is turned right round about the axis from side to side
@@ -148,7 +149,8 @@ def _body_turn(matching: Matching, x: Array, y: Array) -> tuple[Rotation, dict[i
         return Rotation.identity(), {}
     theirs, ours = _axes(s, x), _axes(t, y)
     upper = [(t.roles.get(f"{side}UpperArm", -1), sign) for side, sign in zip(SIDES, (1.0, -1.0), strict=True)]
-    return Rotation.from_matrix(theirs @ ours.T), {joint: sign * theirs[:, 0] for joint, sign in upper}
+    turn = Rotation.identity() if _alike(matching) else Rotation.from_matrix(theirs @ ours.T)
+    return turn, {joint: sign * theirs[:, 0] for joint, sign in upper}
 
 
 def _axes(anatomy: Anatomy, x: Array) -> Array:
@@ -166,15 +168,18 @@ def _axes(anatomy: Anatomy, x: Array) -> Array:
 
 def _built(matching: Matching) -> tuple[set[int], set[int]]:
     """The target's joints of trunk, shoulders, hands and feet, whose bones lie differently in every build; and of these
-    the ankles, which are laid as the body is and not as the leg.
+    the ankles, which are laid as the body is and not as the leg. Where the source stands in a frame of its motion, spine
+    and hands are not among them: there they may be bent.
     """
-    anatomy = matching.anatomies[1]
-    if anatomy is None or matching.anatomies[0] is None:
+    source, anatomy = matching.anatomies
+    if anatomy is None or source is None:
         return set(), set()
-    named = {joint for role, joint in anatomy.roles.items() if not role.endswith(LONG)}
-    above = set(range(anatomy.roles.get("hips", 0)))
-    ankles = {anatomy.roles[f"{side}Foot"] for side in SIDES if f"{side}Foot" in anatomy.roles}
-    return named | above | {*anatomy.spine, *anatomy.neck}, ankles
+    hips = anatomy.roles.get("hips", 0)
+    built = {joint for role, joint in anatomy.roles.items() if role.endswith(BUILT)} | {*matching.target.ancestors(hips)}
+    if is_pose(matching.source, source) or _alike(matching):
+        built |= {joint for role, joint in anatomy.roles.items() if not role.endswith(LONG)}
+        built |= {*anatomy.spine, *anatomy.neck}
+    return built, {anatomy.roles[f"{side}Foot"] for side in SIDES if f"{side}Foot" in anatomy.roles}
 
 
 def _handles(matching: Matching, x: Array, y: Array) -> list[list[int]]:

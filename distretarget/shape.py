@@ -87,8 +87,8 @@ def _trunk(skeleton: Skeleton, legs: Pair, arms: Pair, heights: Array) -> _Trunk
 
 
 def _neck(skeleton: Skeleton, first: int, heights: Array, leg: float) -> list[int]:
-    """The joints from the neck's first up to the head: where the branch ends, forks into a face, or has a longer bone
-    than a neck's, or one that does not rise.
+    """The joints from the neck's first up to the head: where the branch ends, forks into a face, or goes on with a bone
+    that does not rise, or that is longer than a neck's and than what ends it.
     """
     neck = [first]
     while True:
@@ -96,7 +96,8 @@ def _neck(skeleton: Skeleton, first: int, heights: Array, leg: float) -> list[in
         if len(above) != 1:
             return neck
         length = skeleton.lengths[above[0]]
-        if length > NECK_BONE * leg or heights[above[0]] - heights[neck[-1]] < RISE * length:
+        ends = [skeleton.lengths[end] for end in skeleton.children[above[0]] if skeleton.end_sites[end]]
+        if length > max(NECK_BONE * leg, *ends, 0.0) or heights[above[0]] - heights[neck[-1]] < RISE * length:
             return neck
         neck += above
 

@@ -53,7 +53,7 @@ def test_without_near_pairs_and_with_free_feet_it_is_the_rotation_copy(factors):
     source, body = clapping(np.zeros(30)), lengthened(PERSON, factors)
     result = retarget(source, body, hold_feet=False)
     np.testing.assert_allclose(result.motion.world_rotations, result.copy.world_rotations, atol=1e-12)
-    path = root_path(source, result.copy, result.drivers, result.root_scale)
+    path = root_path(result.source, result.copy, result.matching, result.root_scale)
     np.testing.assert_allclose(result.motion.root_positions, path, atol=1e-12)
     np.testing.assert_array_equal(result.effort.iterations, 0)
 

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from distretarget import Motion, Skeleton, load_target, read_bvh, retarget
 from distretarget.body import find_legs, leg_length
 from distretarget.footing import SLOW, find_stance, no_stance, root_path, root_scale
+from distretarget.matching import match
 from distretarget.rotation_copy import rotation_copy
 
 LEG = 0.435 + 0.453
@@ -31,8 +32,8 @@ def standing(body, frames=40, turns=None, path=None):
     return posed(body, turns or {}, path + (LEG + 0.1) * UP)
 
 
-def stance_of(source, target, scale=1.0):
-    return find_stance(source, target, np.arange(len(target)), scale)
+def stance_of(source, target, scale=1.0, up=UP):
+    return find_stance(source, match(source.skeleton, target), scale, up)
 
 
 def places_of(stance, target, name):
@@ -42,10 +43,10 @@ def places_of(stance, target, name):
 def test_the_hips_stand_over_the_scaled_place_of_the_sources():
     source = swaying(person(), angle=0.4)
     target = lengthened(person(), {"LeftHip": 1.6, "RightHip": 1.4, "Knee": 0.7, "Chest": 1.3})
-    drivers, scale = np.arange(len(target)), 0.8
-    copy = rotation_copy(source, target, drivers, scale * source.root_positions)
+    matching, scale = match(source.skeleton, target), 0.8
+    copy = rotation_copy(source, matching, scale, UP)
     translations = np.array(copy.translations)
-    translations[:, 0] = root_path(source, copy, drivers, scale)
+    translations[:, 0] = root_path(source, copy, matching, scale)
     moved = replace(copy, translations=translations)
     hips = [target.index(f"{side}Hip") for side in SIDES]
     middle = source.positions[:, hips].mean(axis=1)
@@ -55,19 +56,19 @@ def test_the_hips_stand_over_the_scaled_place_of_the_sources():
 
 def test_a_body_without_legs_keeps_the_copys_path_and_stands_nowhere():
     chain = Skeleton(tuple("abc"), [-1, 0, 1], np.eye(3), (("Zrotation",),) * 3, [False] * 3)
-    source = swaying(chain)
-    copy = rotation_copy(source, chain, np.arange(3), 2 * source.root_positions)
-    np.testing.assert_array_equal(root_path(source, copy, np.arange(3), 2.0), 2 * source.root_positions)
-    stance = find_stance(source, chain, np.arange(3), 2.0)
+    source, matching = swaying(chain), match(chain, chain)
+    copy = rotation_copy(source, matching, 2.0, UP)
+    np.testing.assert_array_equal(root_path(source, copy, matching, 2.0), 2 * source.root_positions)
+    stance = find_stance(source, matching, 2.0, UP)
     assert (stance.joints.shape, stance.weights.shape, stance.places.shape) == ((0,), (20, 0), (20, 0, 3))
     assert no_stance(20).weights.shape == (20, 0)
 
 
 def test_legs_the_source_does_not_drive_stand_nowhere():
     body = person()
-    drivers = np.arange(len(body))
-    drivers[body.index("LeftAnkle")] = -1
-    assert len(find_stance(swaying(body), body, drivers, 1.0).joints) == 0
+    matching = match(body, body, {"LeftAnkle": None})
+    assert matching.legs is None
+    assert len(find_stance(swaying(body), matching, 1.0, UP).joints) == 0
 
 
 def test_both_feet_of_a_standing_person_rest_all_the_time():
@@ -181,9 +182,9 @@ def test_a_foot_without_a_bone_has_one_place():
     body = pitched_feet(0.3)
     target = lengthened(body, {"Toe": 0.0, "Toe_End": 0.0})
     source = standing(body)
-    drivers, stance = np.arange(len(body)), stance_of(source, target)
+    stance = stance_of(source, target)
     assert np.all(np.isfinite(stance.places))
-    assert root_scale(body, target, drivers) == pytest.approx(1.0)
+    assert root_scale(match(body, target)) == pytest.approx(1.0)
     result = retarget(source, target)
     assert np.all(np.isfinite(result.motion.positions))
 
@@ -199,7 +200,7 @@ def test_resting_feet_of_the_result_are_at_their_places_on_exact_bones(name, bod
     source = read_bvh(SAMPLES / f"{name}.bvh")
     target = load_target(SAMPLES / f"{body}.json", source.rigid_skeleton).skeleton
     held, free = (retarget(source, target, hold_feet=hold) for hold in (True, False))
-    stance = find_stance(source, target, held.drivers, held.root_scale)
+    stance = find_stance(source, held.matching, held.root_scale, UP)
     resting = stance.weights > 1 - 1e-9
     assert resting.mean() > 0.3
     length = leg_length(target, find_legs(target))
@@ -222,6 +223,6 @@ def test_stance_turns_with_the_up_axis():
     translations[:, 0] = turn.apply(translations[:, 0])
     rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
     turned = Motion(source.skeleton, translations, rotations, source.frame_time_text)
-    upright, lying = (stance_of(motion, source.skeleton) for motion in (source, turned))
+    upright, lying = stance_of(source, source.skeleton), stance_of(turned, source.skeleton, up=turn.apply(UP))
     np.testing.assert_allclose(lying.weights, upright.weights, atol=1e-9)
     np.testing.assert_allclose(lying.places, np.einsum("ij,tfj->tfi", turn.as_matrix(), upright.places), atol=1e-8)

@@ -8,12 +8,12 @@ from bodies import SAMPLES, clapping, lengthened, moved, other_lengths, person, 
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton, read_bvh, retarget
+from distretarget.matching import match
 from distretarget.metrics import compare, normalised_distances
 
 LEG = 0.435 + 0.453
 TIME = 0.02
 PERSON = person()
-ALL = np.arange(len(PERSON))
 UP = np.array([0.0, 1.0, 0.0])
 ALONG = np.array([0.6, 0.0, 0.8])
 
@@ -39,9 +39,13 @@ def standing(frames=30, path=0.0, height=LEG + 0.1, turns=None):
     return posed(PERSON, spread | (turns or {}), np.zeros((frames, 3)) + path + height * UP)
 
 
+def compared(source, result, up=UP):
+    return compare(source, result, match(source.rigid_skeleton, result.skeleton), up)
+
+
 def test_contact_and_distance_error_of_a_square_that_does_not_close():
     source, result = squared(1.0), squared(1.4)
-    figures = compare(source, result, np.arange(5))
+    figures = compared(source, result)
     gap = 0.4 / 4.4
     np.testing.assert_allclose(result.positions[0, 4], [0, -0.4, 0], atol=1e-12)
     across = abs(np.sqrt(1 + 1.4**2) / 2.4 - np.sqrt(2) / 2)
@@ -62,7 +66,7 @@ def test_contact_error_is_pooled_over_the_pairs_of_all_frames():
         "0.02",
     )
     result = posed(chain([1, 1, 1, 1]), {}, np.zeros((3, 3)))
-    figures = compare(source, result, np.arange(5))
+    figures = compared(source, result)
     np.testing.assert_array_equal(figures.contacts, [1, 0, 0])
     np.testing.assert_allclose(figures.contact_error, [1.0, 0, 0], atol=1e-12)
     assert figures.means()["contact_error"] == pytest.approx(1.0)
@@ -74,7 +78,7 @@ def test_only_pairs_far_along_the_tree_are_contacts():
     source = posed(chain([1, 1, 1]), dict.fromkeys("bc", third), np.zeros((2, 3)))
     np.testing.assert_allclose(source.positions[0, 3], 0.0, atol=1e-12)
     result = posed(chain([1, 1, 2]), dict.fromkeys("bc", third), np.zeros((2, 3)))
-    figures = compare(source, result, np.arange(4))
+    figures = compared(source, result)
     np.testing.assert_array_equal(figures.contacts, 0)
     assert figures.means()["contact_error"] == 0.0
     assert figures.means()["distance_error"] > 0
@@ -83,17 +87,17 @@ def test_only_pairs_far_along_the_tree_are_contacts():
 def test_direction_error_is_the_angle_between_bones():
     source = squared(1.0)
     turned = moved(source, Rotation.from_euler("z", 10, degrees=True))
-    figures = compare(source, turned, np.arange(5))
+    figures = compared(source, turned)
     np.testing.assert_allclose(figures.direction_error, np.full((4, 4), 10.0))
     np.testing.assert_allclose(figures.turn, 0.0, atol=1e-9)
     opposite = moved(source, Rotation.from_euler("z", 180, degrees=True))
-    np.testing.assert_allclose(compare(source, opposite, np.arange(5)).direction_error, 180.0)
+    np.testing.assert_allclose(compared(source, opposite).direction_error, 180.0)
 
 
 def test_direction_error_of_one_joint_is_that_of_the_bones_below_it():
     source = standing()
     result = standing(turns={"LeftElbow": np.radians([0, 0, 40.0])})
-    figures = compare(source, result, ALL)
+    figures = compared(source, result)
     assert figures.direction_error.shape == (30, len(PERSON) - 1)
     errors = dict(zip(PERSON.names[1:], figures.direction_error[3], strict=True))
     bent = {"LeftWrist": 40.0, "LeftWrist_End": 40.0}
@@ -109,7 +113,7 @@ def test_bone_error_is_the_largest_of_a_frame():
     translations[2, 3] *= 0.9
     translations[2, 4] *= 1.05
     stretched = replace(source, translations=translations)
-    figures = compare(source, stretched, np.arange(5))
+    figures = compared(source, stretched)
     np.testing.assert_allclose(figures.bone_error, [0, 0.05, 0.1, 0], atol=1e-12)
     assert figures.means()["bone_error"] == pytest.approx(0.1)
 
@@ -117,26 +121,26 @@ def test_bone_error_is_the_largest_of_a_frame():
 def test_jerk_is_the_third_difference_over_the_size_of_the_body():
     frames = np.arange(12)
     source = posed(chain([1, 2, 1]), {}, np.outer(0.01 * frames**3, [0.6, 0.8, 0]), str(TIME))
-    figures = compare(source, source, np.arange(4))
+    figures = compared(source, source)
     np.testing.assert_allclose(figures.jerk, np.full(9, 0.06 / (4 * TIME**3)))
     even = posed(chain([1, 2, 1]), {}, np.outer(frames**2, [1.0, 0, 0]), str(TIME))
-    np.testing.assert_allclose(compare(even, even, np.arange(4)).jerk, 0.0, atol=1e-6)
+    np.testing.assert_allclose(compared(even, even).jerk, 0.0, atol=1e-6)
 
 
 def test_turn_is_how_much_more_a_joint_turns_than_in_the_source():
     frames = np.arange(10)
     slow, fast = (standing(10, turns={"LeftElbow": np.outer(np.radians(a) * frames, UP)}) for a in (2, 5))
-    figures = compare(slow, fast, ALL)
+    figures = compared(slow, fast)
     turned = [PERSON.index(name) for name in ("LeftElbow", "LeftWrist", "LeftWrist_End")]
     assert figures.turn.shape == (9, len(PERSON))
     np.testing.assert_allclose(figures.turn[:, turned], 3.0)
     np.testing.assert_allclose(np.delete(figures.turn, turned, axis=1), 0.0, atol=1e-6)
-    assert compare(slow, fast, ALL).means()["turn"] == pytest.approx(3.0)
-    assert compare(fast, slow, ALL).means()["turn"] == pytest.approx(0.0, abs=1e-6)
+    assert compared(slow, fast).means()["turn"] == pytest.approx(3.0)
+    assert compared(fast, slow).means()["turn"] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_feet_of_a_person_who_stands_are_in_stance_and_do_not_slide():
-    figures = compare(standing(), standing(), ALL)
+    figures = compared(standing(), standing())
     assert figures.stance.shape == (30, 4)
     assert figures.stance.all()
     np.testing.assert_allclose(figures.slide, 0.0)
@@ -144,7 +148,7 @@ def test_feet_of_a_person_who_stands_are_in_stance_and_do_not_slide():
 
 def test_slide_is_the_horizontal_speed_in_leg_lengths():
     rising = np.outer(np.arange(30) * TIME, 0.2 * ALONG + 3.0 * UP)
-    figures = compare(standing(), standing(path=rising), ALL)
+    figures = compared(standing(), standing(path=rising))
     np.testing.assert_allclose(figures.slide, np.full((30, 4), 0.2 / LEG))
     np.testing.assert_allclose(figures.source_slide, 0.0)
     assert figures.means()["slide"] == pytest.approx(0.2 / LEG)
@@ -152,7 +156,7 @@ def test_slide_is_the_horizontal_speed_in_leg_lengths():
 
 def test_foot_height_is_in_percent_of_each_bodys_own_leg():
     big = moved(standing(height=LEG), Rotation.identity(), (0, 0.4, 0), scale=2.0)
-    figures = compare(standing(height=1.0), big, ALL)
+    figures = compared(standing(height=1.0), big)
     ankle = np.cos(0.5) * LEG
     np.testing.assert_allclose(figures.source_foot_height, 100 * (1.0 - ankle) / LEG)
     np.testing.assert_allclose(figures.foot_height, 100 * (LEG - ankle + 0.2) / LEG)
@@ -162,7 +166,7 @@ def test_foot_height_is_in_percent_of_each_bodys_own_leg():
 @pytest.mark.parametrize(("speed", "in_stance"), [(0.3, True), (0.4, False)])
 def test_a_foot_faster_than_the_limit_is_not_in_stance(speed, in_stance):
     source = standing(path=np.outer(np.arange(30) * TIME * speed * LEG, ALONG))
-    figures = compare(source, standing(), ALL)
+    figures = compared(source, standing())
     assert np.all(figures.stance == in_stance)
     if not in_stance:
         means = figures.means()
@@ -172,18 +176,18 @@ def test_a_foot_faster_than_the_limit_is_not_in_stance(speed, in_stance):
 def test_a_foot_above_its_lowest_heights_is_not_in_stance():
     lift = np.zeros(200)
     lift[100:160] = 0.07 * LEG
-    figures = compare(source := standing(200, path=np.outer(lift, UP)), source, ALL)
+    figures = compared(source := standing(200, path=np.outer(lift, UP)), source)
     assert not figures.stance[101:159].any()
     assert figures.stance[:99].all()
     lift *= 0.05 / 0.07
-    figures = compare(source := standing(200, path=np.outer(lift, UP)), source, ALL)
+    figures = compared(source := standing(200, path=np.outer(lift, UP)), source)
     assert figures.stance[102:158].all()
 
 
 @pytest.mark.parametrize("name", ["clap", "walk", "hands_on_hips"])
 def test_a_motion_is_as_good_as_itself(name):
     source = read_bvh(SAMPLES / f"{name}.bvh")
-    means = compare(source, source, np.arange(len(source.skeleton))).means()
+    means = compared(source, source).means()
     for figure in ("distance_error", "contact_error", "direction_error", "direction_error_p99", "bone_error", "turn"):
         assert means[figure] == pytest.approx(0.0, abs=1e-9)
     assert means["slide"] == means["source_slide"]
@@ -202,30 +206,30 @@ def assert_same(ours, theirs):
 
 def test_figures_do_not_depend_on_units():
     source, result = pair()
-    expected = compare(source, result.motion, ALL).means()
+    expected = compared(source, result.motion).means()
     assert min(expected[name] for name in ("contact_error", "direction_error", "foot_height")) > 0
     still = Rotation.identity()
     inches, metres = moved(source, still, scale=39.37), moved(result.motion, still, scale=0.01)
-    assert_same(compare(inches, metres, ALL).means(), expected)
+    assert_same(compared(inches, metres).means(), expected)
 
 
 def test_figures_do_not_depend_on_where_both_face():
     source, result = pair()
     turn = Rotation.from_euler("y", 70, degrees=True)
     ours, theirs = (moved(motion, turn, (3, 0, -5)) for motion in (result.motion, source))
-    assert_same(compare(theirs, ours, ALL).means(), compare(source, result.motion, ALL).means())
+    assert_same(compared(theirs, ours).means(), compared(source, result.motion).means())
 
 
 def test_figures_do_not_depend_on_which_axis_is_up():
     source, result = pair()
     turn = Rotation.from_euler("x", 90, degrees=True)
     ours, theirs = (moved(motion, turn) for motion in (result.motion, source))
-    assert_same(compare(theirs, ours, ALL).means(), compare(source, result.motion, ALL).means())
+    assert_same(compared(theirs, ours, turn.apply(UP)).means(), compared(source, result.motion).means())
 
 
 def test_joints_without_a_driver_count_for_nothing_but_smoothness_and_bones():
     source, result = pair()
-    expected = compare(source, result.motion, ALL).means()
+    expected = compared(source, result.motion).means()
     body = result.motion.skeleton
     tail = Skeleton(
         (*body.names, "Tail", "Tail_End"),
@@ -238,7 +242,9 @@ def test_joints_without_a_driver_count_for_nothing_but_smoothness_and_bones():
     wagging[:, 0, 1] = np.sin(np.arange(40))
     rotations = np.concatenate([result.motion.rotations, Rotation.from_rotvec(wagging).as_quat()], axis=1)
     translations = np.concatenate([result.motion.translations, np.tile(tail.offsets[-2:], (40, 1, 1))], axis=1)
-    figures = compare(source, Motion(tail, translations, rotations, "0.02"), np.append(ALL, [-1, -1]))
+    matching = match(source.skeleton, tail)
+    np.testing.assert_array_equal(matching.drivers, [*range(len(PERSON)), -1, -1])
+    figures = compare(source, Motion(tail, translations, rotations, "0.02"), matching, UP)
     means = figures.means()
     assert means.pop("jerk") > 2 * expected.pop("jerk")
     assert_same(means, expected)
@@ -250,8 +256,8 @@ def test_joints_that_coincide_for_good_count_once():
     body = chain([1, 1, 1, 1.4, 0])
     result = posed(body, dict.fromkeys("bcd", np.array([0, 0, np.pi / 2])), np.zeros((4, 3)))
     longer = posed(chain([1, 1, 1, 1, 0]), dict.fromkeys("bcd", np.array([0, 0, np.pi / 2])), np.zeros((4, 3)))
-    figures = compare(longer, result, np.arange(6))
-    expected = compare(source, squared(1.4), np.arange(5))
+    figures = compared(longer, result)
+    expected = compared(source, squared(1.4))
     np.testing.assert_array_equal(figures.contacts, 1)
     np.testing.assert_allclose(figures.distance_error, expected.distance_error)
     assert_same(figures.means(), expected.means())
@@ -260,7 +266,7 @@ def test_joints_that_coincide_for_good_count_once():
 @pytest.mark.parametrize("frames", [1, 2, 3])
 def test_the_shortest_motions_have_figures(frames):
     source = swaying(PERSON, frames=frames)
-    figures = compare(source, retarget(source, other_lengths(PERSON)).copy, ALL)
+    figures = compared(source, retarget(source, other_lengths(PERSON)).copy)
     assert figures.jerk.shape == (0,)
     assert figures.turn.shape == (frames - 1, len(PERSON))
     assert all(np.isfinite(value) for value in figures.means().values())
@@ -268,7 +274,7 @@ def test_the_shortest_motions_have_figures(frames):
 
 
 def test_a_body_without_legs_has_no_feet_to_measure():
-    figures = compare(squared(1.0), squared(1.4), np.arange(5))
+    figures = compared(squared(1.0), squared(1.4))
     shapes = {values.shape for values in (figures.stance, figures.slide, figures.foot_height)}
     assert shapes == {(4, 0)}
     assert figures.stance.dtype == bool

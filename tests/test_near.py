@@ -6,13 +6,15 @@ from bodies import clapping, other_lengths, person
 
 from distretarget import Skeleton
 from distretarget.distances import distance_problem
+from distretarget.matching import match
 from distretarget.near import APART, CLOSE, FAR_ALONG, GRIP, NearPairs, grips, near_pairs, pair_springs
 from distretarget.rotation_copy import rotation_copy
 
 PERSON = person()
 TARGET = other_lengths(PERSON)
-DRIVERS = np.arange(len(PERSON))
-PROBLEM = distance_problem(PERSON, TARGET, DRIVERS)
+MATCHING = match(PERSON, TARGET)
+PROBLEM = distance_problem(PERSON, TARGET, MATCHING.drivers)
+UP = np.array([0.0, 1.0, 0.0])
 UNIT = 1.7
 PAIRS = near_pairs(PROBLEM, UNIT)
 
@@ -22,8 +24,12 @@ def smootherstep(D):
     return 6 * t**5 - 15 * t**4 + 10 * t**3
 
 
-def springs_of(source, block, lead, target=TARGET):
-    copy = rotation_copy(source, target, DRIVERS, source.root_positions).positions / UNIT
+def copied(source):
+    return rotation_copy(source, MATCHING, 1.0, UP).positions
+
+
+def springs_of(source, block, lead):
+    copy = copied(source) / UNIT
     points = source.positions[:, PROBLEM.sources], copy[:, PROBLEM.targets]
     return pair_springs(PAIRS, PROBLEM, *points, block, lead)
 
@@ -149,7 +155,7 @@ def test_the_copys_place_passes_smoothly_into_the_kept_place():
     springs = springs_of(source, slice(0, 161), 0.0)
     left, right = PERSON.index("LeftWrist"), PERSON.index("RightWrist")
     rest, _, w, _ = by_pair(springs)[right, left]
-    copy = rotation_copy(source, TARGET, DRIVERS, source.root_positions).positions / UNIT
+    copy = copied(source) / UNIT
     d_copy = copy[:, right] - copy[:, left]
     off = w == 0
     assert off.any()

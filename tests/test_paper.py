@@ -11,6 +11,7 @@ from scipy.optimize import minimize
 from distretarget import load_target, read_bvh, retarget
 from distretarget.articulation import Body, parts_of, pose_body, posed_motion, pull_back, rigid_heads, workspace
 from distretarget.distances import distance_problem
+from distretarget.matching import match
 from distretarget.paper import HOLD, ROOT, solve_paper
 from distretarget.points import posture_stress
 from distretarget.poses import Clip
@@ -35,9 +36,9 @@ class Solved:
     """A motion of the person solved on another body, from the rotation copy."""
 
     def __init__(self, source, target=TARGET):
-        self.source, self.drivers = source, np.arange(len(target))
-        self.problem = distance_problem(source.skeleton, target, self.drivers)
-        self.copy = rotation_copy(source, target, self.drivers, source.root_positions)
+        self.source, matching = source, match(source.skeleton, target)
+        self.problem = distance_problem(source.skeleton, target, matching.drivers)
+        self.copy = rotation_copy(source, matching, 1.0, np.array([0.0, 1.0, 0.0]))
         self.parts = parts_of(target, rigid_heads(self.copy))
         count = self.parts.max() + 1
         self.body = Body(target.parents, self.parts, np.append(np.full(count, HOLD), ROOT))

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from table_one import table_one
 
 from distretarget.distances import distance_problem
+from distretarget.matching import match
 from distretarget.points import aligned, off_plane, posture_stress, solve_postures
 from distretarget.rotation_copy import rotation_copy
 from distretarget.spg import Reason
@@ -17,10 +18,10 @@ from distretarget.stress import stress_and_gradient
 
 
 def solve(motion, target):
-    drivers = np.arange(len(target))
-    problem = distance_problem(motion.skeleton, target, drivers)
+    matching = match(motion.skeleton, target)
+    problem = distance_problem(motion.skeleton, target, matching.drivers)
     scale = target.path_lengths.max() / motion.skeleton.path_lengths.max()
-    copy = rotation_copy(motion, target, drivers, scale * motion.root_positions)
+    copy = rotation_copy(motion, matching, scale, np.array([0.0, 1.0, 0.0]))
     return problem, copy, solve_postures(problem, motion.positions, copy.positions)
 
 

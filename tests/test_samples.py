@@ -42,7 +42,7 @@ def heading(motion):
 
 def test_the_scripts_make_these_samples(made):
     """The same words; numbers to the last of their decimals, which another machine may round otherwise."""
-    assert {path.name for path in made.iterdir()} == {path.name for path in SAMPLES.iterdir()}
+    assert {path.name for path in made.iterdir()} == {path.name for path in SAMPLES.iterdir() if path.is_file()}
     for path in made.iterdir():
         text, kept = path.read_text(), (SAMPLES / path.name).read_text()
         assert NUMBER.sub("#", text) == NUMBER.sub("#", kept)

@@ -9,15 +9,17 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Motion
 from distretarget.articulation import rigid_heads
+from distretarget.matching import match
 from distretarget.rotation_copy import rotation_copy
 from distretarget.swing import swing
 
 BODY = person()
 ALL = np.arange(len(BODY))
+UP = np.array([0.0, 1.0, 0.0])
 
 
 def copy_of(motion, target):
-    return rotation_copy(motion, target, ALL, motion.root_positions)
+    return rotation_copy(motion, match(motion.skeleton, target), 1.0, UP)
 
 
 def test_the_copys_own_points_give_the_copy():
