@@ -23,19 +23,23 @@ def rotation_copy(motion: Motion, matching: Matching, scale: float, up: Array) -
     target = matching.target
     rest = rest_alignment(matching, motion, up)
     world = np.tile([0.0, 0.0, 0.0, 1.0], (len(motion), len(target), 1))
-    for joint, (first, second) in enumerate(matching.turns):
-        if first >= 0:
-            turned, other = (
-                Rotation.from_quat(motion.world_rotations[:, driver]) * Rotation.from_quat(rest[joint, k])
-                for k, driver in enumerate((first, second))
-            )
-            if first != second:
-                turned = turned * Rotation.from_rotvec(matching.shares[joint] * (turned.inv() * other).as_rotvec())
-            world[:, joint] = turned.as_quat()
-        elif joint:
+    driven, between = np.flatnonzero(matching.turns[:, 0] >= 0), np.flatnonzero(matching.shares > 0)
+    world[:, driven] = _turned(motion, matching, rest, driven, 0).as_quat()
+    if len(between):
+        first, second = (_turned(motion, matching, rest, between, k) for k in (0, 1))
+        ways = (first.inv() * second).as_rotvec() * matching.shares[between, None]
+        world[:, between] = (first * Rotation.from_rotvec(ways)).as_quat()
+    for joint in range(1, len(target)):
+        if matching.turns[joint, 0] < 0:
             world[:, joint] = world[:, target.parents[joint]]
     local = local_rotations(target, world)
     pelvis = matching.pelvis
     hung = rigid_motion(target, np.zeros((len(motion), 3)), local, motion.frame_time_text).positions[:, pelvis]
     path = scale * motion.positions[:, matching.drivers[pelvis]] - hung
     return rigid_motion(target, path, local, motion.frame_time_text)
+
+
+def _turned(motion: Motion, matching: Matching, rest: Array, joints: NDArray[np.intp], k: int) -> Rotation:
+    """(frames, joints), the world rotations of the given target joints by the first or second source joint they follow."""
+    drivers = matching.turns[joints, k]
+    return Rotation.from_quat(motion.world_rotations[:, drivers]) * Rotation.from_quat(rest[joints, k])

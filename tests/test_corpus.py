@@ -9,7 +9,7 @@ from bodies import CORPUS, SAMPLES, needs_corpus
 
 from distretarget import DistretargetError, Motion, read_bvh, retarget, write_bvh
 from distretarget.body import height
-from distretarget.rotation_copy import rigid_motion
+from distretarget.motion import rigid_motion
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "benchmarks"))
 from edits import ARMS_AND_LEGS, edited
