@@ -38,3 +38,8 @@ def least_rotation(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np
     quaternions[opposite] = np.pad(across[opposite], ((0, 0), (0, 1)))
     quaternions[scale == 0] = [0.0, 0.0, 0.0, 1.0]
     return np.asarray(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True))
+
+
+def least(a: NDArray[np.float64], b: NDArray[np.float64]) -> Rotation:
+    """The rotation that takes vectors a nearest to b, both (vectors, 3); see `best_rotation`."""
+    return Rotation.from_quat(best_rotation(a[None], b[None])[0])

@@ -54,27 +54,21 @@ def find_legs(skeleton: Skeleton) -> tuple[Leg, Leg] | None:
 def _like_limbs(skeleton: Skeleton, joint: int) -> list[tuple[list[int], list[int]]]:
     chains = [_longest_chain(skeleton, child) for child in skeleton.children[joint]]
     chains = [chain for chain in chains if leg_length(skeleton, (_leg(skeleton, chain),)) > 0]
-    return [(a, b) for a, b in combinations(chains, 2) if _alike(skeleton.lengths[a], skeleton.lengths[b])]
+    return [(a, b) for a, b in combinations(chains, 2) if alike(skeleton.lengths[a], skeleton.lengths[b])]
 
 
-def _alike(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+def alike(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+    """Whether the bones of two chains have about equal lengths, (bones,) each."""
     return len(a) == len(b) and bool(2 * np.abs(a - b).sum() <= LIKENESS * (a + b).sum())
 
 
 def _longest_chain(skeleton: Skeleton, top: int) -> list[int]:
     """The joints from `top` down to the leaf farthest from it."""
-    leaf = max(_subtree(skeleton, top), key=lambda joint: skeleton.path_lengths[top, joint])
+    leaf = max(skeleton.subtree(top), key=lambda joint: skeleton.path_lengths[top, joint])
     chain = [leaf]
     while chain[-1] != top:
         chain.append(int(skeleton.parents[chain[-1]]))
     return chain[::-1]
-
-
-def _subtree(skeleton: Skeleton, top: int) -> list[int]:
-    below = [top]
-    for joint in below:
-        below.extend(skeleton.children[joint])
-    return below
 
 
 def _length(skeleton: Skeleton, chain: list[int]) -> float:
@@ -104,7 +98,7 @@ def _bends(skeleton: Skeleton, chain: list[int], k: int) -> bool:
 
 def parting(skeleton: Skeleton, legs: tuple[Leg, Leg]) -> int:
     """The joint from which the legs part."""
-    a, b = ({leg.hip, *skeleton.ancestors(leg.hip)} for leg in legs)
+    a, b = (set(skeleton.line(leg.hip)) for leg in legs)
     return max(a & b)
 
 

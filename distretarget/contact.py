@@ -75,7 +75,7 @@ def holds(skeleton: Skeleton, parts: NDArray[np.intp], unit: float) -> Array:
     firm[parts[sorted(feet)]] *= FOOT
     if legs:
         pelvis = parting(skeleton, legs)
-        above = [joint for joint in skeleton.ancestors(pelvis) if parts[joint] != parts[pelvis]]
+        above = [joint for joint in skeleton.line(pelvis) if parts[joint] != parts[pelvis]]
         firm[parts[above]] = FIXED
     return np.append(firm, ROOT)
 

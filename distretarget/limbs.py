@@ -12,7 +12,7 @@ from itertools import combinations, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.body import LIKENESS, LIMB, Leg, find_legs
+from distretarget.body import LIMB, Leg, alike, find_legs
 from distretarget.skeleton import Skeleton
 
 FORK = 0.5  # a chain ends where another at least this part as long leaves it: fingers, toes, the face
@@ -71,7 +71,7 @@ def like_chains(skeleton: Skeleton, tops: Sequence[int]) -> list[tuple[list[int]
         for a, b in combinations(chains, 2)
         if len(a) == len(b) or min(len(a), len(b)) >= ARM_JOINTS
     ]
-    return [(a, b) for a, b in pairs if _alike(skeleton.lengths[a], skeleton.lengths[b])]
+    return [(a, b) for a, b in pairs if alike(skeleton.lengths[a], skeleton.lengths[b])]
 
 
 def forks(skeleton: Skeleton, joint: int) -> bool:
@@ -80,26 +80,10 @@ def forks(skeleton: Skeleton, joint: int) -> bool:
     return second > 0 and second >= FORK * longest
 
 
-def ancestors(skeleton: Skeleton, joint: int) -> list[int]:
-    """The joints from `joint` up to the root, both counted."""
-    up = [joint]
-    while up[-1]:
-        up.append(int(skeleton.parents[up[-1]]))
-    return up
-
-
-def subtree(skeleton: Skeleton, top: int) -> list[int]:
-    """`top` and all joints below it."""
-    below = [top]
-    for joint in below:
-        below.extend(skeleton.children[joint])
-    return below
-
-
 def _leg(skeleton: Skeleton, leg: Leg, other: Leg) -> Limb | None:
     """The leg with its knee, the joint nearest to its middle; None for a leg of one bone."""
     hip = _hip(skeleton, leg, other)
-    up = ancestors(skeleton, leg.ankle)
+    up = skeleton.line(leg.ankle)
     joints = up[up.index(hip) :: -1]
     from_hip = skeleton.path_lengths[hip]
     while len(joints) > 3 and (
@@ -115,8 +99,8 @@ def _leg(skeleton: Skeleton, leg: Leg, other: Leg) -> Limb | None:
 
 def _hip(skeleton: Skeleton, leg: Leg, other: Leg) -> int:
     """Where the thigh begins: above twist joints, at the first bend upwards, where the rest pose has one."""
-    trunk = ancestors(skeleton, other.hip)
-    for joint in ancestors(skeleton, leg.hip):
+    trunk = skeleton.line(other.hip)
+    for joint in skeleton.line(leg.hip):
         if joint in trunk or not skeleton.lengths[joint]:
             break
         if _bends(skeleton, joint, leg.ankle):
@@ -133,7 +117,7 @@ def _bends(skeleton: Skeleton, joint: int, below: int) -> bool:
 def _find_arms(skeleton: Skeleton, legs: Pair) -> Pair | None:
     """Of the pairs of like limbs that part above the legs, the one most like human arms in its proportions."""
     leg = (legs[0].length + legs[1].length) / 2
-    barred = {j for hip in legs for j in (*ancestors(skeleton, hip.upper), *subtree(skeleton, hip.upper))}
+    barred = {j for hip in legs for j in (*skeleton.line(hip.upper), *skeleton.subtree(hip.upper))}
     joints = [joint for joint in range(len(skeleton)) if joint not in barred]
     pairs = [pair for joint in joints for pair in like_chains(skeleton, skeleton.children[joint])]
     long = [(a, b) for a, b in pairs if len(a) >= ARM_JOINTS and skeleton.lengths[a].sum() >= LIMB * leg]
@@ -182,8 +166,4 @@ def _chain(skeleton: Skeleton, top: int) -> list[int]:
 
 def _reach(skeleton: Skeleton, joint: int) -> float:
     """How far the leaves below a joint are from its parent, along the bones."""
-    return float(skeleton.lengths[joint] + skeleton.path_lengths[joint, subtree(skeleton, joint)].max())
-
-
-def _alike(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
-    return len(a) == len(b) and bool(2 * np.abs(a - b).sum() <= LIKENESS * (a + b).sum())
+    return float(skeleton.lengths[joint] + skeleton.path_lengths[joint, skeleton.subtree(joint)].max())

@@ -80,13 +80,18 @@ class Matching:
     def _named_legs(self) -> tuple[Leg, Leg] | None:
         """The target's legs by the parts of its body; what ends the foot is the toe, if it has a driver."""
         anatomy = self.anatomies[1]
-        roles = {} if anatomy is None or self.anatomies[0] is None else anatomy.roles
-        if anatomy is None or not {f"{side}{part}" for side in SIDES for part in ("UpperLeg", "Foot")} <= roles.keys():
+        if anatomy is None or self.anatomies[0] is None:
             return None
-        toes = [toe_bone(self.target, anatomy, side) for side in SIDES]
-        ends = [toe[1] if toe and self.drivers[toe[1]] >= 0 else roles[f"{s}Foot"] for s, toe in zip(SIDES, toes, strict=True)]
-        a, b = (Leg(roles[f"{s}UpperLeg"], roles[f"{s}Foot"], end) for s, end in zip(SIDES, ends, strict=True))
+        if not {f"{side}{part}" for side in SIDES for part in ("UpperLeg", "Foot")} <= anatomy.roles.keys():
+            return None
+        a, b = (Leg(anatomy.roles[f"{side}UpperLeg"], *self._foot(anatomy, side)) for side in SIDES)
         return a, b
+
+    def _foot(self, anatomy: Anatomy, side: str) -> tuple[int, int]:
+        """The target's ankle and toe of a side; the ankle twice where no toe has a driver."""
+        foot = toe_bone(self.target, anatomy, side)
+        ankle = anatomy.roles[f"{side}Foot"]
+        return (ankle, foot[1]) if foot and self.drivers[foot[1]] >= 0 else (ankle, ankle)
 
     @cached_property
     def pelvis(self) -> int:

@@ -100,7 +100,7 @@ def toe_bone(skeleton: Skeleton, anatomy: Anatomy, side: str) -> tuple[int, int]
 def unit(vectors: Array) -> Array:
     """Vectors of length 1 in the same directions, (..., 3); zero stays zero."""
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
+    return np.asarray(np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0))
 
 
 def _base(anatomy: Anatomy) -> list[int]:

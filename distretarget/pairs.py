@@ -64,14 +64,14 @@ def _plain(skeleton: Skeleton) -> dict[str, int]:
 def same_parts(s: Anatomy, t: Anatomy) -> Pairs:
     """The joints that play the same part; a spine or neck of as many joints pairs up joint by joint.
 
-    A hand's fingers pair up if the source has all that the target has, or most: one that stands for all (CMU) would move
-    alone on a hand of five.
+    A hand's fingers pair up if the source has all that the target has, or most: one that stands for all (CMU) would
+    move alone on a hand of five.
     """
     how = "names" if s.found == t.found == "names" else "shape"
     shared = [role for role in t.roles if role in s.roles]
     for side in SIDES:
-        theirs, ours = ({finger for finger in FINGERS if f"{side}{finger}1" in body.roles} for body in (s, t))
-        if not ours <= theirs and len(ours & theirs) < MOST:
+        fingers = [{finger for finger in FINGERS if f"{side}{finger}1" in body.roles} for body in (s, t)]
+        if not fingers[1] <= fingers[0] and len(fingers[0] & fingers[1]) < MOST:
             shared = [role for role in shared if not role.startswith(tuple(side + finger for finger in FINGERS))]
     pairs = {joint: (s.roles[role], how) for role, joint in t.roles.items() if role in shared}
     for theirs, ours in ((s.spine, t.spine), (s.neck, t.neck)):
@@ -97,7 +97,7 @@ def same_others(source: Skeleton, target: Skeleton, pairs: Pairs, anatomies: tup
 
 def _nearest(skeleton: Skeleton, joint: int, known: set[int]) -> int:
     """The nearest ancestor among the known joints; -1 without."""
-    return next((above for above in skeleton.ancestors(joint) if above in known), -1)
+    return next((above for above in skeleton.line(joint)[1:] if above in known), -1)
 
 
 def tips(source: Skeleton, target: Skeleton, pairs: Pairs) -> Pairs:
@@ -121,4 +121,4 @@ def _free(skeleton: Skeleton, joint: int, above: set[int]) -> list[int]:
 
 def _above(skeleton: Skeleton, joints: set[int]) -> set[int]:
     """The joints and all their ancestors."""
-    return {above for joint in joints if joint >= 0 for above in (joint, *skeleton.ancestors(joint))}
+    return {above for joint in joints if joint >= 0 for above in skeleton.line(joint)}

@@ -1,23 +1,17 @@
-"""The postures in which two bodies are laid upon each other, and the rotations that do it.
-
-A rest pose in which a person can stand (T, A, arms down) serves as it is. One that is none (all bones along one axis)
-is replaced: for a body in motion by the frame in which it stands most like a rest pose, else by one put together.
-"""
+"""Two bodies laid upon each other by their rest poses: the rotations that turn the one's joints into the other's."""
 
 from __future__ import annotations
-
-from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.alignment import best_rotation
-from distretarget.anatomy import ARM, LEG, SIDES, Anatomy
+from distretarget.alignment import least
+from distretarget.anatomy import SIDES, Anatomy
 from distretarget.matching import Matching
 from distretarget.motion import Motion
-from distretarget.orientation import body_axes, is_pose, leg_directions, trunk, unit
-from distretarget.skeleton import Skeleton
+from distretarget.orientation import body_axes, is_pose, unit
+from distretarget.standing import resting, standing_frame, standing_positions, stood
 
 Array = NDArray[np.float64]
 
@@ -25,88 +19,26 @@ BUILD = np.radians(55)  # bones of trunk, hands and feet whose rest directions d
 LONG = ("UpperArm", "LowerArm", "UpperLeg", "LowerLeg")  # whose bones are laid upon each other exactly
 BUILT = ("hips", "head", "Shoulder", "Foot", "Toes")  # whose bones never are
 SQUARE = np.radians(25)  # a body that stands so nearly along the axes stands along them
-PITCH = np.radians(25)  # by which a foot points below the floor's plane where its rest pose does not say
-OPPOSITE = -0.9  # cosine below which a bone is turned right round about the axis from side to side
-NOWHERE = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 def rest_alignment(matching: Matching, motion: Motion, up: Array) -> Array:
     """A: (target joints, 2, 4), the rotations that take a target joint's rest pose onto that of the source joints whose
     rotations it follows (`Matching.turns`), so that R A is the target's world rotation for the source's R.
 
-    Trunk, hands and feet, whose bones lie differently in every build, are aligned as what they hang from, and in the end
-    as the bodies are, axis by axis; arms and legs bone by bone, by least rotations from the part above, which leave the
-    roll to it.
+    Trunk, hands and feet, whose bones lie differently in every build, are aligned as what they hang from, and in the
+    end as the bodies are, axis by axis; arms and legs bone by bone, by least rotations from the part above, which leave
+    the roll to it.
 
     `motion` is the source's; `up`, (3,), points up in it.
     """
     s, t = matching.anatomies
-    theirs, ours = np.tile(NOWHERE, (len(matching.source), 1)), np.tile(NOWHERE, (len(matching.target), 1))
+    theirs, ours = resting(matching.source), resting(matching.target)
     if s and t and not _alike(matching):
         theirs, ours = standing_frame(motion, s, up), stood(matching.target, t)
     posed = Rotation.from_quat(theirs), Rotation.from_quat(ours)
     onto = Rotation.from_quat(_laid_upon(matching, theirs, ours))
     turns = np.maximum(matching.turns, 0)
     return np.stack([(posed[0][turns[:, k]].inv() * onto * posed[1]).as_quat() for k in (0, 1)], axis=1)
-
-
-def standing_frame(motion: Motion, anatomy: Anatomy, up: Array) -> Array:
-    """(joints, 4), world rotations in which the body stands: none where the rest pose is a pose, else those of the frame
-    that is most like one: upright, legs straight, arms hanging or out to the sides.
-    """
-    skeleton = motion.rigid_skeleton
-    if is_pose(skeleton, anatomy) or not len(motion):
-        return np.tile(NOWHERE, (len(skeleton), 1))
-    x = motion.positions
-    unlike = (1.0 - trunk(anatomy, x) @ up) + (1.0 + leg_directions(anatomy, x) @ up)
-    for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
-        outwards = sign * body_axes(anatomy, x)[..., 0]
-        for upper, lower in _bones(anatomy, side, ARM[1:]):
-            bone = unit(x[:, lower] - x[:, upper])
-            unlike += 0.25 * (1.0 - np.maximum((bone * outwards).sum(axis=-1), -(bone @ up)))
-    return np.array(motion.world_rotations[np.argmin(unlike)])
-
-
-def stood(skeleton: Skeleton, anatomy: Anatomy) -> Array:
-    """(joints, 4), world rotations in which the body stands: none where the rest pose is a pose, else those that put
-    together a T-pose: Y up, facing Z.
-
-    Each joint is turned from the one above by the least rotation, but where that is right round, about the axis from
-    side to side, as knees bend.
-    """
-    if is_pose(skeleton, anatomy):
-        return np.tile(NOWHERE, (len(skeleton), 1))
-    goals = dict(_goals(skeleton, anatomy))
-    hips = Rotation.from_matrix(body_axes(anatomy, skeleton.rest_positions).T)
-    turns: list[Rotation] = []
-    for joint in range(len(skeleton)):
-        turn = turns[skeleton.parents[joint]] if joint else hips
-        if joint in goals:
-            tip, goal = goals[joint]
-            bone = unit(turn.apply(skeleton.rest_positions[tip] - skeleton.rest_positions[joint]))
-            if bone @ goal < OPPOSITE:
-                turn = Rotation.from_rotvec([np.pi, 0.0, 0.0]) * turn
-                bone = bone * [1.0, -1.0, -1.0]
-            turn = _least(bone[None], goal[None]) * turn
-        turns.append(turn)
-    return np.array([turn.as_quat() for turn in turns])
-
-
-def _goals(skeleton: Skeleton, anatomy: Anatomy) -> Iterator[tuple[int, tuple[int, Array]]]:
-    """For joints of a T-pose the joint at the end of their bone, and where the bone points."""
-    for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
-        for upper, lower in _bones(anatomy, side, ARM):
-            yield upper, (lower, np.array([sign, 0.0, 0.0]))
-        for upper, lower in _bones(anatomy, side, LEG[:3]):
-            yield upper, (lower, np.array([0.0, -1.0, 0.0]))
-        for upper, lower in _bones(anatomy, side, LEG[2:]):
-            yield upper, (lower, np.array([0.0, -np.sin(PITCH), np.cos(PITCH)]))
-
-
-def _bones(anatomy: Anatomy, side: str, limb: tuple[str, ...]) -> list[tuple[int, int]]:
-    """The joints at both ends of each bone of a limb that has them."""
-    joints = [anatomy.roles[side + role] for role in limb if side + role in anatomy.roles]
-    return list(zip(joints, joints[1:], strict=False))
 
 
 def _laid_upon(matching: Matching, theirs: Array, ours: Array) -> Array:
@@ -122,21 +54,12 @@ def _laid_upon(matching: Matching, theirs: Array, ours: Array) -> Array:
         if handles:
             a, b = unit(y[handles] - y[joint]), unit(x[matching.drivers[handles]] - x[matching.drivers[joint]])
             if joint in outwards:
-                turn = _least(turn.apply(a[:1]), outwards[joint][None]) * turn
-            least = _least(turn.apply(a), b)
-            if joint not in build or (len(handles) == 1 and least.magnitude() > BUILD):
-                turn = least * turn
+                turn = least(turn.apply(a[:1]), outwards[joint][None]) * turn
+            onto = least(turn.apply(a), b)
+            if joint not in build or (len(handles) == 1 and onto.magnitude() > BUILD):
+                turn = onto * turn
         laid.append(turn)
     return np.array([turn.as_quat() for turn in laid])
-
-
-def standing_positions(skeleton: Skeleton, world: Array) -> Array:
-    """(joints, 3), where the joints are in given world rotations (joints, 4), the root at the origin."""
-    x = np.zeros((len(skeleton), 3))
-    for joint in range(1, len(skeleton)):
-        parent = skeleton.parents[joint]
-        x[joint] = x[parent] + Rotation.from_quat(world[parent]).apply(np.array(skeleton.offsets[joint]))
-    return x
 
 
 def _body_turn(matching: Matching, x: Array, y: Array) -> tuple[Rotation, dict[int, Array]]:
@@ -168,14 +91,14 @@ def _axes(anatomy: Anatomy, x: Array) -> Array:
 
 def _built(matching: Matching) -> tuple[set[int], set[int]]:
     """The target's joints of trunk, shoulders, hands and feet, whose bones lie differently in every build; and of these
-    the ankles, which are laid as the body is and not as the leg. Where the source stands in a frame of its motion, spine
-    and hands are not among them: there they may be bent.
+    the ankles, which are laid as the body is and not as the leg. Where the source stands in a frame of its motion,
+    spine and hands are not among them: there they may be bent.
     """
     source, anatomy = matching.anatomies
     if anatomy is None or source is None:
         return set(), set()
     hips = anatomy.roles.get("hips", 0)
-    built = {joint for role, joint in anatomy.roles.items() if role.endswith(BUILT)} | {*matching.target.ancestors(hips)}
+    built = {joint for role, joint in anatomy.roles.items() if role.endswith(BUILT)} | {*matching.target.line(hips)}
     if is_pose(matching.source, source) or _alike(matching):
         built |= {joint for role, joint in anatomy.roles.items() if not role.endswith(LONG)}
         built |= {*anatomy.spine, *anatomy.neck}
@@ -205,8 +128,3 @@ def _alike(matching: Matching) -> bool:
         if ((a * b).sum(axis=1) < np.cos(BUILD)).any():
             return False
     return True
-
-
-def _least(a: Array, b: Array) -> Rotation:
-    """The rotation that takes vectors a (vectors, 3) nearest to b."""
-    return Rotation.from_quat(best_rotation(a[None], b[None])[0])

@@ -99,7 +99,8 @@ def retarget(
         joint_map: source key for target keys, None for joints that nothing shall drive; the others are matched by
             names or by shape (`matching`).
         root_scale: target units per source unit of the root's path; the ratio of leg lengths if not given.
-        source_up, target_up: the axes that point up in both files ("Y", "-Z", ...); found if not given (`world`).
+        source_up: the axis that points up in the source's file ("Y", "-Z", ...); found if not given (`world`).
+        target_up: that of the target's file.
         root_offset: whether position channels of the source's root replace its OFFSET or are added; found if not given.
         progress: called with numbers of frames as they are solved.
 

@@ -40,6 +40,6 @@ def rotation_copy(motion: Motion, matching: Matching, scale: float, up: Array) -
 
 
 def _turned(motion: Motion, matching: Matching, rest: Array, joints: NDArray[np.intp], k: int) -> Rotation:
-    """(frames, joints), the world rotations of the given target joints by the first or second source joint they follow."""
+    """(frames, joints), the world rotations of some target joints by the first or second source joint they follow."""
     drivers = matching.turns[joints, k]
     return Rotation.from_quat(motion.world_rotations[:, drivers]) * Rotation.from_quat(rest[joints, k])

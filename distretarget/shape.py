@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.anatomy import SIDES, Anatomy, spine_roles
-from distretarget.limbs import Limb, Pair, ancestors, find_limbs, forks, like_chains, subtree
+from distretarget.limbs import Limb, Pair, find_limbs, forks, like_chains
+from distretarget.orientation import FOLDED, STRETCHED, unit
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 
-STANDING = 125.0  # degrees between trunk and legs, which people reach and animals on four legs rarely do
-FOLDED = 45.0  # a rest pose with a smaller angle is no pose, and tells nothing
 NECK_BONE = 0.17  # of the leg's length, at most; a longer bone up there is the head's
 RISE = 0.3  # of a neck bone's length, at least; the jaw's is less
 NECK = 0.25  # of the leg's length; collar bones that leave so near to the head leave from the neck
@@ -68,15 +67,15 @@ def _trunk(skeleton: Skeleton, legs: Pair, arms: Pair, heights: Array) -> _Trunk
     The head's branch leaves the spine where the arms do or below, and no other branch there is like it.
     """
     taken = {(*arm.collar, arm.upper)[0] for arm in arms}
-    up = ancestors(skeleton, int(skeleton.parents[min(taken)]))
-    both_legs = set(ancestors(skeleton, legs[0].upper)) & set(ancestors(skeleton, legs[1].upper))
+    up = skeleton.line(int(skeleton.parents[min(taken)]))
+    both_legs = set(skeleton.line(legs[0].upper)) & set(skeleton.line(legs[1].upper))
     hips = next(joint for joint in up if joint in both_legs)
     for k, joint in enumerate(up[: up.index(hips)]):
         free = [child for child in skeleton.children[joint] if child not in taken and not skeleton.end_sites[child]]
         paired = {chain[0] for pair in like_chains(skeleton, free) for chain in pair}
         branches = [child for child in free if child not in paired]
         if branches:
-            first = max(branches, key=lambda child: heights[subtree(skeleton, child)].max())
+            first = max(branches, key=lambda child: heights[skeleton.subtree(child)].max())
             *neck, head = _neck(skeleton, first, heights, legs[0].length)
             spine = up[k : up.index(hips)][::-1]
             if not neck and len(spine) > 1 and skeleton.lengths[head] < NECK * legs[0].length:
@@ -117,7 +116,7 @@ def _collar(skeleton: Skeleton, arms: Pair, arm: Limb, posture: Array) -> list[i
 def _toes(skeleton: Skeleton, leg: Limb) -> list[int]:
     """The joint of a foot's toes; none where each toe has its own."""
     below = [] if forks(skeleton, leg.end) else list(skeleton.children[leg.end])
-    longest = max(below, key=lambda joint: skeleton.path_lengths[leg.end, subtree(skeleton, joint)].max(), default=0)
+    longest = max(below, key=lambda joint: skeleton.path_lengths[leg.end, skeleton.subtree(joint)].max(), default=0)
     return [longest] if below and not skeleton.end_sites[longest] else []
 
 
@@ -127,17 +126,17 @@ def _posture(skeleton: Skeleton, legs: Pair, arms: Pair, moving: Array) -> Array
     """
     rest = skeleton.rest_positions[None]
     at_rest = float(_stretch(rest, legs, arms)[0])
-    if at_rest > STANDING:
+    if at_rest > STRETCHED:
         return rest
     if len(moving):
-        return moving if np.percentile(_stretch(moving, legs, arms), 99) > STANDING else None
+        return moving if np.percentile(_stretch(moving, legs, arms), 99) > STRETCHED else None
     return moving if at_rest < FOLDED else None
 
 
 def _stretch(x: Array, legs: Pair, arms: Pair) -> Array:
     """(frames,), the angle between trunk and legs [degrees]: 180 for a person who stands."""
     trunk = _middle(x, [arm.upper for arm in arms]) - _middle(x, [leg.upper for leg in legs])
-    cosine = -(_unit(trunk) * _up(x, legs)).sum(axis=-1)
+    cosine = -(unit(trunk) * _up(x, legs)).sum(axis=-1)
     return np.asarray(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
@@ -168,8 +167,8 @@ def _feet(skeleton: Skeleton, legs: Pair, x: Array) -> Array:
     """(frames, 3), from the ankles to what is below them, across the shins: a foot that goes on along the shin points
     nowhere.
     """
-    feet = [_middle(x, subtree(skeleton, leg.end)) - x[:, leg.end] for leg in legs]
-    shins = [_unit(x[:, leg.lower] - x[:, leg.end]) for leg in legs]
+    feet = [_middle(x, skeleton.subtree(leg.end)) - x[:, leg.end] for leg in legs]
+    shins = [unit(x[:, leg.lower] - x[:, leg.end]) for leg in legs]
     return np.asarray(sum(_across(foot, shin) for foot, shin in zip(feet, shins, strict=True)))
 
 
@@ -189,7 +188,7 @@ def _agreement(forward: Array, legs: Pair, x: Array) -> float:
     0 where they are slight.
     """
     up = _up(x, legs)
-    front = _unit(np.cross(x[:, legs[0].upper] - x[:, legs[1].upper], up))
+    front = unit(np.cross(x[:, legs[0].upper] - x[:, legs[1].upper], up))
     level = np.linalg.norm(_across(forward, up), axis=-1).sum()
     slight = SLIGHT * legs[0].length * len(x)
     return float((forward * front).sum() / level) if level > slight else 0.0
@@ -197,7 +196,7 @@ def _agreement(forward: Array, legs: Pair, x: Array) -> float:
 
 def _up(x: Array, legs: Pair) -> Array:
     """(frames, 3), unit vectors from between the ankles to between the hips."""
-    return _unit(_middle(x, [leg.upper for leg in legs]) - _middle(x, [leg.end for leg in legs]))
+    return unit(_middle(x, [leg.upper for leg in legs]) - _middle(x, [leg.end for leg in legs]))
 
 
 def _middle(x: Array, joints: list[int]) -> Array:
@@ -207,8 +206,3 @@ def _middle(x: Array, joints: list[int]) -> Array:
 def _across(vectors: Array, axes: Array) -> Array:
     """What of vectors is at right angles to unit vectors."""
     return np.asarray(vectors - (vectors * axes).sum(axis=-1, keepdims=True) * axes)
-
-
-def _unit(vectors: Array) -> Array:
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.asarray(np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0))

@@ -157,12 +157,19 @@ class Skeleton:
             positions[joint] += positions[self.parents[joint]]
         return positions
 
-    def ancestors(self, joint: int) -> tuple[int, ...]:
-        """The joints above a joint, from its parent to the root."""
-        above = []
-        while (joint := int(self.parents[joint])) >= 0:
-            above.append(joint)
-        return tuple(above)
+    def line(self, joint: int) -> list[int]:
+        """The joints from a joint up to the root, both counted."""
+        up = [joint]
+        while up[-1]:
+            up.append(int(self.parents[up[-1]]))
+        return up
+
+    def subtree(self, joint: int) -> list[int]:
+        """A joint and all joints below it."""
+        below = [joint]
+        for upper in below:
+            below.extend(self.children[upper])
+        return below
 
     def rotation_axes(self, joint: int) -> str:
         """The axes of a joint's rotation channels in file order, as "ZXY"."""

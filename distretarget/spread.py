@@ -38,8 +38,9 @@ def _chains(anatomy: Anatomy) -> tuple[tuple[Chain, int], tuple[Chain, int]]:
 
 
 def _middles(skeleton: Skeleton, chain: Chain, top: int) -> NDArray[np.float64]:
-    """(joints,), where the middles of a chain's bones are, from 0 at its lowest joint to 1 at the joint above it; evenly
-    where the chain has no length.
+    """(joints,), where the middles of a chain's bones are, from 0 at its lowest joint to 1 at the joint above it.
+
+    A chain without length counts evenly.
     """
     ends = [*chain, top if top >= 0 else chain[-1]]
     along = skeleton.path_lengths[chain[0], ends]

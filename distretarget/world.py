@@ -34,8 +34,8 @@ def axis_vector(axis: str) -> Array:
 
 
 def up_of_motion(motion: Motion, anatomy: Anatomy | None) -> str | None:
-    """Which of `AXES` points up: the one along which the body stands in motion, else in its rest pose if that is a pose;
-    None where there is no body to tell.
+    """Which of `AXES` points up: the one along which the body stands in motion, else in its rest pose if that is a
+    pose; None where there is no body to tell.
     """
     if anatomy is None or not len(motion):
         legs = find_legs(motion.rigid_skeleton)
@@ -117,8 +117,10 @@ def turned(motion: Motion, up: str, onto: str) -> Motion:
 
 
 def root_offset_of(motion: Motion, up: Array) -> RootOffset:
-    """Whether the root's position channels replace its OFFSET or are added to it, which nothing in a file says: added, if
-    that puts the feet on the floor, at height 0, and replacing leaves them clearly off it. `up` is (3,).
+    """Whether the root's position channels replace its OFFSET or are added to it, which nothing in a file says.
+
+    They are added if that puts the feet on the floor, at height 0, and replacing leaves them clearly off it. `up` is
+    (3,).
     """
     legs = find_legs(motion.rigid_skeleton)
     rise = float(motion.skeleton.offsets[0] @ up)

@@ -12,6 +12,7 @@ from bodies import SAMPLES, other_lengths, person, swaying
 from click.testing import CliRunner
 
 from distretarget import read_bvh, write_bvh
+from distretarget.bvh import format_bvh
 from distretarget.cli import cli
 from distretarget.skeleton_json import skeleton_to_json
 
@@ -66,6 +67,9 @@ def test_root_scale_is_passed_on(folder):
     np.testing.assert_allclose(result.root_positions, 3 * source.root_positions, atol=1e-5)
 
 
+BLOCKS = """{"format": "distretarget-skeleton", "version": 1, "joints": [
+  {"name": "Block", "parent": null, "offset": [0, 0, 0]}, {"name": "Lid", "parent": "Block", "offset": [0, 1, 0]}]}"""
+
 BAD = {
     "missing source": (["none.bvh", "body.json", "-o", "out.bvh"], 1, "none.bvh"),
     "missing target": (["in.bvh", "none.json", "-o", "out.bvh"], 1, "none.json"),
@@ -73,7 +77,6 @@ BAD = {
     "empty file": (["empty.bvh", "body.json", "-o", "out.bvh"], 1, "empty.bvh"),
     "binary file": (["binary.bvh", "body.json", "-o", "out.bvh"], 1, "binary.bvh"),
     "typo in a key": (["in.bvh", "typo.json", "-o", "out.bvh"], 1, "ofset"),
-    "joint the source lacks": (["in.bvh", "tail.json", "-o", "out.bvh"], 1, "'Tail'"),
     "output in no folder": (["in.bvh", "body.json", "-o", "no/out.bvh"], 1, "no"),
     "output equal to input": (["in.bvh", "body.json", "-o", "in.bvh", "--overwrite"], 1, "in.bvh"),
     "output equal to target": (["in.bvh", "body.json", "-o", "./body.json", "--overwrite"], 1, "body.json"),
@@ -84,6 +87,15 @@ BAD = {
     "no output": (["in.bvh", "body.json"], 2, "--output"),
     "unknown option": (["in.bvh", "body.json", "-o", "out.bvh", "--fast"], 2, "--fast"),
     "zero root scale": (["in.bvh", "body.json", "-o", "out.bvh", "--root-scale", "0"], 2, "--root-scale"),
+    "root scale no number": (["in.bvh", "body.json", "-o", "out.bvh", "--root-scale", "nan"], 2, "--root-scale"),
+    "unknown axis": (["in.bvh", "body.json", "-o", "out.bvh", "--source-up", "W"], 2, "--source-up"),
+    "missing map": (["in.bvh", "body.json", "-o", "out.bvh", "--map", "none.json"], 1, "none.json"),
+    "output equal to the map": (["in.bvh", "body.json", "-o", "o", "--map", "o"], 1, "o: is an input"),
+    "nothing in common": (
+        ["in.bvh", "blocks.json", "-o", "o"],
+        1,
+        "`distretarget skeleton match in.bvh blocks.json -o",
+    ),
     "feet for the paper": (["in.bvh", "body.json", "-o", "o", "--feet", "hold", "--objective", "paper"], 2, "feet"),
     "no frames": (["still.bvh", "body.json", "-o", "out.bvh"], 1, "still.bvh"),
     "one argument": (["in.bvh", "-o", "out.bvh"], 2, "TARGET"),
@@ -107,7 +119,7 @@ def test_bad_input_gives_one_line(folder, case):
     )
     body = (folder / "body.json").read_text()
     (folder / "typo.json").write_text(body.replace("offset", "ofset", 1))
-    (folder / "tail.json").write_text(body.replace("Neck", "Tail"))
+    (folder / "blocks.json").write_text(BLOCKS)
     before = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
     arguments, status, words = BAD[case]
     done = run(*arguments, cwd=folder)
@@ -133,9 +145,84 @@ def test_overwrite_replaces_an_output(folder):
     assert len(read_bvh(folder / "out.bvh")) == 20
 
 
+def test_joints_that_follow_their_parents_are_told(folder):
+    body = json.loads((folder / "body.json").read_text())
+    tail = [{"name": f"Tail{n}", "parent": "Hips", "offset": [0, 0, -n]} for n in range(1, 15)]
+    warnings = {
+        0: "",
+        1: "warning: 1 joint of the target has no counterpart and follows its parent: 'Tail1'; see -v\n",
+        14: "warning: 14 joints of the target have no counterpart and follow their parents: 'Tail1', 'Tail2', 'Tail3', "
+        "'Tail4', 'Tail5', 'Tail6' and 8 more; see -v\n",
+    }
+    for count, warning in warnings.items():
+        (folder / "tail.json").write_text(json.dumps(body | {"joints": body["joints"] + tail[:count]}))
+        done = run("in.bvh", "tail.json", "-o", "out.bvh", "--overwrite", cwd=folder)
+        assert (done.returncode, done.stderr) == (0, warning)
+    told = run("in.bvh", "tail.json", "-o", "out.bvh", "--overwrite", "-v", cwd=folder)
+    assert "joints of the target that follow their parents: 'Tail1', " in told.stderr
+    assert "'Tail12' and 2 more\n" in told.stderr
+    assert "warning" not in told.stderr
+
+
+def test_verbose_tells_what_was_taken_for_what(folder):
+    done = run("in.bvh", "body.json", "-o", "out.bvh", "--root-scale", "1.5", "-v", cwd=folder)
+    assert done.stderr.splitlines() == [
+        "source: joints named as in Xsens MVN",
+        "target: joints named as in Xsens MVN",
+        "matched: 22 of the target's 22 joints (22 by equal name)",
+        "joints of the target that follow their parents: none",
+        "joints of the source not used: none",
+        "up: Y in the source, the same in the target",
+        "the source's root has OFFSET 0: replaced or added to, it is the same",
+        "root scale: 1.5 target units per source unit",
+    ]
+    assert done.stdout.startswith("20 frames in ")
+
+
+def test_the_axes_are_passed_on(folder):
+    axes = ["--source-up", "Y", "--target-up", "-Z"]
+    done = run("in.bvh", "body.json", "-o", "out.bvh", "--root-scale", "1", *axes, "-v", cwd=folder)
+    assert "up: Y in the source, -Z in the target: the world is turned\n" in done.stderr
+    source, result = (read_bvh(folder / name) for name in ("in.bvh", "out.bvh"))
+    x, y, z = source.root_positions.T
+    np.testing.assert_allclose(result.root_positions, np.stack([x, z, -y], axis=1), atol=1e-5)
+
+
+def test_the_root_offset_is_passed_on(folder):
+    motion = swaying(person())
+    offsets = motion.skeleton.offsets.copy()
+    offsets[0] = [1, 2, 3]
+    raised = replace(motion, skeleton=motion.skeleton.with_offsets(offsets))
+    text = format_bvh(raised).replace("OFFSET 0 0 0", "OFFSET 1 2 3", 1)
+    (folder / "raised.bvh").write_text(text)
+    paths = {}
+    for meaning, says in (
+        ("replaced", "replaces it; --root-offset added"),
+        ("added", "is added to it; --root-offset rep"),
+    ):
+        options = ["-v", "--root-scale", "1", "--root-offset", meaning]
+        done = run("raised.bvh", "body.json", "-o", f"{meaning}.bvh", *options, cwd=folder)
+        assert f"the source's root has OFFSET 1 2 3: its position {says}" in done.stderr
+        paths[meaning] = read_bvh(folder / f"{meaning}.bvh").root_positions
+    np.testing.assert_allclose(paths["added"] - paths["replaced"], [[1, 2, 3]] * 20, atol=1e-5)
+
+
+def test_a_map_counts_before_that_of_the_target(folder):
+    body = json.loads((folder / "body.json").read_text())
+    swap = {"LeftShoulder": "RightShoulder", "RightShoulder": "LeftShoulder"}
+    (folder / "swap.json").write_text(json.dumps(swap))
+    (folder / "plain.json").write_text(json.dumps(body | {"map": {"LeftShoulder": "LeftHip"}}))
+    (folder / "swapped.json").write_text(json.dumps(body | {"map": swap}))
+    for target, options in (("plain", ["--map", "swap.json"]), ("swapped", []), ("body", [])):
+        assert run("in.bvh", f"{target}.json", "-o", f"{target}.bvh", *options, cwd=folder).returncode == 0
+    assert (folder / "plain.bvh").read_bytes() == (folder / "swapped.bvh").read_bytes()
+    assert (folder / "plain.bvh").read_bytes() != (folder / "body.bvh").read_bytes()
+
+
 def test_show_prints_the_tree(folder):
     shown = run("skeleton", "show", "in.bvh", cwd=folder).stdout.splitlines()
     assert shown[0].startswith("22 joints, 5 End Sites; height ")
+    assert shown[0].endswith("; joints named as in Xsens MVN")
     assert len(shown) == 1 + 27
     assert any(line.split()[-2:] == ["LeftElbow", "0.2730"] for line in shown)
 

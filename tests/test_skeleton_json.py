@@ -20,8 +20,10 @@ from distretarget.skeleton_json import (
     JOINT_CHANNELS,
     ROOT_CHANNELS,
     SkeletonEdit,
+    is_json,
     load_skeleton,
     load_target,
+    load_whole,
     skeleton_to_json,
 )
 
@@ -112,6 +114,7 @@ def test_full_form(written):
     assert skeleton.end_sites.tolist() == [False, False, True, False]
     assert (skeleton.units, skeleton.up) == ("cm", "-Z")
     assert target.map == {"Spine": "Chest"}
+    assert target.name == "hero"
 
 
 def test_load_skeleton_reads_the_full_form(written):
@@ -221,6 +224,23 @@ def test_round_trip(skeleton, name):
     assert valid(json.loads(text))
 
 
+def test_name_and_map_are_kept(written):
+    joint_map = {"Spine": "Chest", "Hips": None}
+    text = skeleton_to_json(load_json(json.dumps(full())), "hero", joint_map)
+    body = load_whole(written(text))
+    assert (body.name, body.map) == ("hero", joint_map)
+    assert list(body.map) == list(joint_map)
+    assert skeleton_to_json(body.skeleton, body.name, body.map) == text
+    assert text.endswith('  ],\n  "map": {\n    "Spine": "Chest",\n    "Hips": null\n  }\n}\n')
+    assert valid(json.loads(text))
+
+
+def test_what_is_meant_as_json():
+    assert is_json(" \n{}")
+    assert is_json("[")
+    assert not is_json(BVH)
+
+
 def test_slashes_in_names_are_kept_or_refused():
     plain = Skeleton(("a", "b/c", "d"), [-1, 0, 1], np.ones((3, 3)), ((), (), ()), [False] * 3)
     assert_same(load_json(skeleton_to_json(plain, "")), plain)
@@ -238,6 +258,7 @@ GOOD = {
     "units and up": full(units="dm", up="-X"),
     "map": full(map={"Spine": "Chest"}),
     "empty map": full(map={}),
+    "map to nothing": full(map={"Spine": None}),
     "version as 1.0": full() | {"version": 1.0},
     "end": full(HIPS, SPINE, HEAD_END),
     "end without channels": full(HIPS, SPINE, HEAD_END | {"channels": []}),
@@ -376,7 +397,7 @@ BAD = {
     ),
     "map no object": (full(map=["Spine"]), "map", "expected an object, found a list of 1"),
     "map of no joint": (full(map={"Spin": "a"}), 'map["Spin"]', "no such joint; did you mean 'Spine'?"),
-    "map to no text": (full(map={"Spine": None}), 'map["Spine"]', "expected a string, found null"),
+    "map to no text": (full(map={"Spine": 1}), 'map["Spine"]', "expected a string or null, found 1"),
     "both forms": (full(scale=2), "scale", 'cannot stand beside "joints"'),
     "map in the short form": (short(factors={}, map={}), "factors", 'cannot stand beside "map"'),
     "scale zero": (short(scale=0), "scale", "expected a number above 0, found 0"),
@@ -498,7 +519,8 @@ def test_a_source_without_bones_gives_no_target(written):
 
 
 def manual_examples():
-    return re.findall(r"```json\n(.*?)```", MANUAL.read_text("utf-8"), re.DOTALL)
+    examples = re.findall(r"```json\n(.*?)```", MANUAL.read_text("utf-8"), re.DOTALL)
+    return [example for example in examples if '"format"' in example]
 
 
 def test_the_manual_has_both_forms():

@@ -46,15 +46,11 @@ LISTED = 12  # joints in a line of --verbose, at most
     metavar="FACTOR",
     help="Target units per source unit of the root's path. Default: the ratio of leg lengths.",
 )
-@click.option(
-    "--source-up", type=click.Choice(AXES), metavar="AXIS", help="The axis that points up in SOURCE. Default: found."
-)
+@click.option("--source-up", type=click.Choice(AXES), help="The axis that points up in SOURCE. Default: found.")
 @click.option(
     "--target-up",
     type=click.Choice(AXES),
-    metavar="AXIS",
-    help=f"The axis that points up in TARGET and in the output: {', '.join(AXES)}. Default: what the target's file "
-    "says; else found.",
+    help="The axis that points up in TARGET and in the output. Default: what the target's file says; else found.",
 )
 @click.option(
     "--root-offset",

@@ -1,0 +1,98 @@
+"""Postures in which a body stands, to compare it with another.
+
+A rest pose in which a person can stand (T, A, arms down) serves as it is. One that is none (all bones along one axis)
+is replaced: for a body in motion by the frame in which it stands most like a rest pose, else by one put together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.alignment import least
+from distretarget.anatomy import ARM, LEG, SIDES, Anatomy
+from distretarget.motion import Motion
+from distretarget.orientation import body_axes, is_pose, leg_directions, trunk, unit
+from distretarget.skeleton import Skeleton
+
+Array = NDArray[np.float64]
+
+PITCH = np.radians(25)  # by which a foot of a T-pose put together points below the floor's plane
+OPPOSITE = -0.9  # cosine below which a bone is turned right round about the axis from side to side
+BENT_ARM = 0.25  # what a bone of an arm counts, against trunk and legs, in the choice of a frame
+
+
+def resting(skeleton: Skeleton) -> Array:
+    """(joints, 4), the world rotations of the rest pose: none."""
+    return np.tile([0.0, 0.0, 0.0, 1.0], (len(skeleton), 1))
+
+
+def standing_frame(motion: Motion, anatomy: Anatomy, up: Array) -> Array:
+    """(joints, 4), world rotations in which the body stands: those of the rest pose where that is a pose, else of the
+    frame that is most like one: upright, legs straight, arms hanging or out to the sides. `up` is (3,).
+    """
+    skeleton = motion.rigid_skeleton
+    if is_pose(skeleton, anatomy) or not len(motion):
+        return resting(skeleton)
+    x = motion.positions
+    unlike = (1.0 - trunk(anatomy, x) @ up) + (1.0 + leg_directions(anatomy, x) @ up)
+    for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
+        outwards = sign * body_axes(anatomy, x)[..., 0]
+        for upper, lower in _bones(anatomy, side, ARM[1:]):
+            bone = unit(x[:, lower] - x[:, upper])
+            unlike += BENT_ARM * (1.0 - np.maximum((bone * outwards).sum(axis=-1), -(bone @ up)))
+    return np.array(motion.world_rotations[np.argmin(unlike)])
+
+
+def stood(skeleton: Skeleton, anatomy: Anatomy) -> Array:
+    """(joints, 4), world rotations in which the body stands: those of the rest pose where that is a pose, else those
+    that put together a T-pose, Y up, facing Z.
+
+    Each joint is turned from the one above by the least rotation, but where that is right round, about the axis from
+    side to side, as knees bend.
+    """
+    if is_pose(skeleton, anatomy):
+        return resting(skeleton)
+    goals = dict(_goals(anatomy))
+    turns: list[Rotation] = []
+    for joint in range(len(skeleton)):
+        above = skeleton.parents[joint]
+        turn = turns[above] if joint else Rotation.from_matrix(body_axes(anatomy, skeleton.rest_positions).T)
+        if joint in goals:
+            tip, goal = goals[joint]
+            bone = unit(turn.apply(skeleton.rest_positions[tip] - skeleton.rest_positions[joint]))
+            if bone @ goal < OPPOSITE:
+                turn = Rotation.from_rotvec([np.pi, 0.0, 0.0]) * turn
+                bone = bone * [1.0, -1.0, -1.0]
+            turn = least(bone[None], goal[None]) * turn
+        turns.append(turn)
+    return np.array([turn.as_quat() for turn in turns])
+
+
+def standing_positions(skeleton: Skeleton, world: Array) -> Array:
+    """(joints, 3), where the joints are in given world rotations (joints, 4), the root at the origin."""
+    x = np.zeros((len(skeleton), 3))
+    for joint in range(1, len(skeleton)):
+        parent = skeleton.parents[joint]
+        x[joint] = x[parent] + Rotation.from_quat(world[parent]).apply(np.array(skeleton.offsets[joint]))
+    return x
+
+
+def _goals(anatomy: Anatomy) -> Iterator[tuple[int, tuple[int, Array]]]:
+    """For joints of a T-pose the joint at the end of their bone, and where the bone points."""
+    for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
+        for upper, lower in _bones(anatomy, side, ARM):
+            yield upper, (lower, np.array([sign, 0.0, 0.0]))
+        for upper, lower in _bones(anatomy, side, LEG[:3]):
+            yield upper, (lower, np.array([0.0, -1.0, 0.0]))
+        for upper, lower in _bones(anatomy, side, LEG[2:]):
+            yield upper, (lower, np.array([0.0, -np.sin(PITCH), np.cos(PITCH)]))
+
+
+def _bones(anatomy: Anatomy, side: str, limb: tuple[str, ...]) -> Iterator[tuple[int, int]]:
+    """The joints at both ends of each bone of a limb that has them."""
+    return pairwise(anatomy.roles[side + role] for role in limb if side + role in anatomy.roles)

@@ -1,0 +1,237 @@
+"""`distretarget skeleton`: matching two skeletons, editing one, and what is said of them."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bodies import SAMPLES, person, swaying
+from click.testing import CliRunner
+
+from distretarget import load_skeleton, write_bvh
+from distretarget.cli import cli
+from distretarget.skeleton import Skeleton
+from distretarget.skeleton_json import load_whole, skeleton_to_json
+
+RIGS = SAMPLES / "rigs"
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
+
+
+def renamed(skeleton, rename):
+    names = tuple(map(rename, skeleton.names))
+    return Skeleton(names, skeleton.parents, skeleton.offsets, skeleton.channels, skeleton.end_sites)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A clip, the same body as a skeleton file, one whose names say nothing, and one that is no body."""
+    monkeypatch.chdir(tmp_path)
+    body = person()
+    write_bvh("in.bvh", swaying(body))
+    (tmp_path / "body.json").write_text(skeleton_to_json(body, "somebody", {"Head": "Head", "Neck": None}))
+    numbers = {name: f"j{number}" for number, name in enumerate(body.names)}
+    (tmp_path / "numbers.json").write_text(skeleton_to_json(renamed(body, numbers.get), "numbers"))
+    blocks = Skeleton(("Block", "Lid"), [-1, 0], [[0, 0, 0], [0, 1, 0]], ((), ()), [False] * 2)
+    (tmp_path / "blocks.json").write_text(skeleton_to_json(blocks, "blocks"))
+    return tmp_path
+
+
+# show and export
+
+
+@pytest.mark.parametrize(
+    ("file", "says"),
+    [
+        (RIGS / "mixamo_t.json", "joints named as in Mixamo"),
+        ("numbers.json", "joints recognised by shape"),
+        ("blocks.json", "no human body recognised"),
+    ],
+)
+@pytest.mark.usefixtures("folder")
+def test_show_says_what_is_recognised(file, says):
+    assert run("skeleton", "show", file).stdout.splitlines()[0].endswith(f"; {says}")
+
+
+@pytest.mark.usefixtures("folder")
+def test_what_is_exported_from_a_skeleton_file_is_that_file():
+    for file in ("body.json", RIGS / "unreal_a.json"):
+        assert load_whole(file).name
+        written = json.loads(run("skeleton", "export", file).stdout)
+        assert written == json.loads(Path(file).read_text())
+
+
+# match
+
+
+@pytest.mark.usefixtures("folder")
+def test_match_prints_a_table_in_the_order_of_the_tree():
+    done = run("skeleton", "match", "in.bvh", RIGS / "xsens_t.json")
+    assert (done.exit_code, done.stderr) == (0, "")
+    lines = done.stdout.splitlines()
+    assert lines[:4] == [
+        "source: joints named as in Xsens MVN",
+        "target: joints named as in Xsens MVN",
+        "matched: 22 of the target's 23 joints (22 by names)",
+        "",
+    ]
+    target = load_skeleton(RIGS / "xsens_t.json")
+    table = lines[4 : lines.index("", 4)]
+    assert table[0].split("  ")[0] == "target joint"
+    names = [target.names[joint] for joint in target.depth_first if not target.end_sites[joint]]
+    assert [line.split()[0] for line in table[1:]] == names
+    places = {line.find(word) for line, word in zip(table, ("source joint", "Hips"), strict=False)}
+    assert places == {table[0].find("source joint")} or table[1].startswith("Hips")
+    assert any("turns between Chest" in line for line in table)
+    assert lines[-2:] == ["joints of the target without a counterpart: none", "joints of the source not used: none"]
+
+
+@pytest.mark.usefixtures("folder")
+def test_match_says_how_a_joint_was_found_and_what_is_left():
+    (map_file := Path("map.json")).write_text('{"j5": "LeftWrist", "j0": null}')
+    lines = run("skeleton", "match", "body.json", "numbers.json", "--map", map_file).stdout.splitlines()
+    rows = {line.split()[0]: line.split() for line in lines[5:] if line.startswith("j") and line[1].isdigit()}
+    assert len(rows) == 22
+    assert rows["j5"][1] == "LeftWrist"
+    assert rows["j5"][-1] == "map"
+    assert rows["j0"] == ["j0", "-"]
+    assert {row[-1] for key, row in rows.items() if key not in ("j0", "j5")} <= {"shape", "tip"}
+    assert lines[-2].startswith("joints of the target without a counterpart: j0")
+    assert lines[-1].startswith("joints of the source not used: Hips")
+
+
+@pytest.mark.usefixtures("folder")
+def test_match_takes_the_short_form():
+    done = run("skeleton", "match", "in.bvh", SAMPLES / "long_arms.json")
+    assert done.exit_code == 0
+    assert "matched: 22 of the target's 22 joints (22 by equal name)" in done.stdout
+
+
+def test_a_map_is_written_and_taken_back(folder):
+    assert run("skeleton", "match", "in.bvh", RIGS / "unreal_a.json", "-o", "map.json").exit_code == 0
+    pairs = json.loads((folder / "map.json").read_text())
+    assert pairs["pelvis"] == "Hips"
+    assert pairs["ik_hand_gun"] is None
+    for name, options in (("plain", []), ("mapped", ["--map", "map.json"])):
+        assert run("in.bvh", RIGS / "unreal_a.json", "-o", f"{name}.bvh", *options).exit_code == 0
+    assert (folder / "plain.bvh").read_bytes() == (folder / "mapped.bvh").read_bytes()
+    assert "exists already" in str(run("skeleton", "match", "in.bvh", "body.json", "-o", "map.json").exception)
+    assert run("skeleton", "match", "in.bvh", "body.json", "-o", "map.json", "--overwrite").exit_code == 0
+
+
+def test_what_cannot_be_matched_is_shown_and_written_all_the_same(folder):
+    done = run("skeleton", "match", "in.bvh", "blocks.json", "-o", "map.json")
+    assert done.exit_code == 1
+    assert "target: no human body recognised\nmatched: 0 of the target's 2 joints\n" in done.stdout
+    assert str(done.exception) == (
+        "blocks.json: no joint of the target has a driver; fill in map.json and give it with --map"
+    )
+    assert json.loads((folder / "map.json").read_text()) == {"Block": None, "Lid": None}
+    again = run("in.bvh", "blocks.json", "-o", "out.bvh", "--map", "map.json")
+    assert "blocks.json: no joint of the target has a driver; " in str(again.exception)
+    assert "--map MAP.json" in str(again.exception)
+    (folder / "map.json").write_text('{"Block": "Chest", "Lid": "Head"}')
+    assert run("in.bvh", "blocks.json", "-o", "out.bvh", "--map", "map.json").exit_code == 0
+
+
+@pytest.mark.usefixtures("folder")
+def test_match_refuses_to_write_over_its_inputs():
+    for output in ("in.bvh", "body.json", "numbers.json"):
+        done = run("skeleton", "match", "in.bvh", "body.json", "--map", "numbers.json", "-o", output, "--overwrite")
+        assert "is an input as well" in str(done.exception)
+
+
+# edit
+
+
+def test_edit_changes_lengths_and_keeps_the_rest(folder):
+    options = ["--scale", "2", "--length", "LeftKnee=0.5", "--factor", "*Wrist=1.5"]
+    done = run("skeleton", "edit", "body.json", *options, "-o", "new.json")
+    body, edited = load_whole("body.json"), load_whole("new.json")
+    expected = 2 * body.skeleton.lengths
+    expected[[key.endswith("Wrist") for key in body.skeleton.keys]] *= 1.5
+    expected[body.skeleton.index("LeftKnee")] = 0.5
+    np.testing.assert_allclose(edited.skeleton.lengths, expected, rtol=1e-14)
+    assert (edited.name, edited.map) == ("somebody", body.map)
+    assert done.stdout.startswith("26 bones changed; height ")
+    before, after = done.stdout.split("height ")[1].split(" -> ")
+    assert float(before) < float(after)
+    assert done.stdout.count("\n") == 1
+    assert (folder / "new.json").exists()
+
+
+@pytest.mark.usefixtures("folder")
+def test_edit_takes_bvh_and_keeps_units_and_axis():
+    assert run("skeleton", "edit", "in.bvh", "--scale", "1", "-o", "same.json").stdout.startswith("0 bones changed; ")
+    assert load_whole("same.json").name == "in"
+    done = run("skeleton", "edit", SAMPLES / "child.json", "--factor", "LeftKnee=1.1", "-o", "child.json")
+    assert done.stdout.startswith("1 bone changed; ")
+    assert done.stdout.endswith(" cm\n")
+    child = load_skeleton("child.json")
+    assert (child.units, child.up) == ("cm", "Y")
+
+
+@pytest.mark.usefixtures("folder")
+def test_patterns_pass_over_bones_without_length():
+    body = person()
+    offsets = body.offsets.copy()
+    offsets[body.index("LeftToe")] = 0
+    Path("flat.json").write_text(skeleton_to_json(body.with_offsets(offsets), "flat"))
+    assert run("skeleton", "edit", "flat.json", "--length", "Left*=0.1", "-o", "new.json").exit_code == 0
+    edited = load_skeleton("new.json")
+    ours = [key.startswith("Left") and key != "LeftToe" for key in edited.keys]
+    np.testing.assert_allclose(edited.lengths[ours], 0.1)
+    assert edited.lengths[edited.index("LeftToe")] == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--factor", "LeftKne=2"], "in.bvh: --factor LeftKne: no such bone; did you mean 'LeftKnee'"),
+        (["--length", "left*=2"], "in.bvh: --length left*: no such bone; "),
+        (
+            ["--factor", "Left*=2", "--factor", "LeftKnee=3"],
+            "--factor Left* and --factor LeftKnee are both for the bone",
+        ),
+        (
+            ["--length", "*Knee=2", "--factor", "LeftKnee=3"],
+            "--length *Knee and --factor LeftKnee are both for the bone",
+        ),
+        (["--factor", "Hips=2"], "the root has no bone"),
+        (["--scale", "2", "-o", "in.bvh", "--overwrite"], "in.bvh: is an input as well"),
+        (["--scale", "2", "-o", "body.json"], "body.json: exists already"),
+    ],
+)
+def test_edits_that_fail(folder, options, says):
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    done = run("skeleton", "edit", "in.bvh", "-o", "new.json", *options)
+    assert done.exit_code == 1
+    assert says in str(done.exception)
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ([], "nothing to change; give --scale, --length or --factor"),
+        (["--scale", "0"], "expected a number above 0"),
+        (["--scale", "nan"], "expected a number above 0"),
+        (["--scale", "1e60"], "at most 1e+50"),
+        (["--length", "LeftKnee"], "expected a bone, = and a number, found 'LeftKnee'"),
+        (["--factor", "=2"], "expected a bone, = and a number, found '=2'"),
+        (["--factor", "LeftKnee=long"], "expected a number above 0 and at most 1e+50, found 'long'"),
+    ],
+)
+@pytest.mark.usefixtures("folder")
+def test_edits_that_say_nothing(options, says):
+    done = run("skeleton", "edit", "in.bvh", "-o", "new.json", *options)
+    assert done.exit_code == 2
+    assert says in " ".join(done.stderr.split())
+
+
+@pytest.mark.usefixtures("folder")
+def test_the_short_form_is_no_skeleton_to_edit():
+    done = run("skeleton", "edit", SAMPLES / "long_arms.json", "--scale", "2", "-o", "new.json")
+    assert "short form needs a source" in str(done.exception)

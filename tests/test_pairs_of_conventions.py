@@ -1,0 +1,139 @@
+"""Every convention onto every other: the joints of each part, whatever they are called."""
+
+import json
+import sys
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bodies import CORPUS, needs_corpus
+
+from distretarget import DistretargetError, Skeleton, read_bvh
+from distretarget.anatomy import ARM, LEG, SIDES
+from distretarget.conventions import by_names
+from distretarget.matching import find_matching, refusal
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
+from make_rigs import CONVENTIONS, rig
+
+NAMES = Path(__file__).resolve().parents[2] / "shared" / "joint_names.json"
+DATA = json.loads(NAMES.read_text("utf-8")) if NAMES.is_file() else {"_roles": {}}
+PUBLISHED = tuple(DATA["_roles"])
+
+# All names of the target are names of the source, and then names decide: its two joints of the spine are the upper two
+# of the source's three, its one joint of the neck the upper one of two.
+BY_EQUAL_NAMES = {("cmu_maxfriendly", "mocapbank"): {"spine", "chest", "neck"}}
+
+# Limbs, hips and head of files whose joints have no names; these feet end in five toes, none of which is the foot's end.
+LIMBS = ("hips", "head", *(side + part for side in SIDES for part in (*ARM, *LEG)))
+FIVE_TOES = {"benchmark.bvh", "face-poseunits.bvh", "tpose.bvh"}
+NO_BODY = {"full_precision_frame_time.bvh", "rotation_first_root.bvh"}  # of a few joints
+
+needs_names = pytest.mark.skipif(not NAMES.is_file(), reason="the published names are not here")
+rigs = pytest.mark.parametrize("pose", ["T", "A"])
+
+
+@cache
+def published(convention):
+    """The joints of a convention, all at one place."""
+    joints = DATA[convention]
+    names = [joint["name"] for joint in joints]
+    parents = [names.index(joint["parent"]) if joint["parent"] else -1 for joint in joints]
+    count = len(names)
+    return Skeleton(tuple(names), np.array(parents), np.zeros((count, 3)), ((),) * count, np.zeros(count, bool))
+
+
+@cache
+def published_roles(convention):
+    return {role: name for role, name in DATA["_roles"][convention].items() if name}
+
+
+@cache
+def roles(convention):
+    """The names of the joints of each role in a rig."""
+    body = rig(convention, "T")
+    return {role: body.names[joint] for role, joint in by_names(body).roles.items()}
+
+
+def assert_roles_meet(source, theirs, target, ours, apart=frozenset()):
+    """Each role goes to the same role, and none to another; `theirs` and `ours` are names by role."""
+    drivers = find_matching(source, target).drivers
+    expected = {target.index(name): theirs.get(role) for role, name in ours.items() if role not in apart}
+    for joint, name in expected.items():
+        driver = source.names[drivers[joint]] if drivers[joint] >= 0 else None
+        assert driver == name or (name is None and driver not in theirs.values()), target.names[joint]
+
+
+def test_the_parts_of_the_rigs_are_those_of_people():
+    for convention in CONVENTIONS:
+        assert set(roles(convention)) >= {*LIMBS, "spine", "chest", "neck"}
+
+
+@needs_names
+@pytest.mark.parametrize("source", PUBLISHED)
+def test_published_names_onto_published_names(source):
+    for target in PUBLISHED:
+        apart = BY_EQUAL_NAMES.get((source, target), frozenset())
+        bodies = published(source), published_roles(source), published(target), published_roles(target)
+        assert_roles_meet(*bodies, apart)
+
+
+@needs_names
+@pytest.mark.parametrize(("source", "target"), BY_EQUAL_NAMES)
+def test_equal_names_decide_where_the_target_has_no_others(source, target):
+    matching = find_matching(published(source), published(target))
+    drivers = [published(source).names[driver] for driver in matching.drivers]
+    assert drivers == list(published(target).names)
+
+
+@rigs
+@pytest.mark.parametrize("source", PUBLISHED)
+def test_published_names_onto_rigs_and_back(source, pose):
+    for target in CONVENTIONS:
+        body = rig(target, pose)
+        assert_roles_meet(published(source), published_roles(source), body, roles(target))
+        assert_roles_meet(body, roles(target), published(source), published_roles(source))
+
+
+@rigs
+@pytest.mark.parametrize("source", CONVENTIONS)
+@pytest.mark.parametrize("target", CONVENTIONS)
+def test_rigs_onto_rigs(source, target, pose):
+    assert_roles_meet(rig(source, "T"), roles(source), rig(target, pose), roles(target))
+
+
+@pytest.mark.parametrize("convention", CONVENTIONS)
+def test_a_rig_without_names_is_known_by_its_shape(convention):
+    for pose in ("T", "A"):
+        body = rig(convention, pose)
+        bare = replace(body, names=tuple(f"j{joint}" for joint in range(len(body))))
+        known, found = (find_matching(source, rig("mixamo", "T")) for source in (body, bare))
+        joints = [known.anatomies[1].roles[role] for role in LIMBS]
+        np.testing.assert_array_equal(found.drivers[joints], known.drivers[joints])
+
+
+@needs_corpus
+@pytest.mark.parametrize("path", sorted(CORPUS.rglob("*.bvh")), ids=lambda path: f"{path.parent.name}-{path.stem}")
+def test_a_file_without_names_is_matched_as_with_them(path):
+    try:
+        motion = read_bvh(path)
+    except DistretargetError:
+        pytest.skip("no file that can be read")
+    if not len(motion):
+        pytest.skip("no frames")
+    body, target = motion.rigid_skeleton, rig("mixamo", "T")
+    bare = replace(body, names=tuple(f"j{joint}" for joint in range(len(body))))
+    known, found = (find_matching(source, target, positions=motion.positions) for source in (body, bare))
+    if path.name in NO_BODY:
+        assert refusal(known, motion.positions)
+        assert refusal(found, motion.positions)
+        return
+    parts = known.anatomies[1].roles
+    several = [target.names[parts[role]] for role in LIMBS if known.drivers[parts[role]] != found.drivers[parts[role]]]
+    expected = ["mixamorig:LeftToeBase", "mixamorig:RightToeBase"] if path.name in FIVE_TOES else []
+    assert several == expected
+    spine = list(known.anatomies[1].spine)
+    np.testing.assert_array_equal(found.turns[spine], known.turns[spine])
+    np.testing.assert_allclose(found.shares[spine], known.shares[spine])
