@@ -2,9 +2,9 @@
 
     python benchmarks/motionbuilder.py CORPUS [--markdown FILE] [--only GLOB]
 
-The CMU clips exist in two conversions: on the performers' own skeletons (folder cmu_mb), and retargeted by MotionBuilder
-to the Daz figure Aiko 3 (folder cmu_daz), frame for frame. Each clip of the first is retargeted to the skeleton of the
-second, with nothing said about joints, rest poses or axes. FILE's place for the table is filled.
+The CMU clips exist in two conversions: on the performers' own skeletons (folder cmu_mb), and retargeted by
+MotionBuilder to the Daz figure Aiko 3 (folder cmu_daz), frame for frame. Each clip of the first is retargeted to the
+skeleton of the second, with nothing said about joints, rest poses or axes. FILE's place for the table is filled.
 """
 
 from __future__ import annotations
@@ -20,10 +20,9 @@ from quality import insert
 from distretarget import Motion, read_bvh, retarget
 from distretarget.metrics import compare
 
-FIGURES = ("contact_error", "slide", "foot_height")
 HEAD = (
-    "| clip | frames | direction, copy and MotionBuilder, degrees | direction, result and MotionBuilder | contact error, "
-    "copy / MotionBuilder / result | slide, source / MotionBuilder / result |\n|---|---|---|---|---|---|"
+    "| clip | frames | direction, copy and MotionBuilder, degrees | direction, result and MotionBuilder "
+    "| contact error, copy / MotionBuilder / result | slide, source / MotionBuilder / result |\n|---|---|---|---|---|---|"
 )
 
 
@@ -44,8 +43,8 @@ def measure(folder: Path, clip: str) -> str:
 
 
 def directions(a: Motion, b: Motion, drivers: NDArray[np.intp]) -> NDArray[np.float64]:
-    """(frames, bones), the angle between the bones of two motions on one skeleton [degrees], where both ends of the bone
-    have a driver.
+    """(frames, bones), the angle between the bones of two motions on one skeleton [degrees], where both ends of the
+    bone have a driver.
     """
     skeleton = a.skeleton
     lower = np.arange(1, len(skeleton))

@@ -199,21 +199,21 @@ def mean_angle(a: Array, b: Array) -> float:
 
 def draw_sheet(path: Path, sources: dict[str, Motion], runs: list[Run]) -> None:
     """Draw a frame of every clip: a row per clip, its source and then every target, all seen from the same side."""
-    from draw import VIEWS, Camera, Cell, _cells, _write_picture
+    from draw import VIEWS, Camera, Cell, cells, write_picture
 
     nobody = Skeleton(("nobody",), np.array([-1]), np.zeros((1, 3)), ((),), np.array([False]))
     nothing = Cell(nobody, np.zeros((1, 3)), np.zeros(3), 1.0)
     scenes, titles, labels = [], [], []
     for clip, source in sources.items():
         frame, own = articulated(source), [run for run in runs if run.clip == clip]
-        scene = _cells(figure(source, source_turn(source, frame)), [frame], "Y", None)
+        scene = cells(figure(source, source_turn(source, frame)), [frame], "Y", None)
         for result in (run.result for run in own):
             turned = result and figure(result.motion, result_turn(result, frame))
-            scene += _cells(turned, [frame], "Y", None) if turned else [nothing]
+            scene += cells(turned, [frame], "Y", None) if turned else [nothing]
         scenes.append(scene)
         titles.append(f"{clip}, frame {frame}")
         labels.append(["source", *(f"{run.target} FAILED" if run.failed else run.target for run in own)])
-    _write_picture(scenes, titles, labels, Camera(*VIEWS["three-quarter"]), path)
+    write_picture(scenes, titles, labels, Camera(*VIEWS["three-quarter"]), path, dpi=75)
 
 
 def articulated(motion: Motion) -> int:

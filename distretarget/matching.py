@@ -60,11 +60,12 @@ class Matching:
         marks = [mark for mark in LANDMARKS if s and t and mark in s.roles and mark in t.roles]
         if not (s and t and marks):
             return trust
-        theirs, ours = (
-            body.path_lengths[:, [anatomy.roles[mark] for mark in marks]] / max(body.path_lengths.max(), 1e-300)
-            for body, anatomy in ((self.source, s), (self.target, t))
-        )
-        unlike = np.abs(theirs[self.drivers] - ours).mean(axis=1)
+        places = []
+        for body, anatomy in ((self.source, s), (self.target, t)):
+            joints = [anatomy.roles[mark] for mark in marks]
+            tau = body.path_lengths[:, joints]
+            places.append(tau / (tau[joints].max() or 1.0))
+        unlike = np.abs(places[0][self.drivers] - places[1]).mean(axis=1)
         return np.asarray(trust * np.clip(1.0 - unlike, 0.0, 1.0))
 
     @cached_property

@@ -21,7 +21,7 @@ def trunk(anatomy: Anatomy, x: Array) -> Array:
     """(..., 3), unit vectors from the hip joints up to the shoulders or the top of the spine, over positions
     x (..., joints, 3).
     """
-    tops = _joints(anatomy, "leftUpperArm", "rightUpperArm") or [*anatomy.neck, *anatomy.spine][-1:]
+    tops = _joints(anatomy, "leftUpperArm", "rightUpperArm") or [*anatomy.spine, *anatomy.neck][-1:]
     return unit(x[..., tops, :].mean(axis=-2) - x[..., _base(anatomy), :].mean(axis=-2))
 
 

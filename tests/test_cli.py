@@ -12,7 +12,6 @@ from bodies import SAMPLES, other_lengths, person, swaying
 from click.testing import CliRunner
 
 from distretarget import read_bvh, write_bvh
-from distretarget.bvh import format_bvh
 from distretarget.cli import cli
 from distretarget.skeleton_json import skeleton_to_json
 
@@ -24,6 +23,12 @@ def run(*arguments, cwd=None):
 
 def lengths_of(skeleton):
     return dict(zip(skeleton.keys, skeleton.lengths, strict=True))
+
+
+def between_hips(motion):
+    """(frames, 3), the place that is carried over, times the root scale."""
+    joints = [motion.skeleton.index(f"{side}Hip") for side in ("Left", "Right")]
+    return motion.positions[:, joints].mean(axis=1)
 
 
 @pytest.fixture
@@ -64,7 +69,7 @@ def test_options_may_come_first(folder):
 def test_root_scale_is_passed_on(folder):
     run("in.bvh", "body.json", "-o", "out.bvh", "--root-scale", "3", cwd=folder)
     source, result = (read_bvh(folder / name) for name in ("in.bvh", "out.bvh"))
-    np.testing.assert_allclose(result.root_positions, 3 * source.root_positions, atol=1e-5)
+    np.testing.assert_allclose(between_hips(result), 3 * between_hips(source), atol=1e-5)
 
 
 BLOCKS = """{"format": "distretarget-skeleton", "version": 1, "joints": [
@@ -184,17 +189,13 @@ def test_the_axes_are_passed_on(folder):
     done = run("in.bvh", "body.json", "-o", "out.bvh", "--root-scale", "1", *axes, "-v", cwd=folder)
     assert "up: Y in the source, -Z in the target: the world is turned\n" in done.stderr
     source, result = (read_bvh(folder / name) for name in ("in.bvh", "out.bvh"))
-    x, y, z = source.root_positions.T
-    np.testing.assert_allclose(result.root_positions, np.stack([x, z, -y], axis=1), atol=1e-5)
+    x, y, z = between_hips(source).T
+    np.testing.assert_allclose(between_hips(result), np.stack([x, z, -y], axis=1), atol=1e-5)
 
 
 def test_the_root_offset_is_passed_on(folder):
-    motion = swaying(person())
-    offsets = motion.skeleton.offsets.copy()
-    offsets[0] = [1, 2, 3]
-    raised = replace(motion, skeleton=motion.skeleton.with_offsets(offsets))
-    text = format_bvh(raised).replace("OFFSET 0 0 0", "OFFSET 1 2 3", 1)
-    (folder / "raised.bvh").write_text(text)
+    text = (folder / "in.bvh").read_text()
+    (folder / "raised.bvh").write_text(text.replace("OFFSET 0.000000 0.000000 0.000000", "OFFSET 1 2 3", 1))
     paths = {}
     for meaning, says in (
         ("replaced", "replaces it; --root-offset added"),

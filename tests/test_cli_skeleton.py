@@ -82,16 +82,16 @@ def test_match_prints_a_table_in_the_order_of_the_tree():
     assert table[0].split("  ")[0] == "target joint"
     names = [target.names[joint] for joint in target.depth_first if not target.end_sites[joint]]
     assert [line.split()[0] for line in table[1:]] == names
-    places = {line.find(word) for line, word in zip(table, ("source joint", "Hips"), strict=False)}
-    assert places == {table[0].find("source joint")} or table[1].startswith("Hips")
+    column = table[0].index("source joint")
+    assert all(line[column - 2 : column] == "  " and line[column] != " " for line in table)
     assert any("turns between Chest" in line for line in table)
     assert lines[-2:] == ["joints of the target without a counterpart: none", "joints of the source not used: none"]
 
 
 @pytest.mark.usefixtures("folder")
 def test_match_says_how_a_joint_was_found_and_what_is_left():
-    (map_file := Path("map.json")).write_text('{"j5": "LeftWrist", "j0": null}')
-    lines = run("skeleton", "match", "body.json", "numbers.json", "--map", map_file).stdout.splitlines()
+    Path("map.json").write_text('{"j5": "LeftWrist", "j0": null}')
+    lines = run("skeleton", "match", "body.json", "numbers.json", "--map", "map.json").stdout.splitlines()
     rows = {line.split()[0]: line.split() for line in lines[5:] if line.startswith("j") and line[1].isdigit()}
     assert len(rows) == 22
     assert rows["j5"][1] == "LeftWrist"
@@ -146,7 +146,8 @@ def test_match_refuses_to_write_over_its_inputs():
 # edit
 
 
-def test_edit_changes_lengths_and_keeps_the_rest(folder):
+@pytest.mark.usefixtures("folder")
+def test_edit_changes_lengths_and_keeps_the_rest():
     options = ["--scale", "2", "--length", "LeftKnee=0.5", "--factor", "*Wrist=1.5"]
     done = run("skeleton", "edit", "body.json", *options, "-o", "new.json")
     body, edited = load_whole("body.json"), load_whole("new.json")
@@ -159,7 +160,6 @@ def test_edit_changes_lengths_and_keeps_the_rest(folder):
     before, after = done.stdout.split("height ")[1].split(" -> ")
     assert float(before) < float(after)
     assert done.stdout.count("\n") == 1
-    assert (folder / "new.json").exists()
 
 
 @pytest.mark.usefixtures("folder")

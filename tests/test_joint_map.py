@@ -5,6 +5,7 @@ import re
 
 import pytest
 from bodies import CORPUS, SAMPLES, needs_corpus, person, swaying
+from test_skeleton_json import MANUAL
 
 from distretarget import load_skeleton, read_bvh, retarget
 from distretarget.bvh import format_bvh
@@ -12,7 +13,6 @@ from distretarget.errors import FileError, MatchingError, SkeletonFileError
 from distretarget.joint_map import joint_map, load_map, map_to_json
 from distretarget.matching import find_matching, match
 from distretarget.skeleton_json import Target
-from test_skeleton_json import MANUAL
 
 
 @pytest.fixture

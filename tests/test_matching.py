@@ -1,52 +1,384 @@
-"""Which joint drives which."""
+"""Which joint drives which: maps, equal names, the parts of bodies, and what is refused."""
+
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import person
+from bodies import SAMPLES, person, posed
 
-from distretarget import Skeleton
-from distretarget.errors import MatchingError
-from distretarget.matching import match
+from distretarget import Skeleton, load_skeleton
+from distretarget.errors import MapError, MatchingError
+from distretarget.matching import find_matching, match, refusal
+
+PERSON = person()
+RIGS = {path.stem: load_skeleton(path) for path in sorted((SAMPLES / "rigs").glob("*.json"))}
+MIXAMO = RIGS["mixamo_t"]
+# Both arms and legs of each convention, from the collar bone to the hand and from the hip joint to the toes.
+LIMBS = {
+    "mixamo": "{}Shoulder {}Arm {}ForeArm {}Hand {}UpLeg {}Leg {}Foot {}ToeBase",
+    "lafan1": "{}Shoulder {}Arm {}ForeArm {}Hand {}UpLeg {}Leg {}Foot {}Toe",
+    "xsens": "{}Collar {}Shoulder {}Elbow {}Wrist {}Hip {}Knee {}Ankle {}Toe",
+    "unreal": "clavicle_{} upperarm_{} lowerarm_{} hand_{} thigh_{} calf_{} foot_{} ball_{}",
+}
+FINGERS = ("Thumb", "Index", "Middle", "Ring", "Pinky")
+
+rigs = pytest.mark.parametrize("body", [PERSON, *RIGS.values()], ids=["person", *RIGS])
 
 
-def renamed(skeleton, **names):
-    return Skeleton(
-        tuple(names.get(name, name) for name in skeleton.names),
-        skeleton.parents,
-        skeleton.offsets,
-        skeleton.channels,
-        skeleton.end_sites,
+def renamed(skeleton, rename):
+    """With names that a function or {old: new} gives."""
+    rename = rename if callable(rename) else lambda name, names=rename: names.get(name, name)
+    return replace(skeleton, names=tuple(map(rename, skeleton.names)))
+
+
+def swapped(name):
+    return re.sub("Left|Right", lambda side: {"Left": "Right", "Right": "Left"}[side[0]], name)
+
+
+def chain(*names, parents=None, ends=()):
+    """A rope, which is no human body; joints named in `ends` are End Sites."""
+    parents = range(-1, len(names) - 1) if parents is None else parents
+    offsets = np.outer(np.arange(len(names)) > 0, [0, 1.0, 0])
+    return Skeleton(names, list(parents), offsets, ((),) * len(names), [name in ends for name in names])
+
+
+def taken(skeleton, joints):
+    """The skeleton of the given joints, parents first."""
+    joints = list(joints)
+    parents = [joints.index(skeleton.parents[joint]) if joint else -1 for joint in joints]
+    channels = tuple(skeleton.channels[joint] for joint in joints)
+    names = tuple(skeleton.names[joint] for joint in joints)
+    return replace(
+        skeleton,
+        names=names,
+        parents=parents,
+        offsets=skeleton.offsets[joints],
+        channels=channels,
+        end_sites=skeleton.end_sites[joints],
     )
 
 
-def test_equal_names_match_in_any_order():
-    body = person()
-    np.testing.assert_array_equal(match(body, body), np.arange(len(body)))
+def without(skeleton, pattern):
+    """The skeleton without the joints whose names fit a pattern, and all below them."""
+    kept = [0]
+    for joint in range(1, len(skeleton)):
+        if skeleton.parents[joint] in kept and not re.search(pattern, skeleton.names[joint]):
+            kept.append(joint)
+    return taken(skeleton, kept)
 
 
-def test_an_explicit_map_comes_before_equal_names():
-    body = person()
-    drivers = match(body, renamed(body, Hips="Pelvis"), {"Pelvis": "Hips", "LeftWrist": "LeftElbow"})
-    assert drivers[0] == 0
-    assert drivers[body.index("LeftWrist")] == body.index("LeftElbow")
+def with_bone(skeleton, name, parent):
+    return replace(
+        skeleton,
+        names=(*skeleton.names, name),
+        parents=[*skeleton.parents, skeleton.index(parent)],
+        offsets=[*skeleton.offsets, (0, 0, 0.1)],
+        channels=(*skeleton.channels, ("Zrotation",)),
+        end_sites=[*skeleton.end_sites, False],
+    )
+
+
+def seated(skeleton):
+    """With legs forward, across the trunk."""
+    legs = [bool(re.search("Knee|Ankle", name)) for name in skeleton.names]
+    return skeleton.with_offsets(
+        np.where(np.array(legs)[:, None], skeleton.offsets[:, [0, 2, 1]] * (1, 1, -1), skeleton.offsets)
+    )
+
+
+def named(matching):
+    """{key of the target: key of its driver}, without those that have none."""
+    pairs = zip(matching.target.keys, matching.drivers, strict=True)
+    return {key: matching.source.keys[driver] for key, driver in pairs if driver >= 0}
+
+
+def limbs(convention, joints=slice(None)):
+    sides = "lr" if convention == "unreal" else ("Left", "Right")
+    prefix = "mixamorig:" if convention == "mixamo" else ""
+    return [prefix + name.format(side) for side in sides for name in LIMBS[convention].split()[joints]]
+
+
+# Equal names
+
+
+@rigs
+@pytest.mark.parametrize("seed", range(3))
+def test_equal_names_match_in_any_order(body, seed):
+    draw = np.random.default_rng(seed)
+    order, ready = [0], list(body.children[0])
+    while ready:
+        order.append(ready.pop(draw.integers(len(ready))))
+        ready.extend(body.children[order[-1]])
+    matching = match(body, taken(body, order))
+    np.testing.assert_array_equal(matching.drivers, order)
+    np.testing.assert_array_equal(matching.turns, np.stack([order, order], axis=1))
+    assert not matching.shares.any()
+    for joint, how in zip(order, matching.found, strict=True):
+        assert how == ("tip" if body.end_sites[joint] else "name")
+
+
+def test_namespaces_and_case_do_not_matter():
+    source, target = chain("Rope:Base", "Rope:Middle", "top"), chain("BASE", "x:y:middle", "z:Top")
+    assert named(match(source, target)) == dict(zip(target.names, source.names, strict=True))
+
+
+def test_exact_names_come_before_those_that_differ_in_namespace_or_case():
+    source, target = chain("base", "a:Top", "Top", "b:mid"), chain("base", "Top", "mid")
+    assert named(match(source, target)) == {"base": "base", "Top": "Top", "mid": "b:mid"}
+
+
+def test_names_that_only_a_namespace_tells_apart_do_not_match_others():
+    source, target = chain("base", "mid", "a:hand", "b:hand"), chain("base", "mid", "hand")
+    assert named(match(source, target)) == {"base": "base", "mid": "mid"}
+
+
+def test_half_of_the_names_are_enough_without_a_body_and_fewer_are_refused():
+    source = chain("a", "b", "c", "d", "E", ends="E")
+    matching = match(source, chain("x", "b", "c", "y", "E", ends="E"))
+    assert named(matching) == {"b": "b", "c": "c"}
+    assert matching.pelvis == 1
+    with pytest.raises(MatchingError, match="only 1 of 4 joints of the target have the names of source joints"):
+        match(source, chain("x", "b", "y", "z", "E", ends="E"))
+
+
+def test_without_legs_the_path_is_that_of_the_first_joint_with_a_driver():
+    rope = chain("a", "b", "c")
+    assert match(rope, rope).legs is None
+    assert match(rope, rope).pelvis == 0
+    assert match(rope, rope, {"a": None}).pelvis == 1
+
+
+# End Sites
 
 
 def test_end_sites_follow_their_joint_whatever_they_are_called():
-    body = person()
-    drivers = match(body, renamed(body, Head="Skull", Head_End="Top"), {"Skull": "Head"})
-    np.testing.assert_array_equal(drivers, np.arange(len(body)))
+    matching = match(PERSON, renamed(PERSON, {"Head_End": "Top", "LeftToe_End": "Nail"}))
+    np.testing.assert_array_equal(matching.drivers, np.arange(len(PERSON)))
+
+
+def test_end_sites_match_in_order_and_those_left_over_have_no_driver():
+    source = chain("a", "b", "p", "q", parents=[-1, 0, 1, 1], ends="pq")
+    target = chain("a", "b", "u", "v", "w", parents=[-1, 0, 1, 1, 1], ends="uvw")
+    assert named(match(source, target)) == {"a": "a", "b": "b", "u": "p", "v": "q"}
+    assert named(match(target, source)) == {"a": "a", "b": "b", "p": "u", "q": "v"}
 
 
 def test_an_end_site_without_counterpart_has_no_driver():
-    body = person()
-    bare = Skeleton(body.names[:22], body.parents[:22], body.offsets[:22], body.channels[:22], body.end_sites[:22])
-    np.testing.assert_array_equal(match(bare, body)[22:], -1)
+    bare = taken(PERSON, np.flatnonzero(~PERSON.end_sites))
+    np.testing.assert_array_equal(match(bare, PERSON).drivers, [*range(22), *[-1] * 5])
+    np.testing.assert_array_equal(match(PERSON, bare).drivers, np.arange(22))
 
 
-def test_missing_joints_are_named_with_what_is_near():
-    body = person()
-    with pytest.raises(MatchingError, match=r"no joint 'LeftWirst'; did you mean 'LeftWrist'") as caught:
-        match(body, renamed(body, LeftWrist="LeftWirst"))
-    assert caught.value.missing == ("LeftWirst",)
-    with pytest.raises(MatchingError, match="no joint 'Nose'"):
-        match(body, body, {"Head": "Nose"})
+def test_what_ends_a_joint_may_be_a_joint_on_one_body_and_an_end_site_on_the_other():
+    source, target = chain("a", "b", "tip"), chain("a", "b", "End", ends=["End"])
+    for ours, theirs in ((source, target), (target, source)):
+        matching = match(ours, theirs)
+        np.testing.assert_array_equal(matching.drivers, [0, 1, 2])
+        assert matching.found == ("name", "name", "tip")
+
+
+# Maps
+
+
+def test_a_map_comes_before_names():
+    matching = match(PERSON, PERSON, {"LeftWrist": "LeftElbow", "Head": "Head"})
+    assert named(matching)["LeftWrist"] == "LeftElbow"
+    changed = [PERSON.index("LeftWrist"), PERSON.index("LeftWrist_End")]
+    np.testing.assert_array_equal(np.delete(matching.drivers - np.arange(len(PERSON)), changed), 0)
+    assert [matching.found[PERSON.index(name)] for name in ("LeftWrist", "Head", "Neck")] == ["map", "map", "name"]
+
+
+@pytest.mark.parametrize("source", [PERSON, MIXAMO], ids=["equal names", "other names"])
+def test_a_map_changes_no_other_joint_than_those_it_names(source):
+    before, after = match(source, PERSON), match(source, PERSON, {"Head_End": None, "LeftKnee": None})
+    changed = [PERSON.index("Head_End"), PERSON.index("LeftKnee")]
+    np.testing.assert_array_equal(after.drivers[changed], -1)
+    np.testing.assert_array_equal(after.turns[changed], -1)
+    for ours, theirs in ((after.drivers, before.drivers), (after.turns, before.turns), (after.shares, before.shares)):
+        np.testing.assert_array_equal(np.delete(ours, changed, axis=0), np.delete(theirs, changed, axis=0))
+    assert {after.found[joint] for joint in changed} == {""}
+
+
+def test_a_map_makes_up_for_names_that_say_nothing():
+    source, target = chain("a", "b", "c"), chain("x", "y", "z")
+    with pytest.raises(MatchingError):
+        match(source, target)
+    assert named(match(source, target, {"x": "a", "y": "c"})) == {"x": "a", "y": "c"}
+
+
+@pytest.mark.parametrize(
+    ("explicit", "reason"),
+    [
+        ({"LeftWirst": "LeftWrist"}, "the target has no such joint; did you mean 'LeftWrist'"),
+        ({"LeftWrist": "LeftWirst"}, "the source has no joint 'LeftWirst'; did you mean 'LeftWrist'"),
+        ({"Nose": None}, "the target has no such joint"),
+    ],
+)
+def test_a_map_of_joints_that_are_not_there_is_refused(explicit, reason):
+    with pytest.raises(MapError, match=reason) as caught:
+        match(PERSON, PERSON, explicit)
+    assert [caught.value.key] == list(explicit)
+
+
+# Parts of the body
+
+
+@pytest.mark.parametrize("theirs", RIGS)
+@pytest.mark.parametrize("ours", RIGS)
+def test_limbs_drive_the_same_limbs_whatever_the_convention_and_the_pose(theirs, ours):
+    matching = match(RIGS[theirs], RIGS[ours])
+    (other, _), (own, _) = theirs.split("_"), ours.split("_")
+    pairs = named(matching)
+    assert [pairs[name] for name in limbs(own)] == limbs(other)
+    legs = [
+        [body.keys[joint] for leg in pair for joint in (leg.hip, leg.ankle)]
+        for body, pair in zip((matching.target, matching.source), matching.legs, strict=True)
+    ]
+    assert legs == [limbs(own, slice(4, 7, 2)), limbs(other, slice(4, 7, 2))]
+    assert matching.target.index(limbs(own)[4]) in matching.target.children[matching.pelvis]
+    known = matching.drivers >= 0
+    np.testing.assert_array_equal(known, [how != "" for how in matching.found])
+    assert np.all(matching.sure[known] > 0.5)
+    assert np.all(matching.sure[~known] == 0)
+
+
+def test_pairs_of_equal_names_are_surer_than_those_of_parts_and_these_than_those_of_shapes():
+    said, unsaid = (renamed(PERSON, {"Hips": "Pelvis"}), renamed(PERSON, lambda name: name[::-1]))
+    sure = [match(PERSON, target).sure[~PERSON.end_sites] for target in (PERSON, said, unsaid)]
+    assert np.all(sure[0] > sure[1])
+    assert np.all(sure[1] > sure[2])
+
+
+def test_a_body_whose_names_say_nothing_matches_by_its_shape():
+    matching = match(PERSON, renamed(PERSON, lambda name: name[::-1]))
+    np.testing.assert_array_equal(matching.drivers, np.arange(len(PERSON)))
+    assert set(matching.found) == {"shape", "tip"}
+
+
+@pytest.mark.parametrize(
+    ("theirs", "ours"), [("lafan1_t", "xsens_t"), ("xsens_t", "unreal_t"), ("unreal_t", "lafan1_t")]
+)
+def test_a_spine_of_another_number_of_joints_turns_between_neighbours_in_order(theirs, ours):
+    matching = match(RIGS[theirs], RIGS[ours])
+    (source, target), shares = matching.anatomies, matching.shares
+    spine = list(target.spine)
+    first, second = np.searchsorted(source.spine, matching.turns[spine]).T
+    assert len(source.spine) != len(target.spine) or not shares.any()
+    assert np.all((second == first + 1) | (first == second) & (first == len(source.spine) - 1))
+    assert np.all(np.diff(first + shares[spine]) >= 0)
+    assert np.all((shares >= 0) & (shares <= 1))
+    others = np.setdiff1d(np.flatnonzero(matching.drivers >= 0), [*target.spine, *target.neck])
+    np.testing.assert_array_equal(matching.turns[others], matching.drivers[others, None].repeat(2, axis=1))
+    assert not shares[others].any()
+
+
+def test_a_joint_the_source_has_not_follows_its_parent():
+    target = with_bone(with_bone(PERSON, "LeftForearmTwist", "LeftElbow"), "Tail", "Hips")
+    matching = match(PERSON, target)
+    np.testing.assert_array_equal(matching.drivers, [*range(len(PERSON)), -1, -1])
+    np.testing.assert_array_equal(matching.turns[-2:], -1)
+    assert matching.found[-2:] == ("", "")
+
+
+@pytest.mark.parametrize("name", ["Head", "LeftWrist", "RightToe", "Chest2", "LeftElbow", "RightKnee", "LeftHip"])
+def test_one_joint_of_another_name_costs_no_other_joint_its_driver(name):
+    matching = match(PERSON, renamed(PERSON, {name: "Qqq"}))
+    joints = [joint for joint in np.flatnonzero(~PERSON.end_sites) if joint != PERSON.index(name)]
+    np.testing.assert_array_equal(matching.drivers[joints], joints)
+    assert matching.drivers[PERSON.index(name)] in (-1, PERSON.index(name))
+
+
+@pytest.mark.parametrize(("held", "expected"), [("LeftWrist", "Sword"), ("Head", None)])
+def test_equal_names_of_what_is_no_part_of_the_body_match_where_they_hang_from_the_same_part(held, expected):
+    source, target = with_bone(MIXAMO, "Sword", "mixamorig:LeftHand"), with_bone(PERSON, "Sword", held)
+    assert named(match(source, target)).get("Sword") == expected
+
+
+@pytest.mark.parametrize("fingers", [("Index",), ("Thumb", "Index", "Middle"), FINGERS])
+def test_fingers_match_if_the_source_has_most_of_them(fingers):
+    gone = "|".join(f"Hand{finger}" for finger in FINGERS if finger not in fingers)
+    source = without(MIXAMO, gone) if gone else MIXAMO
+    pairs = named(match(source, RIGS["unreal_t"]))
+    driven = {name.split("_")[0] for name in pairs if re.match("thumb|index|middle|ring|pinky", name)}
+    assert driven == ({finger.lower() for finger in fingers} if len(fingers) > 1 else set())
+    if "Middle" in fingers:
+        assert pairs["middle_02_r"] == "mixamorig:RightHandMiddle2"
+
+
+# Left and right
+
+
+def test_left_drives_left_though_the_names_of_one_body_are_crossed():
+    crossed = renamed(PERSON, swapped)
+    for source, target in ((PERSON, crossed), (crossed, PERSON)):
+        np.testing.assert_array_equal(match(source, target).drivers, np.arange(len(PERSON)))
+    np.testing.assert_array_equal(match(crossed, crossed).drivers, np.arange(len(PERSON)))
+    assert named(match(crossed, MIXAMO))["mixamorig:LeftArm"] == "RightShoulder"
+
+
+def test_a_motion_tells_left_from_right_where_the_rest_pose_does_not():
+    walk = posed(PERSON, {"LeftKnee": np.array([0.3, 0, 0])}, np.linspace([0, 1, 0], [0, 1, 2], 8))
+    lying = PERSON.with_offsets(PERSON.lengths[:, None] * [1.0, 0, 0])
+    for rename, expected in ((str, PERSON.names), (swapped, tuple(map(swapped, PERSON.names)))):
+        matching = match(renamed(lying, rename), PERSON, positions=walk.positions)
+        assert tuple(named(matching).values()) == expected
+
+
+# Refusals
+
+
+def refused(source, target, reason, explicit=None):
+    with pytest.raises(MatchingError, match=reason) as caught:
+        match(source, target, explicit)
+    matching = find_matching(source, target, explicit)
+    assert refusal(matching) == caught.value.reason
+    assert "\n" not in str(caught.value)
+    for side, body in ((caught.value.target, target), (caught.value.source, source)):
+        assert side == tuple(np.array(body.keys)[~body.end_sites])
+        assert all(repr(name) in str(caught.value) for name in side[:12])
+    assert "map" in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("source", "target", "body"),
+    [
+        (chain("Head", "end"), MIXAMO, "the source"),
+        (MIXAMO, chain("Head", "line", "end"), "the target"),
+        (chain("rope", "end"), chain("line", "end", "hook"), "either of them"),
+    ],
+)
+def test_what_is_no_body_is_refused_with_the_names_of_both(source, target, body):
+    refused(source, target, rf"only \d of \d+ joints .*, and no human body is recognised in {body}")
+
+
+def test_a_refusal_names_the_closest_pairs():
+    told = refused(chain("rope1", "rope2"), chain("rope1x", "anchor"), "no joint of the target has a driver")
+    assert "closest names: 'rope1x' and 'rope1'; the target has" in told
+
+
+def test_a_body_on_all_fours_is_refused():
+    refused(seated(PERSON), MIXAMO, "the source seems to go on all fours")
+    refused(MIXAMO, seated(PERSON), "the target seems to go on all fours")
+    match(seated(PERSON), PERSON)  # equal names need no such guess
+
+
+def test_bodies_that_share_neither_arms_nor_legs_are_refused():
+    refused(without(PERSON, "Collar"), without(MIXAMO, "UpLeg"), "they share neither arms nor legs")
+
+
+def test_a_body_without_legs_matches_arms_and_trunk():
+    pairs = named(match(without(PERSON, "Hip$"), MIXAMO))
+    assert [pairs[f"mixamorig:Left{part}"] for part in ("Arm", "ForeArm")] == ["LeftShoulder", "LeftElbow"]
+    assert "mixamorig:LeftLeg" not in pairs
+
+
+def test_a_map_that_leaves_nothing_is_refused():
+    refused(PERSON, PERSON, "no joint of the target has a driver", dict.fromkeys(PERSON.keys))
+
+
+@pytest.mark.parametrize("explicit", [{"hook": "end"}, {"line": "rope"}])
+def test_a_map_is_never_refused_for_lack_of_names(explicit):
+    matching = match(chain("rope", "end"), chain("line", "hook"), explicit)
+    assert named(matching).items() >= explicit.items()

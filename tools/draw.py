@@ -101,7 +101,7 @@ def _upright(points: Array, up: str) -> Array:
     return points @ turn.T
 
 
-def _cells(motion: Motion, frames: Sequence[int], up: str | None, size: float | None) -> list[Cell]:
+def cells(motion: Motion, frames: Sequence[int], up: str | None, size: float | None) -> list[Cell]:
     """The frames, each moved to the origin, or all together where the motion stays on the spot."""
     points = _upright(motion.positions, up or motion.skeleton.up or "Y")
     own = body_height(motion.skeleton)
@@ -222,7 +222,7 @@ def _grid(
         if max(frames) >= len(motion):
             raise ValueError(f"{label} has frames 0 to {len(motion) - 1}, not {max(frames)}")
     size = max(body_height(motion.skeleton) for _, motion in rows) if same_scale else None
-    return [_cells(motion, frames, up, size) for _, motion in rows]
+    return [cells(motion, frames, up, size) for _, motion in rows]
 
 
 def draw_strip(
@@ -252,23 +252,24 @@ def draw_strip(
     if columns:
         scenes = [list(scene) for scene in zip(*scenes, strict=True)]
         titles, labels = [f"frame {frame}" for frame in frames], [titles] * len(frames)
-    _write_picture(scenes, titles, labels, camera, path)
+    write_picture(scenes, titles, labels, camera, path)
 
 
-def _write_picture(
+def write_picture(
     scenes: Sequence[Sequence[Cell]],
     titles: Sequence[str],
     labels: Sequence[Sequence[str]],
     camera: Camera,
     path: str | Path,
+    dpi: int = 150,
 ) -> None:
-    """The scenes below each other, all with the same spacing."""
+    """Draw scenes below each other, all with the same spacing: a title each, and a label for each of their cells."""
     screen = np.concatenate([camera(cell.points)[0] for scene in scenes for cell in scene])
     left, low = screen.min(axis=0) - MARGIN
     right, high = screen.max(axis=0) + MARGIN
     low = min(low, -DEPTH * camera.slope - MARGIN[0])
     across, upward = (right - left) * len(scenes[0]), high - low
-    figure = Figure((across * INCHES_PER_HEIGHT, upward * len(scenes) * INCHES_PER_HEIGHT), dpi=150)
+    figure = Figure((across * INCHES_PER_HEIGHT, upward * len(scenes) * INCHES_PER_HEIGHT), dpi=dpi)
     for number, (scene, title, names) in enumerate(zip(scenes, titles, labels, strict=True)):
         ax = figure.add_axes((0, 1 - (number + 1) / len(scenes), 1, 1 / len(scenes)))
         ax.set(xlim=(left, left + across), ylim=(low, high))
