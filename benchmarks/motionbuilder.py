@@ -22,7 +22,8 @@ from distretarget.metrics import compare
 
 HEAD = (
     "| clip | frames | direction, copy and MotionBuilder, degrees | direction, result and MotionBuilder "
-    "| contact error, copy / MotionBuilder / result | slide, source / MotionBuilder / result |\n|---|---|---|---|---|---|"
+    "| contact error, copy / MotionBuilder / result | slide, source / MotionBuilder / result |\n"
+    "|---|---|---|---|---|---|"
 )
 
 

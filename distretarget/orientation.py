@@ -14,6 +14,7 @@ UPRIGHT = 100.0  # degrees between trunk and legs of a rest pose that is a pose,
 RAISED = np.cos(np.radians(30))  # and its arms are farther than this from the direction of the trunk
 STRETCHED = 125.0  # degrees between trunk and legs, which people reach and animals on four legs rarely do
 FOLDED = 45.0  # a rest pose with a smaller angle is no pose, and tells nothing
+SQUARE = np.cos(np.radians(25))  # a body that stands so nearly along the file's axes stands along them
 CLEAR = 0.3  # mean cosine from which feet tell left from right
 
 
@@ -47,6 +48,15 @@ def body_axes(anatomy: Anatomy, x: Array) -> Array:
     up = trunk(anatomy, x)
     up = unit(up - (up * left).sum(axis=-1, keepdims=True) * left)
     return np.stack([left, up, np.cross(left, up)], axis=-1)
+
+
+def squared(axes: Array) -> Array:
+    """Left, up and forward of a body, (3, 3), as columns: those of the file, if they are nearly along its axes."""
+    largest = np.argmax(np.abs(axes), axis=0)
+    square = np.zeros((3, 3))
+    square[largest, range(3)] = np.sign(axes[largest, range(3)])
+    cosine = (np.trace(axes.T @ square) - 1.0) / 2.0
+    return square if np.linalg.det(square) > 0.5 and cosine > SQUARE else axes
 
 
 def is_pose(skeleton: Skeleton, anatomy: Anatomy) -> bool:

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.alignment import least
-from distretarget.anatomy import SIDES, Anatomy
+from distretarget.anatomy import SIDES
 from distretarget.matching import Matching
 from distretarget.motion import Motion
-from distretarget.orientation import body_axes, is_pose, unit
+from distretarget.orientation import body_axes, is_pose, squared, unit
 from distretarget.standing import resting, standing_frame, standing_positions, stood
 
 Array = NDArray[np.float64]
@@ -18,7 +18,6 @@ Array = NDArray[np.float64]
 BUILD = np.radians(55)  # bones of trunk, hands and feet whose rest directions differ by less differ in build only
 LONG = ("UpperArm", "LowerArm", "UpperLeg", "LowerLeg")  # whose bones are laid upon each other exactly
 BUILT = ("hips", "head", "Shoulder", "Foot", "Toes")  # whose bones never are
-SQUARE = np.radians(25)  # a body that stands so nearly along the axes stands along them
 
 
 def rest_alignment(matching: Matching, motion: Motion, up: Array) -> Array:
@@ -70,23 +69,10 @@ def _body_turn(matching: Matching, x: Array, y: Array) -> tuple[Rotation, dict[i
     s, t = matching.anatomies
     if s is None or t is None:
         return Rotation.identity(), {}
-    theirs, ours = _axes(s, x), _axes(t, y)
+    theirs, ours = squared(body_axes(s, x)), squared(body_axes(t, y))
     upper = [(t.roles.get(f"{side}UpperArm", -1), sign) for side, sign in zip(SIDES, (1.0, -1.0), strict=True)]
     turn = Rotation.identity() if _alike(matching) else Rotation.from_matrix(theirs @ ours.T)
     return turn, {joint: sign * theirs[:, 0] for joint, sign in upper}
-
-
-def _axes(anatomy: Anatomy, x: Array) -> Array:
-    """(3, 3), left, up and forward of a body that stands at positions (joints, 3); the file's axes, if it stands nearly
-    along them.
-    """
-    axes = body_axes(anatomy, x)
-    largest = np.argmax(np.abs(axes), axis=0)
-    square = np.zeros((3, 3))
-    square[largest, range(3)] = np.sign(axes[largest, range(3)])
-    if np.linalg.det(square) < 0.5:
-        return axes
-    return square if Rotation.from_matrix(axes.T @ square).magnitude() < SQUARE else axes
 
 
 def _built(matching: Matching) -> tuple[set[int], set[int]]:

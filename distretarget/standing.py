@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from distretarget.alignment import least
 from distretarget.anatomy import ARM, LEG, SIDES, Anatomy
 from distretarget.motion import Motion
-from distretarget.orientation import body_axes, is_pose, leg_directions, trunk, unit
+from distretarget.orientation import body_axes, is_pose, leftwards, leg_directions, squared, trunk, unit
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ def standing_frame(motion: Motion, anatomy: Anatomy, up: Array) -> Array:
 
 def stood(skeleton: Skeleton, anatomy: Anatomy) -> Array:
     """(joints, 4), world rotations in which the body stands: those of the rest pose where that is a pose, else those
-    that put together a T-pose, Y up, facing Z.
+    that put together a T-pose, Y up, facing Z: the hips by their own axes, the spine straight up from them.
 
     Each joint is turned from the one above by the least rotation, but where that is right round, about the axis from
     side to side, as knees bend.
@@ -61,7 +61,7 @@ def stood(skeleton: Skeleton, anatomy: Anatomy) -> Array:
     turns: list[Rotation] = []
     for joint in range(len(skeleton)):
         above = skeleton.parents[joint]
-        turn = turns[above] if joint else Rotation.from_matrix(body_axes(anatomy, skeleton.rest_positions).T)
+        turn = turns[above] if joint else Rotation.from_matrix(_hip_axes(skeleton, anatomy).T)
         if joint in goals:
             tip, goal = goals[joint]
             bone = unit(turn.apply(skeleton.rest_positions[tip] - skeleton.rest_positions[joint]))
@@ -82,8 +82,27 @@ def standing_positions(skeleton: Skeleton, world: Array) -> Array:
     return x
 
 
+def _hip_axes(skeleton: Skeleton, anatomy: Anatomy) -> Array:
+    """(3, 3), left, up and forward of the hips at rest: across the hip joints, and along the spine's first bone."""
+    x = skeleton.rest_positions
+    hips = [anatomy.roles.get(f"{side}UpperLeg") for side in SIDES]
+    left = leftwards(anatomy, x) if None in hips else unit(x[hips[0]] - x[hips[1]])
+    bones = [unit(x[joint] - x[anatomy.roles["hips"]]) for joint in _upright(anatomy)]
+    up = next((bone for bone in bones if bone.any()), trunk(anatomy, x))
+    up = unit(up - (up @ left) * left)
+    return squared(np.stack([left, up, np.cross(left, up)], axis=-1))
+
+
+def _upright(anatomy: Anatomy) -> list[int]:
+    """The joints above the hips, up to the head."""
+    head = [anatomy.roles["head"]] if "head" in anatomy.roles else []
+    return [*anatomy.spine, *anatomy.neck, *head]
+
+
 def _goals(anatomy: Anatomy) -> Iterator[tuple[int, tuple[int, Array]]]:
     """For joints of a T-pose the joint at the end of their bone, and where the bone points."""
+    for lower, upper in pairwise(_upright(anatomy)):
+        yield lower, (upper, np.array([0.0, 1.0, 0.0]))
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         for upper, lower in _bones(anatomy, side, ARM):
             yield upper, (lower, np.array([sign, 0.0, 0.0]))

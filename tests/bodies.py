@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,18 @@ def swaying(skeleton: Skeleton, frames: int = 20, angle: float = 0.6, seed: int 
 def other_lengths(skeleton: Skeleton, seed: int = 1) -> Skeleton:
     """The same tree and rest directions with bones 0.6 to 1.6 times as long."""
     return skeleton.with_lengths(skeleton.lengths * np.random.default_rng(seed).uniform(0.6, 1.6, len(skeleton)))
+
+
+def with_bone(skeleton: Skeleton, name: str, parent: str) -> Skeleton:
+    """The body with one more joint below a joint."""
+    return replace(
+        skeleton,
+        names=(*skeleton.names, name),
+        parents=np.append(skeleton.parents, skeleton.index(parent)),
+        offsets=np.append(skeleton.offsets, [[0.0, 0.0, 0.1]], axis=0),
+        channels=(*skeleton.channels, ("Zrotation", "Xrotation", "Yrotation")),
+        end_sites=np.append(skeleton.end_sites, False),
+    )
 
 
 def person() -> Skeleton:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, person, posed
+from bodies import SAMPLES, person, posed, with_bone
 
 from distretarget import Skeleton, load_skeleton
 from distretarget.errors import MapError, MatchingError
@@ -68,17 +68,6 @@ def without(skeleton, pattern):
     return taken(skeleton, kept)
 
 
-def with_bone(skeleton, name, parent):
-    return replace(
-        skeleton,
-        names=(*skeleton.names, name),
-        parents=[*skeleton.parents, skeleton.index(parent)],
-        offsets=[*skeleton.offsets, (0, 0, 0.1)],
-        channels=(*skeleton.channels, ("Zrotation",)),
-        end_sites=[*skeleton.end_sites, False],
-    )
-
-
 def seated(skeleton):
     """With legs forward, across the trunk."""
     legs = [bool(re.search("Knee|Ankle", name)) for name in skeleton.names]
@@ -129,17 +118,17 @@ def test_exact_names_come_before_those_that_differ_in_namespace_or_case():
 
 
 def test_names_that_only_a_namespace_tells_apart_do_not_match_others():
-    source, target = chain("base", "mid", "a:hand", "b:hand"), chain("base", "mid", "hand")
+    source = chain("base", "mid", "a:hand", "b:hand", parents=[-1, 0, 1, 1])
+    target = chain("base", "mid", "hand")
     assert named(match(source, target)) == {"base": "base", "mid": "mid"}
 
 
 def test_half_of_the_names_are_enough_without_a_body_and_fewer_are_refused():
     source = chain("a", "b", "c", "d", "E", ends="E")
-    matching = match(source, chain("x", "b", "c", "y", "E", ends="E"))
-    assert named(matching) == {"b": "b", "c": "c"}
-    assert matching.pelvis == 1
+    matching = match(source, chain("x", "y", "c", "d", "E", ends="E"))
+    assert named(matching) == {"c": "c", "d": "d", "E": "E"}
     with pytest.raises(MatchingError, match="only 1 of 4 joints of the target have the names of source joints"):
-        match(source, chain("x", "b", "y", "z", "E", ends="E"))
+        match(source, chain("x", "y", "z", "d", "E", ends="E"))
 
 
 def test_without_legs_the_path_is_that_of_the_first_joint_with_a_driver():
@@ -147,6 +136,7 @@ def test_without_legs_the_path_is_that_of_the_first_joint_with_a_driver():
     assert match(rope, rope).legs is None
     assert match(rope, rope).pelvis == 0
     assert match(rope, rope, {"a": None}).pelvis == 1
+    assert match(rope, rope, {"c": None}).pelvis == 0
 
 
 # End Sites
@@ -256,16 +246,14 @@ def test_a_body_whose_names_say_nothing_matches_by_its_shape():
     assert set(matching.found) == {"shape", "tip"}
 
 
-@pytest.mark.parametrize(
-    ("theirs", "ours"), [("lafan1_t", "xsens_t"), ("xsens_t", "unreal_t"), ("unreal_t", "lafan1_t")]
-)
+@pytest.mark.parametrize(("theirs", "ours"), [("lafan1_t", "xsens_t"), ("xsens_t", "unreal_t")])
 def test_a_spine_of_another_number_of_joints_turns_between_neighbours_in_order(theirs, ours):
     matching = match(RIGS[theirs], RIGS[ours])
     (source, target), shares = matching.anatomies, matching.shares
     spine = list(target.spine)
     first, second = np.searchsorted(source.spine, matching.turns[spine]).T
-    assert len(source.spine) != len(target.spine) or not shares.any()
-    assert np.all((second == first + 1) | (first == second) & (first == len(source.spine) - 1))
+    assert len(source.spine) != len(target.spine)
+    assert np.all((second == first + 1) | (first == second) & (second == len(source.spine) - 1))
     assert np.all(np.diff(first + shares[spine]) >= 0)
     assert np.all((shares >= 0) & (shares <= 1))
     others = np.setdiff1d(np.flatnonzero(matching.drivers >= 0), [*target.spine, *target.neck])
@@ -281,12 +269,20 @@ def test_a_joint_the_source_has_not_follows_its_parent():
     assert matching.found[-2:] == ("", "")
 
 
-@pytest.mark.parametrize("name", ["Head", "LeftWrist", "RightToe", "Chest2", "LeftElbow", "RightKnee", "LeftHip"])
-def test_one_joint_of_another_name_costs_no_other_joint_its_driver(name):
-    matching = match(PERSON, renamed(PERSON, {name: "Qqq"}))
-    joints = [joint for joint in np.flatnonzero(~PERSON.end_sites) if joint != PERSON.index(name)]
-    np.testing.assert_array_equal(matching.drivers[joints], joints)
-    assert matching.drivers[PERSON.index(name)] in (-1, PERSON.index(name))
+@pytest.mark.parametrize(
+    ("body", "name"),
+    [
+        *((PERSON, name) for name in ("Head", "LeftWrist", "RightToe", "Chest2", "LeftElbow", "RightKnee", "LeftHip")),
+        (RIGS["lafan1_t"], "LeftArm"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else str(len(value)),
+)
+def test_one_joint_of_another_name_costs_no_other_joint_its_driver(body, name):
+    odd = body.index(name)
+    drivers = match(body, renamed(body, {name: "Qqq"})).drivers
+    joints = [joint for joint in np.flatnonzero(~body.end_sites) if joint != odd]
+    np.testing.assert_array_equal(drivers[joints], joints)
+    assert drivers[odd] in (-1, odd)
 
 
 @pytest.mark.parametrize(("held", "expected"), [("LeftWrist", "Sword"), ("Head", None)])

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import mirrored, moved, other_lengths, person, swaying
+from bodies import mirrored, moved, other_lengths, person, swaying, with_bone
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton, retarget
-from distretarget.errors import MotionError
+from distretarget.errors import MapError, MatchingError, MotionError
 
 BODY = person()
 
@@ -144,3 +144,51 @@ def test_motions_that_cannot_be_retargeted_are_refused():
         retarget(motion, BODY.with_offsets(0 * BODY.offsets))
     with pytest.raises(MotionError, match="beyond"):
         retarget(moved(motion, Rotation.identity(), (1e150, 0, 0)), BODY)
+
+
+def test_joints_without_a_driver_follow_their_parents():
+    motion, target = swaying(BODY), with_bone(other_lengths(BODY), "Twist", "LeftElbow")
+    result = retarget(motion, target, joint_map={"Head": None})
+    for joint in (target.index("Head"), len(BODY)):
+        assert result.drivers[joint] == -1
+        np.testing.assert_allclose(np.abs(result.motion.rotations[:, joint]), [[0, 0, 0, 1]] * len(motion), atol=1e-9)
+    plain = retarget(motion, other_lengths(BODY), joint_map={"Head": None}).motion.positions
+    np.testing.assert_allclose(result.motion.positions[:, :-1], plain, atol=1e-9)
+    np.testing.assert_array_equal(result.drivers, result.matching.drivers)
+
+
+def test_bodies_that_cannot_be_matched_are_refused():
+    rope = Skeleton(tuple("abc"), [-1, 0, 1], np.tile([0.0, 1, 0], (3, 1)), (("Zrotation",),) * 3, [False] * 3)
+    with pytest.raises(MatchingError, match="the target has 'a', 'b', 'c'; the source has 'Hips'"):
+        retarget(swaying(BODY), rope)
+    with pytest.raises(MapError, match="no joint 'Nose'"):
+        retarget(swaying(BODY), BODY, joint_map={"Head": "Nose"})
+
+
+@pytest.mark.parametrize("source_up", [None, "Z"])
+def test_a_source_with_another_axis_up_gives_the_same_result(source_up):
+    motion, target = swaying(BODY), replace(other_lengths(BODY), up="Y")
+    lying = moved(motion, Rotation.from_euler("x", 90, degrees=True), (1, 2, 0))
+    result, expected = (
+        retarget(lying, target, source_up=source_up),
+        retarget(moved(motion, Rotation.identity(), (1, 0, -2)), target),
+    )
+    assert (result.world.source_up, result.world.up) == ("Z", "Y")
+    np.testing.assert_array_equal(result.world.up_vector, [0, 1, 0])
+    np.testing.assert_allclose(result.source.positions, expected.source.positions, atol=1e-9)
+    np.testing.assert_allclose(result.motion.positions, expected.motion.positions, atol=1e-5 * size(target))
+
+
+def test_the_result_stands_up_as_it_is_told():
+    motion, target = swaying(BODY), other_lengths(BODY)
+    upright, lying = retarget(motion, target), retarget(motion, target, target_up="Z")
+    expected = upright.motion.positions[..., [0, 2, 1]] * [1, -1, 1]
+    np.testing.assert_allclose(lying.motion.positions, expected, atol=1e-5 * size(target))
+
+
+def test_an_offset_of_the_root_is_added_where_that_is_told_and_else_replaced():
+    raised = replace(swaying(BODY), skeleton=BODY.with_offsets(BODY.offsets + 3 * (np.arange(len(BODY)) == 0)[:, None]))
+    plain, added = (retarget(raised, BODY, root_offset=how) for how in ("replaced", "added"))
+    np.testing.assert_allclose(plain.source.positions, raised.positions, atol=1e-12)
+    np.testing.assert_allclose(added.source.positions, raised.positions + 3, atol=1e-12)
+    np.testing.assert_allclose(added.motion.positions, plain.motion.positions + 3, atol=1e-5 * size(BODY))

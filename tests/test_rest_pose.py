@@ -1,0 +1,281 @@
+"""Whatever the rest pose, the motion is the same, and no limb is twisted."""
+
+import sys
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bodies import CORPUS, SAMPLES, needs_corpus, posed
+from scipy.spatial.transform import Rotation
+
+from distretarget import Motion, read_bvh, retarget
+from distretarget.alignment import least_rotation
+from distretarget.body import height
+from distretarget.conventions import by_names
+from distretarget.world import axis_vector
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
+from make_rigs import CONVENTIONS, rig
+
+CLIPS = sorted(SAMPLES.glob("*.bvh"))
+RECORDED = [
+    CORPUS / name
+    for name in ("cmu_daz/02_01.bvh", "cmu_mb/05_03.bvh", "makehuman/walk1.bvh", "pybvh/bvh_test3.bvh")
+    if CORPUS.is_dir()
+]
+LIMBS = (("UpperArm", "LowerArm", "Hand"), ("UpperLeg", "LowerLeg", "Foot"))
+HANDLE = "ik_"  # joints that hang from the root, not from what they stand for
+
+conventions = pytest.mark.parametrize("convention", CONVENTIONS)
+clips = pytest.mark.parametrize("clip", CLIPS, ids=lambda path: path.stem)
+
+
+@cache
+def read(path, step=3, most=60):
+    """Some frames of a clip, from its beginning."""
+    motion = read_bvh(path)
+    frames = slice(0, step * most, step)
+    time = str(step * motion.frame_time)
+    return Motion(motion.skeleton, motion.translations[frames], motion.rotations[frames], time)
+
+
+@cache
+def carried(path, convention, pose):
+    return retarget(read(path), rig(convention, pose)).motion
+
+
+def below(body, tops):
+    """All joints that hang from some joints, apart from these."""
+    found = set(tops)
+    for joint in range(len(body)):
+        if body.parents[joint] in found:
+            found.add(joint)
+    return sorted(found - set(tops))
+
+
+def lowered(body, angle):
+    """The body with its arms turned down [degrees]."""
+    forward = np.array([0.0, -1.0, 0.0]) if body.up == "Z" else np.array([0.0, 0.0, 1.0])
+    offsets = np.array(body.offsets)
+    for side, sign in (("left", -1.0), ("right", 1.0)):
+        arm = below(body, [by_names(body).roles[f"{side}UpperArm"]])
+        offsets[arm] = Rotation.from_rotvec(sign * np.radians(angle) * forward).apply(offsets[arm])
+    return body.with_offsets(offsets)
+
+
+def apart(one, other):
+    """The largest distance between joints of two motions, handles left out, in heights."""
+    body = [joint for joint, name in enumerate(one.skeleton.names) if not name.startswith(HANDLE)]
+    return np.linalg.norm(one.positions - other.positions, axis=-1)[:, body].max() / height(one.skeleton)
+
+
+def bones(motion, limb, side):
+    """(frames, 3) per bone of a limb: the joint that turns it, and its direction; the hand goes on as the forearm."""
+    anatomy = by_names(motion.skeleton)
+    joints = [anatomy.roles[side + part] for part in limb]
+    for joint, lower in zip(joints[:2], joints[1:], strict=True):
+        bone = motion.positions[:, lower] - motion.positions[:, joint]
+        yield joint, bone / np.linalg.norm(bone, axis=1, keepdims=True)
+    fore = Rotation.from_quat(motion.world_rotations[:, joints[2]]).apply(
+        motion.skeleton.rest_positions[joints[2]] - motion.skeleton.rest_positions[joints[1]]
+    )
+    yield joints[2], fore / np.linalg.norm(fore, axis=1, keepdims=True)
+
+
+def rolls_and_directions(one, other):
+    """Per bone of arms and legs how far `other` has it rolled about itself and how far it points elsewhere [degrees],
+    by a vector that points forward in the rest pose of both.
+    """
+    for limb in LIMBS:
+        for side in ("left", "right"):
+            pairs = zip(bones(one, limb, side), bones(other, limb, side), limb, strict=True)
+            for (joint, bone), (other_joint, other_bone), part in pairs:
+                ahead = np.eye(3)[2]
+                a = Rotation.from_quat(least_rotation(bone, other_bone)) * Rotation.from_quat(
+                    one.world_rotations[:, joint]
+                )
+                b = Rotation.from_quat(other.world_rotations[:, other_joint])
+                x, y = (
+                    v - (v * other_bone).sum(axis=1, keepdims=True) * other_bone
+                    for v in (a.apply(ahead), b.apply(ahead))
+                )
+                roll = np.degrees(np.arctan2((np.cross(x, y) * other_bone).sum(axis=1), (x * y).sum(axis=1)))
+                turn = np.degrees(np.arccos(np.clip((bone * other_bone).sum(axis=1), -1, 1)))
+                yield side + part, np.abs(roll), turn
+
+
+@clips
+@conventions
+def test_t_pose_and_a_pose_give_the_same_positions(convention, clip):
+    assert apart(carried(clip, convention, "T"), carried(clip, convention, "A")) < 1e-4
+
+
+@needs_corpus
+@pytest.mark.parametrize("clip", RECORDED, ids=lambda path: f"{path.parent.name}-{path.stem}")
+@conventions
+def test_so_they_do_for_recorded_motions(convention, clip):
+    assert apart(carried(clip, convention, "T"), carried(clip, convention, "A")) < 1e-4
+
+
+@conventions
+@pytest.mark.parametrize("angle", [-30, 30, 85, 90])
+def test_arms_at_rest_may_hang_or_be_raised(convention, angle):
+    for clip in (CLIPS[0], CLIPS[4]):
+        motion = retarget(read(clip), lowered(rig(convention, "T"), angle)).motion
+        assert apart(carried(clip, convention, "T"), motion) < 1e-4
+
+
+@pytest.mark.parametrize("convention", ["mixamo", "xsens", "lafan1"])
+def test_a_source_in_a_pose_is_the_same_motion(convention):
+    clip = CLIPS[0]
+    back, other = (retarget(carried(clip, convention, pose), read(clip).skeleton).motion for pose in ("T", "A"))
+    assert apart(back, other) < 1e-4
+
+
+@conventions
+@pytest.mark.parametrize("pose", ["T", "A"])
+@pytest.mark.parametrize(
+    ("axes", "angles"),
+    [("x", [90]), ("x", [-90]), ("z", [90]), ("zx", [90, 90]), ("zx", [180, 90]), ("y", [90]), ("y", [140])],
+)
+def test_a_target_may_stand_along_any_axis_and_face_anywhere(convention, pose, axes, angles):
+    body = replace(rig(convention, pose), up=None)
+    plain = retarget(read(CLIPS[4]), body)
+    if convention == "unreal":  # along Z where the others stand along Y
+        axes = axes.translate(str.maketrans("yz", "zy"))
+    turn = Rotation.from_euler(axes, angles, degrees=True)
+    turned = retarget(read(CLIPS[4]), body.with_offsets(turn.apply(np.array(body.offsets))))
+    worlds = [
+        Rotation.from_quat(least_rotation(axis_vector("Y")[None], axis_vector(result.world.up)[None])[0])
+        for result in (plain, turned)
+    ]
+    expected = (worlds[1] * worlds[0].inv()).apply(plain.motion.positions.reshape(-1, 3))
+    keep = np.flatnonzero(~np.char.startswith(body.names, HANDLE))
+    found = turned.motion.positions[:, keep]
+    np.testing.assert_allclose(
+        found, expected.reshape(plain.motion.positions.shape)[:, keep], rtol=0, atol=1e-4 * height(body)
+    )
+
+
+@clips
+@pytest.mark.parametrize("pose", ["T", "A"])
+@pytest.mark.parametrize("convention", ["mixamo", "xsens", "lafan1"])
+def test_no_limb_is_twisted_by_a_target_in_t_or_a_pose(convention, pose, clip):
+    for name, roll, _ in rolls_and_directions(read(clip), carried(clip, convention, pose)):
+        assert roll.max() < 1, name
+
+
+@pytest.mark.parametrize("convention", ["mixamo", "xsens", "lafan1"])
+def test_no_limb_is_twisted_onto_the_same_names_in_another_pose(convention):
+    for source, target in ("TA", "AT"):
+        motion = carried(CLIPS[5], convention, source)
+        for name, roll, turn in rolls_and_directions(motion, retarget(motion, rig(convention, target)).motion):
+            assert roll.max() < 1, name
+            assert turn.max() < 1, name
+
+
+@cache
+def there_and_back(clip, standing=False):
+    """A clip, and what comes of it by way of a body whose bones all lie along one axis at rest; the clip begins with a
+    T-pose if it is `standing`.
+    """
+    motion = read(clip)
+    if standing:
+        root = np.broadcast_to(motion.translations[0, :1, :], (5, 1, 3))[:, 0]
+        still = posed(motion.skeleton, {}, root, motion.frame_time_text)
+        translations = np.concatenate([still.translations, motion.translations])
+        motion = replace(
+            motion, translations=translations, rotations=np.concatenate([still.rotations, motion.rotations])
+        )
+    return motion, retarget(retarget(motion, rig("lafan1", "X")).motion, motion.skeleton).motion
+
+
+@clips
+def test_limbs_point_as_before_by_way_of_a_rest_pose_that_is_none(clip):
+    for name, _, turn in rolls_and_directions(*there_and_back(clip)):
+        if not name.endswith(("Hand", "Foot")):
+            assert turn.mean() < 4, name
+            assert turn.max() < 10, name
+
+
+@clips
+def test_feet_point_as_before_by_way_of_a_rest_pose_that_is_none(clip):
+    motion, back = there_and_back(clip)
+    for side in ("Left", "Right"):
+        ankle, toe = (motion.skeleton.index(f"{side}{part}") for part in ("Ankle", "Toe"))
+        a, b = ((x.positions[:, toe] - x.positions[:, ankle]) / x.skeleton.lengths[toe] for x in (motion, back))
+        angle = np.degrees(np.arccos(np.clip((a * b).sum(axis=1), -1, 1)))
+        assert angle.max() < 15, side
+
+
+@clips
+def test_limbs_roll_little_by_way_of_a_rest_pose_that_is_none(clip):
+    """Where no frame shows a T-pose, how far hanging arms are rolled is not known: a hanging forearm's own roll, about
+    25 degrees in these clips, is taken for none.
+    """
+    for name, roll, _ in rolls_and_directions(*there_and_back(clip)):
+        assert roll.max() < (12 if name.endswith(LIMBS[1]) else 30), name
+
+
+def test_limbs_roll_less_where_the_clip_shows_a_t_pose():
+    for name, roll, turn in rolls_and_directions(*there_and_back(CLIPS[5], standing=True)):
+        assert roll.max() < 5, name
+        assert turn.max() < 8, name
+
+
+@clips
+def test_bones_along_one_axis_are_put_together_as_a_t_pose(clip):
+    motion = retarget(read(clip), rig("lafan1", "X")).motion
+    for limb in LIMBS:
+        for side in ("left", "right"):
+            for (_, a), (_, b) in list(
+                zip(bones(motion, limb, side), bones(carried(clip, "lafan1", "T"), limb, side), strict=True)
+            )[:2]:
+                assert np.degrees(np.arccos(np.clip((a * b).sum(axis=1), -1, 1))).max() < 5
+
+
+@clips
+@pytest.mark.parametrize("pose", ["T", "A"])
+@conventions
+def test_joints_without_a_driver_stay_as_they_are_at_rest(convention, pose, clip):
+    result = retarget(read(clip), rig(convention, pose))
+    free = (result.matching.turns[:, 0] < 0) & ~result.motion.skeleton.end_sites
+    free[0] = False
+    turns = np.degrees(Rotation.from_quat(result.motion.rotations[:, free]).magnitude()).max(axis=0)
+    names = np.array(result.motion.skeleton.names)[free]
+    assert not [str(name) for name, turn in zip(names, turns, strict=True) if turn > 1e-3]
+
+
+def test_fingers_are_such_joints():
+    result = retarget(read(CLIPS[5]), rig("mixamo", "T"))
+    names = np.array(result.motion.skeleton.names)[result.drivers < 0]
+    assert sum("Hand" in name and name[-1].isdigit() for name in names) == 40
+
+
+@pytest.mark.parametrize("places", [("ForeArm",), ("Hand",), ("ForeArm", "Hand", "Leg")])
+def test_joints_within_a_limb_stay_straight(places):
+    body = rig("lafan1", "T")
+    for side in ("Left", "Right"):
+        for place in places:
+            body = divided(body, f"{side}{place}", f"{side}{place}Twist")
+    result = retarget(read(CLIPS[5]), body).motion
+    within = [joint for joint, name in enumerate(body.names) if name.endswith("Twist")]
+    assert np.degrees(Rotation.from_quat(result.rotations[:, within]).magnitude()).max() < 1e-3
+    plain = carried(CLIPS[5], "lafan1", "T")
+    same = [body.index(name) for name in plain.skeleton.names]
+    np.testing.assert_allclose(result.positions[:, same], plain.positions, rtol=0, atol=0.02 * height(body))
+
+
+def divided(body, name, middle):
+    """The body with one more joint half way along the bone above `name`."""
+    at = body.index(name)
+    offsets = np.insert(body.offsets, at, body.offsets[at] / 2, axis=0)
+    offsets[at + 1] /= 2
+    parents = [parent + (parent >= at) for parent in body.parents]
+    parents = [*parents[:at], int(body.parents[at]), at, *parents[at + 1 :]]
+    channels = (*body.channels[:at], body.channels[at], *body.channels[at:])
+    ends = np.insert(body.end_sites, at, False)
+    names = (*body.names[:at], middle, *body.names[at:])
+    return replace(body, names=names, parents=np.array(parents), offsets=offsets, channels=channels, end_sites=ends)
