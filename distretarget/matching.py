@@ -13,7 +13,7 @@ from distretarget.body import Leg, find_legs, leg_length, parting
 from distretarget.conventions import by_names
 from distretarget.errors import MatchingError
 from distretarget.orientation import on_all_fours, sides_agree, toe_bone
-from distretarget.pairs import JointMap, Pairs, given, joints_of, same_names, same_others, same_parts, tips
+from distretarget.pairs import JointMap, Pairs, given, joints_of, same_names, same_others, same_parts, tips, unused
 from distretarget.shape import by_shape
 from distretarget.skeleton import Skeleton
 from distretarget.spread import spread
@@ -70,8 +70,11 @@ class Matching:
 
     @cached_property
     def legs(self) -> tuple[tuple[Leg, Leg], tuple[Leg, Leg]] | None:
-        """The legs of the target and those of the source, joint by joint; None without legs that both have."""
-        legs = self._named_legs() or find_legs(self.target)
+        """The legs of the target and those of the source, joint by joint; None without legs that both have.
+
+        They are the legs of the two bodies; where none is recognised, those that the target's tree shows.
+        """
+        legs = find_legs(self.target) if None in self.anatomies else self._named_legs()
         if legs is None:
             return None
         a, b = (Leg(*(int(self.drivers[joint]) for joint in (leg.hip, leg.ankle, leg.toe))) for leg in legs)
@@ -81,9 +84,8 @@ class Matching:
     def _named_legs(self) -> tuple[Leg, Leg] | None:
         """The target's legs by the parts of its body; what ends the foot is the toe, if it has a driver."""
         anatomy = self.anatomies[1]
-        if anatomy is None or self.anatomies[0] is None:
-            return None
-        if not {f"{side}{part}" for side in SIDES for part in ("UpperLeg", "Foot")} <= anatomy.roles.keys():
+        ends = {side + part for side in SIDES for part in ("UpperLeg", "Foot")}
+        if anatomy is None or not ends <= anatomy.roles.keys():
             return None
         a, b = (Leg(anatomy.roles[f"{side}UpperLeg"], *self._foot(anatomy, side)) for side in SIDES)
         return a, b
@@ -97,8 +99,9 @@ class Matching:
     @cached_property
     def pelvis(self) -> int:
         """The target joint from which its legs part, if it has a driver; else the first that has."""
-        joint = parting(self.target, self.legs[0]) if self.legs else -1
-        return joint if self.drivers[joint] >= 0 else int(np.argmax(self.drivers >= 0))
+        first = int(np.argmax(self.drivers >= 0))
+        joint = parting(self.target, self.legs[0]) if self.legs else first
+        return joint if self.drivers[joint] >= 0 else first
 
 
 def match(
@@ -123,8 +126,8 @@ def find_matching(
 
     Pairs of `explicit` count before all, {target key: source key, or None for no driver}. If every joint of the target
     has the name of a source joint, names decide. Otherwise the parts of the body, known by names or by shape, and then
-    equal names for joints that are no part of it; without a human body, equal names alone. Left and right are those of
-    the bodies, whatever the joints are called.
+    equal names for joints that are left; equal names first where both follow one convention, and alone where there is
+    no human body. Left and right are those of the bodies, whatever the joints are called.
 
     `positions`, (frames, joints, 3), are the source's in motion: they tell its shape where its rest pose does not.
 
@@ -136,7 +139,9 @@ def find_matching(
     parts = same_parts(s, t) if s and t else {}
     alike = len(pairs) == len(joints_of(target)) and not crossed
     if s and t and not alike:
-        pairs = parts | same_others(source, target, parts, (s, t))
+        names = pairs if s.convention == t.convention != "" and not crossed else {}
+        pairs = names | unused(parts, names)
+        pairs |= same_others(source, target, pairs)
     wanted = given(source, target, explicit or {})
     pairs |= wanted
     pairs |= tips(source, target, pairs)
@@ -154,22 +159,20 @@ def refusal(matching: Matching, positions: Positions = None) -> str:
     joints = joints_of(matching.target)
     named = sum(matching.found[joint] in ("name", "map") for joint in joints)
     s, t = matching.anatomies
-    if not (matching.drivers >= 0).any():
-        return "no joint of the target has a driver"
     if named >= ENOUGH * len(joints) or "map" in matching.found:
         return ""
     if not (s and t):
         body = "the source" if t else "the target" if s else "either of them"
         return (
-            f"only {named} of {len(joints)} joints of the target have the names of source joints, and no human body is "
-            f"recognised in {body}"
+            f"only {named} of {len(joints)} joints of the target have a driver by name, and no human body is recognised "
+            f"in {body}"
         )
     for what, skeleton, anatomy, x in (("source", matching.source, s, positions), ("target", matching.target, t, None)):
         if on_all_fours(skeleton, anatomy, x):
             return f"the {what} seems to go on all fours: its trunk lies across its legs"
     if not any(role in s.roles and role in t.roles for role in LIMBS):
         return "they share neither arms nor legs"
-    return ""
+    return "" if (matching.drivers >= 0).any() else "no joint of the target has a driver"
 
 
 def _sided(source: Skeleton, target: Skeleton, positions: Positions) -> tuple[Anatomies, bool]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.anatomy import SIDES, Anatomy
+from distretarget.anatomy import LEG, SIDES, Anatomy
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -16,6 +16,11 @@ STRETCHED = 125.0  # degrees between trunk and legs, which people reach and anim
 FOLDED = 45.0  # a rest pose with a smaller angle is no pose, and tells nothing
 SQUARE = np.cos(np.radians(25))  # a body that stands so nearly along the file's axes stands along them
 CLEAR = 0.3  # mean cosine from which feet tell left from right
+
+
+def has_legs(anatomy: Anatomy) -> bool:
+    """Whether it has both thighs and shins."""
+    return bool(_joints(anatomy, *(side + part for side in SIDES for part in LEG[:2])))
 
 
 def trunk(anatomy: Anatomy, x: Array) -> Array:
@@ -65,7 +70,7 @@ def is_pose(skeleton: Skeleton, anatomy: Anatomy) -> bool:
     up = trunk(anatomy, x)
     hands = [_joints(anatomy, side + "UpperArm", side + "Hand") for side in SIDES]
     arms = [unit(x[arm[1]] - x[arm[0]]) for arm in hands if len(arm) == 2]
-    stands = _stretch(anatomy, x) > UPRIGHT or not _joints(anatomy, "leftUpperLeg", "rightUpperLeg")
+    stands = not has_legs(anatomy) or _stretch(anatomy, x) > UPRIGHT
     return bool(stands and all(arm @ up < RAISED for arm in arms))
 
 
@@ -76,7 +81,7 @@ def sides_agree(skeleton: Skeleton, anatomy: Anatomy, positions: Array | None) -
     """
     x = skeleton.rest_positions[None] if is_pose(skeleton, anatomy) else positions
     feet = [toe_bone(skeleton, anatomy, side) for side in SIDES]
-    if x is None or not _joints(anatomy, "leftUpperLeg", "rightUpperLeg") or None in feet:
+    if x is None or not has_legs(anatomy) or None in feet:
         return None
     forward = sum(unit(x[:, foot[1]] - x[:, foot[0]]) for foot in feet if foot)
     cosine = float(np.mean((np.cross(leftwards(anatomy, x), trunk(anatomy, x)) * forward).sum(axis=-1)) / 2)
@@ -87,7 +92,7 @@ def on_all_fours(skeleton: Skeleton, anatomy: Anatomy, positions: Array | None) 
     """Whether this seems to be no person: a rest pose whose trunk lies across the legs, or none at all, and trunk and
     legs that do not stretch in motion either; `positions`, (frames, joints, 3), if there is any.
     """
-    if not _joints(anatomy, "leftUpperLeg", "rightUpperLeg"):
+    if not has_legs(anatomy):
         return False
     rest = float(_stretch(anatomy, skeleton.rest_positions))
     if rest > STRETCHED:

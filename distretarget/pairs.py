@@ -80,19 +80,21 @@ def same_parts(s: Anatomy, t: Anatomy) -> Pairs:
     return pairs
 
 
-def same_others(source: Skeleton, target: Skeleton, pairs: Pairs, anatomies: tuple[Anatomy, Anatomy]) -> Pairs:
-    """The joints with equal names that are no parts of the bodies, where they hang from joints that pair up."""
-    parts = [{*anatomy.roles.values(), *anatomy.spine, *anatomy.neck} for anatomy in anatomies]
-    others: Pairs = {}
-    for joint, (driver, how) in same_names(source, target).items():
-        if driver in parts[0] or joint in parts[1]:
-            continue
-        known = pairs | others
+def unused(pairs: Pairs, known: Pairs) -> Pairs:
+    """The pairs of joints of which neither is in a pair that is known."""
+    drivers = {driver for driver, _ in known.values()}
+    return {joint: pair for joint, pair in pairs.items() if joint not in known and pair[0] not in drivers}
+
+
+def same_others(source: Skeleton, target: Skeleton, pairs: Pairs) -> Pairs:
+    """The joints with equal names that are in no pair yet, where they hang from joints that pair up."""
+    known = dict(pairs)
+    for joint, (driver, how) in unused(same_names(source, target), pairs).items():
         above = _nearest(target, joint, set(known))
         drivers = {source_joint for source_joint, _ in known.values()}
         if (known[above][0] if above >= 0 else -1) == _nearest(source, driver, drivers):
-            others[joint] = (driver, how)
-    return others
+            known[joint] = (driver, how)
+    return known
 
 
 def _nearest(skeleton: Skeleton, joint: int, known: set[int]) -> int:

@@ -125,12 +125,11 @@ def test_what_cannot_be_matched_is_shown_and_written_all_the_same(folder):
     done = run("skeleton", "match", "in.bvh", "blocks.json", "-o", "map.json")
     assert done.exit_code == 1
     assert "target: no human body recognised\nmatched: 0 of the target's 2 joints\n" in done.stdout
-    assert str(done.exception) == (
-        "blocks.json: no joint of the target has a driver; fill in map.json and give it with --map"
-    )
+    reason = "only 0 of 2 joints of the target have a driver by name, and no human body is recognised in the target"
+    assert str(done.exception) == f"blocks.json: {reason}; fill in map.json and give it with --map"
     assert json.loads((folder / "map.json").read_text()) == {"Block": None, "Lid": None}
     again = run("in.bvh", "blocks.json", "-o", "out.bvh", "--map", "map.json")
-    assert "blocks.json: no joint of the target has a driver; " in str(again.exception)
+    assert f"blocks.json: {reason}; " in str(again.exception)
     assert "--map MAP.json" in str(again.exception)
     (folder / "map.json").write_text('{"Block": "Chest", "Lid": "Head"}')
     assert run("in.bvh", "blocks.json", "-o", "out.bvh", "--map", "map.json").exit_code == 0

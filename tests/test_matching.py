@@ -127,7 +127,7 @@ def test_half_of_the_names_are_enough_without_a_body_and_fewer_are_refused():
     source = chain("a", "b", "c", "d", "E", ends="E")
     matching = match(source, chain("x", "y", "c", "d", "E", ends="E"))
     assert named(matching) == {"c": "c", "d": "d", "E": "E"}
-    with pytest.raises(MatchingError, match="only 1 of 4 joints of the target have the names of source joints"):
+    with pytest.raises(MatchingError, match="only 1 of 4 joints of the target have a driver by name"):
         match(source, chain("x", "y", "z", "d", "E", ends="E"))
 
 
@@ -234,7 +234,11 @@ def test_limbs_drive_the_same_limbs_whatever_the_convention_and_the_pose(theirs,
 
 
 def test_pairs_of_equal_names_are_surer_than_those_of_parts_and_these_than_those_of_shapes():
-    said, unsaid = (renamed(PERSON, {"Hips": "Pelvis"}), renamed(PERSON, lambda name: name[::-1]))
+    others = {"Collar": "Clavicle", "Shoulder": "UpperArm", "Elbow": "LowerArm", "Wrist": "Hand", "Hip": "UpperLeg"}
+    others |= {"Knee": "LowerLeg", "Ankle": "Foot", "Toe": "Toes", "Hips": "Pelvis", "Chest": "Spine", "Neck": "Neck01"}
+    words = {f"{side}{word}": f"{side}{other}" for side in ("", "Left", "Right") for word, other in others.items()}
+    words |= {"Chest2": "Spine2", "Chest3": "Spine3", "Head": "TheHead"}
+    said, unsaid = (renamed(PERSON, words), renamed(PERSON, lambda name: name[::-1]))
     sure = [match(PERSON, target).sure[~PERSON.end_sites] for target in (PERSON, said, unsaid)]
     assert np.all(sure[0] > sure[1])
     assert np.all(sure[1] > sure[2])
@@ -350,7 +354,7 @@ def test_what_is_no_body_is_refused_with_the_names_of_both(source, target, body)
 
 
 def test_a_refusal_names_the_closest_pairs():
-    told = refused(chain("rope1", "rope2"), chain("rope1x", "anchor"), "no joint of the target has a driver")
+    told = refused(chain("rope1", "rope2"), chain("rope1x", "anchor"), "only 0 of 2 joints of the target have a driver")
     assert "closest names: 'rope1x' and 'rope1'; the target has" in told
 
 

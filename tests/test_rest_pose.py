@@ -3,11 +3,12 @@
 import sys
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-from bodies import CORPUS, SAMPLES, needs_corpus, posed
+from bodies import CORPUS, SAMPLES, moved, needs_corpus, posed
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, read_bvh, retarget
@@ -26,7 +27,7 @@ RECORDED = [
     if CORPUS.is_dir()
 ]
 LIMBS = (("UpperArm", "LowerArm", "Hand"), ("UpperLeg", "LowerLeg", "Foot"))
-HANDLE = "ik_"  # joints that hang from the root, not from what they stand for
+FREE = ("ik_", "root")  # what begins so nothing drives: handles, which hang from the root, and a root on the floor
 
 conventions = pytest.mark.parametrize("convention", CONVENTIONS)
 clips = pytest.mark.parametrize("clip", CLIPS, ids=lambda path: path.stem)
@@ -66,8 +67,8 @@ def lowered(body, angle):
 
 
 def apart(one, other):
-    """The largest distance between joints of two motions, handles left out, in heights."""
-    body = [joint for joint, name in enumerate(one.skeleton.names) if not name.startswith(HANDLE)]
+    """The largest distance between joints of two motions, in heights; those that nothing drives are left out."""
+    body = [joint for joint, name in enumerate(one.skeleton.names) if not name.startswith(FREE)]
     return np.linalg.norm(one.positions - other.positions, axis=-1)[:, body].max() / height(one.skeleton)
 
 
@@ -75,7 +76,7 @@ def bones(motion, limb, side):
     """(frames, 3) per bone of a limb: the joint that turns it, and its direction; the hand goes on as the forearm."""
     anatomy = by_names(motion.skeleton)
     joints = [anatomy.roles[side + part] for part in limb]
-    for joint, lower in zip(joints[:2], joints[1:], strict=True):
+    for joint, lower in pairwise(joints):
         bone = motion.positions[:, lower] - motion.positions[:, joint]
         yield joint, bone / np.linalg.norm(bone, axis=1, keepdims=True)
     fore = Rotation.from_quat(motion.world_rotations[:, joints[2]]).apply(
@@ -146,17 +147,12 @@ def test_a_target_may_stand_along_any_axis_and_face_anywhere(convention, pose, a
     if convention == "unreal":  # along Z where the others stand along Y
         axes = axes.translate(str.maketrans("yz", "zy"))
     turn = Rotation.from_euler(axes, angles, degrees=True)
-    turned = retarget(read(CLIPS[4]), body.with_offsets(turn.apply(np.array(body.offsets))))
-    worlds = [
-        Rotation.from_quat(least_rotation(axis_vector("Y")[None], axis_vector(result.world.up)[None])[0])
-        for result in (plain, turned)
-    ]
-    expected = (worlds[1] * worlds[0].inv()).apply(plain.motion.positions.reshape(-1, 3))
-    keep = np.flatnonzero(~np.char.startswith(body.names, HANDLE))
-    found = turned.motion.positions[:, keep]
-    np.testing.assert_allclose(
-        found, expected.reshape(plain.motion.positions.shape)[:, keep], rtol=0, atol=1e-4 * height(body)
+    result = retarget(read(CLIPS[4]), body.with_offsets(turn.apply(np.array(body.offsets))))
+    upright, other = (
+        Rotation.from_quat(least_rotation(axis_vector("Y")[None], axis_vector(up)[None])[0])
+        for up in (plain.world.up, result.world.up)
     )
+    assert apart(moved(plain.motion, other * upright.inv()), result.motion) < 1e-4
 
 
 @clips
@@ -164,7 +160,7 @@ def test_a_target_may_stand_along_any_axis_and_face_anywhere(convention, pose, a
 @pytest.mark.parametrize("convention", ["mixamo", "xsens", "lafan1"])
 def test_no_limb_is_twisted_by_a_target_in_t_or_a_pose(convention, pose, clip):
     for name, roll, _ in rolls_and_directions(read(clip), carried(clip, convention, pose)):
-        assert roll.max() < 1, name
+        assert roll.max() < (3 if name.endswith("Foot") else 0.2), name  # feet lie differently in every build
 
 
 @pytest.mark.parametrize("convention", ["mixamo", "xsens", "lafan1"])
@@ -212,11 +208,9 @@ def test_feet_point_as_before_by_way_of_a_rest_pose_that_is_none(clip):
 
 @clips
 def test_limbs_roll_little_by_way_of_a_rest_pose_that_is_none(clip):
-    """Where no frame shows a T-pose, how far hanging arms are rolled is not known: a hanging forearm's own roll, about
-    25 degrees in these clips, is taken for none.
-    """
+    """Where no frame shows a T-pose, the roll of the arms that hang is taken for none: 34 degrees in these clips."""
     for name, roll, _ in rolls_and_directions(*there_and_back(clip)):
-        assert roll.max() < (12 if name.endswith(LIMBS[1]) else 30), name
+        assert roll.max() < (12 if name.endswith(LIMBS[1]) else 36), name
 
 
 def test_limbs_roll_less_where_the_clip_shows_a_t_pose():

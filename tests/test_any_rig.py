@@ -1,0 +1,215 @@
+"""Rigs of any kind: roots on the floor, joints above the hips, and bodies that are no people."""
+
+import sys
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from animals import camera, dog, on_a_root, sword
+from bodies import SAMPLES, lengthened, posed, swaying
+from scipy.spatial.transform import Rotation
+
+from distretarget import Motion, read_bvh, retarget
+from distretarget.body import height
+from distretarget.conventions import by_names
+from distretarget.errors import MatchingError
+from distretarget.matching import find_matching, match
+from distretarget.skeleton import POSITION_CHANNELS
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
+from make_rigs import CONVENTIONS, rig
+
+# The sample's joints as Bandai Namco's files call them.
+BANDAI = {
+    "Chest": "Spine",
+    "Chest2": "Spine1",
+    "Chest3": "Chest",
+    **{
+        f"{side}{part}": f"{name}_{side[0]}"
+        for side in ("Left", "Right")
+        for part, name in (
+            *(("Collar", "Shoulder"), ("Shoulder", "UpperArm"), ("Elbow", "LowerArm"), ("Wrist", "Hand")),
+            *(("Hip", "UpperLeg"), ("Knee", "LowerLeg"), ("Ankle", "Foot"), ("Toe", "Toes")),
+        )
+    },
+}
+BEINGS = {
+    "dog": dog(),
+    "dog with names of people": dog(own_names=False),
+    "dog without names": replace(dog(), names=tuple(f"j{joint}" for joint in range(len(dog())))),
+    "sword": sword(),
+    "camera": camera(),
+}
+
+conventions = pytest.mark.parametrize("convention", CONVENTIONS)
+beings = pytest.mark.parametrize("being", BEINGS)
+
+
+@cache
+def walk():
+    motion = read_bvh(SAMPLES / "walk.bvh")
+    return Motion(motion.skeleton, motion.translations[:90:2], motion.rotations[:90:2], str(2 * motion.frame_time))
+
+
+@cache
+def bandai():
+    """The walk as in Bandai Namco's files: a root on the floor that stays, and hips with positions below it."""
+    named = tuple(BANDAI.get(name, name) for name in walk().skeleton.names)
+    below = replace(walk(), skeleton=replace(walk().skeleton, names=named))
+    return on_a_root(below, "joint_Root")
+
+
+def still(body, frames=4):
+    return posed(body, {}, np.tile(body.offsets[0], (frames, 1)))
+
+
+def hips(motion):
+    return motion.positions[:, by_names(motion.skeleton).roles["hips"]]
+
+
+def assert_near(found, expected, relative=1e-5):
+    np.testing.assert_allclose(found, expected, rtol=0, atol=relative * np.ptp(expected, axis=(0, 1)).max())
+
+
+def test_hips_below_a_root_on_the_floor_carry_the_motion():
+    for name in CONVENTIONS:
+        plain, below = (retarget(source, rig(name, "T")) for source in (walk(), bandai()))
+        assert below.root_scale == pytest.approx(plain.root_scale)
+        assert_near(below.motion.positions, plain.motion.positions)
+
+
+@pytest.mark.parametrize("root", ["Reference", "Armature", "reference_node", "q"])
+def test_a_joint_above_the_hips_that_never_moves_does_not_hold_them(root):
+    source = on_a_root(walk(), root)
+    plain = retarget(walk(), rig("lafan1", "A")).motion
+    assert_near(retarget(source, rig("lafan1", "A")).motion.positions, plain.positions)
+
+
+def test_so_it_does_where_nothing_has_a_name():
+    source = on_a_root(walk(), "root")
+    bare = replace(source.skeleton, names=tuple(f"j{joint}" for joint in range(len(source.skeleton))))
+    plain = retarget(walk(), rig("lafan1", "A"))
+    result = retarget(replace(source, skeleton=bare), rig("lafan1", "A"))
+    roles = by_names(rig("lafan1", "A")).roles
+    joints = [roles[role] for role in roles if role not in ("leftShoulder", "rightShoulder")]
+    assert_near(result.motion.positions[:, joints], plain.motion.positions[:, joints], 1e-3)
+
+
+def test_a_root_on_the_floor_follows_the_hips_and_does_not_tip_the_body_over():
+    body = rig("unreal", "T")
+    result = retarget(walk(), body)
+    assert result.drivers[body.index("root")] < 0
+    assert result.drivers[body.index("pelvis")] == 0
+    assert result.matching.pelvis == body.index("pelvis")
+    root = Rotation.from_quat(result.motion.rotations[:, 0]).magnitude()
+    np.testing.assert_allclose(root, 0, atol=1e-5)
+    path = result.motion.root_positions + body.offsets[body.index("pelvis")]
+    np.testing.assert_allclose(path, hips(result.motion), atol=1e-3)
+    travel = result.root_scale * (hips(walk())[-1] - hips(walk())[0])[[0, 2, 1]] * [1, -1, 1]
+    np.testing.assert_allclose(hips(result.motion)[-1] - hips(result.motion)[0], travel, atol=0.05 * height(body))
+
+
+@conventions
+def test_from_a_root_on_the_floor_to_hips_and_back(convention):
+    there = retarget(walk(), rig("unreal", "T")).motion
+    result = retarget(there, rig(convention, "T"))
+    plain = retarget(walk(), rig(convention, "T")).motion
+    joints = [joint for role, joint in by_names(plain.skeleton).roles.items() if role.endswith(("Leg", "Arm", "hips"))]
+    assert_near(result.motion.positions[:, joints], plain.positions[:, joints], 0.03)
+
+
+def test_onto_hips_with_positions_below_a_root_on_the_floor():
+    target = bandai().skeleton
+    assert target.channels[1][:3] == POSITION_CHANNELS
+    result = retarget(walk(), target)
+    assert result.drivers[0] < 0
+    assert_near(result.motion.positions[:, 1:], walk().positions)
+
+
+@conventions
+@beings
+def test_no_animal_or_thing_is_taken_for_a_person(being, convention):
+    person, body = rig(convention, "T"), BEINGS[being]
+    for source, target in ((person, body), (body, person)):
+        with pytest.raises(MatchingError) as caught:
+            retarget(still(source), target)
+        message = str(caught.value)
+        assert "\n" not in message
+        assert repr(source.names[0]) in message
+        assert repr(target.names[0]) in message
+        assert message.endswith("say in a map which source joint drives which target joint")
+        assert set(caught.value.source) == {*np.array(source.names)[~source.end_sites]}
+        assert set(caught.value.target) == {*np.array(target.names)[~target.end_sites]}
+
+
+@pytest.mark.parametrize("source", BEINGS)
+@pytest.mark.parametrize("target", BEINGS)
+def test_nor_for_each_other(source, target):
+    if source == target:
+        assert np.all(match(BEINGS[source], BEINGS[target]).drivers >= 0)
+    else:
+        with pytest.raises(MatchingError):
+            match(BEINGS[source], BEINGS[target], positions=still(BEINGS[source]).positions)
+
+
+@pytest.mark.parametrize("own_names", [True, False])
+@pytest.mark.parametrize("turn", [None, [90, 0, 0], [0, 90, 0]])
+def test_a_dog_moves_on_a_dog_of_another_build(own_names, turn):
+    body = dog(own_names=own_names)
+    motion = swaying(body, angle=0.3)
+    if turn:
+        rotation = Rotation.from_euler("xyz", turn, degrees=True)
+        body = body.with_offsets(rotation.apply(np.array(body.offsets)))
+        motion = swaying(body, angle=0.3)
+    target = lengthened(body, {"Radius": 1.4, "Tibia": 0.7, "back": 1.2, "ForeArm": 1.4, "Leg": 0.7, "Spine1": 1.2})
+    result = retarget(motion, target)
+    assert set(result.matching.found) == {"name", "tip"}
+    np.testing.assert_array_equal(result.drivers, np.arange(len(body)))
+    np.testing.assert_allclose(
+        np.abs((result.copy.rotations * motion.rotations).sum(axis=-1)), 1, atol=1e-9, err_msg="rotations of the copy"
+    )
+    bones = np.linalg.norm(np.diff(result.motion.positions[:, [0, 1]], axis=1), axis=-1)
+    np.testing.assert_allclose(bones, target.lengths[1])
+
+
+def test_half_the_names_are_enough_for_a_dog_with_more_joints():
+    body = dog()
+    names = [f"{name}2" if name.startswith(("Tail", "Left")) else name for name in body.names]
+    target = replace(body, names=tuple(names))
+    drivers = match(body, target).drivers
+    assert drivers[target.index("RightFemur")] == body.index("RightFemur")
+    assert drivers[target.index("LeftFemur2")] == -1
+
+
+@conventions
+def test_an_explicit_map_carries_an_arm_onto_a_sword(convention):
+    source = still(rig(convention, "T"))
+    roles = by_names(source.skeleton).roles
+    hand, fore = (source.skeleton.keys[roles[role]] for role in ("rightHand", "rightLowerArm"))
+    result = retarget(source, sword(), joint_map={"grip": fore, "guard": hand})
+    assert result.matching.found[:2] == ("map", "map")
+    line = result.motion.positions[:, 1] - result.motion.positions[:, 0]
+    arm = source.positions[:, roles["rightHand"]] - source.positions[:, roles["rightLowerArm"]]
+    turned = result.source.positions[:, roles["rightHand"]] - result.source.positions[:, roles["rightLowerArm"]]
+    np.testing.assert_allclose(np.linalg.norm(line, axis=1), 18)
+    np.testing.assert_allclose(line / 18, turned / np.linalg.norm(arm, axis=1, keepdims=True), atol=1e-6)
+
+
+def test_an_explicit_map_carries_a_person_onto_a_dog():
+    target = dog()
+    legs = {"LeftFemur": "LeftHip", "LeftTibia": "LeftKnee", "RightFemur": "RightHip", "RightTibia": "RightKnee"}
+    result = retarget(walk(), target, joint_map=legs | {"croup": "Hips"})
+    assert np.all(np.isfinite(result.motion.positions))
+    assert result.drivers[target.index("LeftTibia")] == walk().skeleton.index("LeftKnee")
+
+
+def test_a_map_may_leave_joints_out():
+    body = rig("lafan1", "T")
+    matching = find_matching(walk().skeleton, body, {"LeftForeArm": None, "Head": "Neck"})
+    arm, head = body.index("LeftForeArm"), body.index("Head")
+    assert (matching.drivers[arm], matching.found[arm], matching.sure[arm]) == (-1, "", 0)
+    assert (matching.drivers[head], matching.found[head]) == (walk().skeleton.index("Neck"), "map")
+    motion = retarget(walk(), body, joint_map={"LeftForeArm": None}).motion
+    np.testing.assert_allclose(np.abs(motion.rotations[:, arm, 3]), 1, atol=1e-9)

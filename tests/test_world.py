@@ -1,0 +1,252 @@
+"""Axes, units and the root's OFFSET: the same posture in another world."""
+
+import sys
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bodies import SAMPLES, moved, person, posed
+from scipy.spatial.transform import Rotation
+
+from distretarget import Motion, read_bvh, retarget
+from distretarget.alignment import least_rotation
+from distretarget.body import height
+from distretarget.conventions import by_names
+from distretarget.world import AXES, axis_vector, root_offset_of, turned, up_of_motion, up_of_rest, with_root_offset
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
+from make_rigs import CONVENTIONS, rig
+
+INCH = 2.54  # cm
+UNITS = {"mm": 10.0, "cm": 1.0, "m": 0.01, "inches": 1 / INCH}
+Y = axis_vector("Y")
+
+ups = pytest.mark.parametrize("up", AXES)
+conventions = pytest.mark.parametrize("convention", CONVENTIONS)
+
+
+@cache
+def walk():
+    """A walk along +Z with Y up [cm]."""
+    motion = read_bvh(SAMPLES / "walk.bvh")
+    return Motion(motion.skeleton, motion.translations[:90:2], motion.rotations[:90:2], str(2 * motion.frame_time))
+
+
+def onto(up, before="Y"):
+    """The least rotation that turns one axis up instead of another."""
+    return Rotation.from_quat(least_rotation(axis_vector(before)[None], axis_vector(up)[None])[0])
+
+
+def spun(turn, x):
+    """Vectors (..., 3), turned."""
+    return x @ turn.as_matrix().T
+
+
+def in_world(motion, turn, scale=1.0):
+    """The motion of a body whose rest pose, too, stands in a turned world."""
+    rotations = (turn * Rotation.from_quat(motion.rotations) * turn.inv()).as_quat()
+    skeleton = motion.skeleton.with_offsets(scale * spun(turn, motion.skeleton.offsets))
+    return replace(motion, skeleton=skeleton, translations=scale * spun(turn, motion.translations), rotations=rotations)
+
+
+def heading(motion):
+    """(3,), from the first place of the root to the last, level and of length 1."""
+    way = motion.root_positions[-1] - motion.root_positions[0]
+    return way / np.linalg.norm(way)
+
+
+def near(found, expected, relative=1e-6):
+    size = np.ptp(expected, axis=(0, 1)).max()
+    np.testing.assert_allclose(found, expected, rtol=0, atol=relative * size)
+
+
+def test_a_motion_in_another_world_has_its_postures():
+    near(in_world(walk(), onto("Z"), 0.5).positions, 0.5 * spun(onto("Z"), walk().positions))
+
+
+def test_y_up_and_facing_z_becomes_z_up_and_facing_minus_y_and_back():
+    there = turned(walk(), "Y", "Z")
+    np.testing.assert_allclose(spun(onto("Z"), [0, 0, 1]), [0, -1, 0], atol=1e-12)
+    np.testing.assert_allclose(heading(there), spun(onto("Z"), heading(walk())), atol=1e-12)
+    assert heading(there)[1] < -0.99
+    back = turned(there, "Z", "Y")
+    np.testing.assert_allclose(back.positions, walk().positions, atol=1e-9)
+    assert turned(walk(), "X", "X") is walk()
+
+
+@ups
+def test_turning_keeps_postures(up):
+    there = turned(walk(), "Y", up)
+    np.testing.assert_allclose(there.positions @ axis_vector(up), walk().positions @ Y, atol=1e-9)
+    np.testing.assert_allclose(there.rotations[:, 1:], walk().rotations[:, 1:])
+
+
+def test_inches_with_z_up_onto_centimetres_with_y_up_and_back():
+    source = in_world(walk(), onto("Z"), 1 / INCH)
+    body = walk().skeleton
+    there = retarget(source, replace(body, up="Y", units="cm"))
+    assert (there.world.source_up, there.world.up) == ("Z", "Y")
+    near(there.motion.positions, walk().positions)
+    assert heading(there.motion)[2] > 0.99
+    back = retarget(there.motion, source.skeleton)
+    assert (back.world.source_up, back.world.up) == ("Y", "Z")
+    near(back.motion.positions, source.positions)
+    assert heading(back.motion)[1] < -0.99
+
+
+@conventions
+def test_postures_and_heading_on_another_body(convention):
+    body = rig(convention, "A")
+    plain = retarget(walk(), body)
+    other = retarget(in_world(walk(), onto("Z"), 1 / INCH), body)
+    near(other.motion.positions, plain.motion.positions, 1e-5)
+    ahead = heading(other.motion)
+    assert ahead @ (axis_vector("-Y") if body.up == "Z" else axis_vector("Z")) > 0.99
+
+
+@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize("target_unit", UNITS)
+def test_units_do_not_matter(unit, target_unit):
+    body = rig("lafan1", "T")
+    scale = UNITS[target_unit]
+    source = in_world(walk(), Rotation.identity(), UNITS[unit])
+    result = retarget(source, body.with_offsets(scale * body.offsets))
+    near(result.motion.positions, scale * retarget(walk(), body).motion.positions)
+
+
+@ups
+@pytest.mark.parametrize("facing", [0, 90, 217])
+def test_up_is_found_by_how_the_body_stands_in_motion(up, facing):
+    turn = onto(up) * Rotation.from_euler("Y", facing, degrees=True)
+    anatomy = by_names(walk().skeleton)
+    for motion in (in_world(walk(), turn), moved(walk(), turn)):
+        assert up_of_motion(motion, anatomy) == up
+        assert up_of_motion(motion, None) == up
+    assert up_of_motion(moved(walk(), turn), anatomy) == up  # though its rest pose stands along Y
+    assert up_of_rest(in_world(walk(), turn).skeleton, anatomy) == up
+
+
+@ups
+def test_a_given_axis_is_the_one_that_would_be_found(up):
+    source, body = in_world(walk(), onto(up)), replace(rig("xsens", "T"), up="Y")
+    found, given = retarget(source, body), retarget(source, body, source_up=up)
+    assert found.world == given.world
+    np.testing.assert_array_equal(found.motion.positions, given.motion.positions)
+    near(found.motion.positions, retarget(walk(), body).motion.positions, 1e-5)
+
+
+@ups
+def test_the_targets_axis_may_be_given(up):
+    result = retarget(walk(), walk().skeleton, target_up=up)
+    assert result.world.up == up
+    near(result.motion.positions, turned(walk(), "Y", up).positions)
+
+
+def test_one_frame_is_enough():
+    motion = walk()
+    for up in AXES:
+        frame = in_world(
+            replace(motion, translations=motion.translations[:1], rotations=motion.rotations[:1]), onto(up)
+        )
+        assert up_of_motion(frame, by_names(frame.skeleton)) == up
+        near(retarget(frame, replace(motion.skeleton, up="Y")).motion.positions, motion.positions[:1])
+
+
+def lying(axis, **bends):
+    """A person who lies on the floor, turned there about an axis, with joints bent about the axis from side to side
+    [degrees].
+    """
+    turns = {name: np.radians([angle, 0, 0]) for name, angle in bends.items()}
+    return posed(person(), turns | {"Hips": np.pi / 2 * axis_vector(axis)}, np.tile([0.0, 0.1, 0.0], (5, 1)))
+
+
+@ups
+@pytest.mark.parametrize("axis", ["X", "-X", "Z"])
+@pytest.mark.parametrize(
+    "bends",
+    [{}, {"LeftHip": -100, "RightHip": -100, "LeftKnee": 90, "RightKnee": 90}, {"LeftHip": -90, "RightHip": -90}],
+    ids=["straight", "knees up", "legs up"],
+)
+def test_who_lies_has_up_where_the_rest_pose_stands(up, axis, bends):
+    motion = lying(axis, **bends)
+    source = in_world(motion, onto(up))
+    assert up_of_motion(source, by_names(source.skeleton)) == up
+    near(retarget(source, replace(person(), up="Y")).motion.positions, motion.positions)
+
+
+def test_who_lies_without_a_rest_pose_seems_to_stand_along_the_body():
+    body = rig("lafan1", "X")
+    assert up_of_rest(body, by_names(body)) is None
+    motion = retarget(walk(), body).motion
+    assert up_of_motion(motion, by_names(body)) == "Y"
+    assert up_of_motion(moved(motion, Rotation.from_euler("x", 90, degrees=True)), by_names(body)) == "Z"
+
+
+def test_nothing_is_known_of_what_has_no_body():
+    body = person()
+    bare = body.with_offsets(np.where(np.arange(len(body))[:, None] > 6, 0.0, body.offsets))
+    assert up_of_motion(posed(bare, {}, np.zeros((0, 3))), None) is None
+    assert up_of_rest(body, None) is None
+
+
+@pytest.mark.parametrize("facing", [90, 180, 270])
+def test_the_heading_is_kept_where_up_is_the_same(facing):
+    """Whichever way the target's rest pose faces."""
+    body = replace(rig("lafan1", "T"), up=None)
+    turn = Rotation.from_euler("Y", facing, degrees=True)
+    plain, other = (retarget(walk(), b).motion for b in (body, body.with_offsets(spun(turn, body.offsets))))
+    np.testing.assert_allclose(heading(other), heading(walk()), atol=0.01)
+    near(other.positions, plain.positions, 1e-5)
+
+
+@pytest.mark.parametrize("facing", [90, 200])
+def test_the_heading_turns_with_the_source(facing):
+    turn = Rotation.from_euler("Y", facing, degrees=True)
+    plain, other = (retarget(m, rig("mixamo", "A")).motion for m in (walk(), moved(walk(), turn)))
+    near(other.positions, spun(turn, plain.positions), 1e-5)
+
+
+def with_offset(motion, rise, *, added):
+    """The motion of a body whose root has an OFFSET; its channels are added to it or replace it."""
+    body = motion.skeleton
+    offsets = np.array(body.offsets)
+    offsets[0] = rise * Y
+    translations = np.array(motion.translations)
+    translations[:, 0] -= added * offsets[0]
+    return replace(motion, skeleton=body.with_offsets(offsets), translations=translations)
+
+
+@ups
+@pytest.mark.parametrize("added", [True, False])
+def test_the_feet_tell_what_the_roots_offset_means(up, added):
+    motion = with_offset(walk(), 92.0, added=added)
+    source = in_world(motion, onto(up))
+    assert root_offset_of(source, axis_vector(up)) == ("added" if added else "replaced")
+    result = retarget(source, replace(walk().skeleton, up="Y"))
+    near(result.motion.positions, walk().positions)
+
+
+def test_an_offset_with_the_feet_far_from_the_floor_either_way_is_replaced():
+    high = moved(walk(), Rotation.identity(), (0, 300, 0))
+    for rise in (0.0, 50.0, 92.0):
+        assert root_offset_of(with_offset(high, rise, added=False), Y) == "replaced"
+
+
+def test_a_given_meaning_counts():
+    motion = with_offset(walk(), 92.0, added=False)
+    result = retarget(motion, walk().skeleton, root_offset="added")
+    near(result.motion.positions, walk().positions + 92.0 * Y)
+    np.testing.assert_allclose(with_root_offset(motion).root_positions, walk().root_positions + 92.0 * Y)
+
+
+def test_a_root_without_positions_keeps_its_offset():
+    motion = with_offset(walk(), 92.0, added=True)
+    channels = (motion.skeleton.channels[1], *motion.skeleton.channels[1:])
+    assert root_offset_of(replace(motion, skeleton=replace(motion.skeleton, channels=channels)), Y) == "replaced"
+
+
+def test_height_is_the_same_in_any_world():
+    for up in AXES:
+        assert height(in_world(walk(), onto(up)).skeleton) == pytest.approx(height(walk().skeleton))
