@@ -13,7 +13,7 @@ from distretarget.body import Leg, find_legs, leg_length, parting
 from distretarget.conventions import by_names
 from distretarget.errors import MatchingError
 from distretarget.orientation import on_all_fours, sides_agree, toe_bone
-from distretarget.pairs import JointMap, Pairs, given, joints_of, same_names, same_others, same_parts, tips, unused
+from distretarget.pairs import JointMap, find_pairs, given, joints_of, tips
 from distretarget.shape import by_shape
 from distretarget.skeleton import Skeleton
 from distretarget.spread import spread
@@ -135,21 +135,15 @@ def find_matching(
         MapError: `explicit` names joints that are not there.
     """
     (s, t), crossed = _sided(source, target, positions)
-    pairs: Pairs = same_names(source, target)
-    parts = same_parts(s, t) if s and t else {}
-    alike = len(pairs) == len(joints_of(target)) and not crossed
-    if s and t and not alike:
-        names = pairs if s.convention == t.convention != "" and not crossed else {}
-        pairs = names | unused(parts, names)
-        pairs |= same_others(source, target, pairs)
+    found_pairs = find_pairs(source, target, (s, t), crossed)
     wanted = given(source, target, explicit or {})
-    pairs |= wanted
+    pairs = found_pairs | wanted
     pairs |= tips(source, target, pairs)
     drivers = np.array([pairs.get(joint, (-1, ""))[0] for joint in range(len(target))], np.intp)
     found = tuple(pairs[joint][1] if drivers[joint] >= 0 else "" for joint in range(len(target)))
     turns, shares = np.stack([drivers, drivers], axis=1), np.zeros(len(target))
-    if s and t and not alike:
-        kept = {joint for joint in wanted if joint not in parts or wanted[joint][0] != parts[joint][0]}
+    if s and t:
+        kept = {joint for joint in wanted if wanted[joint][0] != found_pairs.get(joint, (-1, ""))[0]}
         spread((source, s), (target, t), kept, turns, shares)
     return Matching(source, target, drivers, turns, shares, found, (s, t))
 
@@ -164,8 +158,8 @@ def refusal(matching: Matching, positions: Positions = None) -> str:
     if not (s and t):
         body = "the source" if t else "the target" if s else "either of them"
         return (
-            f"only {named} of {len(joints)} joints of the target have a driver by name, and no human body is recognised "
-            f"in {body}"
+            f"only {named} of {len(joints)} joints of the target have a driver by name, and no human body is "
+            f"recognised in {body}"
         )
     for what, skeleton, anatomy, x in (("source", matching.source, s, positions), ("target", matching.target, t, None)):
         if on_all_fours(skeleton, anatomy, x):

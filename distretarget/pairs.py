@@ -23,6 +23,25 @@ def joints_of(skeleton: Skeleton) -> list[int]:
     return [joint for joint in range(len(skeleton)) if not skeleton.end_sites[joint]]
 
 
+def find_pairs(
+    source: Skeleton, target: Skeleton, anatomies: tuple[Anatomy | None, Anatomy | None], crossed: bool
+) -> Pairs:
+    """The pairs that names and the parts of the bodies tell.
+
+    Equal names, if every joint of the target has one or no body is recognised. Else parts, and equal names for what is
+    left; where both follow one convention, equal names come first, but for spine and neck, whose joints count from
+    below or from above. `crossed` says that the names of one body, and not of the other, say left for right.
+    """
+    names = same_names(source, target)
+    s, t = anatomies
+    if s is None or t is None or (len(names) == len(joints_of(target)) and not crossed):
+        return names
+    alike = s.convention == t.convention != "" and not crossed
+    pairs = {joint: pair for joint, pair in names.items() if alike and joint not in (*t.spine, *t.neck)}
+    pairs |= unused(same_parts(s, t), pairs)
+    return same_others(source, target, pairs)
+
+
 def given(source: Skeleton, target: Skeleton, explicit: JointMap) -> Pairs:
     """The pairs of a map; -1 where nothing shall drive the joint.
 
@@ -87,7 +106,7 @@ def unused(pairs: Pairs, known: Pairs) -> Pairs:
 
 
 def same_others(source: Skeleton, target: Skeleton, pairs: Pairs) -> Pairs:
-    """The joints with equal names that are in no pair yet, where they hang from joints that pair up."""
+    """The pairs, and with them joints with equal names in no pair yet that hang from joints that pair up."""
     known = dict(pairs)
     for joint, (driver, how) in unused(same_names(source, target), pairs).items():
         above = _nearest(target, joint, set(known))

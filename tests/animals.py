@@ -43,17 +43,22 @@ DOG: Joints = {
 }
 """A dog with the names of people's joints [cm]: Y up, facing +Z."""
 
-OWN = dict(
-    zip(
-        ("Hips", "Spine", "Spine1", "Spine2", "Neck", "Head", *("Shoulder", "Arm", "ForeArm", "Hand")),
-        ("croup", "loin", "back", "withers", "nape", "skull", *("Scapula", "Humerus", "Radius", "Forepaw")),
-        strict=True,
-    ),
-    UpLeg="Femur",
-    Leg="Tibia",
-    Foot="Hock",
-    ToeBase="Hindpaw",
-)
+OWN = {
+    "Hips": "croup",
+    "Spine": "loin",
+    "Spine1": "back",
+    "Spine2": "withers",
+    "Neck": "nape",
+    "Head": "skull",
+    "Shoulder": "Scapula",
+    "Arm": "Humerus",
+    "ForeArm": "Radius",
+    "Hand": "Forepaw",
+    "UpLeg": "Femur",
+    "Leg": "Tibia",
+    "Foot": "Hock",
+    "ToeBase": "Hindpaw",
+}
 """What a dog's joints are called, sides apart."""
 
 

@@ -30,8 +30,14 @@ BANDAI = {
         f"{side}{part}": f"{name}_{side[0]}"
         for side in ("Left", "Right")
         for part, name in (
-            *(("Collar", "Shoulder"), ("Shoulder", "UpperArm"), ("Elbow", "LowerArm"), ("Wrist", "Hand")),
-            *(("Hip", "UpperLeg"), ("Knee", "LowerLeg"), ("Ankle", "Foot"), ("Toe", "Toes")),
+            ("Collar", "Shoulder"),
+            ("Shoulder", "UpperArm"),
+            ("Elbow", "LowerArm"),
+            ("Wrist", "Hand"),
+            ("Hip", "UpperLeg"),
+            ("Knee", "LowerLeg"),
+            ("Ankle", "Foot"),
+            ("Toe", "Toes"),
         )
     },
 }
@@ -174,7 +180,7 @@ def test_a_dog_moves_on_a_dog_of_another_build(own_names, turn):
     np.testing.assert_allclose(bones, target.lengths[1])
 
 
-def test_half_the_names_are_enough_for_a_dog_with_more_joints():
+def test_half_the_names_are_enough_for_a_dog():
     body = dog()
     names = [f"{name}2" if name.startswith(("Tail", "Left")) else name for name in body.names]
     target = replace(body, names=tuple(names))

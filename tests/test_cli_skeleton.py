@@ -74,7 +74,7 @@ def test_match_prints_a_table_in_the_order_of_the_tree():
     assert lines[:4] == [
         "source: joints named as in Xsens MVN",
         "target: joints named as in Xsens MVN",
-        "matched: 22 of the target's 23 joints (22 by names)",
+        "matched: 22 of the target's 23 joints (18 by equal name, 4 by names)",
         "",
     ]
     target = load_skeleton(RIGS / "xsens_t.json")

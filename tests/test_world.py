@@ -162,8 +162,8 @@ def lying(axis, **bends):
     return posed(person(), turns | {"Hips": np.pi / 2 * axis_vector(axis)}, np.tile([0.0, 0.1, 0.0], (5, 1)))
 
 
-@ups
-@pytest.mark.parametrize("axis", ["X", "-X", "Z"])
+@pytest.mark.parametrize("up", ["Y", "-X"])
+@pytest.mark.parametrize("axis", ["X", "Z"])
 @pytest.mark.parametrize(
     "bends",
     [{}, {"LeftHip": -100, "RightHip": -100, "LeftKnee": 90, "RightKnee": 90}, {"LeftHip": -90, "RightHip": -90}],
