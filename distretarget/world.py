@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 RootOffset = Literal["replaced", "added"]
 
 AXES = ("X", "Y", "Z", "-X", "-Y", "-Z")
-STANDS = 0.7  # mean cosine from which the axis along which a body stands in motion is up, whatever its rest pose says
+STANDS = 0.7  # mean cosine between an axis and a body that stands along it in motion
 ON_FLOOR = 0.1  # [leg lengths] feet so near to height 0 are on the floor ...
 OFF_FLOOR = 0.25  # ... and so far from it they are not
 
@@ -34,16 +34,19 @@ def axis_vector(axis: str) -> Array:
 
 
 def up_of_motion(motion: Motion, anatomy: Anatomy | None) -> str | None:
-    """Which of `AXES` points up: the one along which the body stands in motion, else in its rest pose if that is a
-    pose; None where there is no body to tell.
+    """Which of `AXES` points up: the one along which the body stands in motion, or in its rest pose; None where there
+    is no body to tell.
+
+    Where the two differ, the rest pose is right about who lies on the floor, and the motion if its feet are on the
+    floor, at height 0 along its axis: then the file's world is another than its rest pose's.
     """
     if anatomy is None or not len(motion):
         legs = find_legs(motion.rigid_skeleton)
         return _axis(up_axis(motion.positions, legs))[0] if legs and len(motion) else None
     axis, cosine = _axis(_upwards(anatomy, motion.positions).mean(axis=0))
-    if cosine < STANDS and is_pose(motion.rigid_skeleton, anatomy):
-        return up_of_rest(motion.rigid_skeleton, anatomy)
-    return axis
+    rest = up_of_rest(motion.rigid_skeleton, anatomy)
+    stands = cosine > STANDS and abs(_lowest(motion, axis_vector(axis))) < OFF_FLOOR * _leg(motion.rigid_skeleton)
+    return axis if rest is None or stands else rest
 
 
 def up_of_rest(skeleton: Skeleton, anatomy: Anatomy | None) -> str | None:
@@ -122,14 +125,23 @@ def root_offset_of(motion: Motion, up: Array) -> RootOffset:
     They are added if that puts the feet on the floor, at height 0, and replacing leaves them clearly off it. `up` is
     (3,).
     """
-    legs = find_legs(motion.rigid_skeleton)
+    length = _leg(motion.rigid_skeleton)
     rise = float(motion.skeleton.offsets[0] @ up)
-    if legs is None or not len(motion) or not set(POSITION_CHANNELS) <= set(motion.skeleton.channels[0]):
+    if not length or not len(motion) or not set(POSITION_CHANNELS) <= set(motion.skeleton.channels[0]):
         return "replaced"
-    length = leg_length(motion.rigid_skeleton, legs)
-    feet = motion.positions[:, [joint for leg in legs for joint in (leg.ankle, leg.toe)]] @ up
-    lowest = float(np.percentile(feet.min(axis=1), 2))
+    lowest = _lowest(motion, up)
     return "added" if abs(lowest) > OFF_FLOOR * length and abs(lowest + rise) < ON_FLOOR * length else "replaced"
+
+
+def _leg(skeleton: Skeleton) -> float:
+    """The length of the legs; 0 without [file units]."""
+    legs = find_legs(skeleton)
+    return leg_length(skeleton, legs) if legs else 0.0
+
+
+def _lowest(motion: Motion, up: Array) -> float:
+    """The height of the lowest joint in the lowest frames, the 2nd percentile of them [file units]."""
+    return float(np.percentile((motion.positions @ up).min(axis=1), 2))
 
 
 def with_root_offset(motion: Motion) -> Motion:
