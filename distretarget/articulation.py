@@ -78,6 +78,15 @@ def rigid_heads(copy: Motion) -> NDArray[np.intp]:
     return heads
 
 
+def _leaves(skeleton: Skeleton) -> NDArray[np.bool_]:
+    return np.array([not below for below in skeleton.children])
+
+
+def _unturned(copy: Motion) -> NDArray[np.bool_]:
+    """(joints,), whether a joint never leaves its rest rotation, as twist joints that nothing drives."""
+    return np.asarray(np.abs(copy.rotations[..., :3]).max(axis=(0, 2)) < STILL)
+
+
 def parts_of(skeleton: Skeleton, heads: NDArray[np.intp]) -> NDArray[np.intp]:
     """(joints,), the number of the part that carries the bones below each joint; parts count from the root down, and a
     leaf, which carries none, belongs to its parent's.
@@ -87,9 +96,13 @@ def parts_of(skeleton: Skeleton, heads: NDArray[np.intp]) -> NDArray[np.intp]:
     return numbers
 
 
-def subtree_lengths(skeleton: Skeleton) -> Array:
-    """(joints,), the sum of the lengths of all bones below each joint and of its own [file units]."""
-    sums = np.array(skeleton.lengths)
+def subtree_lengths(skeleton: Skeleton, carried: NDArray[np.intp]) -> Array:
+    """(joints,), the sum of the lengths of all bones below each joint and of its own [file units], as far as they carry
+    any of the joints `carried`: no tails, props and other helpers.
+    """
+    sums = np.zeros(len(skeleton))
+    on_the_way = [*{joint for tip in carried for joint in skeleton.line(int(tip))}]
+    sums[on_the_way] = skeleton.lengths[on_the_way]
     for joint in range(len(skeleton) - 1, 0, -1):
         sums[skeleton.parents[joint]] += sums[joint]
     return sums
@@ -98,11 +111,12 @@ def subtree_lengths(skeleton: Skeleton) -> Array:
 def posed_motion(copy: Motion, v: Array, parts: NDArray[np.intp], root_positions: Array) -> Motion:
     """The motion whose parts deviate from the copy's rotations by `v`, (frames, parts + 1, 3).
 
-    Leaves keep the copy's world rotations: nothing hangs on them. `root_positions`, (frames, 3), are final.
+    Leaves keep the copy's world rotations, since nothing hangs on them, unless they never turn against their parents.
+    `root_positions`, (frames, 3), are final.
     """
     skeleton = copy.skeleton
     turns = Rotation.from_rotvec(v[:, :-1]).as_quat()[:, parts]
-    turns[:, [joint for joint, below in enumerate(skeleton.children) if not below]] = [0.0, 0.0, 0.0, 1.0]
+    turns[:, _leaves(skeleton) & ~_unturned(copy)] = [0.0, 0.0, 0.0, 1.0]
     world = (Rotation.from_quat(turns) * Rotation.from_quat(copy.world_rotations)).as_quat()
     return rigid_motion(skeleton, root_positions, local_rotations(skeleton, world), copy.frame_time_text)
 

@@ -58,13 +58,13 @@ TOLERANCE = 1e-6  # see `pose_solver`: no shaking, and no difference where a cli
 BLOCK = 256  # frames in memory at once
 
 
-def holds(skeleton: Skeleton, parts: NDArray[np.intp], unit: float) -> Array:
+def holds(skeleton: Skeleton, parts: NDArray[np.intp], points: NDArray[np.intp], unit: float) -> Array:
     """(parts + 1,), how firmly each part is held to the copy's rotation, and the root to its path.
 
     In proportion to the length of its bones and, rising to `TRUNK`, to how much of the body it carries: arms give
-    before the spine does.
+    before the spine does. What carries none of the joints `points` does not count.
     """
-    carried = subtree_lengths(skeleton)
+    carried = subtree_lengths(skeleton, points)
     longest = np.zeros(parts.max() + 1)
     bones = np.zeros_like(longest)
     np.add.at(bones, parts[skeleton.parents[1:]], skeleton.lengths[1:] / unit)
@@ -146,7 +146,7 @@ def solve_contact(clip: Clip, stance: Stance, progress: Callable[[int], Any] = l
     `progress` is called with numbers of frames as they are done.
     """
     unit = body_unit(clip.skeleton)
-    body = Body(clip.skeleton.parents, clip.parts, holds(clip.skeleton, clip.parts, unit))
+    body = Body(clip.skeleton.parents, clip.parts, holds(clip.skeleton, clip.parts, clip.problem.targets, unit))
     pairs = near_pairs(clip.problem, unit)
     points, copied = clip.source[:, clip.problem.sources], clip.copy[:, clip.problem.targets] / unit
     bones, root = clip.bones / unit, clip.root / unit

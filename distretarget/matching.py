@@ -143,7 +143,7 @@ def find_matching(
     found = tuple(pairs[joint][1] if drivers[joint] >= 0 else "" for joint in range(len(target)))
     turns, shares = np.stack([drivers, drivers], axis=1), np.zeros(len(target))
     if s and t:
-        kept = {joint for joint in wanted if wanted[joint][0] != found_pairs.get(joint, (-1, ""))[0]}
+        kept = {joint for joint in wanted if wanted[joint][0] != found_pairs.get(joint, (None, ""))[0]}
         spread((source, s), (target, t), kept, turns, shares)
     return Matching(source, target, drivers, turns, shares, found, (s, t))
 

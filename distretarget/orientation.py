@@ -55,13 +55,26 @@ def body_axes(anatomy: Anatomy, x: Array) -> Array:
     return np.stack([left, up, np.cross(left, up)], axis=-1)
 
 
+def upright(axes: Array) -> Array:
+    """Left, up and forward of a body, (3, 3), as columns, with up along an axis of the file, if it is nearly so."""
+    up = _square(axes[:, 1])
+    left = unit(axes[:, 0] - (axes[:, 0] @ up) * up)
+    return np.stack([left, up, np.cross(left, up)], axis=-1)
+
+
 def squared(axes: Array) -> Array:
-    """Left, up and forward of a body, (3, 3), as columns: those of the file, if they are nearly along its axes."""
-    largest = np.argmax(np.abs(axes), axis=0)
-    square = np.zeros((3, 3))
-    square[largest, range(3)] = np.sign(axes[largest, range(3)])
-    cosine = (np.trace(axes.T @ square) - 1.0) / 2.0
-    return square if np.linalg.det(square) > 0.5 and cosine > SQUARE else axes
+    """The same with left along one too, if it is nearly so."""
+    left, up, _ = upright(axes).T
+    left = _square(left)
+    left = unit(left - (left @ up) * up)
+    return np.stack([left, up, np.cross(left, up)], axis=-1)
+
+
+def _square(direction: Array) -> Array:
+    """The axis of the file nearest to a direction, (3,), if it is near; else the direction."""
+    nearest = np.argmax(np.abs(direction))
+    axis = np.sign(direction[nearest]) * np.eye(3)[nearest]
+    return axis if axis @ direction > SQUARE else direction
 
 
 def is_pose(skeleton: Skeleton, anatomy: Anatomy) -> bool:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.alignment import least
-from distretarget.anatomy import SIDES
+from distretarget.anatomy import SIDES, Anatomy
 from distretarget.matching import Matching
 from distretarget.motion import Motion
-from distretarget.orientation import body_axes, is_pose, squared, unit
-from distretarget.standing import resting, standing_frame, standing_positions, stood
+from distretarget.orientation import body_axes, is_pose, squared, unit, upright
+from distretarget.standing import bend_axes, resting, standing_frame, standing_positions, stood
 
 Array = NDArray[np.float64]
 
@@ -32,47 +34,90 @@ def rest_alignment(matching: Matching, motion: Motion, up: Array) -> Array:
     """
     s, t = matching.anatomies
     theirs, ours = resting(matching.source), resting(matching.target)
+    bends: dict[int, Array] = {}
     if s and t and not _alike(matching):
         theirs, ours = standing_frame(motion, s, up), stood(matching.target, t)
+        if not is_pose(matching.source, s):
+            bends = _bends(motion, s, t, theirs)
     posed = Rotation.from_quat(theirs), Rotation.from_quat(ours)
-    onto = Rotation.from_quat(_laid_upon(matching, theirs, ours))
+    onto = Rotation.from_quat(_laid_upon(matching, theirs, ours, bends))
     turns = np.maximum(matching.turns, 0)
     return np.stack([(posed[0][turns[:, k]].inv() * onto * posed[1]).as_quat() for k in (0, 1)], axis=1)
 
 
-def _laid_upon(matching: Matching, theirs: Array, ours: Array) -> Array:
+def _bends(motion: Motion, s: Anatomy, t: Anatomy, theirs: Array) -> dict[int, Array]:
+    """Per target joint of an upper arm or a thigh the axis, (3,), about which the source's elbow or knee bends, where
+    it stands in the world rotations `theirs`.
+    """
+    return {
+        t.roles[role]: np.asarray(Rotation.from_quat(theirs[s.roles[role]]).apply(axis))
+        for role, axis in bend_axes(motion, s).items()
+        if role in t.roles
+    }
+
+
+def _laid_upon(matching: Matching, theirs: Array, ours: Array, bends: dict[int, Array]) -> Array:
     """M: (target joints, 4), the rotations that lay each target joint, standing in the world rotations `ours`, upon the
-    source, standing in `theirs`.
+    source, standing in `theirs`. Where `bends` has the axis about which a limb bends, the target's is laid on it.
     """
     x, y = standing_positions(matching.source, theirs), standing_positions(matching.target, ours)
-    body, outwards = _body_turn(matching, x, y)
+    bodies = _bodies(matching, x, y)
     build, feet = _built(matching)
     laid: list[Rotation] = []
     for joint, handles in enumerate(_handles(matching, x, y)):
-        turn = body if not joint or joint in feet else laid[matching.target.parents[joint]]
+        turn = bodies.turn if not joint or joint in feet else laid[matching.target.parents[joint]]
         if handles:
             a, b = unit(y[handles] - y[joint]), unit(x[matching.drivers[handles]] - x[matching.drivers[joint]])
-            if joint in outwards:
-                turn = least(turn.apply(a[:1]), outwards[joint][None]) * turn
+            if joint in bodies.outwards:
+                turn = least(turn.apply(a[:1]), bodies.outwards[joint][None]) * turn
             onto = least(turn.apply(a), b)
+            if joint in bends:
+                onto = _rolled(b[0], onto.apply(bodies.hinges[joint]), bends[joint]) * onto
             if joint not in build or (len(handles) == 1 and onto.magnitude() > BUILD):
                 turn = onto * turn
         laid.append(turn)
     return np.array([turn.as_quat() for turn in laid])
 
 
-def _body_turn(matching: Matching, x: Array, y: Array) -> tuple[Rotation, dict[int, Array]]:
-    """The rotation that lays the target's body, standing at `y` (joints, 3), upon the source's at `x`; and for the
-    target's upper arms the direction out to the source's side, through which they are turned: so a target in A-pose is
-    laid like the same in T-pose.
+def _rolled(bone: Array, axis: Array, wanted: Array) -> Rotation:
+    """The rotation about a bone that takes an axis, (3,), as near as it can to another."""
+    across, goal = (vector - (vector @ bone) * bone for vector in (axis, wanted))
+    angle = np.arctan2(np.cross(across, goal) @ bone, across @ goal)
+    return Rotation.from_rotvec(angle * bone)
+
+
+@dataclass(frozen=True)
+class _Bodies:
+    """How a target's body is laid upon a source's.
+
+    Attributes:
+        turn: that lays the body as a whole.
+        outwards: per target joint of an upper arm the direction, (3,), out to the source's side, through which it is
+            turned: so a target in A-pose is laid like the same in T-pose.
+        hinges: per target joint of an upper arm or thigh the axis, (3,), about which a body that stands like the
+            source, arms out, bends the limb: elbows forwards, knees backwards.
     """
+
+    turn: Rotation
+    outwards: dict[int, Array]
+    hinges: dict[int, Array]
+
+
+def _bodies(matching: Matching, x: Array, y: Array) -> _Bodies:
+    """Of the target, standing at `y`, (joints, 3), and the source, standing at `x`."""
     s, t = matching.anatomies
     if s is None or t is None:
-        return Rotation.identity(), {}
-    theirs, ours = squared(body_axes(s, x)), squared(body_axes(t, y))
-    upper = [(t.roles.get(f"{side}UpperArm", -1), sign) for side, sign in zip(SIDES, (1.0, -1.0), strict=True)]
+        return _Bodies(Rotation.identity(), {}, {})
+    ours, theirs = squared(body_axes(t, y)), body_axes(s, x)
+    theirs = squared(theirs) if is_pose(matching.source, s) else upright(theirs)
     turn = Rotation.identity() if _alike(matching) else Rotation.from_matrix(theirs @ ours.T)
-    return turn, {joint: sign * theirs[:, 0] for joint, sign in upper}
+    outwards: dict[int, Array] = {}
+    hinges: dict[int, Array] = {}
+    for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
+        arm, thigh = (t.roles.get(side + part, -1) for part in ("UpperArm", "UpperLeg"))
+        outwards[arm] = sign * theirs[:, 0]
+        hinges |= {arm: -sign * theirs[:, 1], thigh: theirs[:, 0]}
+    return _Bodies(turn, outwards, hinges)
 
 
 def _built(matching: Matching) -> tuple[set[int], set[int]]:

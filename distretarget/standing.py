@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.alignment import least
 from distretarget.anatomy import ARM, LEG, SIDES, Anatomy
+from distretarget.body import body_unit
 from distretarget.motion import Motion
 from distretarget.orientation import body_axes, is_pose, leftwards, leg_directions, squared, trunk, unit
 from distretarget.skeleton import Skeleton
@@ -24,6 +25,10 @@ Array = NDArray[np.float64]
 PITCH = np.radians(25)  # by which a foot of a T-pose put together points below the floor's plane
 OPPOSITE = -0.9  # cosine below which a bone is turned right round about the axis from side to side
 BENT_ARM = 0.25  # what a bone of an arm counts, against trunk and legs, in the choice of a frame
+RAISED_FOOT = 5.0  # what the height of an ankle over its low ones counts [1 / body unit]
+LOW = 20.0  # the percentile of an ankle's heights at which the foot is down
+TWISTED = 5.0  # what shoulders count that are turned against the hips
+BENDING = 0.1  # the mean sine of a joint's bend from which its plane is known
 
 
 def resting(skeleton: Skeleton) -> Array:
@@ -33,19 +38,49 @@ def resting(skeleton: Skeleton) -> Array:
 
 def standing_frame(motion: Motion, anatomy: Anatomy, up: Array) -> Array:
     """(joints, 4), world rotations in which the body stands: those of the rest pose where that is a pose, else of the
-    frame that is most like one: upright, legs straight, arms hanging or out to the sides. `up` is (3,).
+    frame that is most like one: upright, legs straight, feet down, arms hanging or out to the sides. `up` is (3,).
     """
     skeleton = motion.rigid_skeleton
     if is_pose(skeleton, anatomy) or not len(motion):
         return resting(skeleton)
     x = motion.positions
     unlike = (1.0 - trunk(anatomy, x) @ up) + (1.0 + leg_directions(anatomy, x) @ up)
+    unlike += TWISTED * _twist(anatomy, x)
+    for ankle in (anatomy.roles[role] for role in ("leftFoot", "rightFoot") if role in anatomy.roles):
+        height = x[:, ankle] @ up
+        unlike += RAISED_FOOT * np.abs(height - np.percentile(height, LOW)) / body_unit(skeleton)
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         outwards = sign * body_axes(anatomy, x)[..., 0]
         for upper, lower in _bones(anatomy, side, ARM[1:]):
             bone = unit(x[:, lower] - x[:, upper])
             unlike += BENT_ARM * (1.0 - np.maximum((bone * outwards).sum(axis=-1), -(bone @ up)))
     return np.array(motion.world_rotations[np.argmin(unlike)])
+
+
+def _twist(anatomy: Anatomy, x: Array) -> Array:
+    """(frames,), one less the cosine between the lines across the hip joints and across the shoulders."""
+    pairs = [[anatomy.roles.get(side + part, -1) for side in SIDES] for part in ("UpperLeg", "UpperArm")]
+    if -1 in (*pairs[0], *pairs[1]):
+        return np.zeros(len(x))
+    hips, shoulders = (unit(x[:, a] - x[:, b]) for a, b in pairs)
+    return np.asarray(1.0 - (hips * shoulders).sum(axis=-1))
+
+
+def bend_axes(motion: Motion, anatomy: Anatomy) -> dict[str, Array]:
+    """The axes about which elbows and knees bend in a motion, (3,) unit vectors in the frame of the bone above, by the
+    role of that bone's joint; those that hardly bend are left out.
+    """
+    axes = {}
+    for side in SIDES:
+        for limb in (ARM[1:], LEG[:3]):
+            bones = list(_bones(anatomy, side, limb))
+            if len(bones) == 2:
+                upper, lower = (unit(motion.positions[:, b] - motion.positions[:, a]) for a, b in bones)
+                world = Rotation.from_quat(motion.world_rotations[:, bones[0][0]])
+                axis = world.inv().apply(np.cross(upper, lower)).mean(axis=0)
+                if np.linalg.norm(axis) > BENDING:
+                    axes[side + limb[0]] = unit(axis)
+    return axes
 
 
 def stood(skeleton: Skeleton, anatomy: Anatomy) -> Array:

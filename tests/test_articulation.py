@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from bodies import other_lengths, person, swaying
 from scipy.spatial.transform import Rotation
+from table_one import table_one
 
 from distretarget import Motion, Skeleton
 from distretarget.articulation import (
@@ -79,15 +80,17 @@ def test_a_pose_stands_where_the_motion_written_from_it_does(size):
         np.testing.assert_allclose(np.linalg.norm(work.bones[1:], axis=1), COPY.skeleton.lengths[1:], rtol=1e-12)
 
 
-def test_a_written_part_turns_as_one_and_leaves_keep_the_rotations_of_the_copy():
-    body = body_of(COPY)
-    v = np.random.default_rng(2).normal(size=(len(COPY), len(body.holds), 3))
-    motion = posed_motion(COPY, v, body.parts, COPY.root_positions)
-    for joint, below in enumerate(PERSON.children):
-        copied, written = (Rotation.from_quat(m.world_rotations[:, joint]) for m in (COPY, motion))
-        expected = Rotation.from_rotvec(v[:, body.parts[joint]]) if below else Rotation.identity()
+@pytest.mark.parametrize("copy", [COPY, swaying(table_one())], ids=["leaves at rest", "leaves that turn"])
+def test_a_written_part_turns_as_one_and_leaves_that_turn_keep_the_rotations_of_the_copy(copy):
+    body = body_of(copy)
+    v = np.random.default_rng(2).normal(size=(len(copy), len(body.holds), 3))
+    motion = posed_motion(copy, v, body.parts, copy.root_positions)
+    for joint, below in enumerate(copy.skeleton.children):
+        copied, written = (Rotation.from_quat(m.world_rotations[:, joint]) for m in (copy, motion))
+        kept = not below and copy is not COPY
+        expected = Rotation.identity() if kept else Rotation.from_rotvec(v[:, body.parts[joint]])
         assert (written.inv() * expected * copied).magnitude().max() < 1e-12
-    assert motion.frame_time_text == COPY.frame_time_text
+    assert motion.frame_time_text == copy.frame_time_text
 
 
 @pytest.mark.parametrize("size", [0.0, 1e-5, 9e-5, 1.1e-4, 1.0, 3.0])
@@ -209,5 +212,13 @@ def test_subtree_lengths_are_sums_over_the_bones_at_and_below():
         while above >= 0:
             expected[above] += body.lengths[joint]
             above = body.parents[above]
-    np.testing.assert_allclose(subtree_lengths(body), expected)
-    assert subtree_lengths(body)[0] == pytest.approx(body.lengths.sum())
+    np.testing.assert_allclose(subtree_lengths(body, np.arange(len(body))), expected)
+    assert subtree_lengths(body, np.arange(len(body)))[0] == pytest.approx(body.lengths.sum())
+
+
+def test_what_carries_nothing_that_counts_has_no_length():
+    body = other_lengths(PERSON)
+    arm = [body.index(name) for name in ("Hips", "Chest", "Chest2", "Chest3", "LeftCollar", "LeftShoulder")]
+    sums = subtree_lengths(body, np.array(arm[-1:]))
+    np.testing.assert_allclose(sums[arm], np.cumsum(body.lengths[arm][::-1])[::-1])
+    assert not np.delete(sums, arm).any()

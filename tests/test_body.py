@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from distretarget import Skeleton, read_bvh
 from distretarget.body import find_legs, height, leg_length, up_axis
 from distretarget.footing import root_scale
+from distretarget.matching import match
 
 
 def names_of_legs(skeleton):
@@ -76,7 +77,7 @@ def test_bodies_without_legs_have_a_height_and_a_root_scale():
     chain = Skeleton(("a", "b", "c"), [-1, 0, 1], [[0, 0, 0], [0, 2, 0], [1, 0, 0]], ((),) * 3, [False] * 3)
     assert find_legs(chain) is None
     assert height(chain) == 2.0
-    assert root_scale(chain, chain.with_offsets(3 * chain.offsets), np.arange(3)) == pytest.approx(3.0)
+    assert root_scale(match(chain, chain.with_offsets(3 * chain.offsets))) == pytest.approx(3.0)
 
 
 def test_root_scale_is_the_ratio_of_leg_lengths():
@@ -86,7 +87,7 @@ def test_root_scale_is_the_ratio_of_leg_lengths():
         factors[[body.index(f"{side}Knee"), body.index(f"{side}Ankle")]] = 0.6
         factors[body.index(f"{side}Elbow")] = 3.0
     target = body.with_lengths(body.lengths * factors)
-    assert root_scale(body, target, np.arange(len(body))) == pytest.approx(0.6)
+    assert root_scale(match(body, target)) == pytest.approx(0.6)
 
 
 def test_legs_are_found_on_bodies_of_any_proportion():

@@ -156,7 +156,7 @@ def test_a_garbage_frame_of_joints_that_otherwise_never_turn_does_not_spread(nam
 
 def test_holds_grow_with_what_a_part_carries_and_feet_are_held_firmly():
     parts = parts_of(PERSON, np.arange(len(PERSON)))
-    firm = holds(PERSON, parts, 2 * 0.888)
+    firm = holds(PERSON, parts, np.arange(len(PERSON)), 2 * 0.888)
     at = {name: firm[parts[PERSON.index(name)]] for name in PERSON.names}
     assert at["Hips"] > at["Chest"] > at["LeftShoulder"] > at["LeftElbow"] > at["LeftWrist"]
     assert at["LeftShoulder"] == at["RightShoulder"]

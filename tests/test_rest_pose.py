@@ -203,19 +203,19 @@ def test_feet_point_as_before_by_way_of_a_rest_pose_that_is_none(clip):
         ankle, toe = (motion.skeleton.index(f"{side}{part}") for part in ("Ankle", "Toe"))
         a, b = ((x.positions[:, toe] - x.positions[:, ankle]) / x.skeleton.lengths[toe] for x in (motion, back))
         angle = np.degrees(np.arccos(np.clip((a * b).sum(axis=1), -1, 1)))
-        assert angle.max() < 15, side
+        assert angle.max() < 17, side
 
 
 @clips
 def test_limbs_roll_little_by_way_of_a_rest_pose_that_is_none(clip):
-    """Where no frame shows a T-pose, the roll of the arms that hang is taken for none: 34 degrees in these clips."""
+    """The planes in which elbows and knees bend tell the roll."""
     for name, roll, _ in rolls_and_directions(*there_and_back(clip)):
-        assert roll.max() < (12 if name.endswith(LIMBS[1]) else 36), name
+        assert roll.max() < (6 if name.endswith(LIMBS[1]) else 10), name
 
 
 def test_limbs_roll_less_where_the_clip_shows_a_t_pose():
     for name, roll, turn in rolls_and_directions(*there_and_back(CLIPS[5], standing=True)):
-        assert roll.max() < 5, name
+        assert roll.max() < 6, name
         assert turn.max() < 8, name
 
 
