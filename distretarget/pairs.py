@@ -28,16 +28,20 @@ def find_pairs(
 ) -> Pairs:
     """The pairs that names and the parts of the bodies tell.
 
-    Equal names, if every joint of the target has one or no body is recognised. Else parts, and equal names for what is
-    left; where both follow one convention, equal names come first, but for spine and neck, whose joints count from
-    below or from above. `crossed` says that the names of one body, and not of the other, say left for right.
+    Equal names, if no body is recognised, or every joint of the target has one and no other convention. Else parts, and
+    equal names for what is left; where both follow one convention, equal names come first, but for spine and neck,
+    whose joints count from below or from above. `crossed` says that the names of one body, and not of the other, say
+    left for right.
     """
     names = same_names(source, target)
     s, t = anatomies
-    if s is None or t is None or (len(names) == len(joints_of(target)) and not crossed):
+    if s is None or t is None:
         return names
-    alike = s.convention == t.convention != "" and not crossed
-    pairs = {joint: pair for joint, pair in names.items() if alike and joint not in (*t.spine, *t.neck)}
+    alike = s.convention == t.convention and not crossed
+    if alike and len(names) == len(joints_of(target)):
+        return names
+    firm = alike and s.convention
+    pairs = {joint: pair for joint, pair in names.items() if firm and joint not in (*t.spine, *t.neck)}
     pairs |= unused(same_parts(s, t), pairs)
     return same_others(source, target, pairs)
 

@@ -22,10 +22,6 @@ NAMES = Path(__file__).resolve().parents[2] / "shared" / "joint_names.json"
 DATA = json.loads(NAMES.read_text("utf-8")) if NAMES.is_file() else {"_roles": {}}
 PUBLISHED = tuple(DATA["_roles"])
 
-# All names of the target are names of the source, and then names decide: its two joints of the spine are the upper two
-# of the source's three, its one joint of the neck is the upper one of two.
-BY_EQUAL_NAMES = {("cmu_maxfriendly", "mocapbank"): {"spine", "chest", "neck"}}
-
 LIMBS = ("hips", "head", *(side + part for side in SIDES for part in (*ARM, *LEG)))
 FIVE_TOES = {"benchmark.bvh", "face-poseunits.bvh", "tpose.bvh"}  # none of which is known as the foot's end
 NO_BODY = {"full_precision_frame_time.bvh", "rotation_first_root.bvh"}  # of a few joints
@@ -56,10 +52,10 @@ def roles(convention):
     return {role: body.names[joint] for role, joint in by_names(body).roles.items()}
 
 
-def assert_roles_meet(source, theirs, target, ours, apart=frozenset()):
+def assert_roles_meet(source, theirs, target, ours):
     """Each role goes to the same role, and none to another; `theirs` and `ours` are names by role."""
     drivers = find_matching(source, target).drivers
-    expected = {target.index(name): theirs.get(role) for role, name in ours.items() if role not in apart}
+    expected = {target.index(name): theirs.get(role) for role, name in ours.items()}
     for joint, name in expected.items():
         driver = source.names[drivers[joint]] if drivers[joint] >= 0 else None
         assert driver == name or (name is None and driver not in theirs.values()), target.names[joint]
@@ -74,9 +70,7 @@ def test_the_parts_of_the_rigs_are_those_of_people():
 @pytest.mark.parametrize("source", PUBLISHED)
 def test_published_names_onto_published_names(source):
     for target in PUBLISHED:
-        apart = BY_EQUAL_NAMES.get((source, target), frozenset())
-        bodies = published(source), published_roles(source), published(target), published_roles(target)
-        assert_roles_meet(*bodies, apart)
+        assert_roles_meet(published(source), published_roles(source), published(target), published_roles(target))
 
 
 @rigs
