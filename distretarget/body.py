@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -35,6 +36,7 @@ class Leg:
     toe: int
 
 
+@lru_cache(maxsize=16)
 def find_legs(skeleton: Skeleton) -> tuple[Leg, Leg] | None:
     """The two legs: of the pairs of like limbs, those that part nearest to the root; None where there are none.
 
