@@ -94,7 +94,7 @@ def compare(source: Motion, result: Motion, matching: Matching, up: Array) -> Co
     `matching` is between their skeletons; the two have the same number of frames, and `up`, (3,), points up in both.
     """
     drivers = matching.drivers
-    distance_error, contact_error, contacts = _distance_errors(source, result, drivers)
+    distance_error, contact_error, contacts = _distance_errors(source, result, matching)
     return Comparison(
         distance_error,
         contact_error,
@@ -120,10 +120,8 @@ def normalised_distances(motion: Motion, joints: NDArray[np.intp]) -> Iterator[t
         yield block, np.linalg.norm(x[:, u] - x[:, v], axis=-1) / tau
 
 
-def _distance_errors(
-    source: Motion, result: Motion, drivers: NDArray[np.intp]
-) -> tuple[Array, Array, NDArray[np.intp]]:
-    joints = _points(source.rigid_skeleton, result.skeleton, drivers)
+def _distance_errors(source: Motion, result: Motion, matching: Matching) -> tuple[Array, Array, NDArray[np.intp]]:
+    joints, drivers = points_of(matching), matching.drivers
     u, v = np.triu_indices(len(joints), 1)
     far = result.skeleton.path_sizes[joints[u], joints[v]] >= FAR_ALONG
     mean, contact, count = np.zeros(len(source)), np.zeros(len(source)), np.zeros(len(source), np.intp)
@@ -138,8 +136,9 @@ def _distance_errors(
     return mean, contact, count
 
 
-def _points(source: Skeleton, result: Skeleton, drivers: NDArray[np.intp]) -> NDArray[np.intp]:
-    """The joints of the result that stand for a place of their own on one of the bodies."""
+def points_of(matching: Matching) -> NDArray[np.intp]:
+    """The joints of the target that stand for a place of their own on one of the bodies."""
+    source, result, drivers = matching.source, matching.target, matching.drivers
     shared = np.flatnonzero(drivers >= 0)
     apart = (result.path_lengths > 0)[np.ix_(shared, shared)]
     apart |= (source.path_lengths > 0)[np.ix_(drivers[shared], drivers[shared])]
