@@ -47,7 +47,7 @@ class Pairs:
     worst_frame: NDArray[np.intp]
 
     def worst(self, most: int) -> NDArray[np.intp]:
-        """The numbers of the worst pairs: contacts first, by the sum of their errors; then the others, by their error."""
+        """The numbers of the worst pairs: contacts first, by the sum of their errors; then others, by their error."""
         weight = self.error * np.maximum(self.contact_frames, 1)
         return np.lexsort((-weight, self.contact_frames == 0))[:most]
 
@@ -127,9 +127,8 @@ def resampled(motion: Motion, frame_time_text: str) -> Motion:
         return replace(motion, frame_time_text=frame_time_text)
     lower = np.clip(np.searchsorted(times, wanted, side="right") - 1, 0, len(times) - 2)
     share = ((wanted - times[lower]) / motion.frame_time)[:, None]
-    translations = (
-        motion.translations[lower] * (1 - share[..., None]) + motion.translations[lower + 1] * share[..., None]
-    )
+    ways = motion.translations[lower + 1] - motion.translations[lower]
+    translations = motion.translations[lower] + share[..., None] * ways
     rotations = np.empty((len(wanted), len(motion.skeleton), 4))
     for joint in range(len(motion.skeleton)):
         rotations[:, joint] = Slerp(times, Rotation.from_quat(motion.rotations[:, joint]))(wanted).as_quat()
