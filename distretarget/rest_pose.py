@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.alignment import least
-from distretarget.anatomy import SIDES, Anatomy
+from distretarget.anatomy import SIDES
 from distretarget.matching import Matching
 from distretarget.motion import Motion
 from distretarget.orientation import body_axes, is_pose, squared, unit, upright
-from distretarget.standing import bend_axes, resting, standing_frame, standing_positions, stood
+from distretarget.standing import bend_axes, resting, standing, standing_positions
 
 Array = NDArray[np.float64]
 
@@ -22,58 +22,59 @@ LONG = ("UpperArm", "LowerArm", "UpperLeg", "LowerLeg")  # whose bones are laid 
 BUILT = ("hips", "head", "Shoulder", "Foot", "Toes")  # whose bones never are
 
 
-def rest_alignment(matching: Matching, motion: Motion, up: Array) -> Array:
+def rest_alignment(matching: Matching, motion: Motion, up: Array, target_motion: Motion | None = None) -> Array:
     """A: (target joints, 2, 4), the rotations that take a target joint's rest pose onto that of the source joints whose
     rotations it follows (`Matching.turns`), so that R A is the target's world rotation for the source's R.
 
     Trunk, hands and feet, whose bones lie differently in every build, are aligned as what they hang from, and in the
     end as the bodies are, axis by axis; arms and legs bone by bone, by least rotations from the part above, which leave
-    the roll to it.
+    the roll to it. Where a rest pose is none, and a frame of motion stands for it, the axes about which elbows and
+    knees bend in the motion tell the roll.
 
-    `motion` is the source's; `up`, (3,), points up in it.
+    `motion` is the source's, `target_motion` any of the target's; `up`, (3,), points up in both.
     """
     s, t = matching.anatomies
     theirs, ours = resting(matching.source), resting(matching.target)
-    bends: dict[int, Array] = {}
+    bends: tuple[dict[str, Array], dict[str, Array]] = {}, {}
+    framed = False
     if s and t and not _alike(matching):
-        theirs, ours = standing_frame(motion, s, up), stood(matching.target, t)
-        if not is_pose(matching.source, s):
-            bends = _bends(motion, s, t, theirs)
+        framed = not is_pose(matching.source, s) or not (target_motion is None or is_pose(matching.target, t))
+        theirs, ours = standing(matching.source, s, motion, up), standing(matching.target, t, target_motion, up)
+        bends = bend_axes(matching.source, s, motion, theirs), bend_axes(matching.target, t, target_motion, ours)
     posed = Rotation.from_quat(theirs), Rotation.from_quat(ours)
-    onto = Rotation.from_quat(_laid_upon(matching, theirs, ours, bends))
+    onto = Rotation.from_quat(_laid_upon(matching, theirs, ours, bends, _built(matching, framed)))
     turns = np.maximum(matching.turns, 0)
     return np.stack([(posed[0][turns[:, k]].inv() * onto * posed[1]).as_quat() for k in (0, 1)], axis=1)
 
 
-def _bends(motion: Motion, s: Anatomy, t: Anatomy, theirs: Array) -> dict[int, Array]:
-    """Per target joint of an upper arm or a thigh the axis, (3,), about which the source's elbow or knee bends, where
-    it stands in the world rotations `theirs`.
-    """
-    return {
-        t.roles[role]: np.asarray(Rotation.from_quat(theirs[s.roles[role]]).apply(axis))
-        for role, axis in bend_axes(motion, s).items()
-        if role in t.roles
-    }
-
-
-def _laid_upon(matching: Matching, theirs: Array, ours: Array, bends: dict[int, Array]) -> Array:
+def _laid_upon(
+    matching: Matching,
+    theirs: Array,
+    ours: Array,
+    bends: tuple[dict[str, Array], dict[str, Array]],
+    built: set[int],
+) -> Array:
     """M: (target joints, 4), the rotations that lay each target joint, standing in the world rotations `ours`, upon the
-    source, standing in `theirs`. Where `bends` has the axis about which a limb bends, the target's is laid on it.
+    source, standing in `theirs`. `bends` has the axes about which limbs bend where the bodies stand so, as `bend_axes`,
+    `built` the target's joints whose bones are not laid upon the source's.
     """
     x, y = standing_positions(matching.source, theirs), standing_positions(matching.target, ours)
     bodies = _bodies(matching, x, y)
-    build, feet = _built(matching)
+    ankles = _ankles(matching)
     laid: list[Rotation] = []
     for joint, handles in enumerate(_handles(matching, x, y)):
-        turn = bodies.turn if not joint or joint in feet else laid[matching.target.parents[joint]]
+        turn = bodies.turn if not joint or joint in ankles else laid[matching.target.parents[joint]]
         if handles:
             a, b = unit(y[handles] - y[joint]), unit(x[matching.drivers[handles]] - x[matching.drivers[joint]])
             if joint in bodies.outwards:
                 turn = least(turn.apply(a[:1]), bodies.outwards[joint][None]) * turn
             onto = least(turn.apply(a), b)
-            if joint in bends:
-                onto = _rolled(b[0], onto.apply(bodies.hinges[joint]), bends[joint]) * onto
-            if joint not in build or (len(handles) == 1 and onto.magnitude() > BUILD):
+            if joint in bodies.hinges:
+                role, usual = bodies.hinges[joint]
+                wanted = bends[0].get(role, onto.apply(usual))
+                found = (onto * turn).apply(bends[1][role]) if role in bends[1] else onto.apply(usual)
+                onto = _rolled(b[0], found, wanted) * onto
+            if joint not in built or (len(handles) == 1 and onto.magnitude() > BUILD):
                 turn = onto * turn
         laid.append(turn)
     return np.array([turn.as_quat() for turn in laid])
@@ -94,13 +95,13 @@ class _Bodies:
         turn: that lays the body as a whole.
         outwards: per target joint of an upper arm the direction, (3,), out to the source's side, through which it is
             turned: so a target in A-pose is laid like the same in T-pose.
-        hinges: per target joint of an upper arm or thigh the axis, (3,), about which a body that stands like the
-            source, arms out, bends the limb: elbows forwards, knees backwards.
+        hinges: per target joint of an upper arm or thigh its role, and the axis, (3,), about which a body that stands
+            like the source, arms out, bends the limb: elbows forwards, knees backwards.
     """
 
     turn: Rotation
     outwards: dict[int, Array]
-    hinges: dict[int, Array]
+    hinges: dict[int, tuple[str, Array]]
 
 
 def _bodies(matching: Matching, x: Array, y: Array) -> _Bodies:
@@ -108,32 +109,42 @@ def _bodies(matching: Matching, x: Array, y: Array) -> _Bodies:
     s, t = matching.anatomies
     if s is None or t is None:
         return _Bodies(Rotation.identity(), {}, {})
-    ours, theirs = squared(body_axes(t, y)), body_axes(s, x)
-    theirs = squared(theirs) if is_pose(matching.source, s) else upright(theirs)
+    theirs, ours = (
+        squared(body_axes(anatomy, posture)) if is_pose(body, anatomy) else upright(body_axes(anatomy, posture))
+        for body, anatomy, posture in ((matching.source, s, x), (matching.target, t, y))
+    )
     turn = Rotation.identity() if _alike(matching) else Rotation.from_matrix(theirs @ ours.T)
     outwards: dict[int, Array] = {}
-    hinges: dict[int, Array] = {}
+    hinges: dict[int, tuple[str, Array]] = {}
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
-        arm, thigh = (t.roles.get(side + part, -1) for part in ("UpperArm", "UpperLeg"))
-        outwards[arm] = sign * theirs[:, 0]
-        hinges |= {arm: -sign * theirs[:, 1], thigh: theirs[:, 0]}
+        arm, thigh = (side + part for part in ("UpperArm", "UpperLeg"))
+        outwards[t.roles.get(arm, -1)] = sign * theirs[:, 0]
+        hinges[t.roles.get(arm, -1)] = arm, -sign * theirs[:, 1]
+        hinges[t.roles.get(thigh, -1)] = thigh, theirs[:, 0]
     return _Bodies(turn, outwards, hinges)
 
 
-def _built(matching: Matching) -> tuple[set[int], set[int]]:
-    """The target's joints of trunk, shoulders, hands and feet, whose bones lie differently in every build; and of these
-    the ankles, which are laid as the body is and not as the leg. Where the source stands in a frame of its motion,
-    spine and hands are not among them: there they may be bent.
+def _built(matching: Matching, framed: bool) -> set[int]:
+    """The target's joints of trunk, shoulders, hands and feet, whose bones lie differently in every build.
+
+    Where a body stands in a frame of its motion, `framed`, spine and hands are not among them: there they may be bent.
     """
     source, anatomy = matching.anatomies
     if anatomy is None or source is None:
-        return set(), set()
+        return set()
     hips = anatomy.roles.get("hips", 0)
     built = {joint for role, joint in anatomy.roles.items() if role.endswith(BUILT)} | {*matching.target.line(hips)}
-    if is_pose(matching.source, source) or _alike(matching):
+    if not framed:
         built |= {joint for role, joint in anatomy.roles.items() if not role.endswith(LONG)}
         built |= {*anatomy.spine, *anatomy.neck}
-    return built, {anatomy.roles[f"{side}Foot"] for side in SIDES if f"{side}Foot" in anatomy.roles}
+    return built
+
+
+def _ankles(matching: Matching) -> set[int]:
+    """The target's ankles, which are laid as the body is and not as the leg."""
+    anatomy = matching.anatomies[1]
+    roles = anatomy.roles if anatomy and matching.anatomies[0] else {}
+    return {roles[f"{side}Foot"] for side in SIDES if f"{side}Foot" in roles}
 
 
 def _handles(matching: Matching, x: Array, y: Array) -> list[list[int]]:

@@ -85,6 +85,7 @@ def retarget(
     source_up: str | None = None,
     target_up: str | None = None,
     root_offset: RootOffset | None = None,
+    target_motion: Motion | None = None,
     progress: Callable[[int], Any] = lambda _frames: None,
 ) -> RetargetResult:
     """Carry a motion over to another body.
@@ -102,6 +103,7 @@ def retarget(
         source_up: the axis that points up in the source's file ("Y", "-Z", ...); found if not given (`world`).
         target_up: that of the target's file.
         root_offset: whether position channels of the source's root replace its OFFSET or are added; found if not given.
+        target_motion: any motion of the target: it tells its axes, and how its limbs bend where its rest pose does not.
         progress: called with numbers of frames as they are solved.
 
     Raises:
@@ -111,11 +113,11 @@ def retarget(
     """
     _check(source, target)
     matching = match(source.rigid_skeleton, target, joint_map, source.positions)
-    world = find_world(source, matching, source_up, target_up, root_offset)
+    world = find_world(source, matching, source_up, target_up, root_offset, target_motion)
     source = world.enter(source)
     skeleton, drivers = matching.source, matching.drivers
     scale = leg_ratio(matching) if root_scale is None else root_scale
-    copy = rotation_copy(source, matching, scale, world.up_vector)
+    copy = rotation_copy(source, matching, scale, world.up_vector, target_motion)
     problem = distance_problem(skeleton, target, drivers)
     parts = parts_of(target, rigid_heads(copy))
     root = root_path(source, copy, matching, scale)

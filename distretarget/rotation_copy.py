@@ -13,15 +13,18 @@ from distretarget.rest_pose import rest_alignment
 Array = NDArray[np.float64]
 
 
-def rotation_copy(motion: Motion, matching: Matching, scale: float, up: Array) -> Motion:
+def rotation_copy(
+    motion: Motion, matching: Matching, scale: float, up: Array, target_motion: Motion | None = None
+) -> Motion:
     """The motion whose world rotations are R_src(t) A: those of the source, relative to the target's rest pose.
 
     Joints that follow two source joints turn between the two, joints that follow none with their parents. The pelvis,
     from which the legs part, goes where the source's goes, times `scale` [target units per source unit]; without legs
-    the topmost joint that has a driver. `up`, (3,), points up in `motion`.
+    the topmost joint that has a driver. `up`, (3,), points up in `motion`;
+    `target_motion`, if there is any, tells what the target's rest pose does not (`rest_pose`).
     """
     target = matching.target
-    rest = rest_alignment(matching, motion, up)
+    rest = rest_alignment(matching, motion, up, target_motion)
     world = np.tile([0.0, 0.0, 0.0, 1.0], (len(motion), len(target), 1))
     driven, between = np.flatnonzero(matching.turns[:, 0] >= 0), np.flatnonzero(matching.shares > 0)
     world[:, driven] = _turned(motion, matching, rest, driven, 0).as_quat()

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from distretarget.bvh import read_bvh_skeleton
-from distretarget.errors import SkeletonError, SkeletonFileError, closest, quoted
+from distretarget.bvh import read_bvh, read_bvh_skeleton
+from distretarget.errors import BvhError, SkeletonError, SkeletonFileError, closest, quoted
 from distretarget.files import read_text
 from distretarget.json_node import Node, entry_place, field_place, found, parse_json
+from distretarget.motion import Motion
 from distretarget.pairs import JointMap
 from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
 
@@ -37,11 +38,13 @@ class Target:
         skeleton: the target's.
         map: source joint for target joint, by key, where the file has an explicit map; else empty.
         name: what the file calls the skeleton; empty where it says nothing.
+        motion: of a BVH file that has a whole one; it may tell more of the rig than its rest pose.
     """
 
     skeleton: Skeleton
     map: JointMap
     name: str
+    motion: Motion | None = None
 
 
 @dataclass(frozen=True)
@@ -170,7 +173,7 @@ def _joint(skeleton: Skeleton, joint: int) -> dict[str, object]:
 def _load(path: str | Path) -> Target | SkeletonEdit:
     text = read_text(path)
     if not is_json(text):
-        return Target(read_bvh_skeleton(path), {}, "")
+        return _bvh_target(path)
     document = Node(path, "", parse_json(path, text))
     _check_head(document)
     fields = document.fields(HEAD[:2], (*HEAD[2:], *FULL, *SHORT))
@@ -179,6 +182,15 @@ def _load(path: str | Path) -> Target | SkeletonEdit:
     if full and short:
         fields[short[0]].fail(f'cannot stand beside "{full[0]}"; expected {quoted(FULL)} or {quoted(SHORT)}')
     return _full(document, fields) if full else _edit(document, fields)
+
+
+def _bvh_target(path: str | Path) -> Target:
+    """The target in a BVH file, whose MOTION may be missing or broken."""
+    try:
+        motion = read_bvh(path)
+    except BvhError:
+        return Target(read_bvh_skeleton(path), {}, "")
+    return Target(motion.rigid_skeleton, {}, "", motion if len(motion) else None)
 
 
 def _check_head(document: Node) -> None:

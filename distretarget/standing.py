@@ -28,6 +28,7 @@ BENT_ARM = 0.25  # what a bone of an arm counts, against trunk and legs, in the 
 RAISED_FOOT = 5.0  # what the height of an ankle over its low ones counts [1 / body unit]
 LOW = 20.0  # the percentile of an ankle's heights at which the foot is down
 TWISTED = 5.0  # what shoulders count that are turned against the hips
+LEANING = 0.8  # of trunk and legs, one less their cosines to up together, from which nobody stands
 BENDING = 0.1  # the mean sine of a joint's bend from which its plane is known
 
 
@@ -36,16 +37,20 @@ def resting(skeleton: Skeleton) -> Array:
     return np.tile([0.0, 0.0, 0.0, 1.0], (len(skeleton), 1))
 
 
-def standing_frame(motion: Motion, anatomy: Anatomy, up: Array) -> Array:
-    """(joints, 4), world rotations in which the body stands: those of the rest pose where that is a pose, else of the
-    frame that is most like one: upright, legs straight, feet down, arms hanging or out to the sides. `up` is (3,).
+def standing(skeleton: Skeleton, anatomy: Anatomy, motion: Motion | None, up: Array) -> Array:
+    """(joints, 4), world rotations in which the body stands: those of its rest pose where that is a pose; else those of
+    the frame of its motion that is most like one: upright, legs straight, feet down, arms hanging or out to the sides;
+    else, if it never stands or no motion is known, those of a T-pose put together. `up`, (3,), is the motion's.
     """
-    skeleton = motion.rigid_skeleton
-    if is_pose(skeleton, anatomy) or not len(motion):
+    if is_pose(skeleton, anatomy):
         return resting(skeleton)
+    if motion is None or not len(motion):
+        return stood(skeleton, anatomy)
     x = motion.positions
-    unlike = (1.0 - trunk(anatomy, x) @ up) + (1.0 + leg_directions(anatomy, x) @ up)
-    unlike += TWISTED * _twist(anatomy, x)
+    lean = (1.0 - trunk(anatomy, x) @ up) + (1.0 + leg_directions(anatomy, x) @ up)
+    if lean.min() > LEANING:
+        return stood(skeleton, anatomy)
+    unlike = lean + TWISTED * _twist(anatomy, x)
     for ankle in (anatomy.roles[role] for role in ("leftFoot", "rightFoot") if role in anatomy.roles):
         height = x[:, ankle] @ up
         unlike += RAISED_FOOT * np.abs(height - np.percentile(height, LOW)) / body_unit(skeleton)
@@ -66,32 +71,35 @@ def _twist(anatomy: Anatomy, x: Array) -> Array:
     return np.asarray(1.0 - (hips * shoulders).sum(axis=-1))
 
 
-def bend_axes(motion: Motion, anatomy: Anatomy) -> dict[str, Array]:
-    """The axes about which elbows and knees bend in a motion, (3,) unit vectors in the frame of the bone above, by the
-    role of that bone's joint; those that hardly bend are left out.
+def bend_axes(skeleton: Skeleton, anatomy: Anatomy, motion: Motion | None, world: Array) -> dict[str, Array]:
+    """The axes, (3,) unit vectors, about which elbows and knees bend in a motion, where the body stands in the world
+    rotations `world`, (joints, 4); by the roles of upper arms and thighs.
+
+    None where the rest pose is a pose, which tells the roll; and without those that hardly bend.
     """
-    axes = {}
+    axes: dict[str, Array] = {}
+    if motion is None or not len(motion) or is_pose(skeleton, anatomy):
+        return axes
     for side in SIDES:
         for limb in (ARM[1:], LEG[:3]):
             bones = list(_bones(anatomy, side, limb))
             if len(bones) == 2:
+                joint = bones[0][0]
                 upper, lower = (unit(motion.positions[:, b] - motion.positions[:, a]) for a, b in bones)
-                world = Rotation.from_quat(motion.world_rotations[:, bones[0][0]])
-                axis = world.inv().apply(np.cross(upper, lower)).mean(axis=0)
+                turned = Rotation.from_quat(motion.world_rotations[:, joint]).inv()
+                axis = turned.apply(np.cross(upper, lower)).mean(axis=0)
                 if np.linalg.norm(axis) > BENDING:
-                    axes[side + limb[0]] = unit(axis)
+                    axes[side + limb[0]] = np.asarray(Rotation.from_quat(world[joint]).apply(unit(axis)))
     return axes
 
 
 def stood(skeleton: Skeleton, anatomy: Anatomy) -> Array:
-    """(joints, 4), world rotations in which the body stands: those of the rest pose where that is a pose, else those
-    that put together a T-pose, Y up, facing Z: the hips by their own axes, the spine straight up from them.
+    """(joints, 4), world rotations that put together a T-pose, Y up, facing Z: the hips by their own axes, the spine
+    straight up from them.
 
     Each joint is turned from the one above by the least rotation, but where that is right round, about the axis from
     side to side, as knees bend.
     """
-    if is_pose(skeleton, anatomy):
-        return resting(skeleton)
     goals = dict(_goals(anatomy))
     turns: list[Rotation] = []
     for joint in range(len(skeleton)):

@@ -22,6 +22,7 @@ RootOffset = Literal["replaced", "added"]
 
 AXES = ("X", "Y", "Z", "-X", "-Y", "-Z")
 STANDS = 0.7  # mean cosine between an axis and a body that stands along it in motion
+TELLS = 0.3  # the same, from which a body without a rest pose tells it at all
 ON_FLOOR = 0.1  # [leg lengths] feet so near to height 0 are on the floor ...
 OFF_FLOOR = 0.25  # ... and so far from it they are not
 
@@ -45,6 +46,8 @@ def up_of_motion(motion: Motion, anatomy: Anatomy | None) -> str | None:
         return _axis(up_axis(motion.positions, legs))[0] if legs and len(motion) else None
     axis, cosine = _axis(_upwards(anatomy, motion.positions).mean(axis=0))
     rest = up_of_rest(motion.rigid_skeleton, anatomy)
+    if rest is None and cosine < TELLS:
+        return None
     stands = cosine > STANDS and abs(_lowest(motion, axis_vector(axis))) < OFF_FLOOR * _leg(motion.rigid_skeleton)
     return axis if rest is None or stands else rest
 
@@ -91,18 +94,24 @@ class World:
 
 
 def find_world(
-    source: Motion, matching: Matching, source_up: str | None, up: str | None, offset: RootOffset | None
+    source: Motion,
+    matching: Matching,
+    source_up: str | None,
+    up: str | None,
+    offset: RootOffset | None,
+    target_motion: Motion | None = None,
 ) -> World:
     """The world of source and target, as far as it is not given.
 
-    Up in the source is as its motion tells. Up in the target is what its file says; else, if both rest poses stand
-    along the same axis, as in the source; else the axis along which the target's rest pose stands. Where nothing tells,
-    Y is up.
+    Up in the source is as its motion tells. Up in the target is what its file says; else as a motion of it tells; else,
+    if both rest poses stand along the same axis, as in the source; else the axis along which the target's rest pose
+    stands. Where nothing tells, Y is up.
     """
     s, t = matching.anatomies
     source_up = source_up or up_of_motion(source, s) or "Y"
     stands, rest = up_of_rest(source.rigid_skeleton, s), up_of_rest(matching.target, t)
-    up = up or matching.target.up or (source_up if rest in (None, stands) else rest)
+    up = up or matching.target.up or (up_of_motion(target_motion, t) if target_motion else None)
+    up = up or (source_up if rest in (None, stands) else rest)
     return World(source_up, up, offset or root_offset_of(source, axis_vector(source_up)))
 
 

@@ -15,6 +15,8 @@ from distretarget import Motion, read_bvh, retarget
 from distretarget.alignment import least_rotation
 from distretarget.body import height
 from distretarget.conventions import by_names
+from distretarget.motion import local_rotations
+from distretarget.skeleton_json import load_target
 from distretarget.world import axis_vector
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
@@ -273,3 +275,31 @@ def divided(body, name, middle):
     ends = np.insert(body.end_sites, at, False)
     names = (*body.names[:at], middle, *body.names[at:])
     return replace(body, names=names, parents=np.array(parents), offsets=offsets, channels=channels, end_sites=ends)
+
+
+@pytest.mark.parametrize("angle", [90, 180])
+@clips
+def test_a_motion_of_the_target_tells_the_roll_that_its_rest_pose_does_not(clip, angle):
+    """Arms along X whose joints are rolled about X look the same at rest; only how they move tells them apart."""
+    plain = carried(clip, "lafan1", "X")
+    arm = [plain.skeleton.index(f"Right{part}") for part in ("Arm", "ForeArm", "Hand")]
+    world = np.array(plain.world_rotations)
+    roll = Rotation.from_euler("x", angle, degrees=True)
+    world[:, arm] = (Rotation.from_quat(world[:, arm]) * roll).as_quat()
+    own = replace(plain, rotations=local_rotations(plain.skeleton, world))
+    np.testing.assert_allclose(own.positions[:, arm], plain.positions[:, arm], atol=1e-9)
+    told = retarget(read(clip), plain.skeleton, target_motion=own).motion
+    untold = retarget(read(clip), plain.skeleton).motion
+    for result, least, most in ((told, 0, 25), (untold, angle - 25, 180)):
+        off = Rotation.from_quat(result.world_rotations[:, arm]) * Rotation.from_quat(world[:, arm]).inv()
+        assert least <= np.degrees(np.median(off.magnitude(), axis=0)).min()
+        assert np.degrees(np.median(off.magnitude(), axis=0)).max() <= most
+
+
+@needs_corpus
+def test_a_bvh_target_is_written_in_the_axes_of_its_own_motion():
+    path = CORPUS / "pybvh" / "bvh_test3.bvh"
+    goal = load_target(path, read(CLIPS[0]).skeleton)
+    result = retarget(read(CLIPS[0]), goal.skeleton, target_motion=goal.motion)
+    assert (result.world.source_up, result.world.up) == ("Y", "Z")
+    assert retarget(read(CLIPS[0]), goal.skeleton).world.up == "Y"
