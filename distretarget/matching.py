@@ -105,7 +105,11 @@ class Matching:
 
 
 def match(
-    source: Skeleton, target: Skeleton, explicit: JointMap | None = None, positions: Positions = None
+    source: Skeleton,
+    target: Skeleton,
+    explicit: JointMap | None = None,
+    positions: Positions = None,
+    target_positions: Positions = None,
 ) -> Matching:
     """The matching of `find_matching`, if it is one that a motion can be carried over by.
 
@@ -113,14 +117,18 @@ def match(
         MatchingError: it is not; the message has the names of both and the closest ones.
         MapError: `explicit` names joints that are not there.
     """
-    matching = find_matching(source, target, explicit, positions)
-    if reason := refusal(matching, positions):
+    matching = find_matching(source, target, explicit, positions, target_positions)
+    if reason := refusal(matching, positions, target_positions):
         raise MatchingError(reason, *([body.keys[j] for j in joints_of(body)] for body in (target, source)))
     return matching
 
 
 def find_matching(
-    source: Skeleton, target: Skeleton, explicit: JointMap | None = None, positions: Positions = None
+    source: Skeleton,
+    target: Skeleton,
+    explicit: JointMap | None = None,
+    positions: Positions = None,
+    target_positions: Positions = None,
 ) -> Matching:
     """Match the joints of two skeletons, as far as that goes.
 
@@ -129,12 +137,13 @@ def find_matching(
     equal names for joints that are left; equal names first where both follow one convention, and alone where there is
     no human body. Left and right are those of the bodies, whatever the joints are called.
 
-    `positions`, (frames, joints, 3), are the source's in motion: they tell its shape where its rest pose does not.
+    `positions` and `target_positions`, (frames, joints, 3), are those of source and target in motion: they tell a shape
+    where its rest pose does not.
 
     Raises:
         MapError: `explicit` names joints that are not there.
     """
-    (s, t), crossed = _sided(source, target, positions)
+    (s, t), crossed = _sided(source, target, positions, target_positions)
     found_pairs = find_pairs(source, target, (s, t), crossed)
     wanted = given(source, target, explicit or {})
     pairs = found_pairs | wanted
@@ -148,8 +157,8 @@ def find_matching(
     return Matching(source, target, drivers, turns, shares, found, (s, t))
 
 
-def refusal(matching: Matching, positions: Positions = None) -> str:
-    """Why a motion cannot be carried over by this matching; empty where it can. `positions` as in `find_matching`."""
+def refusal(matching: Matching, positions: Positions = None, target_positions: Positions = None) -> str:
+    """Why a motion cannot be carried over by this matching; empty where it can. Positions as in `find_matching`."""
     joints = joints_of(matching.target)
     named = sum(matching.found[joint] in ("name", "map") for joint in joints)
     s, t = matching.anatomies
@@ -161,7 +170,10 @@ def refusal(matching: Matching, positions: Positions = None) -> str:
             f"only {named} of {len(joints)} joints of the target have a driver by name, and no human body is "
             f"recognised in {body}"
         )
-    for what, skeleton, anatomy, x in (("source", matching.source, s, positions), ("target", matching.target, t, None)):
+    for what, skeleton, anatomy, x in (
+        ("source", matching.source, s, positions),
+        ("target", matching.target, t, target_positions),
+    ):
         if on_all_fours(skeleton, anatomy, x):
             return f"the {what} seems to go on all fours: its trunk lies across its legs"
     if not any(role in s.roles and role in t.roles for role in LIMBS):
@@ -169,17 +181,18 @@ def refusal(matching: Matching, positions: Positions = None) -> str:
     return "" if (matching.drivers >= 0).any() else "no joint of the target has a driver"
 
 
-def _sided(source: Skeleton, target: Skeleton, positions: Positions) -> tuple[Anatomies, bool]:
+def _sided(source: Skeleton, target: Skeleton, theirs: Positions, ours: Positions) -> tuple[Anatomies, bool]:
     """The anatomies of both, left being the body's left as far as that is known of both, and whether the names of one
     say left for right and those of the other do not.
     """
-    s, t = _anatomy(source, positions), _anatomy(target, None)
+    s, t = _anatomy(source, theirs), _anatomy(target, ours)
     if s is None or t is None:
         return (s, t), False
-    ours, theirs = sides_agree(target, t, None), sides_agree(source, s, positions)
-    if ours is None or theirs is None:
+    left_is_left = sides_agree(source, s, theirs), sides_agree(target, t, ours)
+    if None in left_is_left:
         return (s, t), False
-    return (s if theirs else s.mirrored, t if ours else t.mirrored), ours != theirs
+    s, t = (body if named else body.mirrored for body, named in zip((s, t), left_is_left, strict=True))
+    return (s, t), left_is_left[0] != left_is_left[1]
 
 
 def _anatomy(skeleton: Skeleton, positions: Positions) -> Anatomy | None:

@@ -112,7 +112,8 @@ def retarget(
         MotionError: the source has no frames, or positions too large to compute with, or a body has no extent.
     """
     _check(source, target)
-    matching = match(source.rigid_skeleton, target, joint_map, source.positions)
+    seen = None if target_motion is None else target_motion.positions
+    matching = match(source.rigid_skeleton, target, joint_map, source.positions, seen)
     world = find_world(source, matching, source_up, target_up, root_offset, target_motion)
     source = world.enter(source)
     skeleton, drivers = matching.source, matching.drivers

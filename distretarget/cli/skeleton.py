@@ -163,7 +163,14 @@ def match_command(source: Path, target: Path, map_path: Path | None, output: Pat
     check_outputs([output], [source, target, map_path], overwrite)
     skeleton, positions = _load_source(source)
     goal = load_target(target, skeleton)
-    matching = find_matching(skeleton, goal.skeleton, joint_map(skeleton, goal, target, map_path), positions)
+    seen = None if goal.motion is None else goal.motion.positions
+    matching = find_matching(
+        skeleton,
+        goal.skeleton,
+        joint_map(skeleton, goal, target, map_path),
+        positions,
+        seen,
+    )
     lines = [
         *headline(matching),
         "",
@@ -176,7 +183,7 @@ def match_command(source: Path, target: Path, map_path: Path | None, output: Pat
         say(line)
     if output:
         write_whole(output, map_to_json(matching), overwrite=overwrite)
-    if reason := refusal(matching, positions):
+    if reason := refusal(matching, positions, seen):
         raise FileError(target, f"{reason}; fill in {_the_map(output)} and give it with --map")
 
 
