@@ -39,33 +39,43 @@ NOISE = 0.01  # of an OFFSET's length: position channels that stay within it say
 
 
 def read_bvh(path: str | Path) -> Motion:
-    """The motion of a BVH file. A position channel replaces its component of the OFFSET; where the position channels
-    of most joints hold nothing but noise about zero, they are added to it.
-
-    End Sites become joints called `<parent>_End`, `<parent>_End2`, ...
+    """The motion of a BVH file; see `parse_bvh`.
 
     Raises:
         FileError: the file cannot be read as text.
         BvhError: it is no whole BVH file.
     """
-    words = Words(path, read_text(path))
+    return parse_bvh(read_text(path), path)
+
+
+def parse_bvh(text: str, path: str | Path) -> Motion:
+    """The motion in the text of a BVH file, whose path is for errors.
+
+    A position channel replaces its component of the OFFSET; where the position channels of most joints hold nothing but
+    noise about zero, they are added to it.
+
+    End Sites become joints called `<parent>_End`, `<parent>_End2`, ...
+
+    Raises:
+        BvhError: it is no whole BVH file.
+    """
+    words = Words(path, text)
     skeleton = _take_skeleton(words)
     if not take_motion_keyword(words):
         words.refuse("", "MOTION")
     return _take_motion(words, skeleton)
 
 
-def read_bvh_skeleton(path: str | Path) -> Skeleton:
-    """The skeleton of a BVH file, from its HIERARCHY alone; the MOTION may be missing or broken.
+def parse_bvh_skeleton(text: str, path: str | Path) -> Skeleton:
+    """The skeleton in the text of a BVH file, from its HIERARCHY alone; the MOTION may be missing or broken.
 
     Where joints below the root have position channels, their OFFSETs need not be their bones: then the
     frames are read too, if there are any, and the bones are those of `Motion.rigid_skeleton`.
 
     Raises:
-        FileError: the file cannot be read as text.
         BvhError: it has no whole HIERARCHY, or broken frames where they are needed.
     """
-    words = Words(path, read_text(path))
+    words = Words(path, text)
     skeleton = _take_skeleton(words)
     has_motion = take_motion_keyword(words)
     slides = any(channel in POSITION_CHANNELS for channels in skeleton.channels[1:] for channel in channels)

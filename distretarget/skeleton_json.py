@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from distretarget.bvh import read_bvh, read_bvh_skeleton
+from distretarget.bvh import parse_bvh, parse_bvh_skeleton
 from distretarget.errors import BvhError, SkeletonError, SkeletonFileError, closest, quoted
 from distretarget.files import read_text
 from distretarget.json_node import Node, entry_place, field_place, found, parse_json
@@ -106,7 +106,12 @@ def load_target(path: str | Path, source: Skeleton) -> Target:
         SkeletonFileError: JSON that breaks the format, or names joints that the source does not have.
         BvhError: anything else that is no BVH.
     """
-    loaded = _load(path)
+    return parse_target(read_text(path), path, source)
+
+
+def parse_target(text: str, path: str | Path, source: Skeleton) -> Target:
+    """The target in the text of a file, whose path is for errors; as `load_target`."""
+    loaded = _parse(text, path)
     return Target(loaded.apply(source), {}, "") if isinstance(loaded, SkeletonEdit) else loaded
 
 
@@ -121,7 +126,7 @@ def load_whole(path: str | Path) -> Target:
     Raises:
         SkeletonFileError: also for the short form, which is no skeleton without a source.
     """
-    loaded = _load(path)
+    loaded = _parse(read_text(path), path)
     if isinstance(loaded, SkeletonEdit):
         raise SkeletonFileError(path, "", 'has no "joints"; this short form needs a source to change')
     return loaded
@@ -170,10 +175,9 @@ def _joint(skeleton: Skeleton, joint: int) -> dict[str, object]:
     return entry | last
 
 
-def _load(path: str | Path) -> Target | SkeletonEdit:
-    text = read_text(path)
+def _parse(text: str, path: str | Path) -> Target | SkeletonEdit:
     if not is_json(text):
-        return _bvh_target(path)
+        return _bvh_target(text, path)
     document = Node(path, "", parse_json(path, text))
     _check_head(document)
     fields = document.fields(HEAD[:2], (*HEAD[2:], *FULL, *SHORT))
@@ -184,12 +188,12 @@ def _load(path: str | Path) -> Target | SkeletonEdit:
     return _full(document, fields) if full else _edit(document, fields)
 
 
-def _bvh_target(path: str | Path) -> Target:
-    """The target in a BVH file, whose MOTION may be missing or broken."""
+def _bvh_target(text: str, path: str | Path) -> Target:
+    """The target in the text of a BVH file, whose MOTION may be missing or broken."""
     try:
-        motion = read_bvh(path)
+        motion = parse_bvh(text, path)
     except BvhError:
-        return Target(read_bvh_skeleton(path), {}, "")
+        return Target(parse_bvh_skeleton(text, path), {}, "")
     return Target(motion.rigid_skeleton, {}, "", motion if len(motion) else None)
 
 

@@ -14,8 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from distretarget.bvh import format_bvh, read_bvh, read_bvh_skeleton, write_bvh
+from distretarget.bvh import format_bvh, parse_bvh_skeleton, read_bvh, write_bvh
 from distretarget.errors import BvhError, DistretargetError, FileError, MotionError, SkeletonError
+from distretarget.files import read_text
 from distretarget.motion import Motion
 from distretarget.skeleton import Skeleton
 
@@ -59,6 +60,10 @@ Frame Time: 0.0333333
 JOINTS = ("Hips", "Chest", "Head", "Head_End", "Leg", "Leg_End")
 HIERARCHY, MOTION = TEXT[: TEXT.index("MOTION")], TEXT[TEXT.index("MOTION") :]
 ROWS = MOTION.splitlines()[3:]
+
+
+def skeleton_of(path):
+    return parse_bvh_skeleton(read_text(path), path)
 
 
 def put(text, name="a.bvh"):
@@ -335,7 +340,7 @@ def test_files_that_end_early(end):
 def test_deep_nesting_up_to_the_limit():
     joints = [f"{'JOINT' if n else 'ROOT'} n {{\nOFFSET 0 1 0\n" for n in range(401)]
     text = "HIERARCHY\n" + "".join(joints) + "}" * 401
-    assert len(read_bvh_skeleton(put(text))) == 401
+    assert len(skeleton_of(put(text))) == 401
 
 
 def test_bvhio_does_build_the_tree(monkeypatch):
@@ -357,16 +362,16 @@ def test_no_temporary_files_stay(tmp_path):
 
 @pytest.mark.parametrize("motion", ["", "MOTION", "MOTION\nFrames: x", MOTION.replace("10", "?"), MOTION + "1 2"])
 def test_a_skeleton_needs_no_motion(motion):
-    skeleton = read_bvh_skeleton(put(HIERARCHY + motion))
+    skeleton = skeleton_of(put(HIERARCHY + motion))
     assert skeleton.names == JOINTS
     assert skeleton.offsets.tolist() == read(TEXT).skeleton.offsets.tolist()
 
 
 def test_a_skeleton_needs_a_whole_hierarchy():
     with pytest.raises(BvhError, match="expected MOTION"):
-        read_bvh_skeleton(put(HIERARCHY + "MOTIN\n"))
+        skeleton_of(put(HIERARCHY + "MOTIN\n"))
     with pytest.raises(BvhError, match="the file ends, expected JOINT or End Site or }"):
-        read_bvh_skeleton(put(HIERARCHY.rstrip().removesuffix("}")))
+        skeleton_of(put(HIERARCHY.rstrip().removesuffix("}")))
 
 
 SLIDING = edit(
@@ -379,12 +384,12 @@ SLIDING = edit(
 
 def test_bones_of_joints_that_slide_come_from_the_frames():
     path = put(SLIDING)
-    skeleton = read_bvh_skeleton(path)
+    skeleton = skeleton_of(path)
     np.testing.assert_array_equal(skeleton.offsets, read_bvh(path).rigid_skeleton.offsets)
     np.testing.assert_allclose(skeleton.lengths[4], np.hypot(0.5, 7))
-    assert read_bvh_skeleton(put(SLIDING[: SLIDING.index("MOTION")])).offsets[4].tolist() == [0.5, -3, 0]
+    assert skeleton_of(put(SLIDING[: SLIDING.index("MOTION")])).offsets[4].tolist() == [0.5, -3, 0]
     with pytest.raises(BvhError, match="whole frames"):
-        read_bvh_skeleton(put(SLIDING.replace("Frames: 3", "Frames: 4")))
+        skeleton_of(put(SLIDING.replace("Frames: 3", "Frames: 4")))
 
 
 def test_writing():
