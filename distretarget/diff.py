@@ -13,15 +13,16 @@ from distretarget.body import height
 from distretarget.distances import distance_problem
 from distretarget.errors import MotionError
 from distretarget.matching import Matching, match
-from distretarget.metrics import FAR_ALONG, NEAR, Comparison, compare, normalised_distances, points_of
+from distretarget.metrics import FAR_ALONG, NEAR, Comparison, compare, jerk_of, normalised_distances, points_of
 from distretarget.motion import Motion
 from distretarget.pairs import JointMap
 from distretarget.points import posture_stress
-from distretarget.world import find_world, root_offset_of, up_of_motion, with_root_offset
+from distretarget.world import World, find_world, root_offset_of, up_of_motion, with_root_offset
 
 Array = NDArray[np.float64]
 
 SAME_TIME = 1e-3  # relative difference of frame times from which motions are resampled
+LARGEST = 1e100  # positions beyond this overflow
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +78,11 @@ class Diff:
         return len(self.b)
 
     @cached_property
+    def jerk_a(self) -> Array:
+        """(frames - 3,), what `figures.jerk` is of B, of A [body sizes / s^3]."""
+        return jerk_of(replace(self.a, skeleton=self.a.rigid_skeleton))
+
+    @cached_property
     def pairs(self) -> Pairs:
         """What became of each pair."""
         return _pairs(self.a, self.b, self.matching)
@@ -91,16 +97,13 @@ def diff(a: Motion, b: Motion, joint_map: JointMap | None = None) -> Diff:
     Raises:
         MatchingError: the two bodies cannot be matched.
         MapError: `joint_map` names joints that are not there.
-        MotionError: a motion has no frames.
+        MotionError: a motion has no frames, positions too large to compute with, or no bone with a length.
     """
     for motion, name in ((a, "A"), (b, "B")):
-        if not len(motion):
-            raise MotionError(f"{name} has no frames; there is nothing to compare")
-    matching = match(a.rigid_skeleton, b.rigid_skeleton, joint_map, a.positions)
-    notes = []
+        _check(motion, name)
+    matching = match(a.rigid_skeleton, b.rigid_skeleton, joint_map, a.positions, b.positions)
     world = find_world(a, matching, None, up_of_motion(b, matching.anatomies[1]), None)
-    if world.source_up != world.up:
-        notes.append(f"A was turned: {world.source_up} is up in A, {world.up} in B")
+    notes = list(turned_note(world))
     a, b = world.enter(a), replace(b, skeleton=b.rigid_skeleton)
     if root_offset_of(b, world.up_vector) == "added":
         b = with_root_offset(b)
@@ -133,6 +136,21 @@ def resampled(motion: Motion, frame_time_text: str) -> Motion:
     for joint in range(len(motion.skeleton)):
         rotations[:, joint] = Slerp(times, Rotation.from_quat(motion.rotations[:, joint]))(wanted).as_quat()
     return Motion(motion.skeleton, translations, rotations, frame_time_text)
+
+
+def turned_note(world: World) -> tuple[str, ...]:
+    """What is said of the axes that point up, if they differ."""
+    same = world.source_up == world.up
+    return () if same else (f"A was turned: {world.source_up} is up in A, {world.up} in B",)
+
+
+def _check(motion: Motion, name: str) -> None:
+    if not len(motion):
+        raise MotionError(f"{name} has no frames; there is nothing to compare")
+    if not np.abs(motion.positions).max() < LARGEST:
+        raise MotionError(f"{name} has positions beyond {LARGEST:g}; its OFFSETs or position channels must be wrong")
+    if not motion.rigid_skeleton.path_lengths.max() > 0:
+        raise MotionError(f"no bone of {name} has a length; there is nothing to compare")
 
 
 def _first(motion: Motion, frames: int) -> Motion:

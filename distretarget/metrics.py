@@ -102,7 +102,7 @@ def compare(source: Motion, result: Motion, matching: Matching, up: Array) -> Co
         _direction_error(source, result, drivers),
         _bone_error(result),
         *_feet(source, result, matching, up),
-        _jerk(result),
+        jerk_of(result),
         _turn(source, result, drivers),
     )
 
@@ -200,7 +200,8 @@ def _speeds(paths: Array, frame_time: float) -> Array:
     return np.asarray(np.linalg.norm(np.gradient(paths, frame_time, axis=0), axis=-1))
 
 
-def _jerk(motion: Motion) -> Array:
+def jerk_of(motion: Motion) -> Array:
+    """(frames - 3,), the mean norm of the third difference of positions over joints [body sizes / s^3]."""
     size = motion.skeleton.path_lengths.max() * motion.frame_time**3
     third = np.diff(motion.positions, 3, axis=0) / size
     return np.asarray(np.linalg.norm(third, axis=-1).mean(axis=1))

@@ -17,6 +17,8 @@ LAYERS = [
     {"__main__"},
     {"cli"},
     {"__init__"},
+    {"report"},
+    {"diff"},
     {"retarget", "metrics", "joint_map"},
     {"contact", "paper", "swing"},
     {"near", "rotation_copy"},

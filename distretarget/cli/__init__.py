@@ -6,6 +6,7 @@ import sys
 
 import click
 
+from distretarget.cli.diff import diff_command
 from distretarget.cli.group import DefaultGroup
 from distretarget.cli.retarget import retarget_command
 from distretarget.cli.skeleton import skeleton_group
@@ -19,12 +20,14 @@ def cli() -> None:
 
     \b
     distretarget SOURCE.bvh TARGET -o OUT.bvh       the same as: distretarget retarget ...
+    distretarget diff A.bvh B.bvh -o REPORT.html    how far B is from A
     distretarget skeleton match SOURCE.bvh TARGET   which joint drives which
     distretarget skeleton show FILE
     """  # noqa: D301
 
 
 cli.add_command(retarget_command)
+cli.add_command(diff_command)
 cli.add_command(skeleton_group)
 
 

@@ -1,14 +1,18 @@
-"""What a command writes: files that may be written, and lines that any stream can hold."""
+"""What a command writes: files that may be written, lines that any stream can hold, what a report says of the run."""
 
 from __future__ import annotations
 
+import shlex
+import sys
 from collections.abc import Sequence
+from importlib.metadata import version
 from pathlib import Path
 
 import click
 
-from distretarget.errors import FileError
+from distretarget.errors import FileError, MatchingError
 from distretarget.files import check_writable
+from distretarget.report.document import About
 
 
 def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None], overwrite: bool) -> None:
@@ -25,3 +29,14 @@ def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None],
 def say(line: str, err: bool = False) -> None:
     """Print a line; what UTF-8 has no character for is escaped."""
     click.echo(line.encode("utf-8", "backslashreplace").decode(), err=err)
+
+
+def about(a: Path, b: Path) -> About:
+    """What a report says of this run of the program: the names of its two clips, its arguments, its version."""
+    return About(a.name, b.name, shlex.join(["distretarget", *sys.argv[1:]]), version("distretarget"))
+
+
+def needs_map(error: MatchingError, source: Path, target: Path) -> FileError:
+    """The refusal of two bodies that cannot be matched, with the command that writes a map for them."""
+    command = f"distretarget skeleton match {shlex.quote(str(source))} {shlex.quote(str(target))} -o MAP.json"
+    return FileError(target, f"{error}: write one with `{command}`, and give it with --map MAP.json")

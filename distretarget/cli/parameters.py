@@ -6,6 +6,8 @@ import click
 
 from distretarget.json_node import LARGEST
 
+LIMITED = ("stress", "distance", "contact", "direction", "bone", "slide", "foot", "jerk", "turn")  # by --fail-over
+
 
 def positive(text: str) -> float:
     """The number above 0 in the text."""
@@ -24,3 +26,17 @@ def of_bone(text: str) -> tuple[str, float]:
     if not name:
         raise click.BadParameter(f"expected a bone, = and a number, found {text!r}")
     return name, positive(number)
+
+
+def of_figure(text: str) -> tuple[str, float]:
+    """The name of a figure and its limit, a number from 0 up, in a text NAME=LIMIT."""
+    name, _, number = text.partition("=")
+    if name not in LIMITED:
+        raise click.BadParameter(f"expected one of {', '.join(LIMITED)}, = and a limit, found {text!r}")
+    try:
+        limit = float(number)
+    except ValueError:
+        limit = -1.0
+    if not 0 <= limit <= LARGEST:
+        raise click.BadParameter(f"expected a number from 0 to {LARGEST:g} as limit of {name}, found {number!r}")
+    return name, limit

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import shlex
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -14,12 +14,15 @@ from tqdm import tqdm
 from distretarget.bvh import read_bvh, write_bvh
 from distretarget.cli.figures import Figures
 from distretarget.cli.matching_table import headline, unused, without_driver
-from distretarget.cli.outputs import check_outputs, say
+from distretarget.cli.outputs import about, check_outputs, needs_map, say
 from distretarget.cli.parameters import positive
+from distretarget.diff import Diff, turned_note
 from distretarget.errors import DistretargetError, FileError, MatchingError, quoted
 from distretarget.files import write_whole
 from distretarget.joint_map import joint_map
 from distretarget.matching import Matching
+from distretarget.report.document import document
+from distretarget.report.page import page
 from distretarget.retarget import OBJECTIVES, Objective, RetargetResult, retarget
 from distretarget.skeleton_json import load_target
 from distretarget.world import AXES, RootOffset
@@ -75,6 +78,11 @@ LISTED = 12  # joints in a line of --verbose, at most
     "--json", "figures", type=click.Path(path_type=Path), help="Write the figures of each frame to this file."
 )
 @click.option(
+    "--report",
+    type=click.Path(path_type=Path),
+    help="Write an HTML report to this file: the result, and the rotation copy, measured against the source.",
+)
+@click.option(
     "-v", "--verbose", is_flag=True, help="Tell what was recognised and matched, and how the source's world was taken."
 )
 def retarget_command(
@@ -90,6 +98,7 @@ def retarget_command(
     objective: Objective,
     feet: str | None,
     figures: Path | None,
+    report: Path | None,
     verbose: bool,
 ) -> None:
     """Carry the motion of SOURCE, a BVH file, over to the body of TARGET.
@@ -100,11 +109,12 @@ def retarget_command(
     \b
     distretarget walk.bvh child.json -o walk_child.bvh
     distretarget walk.bvh hero.bvh -o walk_hero.bvh --json walk_hero.figures.json
+    distretarget walk.bvh hero.bvh -o walk_hero.bvh --report walk_hero.html
     distretarget walk.bvh robot.bvh -o walk_robot.bvh --map walk_robot.map.json -v
     """  # noqa: D301
     if feet == "hold" and objective == "paper":
         raise click.UsageError("--feet hold: the paper's objective knows no feet; use --objective contact.")
-    check_outputs([output, figures], [source, target, map_path], overwrite)
+    check_outputs([output, figures, report], [source, target, map_path], overwrite)
     started = time.perf_counter()
     motion = read_bvh(source)
     goal = load_target(target, motion.rigid_skeleton)
@@ -121,11 +131,11 @@ def retarget_command(
                 source_up=source_up,
                 target_up=target_up,
                 root_offset=root_offset,
+                target_motion=goal.motion,
                 progress=bar.update,
             )
         except MatchingError as error:
-            command = f"distretarget skeleton match {shlex.quote(str(source))} {shlex.quote(str(target))} -o MAP.json"
-            raise FileError(target, f"{error}: write one with `{command}`, and give it with --map MAP.json") from error
+            raise needs_map(error, source, target) from error
         except DistretargetError as error:
             raise FileError(source, str(error)) from error
     write_bvh(output, result.motion, overwrite=overwrite)
@@ -133,11 +143,22 @@ def retarget_command(
     run = Figures(result)
     if figures:
         write_whole(figures, run.json(), overwrite=overwrite)
+    if report:
+        write_whole(report, _report(run, source, output), overwrite=overwrite)
     for line in _account(result) if verbose else _unmatched(result.matching):
         say(line, err=True)
     for warning in run.warnings():
         click.echo(f"warning: {warning}", err=True)
     click.echo(run.line(seconds))
+
+
+def _report(run: Figures, source: Path, output: Path) -> str:
+    """The page of the result and the rotation copy against the source."""
+    result, up = run.result, run.result.world.up_vector
+    notes = turned_note(result.world)
+    diff = Diff(result.source, result.motion, result.matching, up, result.written_stress, run.reached, notes)
+    named = replace(about(source, output), copy=run.copied, copy_stress=result.copy_stress)
+    return page(diff, document(diff, named))
 
 
 def _unmatched(matching: Matching) -> Iterator[str]:

@@ -1,0 +1,178 @@
+"""`distretarget diff`: two clips against each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import click
+
+from distretarget.bvh import read_bvh
+from distretarget.cli.outputs import about, check_outputs, needs_map, say
+from distretarget.cli.parameters import of_figure
+from distretarget.diff import diff
+from distretarget.errors import DistretargetError, FileError, MatchingError, quoted
+from distretarget.files import write_whole
+from distretarget.joint_map import joint_map
+from distretarget.report.document import STILL, Document, csv_text, document, json_text
+from distretarget.report.page import page
+from distretarget.skeleton_json import Target
+
+MOST = 5  # frames and pairs that are printed
+LISTED = 12  # joints in a line, at most
+ROWS = (  # what is printed of the summary: name, its keys for A and B, what it means
+    ("stress", None, "stress", "distances off A's, squared (Eq. 2)"),
+    ("distance error", None, "distance_error", "distances off A's, over path lengths"),
+    ("contact error", None, "contact_error", "the same of what is near in A"),
+    ("direction error", None, "direction_error", "angle of bones to A's [degrees]"),
+    ("direction p99", None, "direction_error_p99", "its 99th percentile"),
+    ("bone error", None, "bone_error", "the largest change of a bone's length in B"),
+    ("slide", "slide_a", "slide_b", "of feet on the ground [leg lengths/s]"),
+    ("foot height", "foot_height_a", "foot_height_b", "of feet on the ground [% of leg length]"),
+    ("jerk", "jerk_a", "jerk_b", "roughness [body sizes/s³]"),
+    ("turn", None, "turn", "the largest turn between frames beyond A's [degrees]"),
+)
+
+
+@click.command("diff")
+@click.argument("a", type=click.Path(path_type=Path))
+@click.argument("b", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="The HTML report to write: one file, no network.")
+@click.option("--json", "json_path", type=click.Path(path_type=Path), help="Write all figures to this file.")
+@click.option(
+    "--csv",
+    "csv_path",
+    type=click.Path(path_type=Path),
+    help="Write the figures of the frames to this file, a row each.",
+)
+@click.option(
+    "--map",
+    "map_path",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help='A JSON file with {"joint of B": "joint of A"}, null for joints to leave out; the others are matched by '
+    "names or shape.",
+)
+@click.option(
+    "--fail-over",
+    "limits",
+    type=of_figure,
+    multiple=True,
+    metavar="FIGURE=LIMIT",
+    help="Exit with status 1 if a figure is over a limit: stress, distance, contact, direction, bone, turn; slide or "
+    "jerk, B's over A's; foot, how far its height is off A's. May be given several times.",
+)
+@click.option("--overwrite", is_flag=True, help="Replace files that exist. An input is never replaced.")
+def diff_command(
+    a: Path,
+    b: Path,
+    output: Path | None,
+    json_path: Path | None,
+    csv_path: Path | None,
+    map_path: Path | None,
+    limits: tuple[tuple[str, float], ...],
+    overwrite: bool,
+) -> None:
+    """Measure the motion of B against that of A, the reference. Both are BVH files.
+
+    Their skeletons may differ, and so may frame times and numbers of frames: A is resampled at B's, and the longer
+    one is cut.
+
+    \b
+    distretarget diff walk.bvh walk_hero.bvh
+    distretarget diff walk.bvh walk_hero.bvh -o walk_hero.html --csv walk_hero.csv
+    distretarget diff old.bvh new.bvh --fail-over contact=0.02 --fail-over slide=1.1
+    """  # noqa: D301
+    check_outputs([output, json_path, csv_path], [a, b, map_path], overwrite)
+    first, second = read_bvh(a), read_bvh(b)
+    goal = Target(second.rigid_skeleton, {}, "")
+    pairs = joint_map(first.rigid_skeleton, goal, b, map_path)
+    try:
+        result = diff(first, second, pairs)
+    except MatchingError as error:
+        raise needs_map(error, a, b) from error
+    except DistretargetError as error:
+        raise FileError(b, f"cannot be compared with {a}: {error}") from error
+    figures = document(result, about(a, b))
+    if output:
+        write_whole(output, page(result, figures), overwrite=overwrite)
+    if json_path:
+        write_whole(json_path, json_text(figures), overwrite=overwrite)
+    if csv_path:
+        write_whole(csv_path, csv_text(figures), overwrite=overwrite)
+    for line in _account(figures):
+        say(line)
+    if over := list(_over(figures["summary"], limits)):
+        raise click.ClickException(f"{b}: {'; '.join(over)}")
+
+
+def _account(figures: Document) -> Iterator[str]:
+    """What is printed."""
+    frames, rate = figures["frame_count"], 1 / figures["frame_time"]
+    for name in ("a", "b"):
+        body = figures[name]
+        named = f", named as in {body['convention']}" if body["convention"] else ""
+        yield f"{name.upper()}: {body['file']}, {body['joints']} joints{named}"
+    yield f"{frames} {'frame' if frames == 1 else 'frames'} compared, {rate:.4g} a second"
+    yield from figures["notes"]
+    yield from ("", *_table(figures["summary"]), "")
+    yield _worst_frames("stress", figures["frames"])
+    yield _worst_frames("contact_error", figures["frames"])
+    yield from _worst_pairs(figures["pairs"])
+    for name, other in (("b", "a"), ("a", "b")):
+        if joints := figures[f"unmatched_{name}"]:
+            yield f"joints of {name.upper()} that nothing in {other.upper()} stands for: {quoted(joints, LISTED)}"
+
+
+def _table(summary: Document) -> Iterator[str]:
+    """A line per figure."""
+    rows = [("figure", "A", "B", "")]
+    for name, a, b, meaning in ROWS:
+        ratio = summary.get(name)
+        more = f"; B / A {ratio:.4g}" if a and ratio is not None else ""
+        rows.append((name, _number(summary[a]) if a else "", _number(summary[b]), meaning + more))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for name, a, b, meaning in rows:
+        yield f"{name:<{widths[0]}}  {a:>{widths[1]}}  {b:>{widths[2]}}  {meaning}".rstrip()
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4g}"
+
+
+def _worst_frames(name: str, frames: list[dict[str, Any]]) -> str:
+    """The worst frames by a figure, with its values."""
+    ranked = sorted((frame for frame in frames if frame[name]), key=lambda frame: -frame[name])
+    worst = ", ".join(f"{frame['frame']} ({frame[name]:.3g})" for frame in ranked[:MOST])
+    return f"worst frames by {name.replace('_', ' ')}: {worst or 'none'}"
+
+
+def _worst_pairs(pairs: list[dict[str, Any]]) -> Iterator[str]:
+    """A line per pair."""
+    worst = [pair for pair in pairs if pair["error"]][:MOST]
+    yield "worst pairs (distance over path length in A, in B):" if worst else "worst pairs: none"
+    for pair in worst:
+        contact = f" in {pair['contact_frames']} frames of contact" if pair["contact_frames"] else ""
+        distances = f"{pair['distance_a']:.3f}, {pair['distance_b']:.3f}{contact}"
+        yield f"  {' - '.join(pair['joints_b'])}: {distances}; most in frame {pair['worst_frame']}"
+
+
+def _over(summary: Document, limits: tuple[tuple[str, float], ...]) -> Iterator[str]:
+    """What is over its limit."""
+    for name, limit in limits:
+        value = _limited(summary, name)
+        if value is not None and value > limit:
+            yield f"{name} is {value:.6g}, over {limit:g}"
+
+
+def _limited(summary: Document, name: str) -> float | None:
+    """The figure that a limit of this name is for; None where nothing was to be measured."""
+    if name == "foot":
+        a, b = summary["foot_height_a"], summary["foot_height_b"]
+        return None if a is None else abs(b - a)
+    if name == "slide":
+        a, b = summary["slide_a"], summary["slide_b"]
+        return None if a is None else b / max(a, STILL)
+    value: float | None = summary[f"{name}_error" if name in ("contact", "direction", "bone", "distance") else name]
+    return value

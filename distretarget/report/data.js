@@ -1,0 +1,128 @@
+// The document, the drawing data, what is chosen, and distances.
+
+const report = JSON.parse($('document').textContent);
+const scene = JSON.parse($('scene').textContent);
+const frameCount = report.frame_count;
+const frameTime = report.frame_time || 1 / 30;
+
+function bytes(text) {
+  return Uint8Array.from(atob(text), character => character.charCodeAt(0)).buffer;
+}
+
+function unpacked(motion) {
+  motion.positions = new Int16Array(bytes(motion.positions));
+  motion.tau = new Float32Array(bytes(motion.tau));
+  motion.joints = motion.names.length;
+  motion.count = motion.positions.length / motion.joints / 3;
+  motion.x = new Float32Array(motion.joints * 3);
+  motion.D = new Float32Array(motion.points.length ** 2);
+  motion.bones = motion.parents.map((upper, lower) => [upper, lower]).slice(1);
+  return motion;
+}
+
+const A = unpacked(scene.a), B = unpacked(scene.b);
+const pointCount = A.points.length;
+const pathSizes = new Uint8Array(bytes(scene.sizes));
+const stance = new Uint8Array(bytes(scene.stance));
+B.bones = scene.bones;
+
+/** What is chosen: `pair` is two numbers of points, or null. */
+const state = {frame: 0, playing: false, speed: 1, pair: null, overlaid: false, follow: true, draws: 0};
+
+/** Puts the joints where they are at a frame, into motion.x: (joints, 3), y up. */
+function place(motion, frame) {
+  const drawn = Math.min(Math.floor(frame / scene.step), motion.count - 1);
+  if (motion.placed === drawn) return;
+  motion.placed = drawn;
+  const first = drawn * motion.joints * 3, {x, positions, offset, scale} = motion;
+  for (let k = 0; k < x.length; k++) x[k] = offset[k % 3] + scale[k % 3] * positions[first + k];
+}
+
+/** D of all points at a frame, (points, points); nan where the path between two has no length. */
+function distances(motion, frame) {
+  place(motion, frame);
+  const {x, D, tau, points} = motion;
+  if (motion.measured === motion.placed) return D;
+  motion.measured = motion.placed;
+  for (let i = 0; i < pointCount; i++) {
+    for (let j = 0; j <= i; j++) {
+      const u = 3 * points[i], v = 3 * points[j], k = i * pointCount + j;
+      const length = Math.hypot(x[u] - x[v], x[u + 1] - x[v + 1], x[u + 2] - x[v + 2]);
+      D[k] = D[j * pointCount + i] = i === j ? 0 : tau[k] > 0 ? length / tau[k] : NaN;
+    }
+  }
+  return D;
+}
+
+/** The contact pairs of A at a frame: [point, point, whether they are near in B as well]. */
+function contactsAt(frame) {
+  const a = distances(A, frame), b = distances(B, frame), found = [];
+  for (let i = 0; i < pointCount; i++) {
+    for (let j = 0; j < i; j++) {
+      const k = i * pointCount + j;
+      if (a[k] < scene.near && pathSizes[k] >= scene.far_along && !Number.isNaN(b[k])) {
+        found.push([i, j, b[k] < scene.near]);
+      }
+    }
+  }
+  return found;
+}
+
+/** The angle between a bone of B and the one of A that stands for it [degrees]; null where none does. */
+function directionError([upper, lower, otherUpper, otherLower]) {
+  if (otherUpper < 0) return null;
+  const a = [0, 1, 2].map(i => A.x[3 * otherLower + i] - A.x[3 * otherUpper + i]);
+  const b = [0, 1, 2].map(i => B.x[3 * lower + i] - B.x[3 * upper + i]);
+  const cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+  return Math.atan2(Math.hypot(...cross), a[0] * b[0] + a[1] * b[1] + a[2] * b[2]) * 180 / Math.PI;
+}
+
+function pairName([i, j]) {
+  return `${B.names[B.points[i]]} – ${B.names[B.points[j]]}`;
+}
+
+/** A pair of points in words: what it is called in both motions, and how far apart it is at a frame. */
+function pairText([i, j], frame) {
+  const k = i * pointCount + j, a = distances(A, frame)[k], b = distances(B, frame)[k];
+  const other = `${A.names[A.points[i]]} – ${A.names[A.points[j]]}`;
+  const name = pairName([i, j]), difference = b - a;
+  const called = other === name ? name : `${name} (in A: ${other})`;
+  const contact = i !== j && a < scene.near && pathSizes[k] >= scene.far_along ? (b < scene.near ? ', contact' : ', contact lost') : '';
+  return `${called}: D in A ${shown(a)}, in B ${shown(b)}, difference ${difference > 0 ? '+' : ''}${shown(difference)}${contact}`;
+}
+
+// ---- going from frame to frame
+
+let clock = 0, before = 0;
+
+function goTo(frame) {
+  state.frame = clamp(Math.round(frame), 0, frameCount - 1);
+  clock = state.frame * frameTime;
+  repaint();
+}
+
+function setPlaying(playing) {
+  state.playing = playing && frameCount > 1;
+  before = performance.now();
+  if (state.playing && state.frame === frameCount - 1) clock = 0;
+  $('play').setAttribute('aria-label', state.playing ? 'Stop' : 'Play');
+  $('play').classList.toggle('playing', state.playing);
+  repaint();
+}
+
+function choose(pair) {
+  state.pair = pair;
+  repaint();
+}
+
+function tick(now) {
+  waiting = false;
+  if (state.playing) {
+    clock = (clock + Math.max(0, now - before) / 1000 * state.speed) % (frameCount * frameTime);
+    state.frame = Math.min(Math.floor(clock / frameTime + 1e-6), frameCount - 1);
+    before = now;
+  }
+  painters.filter(painter => painter.visible).forEach(painter => painter.paint());
+  state.draws += 1;
+  if (state.playing) repaint();
+}

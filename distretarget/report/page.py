@@ -1,0 +1,39 @@
+"""The report as one HTML file that needs nothing else: document, drawing data, style and script in one."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+from collections.abc import Mapping
+from importlib.resources import files
+from typing import Any
+
+from distretarget.diff import Diff
+from distretarget.report.scene import scene
+
+SCRIPTS = ("base.js", "data.js", "camera.js", "skeletons.js", "player.js", "curves.js", "heatmap.js", "tables.js")
+HALVES = re.compile("[\ud800-\udfff]")  # of characters, as in file names that are not text; UTF-8 has none
+ESCAPES = {ord(character): f"\\u{ord(character):04x}" for character in "<>&\u2028\u2029"}
+
+
+def page(diff: Diff, document: Mapping[str, Any]) -> str:
+    """The HTML of the report on a diff; `document` is the diff's, and stands in the page as it is."""
+    parts = {
+        "title": html.escape(HALVES.sub("\ufffd", f"{document['b']['file']} against {document['a']['file']}")),
+        "style": _asset("style.css"),
+        "script": "\n".join(map(_asset, SCRIPTS)),
+        "document": script_json(document),
+        "scene": script_json(scene(diff, len(document["pairs"]))),
+    }
+    return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], _asset("template.html"))
+
+
+def script_json(value: object) -> str:
+    """JSON that can stand in a script element: no character of it ends the element or begins a comment."""
+    text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return HALVES.sub(lambda half: f"\\u{ord(half[0]):04x}", text).translate(ESCAPES)
+
+
+def _asset(name: str) -> str:
+    return files(__package__).joinpath(name).read_text(encoding="utf-8")

@@ -1,0 +1,182 @@
+"""What the page draws: both motions, small enough to embed, and when which joints touch."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.alignment import least_rotation
+from distretarget.body import leg_length
+from distretarget.diff import Diff
+from distretarget.metrics import BLOCK, FAR_ALONG, LOWEST, NEAR, points_of
+from distretarget.motion import Motion
+from distretarget.skeleton import Skeleton
+
+Array = NDArray[np.float64]
+Drawing = dict[str, Any]
+
+BUDGET = 5_000_000  # bytes of quantised positions of both motions; a longer clip is thinned
+STEPS = 65_535  # of a quantised coordinate
+ROWS = 24  # of the contact timeline, at most
+SAMPLES = 64  # frames that tell the range of the differences of D
+
+
+def scene(diff: Diff, pairs: int) -> Drawing:
+    """The drawing data of a diff, as JSON values.
+
+    Both motions are drawn with y up, the floor at 0 and twice the leg length as the unit, and are thinned to every
+    `step`-th frame where they would take more than `BUDGET`. Arrays are base64 of little-endian numbers. `points` are
+    the joints of the matrices: for each its joint in A and in B; pairs are of their numbers. `pairs` is how many of the
+    worst pairs are named.
+    """
+    b_points = points_of(diff.matching)
+    a_points = diff.matching.drivers[b_points]
+    step = drawn_step(len(diff), len(diff.a.skeleton) + len(diff.b.skeleton))
+    legs = diff.matching.legs or (None, None)
+    number = {int(joint): k for k, joint in enumerate(b_points)}
+    worst = diff.pairs.worst(pairs)
+    near = _most_contacts(diff)
+    sizes = np.minimum(diff.matching.target.path_sizes[np.ix_(b_points, b_points)], 255)
+    return {
+        "step": step,
+        "notes": _notes(step, diff),
+        "near": NEAR,
+        "far_along": FAR_ALONG,
+        "facing": _facing(diff),
+        "a": _drawing(diff.a, diff.matching.source, legs[1], a_points, diff.up, step),
+        "b": _drawing(diff.b, diff.matching.target, legs[0], b_points, diff.up, step),
+        "bones": _bones(diff).tolist(),
+        "pelvis": [int(diff.matching.drivers[diff.matching.pelvis]), diff.matching.pelvis],
+        "sizes": _base64(sizes, "<u1"),
+        "stance": _base64((diff.figures.stance * 2 ** np.arange(diff.figures.stance.shape[1])).sum(axis=1), "<u1"),
+        "largest_difference": _largest_difference(diff, a_points, b_points),
+        "pairs": [[number[int(diff.pairs.u[k])], number[int(diff.pairs.v[k])]] for k in worst],
+        "contacts": [
+            {"pair": [number[int(diff.pairs.u[k])], number[int(diff.pairs.v[k])]], "a": a, "b": b}
+            for k, a, b in zip(near, *_contact_spans(diff, near), strict=True)
+        ],
+    }
+
+
+def drawn_step(frames: int, joints: int) -> int:
+    """Every how manieth frame is drawn, so that the positions of so many joints, of both motions, stay in `BUDGET`."""
+    return max(1, -(-frames * joints * 3 * 2 // BUDGET))
+
+
+def quantised(positions: Array) -> tuple[NDArray[np.int16], Array, Array]:
+    """Positions (frames, joints, 3) as 16-bit numbers in their bounding box: the numbers, offset (3,), scale (3,).
+
+    A position is offset + scale * number, off by at most half a `STEPS`-th of the box.
+    """
+    low, high = positions.min(axis=(0, 1)), positions.max(axis=(0, 1))
+    scale = (high - low) / STEPS
+    numbers = np.rint((positions - low) / np.where(scale > 0, scale, 1.0)) - (STEPS + 1) // 2
+    return numbers.astype(np.int16), low + scale * ((STEPS + 1) // 2), scale
+
+
+def spans(mask: NDArray[np.bool_]) -> list[list[int]]:
+    """The runs of true in (frames,): first frame of each, and the frame after its last."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    return [[int(first), int(end)] for first, end in edges.reshape(-1, 2)]
+
+
+def _drawing(motion: Motion, body: Skeleton, legs: Any, points: NDArray[np.intp], up: Array, step: int) -> Drawing:
+    """One motion; `body` is its skeleton with rigid bones, `points` the joints of the matrices."""
+    unit = (2 * leg_length(body, legs) if legs else float(body.path_lengths.max())) or 1.0
+    placed = Rotation.from_quat(_upright(up)).apply(motion.positions[::step].reshape(-1, 3)) / unit
+    positions = placed.reshape(-1, len(body), 3)
+    positions[..., 1] -= np.percentile(positions[..., 1].min(axis=1), LOWEST)
+    numbers, offset, scale = quantised(positions)
+    return {
+        "names": list(body.keys),
+        "parents": body.parents.tolist(),
+        "points": points.tolist(),
+        "feet": [joint for leg in legs for joint in (leg.ankle, leg.toe)] if legs else [],
+        "tau": _base64(body.path_lengths[np.ix_(points, points)] / unit, "<f4"),
+        "offset": offset.tolist(),
+        "scale": scale.tolist(),
+        "positions": _base64(numbers, "<i2"),
+    }
+
+
+def _upright(up: Array) -> Array:
+    """(4,), the rotation that brings up to y."""
+    return np.asarray(least_rotation(up[None], np.array([[0.0, 1.0, 0.0]]))[0])
+
+
+def _facing(diff: Diff) -> float:
+    """The angle about y, from z, to which B faces in its first frame [rad]; 0 where it has no legs."""
+    if diff.matching.legs is None:
+        return 0.0
+    left, right = (diff.b.positions[0, leg.hip] for leg in diff.matching.legs[0])
+    front = Rotation.from_quat(_upright(diff.up)).apply(np.cross(left - right, diff.up))
+    return float(np.arctan2(front[0], front[2]))
+
+
+def _bones(diff: Diff) -> NDArray[np.intp]:
+    """(bones of B, 4): its upper and lower joint, and those of A that stand for them, -1 without both."""
+    body, other, drivers = diff.matching.target, diff.matching.source, diff.matching.drivers
+    lower, upper = np.arange(1, len(body)), body.parents[1:]
+    shared = (drivers[lower] >= 0) & (drivers[upper] >= 0) & (body.lengths[1:] > 0)
+    shared &= other.path_lengths[drivers[upper], drivers[lower]] > 0
+    ends = np.where(shared[:, None], np.stack([drivers[upper], drivers[lower]], axis=1), -1)
+    return np.concatenate([np.stack([upper, lower], axis=1), ends], axis=1)
+
+
+def _most_contacts(diff: Diff) -> NDArray[np.intp]:
+    """The numbers of the pairs that are a contact in most frames, in this order."""
+    touching = np.flatnonzero(diff.pairs.contact_frames)
+    return touching[np.argsort(-diff.pairs.contact_frames[touching], kind="stable")][:ROWS]
+
+
+def _contact_spans(diff: Diff, pairs: NDArray[np.intp]) -> tuple[list[list[list[int]]], list[list[list[int]]]]:
+    """The spans in which each of the pairs is near: in A, and in B."""
+    u, v = diff.pairs.u[pairs], diff.pairs.v[pairs]
+    drivers = diff.matching.drivers
+    near_a = _near(diff.a, diff.matching.source, drivers[u], drivers[v])
+    near_b = _near(diff.b, diff.matching.target, u, v)
+    return [spans(column) for column in near_a.T], [spans(column) for column in near_b.T]
+
+
+def _near(motion: Motion, body: Skeleton, u: NDArray[np.intp], v: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """(frames, pairs), whether D is below `NEAR`, block by block of frames."""
+    near = np.zeros((len(motion), len(u)), bool)
+    for first in range(0, len(motion), BLOCK):
+        x = motion.positions[first : first + BLOCK]
+        near[first : first + BLOCK] = np.linalg.norm(x[:, u] - x[:, v], axis=-1) < NEAR * body.path_lengths[u, v]
+    return near
+
+
+def _largest_difference(diff: Diff, a_points: NDArray[np.intp], b_points: NDArray[np.intp]) -> float:
+    """The 99.5th percentile of |D_a - D_b| over some frames."""
+    tau_a = diff.matching.source.path_lengths[np.ix_(a_points, a_points)]
+    tau_b = diff.matching.target.path_lengths[np.ix_(b_points, b_points)]
+    difference = []
+    for frame in np.unique(np.linspace(0, len(diff) - 1, SAMPLES).astype(np.intp)):
+        D_a = _distances(diff.a.positions[frame, a_points], tau_a)
+        D_b = _distances(diff.b.positions[frame, b_points], tau_b)
+        difference.append(np.abs(D_a - D_b))
+    return float(np.percentile(difference, 99.5))
+
+
+def _distances(x: Array, tau: Array) -> Array:
+    """D, (points, points), of points (points, 3); 0 where the path between them has no length."""
+    return np.asarray(np.linalg.norm(x[:, None] - x, axis=-1) / np.where(tau > 0, tau, np.inf))
+
+
+def _notes(step: int, diff: Diff) -> list[str]:
+    """What is to be known about the drawing."""
+    notes = []
+    if step > 1:
+        notes.append(f"long clip: player, matrices and thumbnails show one frame in {step}; figures are of all frames")
+    if diff.matching.legs:
+        notes.append("A and B are drawn with legs of the same length")
+    return notes
+
+
+def _base64(array: NDArray[Any], dtype: str) -> str:
+    return b64encode(np.ascontiguousarray(array, dtype).tobytes()).decode("ascii")

@@ -1,0 +1,186 @@
+// Bodies, floor and contacts on a canvas.
+
+// How far a bone of B is off its direction [degrees], told by colour, by thickness and by dashes.
+const LEVELS = [
+  {below: 3, name: 'under 3°', colour: 'e0', width: 1, dash: null},
+  {below: 8, name: '3–8°', colour: 'e1', width: 1.25, dash: null},
+  {below: 20, name: '8–20°', colour: 'e2', width: 1.5, dash: [2, 5]},
+  {below: Infinity, name: 'over 20°', colour: 'e3', width: 1.8, dash: [6, 4]},
+];
+const NOT_SHARED = {name: 'not in A', colour: 'muted', width: 0.55, dash: null};
+const OF_A = {colour: 'a', width: 1, dash: null};
+const BONE = 0.024;
+const GRID = 0.25;
+
+function levelOf(degrees) {
+  return degrees === null ? NOT_SHARED : LEVELS.find(level => degrees < level.below);
+}
+
+/** One bone: a halo that parts it from what is behind, its colour, and the dashes of its level. */
+function drawBone(context, from, to, look) {
+  const thick = Math.max(1.5, BONE * look.width * (from[2] + to[2]) / 2);
+  context.beginPath();
+  context.moveTo(from[0], from[1]);
+  context.lineTo(to[0], to[1]);
+  for (const [style, width, dash] of [
+    [colour.panel, thick + Math.min(2.5, thick * 0.5), []], [colour[look.colour], thick, []], [colour.panel, thick * 0.4, look.dash],
+  ]) {
+    if (!dash) continue;
+    context.strokeStyle = style;
+    context.lineWidth = width;
+    context.lineCap = width > thick ? 'butt' : 'round';
+    context.setLineDash(dash);
+    context.stroke();
+  }
+  context.setLineDash([]);
+}
+
+/** A body, farthest bones first. */
+function drawBody(context, motion, project, lookOf) {
+  const {x} = motion, at = [];
+  for (let joint = 0; joint < motion.joints; joint++) at.push(project(x[3 * joint], x[3 * joint + 1], x[3 * joint + 2]));
+  const order = motion.bones.map(bone => [at[bone[0]][2] + at[bone[1]][2], bone]).sort((p, q) => p[0] - q[0]);
+  for (const [, bone] of order) drawBone(context, at[bone[0]], at[bone[1]], lookOf(bone));
+  context.fillStyle = colour.panel;
+  for (const joint of motion.points) {
+    const [column, row, size] = at[joint];
+    if (BONE * size < 5) continue;
+    context.beginPath();
+    context.arc(column, row, BONE * 0.22 * size, 0, 7);
+    context.fill();
+  }
+  return at;
+}
+
+function drawFloor(context, project, centre, box) {
+  const [column, row, size] = project(centre[0], 0, centre[2]);
+  const fade = context.createRadialGradient(column, row, size * 0.3, column, row, size * 1.6);
+  fade.addColorStop(0, colour.line);
+  fade.addColorStop(1, 'transparent');
+  context.strokeStyle = fade;
+  context.lineWidth = 1;
+  context.beginPath();
+  const [west, south] = [Math.round(centre[0] / GRID), Math.round(centre[2] / GRID)];
+  for (let k = -8; k <= 8; k++) {
+    for (const ends of [[k, -8, k, 8], [-8, k, 8, k]]) {
+      context.moveTo(...project((west + ends[0]) * GRID, 0, (south + ends[1]) * GRID).slice(0, 2));
+      context.lineTo(...project((west + ends[2]) * GRID, 0, (south + ends[3]) * GRID).slice(0, 2));
+    }
+  }
+  context.stroke();
+}
+
+function drawShadow(context, motion, project) {
+  const {x} = motion;
+  context.strokeStyle = colour.shadow;
+  context.lineWidth = Math.max(2, BONE * 1.3 * project(x[0], 0, x[2])[2]);
+  context.lineCap = context.lineJoin = 'round';
+  context.beginPath();
+  for (const [upper, lower] of motion.bones) {
+    context.moveTo(...project(x[3 * upper], 0, x[3 * upper + 2]).slice(0, 2));
+    context.lineTo(...project(x[3 * lower], 0, x[3 * lower + 2]).slice(0, 2));
+  }
+  context.stroke();
+}
+
+/** A ring on the floor about each foot joint that is at rest in A. */
+function drawStance(context, motion, project, frame) {
+  context.strokeStyle = colour.stance;
+  context.lineWidth = 2;
+  motion.feet.forEach((joint, k) => {
+    if (!(stance[frame] >> k & 1)) return;
+    const x = motion.x[3 * joint], z = motion.x[3 * joint + 2];
+    context.beginPath();
+    for (let step = 0; step <= 24; step++) {
+      const angle = step * Math.PI / 12;
+      context.lineTo(...project(x + 0.055 * Math.cos(angle), 0, z + 0.055 * Math.sin(angle)).slice(0, 2));
+    }
+    context.stroke();
+  });
+}
+
+/** Lines between joints that touch in A; in B dashed where they no longer do. */
+function drawContacts(context, motion, at, frame) {
+  context.strokeStyle = colour.touch;
+  for (const [i, j, kept] of contactsAt(frame)) {
+    const from = at[motion.points[i]], to = at[motion.points[j]];
+    context.setLineDash(motion === A || kept ? [] : [4, 3]);
+    context.lineWidth = 1.25;
+    context.beginPath();
+    context.moveTo(from[0], from[1]);
+    context.lineTo(to[0], to[1]);
+    context.stroke();
+  }
+  context.setLineDash([]);
+}
+
+/** Rings about the two joints of the chosen pair, with their names, and a line between them. */
+function drawChosen(context, motion, at, box) {
+  if (!state.pair) return;
+  const joints = state.pair.map(point => motion.points[point]);
+  const [from, to] = joints.map(joint => at[joint]);
+  context.strokeStyle = context.fillStyle = colour.mark;
+  context.lineWidth = 2;
+  context.setLineDash([2, 3]);
+  context.beginPath();
+  context.moveTo(from[0], from[1]);
+  context.lineTo(to[0], to[1]);
+  context.stroke();
+  context.setLineDash([]);
+  context.font = '600 12px system-ui, sans-serif';
+  const sign = from[1] <= to[1] ? -1 : 1;
+  [from, to].forEach(([column, row], k) => {
+    context.beginPath();
+    context.arc(column, row, 7, 0, 7);
+    context.stroke();
+    if (k && joints[0] === joints[1]) return;
+    const name = motion.names[joints[k]], width = context.measureText(name).width;
+    const x = clamp(column + 10, box.x + 4, box.x + box.width - width - 4);
+    const y = row + 4 + (k ? -sign : sign) * 12;
+    context.lineWidth = 4;
+    context.strokeStyle = colour.panel;
+    context.strokeText(name, x, y);
+    context.fillText(name, x, y);
+    context.strokeStyle = colour.mark;
+    context.lineWidth = 2;
+  });
+}
+
+function hips(motion) {
+  const joint = scene.pelvis[motion === A ? 0 : 1];
+  return [motion.x[3 * joint], room.height * 0.43, motion.x[3 * joint + 2]];
+}
+
+/** Where a body is looked at: its hips, or, standing still, where they are in the middle of the clip. */
+function centreOf(motion, frame) {
+  if (!state.follow && !motion.middle) {
+    place(motion, frameCount >> 1);
+    motion.middle = hips(motion);
+  }
+  place(motion, frame);
+  return state.follow ? hips(motion) : motion.middle;
+}
+
+const room = {width: 1, height: 1};
+Object.assign(room, reach());
+
+/** One or both motions at a frame in a box of the canvas. */
+function drawScene(context, box, frame, motions, camera) {
+  context.save();
+  context.beginPath();
+  context.rect(box.x, box.y, box.width, box.height);
+  context.clip();
+  const centres = motions.map(motion => centreOf(motion, frame));
+  [A, B].forEach(motion => place(motion, frame));
+  // Bodies that follow their hips stand in the same place; otherwise both are where they are in the world.
+  const views = centres.map(centre => projection(camera, box, state.follow ? centre : centres[centres.length - 1]));
+  drawFloor(context, views[views.length - 1], centres[centres.length - 1], box);
+  motions.forEach((motion, k) => drawShadow(context, motion, views[k]));
+  motions.forEach((motion, k) => {
+    drawStance(context, motion, views[k], frame);
+    const at = drawBody(context, motion, views[k], motion === A ? () => OF_A : bone => levelOf(directionError(bone)));
+    drawContacts(context, motion, at, frame);
+    drawChosen(context, motion, at, box);
+  });
+  context.restore();
+}

@@ -1,0 +1,258 @@
+"""`distretarget diff` and the report of a run, as a user meets them."""
+
+import csv
+import io
+import json
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bodies import clapping, lengthened, person, posed, swaying
+
+from distretarget import write_bvh
+from distretarget.cli import main
+from distretarget.diff import diff
+from distretarget.skeleton_json import skeleton_to_json
+
+PERSON = person()
+BLOCKS = """HIERARCHY
+ROOT Block
+{
+OFFSET 0 0 0
+CHANNELS 3 Zrotation Xrotation Yrotation
+JOINT Lid
+{
+OFFSET 0 1 0
+CHANNELS 3 Zrotation Xrotation Yrotation
+End Site
+{
+OFFSET 0 1 0
+}
+}
+}
+MOTION
+Frames: 1
+Frame Time: 0.02
+0 0 0 0 0 0
+"""
+
+
+def bent(degrees):
+    """A person with the feet apart and the left forearm turned."""
+    turn = np.radians([0, degrees, 0])
+    apart = {"LeftHip": np.array([0.0, 0.0, 0.5]), "RightHip": np.array([0.0, 0.0, -0.5])}
+    return posed(PERSON, apart | {"LeftElbow": turn, "LeftWrist": -turn}, np.tile([0, 0.9, 0], (12, 1)))
+
+
+def clap(most):
+    return clapping(most * np.sin(np.linspace(0, np.pi, 15)) ** 2)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name, motion in {"a": clap(1.0), "b": clap(0.9), "straight": bent(0), "bent": bent(10)}.items():
+        write_bvh(f"{name}.bvh", motion)
+    (tmp_path / "blocks.bvh").write_text(BLOCKS)
+    (tmp_path / "body.json").write_text(skeleton_to_json(lengthened(PERSON, {"Elbow": 1.3}), "body"))
+    return tmp_path
+
+
+@pytest.fixture
+def run(folder, monkeypatch, capsys):
+    """Run the program in the folder: exit status, standard output, standard error."""
+
+    def runs(line):
+        monkeypatch.setattr("sys.argv", ["distretarget", *shlex.split(line)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return ended.value.code or 0, *capsys.readouterr()
+
+    assert folder.is_dir()
+    return runs
+
+
+def row(output, name):
+    """The numbers in the line of a figure."""
+    words = next(line for line in output.splitlines() if line.startswith(name))[len(name) :].split()
+    return [float(word) for word in words[:2] if word.replace(".", "").replace("e-", "").isdigit()]
+
+
+def test_what_is_printed(run):
+    status, output, errors = run("diff straight.bvh bent.bvh")
+    assert (status, errors) == (0, "")
+    assert "12 frames compared, 50 a second" in output
+    bones = diff(bent(0), bent(10)).figures.direction_error.shape[1]
+    assert row(output, "direction error") == [pytest.approx(10 / bones, rel=1e-3)]
+    assert row(output, "slide") == [0, 0]
+    assert [word for line in output.splitlines() if line.startswith("contact error") for word in line.split()][2] == "-"
+    assert "worst frames by contact error: none" in output
+    assert sum(line.startswith("  ") for line in output.splitlines()) == 5
+    assert "LeftWrist" in output
+
+
+def test_a_motion_against_itself(run):
+    status, output, _ = run("diff a.bvh a.bvh --fail-over contact=0 --fail-over slide=1 --fail-over jerk=1")
+    assert status == 0
+    for name in ("stress", "distance error", "contact error", "direction error", "bone error", "turn"):
+        assert row(output, name) == [0]
+    assert "worst pairs: none" in output
+
+
+def test_frames_and_pairs_that_are_worst(run):
+    _, output, _ = run("diff a.bvh b.bvh --json d.json")
+    figures = json.loads(Path("d.json").read_text())
+    (line,) = (line for line in output.splitlines() if line.startswith("worst frames by contact error: "))
+    assert line.split(": ")[1].startswith(f"{figures['worst']['contact_error']} (")
+    assert line.count("(") == 5
+    first = figures["pairs"][0]
+    assert f"  {' - '.join(first['joints_b'])}: " in output
+    assert f"in {first['contact_frames']} frames of contact" in output
+
+
+def test_joints_that_are_left_over(run):
+    tailed = "\n".join(["JOINT Tail", "{", "OFFSET 0 0 1", "CHANNELS 0", "End Site", "{", "OFFSET 0 0 1", "}", "}"])
+    text = Path("bent.bvh").read_text()
+    place = text.index("JOINT ")
+    Path("tail.bvh").write_text(f"{text[:place]}{tailed}\n{text[place:]}")
+    assert "joints of B that nothing in A stands for: 'Tail'" in run("diff straight.bvh tail.bvh")[1]
+    assert "joints of A that nothing in B stands for: 'Tail'" in run("diff tail.bvh straight.bvh")[1]
+
+
+def test_files_have_the_same_numbers(run, folder):
+    status, _, errors = run("diff a.bvh b.bvh --json d.json --csv d.csv")
+    assert (status, errors) == (0, "")
+    figures = json.loads((folder / "d.json").read_text())
+    rows = list(csv.DictReader(io.StringIO((folder / "d.csv").read_text())))
+    assert [{key: float(cell) if cell else None for key, cell in line.items()} for line in rows] == figures["frames"]
+    assert figures["program"]["command"] == "distretarget diff a.bvh b.bvh --json d.json --csv d.csv"
+    assert (figures["a"]["file"], figures["b"]["file"]) == ("a.bvh", "b.bvh")
+
+
+def test_the_report_has_the_document(run, folder):
+    assert run("diff a.bvh b.bvh -o d.html --json d.json")[0] == 0
+    page = (folder / "d.html").read_text()
+    assert page.lstrip().lower().startswith("<!doctype html>")
+    worst = json.loads((folder / "d.json").read_text())["summary"]["contact_error"]
+    assert str(worst) in page
+
+
+def test_a_file_is_named_without_its_folder(run, folder):
+    (folder / "deep").mkdir()
+    (folder / "a.bvh").rename(folder / "deep" / "a.bvh")
+    run("diff deep/a.bvh b.bvh --json d.json")
+    assert json.loads((folder / "d.json").read_text())["a"]["file"] == "a.bvh"
+
+
+@pytest.mark.parametrize(
+    ("limits", "over"),
+    [
+        ("direction=1", ""),
+        ("direction=0.1", "direction is "),
+        ("direction=1 bone=0 turn=0.001 slide=1 contact=0", ""),
+        ("distance=0 stress=0", "distance is "),
+        ("stress=1e-9 direction=5", "stress is "),
+        ("foot=0.01 jerk=3", ""),
+    ],
+)
+def test_limits(run, folder, limits, over):
+    options = " ".join(f"--fail-over {limit}" for limit in limits.split())
+    status, output, errors = run(f"diff straight.bvh bent.bvh --csv d.csv {options}")
+    assert status == (1 if over else 0)
+    assert output
+    assert (folder / "d.csv").exists()
+    assert errors.count("\n") == status
+    assert errors.startswith(f"distretarget: bent.bvh: {over}" if over else "")
+
+
+def test_feet_that_slide_where_they_stood_are_over_the_limit(run):
+    """The ratio has no value there, the limit does."""
+    for name, speed in (("still", 0.0), ("noisy", 1e-5), ("sliding", 0.02)):
+        path = np.outer(np.arange(12) * 0.02 * speed, [1.0, 0, 0]) + np.array([0, 0.9, 0])
+        write_bvh(f"{name}.bvh", posed(PERSON, {}, path))
+    assert run("diff still.bvh noisy.bvh --fail-over slide=1.1")[0] == 0
+    assert run("diff noisy.bvh sliding.bvh --fail-over slide=1.1")[0] == 1
+    assert run("diff sliding.bvh sliding.bvh --fail-over slide=1")[0] == 0
+
+
+def test_every_figure_over_its_limit_is_named(run):
+    limits = ("stress", "distance", "contact", "direction")
+    errors = run("diff a.bvh b.bvh " + " ".join(f"--fail-over {name}=0" for name in limits))[2]
+    assert [part.split(" is ")[0].split()[-1] for part in errors.split("; ")] == list(limits)
+    assert errors.count("over 0") == 4
+
+
+BAD = {
+    "missing A": ("diff none.bvh b.bvh", 1, "none.bvh: there is no such file"),
+    "missing B": ("diff a.bvh none.bvh", 1, "none.bvh: there is no such file"),
+    "one argument": ("diff a.bvh", 2, "'B'"),
+    "a skeleton file": ("diff a.bvh body.json", 1, "body.json"),
+    "no body in common": ("diff a.bvh blocks.bvh", 1, "`distretarget skeleton match a.bvh blocks.bvh -o MAP.json`"),
+    "output is A": ("diff a.bvh b.bvh -o a.bvh --overwrite", 1, "a.bvh: is an input"),
+    "JSON is B": ("diff a.bvh b.bvh --json ./b.bvh --overwrite", 1, "is an input"),
+    "CSV is JSON": ("diff a.bvh b.bvh --json d --csv d", 1, "another output"),
+    "CSV exists": ("diff a.bvh b.bvh --csv blocks.bvh", 1, "--overwrite"),
+    "report exists": ("diff a.bvh b.bvh -o blocks.bvh", 1, "--overwrite"),
+    "no folder": ("diff a.bvh b.bvh --json no/d.json", 1, "no folder"),
+    "missing map": ("diff a.bvh b.bvh --map none.json", 1, "none.json"),
+    "map of a strange joint": ("diff a.bvh b.bvh --map strange.json", 1, "Tail"),
+    "unknown figure": ("diff a.bvh b.bvh --fail-over beauty=1", 2, "expected one of stress, distance"),
+    "limit no number": ("diff a.bvh b.bvh --fail-over contact=low", 2, "as limit of contact, found 'low'"),
+    "limit nan": ("diff a.bvh b.bvh --fail-over contact=nan", 2, "as limit of contact"),
+    "limit below 0": ("diff a.bvh b.bvh --fail-over contact=-1", 2, "as limit of contact"),
+    "no limit": ("diff a.bvh b.bvh --fail-over contact", 2, "as limit of contact"),
+    "no frames": ("diff a.bvh still.bvh", 1, "still.bvh: cannot be compared with a.bvh: B has no frames"),
+    "report is the output": ("a.bvh body.json -o o --report o", 1, "another output"),
+    "report is the source": ("a.bvh body.json -o o --report a.bvh --overwrite", 1, "an input"),
+    "report exists already": ("a.bvh body.json -o o --report blocks.bvh", 1, "--overwrite"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_use_gives_one_line_and_changes_nothing(run, folder, case):
+    (folder / "strange.json").write_text('{"Tail": "Hips"}')
+    (folder / "still.bvh").write_text(BLOCKS.replace("Frames: 1", "Frames: 0").replace("0 0 0 0 0 0\n", ""))
+    before = {path: path.read_bytes() for path in folder.iterdir()}
+    line, status, words = BAD[case]
+    code, output, errors = run(line)
+    assert (code, output) == (status, "")
+    assert errors.startswith("distretarget: ")
+    assert errors.count("\n") == 1
+    assert words in errors
+    assert {path: path.read_bytes() for path in folder.iterdir()} == before
+
+
+def test_outputs_are_replaced_if_that_is_wanted(run, folder):
+    (folder / "d.csv").write_text("old")
+    assert run("diff a.bvh b.bvh --csv d.csv --overwrite")[0] == 0
+    assert (folder / "d.csv").read_text().startswith("frame,")
+
+
+def test_a_map(run, folder):
+    (folder / "map.json").write_text('{"LeftElbow": null}')
+    status, output, _ = run("diff a.bvh b.bvh --map map.json")
+    assert status == 0
+    assert "joints of B that nothing in A stands for: 'LeftElbow'" in output
+
+
+def test_another_frame_rate_is_told(run):
+    write_bvh("fast.bvh", clapping(np.sin(np.linspace(0, np.pi, 29)) ** 2, "0.01"))
+    output = run("diff a.bvh fast.bvh")[1]
+    assert "A was resampled from 50 to 100 frames/s" in output
+
+
+def test_the_report_of_a_run(run, folder):
+    status, output, errors = run("a.bvh body.json -o out.bvh --report out.html")
+    assert (status, errors) == (0, "")
+    assert output.count("\n") == 1
+    page = (folder / "out.html").read_text()
+    assert "distretarget a.bvh body.json -o out.bvh --report out.html" in page
+    assert '"file":"out.bvh"' in page
+    assert '"rotation_copy":{' in page
+
+
+def test_the_report_of_a_run_on_swaying_bodies_follows_the_paper(run, folder):
+    write_bvh("sway.bvh", swaying(PERSON, 5))
+    assert run("sway.bvh body.json -o out.bvh --report out.html --objective paper")[0] == 0
+    assert (folder / "out.html").stat().st_size > 1000

@@ -1,0 +1,286 @@
+"""Two clips against each other, whose figures are known by construction."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bodies import SAMPLES, clapping, lengthened, moved, other_lengths, person, posed, swaying, with_bone
+from scipy.spatial.transform import Rotation
+
+from distretarget import Motion, load_skeleton, read_bvh, retarget
+from distretarget.diff import diff, resampled
+from distretarget.errors import MapError, MatchingError, MotionError
+from distretarget.world import turned
+
+LEG = 0.435 + 0.453
+PERSON = person()
+UP = np.array([0.0, 1.0, 0.0])
+ALONG = np.array([0.6, 0.0, 0.8])
+APART = {"LeftHip": np.array([0.0, 0.0, 0.5]), "RightHip": np.array([0.0, 0.0, -0.5])}
+
+
+def standing(frames=30, path=0.0, turns=None):
+    """A person with the feet apart: no pair of joints is near."""
+    return posed(PERSON, APART | (turns or {}), np.zeros((frames, 3)) + path + (LEG + 0.1) * UP)
+
+
+def travelling(speed, frames=30):
+    """The person carried along the floor at a speed [leg lengths/s]."""
+    return standing(frames, np.outer(np.arange(frames) * 0.02 * speed * LEG, ALONG))
+
+
+def bent(degrees, frames=30):
+    """The left forearm turned, the hand kept."""
+    turn = np.radians(degrees) * UP
+    return standing(frames, turns={"LeftElbow": turn, "LeftWrist": -turn})
+
+
+def gap(motion):
+    """(frames,), the distance of the wrists."""
+    left, right = (motion.positions[:, motion.skeleton.index(f"{side}Wrist")] for side in ("Left", "Right"))
+    return np.linalg.norm(left - right, axis=1)
+
+
+def held(wide, frames=12):
+    """Hands together in front, the wrists so far apart [m]."""
+    closed, open_ = np.arccos(-0.1726 / 0.258), np.radians(60)
+    fore = np.arccos((wide / 2 - 0.23 - 0.273 * np.cos(np.radians(100))) / 0.258)
+    return clapping(np.full(frames, (fore - open_) / (closed - open_)))
+
+
+def first(motion, frames):
+    return replace(motion, translations=motion.translations[:frames], rotations=motion.rotations[:frames])
+
+
+def timed(frames, frame_time):
+    """Two seconds of one smooth motion."""
+    return replace(swaying(PERSON, frames), frame_time_text=frame_time)
+
+
+def test_a_forearm_turned_by_10_degrees():
+    result = diff(bent(0), bent(10))
+    errors = result.figures.direction_error
+    np.testing.assert_allclose(errors.max(axis=1), 10)
+    np.testing.assert_allclose(errors.sum(axis=1), 10, atol=1e-5)
+    np.testing.assert_allclose(result.figures.turn, 0, atol=1e-6)
+    assert result.notes == ()
+
+
+def test_feet_that_slide_faster():
+    figures = diff(travelling(0.02), travelling(0.05)).figures
+    assert figures.stance.all()
+    np.testing.assert_allclose(figures.source_slide, 0.02)
+    np.testing.assert_allclose(figures.slide, 0.05)
+    np.testing.assert_allclose(figures.distance_error, 0, atol=1e-12)
+
+
+def test_hands_that_part_by_4_cm():
+    a, b = held(0.02), held(0.06)
+    np.testing.assert_allclose([gap(a), gap(b)], [[0.02] * 12, [0.06] * 12])
+    result = diff(a, b)
+    wrists = {PERSON.index("LeftWrist"), PERSON.index("RightWrist")}
+    (k,) = (k for k in range(len(result.pairs.u)) if {result.pairs.u[k], result.pairs.v[k]} == wrists)
+    path = PERSON.path_lengths[tuple(wrists)]
+    assert result.pairs.contact_frames[k] == 12
+    found = [result.pairs.distance_a[k], result.pairs.distance_b[k], result.pairs.error[k]]
+    np.testing.assert_allclose(found, np.array([0.02, 0.06, 0.04]) / path)
+
+
+def test_contact_error_of_pairs_and_of_frames_agree():
+    a, b = clapping(np.sin(np.linspace(0, np.pi, 20)) ** 2), clapping(np.sin(np.linspace(0, 3, 20)) ** 2)
+    result = diff(a, b)
+    contact = result.pairs.contact_frames > 0
+    assert result.pairs.contact_frames.sum() == result.figures.contacts.sum() > 0
+    sums = (result.pairs.error * result.pairs.contact_frames)[contact]
+    assert sums.sum() == pytest.approx(result.figures.contact_error.sum())
+    worst = result.pairs.worst(contact.sum())
+    assert contact[worst].all()
+    np.testing.assert_allclose(sums.max(), (result.pairs.error * result.pairs.contact_frames)[worst[0]])
+
+
+def test_a_motion_against_itself_is_no_different():
+    motion = read_bvh(SAMPLES / "clap.bvh")
+    result = diff(motion, motion)
+    figures = result.figures
+    for values in (figures.distance_error, figures.contact_error, figures.direction_error, figures.turn):
+        assert not values.any()
+    assert figures.contacts.any()
+    np.testing.assert_array_equal(figures.slide, figures.source_slide)
+    np.testing.assert_array_equal(figures.jerk, result.jerk_a)
+    assert result.stress.max() < 1e-20
+
+
+def test_what_is_symmetric_is():
+    a, b = swaying(PERSON, seed=1), swaying(PERSON, seed=2)
+    ab, ba = diff(a, b), diff(b, a)
+    np.testing.assert_allclose(ab.figures.distance_error, ba.figures.distance_error)
+    np.testing.assert_allclose(ab.figures.direction_error, ba.figures.direction_error)
+    np.testing.assert_allclose([ab.jerk_a, ab.figures.jerk], [ba.figures.jerk, ba.jerk_a])
+    assert ab.figures.distance_error.min() > 0.01
+
+
+def test_size_and_place_do_not_matter():
+    motion = swaying(PERSON)
+    larger = moved(motion, Rotation.identity(), (3, 0, 1), 2.5)
+    result = diff(motion, larger)
+    for values in (result.stress, result.figures.distance_error, result.figures.direction_error):
+        np.testing.assert_allclose(values, 0, atol=1e-5)
+    np.testing.assert_allclose(result.figures.jerk, result.jerk_a)
+
+
+@pytest.mark.parametrize(
+    ("a", "b"), [((121, "0.016666667"), (241, "0.008333333")), ((241, "0.0083333"), (61, "0.03333333"))]
+)
+def test_other_frame_rates(a, b):
+    result = diff(timed(*a), timed(*b))
+    assert len(result) == pytest.approx(b[0], abs=2)
+    assert result.a.frame_time == result.b.frame_time == float(b[1])
+    assert "A was resampled from" in result.notes[0]
+    assert result.figures.distance_error.max() < 1e-4
+    assert result.figures.direction_error.max() < 0.05
+
+
+def test_frame_times_that_differ_in_digits_only_are_the_same():
+    result = diff(timed(20, "0.0333333"), timed(20, "0.033333"))
+    assert result.notes == ()
+    assert not result.figures.distance_error.any()
+
+
+def test_the_longer_one_is_cut():
+    motion = swaying(PERSON)
+    for a, b in ((motion, first(motion, 7)), (first(motion, 7), motion)):
+        result = diff(a, b)
+        assert len(result) == len(result.a) == len(result.stress) == len(result.figures.distance_error) == 7
+        assert result.notes == (f"A has {len(a)} frames and B has {len(b)}; the first 7 were compared",)
+        assert not result.figures.distance_error.any()
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3])
+def test_few_frames(frames):
+    result = diff(first(swaying(PERSON), frames), first(swaying(PERSON, seed=3), frames))
+    assert len(result) == frames
+    assert result.figures.jerk.size == result.jerk_a.size == 0
+    assert np.isfinite(result.stress).all()
+
+
+def test_no_contacts():
+    result = diff(standing(), bent(5))
+    assert not result.figures.contacts.any()
+    assert not result.pairs.contact_frames.any()
+    assert result.pairs.error[result.pairs.worst(1)] == result.pairs.error.max() > 0
+
+
+def test_a_joint_that_one_of_them_has():
+    tailed = with_bone(PERSON, "Tail", "Hips")
+    result = diff(swaying(PERSON), swaying(tailed))
+    assert result.matching.drivers[tailed.index("Tail")] == -1
+    assert len(tailed) - 1 not in result.pairs.u
+    assert len(tailed) - 1 not in result.pairs.v
+
+
+def test_z_up_against_y_up():
+    motion = read_bvh(SAMPLES / "squat.bvh")
+    result = diff(motion, turned(motion, "Y", "Z"))
+    assert result.notes == ("A was turned: Y is up in A, Z in B",)
+    np.testing.assert_allclose(result.up, [0, 0, 1])
+    np.testing.assert_allclose(result.figures.direction_error, 0, atol=1e-5)
+    np.testing.assert_allclose(result.figures.foot_height, result.figures.source_foot_height, atol=1e-9)
+
+
+def test_a_root_offset_that_is_added():
+    motion = first(read_bvh(SAMPLES / "walk.bvh"), 40)
+    offsets = np.array(motion.skeleton.offsets)
+    offsets[0] = [0, motion.translations[:, 0, 1].mean(), 0]
+    translations = np.array(motion.translations)
+    translations[:, 0] -= offsets[0]
+    added = Motion(motion.skeleton.with_offsets(offsets), translations, motion.rotations, motion.frame_time_text)
+    for a, b in ((motion, added), (added, motion)):
+        figures = diff(a, b).figures
+        np.testing.assert_allclose(figures.foot_height, figures.source_foot_height, atol=1e-9)
+
+
+@pytest.mark.parametrize("rig", ["mixamo_a", "unreal_t"])
+def test_a_retargeted_clip_has_the_figures_of_its_run(rig):
+    source = first(read_bvh(SAMPLES / "clap.bvh"), 30)
+    run = retarget(source, load_skeleton(SAMPLES / "rigs" / f"{rig}.json"))
+    result = diff(source, run.motion)
+    np.testing.assert_array_equal(result.matching.drivers, run.matching.drivers)
+    np.testing.assert_allclose(result.stress, run.written_stress)
+    assert result.figures.direction_error.mean() < 10
+
+
+def test_another_body():
+    result = diff(swaying(PERSON), swaying(other_lengths(PERSON)))
+    np.testing.assert_allclose(result.figures.direction_error, 0, atol=1e-5)
+    assert result.figures.distance_error.min() > 0
+
+
+def test_what_cannot_be_compared():
+    motion = swaying(PERSON)
+    with pytest.raises(MotionError, match="A has no frames"):
+        diff(first(motion, 0), motion)
+    with pytest.raises(MotionError, match="B has positions beyond"):
+        diff(motion, replace(motion, translations=motion.translations * 1e101))
+    with pytest.raises(MotionError, match="no bone of B has a length"):
+        diff(motion, moved(motion, Rotation.identity(), scale=0.0))
+    with pytest.raises(MapError, match="Tail"):
+        diff(motion, motion, {"Tail": "Hips"})
+    block = posed(PERSON.with_offsets(PERSON.offsets), {}, np.zeros((3, 3)))
+    strange = replace(block, skeleton=replace(PERSON, names=tuple(f"b{k}" for k in range(len(PERSON)))))
+    with pytest.raises(MatchingError):
+        diff(motion, strange, {f"b{k}": None for k in range(len(PERSON))})
+
+
+def test_a_map_says_which_joint_is_which():
+    motion = swaying(PERSON)
+    swapped = diff(motion, motion, {"LeftElbow": None})
+    assert swapped.matching.drivers[PERSON.index("LeftElbow")] == -1
+    elbow = PERSON.index("LeftElbow")
+    assert elbow not in swapped.pairs.u
+    assert elbow not in swapped.pairs.v
+
+
+def test_resampling_a_steady_motion_keeps_it_steady():
+    times = np.arange(11) * 0.1
+    motion = posed(PERSON, {"LeftHip": np.outer(times, UP)}, np.outer(times, ALONG), "0.1")
+    other = resampled(motion, "0.03")
+    wanted = np.arange(34) * 0.03
+    assert len(other) == 34
+    np.testing.assert_allclose(other.root_positions, np.outer(wanted, ALONG), atol=1e-12)
+    turns = Rotation.from_quat(other.rotations[:, PERSON.index("LeftHip")]).as_rotvec()
+    np.testing.assert_allclose(turns, np.outer(wanted, UP), atol=1e-12)
+
+
+@pytest.mark.parametrize(("text", "frames"), [("0.1", 11), ("0.05", 21), ("0.2", 6), ("0.3", 4), ("2", 1)])
+def test_resampling_keeps_within_the_clip(text, frames):
+    motion = posed(PERSON, {}, np.outer(np.arange(11) * 0.1, ALONG), "0.1")
+    other = resampled(motion, text)
+    assert len(other) == frames
+    assert other.frame_time_text == text
+    np.testing.assert_allclose(other.root_positions[-1], (frames - 1) * float(text) * ALONG, atol=1e-12)
+
+
+def test_rotations_are_resampled_the_short_way():
+    turns = np.radians([[0, 170, 0], [0, 190, 0]])
+    motion = posed(PERSON, {"Hips": turns}, np.zeros((2, 3)), "0.1")
+    between = Rotation.from_quat(resampled(motion, "0.05").world_rotations[1, 0]).magnitude()
+    assert np.degrees(between) == pytest.approx(180)
+
+
+def test_a_bone_that_grows_is_an_error_of_bone():
+    motion = swaying(PERSON)
+    translations = np.array(motion.translations)
+    translations[7, PERSON.index("LeftKnee")] *= 1.25
+    result = diff(motion, replace(motion, translations=translations))
+    assert result.figures.bone_error.argmax() == 7
+    assert result.figures.bone_error[7] == pytest.approx(0.25)
+
+
+def test_longer_arms_move_a_clap_apart():
+    clap = clapping(np.sin(np.linspace(0, np.pi, 20)) ** 2)
+    longer = replace(clap, skeleton=lengthened(PERSON, {"Elbow": 1.3}))
+    translations = np.array(np.broadcast_to(longer.skeleton.offsets, clap.translations.shape))
+    translations[:, 0] = clap.translations[:, 0]
+    result = diff(clap, replace(longer, translations=translations))
+    assert result.figures.contact_error.sum() > 0
+    np.testing.assert_allclose(result.figures.direction_error, 0, atol=1e-5)
