@@ -16,8 +16,7 @@ it only.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 from numba import njit
@@ -27,7 +26,8 @@ from scipy.ndimage import median_filter
 from distretarget.articulation import Body, subtree_lengths
 from distretarget.body import body_unit, find_legs, parting
 from distretarget.footing import Stance
-from distretarget.near import LEAD, near_pairs, pair_springs
+from distretarget.near import LEAD, near_pairs, pair_springs, sight
+from distretarget.pieces import Mapper, Progress, solve_pieces
 from distretarget.poses import (
     Clip,
     Frame,
@@ -80,11 +80,11 @@ def holds(skeleton: Skeleton, parts: NDArray[np.intp], points: NDArray[np.intp],
     return np.append(firm, ROOT)
 
 
-def _foot_springs(stance: Stance, block: slice, unit: float) -> Springs:
+def _foot_springs(stance: Stance, unit: float) -> Springs:
     """The springs that keep resting feet in their places."""
-    weights = STAND * stance.weights[block]
+    weights = STAND * stance.weights
     ground = np.full(len(stance.joints), -1)
-    places = stance.places[block] / unit
+    places = stance.places / unit
     return Springs(stance.joints, ground, places, np.zeros_like(places), weights, np.ones_like(weights))
 
 
@@ -140,23 +140,31 @@ def _solve(body, bones, root, springs, v, first, figures):  # type: ignore[no-un
         record(last, figures, at)
 
 
-def solve_contact(clip: Clip, stance: Stance, progress: Callable[[int], Any] = lambda _frames: None) -> Poses:
+def solve_contact(
+    clip: Clip, stance: Stance, mapper: Mapper = map, progress: Progress = lambda _frames: None
+) -> Poses:
     """Minimise the contact objective in every frame of a clip, whose feet at rest are `stance`.
 
-    `progress` is called with numbers of frames as they are done.
+    The clip is solved in pieces, by `mapper`; `progress` is called with numbers of frames as they are done (`pieces`).
     """
+    poses = solve_pieces(_solve_frames, clip, stance, sight(LEAD / clip.frame_time), mapper, progress)
+    return replace(poses, v=settled(poses.v, clip.frame_time))
+
+
+def _solve_frames(clip: Clip, stance: Stance, frames: slice) -> Poses:
+    """Solve some frames of a clip."""
     unit = body_unit(clip.skeleton)
     body = Body(clip.skeleton.parents, clip.parts, holds(clip.skeleton, clip.parts, clip.problem.targets, unit))
     pairs = near_pairs(clip.problem, unit)
     points, copied = clip.source[:, clip.problem.sources], clip.copy[:, clip.problem.targets] / unit
     bones, root = clip.bones / unit, clip.root / unit
-    v = np.zeros((len(clip), len(body.holds), 3))
-    figures = np.zeros((4, len(clip)))
-    for start in range(0, len(clip), BLOCK):
-        block = slice(start, min(start + BLOCK, len(clip)))
+    count = frames.stop - frames.start
+    v = np.zeros((count, len(body.holds), 3))
+    figures = np.zeros((4, count))
+    for first in range(0, count, BLOCK):
+        block = slice(frames.start + first, min(frames.start + first + BLOCK, frames.stop))
         near = pair_springs(pairs, clip.problem, points, copied, block, LEAD / clip.frame_time)
-        springs = _joined(near, _foot_springs(stance, block, unit))
-        _solve(body, bones[block], root[block], springs, v, start, figures)
-        progress(block.stop - start)
+        springs = _joined(near, _foot_springs(stance[block], unit))
+        _solve(body, bones[block], root[block], springs, v, first, figures)
     v[:, -1] *= unit
-    return Poses(settled(v, clip.frame_time), Effort(*figures[1:].astype(np.int64)))
+    return Poses(v, Effort(*figures[1:].astype(np.int64)))

@@ -34,6 +34,9 @@ class Stance:
     weights: Array
     places: Array
 
+    def __getitem__(self, frames: slice) -> Stance:
+        return Stance(self.joints, self.weights[frames], self.places[frames])
+
 
 def root_scale(matching: Matching) -> float:
     """How many target units the root travels for each source unit: the ratio of leg lengths, which keeps stride and

@@ -54,6 +54,11 @@ def grips(D: Array, lead: float) -> Array:
     return widened(t**3 * (t * (6.0 * t - 15.0) + 10.0), lead)
 
 
+def sight(lead: float) -> int:
+    """How many frames `grips` looks at on both sides: it widens by twice the lead, after a median of three."""
+    return 2 * round(lead) + 1
+
+
 def pair_springs(
     pairs: NearPairs, problem: DistanceProblem, source: Array, copy: Array, block: slice, lead: float
 ) -> Springs:
@@ -62,7 +67,7 @@ def pair_springs(
     `source`, (frames, points, 3), is the source's points [file units], `copy` the copy's [body units], of the whole
     clip; `lead` is in frames.
     """
-    margin = 2 * round(lead) + 1  # what `grips` looks at: widened by twice the lead, after a median of three
+    margin = sight(lead)
     first, last = max(block.start - margin, 0), min(block.stop + margin, len(source))
     seen = source[first:last]
     D = np.linalg.norm(seen[:, pairs.u] - seen[:, pairs.v], axis=-1) / pairs.tau1

@@ -8,7 +8,7 @@ them the objective is round, and a dozen iterations reach a tolerance at which n
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -56,6 +56,9 @@ class Clip:
     def __len__(self) -> int:
         return len(self.copy)
 
+    def __getitem__(self, frames: slice) -> Clip:
+        return replace(self, source=self.source[frames], copy=self.copy[frames], root=self.root[frames])
+
     @property
     def bones(self) -> Array:
         """(frames, joints, 3), the copy's bones, from each joint's parent to it [target file units]."""
@@ -74,6 +77,9 @@ class Poses:
 
     v: Array
     effort: Effort
+
+    def __getitem__(self, frames: slice) -> Poses:
+        return Poses(self.v[frames], self.effort[frames])
 
 
 class Frame(NamedTuple):

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from distretarget.matching import Matching, match
 from distretarget.motion import Motion
 from distretarget.pairs import JointMap
 from distretarget.paper import solve_paper
+from distretarget.pieces import Mapper, Progress
 from distretarget.points import Postures, posture_stress, solve_postures
 from distretarget.poses import Clip, Poses
 from distretarget.rotation_copy import rotation_copy
@@ -86,7 +86,8 @@ def retarget(
     target_up: str | None = None,
     root_offset: RootOffset | None = None,
     target_motion: Motion | None = None,
-    progress: Callable[[int], Any] = lambda _frames: None,
+    mapper: Mapper = map,
+    progress: Progress = lambda _frames: None,
 ) -> RetargetResult:
     """Carry a motion over to another body.
 
@@ -104,6 +105,8 @@ def retarget(
         target_up: that of the target's file.
         root_offset: whether position channels of the source's root replace its OFFSET or are added; found if not given.
         target_motion: any motion of the target: it tells its axes, and how its limbs bend where its rest pose does not.
+        mapper: solves the pieces of a long clip (`pieces`): `map`, or that of an executor, with the same result. The
+            paper's objective follows each frame from the one before and has no pieces.
         progress: called with numbers of frames as they are solved.
 
     Raises:
@@ -130,7 +133,7 @@ def retarget(
     else:
         if hold_feet:
             stance = find_stance(source, matching, scale, world.up_vector)
-        poses = solve_contact(clip, stance, progress)
+        poses = solve_contact(clip, stance, mapper, progress)
     motion = _written(copy, poses, clip)
     relative = (problem.body_size / height(target)) ** 2
     return RetargetResult(

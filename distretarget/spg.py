@@ -59,6 +59,9 @@ class Effort:
     evaluations: NDArray[np.int64]
     reasons: NDArray[np.int64]
 
+    def __getitem__(self, frames: slice) -> Effort:
+        return Effort(self.iterations[frames], self.evaluations[frames], self.reasons[frames])
+
     @property
     def unsolved(self) -> NDArray[np.intp]:
         """The frames that did not converge."""

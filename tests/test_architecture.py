@@ -21,7 +21,7 @@ LAYERS = [
     {"diff"},
     {"retarget", "metrics", "joint_map"},
     {"contact", "paper", "swing"},
-    {"near", "rotation_copy"},
+    {"near", "pieces", "rotation_copy"},
     {"poses", "points", "footing", "rest_pose", "world"},
     {"matching", "skeleton_json"},
     {"conventions", "shape", "pairs", "spread", "standing"},
