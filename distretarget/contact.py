@@ -140,9 +140,7 @@ def _solve(body, bones, root, springs, v, first, figures):  # type: ignore[no-un
         record(last, figures, at)
 
 
-def solve_contact(
-    clip: Clip, stance: Stance, mapper: Mapper = map, progress: Progress = lambda _frames: None
-) -> Poses:
+def solve_contact(clip: Clip, stance: Stance, mapper: Mapper = map, progress: Progress = lambda _frames: None) -> Poses:
     """Minimise the contact objective in every frame of a clip, whose feet at rest are `stance`.
 
     The clip is solved in pieces, by `mapper`; `progress` is called with numbers of frames as they are done (`pieces`).

@@ -88,6 +88,10 @@ class MapError(DistretargetError):
         super().__init__(f"map[{key!r}]: {reason}")
 
 
+class BatchError(DistretargetError):
+    """Clips and folders that cannot be converted as asked."""
+
+
 def quoted(names: Iterable[str], most: int = 6) -> str:
     """The names in quotes, separated by commas, and how many more there are past `most`."""
     names = list(names)

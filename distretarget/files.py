@@ -5,8 +5,10 @@ from __future__ import annotations
 import codecs
 import contextlib
 import errno
+import hashlib
 import os
 import secrets
+from collections.abc import Callable
 from pathlib import Path
 
 from distretarget.errors import FileError
@@ -32,10 +34,23 @@ def read_text(path: str | Path) -> str:
     Raises:
         FileError: the file is missing, a folder, not readable, empty or binary.
     """
+    return text_of(read_bytes(path), path)
+
+
+def read_bytes(path: str | Path) -> bytes:
+    """The content of a file.
+
+    Raises:
+        FileError: the file is missing, a folder or not readable.
+    """
     try:
-        content = Path(path).read_bytes()
+        return Path(path).read_bytes()
     except (OSError, ValueError) as error:
         raise FileError(path, reason_of(error)) from error
+
+
+def text_of(content: bytes, path: str | Path) -> str:
+    """The text in the content of a file, whose path is for errors; as `read_text`."""
     text = _decoded(path, content)
     if "\0" in text:
         raise FileError(path, f"is no text: it has a NUL as character {text.index(chr(0)) + 1}")
@@ -52,6 +67,16 @@ def _decoded(path: str | Path, content: bytes) -> str:
         except UnicodeDecodeError as error:
             raise FileError(path, f"is marked as UTF-16, but is not: {error.reason}") from error
     return content.removeprefix(codecs.BOM_UTF8).decode("utf-8", "surrogateescape")
+
+
+def hash_of(content: bytes) -> str:
+    """The SHA-256 of a content, after the name of the method."""
+    return f"sha256:{hashlib.sha256(content).hexdigest()}"
+
+
+def text_hash(text: str) -> str:
+    """The hash of the file that `write_whole` makes of a text."""
+    return hash_of(text.encode("utf-8", "surrogateescape"))
 
 
 def check_writable(path: str | Path, overwrite: bool = False) -> None:
@@ -83,8 +108,12 @@ def _check_replaceable(path: str | Path, place: Path, overwrite: bool) -> None:
         raise FileError(path, "permission denied: the file is write-protected")
 
 
-def write_whole(path: str | Path, text: str, overwrite: bool = False) -> None:
+def write_whole(
+    path: str | Path, text: str, overwrite: bool = False, complete: Callable[[], None] = lambda: None
+) -> None:
     """Write a text file (UTF-8, line ends as given) beside its place and move it there when it is complete.
+
+    `complete` is called when it is complete and on the disk, before it is moved; if it raises, nothing is moved.
 
     Raises:
         FileError: the file exists and `overwrite` is false, or it cannot be written; then nothing changed.
@@ -94,7 +123,13 @@ def write_whole(path: str | Path, text: str, overwrite: bool = False) -> None:
     beside = place.with_name(f".distretarget-{secrets.token_hex(8)}.tmp")
     try:
         _write_to_disk(beside, text)
-        beside.replace(place)
+        complete()
+        if overwrite:
+            beside.replace(place)
+        else:
+            _move_to_new(beside, place)
+    except FileExistsError as error:
+        raise FileError(path, "exists already; --overwrite replaces it") from error
     except (OSError, UnicodeEncodeError) as error:
         raise FileError(path, reason_of(error)) from error
     finally:
@@ -107,6 +142,19 @@ def _write_to_disk(path: Path, text: str) -> None:
         file.write(text)
         file.flush()
         os.fsync(file.fileno())
+
+
+def _move_to_new(beside: Path, place: Path) -> None:
+    """Move a file to a place where nothing is, even if another process tries the same.
+
+    Raises: FileExistsError: something came to be there.
+    """
+    try:
+        place.hardlink_to(beside)
+    except FileExistsError:
+        raise
+    except OSError:  # a file system without links
+        beside.replace(place)
 
 
 def reason_of(error: Exception) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,15 +16,28 @@ from distretarget.skeleton import Skeleton
 from distretarget.skeleton_json import Target, pairs_to_json
 
 
-def load_map(path: str | Path) -> JointMap:
-    """The map in a file, {"target joint": "source joint" or null}.
+@dataclass(frozen=True)
+class MapFile:
+    """The pairs of a map file, {target key: source key or None}, and its path, for errors."""
+
+    pairs: JointMap
+    path: str | Path
+
+
+def load_map(path: str | Path | None) -> MapFile:
+    """The map in a file; no pairs without a file.
 
     Raises:
         FileError: the file cannot be read.
-        SkeletonFileError: it is no such object.
+        SkeletonFileError: it is no object {"target joint": "source joint" or null}.
     """
-    entries = Node(path, "", parse_json(path, read_text(path))).entries()
-    return {key: node.text_or_null() for key, node in entries.items()}
+    return parse_map(read_text(path), path) if path else MapFile({}, "")
+
+
+def parse_map(text: str, path: str | Path) -> MapFile:
+    """The map in the text of a file, whose path is for errors; as `load_map`."""
+    entries = Node(path, "", parse_json(path, text)).entries()
+    return MapFile({key: node.text_or_null() for key, node in entries.items()}, path)
 
 
 def map_to_json(matching: Matching) -> str:
@@ -41,17 +55,16 @@ def map_to_json(matching: Matching) -> str:
     return f"{pairs_to_json(pairs)}\n"
 
 
-def joint_map(source: Skeleton, goal: Target, path: str | Path, map_path: str | Path | None) -> JointMap:
+def joint_map(source: Skeleton, goal: Target, path: str | Path, own: MapFile) -> JointMap:
     """The map in the target's file, `path`, with the pairs of a map file before its own.
 
     Raises:
-        FileError, SkeletonFileError: as in `load_map`; or one of the two files names joints that are not there.
+        SkeletonFileError: one of the two files names joints that are not there.
     """
-    own = load_map(map_path) if map_path else {}
-    pairs = {**goal.map, **own}
+    pairs = {**goal.map, **own.pairs}
     try:
         given(source, goal.skeleton, pairs)
     except MapError as error:
-        file, place = (map_path, "") if map_path and error.key in own else (path, "map")
+        file, place = (own.path, "") if error.key in own.pairs else (path, "map")
         raise SkeletonFileError(file, entry_place(place, error.key), error.reason) from error
     return pairs

@@ -68,6 +68,17 @@ class Matching:
         unlike = np.abs(places[0][self.drivers] - places[1]).mean(axis=1)
         return np.asarray(trust * np.clip(1.0 - unlike, 0.0, 1.0))
 
+    @property
+    def without_driver(self) -> list[str]:
+        """The target's joints, by key, that follow no joint of the source; End Sites apart."""
+        alone = (self.turns[:, 0] < 0) & (self.drivers < 0)
+        return [self.target.keys[joint] for joint in joints_of(self.target) if alone[joint]]
+
+    @property
+    def followers(self) -> list[str]:
+        """Those of them that follow their parents, which the root has not."""
+        return [key for key in self.without_driver if key != self.target.keys[0]]
+
     @cached_property
     def legs(self) -> tuple[tuple[Leg, Leg], tuple[Leg, Leg]] | None:
         """The legs of the target and those of the source, joint by joint; None without legs that both have.

@@ -115,6 +115,11 @@ def parse_target(text: str, path: str | Path, source: Skeleton) -> Target:
     return Target(loaded.apply(source), {}, "") if isinstance(loaded, SkeletonEdit) else loaded
 
 
+def check_target(text: str, path: str | Path) -> None:
+    """Find out, without a source, whether the text of a file is a target; errors as in `load_target`."""
+    _parse(text, path)
+
+
 def load_skeleton(path: str | Path) -> Skeleton:
     """The skeleton in a skeleton file of the full form or a BVH file; errors as in `load_whole`."""
     return load_whole(path).skeleton

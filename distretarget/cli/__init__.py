@@ -6,6 +6,7 @@ import sys
 
 import click
 
+from distretarget.cli.batch import batch_command
 from distretarget.cli.diff import diff_command
 from distretarget.cli.group import DefaultGroup
 from distretarget.cli.retarget import retarget_command
@@ -20,6 +21,7 @@ def cli() -> None:
 
     \b
     distretarget SOURCE.bvh TARGET -o OUT.bvh       the same as: distretarget retarget ...
+    distretarget batch FOLDER TARGET -o FOLDER      a folder of clips
     distretarget diff A.bvh B.bvh -o REPORT.html    how far B is from A
     distretarget skeleton match SOURCE.bvh TARGET   which joint drives which
     distretarget skeleton show FILE
@@ -27,6 +29,7 @@ def cli() -> None:
 
 
 cli.add_command(retarget_command)
+cli.add_command(batch_command)
 cli.add_command(diff_command)
 cli.add_command(skeleton_group)
 

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
 
 from distretarget.bvh import read_bvh
-from distretarget.cli.outputs import about, check_outputs, needs_map, say
+from distretarget.cli.outputs import about, check_outputs, say
 from distretarget.cli.parameters import of_figure
+from distretarget.conversion import needs_map
 from distretarget.diff import diff
 from distretarget.errors import DistretargetError, FileError, MatchingError, quoted
 from distretarget.files import write_whole
-from distretarget.joint_map import joint_map
-from distretarget.report.document import STILL, Document, csv_text, document, json_text
+from distretarget.joint_map import joint_map, load_map
+from distretarget.report.document import Document, csv_text, document, json_text
 from distretarget.report.page import page
 from distretarget.skeleton_json import Target
 
@@ -87,14 +89,14 @@ def diff_command(
     check_outputs([output, json_path, csv_path], [a, b, map_path], overwrite)
     first, second = read_bvh(a), read_bvh(b)
     goal = Target(second.rigid_skeleton, {}, "")
-    pairs = joint_map(first.rigid_skeleton, goal, b, map_path)
+    pairs = joint_map(first.rigid_skeleton, goal, b, load_map(map_path))
     try:
         result = diff(first, second, pairs)
     except MatchingError as error:
         raise needs_map(error, a, b) from error
     except DistretargetError as error:
         raise FileError(b, f"cannot be compared with {a}: {error}") from error
-    figures = document(result, about(a, b))
+    figures = document(result, replace(about(a, b), limits=limits))
     if output:
         write_whole(output, page(result, figures), overwrite=overwrite)
     if json_path:
@@ -103,7 +105,7 @@ def diff_command(
         write_whole(csv_path, csv_text(figures), overwrite=overwrite)
     for line in _account(figures):
         say(line)
-    if over := list(_over(figures["summary"], limits)):
+    if over := list(_over(figures["limits"])):
         raise click.ClickException(f"{b}: {'; '.join(over)}")
 
 
@@ -158,21 +160,8 @@ def _worst_pairs(pairs: list[dict[str, Any]]) -> Iterator[str]:
         yield f"  {' - '.join(pair['joints_b'])}: {distances}; most in frame {pair['worst_frame']}"
 
 
-def _over(summary: Document, limits: tuple[tuple[str, float], ...]) -> Iterator[str]:
+def _over(limits: list[Document]) -> Iterator[str]:
     """What is over its limit."""
-    for name, limit in limits:
-        value = _limited(summary, name)
-        if value is not None and value > limit:
-            yield f"{name} is {value:.6g}, over {limit:g}"
-
-
-def _limited(summary: Document, name: str) -> float | None:
-    """The figure that a limit of this name is for; None where nothing was to be measured."""
-    if name == "foot":
-        a, b = summary["foot_height_a"], summary["foot_height_b"]
-        return None if a is None else abs(b - a)
-    if name == "slide":
-        a, b = summary["slide_a"], summary["slide_b"]
-        return None if a is None else b / max(a, STILL)
-    value: float | None = summary[f"{name}_error" if name in ("contact", "direction", "bone", "distance") else name]
-    return value
+    for limit in limits:
+        if limit["over"]:
+            yield f"{limit['figure']} is {limit['value']:.6g}, over {limit['limit']:g}"

@@ -59,16 +59,6 @@ def _turning(matching: Matching, joint: int) -> str:
     return f"turns between {keys[a]} and {keys[b]}"
 
 
-def without_driver(matching: Matching) -> list[str]:
-    """The target's joints that follow no joint of the source; End Sites apart."""
-    following = matching.turns[:, 0] >= 0
-    return [
-        matching.target.keys[joint]
-        for joint in joints_of(matching.target)
-        if not following[joint] and matching.drivers[joint] < 0
-    ]
-
-
 def unused(matching: Matching) -> list[str]:
     """The source's joints that no joint of the target follows; End Sites apart."""
     used = {*matching.drivers.tolist(), *matching.turns.ravel().tolist()}

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import click
 
-from distretarget.errors import FileError, MatchingError
+from distretarget.errors import FileError
 from distretarget.files import check_writable
 from distretarget.report.document import About
 
@@ -34,9 +34,3 @@ def say(line: str, err: bool = False) -> None:
 def about(a: Path, b: Path) -> About:
     """What a report says of this run of the program: the names of its two clips, its arguments, its version."""
     return About(a.name, b.name, shlex.join(["distretarget", *sys.argv[1:]]), version("distretarget"))
-
-
-def needs_map(error: MatchingError, source: Path, target: Path) -> FileError:
-    """The refusal of two bodies that cannot be matched, with the command that writes a map for them."""
-    command = f"distretarget skeleton match {shlex.quote(str(source))} {shlex.quote(str(target))} -o MAP.json"
-    return FileError(target, f"{error}: write one with `{command}`, and give it with --map MAP.json")

@@ -11,13 +11,13 @@ import numpy as np
 
 from distretarget.body import find_legs, height, leg_length
 from distretarget.bvh import read_bvh
-from distretarget.cli.matching_table import headline, recognised, rows, unused, without_driver
+from distretarget.cli.matching_table import headline, recognised, rows, unused
 from distretarget.cli.outputs import check_outputs, say
 from distretarget.cli.parameters import of_bone, positive
 from distretarget.conventions import by_names
 from distretarget.errors import FileError, closest
 from distretarget.files import read_text, write_whole
-from distretarget.joint_map import joint_map, map_to_json
+from distretarget.joint_map import joint_map, load_map, map_to_json
 from distretarget.matching import Positions, find_matching, refusal
 from distretarget.shape import by_shape
 from distretarget.skeleton import Skeleton
@@ -167,7 +167,7 @@ def match_command(source: Path, target: Path, map_path: Path | None, output: Pat
     matching = find_matching(
         skeleton,
         goal.skeleton,
-        joint_map(skeleton, goal, target, map_path),
+        joint_map(skeleton, goal, target, load_map(map_path)),
         positions,
         seen,
     )
@@ -176,7 +176,7 @@ def match_command(source: Path, target: Path, map_path: Path | None, output: Pat
         "",
         *rows(matching),
         "",
-        f"joints of the target without a counterpart: {', '.join(without_driver(matching)) or 'none'}",
+        f"joints of the target without a counterpart: {', '.join(matching.without_driver) or 'none'}",
         f"joints of the source not used: {', '.join(unused(matching)) or 'none'}",
     ]
     for line in lines:

@@ -2,5 +2,6 @@
 
 from distretarget.report.document import About, document
 from distretarget.report.page import page
+from distretarget.report.run import run_page
 
-__all__ = ["About", "document", "page"]
+__all__ = ["About", "document", "page", "run_page"]

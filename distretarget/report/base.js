@@ -20,7 +20,7 @@ function shown(value) {
   if (value === 0) return '0';
   const size = Math.abs(value);
   if (size < 1e-4) return value > 0 ? '<0.0001' : '>−0.0001';
-  const digits = size >= 1000 ? 0 : clamp(2 - Math.floor(Math.log10(size)), 0, 4);
+  const digits = clamp(2 - Math.floor(Math.log10(Number(size.toPrecision(3)))), 0, 4);
   return value.toFixed(digits).replace('-', '−');
 }
 
@@ -30,12 +30,13 @@ function clamp(value, low, high) {
 
 // ---- colours: the style sheet has them, for both themes
 
+const COLOURS = ['muted', 'line', 'panel', 'shadow', 'a', 'b', 'e0', 'e1', 'e2', 'e3', 'touch', 'mark', 'stance',
+  'near', 'middle', 'far', 'minus', 'zero', 'plus'];
 const colour = {};
 
 function readColours() {
   const probe = document.body.appendChild(element('i'));
-  for (const name of ['ink', 'muted', 'line', 'panel', 'shadow', 'a', 'b', 'e0', 'e1', 'e2', 'e3', 'touch', 'mark', 'stance',
-    'near', 'middle', 'far', 'minus', 'zero', 'plus']) {
+  for (const name of COLOURS) {
     probe.style.color = `var(--${name})`;
     colour[name] = getComputedStyle(probe).color;
   }

@@ -41,7 +41,7 @@ function zoomed(camera, factor) {
   camera.zoom = clamp(camera.zoom * factor, 0.2, 20);
 }
 
-/** A function (x, y, z) => [column, row, pixels of one unit there], for a box of the screen and what it is centred on. */
+/** A function (x, y, z) => [column, row, pixels of one unit there], for a box and what is in its middle. */
 function projection(camera, box, centre) {
   const {azimuth, elevation, zoom} = camera;
   const [ca, sa, ce, se] = [Math.cos(azimuth), Math.sin(azimuth), Math.cos(elevation), Math.sin(elevation)];

@@ -3,16 +3,26 @@
 // `least` is what the axis goes to at least: what is smaller is nothing to look at.
 const CURVES = [
   {name: 'Stress × 1000', term: 'stress', worst: 2, lines: [['stress', 'b']], factor: 1000, least: 0.1},
-  {name: 'Contact error', term: 'contact_error', worst: 2, lines: [['contact_error', 'b']], factor: 1, least: 0.002, none: 'no contacts in A'},
-  {name: 'Direction error, °', term: 'direction_error', worst: 2, lines: [['direction_error', 'b']], factor: 1, least: 0.2, none: 'no bones in common'},
-  {name: 'Slide, legs/s', term: 'slide', worst: 2, lines: [['slide_a', 'a'], ['slide_b', 'b']], factor: 1, least: 0.01, none: 'no feet at rest in A'},
-  {name: 'Jerk, sizes/s³', term: 'jerk', lines: [['jerk_a', 'a'], ['jerk_b', 'b']], factor: 1, least: 0.1, none: 'fewer than four frames'},
+  {name: 'Contact error', term: 'contact_error', worst: 2, lines: [['contact_error', 'b']], factor: 1, least: 0.002,
+    none: 'no contacts in A'},
+  {name: 'Direction error, °', term: 'direction_error', worst: 2, lines: [['direction_error', 'b']], factor: 1,
+    least: 0.2, none: 'no bones in common'},
+  {name: 'Slide, legs/s', term: 'slide', worst: 2, lines: [['slide_a', 'a'], ['slide_b', 'b']], factor: 1,
+    least: 0.01, none: 'no feet at rest in A'},
+  {name: 'Jerk, sizes/s³', term: 'jerk', lines: [['jerk_a', 'a'], ['jerk_b', 'b']], factor: 1, least: 0.1,
+    none: 'fewer than four frames'},
   {name: 'Bone error, %', term: 'bone_error', worst: 1, lines: [['bone_error', 'b']], factor: 100, least: 0.01},
 ];
 const FLAT = 1e-9; // a bone error below this is rounding, and is drawn as 0
 
+/** A figure of the clip or of a frame in its unit on the page; null where nothing was to be measured. */
+function figureOf(row, field, factor) {
+  const value = row[field];
+  return value === null ? null : Math.abs(value * factor) < FLAT ? 0 : value * factor;
+}
+
 function column(field, factor) {
-  return report.frames.map(row => row[field] === null ? null : Math.abs(row[field] * factor) < FLAT ? 0 : row[field] * factor);
+  return report.frames.map(row => figureOf(row, field, factor));
 }
 
 function xOf(frame, width) {
@@ -86,7 +96,8 @@ function buildCurve(curve) {
         context.arc(x, height - 2 - value / top * (height - 8), 3, 0, 7);
         context.fill();
       }
-      return [two ? element('small', {class: `of-${name}`}, name.toUpperCase()) : '', element('b', {}, shown(value))];
+      const letter = two ? element('small', {class: `of-${name}`}, name.toUpperCase()) : '';
+      return [letter, element('b', {}, shown(value))];
     }));
   });
   dragFrames(canvas);
@@ -94,7 +105,8 @@ function buildCurve(curve) {
   $('curves').append(element('figure', {class: 'curve'},
     element('figcaption', {}, term(curve.name, TERMS[curve.term]), readout),
     element('div', {class: 'plot'}, canvas, none),
-    element('div', {class: 'axis', 'aria-hidden': 'true'}, element('span', {}, known.length ? shown(top) : ''), element('span', {}, known.length ? '0' : ''))));
+    element('div', {class: 'axis', 'aria-hidden': 'true'},
+      ...(known.length ? [shown(top), '0'] : []).map(text => element('span', {}, text)))));
 }
 
 /** Pressing or dragging on an element as wide as the clip goes to the frame there. */

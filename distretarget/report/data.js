@@ -87,8 +87,10 @@ function pairText([i, j], frame) {
   const other = `${A.names[A.points[i]]} – ${A.names[A.points[j]]}`;
   const name = pairName([i, j]), difference = b - a;
   const called = other === name ? name : `${name} (in A: ${other})`;
-  const contact = i !== j && a < scene.near && pathSizes[k] >= scene.far_along ? (b < scene.near ? ', contact' : ', contact lost') : '';
-  return `${called}: D in A ${shown(a)}, in B ${shown(b)}, difference ${difference > 0 ? '+' : ''}${shown(difference)}${contact}`;
+  const more = `${difference > 0 ? '+' : ''}${shown(difference)}`;
+  const contact = a < scene.near && pathSizes[k] >= scene.far_along;
+  const touching = contact ? (b < scene.near ? ', contact' : ', contact lost') : '';
+  return `${called}: D in A ${shown(a)}, in B ${shown(b)}, difference ${more}${touching}`;
 }
 
 // ---- going from frame to frame

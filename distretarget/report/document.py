@@ -37,6 +37,7 @@ class About:
         version: of this package.
         copy: the figures of the rotation copy against A, where B was made from A.
         copy_stress: (frames,), its stress, as that of the diff.
+        limits: figures by their names on the command line, with what they are to stay at or below.
     """
 
     a: str
@@ -45,12 +46,14 @@ class About:
     version: str
     copy: Comparison | None = None
     copy_stress: Array | None = None
+    limits: tuple[tuple[str, float], ...] = ()
 
 
 def document(diff: Diff, about: About) -> Document:
     """The diff as JSON values, as `diff.schema.json` has it; None where nothing was to be measured."""
     frames = _frames(diff)
     a, b, drivers = diff.matching.source, diff.matching.target, diff.matching.drivers
+    summary = _summary(diff.stress, diff.figures, diff.jerk_a)
     return {
         "format": "distretarget-diff",
         "version": 1,
@@ -62,7 +65,8 @@ def document(diff: Diff, about: About) -> Document:
         "frame_count": len(diff),
         "unmatched_b": [b.keys[joint] for joint in joints_of(b) if drivers[joint] < 0],
         "unmatched_a": [a.keys[joint] for joint in joints_of(a) if joint not in drivers],
-        "summary": _summary(diff.stress, diff.figures, diff.jerk_a),
+        "summary": summary,
+        "limits": [_limit(summary, name, limit) for name, limit in about.limits],
         "rotation_copy": _rotation_copy(diff, about),
         "worst": {
             name: _worst(frames[name])
@@ -121,6 +125,24 @@ def _summary(stress: Array, figures: Comparison, jerk_a: Array) -> Document:
         "slide": _ratio(summary["slide_a"], summary["slide_b"], STILL),
         "jerk": _ratio(summary["jerk_a"], summary["jerk_b"], 0.0),
     }
+
+
+def _limit(summary: Document, name: str, limit: float) -> Document:
+    """A limit, the value that it is for, and whether that is over it."""
+    value = _limited(summary, name)
+    return {"figure": name, "limit": limit, "value": value, "over": value is not None and value > limit}
+
+
+def _limited(summary: Document, name: str) -> float | None:
+    """The value that a limit of this name is for; None where nothing was to be measured."""
+    if name == "foot":
+        a, b = summary["foot_height_a"], summary["foot_height_b"]
+        return None if a is None else _rounded(abs(b - a))
+    if name == "slide":
+        a, b = summary["slide_a"], summary["slide_b"]
+        return None if a is None else _rounded(b / max(a, STILL))
+    value: float | None = summary[f"{name}_error" if name in ("contact", "direction", "bone", "distance") else name]
+    return value
 
 
 def _ratio(a: float | None, b: float | None, nothing: float) -> float | None:

@@ -5,7 +5,8 @@ function ramp(names) {
   const stops = names.map(name => colour[name].match(/[\d.]+/g).map(Number));
   const pixels = new Uint8ClampedArray(4 * 256);
   for (let k = 0; k < 256; k++) {
-    const place = k / 255 * (stops.length - 1), low = Math.min(Math.floor(place), stops.length - 2), share = place - low;
+    const place = k / 255 * (stops.length - 1), low = Math.min(Math.floor(place), stops.length - 2);
+    const share = place - low;
     for (let c = 0; c < 3; c++) pixels[4 * k + c] = stops[low][c] * (1 - share) + stops[low + 1][c] * share;
     pixels[4 * k + 3] = 255;
   }
@@ -13,10 +14,12 @@ function ramp(names) {
 }
 
 const LIMIT = Math.max(scene.largest_difference, 0.01);
+const OF_D = {colours: ['near', 'middle', 'far'], low: '0', high: '1', words: ['touching', 'stretched']};
 const MATRICES = [
-  {title: 'A', colours: ['near', 'middle', 'far'], low: '0', high: '1', words: ['touching', 'stretched'], value: k => A.D[k]},
-  {title: 'B', colours: ['near', 'middle', 'far'], low: '0', high: '1', words: ['touching', 'stretched'], value: k => B.D[k]},
-  {title: 'B − A', colours: ['minus', 'zero', 'plus'], low: `−${shown(LIMIT)}`, high: `+${shown(LIMIT)}`, words: ['B nearer', 'farther'],
+  {...OF_D, title: 'A', caption: 'D in A', value: k => A.D[k]},
+  {...OF_D, title: 'B', caption: 'D in B', value: k => B.D[k]},
+  {colours: ['minus', 'zero', 'plus'], low: `−${shown(LIMIT)}`, high: `+${shown(LIMIT)}`,
+    words: ['B nearer', 'farther'], title: 'B − A', caption: 'Difference B − A',
     value: k => ((B.D[k] - A.D[k]) / LIMIT + 1) / 2},
 ];
 
@@ -41,7 +44,9 @@ function paintMatrix(canvas, matrix, store) {
   if (cell >= 4) {
     for (const [i, j, keptInB] of contactsAt(state.frame)) {
       if (matrix.title === 'B' && !keptInB) context.setLineDash([2, 2]);
-      for (const [row, at] of [[i, j], [j, i]]) context.strokeRect(at * cell + 0.5, row * cell + 0.5, cell - 1, cell - 1);
+      for (const [row, at] of [[i, j], [j, i]]) {
+        context.strokeRect(at * cell + 0.5, row * cell + 0.5, cell - 1, cell - 1);
+      }
       context.setLineDash([]);
     }
   }
@@ -84,13 +89,15 @@ function buildMatrices() {
       'aria-label': `Normalised distances ${matrix.title}; arrow keys go from pair to pair`});
     watchMatrix(canvas);
     painted(canvas, () => paintMatrix(canvas, matrix, store));
+    const stops = matrix.colours.map(name => `var(--${name})`).join();
     $('matrices').append(element('figure', {},
-      element('figcaption', {}, term(`${matrix.title === 'B − A' ? 'Difference ' : 'D in '}${matrix.title}`, TERMS.D)), canvas,
+      element('figcaption', {}, term(matrix.caption, TERMS.D)), canvas,
       element('div', {class: 'scale'}, element('span', {}, matrix.low),
-        element('i', {style: `background: linear-gradient(to right, ${matrix.colours.map(name => `var(--${name})`)})`}),
+        element('i', {style: `background: linear-gradient(to right, ${stops})`}),
         element('span', {}, matrix.high)),
       element('div', {class: 'scale ends'}, ...matrix.words.map(word => element('span', {}, word)))));
   }
-  const hint = 'Point at a cell, or focus a matrix and use the arrow keys: its joints are named here and marked in the player. Framed cells are contacts in A.';
+  const hint = 'Point at a cell, or focus a matrix and use the arrow keys: its joints are named here and marked in the '
+    + 'player. Framed cells are contacts in A.';
   painted($('cell'), () => { $('cell').textContent = state.pair ? pairText(state.pair, state.frame) : hint; });
 }

@@ -20,7 +20,7 @@ function paintPlayer() {
     });
   const row = report.frames[state.frame];
   $('slider').value = state.frame;
-  $('slider').setAttribute('aria-valuetext', `frame ${state.frame} of ${frameCount}, ${row.time.toFixed(2)} s`);
+  $('slider').setAttribute('aria-valuetext', `frame ${state.frame} of ${frameCount - 1}, ${row.time.toFixed(2)} s`);
   $('now').textContent = `${state.frame} / ${frameCount - 1} · ${row.time.toFixed(2)} s`;
   $('player').setAttribute('aria-label', `A and B at frame ${state.frame}, ${row.contacts} contacts in A`);
   $('selected').textContent = state.pair ? pairText(state.pair, state.frame) : '';
@@ -42,12 +42,13 @@ function buildLegend() {
     return mark;
   };
   const item = (mark, text) => element('span', {class: 'item'}, mark, text);
+  const drawn = kind => element('span', {class: `mark ${kind}`});
+  const shared = scene.bones.every(([, , upper]) => upper >= 0);
   $('legend').append(
     element('span', {class: 'group'}, term('B off A’s direction', TERMS.direction_error),
-      ...LEVELS.map(level => item(bone(level), level.name)), ...(scene.bones.some(([, , upper]) => upper < 0) ? [item(bone(NOT_SHARED), NOT_SHARED.name)] : [])),
-    element('span', {class: 'group'}, item(bone(OF_A), 'A'),
-      item(element('span', {class: 'mark touch'}), 'contact'), item(element('span', {class: 'mark touch lost'}), 'lost in B'),
-      item(element('span', {class: 'mark ring'}), 'foot at rest in A')),
+      ...[...LEVELS, ...(shared ? [] : [NOT_SHARED])].map(level => item(bone(level), level.name))),
+    element('span', {class: 'group'}, item(bone(OF_A), 'A'), item(drawn('touch'), 'contact'),
+      item(drawn('touch lost'), 'lost in B'), item(drawn('ring'), 'foot at rest in A')),
   );
 }
 
@@ -60,7 +61,8 @@ function watchPointers(canvas) {
     return {x: (p.x + q.x) / 2, y: (p.y + q.y) / 2, apart: Math.hypot(p.x - q.x, p.y - q.y) || 1};
   };
   const move = (dx, dy) => {
-    const unit = unitOf({height: canvas.clientHeight, width: canvas.clientWidth / (state.overlaid ? 1 : 2)}) * camera.zoom;
+    const width = canvas.clientWidth / (state.overlaid ? 1 : 2);
+    const unit = unitOf({height: canvas.clientHeight, width}) * camera.zoom;
     camera.x += dx / unit;
     camera.y += dy / unit;
   };
@@ -85,7 +87,9 @@ function watchPointers(canvas) {
     }
     repaint();
   });
-  for (const type of ['pointerup', 'pointercancel']) canvas.addEventListener(type, event => down.delete(event.pointerId));
+  for (const type of ['pointerup', 'pointercancel']) {
+    canvas.addEventListener(type, event => down.delete(event.pointerId));
+  }
   canvas.addEventListener('contextmenu', event => event.preventDefault());
   canvas.addEventListener('wheel', event => {
     event.preventDefault();

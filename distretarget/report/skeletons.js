@@ -23,7 +23,9 @@ function drawBone(context, from, to, look) {
   context.moveTo(from[0], from[1]);
   context.lineTo(to[0], to[1]);
   for (const [style, width, dash] of [
-    [colour.panel, thick + Math.min(2.5, thick * 0.5), []], [colour[look.colour], thick, []], [colour.panel, thick * 0.4, look.dash],
+    [colour.panel, thick + Math.min(2.5, thick * 0.5), []],
+    [colour[look.colour], thick, []],
+    [colour.panel, thick * 0.4, look.dash],
   ]) {
     if (!dash) continue;
     context.strokeStyle = style;
@@ -38,7 +40,7 @@ function drawBone(context, from, to, look) {
 /** A body, farthest bones first. */
 function drawBody(context, motion, project, lookOf) {
   const {x} = motion, at = [];
-  for (let joint = 0; joint < motion.joints; joint++) at.push(project(x[3 * joint], x[3 * joint + 1], x[3 * joint + 2]));
+  for (let k = 0; k < x.length; k += 3) at.push(project(x[k], x[k + 1], x[k + 2]));
   const order = motion.bones.map(bone => [at[bone[0]][2] + at[bone[1]][2], bone]).sort((p, q) => p[0] - q[0]);
   for (const [, bone] of order) drawBone(context, at[bone[0]], at[bone[1]], lookOf(bone));
   context.fillStyle = colour.panel;

@@ -1,64 +1,91 @@
 // What is written: head, figures, worst frames, contacts, worst pairs, explanations.
 
 const TERMS = {
-  stress: 'How far the distances between all joints are off those of A, over the squared height of B (Eq. 2 of the paper). 0 is best.',
-  contact_error: `Mean |D in A − D in B| over the pairs that touch in A: D below ${scene.near}, at least ${scene.far_along} joints along the path. 0 is best.`,
-  direction_error: 'The angle between corresponding bones of A and B, mean over bones [degrees]; p99 is exceeded by 1 in 100. 0 is best.',
+  stress: 'How far the distances between all joints are off those of A, over the squared height of B (Eq. 2 of the '
+    + 'paper). 0 is best.',
+  distance_error: 'Mean |D in A − D in B| over all pairs of joints. 0 is best.',
+  contact_error: `Mean |D in A − D in B| over the pairs that touch in A: D below ${scene.near}, at least `
+    + `${scene.far_along} joints along the path. 0 is best.`,
+  direction_error: 'The angle between corresponding bones of A and B, mean over bones [degrees]; p99 is exceeded by '
+    + '1 in 100. 0 is best.',
   slide: 'Horizontal speed of ankles and toes while they are at rest in A [leg lengths per second]. As A is best.',
   foot_height: 'Height of ankles and toes over the origin while they are at rest in A [% of leg length]. As A is best.',
   jerk: 'Roughness: mean third difference of the positions of the joints [body sizes / s³]. As A is best.',
   bone_error: 'The largest relative error of a bone’s length against B’s skeleton [%]. 0 is best.',
   turn: 'The most by which a joint of B turns further in one frame than that of A [degrees].',
-  D: 'Distance of two joints divided by the length of the bones between them: 0 where they coincide, 1 where the path between them is straight.',
+  D: 'Distance of two joints divided by the length of the bones between them: 0 where they coincide, 1 where the path '
+    + 'between them is straight.',
 };
+// `limit` is the name of the figure in a limit, `limited` what of it is limited if not B's value.
 const FIGURES = [
-  {name: 'Stress × 1000', term: 'stress', field: 'stress', factor: 1000},
-  {name: 'Contact error', term: 'contact_error', field: 'contact_error', none: 'no contacts in A'},
-  {name: 'Direction error, °', term: 'direction_error', field: 'direction_error', p99: 'direction_error_p99', none: 'no bones in common'},
-  {name: 'Slide, legs/s', term: 'slide', field: 'slide_b', a: 'slide_a', none: 'no feet at rest in A'},
-  {name: 'Foot height, % leg', term: 'foot_height', field: 'foot_height_b', a: 'foot_height_a', none: 'no feet at rest in A'},
-  {name: 'Jerk, sizes/s³', term: 'jerk', field: 'jerk_b', a: 'jerk_a', none: 'under four frames'},
-  {name: 'Bone error, %', term: 'bone_error', field: 'bone_error', factor: 100},
-  {name: 'Largest turn, °', term: 'turn', field: 'turn', none: 'only one frame'},
+  {name: 'Stress × 1000', term: 'stress', field: 'stress', factor: 1000, limit: 'stress'},
+  {name: 'Distance error', term: 'distance_error', field: 'distance_error', limit: 'distance'},
+  {name: 'Contact error', term: 'contact_error', field: 'contact_error', none: 'no contacts in A', limit: 'contact'},
+  {name: 'Direction error, °', term: 'direction_error', field: 'direction_error', p99: 'direction_error_p99',
+    none: 'no bones in common', limit: 'direction'},
+  {name: 'Slide, legs/s', term: 'slide', field: 'slide_b', a: 'slide_a', none: 'no feet at rest in A',
+    limit: 'slide', limited: 'B / A'},
+  {name: 'Foot height, % leg', term: 'foot_height', field: 'foot_height_b', a: 'foot_height_a',
+    none: 'no feet at rest in A', limit: 'foot', limited: '|B − A|'},
+  {name: 'Jerk, sizes/s³', term: 'jerk', field: 'jerk_b', a: 'jerk_a', none: 'under four frames',
+    limit: 'jerk', limited: 'B / A'},
+  {name: 'Bone error, %', term: 'bone_error', field: 'bone_error', factor: 100, limit: 'bone'},
+  {name: 'Largest turn, °', term: 'turn', field: 'turn', none: 'only one frame', limit: 'turn'},
 ];
 const PAIRS_SHOWN = 15;
 
-function figureOf(summary, field, factor) {
-  const value = summary[field];
-  return value === null ? null : Math.abs(value * factor) < FLAT ? 0 : value * factor;
+/** Whether a figure is within a limit, in words and by a mark. */
+function limitLine({limit, value, over}, factor) {
+  const most = String(Number((limit * factor).toPrecision(6)));
+  if (value === null) return element('p', {class: 'limit'}, `limit ${most}`);
+  return element('p', {class: over ? 'limit over' : 'limit within'},
+    element('span', {'aria-hidden': 'true'}, over ? '✗ ' : '✓ '), `${over ? 'over' : 'within'} limit ${most}`);
 }
 
-function buildFigure({name, term: key, field, a, p99, factor = 1, none}) {
+function buildFigure({name, term: key, field, a, p99, factor = 1, none, limit, limited}) {
   const {summary, rotation_copy: copy} = report;
   const value = figureOf(summary, field, factor);
   const rows = [];
   if (a) rows.push(['A', figureOf(summary, a, factor)]);
   if (copy) rows.push(['rotation copy', figureOf(copy, field, factor)]);
   if (p99) rows.push(['p99', figureOf(summary, p99, factor)]);
+  const limits = report.limits.filter(one => one.figure === limit);
+  if (limited && limits.length) rows.push([limited, limits[0].value]);
   return element('div', {class: 'figure'},
     element('h3', {}, term(name, TERMS[key])),
     element('p', {class: value === null ? 'big none' : 'big'}, value === null ? none : shown(value)),
-    element('dl', {}, ...rows.flatMap(([what, number]) => [element('dt', {}, what), element('dd', {}, shown(number))])));
+    element('dl', {}, ...rows.flatMap(([what, number]) => [element('dt', {}, what), element('dd', {}, shown(number))])),
+    ...limits.map(one => limitLine(one, factor)));
+}
+
+function counted(number, what) {
+  return `${number} ${what}${number === 1 ? '' : 's'}`;
 }
 
 function buildHead() {
   const body = ({file, joints, convention}) => `${file}, ${joints} joints${convention ? `, ${convention}` : ''}`;
-  const frames = `${frameCount} ${frameCount === 1 ? 'frame' : 'frames'} of ${shown(1000 * report.frame_time)} ms, ${shown(frameCount * report.frame_time)} s`;
+  const seconds = shown(frameCount * report.frame_time);
+  const frames = `${counted(frameCount, 'frame')} of ${shown(1000 * report.frame_time)} ms, ${seconds} s`;
   const facts = [['A, the reference', body(report.a)], ['B, measured', body(report.b)], ['Frames', frames]];
-  $('title').append(element('span', {class: 'of-b'}, report.b.file), ' against ', element('span', {class: 'of-a'}, report.a.file));
-  $('facts').append(...facts.map(([name, text]) => element('div', {}, element('dt', {}, name), element('dd', {}, text))));
+  const [first, second] = ['a', 'b'].map(name => element('span', {class: `of-${name}`}, report[name].file));
+  $('title').append(second, ' against ', first);
+  $('facts').append(
+    ...facts.map(([name, text]) => element('div', {}, element('dt', {}, name), element('dd', {}, text))));
+  const words = (report.program.command || 'distretarget').split(' ')
+    .flatMap((word, k) => [k ? ' ' : '', element('span', {}, word)]);
   $('facts').append(element('div', {class: 'wide'}, element('dt', {}, 'Made by'),
-    element('dd', {}, `distretarget ${report.program.version} `, element('code', {}, report.program.command))));
+    element('dd', {}, element('code', {}, ...words), ` version ${report.program.version}`)));
   $('figures').append(...FIGURES.map(buildFigure));
   $('terms').append(...[...FIGURES.map(({name, term: key}) => [name, key]), ['D', 'D']].flatMap(
     ([name, key]) => [element('dt', {}, name), element('dd', {}, TERMS[key])]));
 }
 
 function buildNotes() {
-  const lines = [...report.notes, ...scene.notes].map(note => element('li', {}, `${note[0].toUpperCase()}${note.slice(1)}.`));
-  for (const [names, text] of [[report.unmatched_b, 'of B have no counterpart in A'], [report.unmatched_a, 'of A have no counterpart in B']]) {
+  const lines = [...report.notes, ...scene.notes].map(
+    note => element('li', {}, `${note[0].toUpperCase()}${note.slice(1)}.`));
+  for (const [names, of, other] of [[report.unmatched_b, 'B', 'A'], [report.unmatched_a, 'A', 'B']]) {
     if (!names.length) continue;
-    const count = `${names.length} ${names.length === 1 ? 'joint' : 'joints'} ${text.replace('have', names.length === 1 ? 'has' : 'have')}`;
+    const count = `${counted(names.length, 'joint')} of ${of} without a counterpart in ${other}`;
     lines.push(element('li', {}, names.length <= 6 ? `${count}: ${names.join(', ')}.`
       : element('details', {}, element('summary', {}, count), names.join(', '))));
   }
@@ -102,7 +129,8 @@ function buildWorst() {
       picture(context, width, height);
     });
     $('worst').append(element('button', {type: 'button', on: {click: () => goTo(frame)}}, canvas,
-      element('b', {}, `Frame ${frame}`), ...reasons.map(([name, value]) => element('span', {}, name, element('i', {}, value)))));
+      element('b', {}, `Frame ${frame}`),
+      ...reasons.map(([name, value]) => element('span', {}, name, element('i', {}, value)))));
   }
   if (!found.size) $('worst').append(element('p', {class: 'none'}, 'B does as A in every frame.'));
 }
@@ -138,10 +166,11 @@ function buildContacts() {
     dragFrames(bars);
     const start = a[0][0];
     const show = () => { choose(pair); goTo(start); };
-    $('contacts').append(element('button', {type: 'button', class: 'name', on: {click: show}, title: pairName(pair)}, pairName(pair)),
-      element('div', {class: 'track'}, bars));
+    const name = {type: 'button', class: 'name', on: {click: show}, title: pairName(pair)};
+    $('contacts').append(element('button', name, pairName(pair)), element('div', {class: 'track'}, bars));
   }
-  const legend = element('p', {class: 'note'}, element('i', {class: 'swatch bar-a'}), 'in A ', element('i', {class: 'swatch bar-b'}), 'in B; ',
+  const swatch = name => element('i', {class: `swatch bar-${name}`});
+  const legend = element('p', {class: 'note'}, swatch('a'), 'in A ', swatch('b'), 'in B; ',
     term('touching', TERMS.contact_error), scene.contacts.length === 24 ? ': the 24 pairs that do so longest' : '');
   $('contacts').append(line);
   $('contacts').before(legend);
@@ -159,12 +188,12 @@ function pairRow(pair, k) {
   const show = () => { choose(points); goTo(pair.worst_frame); };
   const same = name(pair.joints_a) === name(pair.joints_b);
   const numbers = [pair.contact_frames || '–', shown(pair.distance_a), shown(pair.distance_b), shown(pair.error)];
-  const row = element('tr', k >= PAIRS_SHOWN ? {class: 'more'} : {},
+  const label = `Go to frame ${pair.worst_frame}, ${name(pair.joints_b)}`;
+  const go = {type: 'button', 'aria-label': label, on: {click: show}};
+  return element('tr', k >= PAIRS_SHOWN ? {class: 'more'} : {},
     element('th', {scope: 'row'}, name(pair.joints_b), same ? '' : element('small', {}, name(pair.joints_a))),
     ...numbers.map(text => element('td', {}, text)),
-    element('td', {}, element('button', {type: 'button', 'aria-label': `Go to frame ${pair.worst_frame}, ${name(pair.joints_b)}`,
-      on: {click: show}}, pair.worst_frame)));
-  return row;
+    element('td', {}, element('button', go, pair.worst_frame)));
 }
 
 function buildPairs() {
@@ -177,7 +206,8 @@ function buildPairs() {
     ['Error', 'Mean |D in A − D in B|, over the frames of contact where there are any.'],
     ['Worst', 'The frame of the largest error.']];
   const table = element('table', {},
-    element('thead', {}, element('tr', {}, ...heads.map(([name, text]) => element('th', {scope: 'col'}, term(name, text))))),
+    element('thead', {}, element('tr', {},
+      ...heads.map(([name, text]) => element('th', {scope: 'col'}, term(name, text))))),
     element('tbody', {}, ...report.pairs.map(pairRow)));
   $('pairs').append(table);
   if (report.pairs.length > PAIRS_SHOWN) {

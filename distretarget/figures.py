@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body import body_unit
+from distretarget.errors import quoted
 from distretarget.metrics import Comparison, compare
 from distretarget.retarget import RetargetResult
 from distretarget.spg import Reason
@@ -46,6 +47,13 @@ class Figures:
         free = "" if result.free_stress is None else f" (solved points {1e3 * result.free_stress.mean():.3g})"
         return f"{copy:.3g} / {written:.3g}{free}"
 
+    def unmatched(self) -> Iterator[str]:
+        """The joints that follow their parents, if there are any."""
+        if joints := self.result.matching.followers:
+            many = f"{len(joints)} joints of the target have no counterpart and follow their parents"
+            one = "1 joint of the target has no counterpart and follows its parent"
+            yield f"{one if len(joints) == 1 else many}: {quoted(joints)}"
+
     def warnings(self) -> Iterator[str]:
         """Frames that did not converge, and feet that did not reach their place."""
         frames = len(self.result.motion)
@@ -65,6 +73,16 @@ class Figures:
         off = np.linalg.norm(self.result.motion.positions[:, stance.joints] - stance.places, axis=-1)
         limit = REACH * body_unit(self.result.motion.skeleton)
         return np.asarray(((off > limit) & (stance.weights > 0.99)).any(axis=1))
+
+    def means(self) -> dict[str, dict[str, float]]:
+        """The figures of the whole clip, of the rotation copy and of the result, with the mean stress of each."""
+        stress = self.result.copy_stress, self.result.written_stress
+        return {
+            name: {"stress": float(values.mean()), **figures.means()}
+            for name, values, figures in zip(
+                ("rotation_copy", "result"), stress, (self.copied, self.reached), strict=True
+            )
+        }
 
     def json(self) -> str:
         """The figures as JSON: what holds for the clip, then one list per figure with an entry per frame."""
@@ -86,8 +104,7 @@ class Figures:
             "version": 1,
             "frame_time": result.motion.frame_time,
             "root_scale": result.root_scale,
-            "rotation_copy": self.copied.means(),
-            "result": self.reached.means(),
+            **self.means(),
             "frames": frames,
         }
         return json.dumps(document, indent=1, allow_nan=False) + "\n"

@@ -1,0 +1,157 @@
+"""Size and speed of the report of a diff: a clip of 5,000 frames on bodies of 60 joints, and a sample.
+
+    python benchmarks/report.py [--frames 5000] [--joints 60] [--browser /usr/bin/chromium]
+
+The long clip is a sample, again and again, on bodies with helper joints. A line per report: its size in MB, seconds
+from opening to the first drawing, and drawings per second while it plays at 1x, side by side and overlaid, on a page of
+1440 x 1000. The exit status is 1 if a report is over 8 MB or 2 s, or under 30 drawings a second. It needs the extra
+`test` and Chromium or Chrome, which runs without a window and without a graphics card.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from edits import TARGETS, edited
+from playwright.sync_api import Page, sync_playwright
+
+from distretarget import Motion, Skeleton, read_bvh, retarget
+from distretarget.diff import diff
+from distretarget.report import About, document, page
+
+SAMPLE = Path(__file__).resolve().parents[1] / "sample_bvh" / "clap.bvh"
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+SIZE = {"width": 1440, "height": 1000}
+LIMITS = (8.0, 2.0, 30.0)  # MB at most, s at most, drawings per second at least
+PLAYING = 5.0  # seconds measured
+# When the readout beside the slider was written, which is at the end of a drawing [ms from opening].
+WATCH = """window.drawn = new Promise(done => {
+    const look = () => {
+        if (document.getElementById('now')?.textContent) done(performance.now());
+        else requestAnimationFrame(look);
+    };
+    look();
+});"""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One report: its size [MB], seconds to the first drawing, drawings per second side by side and overlaid."""
+
+    name: str
+    size: float
+    opening: float
+    beside: float
+    overlaid: float
+
+    @property
+    def failed(self) -> bool:
+        """Whether it misses a limit."""
+        return self.size > LIMITS[0] or self.opening > LIMITS[1] or min(self.beside, self.overlaid) < LIMITS[2]
+
+    @property
+    def line(self) -> str:
+        """As it is printed."""
+        return (
+            f"{self.name:<34} {self.size:6.2f} MB   first drawing {self.opening:5.2f} s   "
+            f"drawings/s {self.beside:5.1f} side by side, {self.overlaid:5.1f} overlaid{'   MISSED' * self.failed}"
+        )
+
+
+def with_helpers(motion: Motion, joints: int) -> Motion:
+    """The motion on a body with as many joints, End Sites left out: the new ones hang one by one on the old."""
+    body = motion.skeleton
+    ends = int(body.end_sites.sum())
+    added = np.arange(max(0, joints + ends - len(body)))
+    hosts = np.flatnonzero(~body.end_sites)[added % (len(body) - ends)]
+    offsets = np.tile(0.02 * body.offsets[1:].std(), (len(added), 3))
+    skeleton = Skeleton(
+        body.names + tuple(f"Helper{k}" for k in added),
+        np.concatenate([body.parents, hosts]),
+        np.concatenate([body.offsets, offsets]),
+        body.channels + (("Zrotation", "Xrotation", "Yrotation"),) * len(added),
+        np.concatenate([body.end_sites, np.zeros(len(added), bool)]),
+    )
+    still = np.broadcast_to([0.0, 0, 0, 1], (len(motion), len(added), 4))
+    return replace(
+        motion,
+        skeleton=skeleton,
+        translations=np.concatenate(
+            [motion.translations, np.broadcast_to(offsets, (len(motion), *offsets.shape))], axis=1
+        ),
+        rotations=np.concatenate([motion.rotations, still], axis=1),
+    )
+
+
+def lengthened(motion: Motion, frames: int) -> Motion:
+    """The motion forwards and backwards until it has as many frames."""
+    order = np.abs((np.arange(frames) + len(motion) - 1) % (2 * len(motion) - 2) - (len(motion) - 1))
+    return replace(motion, translations=motion.translations[order], rotations=motion.rotations[order])
+
+
+def html(a: Motion, b: Motion) -> str:
+    """The report."""
+    difference = diff(a, b)
+    return page(difference, document(difference, About("a.bvh", "b.bvh", "", "")))
+
+
+def drawings(tab: Page) -> float:
+    """Drawings per second while it plays."""
+    counted = """async seconds => {
+        setPlaying(true);
+        await new Promise(done => setTimeout(done, 500));
+        const [count, start] = [state.draws, performance.now()];
+        await new Promise(done => setTimeout(done, 1000 * seconds));
+        const rate = 1000 * (state.draws - count) / (performance.now() - start);
+        setPlaying(false);
+        return rate;
+    }"""
+    return float(tab.evaluate(counted, PLAYING))
+
+
+def measure(name: str, text: str, browser: str) -> Measured:
+    """Open the report in a browser of its own."""
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
+        path = Path(folder) / "report.html"
+        path.write_text(text, encoding="utf-8")
+        program = playwright.chromium.launch(executable_path=browser, args=["--no-sandbox"])
+        tab = program.new_page(viewport=SIZE)
+        tab.add_init_script(WATCH)
+        tab.goto(path.as_uri())
+        opening = tab.evaluate("drawn") / 1000
+        beside = drawings(tab)
+        tab.click("#overlaid")
+        measured = Measured(name, len(text.encode()) / 1e6, opening, beside, drawings(tab))
+        program.close()
+    return measured
+
+
+def main() -> int:
+    """Print a line per report; 1 if any misses a limit."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--frames", type=int, default=5000)
+    parser.add_argument("--joints", type=int, default=60)
+    parser.add_argument("--browser", default=next(filter(None, map(shutil.which, BROWSERS)), None))
+    arguments = parser.parse_args()
+    if not arguments.browser:
+        parser.error("expected Chromium or Chrome, found none; give its path with --browser")
+    a = read_bvh(SAMPLE)
+    b = retarget(a, edited(a.rigid_skeleton, TARGETS["forearm and hand +50 %"])).motion
+    long = [lengthened(with_helpers(motion, arguments.joints), arguments.frames) for motion in (a, b)]
+    failed = False
+    for name, pair in ((f"{SAMPLE.name}, {len(a)} frames", (a, b)), (f"{len(long[0])} frames", long)):
+        joints = int((~pair[0].skeleton.end_sites).sum())
+        measured = measure(f"{name}, {joints} joints", html(*pair), arguments.browser)
+        print(measured.line, flush=True)
+        failed |= measured.failed
+    return int(failed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

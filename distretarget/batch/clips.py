@@ -1,0 +1,112 @@
+"""Which files are clips to convert, and where their results belong."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path, PurePath
+
+from distretarget.errors import FileError
+from distretarget.files import reason_of
+
+ENDING = ".bvh"
+
+
+@dataclass(frozen=True)
+class Clip:
+    """A clip to convert.
+
+    Attributes:
+        path: of the file.
+        place: of its result in the folder of results.
+        size: of the file [bytes]; 0 where it cannot be read.
+    """
+
+    path: Path
+    place: PurePath
+    size: int
+
+
+@dataclass(frozen=True)
+class Found:
+    """The clips in some files and folders, and what could not be looked into."""
+
+    clips: tuple[Clip, ...]
+    unread: tuple[FileError, ...]
+
+
+def find_clips(
+    sources: Sequence[Path], listed: Sequence[Path] = (), include: Sequence[str] = (), exclude: Sequence[str] = ()
+) -> Found:
+    """The clips in files and folders.
+
+    A folder alone gives its tree; of several each gives its tree below its own name. In folders, files named *.bvh
+    count, unless a name or a folder on the way to it begins with a dot; links are followed, but
+    not in circles. Files given as `sources` go to the top, those `listed` to their places below the folder they share.
+
+    `include` and `exclude` are shell patterns for the names of files in folders, or for their paths in the folder.
+    """
+    unread: list[FileError] = []
+    folders = [source for source in sources if source.is_dir()]
+    clips = [_clip(path, PurePath(path.name)) for path in sources if path not in folders]
+    for folder in folders:
+        above = PurePath() if len(sources) == 1 else PurePath(folder.resolve().name)
+        inside = _files_below(folder, PurePath(), unread)
+        clips += [
+            _clip(folder / place, above / place)
+            for place in inside
+            if _wanted(place, include or ("*",)) and not _wanted(place, exclude)
+        ]
+    shared = _shared_folder(listed)
+    clips += [_clip(path, PurePath(os.path.relpath(_absolute(path), shared))) for path in listed]
+    return Found(tuple(clips), tuple(unread))
+
+
+def _clip(path: Path, place: PurePath) -> Clip:
+    try:
+        size = path.stat().st_size
+    except (OSError, ValueError):
+        size = 0  # reading it will tell
+    return Clip(path, place.with_name(place.name.removesuffix(place.suffix if _is_bvh(place) else "") + ENDING), size)
+
+
+def _is_bvh(place: PurePath) -> bool:
+    return place.suffix.lower() == ENDING
+
+
+def _wanted(place: PurePath, patterns: Iterable[str]) -> bool:
+    return any(fnmatchcase(place.name, pattern) or fnmatchcase(place.as_posix(), pattern) for pattern in patterns)
+
+
+def _files_below(
+    folder: Path, place: PurePath, unread: list[FileError], above: frozenset[str] = frozenset()
+) -> Iterator[PurePath]:
+    """The paths, from the folder, of the BVH files in its tree below `place`, in order.
+
+    `above` has the folders on the way, to which a link may lead back.
+    """
+    real = os.path.realpath(folder / place)
+    if real in above:
+        return
+    try:
+        with os.scandir(folder / place) as entries:
+            inside = sorted((entry for entry in entries if not entry.name.startswith(".")), key=lambda one: one.name)
+    except OSError as error:
+        unread.append(FileError(folder / place, reason_of(error)))
+        return
+    for entry in inside:
+        if entry.is_dir():
+            yield from _files_below(folder, place / entry.name, unread, above | {real})
+        elif _is_bvh(PurePath(entry.name)):
+            yield place / entry.name
+
+
+def _absolute(path: Path) -> str:
+    return os.path.normpath(path.absolute())
+
+
+def _shared_folder(paths: Sequence[Path]) -> str:
+    """The deepest folder that has all of the files in it."""
+    return os.path.commonpath([os.path.dirname(_absolute(path)) for path in paths]) if paths else ""  # noqa: PTH120

@@ -1,0 +1,207 @@
+"""The manifest of a folder of results: a line of JSON for each clip, written before its output is put in place.
+
+So an output that is there and has the hash of its line is whole and is known to be made here; a line whose output is
+missing was cut short, and its clip is converted again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import io
+import json
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from distretarget.batch.plan import Work
+from distretarget.conversion import Options
+from distretarget.errors import FileError
+from distretarget.files import hash_of, reason_of
+from distretarget.joint_map import MapFile
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
+NAME = "manifest.jsonl"
+Record = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What decides an output besides the clip and the target: options, map, and the version of the program."""
+
+    options: Options
+    map: MapFile
+    version: str
+
+    def as_json(self) -> Record:
+        """The options as a line of the manifest has them."""
+        return {**asdict(self.options), "map": dict(self.map.pairs) or None}
+
+
+class Manifest:
+    """The manifest in a folder of results, open for adding lines. Several runs may add to it at the same time."""
+
+    def __init__(self, folder: Path) -> None:
+        """Open the manifest of a folder, which is made if it is not there.
+
+        Raises:
+            FileError: it cannot be.
+        """
+        self.path = folder / NAME
+        self._last: dict[str, tuple[bytes, str]] = {}
+        self._made: dict[str, set[str]] = {}
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._file = self.path.open("ab", buffering=0)
+        except OSError as error:
+            raise FileError(self.path, reason_of(error)) from error
+        self._sweep(folder)
+        for record in read_records(self.path):
+            self._learn(record)
+
+    def close(self) -> None:
+        """Close the file, and let go of the folder."""
+        self._file.close()
+
+    def is_done(self, work: Work, input_hash: str, recipe: Recipe, folder: Path) -> bool:
+        """Whether the output of a clip is there, as it was made from the same files in the same way."""
+        known = self._last.get(work.place.as_posix())
+        return known is not None and known == (
+            _digest_of(input_hash, work.target.hash, recipe.as_json(), recipe.version),
+            _hash_of_file(folder / work.place),
+        )
+
+    def made(self, work: Work, folder: Path) -> bool:
+        """Whether what stands in the place of an output was made here, so that it may be replaced."""
+        hashes = self._made.get(work.place.as_posix())
+        return bool(hashes) and _hash_of_file(folder / work.place) in (hashes or ())
+
+    def add(self, record: Record) -> None:
+        """Add a line, at once and for good.
+
+        Raises:
+            FileError: there is no room for it; then the file is as before.
+        """
+        line = json.dumps(record, allow_nan=False).encode() + b"\n"
+        with self._alone():
+            size = self._file.seek(0, io.SEEK_END)
+            try:
+                self._append(line if self._ends_whole(size) else b"\n" + line)
+            except OSError as error:
+                with contextlib.suppress(OSError):
+                    self._file.truncate(size)
+                raise FileError(self.path, reason_of(error)) from error
+        self._learn(record)
+
+    def _append(self, line: bytes) -> None:
+        while line:
+            line = line[self._file.write(line) :]
+        os.fsync(self._file.fileno())
+
+    def _ends_whole(self, size: int) -> bool:
+        """Whether the last line was not cut short."""
+        if not size:
+            return True
+        with self.path.open("rb") as file:
+            file.seek(size - 1)
+            return file.read(1) == b"\n"
+
+    def _learn(self, record: Record) -> None:
+        place = record["output"]
+        self._last.pop(place, None)
+        if record["status"] == "done":
+            digest = _digest_of(*(record[name] for name in ("input_hash", "target_hash", "options", "version")))
+            self._last[place] = (digest, record["output_hash"])
+            self._made.setdefault(place, set()).add(record["output_hash"])
+
+    @contextlib.contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Hold other runs off the end of the file."""
+        if fcntl is None:
+            yield
+            return
+        fcntl.lockf(self._file, fcntl.LOCK_EX)
+        try:
+            yield
+        finally:
+            fcntl.lockf(self._file, fcntl.LOCK_UN)
+
+    def _sweep(self, folder: Path) -> None:
+        """Remove what a run that was killed left half-written, unless another run is at work in the folder."""
+        if fcntl is None:
+            return
+        with contextlib.suppress(OSError):
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            for left in folder.rglob(".distretarget-*.tmp"):
+                left.unlink()
+        fcntl.flock(self._file, fcntl.LOCK_SH)
+
+
+def read_records(path: Path) -> Iterator[Record]:
+    """The lines of a manifest that are whole, in order; none where there is no manifest."""
+    if not path.exists():
+        return
+    with path.open("rb") as file:
+        for line in file:
+            with contextlib.suppress(ValueError, KeyError):
+                record = json.loads(line)
+                if isinstance(record, dict) and record.keys() >= KEYS:
+                    yield record
+
+
+KEYS = {
+    "input",
+    "input_hash",
+    "output",
+    "output_hash",
+    "target",
+    "target_hash",
+    "options",
+    "version",
+    "frames",
+    "seconds",
+    "figures",
+    "warnings",
+    "status",
+    "error",
+}
+
+
+def record_of(work: Work, input_hash: str | None, recipe: Recipe, **outcome: Any) -> Record:
+    """The line for a clip; `outcome` has what came of it."""
+    return {
+        "input": str(work.clip.path),
+        "input_hash": input_hash,
+        "output": work.place.as_posix(),
+        "output_hash": None,
+        "target": str(work.target.path),
+        "target_hash": work.target.hash,
+        "options": recipe.as_json(),
+        "version": recipe.version,
+        "frames": 0,
+        "seconds": 0.0,
+        "figures": {},
+        "warnings": [],
+        "status": "failed",
+        "error": None,
+        **outcome,
+    }
+
+
+def _digest_of(input_hash: str, target_hash: str, options: Mapping[str, Any], version: str) -> bytes:
+    """What decides an output, in few bytes."""
+    text = json.dumps([input_hash, target_hash, options, version], sort_keys=True)
+    return hashlib.sha256(text.encode()).digest()[:16]
+
+
+def _hash_of_file(path: Path) -> str | None:
+    try:
+        return hash_of(path.read_bytes())
+    except OSError:
+        return None

@@ -1,0 +1,69 @@
+"""What a batch has to do: each clip onto each target, and where to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+
+from distretarget.batch.clips import Clip
+from distretarget.conversion import Text
+from distretarget.errors import BatchError
+
+
+@dataclass(frozen=True)
+class Work:
+    """One clip to be converted onto one target.
+
+    Attributes:
+        clip: it.
+        target: the target's file.
+        place: of the output in the folder of results.
+    """
+
+    clip: Clip
+    target: Text
+    place: PurePath
+
+
+def plan(clips: Sequence[Clip], targets: Sequence[Text], folder: Path, sources: Sequence[Path]) -> list[Work]:
+    """Every clip onto every target, the largest clips first; of several targets each has a folder of its own.
+
+    Raises:
+        BatchError: two results would have one place, a result would replace a clip or a target, or `folder`, that of
+            the results, is inside one of `sources`.
+    """
+    _check_folder(folder, sources)
+    names = [PurePath()] if len(targets) == 1 else [PurePath(Path(target.path).stem) for target in targets]
+    works = [
+        Work(clip, target, name / clip.place) for target, name in zip(targets, names, strict=True) for clip in clips
+    ]
+    _check_places(works, folder)
+    return sorted(works, key=lambda work: -work.clip.size)
+
+
+def _check_folder(folder: Path, sources: Sequence[Path]) -> None:
+    for source in sources:
+        if source.is_dir() and folder.resolve().is_relative_to(source.resolve()):
+            raise BatchError(
+                f"{folder}: is inside {source}, whose clips are to be converted; give the results a folder elsewhere"
+            )
+
+
+def _check_places(works: Sequence[Work], folder: Path) -> None:
+    taken: dict[str, Work] = {}
+    for work in works:
+        other = taken.setdefault(work.place.as_posix().casefold(), work)
+        if other is not work:
+            raise BatchError(
+                f"{folder / work.place} would be the result of both {_named(other)} and {_named(work)}; "
+                "convert them in two runs, or give folders instead of files"
+            )
+    inputs = {path.resolve() for work in works for path in (work.clip.path, Path(work.target.path))}
+    for work in works:
+        if (folder / work.place).resolve() in inputs:
+            raise BatchError(f"{folder / work.place} is an input, and would be a result; name another folder with -o")
+
+
+def _named(work: Work) -> str:
+    return f"{work.clip.path} onto {work.target.path}"

@@ -1,0 +1,83 @@
+"""The conversion of one clip, as a worker does it: texts in, texts and figures out, no file touched."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from concurrent.futures import BrokenExecutor, CancelledError
+from dataclasses import dataclass, field, replace
+from importlib.metadata import version
+
+from distretarget.bvh import format_bvh, parse_bvh
+from distretarget.conversion import Options, Text, carry
+from distretarget.errors import DistretargetError
+from distretarget.figures import Figures
+from distretarget.joint_map import MapFile
+from distretarget.pieces import Mapper
+from distretarget.report import About, run_page
+
+
+@dataclass(frozen=True)
+class Task:
+    """A clip to convert: the files it takes, as texts, and what a report is to say, if one is wanted."""
+
+    source: Text
+    target: Text
+    map: MapFile
+    options: Options
+    about: About | None = None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a task.
+
+    Attributes:
+        version: of the program that did it.
+        seconds: it took.
+        error: why it failed, a line; empty if it did not.
+        bvh: the text of the output.
+        frames: of it.
+        figures: of rotation copy and result.
+        warnings: a line each.
+        report: HTML; empty if none was wanted.
+    """
+
+    version: str
+    seconds: float
+    error: str = ""
+    bvh: str = ""
+    frames: int = 0
+    figures: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    report: str = ""
+
+
+def convert(task: Task, mapper: Mapper = map) -> Outcome:
+    """Convert a clip; whatever goes wrong is told in the outcome. `mapper` is as in `retarget`."""
+    started = time.perf_counter()
+    try:
+        outcome = _converted(task, mapper)
+    except DistretargetError as error:
+        outcome = _failed(str(error))
+    except (BrokenExecutor, CancelledError):  # of the mapper: the clip is not to blame
+        raise
+    except MemoryError:
+        outcome = _failed(f"{task.source.path}: out of memory")
+    except Exception as error:  # one clip must not stop the others
+        outcome = _failed(f"{task.source.path}: unexpected {type(error).__name__}: {error}; please report this")
+    return replace(outcome, seconds=time.perf_counter() - started)
+
+
+def _failed(error: str) -> Outcome:
+    return Outcome(version("distretarget"), 0.0, " ".join(error.split()))
+
+
+def _converted(task: Task, mapper: Mapper) -> Outcome:
+    path = task.source.path
+    motion = parse_bvh(task.source.text, path)
+    run = Figures(carry(motion, path, task.target, task.map, task.options, mapper))
+    report = run_page(run, task.about) if task.about else ""
+    warnings = (*run.unmatched(), *run.warnings())
+    text = format_bvh(run.result.motion)
+    return Outcome(version("distretarget"), 0.0, "", text, len(motion), run.means(), warnings, report)

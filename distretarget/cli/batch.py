@@ -1,0 +1,216 @@
+"""`distretarget batch`: many clips."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib.metadata import version
+from pathlib import Path
+from types import FrameType, TracebackType
+
+import click
+from tqdm import tqdm
+
+from distretarget.batch.clips import Found, find_clips
+from distretarget.batch.manifest import Manifest, Recipe, Record
+from distretarget.batch.plan import Work, plan
+from distretarget.batch.pools import Cluster, Pool, Processes, cores
+from distretarget.batch.run import Run
+from distretarget.batch.summary import Tally
+from distretarget.cli.options import retargeting
+from distretarget.cli.outputs import say
+from distretarget.conversion import Options, Text, load_text
+from distretarget.errors import BatchError, DistretargetError
+from distretarget.files import hash_of, read_bytes
+from distretarget.joint_map import load_map
+from distretarget.skeleton_json import check_target
+
+INTERRUPTED = 130
+
+
+@click.command("batch")
+@click.argument("sources", nargs=-1, metavar="SOURCES... TARGET", type=click.Path(path_type=Path))
+@click.option("-o", "--output", "folder", required=True, type=click.Path(path_type=Path), help="The folder of results.")
+@click.option(
+    "--target",
+    "targets",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="A target; then all arguments are sources. Given several times, each target gets a folder of its own.",
+)
+@click.option("--include", multiple=True, metavar="GLOB", help="Only files in folders whose name or path is like this.")
+@click.option("--exclude", multiple=True, metavar="GLOB", help="No files in folders whose name or path is like this.")
+@click.option(
+    "--input-list",
+    type=click.File(encoding="utf-8", errors="surrogateescape"),
+    metavar="FILE",
+    help="Read paths of clips from this file, one a line; - is standard input.",
+)
+@retargeting
+@click.option(
+    "--jobs",
+    type=click.IntRange(1),
+    metavar="N",
+    help="How many processes convert. Default: one for each core that may be used.",
+)
+@click.option("--dask", metavar="ADDRESS", help="Convert on the Dask cluster with this scheduler, as tcp://host:8786.")
+@click.option("--overwrite", is_flag=True, help="Convert all anew, and replace files that were not made by a batch.")
+@click.option("--fail-fast", is_flag=True, help="Stop at the first clip that fails.")
+@click.option("--dry-run", is_flag=True, help="Print what would be done, and do nothing.")
+def batch_command(
+    sources: tuple[Path, ...],
+    folder: Path,
+    targets: tuple[Path, ...],
+    include: tuple[str, ...],
+    exclude: tuple[str, ...],
+    input_list: Iterator[str] | None,
+    map_path: Path | None,
+    options: Options,
+    jobs: int | None,
+    dask: str | None,
+    overwrite: bool,
+    fail_fast: bool,
+    dry_run: bool,
+) -> None:
+    """Convert many clips: SOURCES are BVH files, and folders whose trees are mirrored in the folder of results.
+
+    What is done and unchanged is skipped, so that a run that was stopped goes on where it was; what failed is tried
+    again. manifest.jsonl in the folder of results has a line for each clip.
+
+    \b
+    distretarget batch mocap hero.json -o mocap_hero
+    distretarget batch mocap --target hero.json --target child.json -o converted
+    find mocap -name '*walk*.bvh' | distretarget batch hero.json -o walks --input-list -
+    """  # noqa: D301
+    goals, sources = _targets(sources, targets)
+    listed = [Path(line.rstrip("\r\n")) for line in input_list if line.strip()] if input_list else []
+    if not sources and input_list is None:
+        raise click.UsageError("no sources; expected files, folders or --input-list.")
+    if jobs and dask:
+        raise click.UsageError("--jobs is for processes here; with --dask the cluster decides.")
+    found = find_clips(sources, listed, include, exclude)
+    recipe = Recipe(options, load_map(map_path), version("distretarget"))
+    works = _planned(found, goals, folder, sources)
+    if dry_run:
+        _print_plan(works, folder, recipe, overwrite)
+        _tell_unread(found)
+        return
+    if not works:
+        _tell_unread(found)
+        raise BatchError("there are no clips to convert")
+    manifest = Manifest(folder)
+    try:
+        pool: Pool = Cluster(dask) if dask else Processes(jobs or cores(), options.objective)
+        with Progress(works) as progress:
+            run = Run(folder, recipe, manifest, pool, progress, overwrite, fail_fast)
+            stopped, status = _convert(run, works)
+        for line in progress.tally.lines(len(works), progress.seconds, pool.workers):
+            say(line)
+        _tell_unread(found)
+        if stopped:
+            say(f"distretarget: {stopped}", err=True)
+        sys.exit(status or int(bool(progress.tally.failed or found.unread)))
+    finally:
+        manifest.close()
+
+
+def _targets(sources: tuple[Path, ...], targets: tuple[Path, ...]) -> tuple[list[Text], tuple[Path, ...]]:
+    """The targets, read, and what is left of the arguments."""
+    if not targets:
+        if not sources:
+            raise click.UsageError("expected SOURCES... TARGET.")
+        targets, sources = sources[-1:], sources[:-1]
+        if targets[0].is_dir():
+            raise click.UsageError(f"{targets[0]} is a folder; the last argument is the target, or give --target.")
+    goals = [load_text(target) for target in targets]
+    for goal in goals:
+        check_target(goal.text, goal.path)
+    return goals, sources
+
+
+def _planned(found: Found, targets: Sequence[Text], folder: Path, sources: Sequence[Path]) -> list[Work]:
+    try:
+        return plan(found.clips, targets, folder, sources)
+    except BatchError as error:
+        raise click.UsageError(str(error)) from error
+
+
+def _convert(run: Run, works: Sequence[Work]) -> tuple[str, int]:
+    """Convert the clips; return why the run was stopped, and the exit status for that, if it was."""
+    with _interruptible():
+        try:
+            run.go(works, sum(work.clip.size for work in works))
+        except KeyboardInterrupt:
+            return "interrupted; run this again to go on", INTERRUPTED
+        except BatchError as error:
+            return str(error), 1
+        finally:
+            run.pool.stop()
+    return "", 0
+
+
+class Progress:
+    """Counts clips, and shows them and their frames go by on a terminal."""
+
+    def __init__(self, works: Sequence[Work]) -> None:
+        self.tally = Tally()
+        self._started = time.perf_counter()
+        self._clips = tqdm(total=len(works), unit=" clips", disable=None, leave=False)
+        self._frames = tqdm(unit=" frames", unit_scale=True, disable=None, leave=False, position=1)
+
+    @property
+    def seconds(self) -> float:
+        """Since the beginning."""
+        return time.perf_counter() - self._started
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(self, *error: type[BaseException] | BaseException | TracebackType | None) -> None:
+        self._frames.close()
+        self._clips.close()
+
+    def clip(self, record: Record | None) -> None:
+        """Count a clip."""
+        self.tally.add(record)
+        self._frames.update(record["frames"] if record else 0)
+        self._clips.set_postfix(failed=len(self.tally.failed), refresh=False)
+        self._clips.update()
+
+    def report(self, work: Work, html: str) -> None:
+        """Nothing is done with reports yet."""
+
+
+def _print_plan(works: Sequence[Work], folder: Path, recipe: Recipe, overwrite: bool) -> None:
+    """What would be done with each clip."""
+    manifest = Manifest(folder) if folder.is_dir() else None
+    for work in works:
+        try:
+            content = hash_of(read_bytes(work.clip.path))
+        except DistretargetError as error:
+            say(f"fail     {error}")
+            continue
+        done = manifest and not overwrite and manifest.is_done(work, content, recipe, folder)
+        say(f"{'skip   ' if done else 'convert'}  {work.clip.path} -> {folder / work.place}")
+
+
+def _tell_unread(found: Found) -> None:
+    for error in found.unread:
+        say(f"not searched: {error}", err=True)
+
+
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """Being asked to end is as Ctrl-C."""
+
+    def interrupt(_signal: int, _frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -1,0 +1,81 @@
+"""The options of every command that retargets."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, get_args
+
+import click
+
+from distretarget.cli.parameters import positive
+from distretarget.conversion import Options
+from distretarget.retarget import OBJECTIVES, Objective
+from distretarget.world import AXES, RootOffset
+
+OPTIONS = (
+    click.option(
+        "--map",
+        "map_path",
+        type=click.Path(path_type=Path),
+        metavar="FILE",
+        help='A JSON file with {"target joint": "source joint"}, null for joints that nothing drives. Its pairs count '
+        "before those in the target's file; joints in neither are matched by names or shape.",
+    ),
+    click.option(
+        "--root-scale",
+        type=positive,
+        metavar="FACTOR",
+        help="Target units per source unit of the root's path. Default: the ratio of leg lengths.",
+    ),
+    click.option("--source-up", type=click.Choice(AXES), help="The axis that points up in SOURCE. Default: found."),
+    click.option(
+        "--target-up",
+        type=click.Choice(AXES),
+        help="The axis that points up in TARGET and in the output. Default: what the target's file says; else found.",
+    ),
+    click.option(
+        "--root-offset",
+        type=click.Choice(get_args(RootOffset)),
+        help="Whether the position of the source's root replaces its OFFSET or is added to it. Default: whichever puts "
+        "the feet on the floor.",
+    ),
+    click.option(
+        "--objective",
+        type=click.Choice(OBJECTIVES),
+        default=OBJECTIVES[0],
+        show_default=True,
+        help="contact: what is near stays near, the rest as it was. paper: the distances and priorities of the paper.",
+    ),
+    click.option(
+        "--feet",
+        type=click.Choice(["hold", "free"]),
+        help="hold: feet at rest keep their place and height; the contact objective does unless told otherwise. "
+        "free: feet follow the legs, as they do with the paper's objective.",
+    ),
+)
+
+
+def retargeting(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the options of retargeting; it gets `map_path`, and the others as `options`."""
+
+    @functools.wraps(command)
+    def with_options(
+        *,
+        root_scale: float | None,
+        source_up: str | None,
+        target_up: str | None,
+        root_offset: RootOffset | None,
+        objective: Objective,
+        feet: str | None,
+        **others: Any,
+    ) -> None:
+        if feet == "hold" and objective == "paper":
+            raise click.UsageError("--feet hold: the paper's objective knows no feet; use --objective contact.")
+        options = Options(objective, feet != "free", root_scale, source_up, target_up, root_offset)
+        command(options=options, **others)
+
+    for option in reversed(OPTIONS):
+        with_options = option(with_options)
+    return with_options

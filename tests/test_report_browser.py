@@ -1,0 +1,561 @@
+"""The report in a browser: it asks for nothing, plays, and every control does what it says."""
+
+import re
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bodies import SAMPLES, person, posed, swaying, with_bone
+
+from distretarget import load_target, read_bvh, retarget
+from distretarget.diff import Diff, diff
+from distretarget.metrics import compare
+from distretarget.report import About, document, page
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="playwright, which drives the browser, is not installed")
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
+pytestmark = pytest.mark.skipif(not BROWSER, reason="no Chromium or Chrome is installed")
+
+NASTY = "</script><b>&amp; \"q' ü"
+PERSON = person()
+APART = {"LeftHip": np.array([0, 0, 0.5]), "RightHip": np.array([0, 0, -0.5])}
+LIMITS = tuple({"stress": 0.03, "contact": 0.02, "slide": 1.1, "foot": 0.5, "jerk": 1.01, "bone": 1e-6}.items())
+THEMES = ("light", "dark")
+BETWEEN = " \u2013 "  # the two joints of a pair
+MINUS = "\u2212"
+
+
+def sample():
+    """A real run, with the rotation copy and limits: the difference, and its document."""
+    source = read_bvh(SAMPLES / "clap.bvh")
+    run = retarget(source, load_target(SAMPLES / "long_arms.json", source.rigid_skeleton).skeleton)
+    up = run.world.up_vector
+    reached, copied = (compare(run.source, motion, run.matching, up) for motion in (run.motion, run.copy))
+    result = Diff(run.source, run.motion, run.matching, up, run.written_stress, reached, ())
+    about = About("clap.bvh", "clap_long_arms.bvh", "distretarget diff", "1", copied, run.copy_stress, LIMITS)
+    return result, document(result, about)
+
+
+def still(frames, body=PERSON):
+    """A person with the feet apart, who touches nothing."""
+    return posed(body, APART, np.tile([0.0, 0.9, 0.0], (frames, 1)))
+
+
+def compared(a, b, name="a.bvh"):
+    result = diff(a, b)
+    return result, document(result, About(name, name, name, "1"))
+
+
+def renamed(motion, names):
+    """The motion with other names of joints, by their old ones."""
+    body = motion.skeleton
+    return replace(motion, skeleton=replace(body, names=tuple(names.get(name, name) for name in body.names)))
+
+
+def nasty():
+    body = with_bone(PERSON, NASTY, "Hips")
+    return compared(swaying(PERSON, 8, seed=1), renamed(swaying(body, 8, seed=2), {"Head": f"Head{NASTY}"}), NASTY)
+
+
+MADE = {
+    "sample": sample,
+    "one frame": lambda: compared(still(1), still(1)),
+    "no contacts": lambda: compared(still(5), still(5)),
+    "nasty": nasty,
+    "thinned": lambda: compared(swaying(PERSON, 900), swaying(PERSON, 900, seed=1)),
+}
+
+
+@pytest.fixture(scope="module")
+def reports(tmp_path_factory):
+    """Makes a report once: its file, and its document."""
+    folder, made = tmp_path_factory.mktemp("reports"), {}
+
+    def report(name):
+        if name not in made:
+            result, figures = MADE[name]()
+            path = folder / f"{name}.html"
+            path.write_text(page(result, figures), "utf-8")
+            made[name] = path, figures
+        return made[name]
+
+    return report
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with sync_api.sync_playwright() as playwright:
+        program = playwright.chromium.launch(
+            executable_path=BROWSER, args=["--no-sandbox", "--disable-background-networking"]
+        )
+        yield program
+        program.close()
+
+
+@pytest.fixture
+def opened(browser, reports):
+    """Opens a report in a tab. At the end it asked for no other file and had nothing to complain of."""
+    tabs, problems, asked = [], [], []
+
+    def opens(name="sample", width=1440, height=1000, **context):
+        path, _ = reports(name)
+        tab = browser.new_page(viewport={"width": width, "height": height}, **context)
+        tab.set_default_timeout(5000)
+        tabs.append(tab)
+        tab.on("console", lambda message: problems.append(message.text))
+        tab.on("pageerror", lambda error: problems.append(str(error)))
+        tab.on("request", lambda request: asked.append(request.url))
+        tab.goto(path.as_uri())
+        settle(tab)
+        return tab
+
+    yield opens
+    for tab in tabs:
+        settle(tab)
+        tab.close()
+    assert not problems
+    assert len(asked) == len(tabs)
+    assert all(url.startswith("file:") for url in asked)
+
+
+def settle(tab):
+    """Wait for what is asked for to be drawn."""
+    tab.evaluate("""async () => {
+        for (let k = 0; k < 3; k++) await new Promise(requestAnimationFrame);
+    }""")
+
+
+def frame(tab):
+    """The frame that is shown, as the readout beside the slider has it."""
+    settle(tab)
+    return int(tab.inner_text("#now").split(" / ")[0])
+
+
+def picture(tab, selector="#player"):
+    settle(tab)
+    return tab.evaluate("name => document.querySelector(name).toDataURL()", selector)
+
+
+def scrolled(tab):
+    """Everything has been on the screen, so that it is drawn."""
+    for top in range(0, tab.evaluate("document.documentElement.scrollHeight"), 400):
+        tab.evaluate("top => scrollTo(0, top)", top)
+        settle(tab)
+
+
+def test_it_plays_and_stops(opened):
+    tab = opened()
+    tab.click("#play")
+    assert tab.get_attribute("#play", "aria-label") == "Stop"
+    tab.wait_for_selector("#now:not(:text-matches('^[0-9] /'))")
+    tab.click("#play")
+    assert tab.get_attribute("#play", "aria-label") == "Play"
+    stopped = frame(tab)
+    tab.wait_for_timeout(100)
+    assert frame(tab) == stopped > 9
+
+
+def test_the_speed_is_that_of_the_clip_times_the_choice(opened):
+    tab = opened()
+    tab.select_option("#speed", "4")
+    tab.click("#play")
+    rate = tab.evaluate("""async () => {
+        const [start, first] = [performance.now(), state.frame];
+        await new Promise(done => setTimeout(done, 400));
+        return 1000 * (state.frame - first) / (performance.now() - start);
+    }""")
+    assert rate == pytest.approx(4 * 60, rel=0.2)
+
+
+def test_it_starts_again_after_the_last_frame(opened, reports):
+    tab = opened()
+    tab.keyboard.press("End")
+    assert frame(tab) == reports("sample")[1]["frame_count"] - 1
+    tab.click("#play")
+    tab.wait_for_timeout(150)
+    tab.click("#play")
+    assert frame(tab) < 100
+
+
+def test_the_slider_moves_frame_figures_and_picture(opened, reports):
+    tab, row = opened(), reports("sample")[1]["frames"][66]
+    before = picture(tab)
+    tab.fill("#slider", "66")
+    assert frame(tab) == 66
+    assert picture(tab) != before
+    assert tab.inner_text("#now").endswith(f"{row['time']:.2f} s")
+    assert float(tab.locator(".readout").nth(1).inner_text()) == pytest.approx(row["contact_error"], abs=5e-5)
+    assert f"{row['contacts']} contacts" in tab.get_attribute("#player", "aria-label")
+
+
+def test_a_click_on_a_curve_goes_to_that_frame(opened, reports):
+    tab = opened()
+    for curve, share in ((0, 0.25), (4, 0.8)):
+        box = tab.locator(".plot canvas").nth(curve).bounding_box()
+        tab.mouse.click(box["x"] + share * box["width"], box["y"] + 20)
+        assert abs(frame(tab) - share * (reports("sample")[1]["frame_count"] - 1)) < 1
+
+
+def test_a_click_on_a_contact_goes_there_and_chooses_it(opened):
+    tab = opened()
+    tab.locator(".track svg").first.click(position={"x": 100, "y": 8})
+    assert frame(tab) > 0
+    assert BETWEEN in tab.inner_text("#selected")
+    tab.locator(".contacts .name").nth(1).click()
+    settle(tab)
+    assert tab.locator(".contacts .name").nth(1).inner_text() in tab.inner_text("#selected")
+
+
+def test_the_theme(opened):
+    tab = opened(color_scheme="light")
+    seen = []
+    for label in ("Dark", "Light", "Dark"):
+        assert tab.inner_text("#theme") == label
+        seen.append((picture(tab), tab.evaluate("getComputedStyle(document.body).backgroundColor")))
+        tab.click("#theme")
+    assert seen[0] == seen[2]
+    assert seen[0][0] != seen[1][0]
+    assert seen[0][1] != seen[1][1]
+    assert opened(color_scheme="dark").inner_text("#theme") == "Light"
+
+
+def test_keys(opened, reports):
+    last = reports("sample")[1]["frame_count"] - 1
+    tab = opened()
+    for key, expected in (
+        ("ArrowRight", 1),
+        ("Shift+ArrowRight", 11),
+        ("ArrowLeft", 10),
+        ("Shift+ArrowLeft", 0),
+        ("ArrowLeft", 0),
+        ("End", last),
+        ("ArrowRight", last),
+        ("Home", 0),
+    ):
+        tab.keyboard.press(key)
+        assert frame(tab) == expected, key
+    tab.focus("#slider")
+    tab.keyboard.press("Shift+ArrowRight")
+    assert frame(tab) == 10
+    before = picture(tab)
+    tab.keyboard.press("+")
+    assert picture(tab) != before
+    tab.keyboard.press("-")
+    assert picture(tab) == before
+    tab.keyboard.press("Space")
+    assert tab.get_attribute("#play", "aria-label") == "Stop"
+    tab.keyboard.press("Space")
+    assert tab.get_attribute("#play", "aria-label") == "Play"
+
+
+def test_the_space_bar_on_a_button_presses_it_only(opened):
+    tab = opened()
+    tab.focus("#overlaid")
+    tab.keyboard.press("Space")
+    assert tab.get_attribute("#overlaid", "aria-pressed") == "true"
+    assert tab.get_attribute("#play", "aria-label") == "Play"
+
+
+def test_a_cell_of_a_matrix_names_its_joints_and_marks_them(opened):
+    tab = opened()
+    tab.locator(".matrices canvas").first.scroll_into_view_if_needed()
+    names = tab.evaluate("[1, 4].map(point => B.names[B.points[point]])")
+    before = picture(tab)
+    box = tab.locator(".matrices canvas").nth(1).bounding_box()
+    size = box["width"] / tab.evaluate("pointCount")
+    tab.mouse.move(box["x"] + 4.5 * size, box["y"] + 1.5 * size)
+    settle(tab)
+    assert BETWEEN.join(names) in tab.inner_text("#cell")
+    assert BETWEEN.join(names) in tab.inner_text("#selected")
+    assert picture(tab) != before
+    tab.locator(".matrices canvas").nth(1).focus()
+    tab.keyboard.press("ArrowRight")
+    settle(tab)
+    assert names[0] in tab.inner_text("#cell")
+    assert names[1] not in tab.inner_text("#cell")
+    assert frame(tab) == 0
+
+
+def test_buttons_of_worst_frames_and_pairs_go_there(opened, reports):
+    tab, figures = opened(), reports("sample")[1]
+    tab.locator(".worst button").first.click()
+    assert frame(tab) == figures["worst"]["stress"]
+    tab.locator("td button").first.click()
+    pair = figures["pairs"][0]
+    assert frame(tab) == pair["worst_frame"]
+    assert BETWEEN.join(pair["joints_b"]) in tab.inner_text("#selected")
+
+
+def test_all_pairs_can_be_shown(opened, reports):
+    tab, pairs = opened(), reports("sample")[1]["pairs"]
+    few = tab.locator("tbody tr:visible").count()
+    tab.click("#pairs > button")
+    assert few < tab.locator("tbody tr:visible").count() == len(pairs)
+    tab.click("#pairs > button")
+    assert tab.locator("tbody tr:visible").count() == few
+
+
+def test_overlaid_and_follow_and_views(opened):
+    tab = opened()
+    tab.keyboard.press("End")
+    seen = [picture(tab)]
+    for name in ("overlaid", "overlaid"):
+        tab.click(f"#{name}")
+        seen.append(picture(tab))
+    assert seen[0] == seen[2] != seen[1]
+    assert tab.get_attribute("#overlaid", "aria-pressed") == "false"
+    tab.click("#follow")
+    assert tab.get_attribute("#follow", "aria-pressed") == "false"
+    assert not tab.evaluate("state.follow")
+    tab.click("#follow")
+    for name in ("front", "side"):
+        tab.click(f"#{name}")
+        assert picture(tab) != seen[0]
+    tab.click("#reset")
+    assert picture(tab) == seen[0]
+
+
+def test_the_camera_turns_moves_and_zooms(opened):
+    tab = opened()
+    box = tab.locator("#player").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+    def drag():
+        before = tab.evaluate("({...camera})")
+        tab.mouse.move(x, y)
+        tab.mouse.down()
+        tab.mouse.move(x + 50, y + 20, steps=3)
+        tab.mouse.up()
+        after = tab.evaluate("({...camera})")
+        return {name for name in before if before[name] != after[name]}
+
+    assert drag() == {"azimuth", "elevation"}
+    tab.keyboard.down("Shift")
+    assert drag() == {"x", "y"}
+    tab.keyboard.up("Shift")
+    tab.mouse.wheel(0, -200)
+    settle(tab)
+    assert tab.evaluate("camera.zoom") > 1
+    assert tab.evaluate("scrollY") == 0
+
+
+def rounded(text):
+    """The number that is shown and half of its last digit."""
+    number = text.replace(MINUS, "-").lstrip("<>")
+    digits = len(number.partition(".")[2])
+    return float(number), (1.0 if text[0] in "<>" else 0.5) * 10.0**-digits * 1.001
+
+
+def assert_shown(text, value):
+    number, most = rounded(text)
+    assert number == pytest.approx(value, abs=most)
+
+
+def test_the_cards_show_the_figures_of_the_document(opened, reports):
+    tab, figures = opened(), reports("sample")[1]
+    cards = {card.locator("h3").inner_text(): card for card in tab.locator(".figure").all()}
+    for name, key, factor in (
+        ("Stress \u00d7 1000", "stress", 1000),
+        ("Distance error", "distance_error", 1),
+        ("Contact error", "contact_error", 1),
+        ("Direction error, °", "direction_error", 1),
+        ("Slide, legs/s", "slide_b", 1),
+        ("Foot height, % leg", "foot_height_b", 1),
+        ("Jerk, sizes/s³", "jerk_b", 1),
+        ("Bone error, %", "bone_error", 100),
+        ("Largest turn, °", "turn", 1),
+    ):
+        rows = dict(zip(*(cards[name].locator(tag).all_inner_texts() for tag in ("dt", "dd")), strict=True))
+        assert_shown(cards[name].locator(".big").inner_text(), figures["summary"][key] * factor)
+        assert_shown(rows["rotation copy"], figures["rotation_copy"][key] * factor)
+        if key.endswith("_b"):
+            assert_shown(rows["A"], figures["summary"][f"{key[:-1]}a"])
+    assert len(cards) == 9
+
+
+def test_a_limit_says_in_words_and_by_a_mark_whether_it_is_kept(opened, reports):
+    tab, limits = opened(), reports("sample")[1]["limits"]
+    lines = tab.locator(".limit").all_inner_texts()
+    assert [line.split()[:2] for line in lines] == [
+        ["✗", "over"] if limit["over"] else ["✓", "within"]
+        for limit in sorted(limits, key=lambda limit: [name for name, _ in LIMITS].index(limit["figure"]))
+    ]
+    assert {limit["over"] for limit in limits} == {True, False}
+    assert lines[0] == "✗ over limit 30"
+    jerk = tab.locator(".figure", has_text="Jerk")
+    assert jerk.locator("dt").last.inner_text() == "B / A"
+    assert_shown(jerk.locator("dd").last.inner_text(), next(one["value"] for one in limits if one["figure"] == "jerk"))
+    assert tab.locator(".figure", has_text="Foot").locator("dt").last.inner_text() == f"|B {MINUS} A|"
+    assert opened("no contacts").locator(".limit").count() == 0
+
+
+def test_the_contact_timeline_has_a_row_per_pair(opened):
+    tab = opened()
+    rows = tab.evaluate("scene.contacts.map(row => [pairName(row.pair), row.a.length + row.b.length])")
+    assert rows
+    assert tab.locator(".contacts .name").all_inner_texts() == [name for name, _ in rows]
+    bars = [track.locator("rect").count() for track in tab.locator(".track").all()]
+    assert bars == [count for _, count in rows]
+
+
+@pytest.mark.parametrize("size", [(1440, 1000), (1366, 768)])
+def test_the_player_and_its_controls_are_on_the_first_screen(opened, size):
+    tab = opened(width=size[0], height=size[1])
+    box = tab.locator(".transport").bounding_box()
+    assert box["y"] + box["height"] <= size[1]
+
+
+@pytest.mark.parametrize("width", [320, 390, 900, 1100])
+@pytest.mark.parametrize("name", ["sample", "nasty"])
+def test_nothing_is_wider_than_the_screen(opened, name, width):
+    tab = opened(name, width=width, height=844)
+    assert tab.evaluate("document.scrollingElement.scrollWidth") <= width
+
+
+def test_on_a_phone_one_finger_turns_and_two_zoom(opened):
+    tab = opened(width=390, height=844, has_touch=True)
+    tab.locator("#player").scroll_into_view_if_needed()
+    before = tab.evaluate("({...camera})")
+    tab.evaluate("""() => {
+        const send = (type, pointerId, clientX, clientY) => $('player').dispatchEvent(
+            new PointerEvent(type, {pointerId, clientX, clientY, pointerType: 'touch', bubbles: true}));
+        $('player').setPointerCapture = () => {};
+        send('pointerdown', 7, 100, 100);
+        send('pointermove', 7, 120, 100);
+        send('pointerdown', 8, 200, 100);
+        send('pointermove', 8, 300, 100);
+        send('pointerup', 7);
+        send('pointerup', 8);
+    }""")
+    after = tab.evaluate("({...camera})")
+    assert after["azimuth"] == pytest.approx(before["azimuth"] - 20 * 0.008)
+    assert after["zoom"] == pytest.approx(180 / 80)
+
+
+BLANK = """canvas => {
+    const {data} = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+    return !new Uint32Array(data.buffer).some(pixel => pixel);
+}"""
+
+
+def test_print_shows_every_section_on_white(opened):
+    tab = opened(color_scheme="dark")
+    tab.emulate_media(media="print")
+    tab.evaluate("dispatchEvent(new Event('beforeprint'))")
+    for section in tab.locator("main section").all():
+        assert section.is_visible()
+    for hidden in ("#theme", "#play", "#cell"):
+        assert not tab.is_visible(hidden)
+    assert tab.is_visible("#terms")
+    assert not [canvas for canvas in tab.locator("canvas:visible").all() if canvas.evaluate(BLANK)]
+    assert tab.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    tab.evaluate("dispatchEvent(new Event('afterprint'))")
+    tab.emulate_media(media="screen")
+    assert tab.inner_text("#theme") == "Light"
+    assert not tab.is_visible("#terms")
+
+
+def test_one_frame_has_nothing_to_play(opened):
+    tab = opened("one frame")
+    assert tab.is_disabled("#play")
+    assert tab.is_disabled("#slider")
+    tab.keyboard.press("Space")
+    tab.keyboard.press("ArrowRight")
+    assert frame(tab) == 0
+    assert "only one frame" in tab.inner_text("#figures")
+    assert "under four frames" in tab.inner_text("#figures")
+    scrolled(tab)
+
+
+def test_without_contacts_the_page_says_so(opened):
+    tab = opened("no contacts")
+    assert tab.inner_text("#contacts") == "No two joints touch in A."
+    assert "no contacts in A" in tab.inner_text("#figures")
+    assert "B does as A in every frame" in tab.inner_text("#worst")
+    scrolled(tab)
+
+
+def test_names_are_text(opened):
+    tab = opened("nasty")
+    assert tab.inner_text("#title") == f"{NASTY} against {NASTY}"
+    assert tab.title() == f"{NASTY} against {NASTY}"
+    assert f"1 joint of B without a counterpart in A: {NASTY}." in tab.inner_text("#notes")
+    assert tab.inner_text("code") == NASTY
+    assert tab.locator("b").all_inner_texts() == tab.locator(".readout b, .worst b").all_inner_texts()
+    tab.evaluate("name => choose([B.points.findIndex(joint => B.names[joint] === name), 0])", f"Head{NASTY}")
+    settle(tab)
+    assert f"Head{NASTY}" in tab.inner_text("#selected")
+    assert f"(in A: Head{BETWEEN}" in tab.inner_text("#selected")
+    scrolled(tab)
+
+
+def test_of_a_long_clip_every_frame_can_be_gone_to(opened, reports, monkeypatch):
+    monkeypatch.setattr("distretarget.report.scene.BUDGET", 50_000)
+    tab, figures = opened("thinned"), reports("thinned")[1]
+    step = tab.evaluate("scene.step")
+    assert step > 1
+    assert f"one frame in {step}" in tab.inner_text("#notes")
+    tab.keyboard.press("End")
+    assert frame(tab) == figures["frame_count"] - 1
+    before = picture(tab)
+    tab.keyboard.press("Home")
+    assert picture(tab) != before
+    tab.keyboard.press("ArrowRight")
+    assert frame(tab) == 1
+    assert_shown(tab.locator(".readout").first.inner_text(), 1000 * figures["frames"][1]["stress"])
+
+
+def test_every_control_has_a_name(opened):
+    tab = opened()
+    controls = tab.locator("button, input, select, summary, a[href], [tabindex='0']").all()
+    assert len(controls) > 40
+    snapshot = tab.locator("body").aria_snapshot()
+    for control in controls:
+        named = control.get_attribute("aria-label") or control.inner_text().strip()
+        assert named, control.evaluate("one => one.outerHTML.slice(0, 120)")
+    assert not re.search(r"- (button|slider|combobox|link)\s*$", snapshot, re.MULTILINE)
+
+
+LUMINANCES = """() => {
+    const linear = part => part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4;
+    const parts = colour => (colour.match(/[\\d.]+/g) || []).map(Number);
+    const luminance = colour => {
+        const [r, g, b] = parts(colour).map(part => linear(part / 255));
+        return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+    };
+    const background = one => {
+        for (; one; one = one.parentElement) {
+            const colour = getComputedStyle(one).backgroundColor;
+            if (parts(colour)[3] !== 0) return colour;
+        }
+        return 'rgb(255, 255, 255)';
+    };
+    const texts = [...document.querySelectorAll('body *:not(script)')].filter(one => one.checkVisibility()
+        && [...one.childNodes].some(node => node.nodeType === Node.TEXT_NODE && node.data.trim()));
+    return texts.map(one => {
+        const [p, q] = [luminance(getComputedStyle(one).color), luminance(background(one))];
+        return [(Math.max(p, q) + 0.05) / (Math.min(p, q) + 0.05), one.outerHTML.slice(0, 160)];
+    });
+}"""
+
+
+@pytest.mark.parametrize("theme", THEMES)
+def test_text_can_be_read(opened, theme):
+    found = opened(color_scheme=theme).evaluate(LUMINANCES)
+    assert len(found) > 150
+    assert not [(ratio, what) for ratio, what in found if ratio < 4.5]
+
+
+@pytest.mark.parametrize("theme", THEMES)
+def test_marks_can_be_seen(opened, theme):
+    """Bones, curves and contacts against the panel they are drawn on."""
+    tab = opened(color_scheme=theme)
+    names = ["a", "b", "e0", "e1", "e2", "e3", "touch", "mark", "stance"]
+    tab.evaluate(
+        "names => $('legend').append(...names.map(n => element('i', {style: `color: var(--${n})`}, n)))", names
+    )
+    found = [(ratio, what) for ratio, what in tab.evaluate(LUMINANCES) if what.startswith("<i style")]
+    assert len(found) == len(names)
+    assert not [what for ratio, what in found if ratio < 3]
