@@ -74,6 +74,14 @@ def hash_of(content: bytes) -> str:
     return f"sha256:{hashlib.sha256(content).hexdigest()}"
 
 
+def hash_of_file(path: Path) -> str | None:
+    """The hash of what is in a file; None where there is none that can be read."""
+    try:
+        return hash_of(path.read_bytes())
+    except OSError:
+        return None
+
+
 def text_hash(text: str) -> str:
     """The hash of the file that `write_whole` makes of a text."""
     return hash_of(text.encode("utf-8", "surrogateescape"))

@@ -56,7 +56,7 @@ _minimise = spectral_gradient(_objective, steepest, straight)
 
 
 @njit(cache=True, error_model="numpy")
-def _solve(source, starts, ratio, pi, solved, figures):  # type: ignore[no-untyped-def]
+def _solve(source, starts, ratio, pi, solved, first, figures):  # type: ignore[no-untyped-def]
     """Solve frame by frame; distances are made per frame."""
     problem = _Pairs(np.empty_like(pi), pi)
     for t in range(len(source)):
@@ -64,7 +64,7 @@ def _solve(source, starts, ratio, pi, solved, figures):  # type: ignore[no-untyp
         target_distances(source[t], ratio, problem.delta)
         minimum = _minimise(x, problem, TOLERANCE, ITERATIONS)
         copy_to(solved[t], x)
-        record(minimum, figures, t)
+        record(minimum, figures, first + t)
 
 
 def solve_postures(
@@ -87,7 +87,7 @@ def solve_postures(
     figures = np.zeros((4, len(C)))
     for first in range(0, len(C), BLOCK):
         block = slice(first, first + BLOCK)
-        _solve(S[block], off_plane(C[block]), problem.ratio, problem.priorities, X[block], figures[:, block])
+        _solve(S[block], off_plane(C[block]), problem.ratio, problem.priorities, X[block], first, figures)
         progress(len(C[block]))
     positions = aligned(X.transpose(0, 2, 1), C.transpose(0, 2, 1)) * problem.body_size + centroids
     return Postures(positions, figures[0], Effort(*figures[1:].astype(np.int64)))

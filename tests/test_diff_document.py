@@ -115,6 +115,8 @@ def test_csv_has_the_numbers_of_the_frames(name):
         (("summary", "stress"), "0"),
         (("summary", "contact_error"), -1.0),
         (("summary", "more"), 1.0),
+        (("limits",), {}),
+        (("limits",), [{"figure": "beauty", "limit": 1, "value": None, "over": False}]),
         (("frames",), []),
         (("frames", 0, "frame"), 0.5),
         (("pairs", 0, "joints_a"), ["one"]),
@@ -133,7 +135,7 @@ def test_the_schema_refuses_what_is_no_document(place, value):
     assert not validator().is_valid(broken)
 
 
-@pytest.mark.parametrize("key", ["a", "summary", "rotation_copy", "frames", "pairs"])
+@pytest.mark.parametrize("key", ["a", "summary", "limits", "rotation_copy", "frames", "pairs"])
 def test_the_schema_wants_everything(key):
     assert not validator().is_valid({name: value for name, value in made("clap").items() if name != key})
 
@@ -174,6 +176,24 @@ def test_the_worst_frames_have_the_largest_figures():
     found = made("clap")
     for name, frame in found["worst"].items():
         assert column(name, found)[frame] == max(value for value in column(name, found) if value is not None)
+
+
+def test_limits_say_what_is_over():
+    keys = ("stress", "distance_error", "contact_error", "direction_error", "bone_error", "turn")
+    names = {key.removesuffix("_error"): key for key in keys}
+    limits = [(name, limit) for name in (*names, "slide", "foot", "jerk") for limit in (0.0, 1e9)]
+    found = document(diff(*CLIPS["slide"]()), replace(ABOUT, limits=tuple(limits)))
+    validator().validate(found)
+    assert [(one["figure"], one["limit"]) for one in found["limits"]] == limits
+    values = {one["figure"]: one["value"] for one in found["limits"]}
+    summary = found["summary"]
+    assert {name: values[name] for name in names} == {name: summary[key] for name, key in names.items()}
+    assert values["contact"] is None
+    assert (values["slide"], values["jerk"]) == (summary["slide"], summary["jerk"])
+    assert values["foot"] == pytest.approx(abs(summary["foot_height_b"] - summary["foot_height_a"]))
+    over = {(one["figure"], one["limit"]) for one in found["limits"] if one["over"]}
+    assert over == {(name, 0.0) for name, value in values.items() if value}
+    assert made("slide")["limits"] == []
 
 
 def test_what_is_not_there_is_null():

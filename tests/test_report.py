@@ -162,6 +162,13 @@ def test_no_contacts():
     assert document(diff(motion, motion), about())["summary"]["contact_error"] is None
 
 
+def test_the_scale_of_differences_is_of_pairs_with_a_length_in_both():
+    flat = {"Neck", "Head", "Chest3", "Chest4"}
+    body = PERSON.with_lengths(np.where([name in flat for name in PERSON.names], 0.0, PERSON.lengths))
+    drawn = scene(diff(swaying(body, 4), swaying(PERSON, 4)), 5)
+    assert drawn["largest_difference"] < 0.9
+
+
 def test_contact_spans_are_the_runs_of_contact_in_both():
     a = clapping(np.array([0, 1, 1, 0, 0, 1, 0.0]))
     b = replace(a, skeleton=PERSON)

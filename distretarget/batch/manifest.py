@@ -19,7 +19,7 @@ from typing import Any
 from distretarget.batch.plan import Work
 from distretarget.conversion import Options
 from distretarget.errors import FileError
-from distretarget.files import hash_of, reason_of
+from distretarget.files import hash_of_file, reason_of
 from distretarget.joint_map import MapFile
 
 try:
@@ -51,13 +51,14 @@ class Manifest:
         """Open the manifest of a folder, which is made if it is not there.
 
         Raises:
-            FileError: it cannot be.
+            FileError: it cannot be, or is something else.
         """
         self.path = folder / NAME
         self._last: dict[str, tuple[bytes, str]] = {}
         self._made: dict[str, set[str]] = {}
         try:
             folder.mkdir(parents=True, exist_ok=True)
+            _check_ours(self.path)
             self._file = self.path.open("ab", buffering=0)
         except OSError as error:
             raise FileError(self.path, reason_of(error)) from error
@@ -74,13 +75,12 @@ class Manifest:
         known = self._last.get(work.place.as_posix())
         return known is not None and known == (
             _digest_of(input_hash, work.target.hash, recipe.as_json(), recipe.version),
-            _hash_of_file(folder / work.place),
+            hash_of_file(folder / work.place),
         )
 
-    def made(self, work: Work, folder: Path) -> bool:
-        """Whether what stands in the place of an output was made here, so that it may be replaced."""
-        hashes = self._made.get(work.place.as_posix())
-        return bool(hashes) and _hash_of_file(folder / work.place) in (hashes or ())
+    def made(self, work: Work, output_hash: str | None) -> bool:
+        """Whether what has this hash, in the place of a clip's output, was made here, so that it may be replaced."""
+        return output_hash in self._made.get(work.place.as_posix(), ())
 
     def add(self, record: Record) -> None:
         """Add a line, at once and for good.
@@ -143,16 +143,32 @@ class Manifest:
         fcntl.flock(self._file, fcntl.LOCK_SH)
 
 
+def _check_ours(path: Path) -> None:
+    """Leave alone a file of this name that somebody else wrote; a first line that was cut short is none."""
+    if path.exists():
+        with path.open("rb") as file:
+            first = file.readline()
+        if first.endswith(b"\n") and first.strip() and _record(first) is None:
+            raise FileError(path, "is no manifest of a batch; give the results another folder")
+
+
+def _record(line: bytes) -> Record | None:
+    """The record in a line, if it is whole."""
+    try:
+        record = json.loads(line)
+    except ValueError:
+        return None
+    return record if isinstance(record, dict) and record.keys() >= KEYS else None
+
+
 def read_records(path: Path) -> Iterator[Record]:
     """The lines of a manifest that are whole, in order; none where there is no manifest."""
     if not path.exists():
         return
     with path.open("rb") as file:
         for line in file:
-            with contextlib.suppress(ValueError, KeyError):
-                record = json.loads(line)
-                if isinstance(record, dict) and record.keys() >= KEYS:
-                    yield record
+            if (record := _record(line)) is not None:
+                yield record
 
 
 KEYS = {
@@ -198,10 +214,3 @@ def _digest_of(input_hash: str, target_hash: str, options: Mapping[str, Any], ve
     """What decides an output, in few bytes."""
     text = json.dumps([input_hash, target_hash, options, version], sort_keys=True)
     return hashlib.sha256(text.encode()).digest()[:16]
-
-
-def _hash_of_file(path: Path) -> str | None:
-    try:
-        return hash_of(path.read_bytes())
-    except OSError:
-        return None

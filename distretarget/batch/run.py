@@ -17,7 +17,7 @@ from distretarget.batch.pools import Pool
 from distretarget.batch.task import Outcome, Task, convert
 from distretarget.conversion import Text
 from distretarget.errors import BatchError, DistretargetError, FileError
-from distretarget.files import hash_of, read_bytes, text_hash, text_of, write_whole
+from distretarget.files import hash_of, hash_of_file, read_bytes, text_hash, text_of, write_whole
 from distretarget.report import About
 
 AHEAD = 2  # tasks for each worker that are read and handed over before there is a worker for them
@@ -186,8 +186,12 @@ class Run:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise FileError(path.parent, "the folder cannot be made: " + (error.strerror or str(error))) from error
-        ours = path.exists() and self.manifest.made(work, self.folder)
-        write_whole(path, text, self.overwrite or ours, lambda: self.manifest.add(record))
+        standing = hash_of_file(path)
+        if standing == record["output_hash"]:  # another run was faster
+            self.manifest.add(record)
+        else:
+            replaceable = self.overwrite or self.manifest.made(work, standing)
+            write_whole(path, text, replaceable, lambda: self.manifest.add(record))
 
     def _tell(self, record: Record) -> None:
         """Note that a clip failed."""

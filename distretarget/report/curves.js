@@ -31,7 +31,7 @@ function xOf(frame, width) {
 
 /** The curves of one figure; a value that stands alone between gaps is a dot. */
 function drawLines(context, width, height, columns, top) {
-  const y = value => height - 2 - value / top * (height - 8);
+  const y = value => height - 2 - Math.min(value / top, 1) * (height - 8);
   columns.forEach(({values, name}) => {
     context.strokeStyle = colour[name];
     context.lineWidth = name === 'a' ? 1.25 : 1.6;
@@ -71,11 +71,19 @@ function kept(draw) {
   };
 }
 
+/** Where an axis ends: at the largest value, but below a few that are far beyond all others and would flatten them. */
+function axisTop(values, most, least) {
+  const usual = [...values].sort((p, q) => p - q)[Math.floor(0.98 * (values.length - 1))];
+  return usual > least && most > 5 * usual ? 1.5 * usual : most;
+}
+
 function buildCurve(curve) {
   const columns = curve.lines.map(([field, name]) => ({values: column(field, curve.factor), name}));
   const known = columns.flatMap(({values}) => values).filter(value => value !== null);
-  const top = known.reduce((p, q) => Math.max(p, q), curve.least);
-  const canvas = element('canvas', {role: 'img', 'aria-label': `${curve.name} over time, axis to ${shown(top)}`});
+  const most = known.reduce((p, q) => Math.max(p, q), curve.least);
+  const top = axisTop(known, most, curve.least);
+  const end = top < most ? `${shown(top)}+` : shown(top);
+  const canvas = element('canvas', {role: 'img', 'aria-label': `${curve.name} over time, axis to ${end}`});
   const readout = element('output', {class: 'readout'});
   const two = columns.length > 1;
   const background = kept((context, width, height) => {
@@ -93,7 +101,7 @@ function buildCurve(curve) {
       const value = values[state.frame];
       if (value !== null) {
         context.beginPath();
-        context.arc(x, height - 2 - value / top * (height - 8), 3, 0, 7);
+        context.arc(x, height - 2 - Math.min(value / top, 1) * (height - 8), 3, 0, 7);
         context.fill();
       }
       const letter = two ? element('small', {class: `of-${name}`}, name.toUpperCase()) : '';
@@ -106,7 +114,7 @@ function buildCurve(curve) {
     element('figcaption', {}, term(curve.name, TERMS[curve.term]), readout),
     element('div', {class: 'plot'}, canvas, none),
     element('div', {class: 'axis', 'aria-hidden': 'true'},
-      ...(known.length ? [shown(top), '0'] : []).map(text => element('span', {}, text)))));
+      ...(known.length ? [end, '0'] : []).map(text => element('span', {}, text)))));
 }
 
 /** Pressing or dragging on an element as wide as the clip goes to the frame there. */

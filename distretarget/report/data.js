@@ -9,10 +9,18 @@ function bytes(text) {
   return Uint8Array.from(atob(text), character => character.charCodeAt(0)).buffer;
 }
 
+/** What all names begin with, up to a colon, as in `mixamorig:Hips`; the page leaves it out. */
+function namespaceOf(names) {
+  const first = names[0].slice(0, names[0].lastIndexOf(':') + 1);
+  return names.every(name => name.startsWith(first)) ? first : '';
+}
+
 function unpacked(motion) {
   motion.positions = new Int16Array(bytes(motion.positions));
   motion.tau = new Float32Array(bytes(motion.tau));
   motion.joints = motion.names.length;
+  motion.namespace = namespaceOf(motion.names);
+  motion.names = motion.names.map(name => name.slice(motion.namespace.length));
   motion.count = motion.positions.length / motion.joints / 3;
   motion.x = new Float32Array(motion.joints * 3);
   motion.D = new Float32Array(motion.points.length ** 2);
@@ -106,7 +114,6 @@ function goTo(frame) {
 function setPlaying(playing) {
   state.playing = playing && frameCount > 1;
   before = performance.now();
-  if (state.playing && state.frame === frameCount - 1) clock = 0;
   $('play').setAttribute('aria-label', state.playing ? 'Stop' : 'Play');
   $('play').classList.toggle('playing', state.playing);
   repaint();

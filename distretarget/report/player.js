@@ -6,7 +6,7 @@ function paintPlayer() {
   const {context, width, height} = fitted($('player'));
   const boxes = state.overlaid ? [{x: 0, y: 0, width, height}]
     : [{x: 0, y: 0, width: width / 2, height}, {x: width / 2, y: 0, width: width / 2, height}];
-  const shownMotions = state.overlaid ? [[A, B]] : [[A], [B]];
+  const shownMotions = state.overlaid ? [[B, A]] : [[A], [B]];
   boxes.forEach((box, k) => drawScene(context, box, state.frame, shownMotions[k], camera));
   context.fillStyle = colour.line;
   if (!state.overlaid) context.fillRect(width / 2, 12, 1, height - 24);

@@ -155,17 +155,20 @@ def _largest_difference(diff: Diff, a_points: NDArray[np.intp], b_points: NDArra
     """The 99.5th percentile of |D_a - D_b| over some frames."""
     tau_a = diff.matching.source.path_lengths[np.ix_(a_points, a_points)]
     tau_b = diff.matching.target.path_lengths[np.ix_(b_points, b_points)]
+    i, j = np.nonzero((tau_a > 0) & (tau_b > 0))
+    if not len(i):
+        return 0.0
     difference = []
     for frame in np.unique(np.linspace(0, len(diff) - 1, SAMPLES).astype(np.intp)):
-        D_a = _distances(diff.a.positions[frame, a_points], tau_a)
-        D_b = _distances(diff.b.positions[frame, b_points], tau_b)
+        D_a = _distances(diff.a.positions[frame, a_points], i, j) / tau_a[i, j]
+        D_b = _distances(diff.b.positions[frame, b_points], i, j) / tau_b[i, j]
         difference.append(np.abs(D_a - D_b))
     return float(np.percentile(difference, 99.5))
 
 
-def _distances(x: Array, tau: Array) -> Array:
-    """D, (points, points), of points (points, 3); 0 where the path between them has no length."""
-    return np.asarray(np.linalg.norm(x[:, None] - x, axis=-1) / np.where(tau > 0, tau, np.inf))
+def _distances(x: Array, i: NDArray[np.intp], j: NDArray[np.intp]) -> Array:
+    """(pairs,), of points i and j of x, (points, 3)."""
+    return np.asarray(np.linalg.norm(x[i] - x[j], axis=-1))
 
 
 def _notes(step: int, diff: Diff) -> list[str]:

@@ -9,6 +9,7 @@ const LEVELS = [
 ];
 const NOT_SHARED = {name: 'not in A', colour: 'muted', width: 0.55, dash: null};
 const OF_A = {colour: 'a', width: 1, dash: null};
+const OVER_B = {...OF_A, width: 0.4};
 const BONE = 0.024;
 const GRID = 0.25;
 
@@ -116,8 +117,8 @@ function drawContacts(context, motion, at, frame) {
   context.setLineDash([]);
 }
 
-/** Rings about the two joints of the chosen pair, with their names, and a line between them. */
-function drawChosen(context, motion, at, box) {
+/** Rings about the two joints of the chosen pair, with their names where asked for, and a line between them. */
+function drawChosen(context, motion, at, box, named) {
   if (!state.pair) return;
   const joints = state.pair.map(point => motion.points[point]);
   const [from, to] = joints.map(joint => at[joint]);
@@ -135,7 +136,7 @@ function drawChosen(context, motion, at, box) {
     context.beginPath();
     context.arc(column, row, 7, 0, 7);
     context.stroke();
-    if (k && joints[0] === joints[1]) return;
+    if (!named || k && joints[0] === joints[1]) return;
     const name = motion.names[joints[k]], width = context.measureText(name).width;
     const x = clamp(column + 10, box.x + 4, box.x + box.width - width - 4);
     const y = row + 4 + (k ? -sign : sign) * 12;
@@ -166,7 +167,7 @@ function centreOf(motion, frame) {
 const room = {width: 1, height: 1};
 Object.assign(room, reach());
 
-/** One or both motions at a frame in a box of the canvas. */
+/** One motion or one upon the other, at a frame in a box of the canvas; A is thinner where it lies upon B. */
 function drawScene(context, box, frame, motions, camera) {
   context.save();
   context.beginPath();
@@ -178,11 +179,13 @@ function drawScene(context, box, frame, motions, camera) {
   const views = centres.map(centre => projection(camera, box, state.follow ? centre : centres[centres.length - 1]));
   drawFloor(context, views[views.length - 1], centres[centres.length - 1], box);
   motions.forEach((motion, k) => drawShadow(context, motion, views[k]));
-  motions.forEach((motion, k) => {
+  const look = {a: () => motions[0] === B ? OVER_B : OF_A, b: bone => levelOf(directionError(bone))};
+  const places = motions.map((motion, k) => {
     drawStance(context, motion, views[k], frame);
-    const at = drawBody(context, motion, views[k], motion === A ? () => OF_A : bone => levelOf(directionError(bone)));
+    const at = drawBody(context, motion, views[k], motion === A ? look.a : look.b);
     drawContacts(context, motion, at, frame);
-    drawChosen(context, motion, at, box);
+    return at;
   });
+  motions.forEach((motion, k) => drawChosen(context, motion, places[k], box, k === 0));
   context.restore();
 }

@@ -184,14 +184,14 @@ function buildContacts() {
 
 function pairRow(pair, k) {
   const points = scene.pairs[k];
-  const name = names => names.join(' – ');
+  const name = (names, motion) => names.map(joint => joint.slice(motion.namespace.length)).join(' – ');
   const show = () => { choose(points); goTo(pair.worst_frame); };
-  const same = name(pair.joints_a) === name(pair.joints_b);
+  const [inA, inB] = [name(pair.joints_a, A), name(pair.joints_b, B)];
   const numbers = [pair.contact_frames || '–', shown(pair.distance_a), shown(pair.distance_b), shown(pair.error)];
-  const label = `Go to frame ${pair.worst_frame}, ${name(pair.joints_b)}`;
+  const label = `Go to frame ${pair.worst_frame}, ${inB}`;
   const go = {type: 'button', 'aria-label': label, on: {click: show}};
   return element('tr', k >= PAIRS_SHOWN ? {class: 'more'} : {},
-    element('th', {scope: 'row'}, name(pair.joints_b), same ? '' : element('small', {}, name(pair.joints_a))),
+    element('th', {scope: 'row'}, inB, inA === inB ? '' : element('small', {}, inA)),
     ...numbers.map(text => element('td', {}, text)),
     element('td', {}, element('button', go, pair.worst_frame)));
 }

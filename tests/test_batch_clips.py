@@ -1,0 +1,135 @@
+"""Which files a batch finds, where their results belong, and what it refuses to plan."""
+
+import os
+from pathlib import PurePath
+
+import pytest
+
+from distretarget.batch.clips import Clip, find_clips
+from distretarget.batch.plan import plan
+from distretarget.conversion import Text
+from distretarget.errors import BatchError
+
+
+def made(root, *names):
+    for number, name in enumerate(names):
+        path = root / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("x" * number)
+    return root
+
+
+def places(found):
+    return [clip.place.as_posix() for clip in found.clips]
+
+
+def test_the_tree_of_a_folder_is_mirrored(tmp_path):
+    made(tmp_path, "b.bvh", "a/x.BVH", "a/deep/y.bvh", "readme.txt", ".hidden/z.bvh", "a/._x.BVH", "c.bvh.txt")
+    found = find_clips([tmp_path])
+    assert places(found) == ["a/deep/y.bvh", "a/x.bvh", "b.bvh"]
+    assert [clip.path for clip in found.clips] == [tmp_path / "a/deep/y.bvh", tmp_path / "a/x.BVH", tmp_path / "b.bvh"]
+    assert [clip.size for clip in found.clips] == [2, 1, 0]
+
+
+def test_several_sources_keep_their_names(tmp_path):
+    made(tmp_path, "walks/a.bvh", "runs/a.bvh", "single.bvh")
+    found = find_clips([tmp_path / "walks", tmp_path / "runs", tmp_path / "single.bvh"])
+    assert sorted(places(found)) == ["runs/a.bvh", "single.bvh", "walks/a.bvh"]
+
+
+def test_files_given_are_taken_whatever_they_are_called(tmp_path):
+    made(tmp_path, "walk.01", "walk.02", "motion.txt")
+    found = find_clips([tmp_path / name for name in ("walk.01", "walk.02", "motion.txt")])
+    assert places(found) == ["walk.01.bvh", "walk.02.bvh", "motion.txt.bvh"]
+
+
+@pytest.mark.parametrize(
+    ("include", "exclude", "expected"),
+    [
+        (["walk*"], [], ["a/walk1.bvh", "walk2.bvh"]),
+        ([], ["walk*"], ["a/run1.bvh", "run2.bvh"]),
+        (["a/*"], [], ["a/run1.bvh", "a/walk1.bvh"]),
+        (["*1.bvh"], ["a/run*"], ["a/walk1.bvh"]),
+        (["none"], [], []),
+    ],
+)
+def test_patterns(tmp_path, include, exclude, expected):
+    made(tmp_path, "a/walk1.bvh", "a/run1.bvh", "walk2.bvh", "run2.bvh")
+    assert places(find_clips([tmp_path], include=include, exclude=exclude)) == expected
+
+
+def test_listed_files_keep_their_places_below_the_folder_they_share(tmp_path, monkeypatch):
+    made(tmp_path, "mocap/a/x.bvh", "mocap/b/x.bvh", "one/y.bvh")
+    paths = [tmp_path / "mocap/a/x.bvh", tmp_path / "mocap/b/x.bvh"]
+    assert places(find_clips([], paths)) == ["a/x.bvh", "b/x.bvh"]
+    assert places(find_clips([], paths[:1])) == ["x.bvh"]
+    monkeypatch.chdir(tmp_path)
+    listed = [path.relative_to(tmp_path) for path in (*paths, tmp_path / "one/y.bvh")]
+    assert places(find_clips([], listed)) == ["mocap/a/x.bvh", "mocap/b/x.bvh", "one/y.bvh"]
+
+
+def test_links_are_followed_but_not_in_circles(tmp_path):
+    made(tmp_path, "in/a/x.bvh", "elsewhere/y.bvh")
+    (tmp_path / "in/a/up").symlink_to(tmp_path / "in")
+    (tmp_path / "in/other").symlink_to(tmp_path / "elsewhere")
+    (tmp_path / "elsewhere/back").symlink_to(tmp_path / "in/a")
+    assert places(find_clips([tmp_path / "in"])) == ["a/x.bvh", "other/back/x.bvh", "other/y.bvh"]
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may look into every folder")
+def test_folders_without_permission_are_told(tmp_path):
+    made(tmp_path, "a.bvh", "closed/b.bvh")
+    (tmp_path / "closed").chmod(0)
+    found = find_clips([tmp_path])
+    (tmp_path / "closed").chmod(0o700)
+    assert places(found) == ["a.bvh"]
+    assert [str(error) for error in found.unread] == [f"{tmp_path / 'closed'}: permission denied"]
+
+
+def test_links_to_nothing_and_missing_files_are_clips_that_will_fail(tmp_path):
+    (tmp_path / "gone.bvh").symlink_to(tmp_path / "nowhere")
+    assert [clip.size for clip in find_clips([tmp_path]).clips] == [0]
+    assert places(find_clips([tmp_path / "none.bvh"])) == ["none.bvh"]
+
+
+# ---- the plan
+
+
+def clip(tmp_path, name, size=0):
+    return Clip(tmp_path / "in" / name, PurePath(name), size)
+
+
+def target(tmp_path, name="hero.json"):
+    return Text("", tmp_path / name)
+
+
+def test_the_largest_clips_come_first_each_onto_each_target(tmp_path):
+    clips = [clip(tmp_path, "a.bvh", 1), clip(tmp_path, "b.bvh", 3), clip(tmp_path, "c/d.bvh", 2)]
+    works = plan(clips, [target(tmp_path)], tmp_path / "out", [])
+    assert [work.place.as_posix() for work in works] == ["b.bvh", "c/d.bvh", "a.bvh"]
+    works = plan(clips, [target(tmp_path), target(tmp_path, "x.child.json")], tmp_path / "out", [])
+    assert [work.place.as_posix() for work in works[:3]] == ["hero/b.bvh", "x.child/b.bvh", "hero/c/d.bvh"]
+    assert len({work.place for work in works}) == 6
+
+
+def test_results_that_collide_are_refused(tmp_path):
+    one, other = clip(tmp_path, "a.bvh"), Clip(tmp_path / "other" / "A.bvh", PurePath("A.bvh"), 0)
+    with pytest.raises(BatchError, match=r"would be the result of both .*in/a\.bvh onto .*other/A\.bvh onto"):
+        plan([one, other], [target(tmp_path)], tmp_path / "out", [])
+    with pytest.raises(BatchError, match="both"):
+        plan([one], [target(tmp_path), target(tmp_path / "more")], tmp_path / "out", [])
+
+
+def test_results_never_land_on_inputs(tmp_path):
+    with pytest.raises(BatchError, match="is an input"):
+        plan([clip(tmp_path, "a.bvh")], [target(tmp_path)], tmp_path / "in", [])
+    with pytest.raises(BatchError, match="is an input"):
+        plan([clip(tmp_path, "hero.bvh")], [target(tmp_path, "hero.bvh")], tmp_path, [])
+
+
+def test_the_folder_of_results_is_not_inside_a_source(tmp_path):
+    (tmp_path / "in").mkdir()
+    for folder in (tmp_path / "in" / "out", tmp_path / "in", tmp_path / "x" / ".." / "in" / "y"):
+        with pytest.raises(BatchError, match="is inside"):
+            plan([], [target(tmp_path)], folder, [tmp_path / "in"])
+    assert plan([], [target(tmp_path)], tmp_path / "in2", [tmp_path / "in"]) == []

@@ -1,0 +1,144 @@
+"""The manifest: what it takes for done, what for made here, and what becomes of broken lines."""
+
+import json
+import os
+from pathlib import PurePath
+
+import pytest
+
+from distretarget.batch.clips import Clip
+from distretarget.batch.manifest import KEYS, NAME, Manifest, Recipe, read_records, record_of
+from distretarget.batch.plan import Work
+from distretarget.conversion import Options, Text
+from distretarget.errors import FileError
+from distretarget.files import text_hash
+from distretarget.joint_map import MapFile
+
+RECIPE = Recipe(Options(), MapFile({}, ""), "1")
+OUTPUT = "HIERARCHY"
+
+
+def work(name="a.bvh", target="{}"):
+    return Work(Clip(PurePath(name), PurePath(name), 1), Text(target, "hero.json"), PurePath(name))
+
+
+def done(one, input_hash="in", recipe=RECIPE):
+    return record_of(one, input_hash, recipe, status="done", output_hash=text_hash(OUTPUT))
+
+
+@pytest.fixture
+def manifest(tmp_path):
+    opened = Manifest(tmp_path / "out")
+    yield opened
+    opened.close()
+
+
+def test_done_is_what_is_there_as_it_was_made(manifest, tmp_path):
+    folder = tmp_path / "out"
+    assert not manifest.is_done(work(), "in", RECIPE, folder)
+    manifest.add(done(work()))
+    assert not manifest.is_done(work(), "in", RECIPE, folder)
+    (folder / "a.bvh").write_text(OUTPUT)
+    assert manifest.is_done(work(), "in", RECIPE, folder)
+    assert not manifest.is_done(work(), "other", RECIPE, folder)
+    assert not manifest.is_done(work(target="{ }"), "in", RECIPE, folder)
+    assert not manifest.is_done(work("b.bvh"), "in", RECIPE, folder)
+    for other in (
+        Recipe(Options(hold_feet=False), MapFile({}, ""), "1"),
+        Recipe(Options(), MapFile({"Head": "Head"}, ""), "1"),
+        Recipe(Options(), MapFile({}, ""), "2"),
+    ):
+        assert not manifest.is_done(work(), "in", other, folder)
+    (folder / "a.bvh").write_text(OUTPUT + " edited")
+    assert not manifest.is_done(work(), "in", RECIPE, folder)
+
+
+def test_the_next_run_knows_it(manifest, tmp_path):
+    manifest.add(done(work()))
+    (tmp_path / "out" / "a.bvh").write_text(OUTPUT)
+    again = Manifest(tmp_path / "out")
+    assert again.is_done(work(), "in", RECIPE, tmp_path / "out")
+    again.add(record_of(work(), "in", RECIPE, error="no"))
+    assert not again.is_done(work(), "in", RECIPE, tmp_path / "out")
+    again.close()
+    third = Manifest(tmp_path / "out")
+    assert not third.is_done(work(), "in", RECIPE, tmp_path / "out")
+    assert third.made(work(), text_hash(OUTPUT))
+    third.close()
+
+
+def test_only_what_was_made_here_may_be_replaced(manifest):
+    assert not manifest.made(work(), text_hash(OUTPUT))
+    manifest.add(done(work()))
+    manifest.add(done(work()) | {"output_hash": "another"})
+    assert manifest.made(work(), text_hash(OUTPUT))
+    assert manifest.made(work(), "another")
+    assert not manifest.made(work("b.bvh"), text_hash(OUTPUT))
+    assert not manifest.made(work(), text_hash(OUTPUT + " edited"))
+    assert not manifest.made(work(), None)
+
+
+def test_a_line_has_every_key(manifest):
+    manifest.add(done(work()))
+    (record,) = read_records(manifest.path)
+    assert record.keys() == KEYS
+    assert record["input"] == "a.bvh"
+    assert record["options"]["objective"] == "contact"
+
+
+def test_names_that_are_no_text_survive(manifest):
+    manifest.add(done(work(os.fsdecode(b"caf\xe9\n.bvh"))))
+    assert [record["output"] for record in read_records(manifest.path)] == [os.fsdecode(b"caf\xe9\n.bvh")]
+
+
+@pytest.mark.parametrize("rest", [b'{"input": "b.b', b"\xff\xfe", b"[]\nnull\n{}\n", b"\n\n"])
+def test_broken_lines_are_passed_over(manifest, tmp_path, rest):
+    manifest.add(done(work()))
+    manifest.close()
+    with manifest.path.open("ab") as file:
+        file.write(rest)
+    again = Manifest(tmp_path / "out")
+    again.add(done(work("c.bvh")))
+    again.close()
+    assert [record["output"] for record in read_records(again.path)] == ["a.bvh", "c.bvh"]
+
+
+def test_a_first_line_cut_short_is_no_obstacle(tmp_path):
+    (tmp_path / NAME).write_text('{"inp')
+    manifest = Manifest(tmp_path)
+    manifest.add(done(work()))
+    manifest.close()
+    assert len(list(read_records(manifest.path))) == 1
+
+
+def test_somebody_elses_manifest_is_left_alone(tmp_path):
+    (tmp_path / NAME).write_text('{"name": "my own"}\n')
+    with pytest.raises(FileError, match="no manifest of a batch"):
+        Manifest(tmp_path)
+    assert json.loads((tmp_path / NAME).read_text()) == {"name": "my own"}
+
+
+def test_a_folder_that_cannot_be_made_is_told(tmp_path):
+    (tmp_path / "out").write_text("")
+    with pytest.raises(FileError, match="manifest"):
+        Manifest(tmp_path / "out")
+
+
+def test_two_runs_may_write_to_one_manifest(manifest, tmp_path):
+    other = Manifest(tmp_path / "out")
+    for number in range(20):
+        for run, name in ((manifest, "a"), (other, "b")):
+            run.add(done(work(f"{name}{number}.bvh")))
+    other.close()
+    assert len(list(read_records(manifest.path))) == 40
+
+
+def test_what_a_killed_run_left_is_swept_unless_another_is_at_work(manifest, tmp_path):
+    left = tmp_path / "out" / "deep" / ".distretarget-0123.tmp"
+    left.parent.mkdir()
+    left.write_text("half")
+    Manifest(tmp_path / "out").close()
+    assert left.exists()
+    manifest.close()
+    Manifest(tmp_path / "out").close()
+    assert not left.exists()
