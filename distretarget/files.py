@@ -37,6 +37,11 @@ def read_text(path: str | Path) -> str:
     return text_of(read_bytes(path), path)
 
 
+def is_folder(path: str | Path) -> bool:
+    """Whether a folder can be seen there; False, too, where nobody may look."""
+    return os.path.isdir(path)  # noqa: PTH112 - the method raises instead
+
+
 def read_bytes(path: str | Path) -> bytes:
     """The content of a file.
 
@@ -84,7 +89,12 @@ def hash_of_file(path: Path) -> str | None:
 
 def text_hash(text: str) -> str:
     """The hash of the file that `write_whole` makes of a text."""
-    return hash_of(text.encode("utf-8", "surrogateescape"))
+    return hash_of(encoded(text))
+
+
+def encoded(text: str) -> bytes:
+    """The content of the file that `write_whole` makes of a text."""
+    return text.encode("utf-8", "surrogateescape")
 
 
 def check_writable(path: str | Path, overwrite: bool = False) -> None:
@@ -146,8 +156,8 @@ def write_whole(
 
 
 def _write_to_disk(path: Path, text: str) -> None:
-    with path.open("x", encoding="utf-8", errors="surrogateescape", newline="") as file:
-        file.write(text)
+    with path.open("xb") as file:
+        file.write(encoded(text))
         file.flush()
         os.fsync(file.fileno())
 

@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from distretarget.errors import MotionError
 from distretarget.skeleton import Skeleton
@@ -98,16 +97,30 @@ def world_rotations(skeleton: Skeleton, rotations: NDArray[np.float64]) -> NDArr
 
 @njit(cache=True)
 def _world_rotations(parents: NDArray[np.intp], world: NDArray[np.float64]) -> None:
-    """Local rotations turned into world rotations in place; the product of quaternions, x y z w."""
+    """Local rotations turned into world rotations in place."""
     for frame in range(len(world)):
         for joint in range(1, len(parents)):
-            p, q = world[frame, parents[joint]], world[frame, joint]
-            x, y, z, w = p[0], p[1], p[2], p[3]
-            i, j, k, r = q[0], q[1], q[2], q[3]
-            world[frame, joint, 0] = w * i + x * r + y * k - z * j
-            world[frame, joint, 1] = w * j - x * k + y * r + z * i
-            world[frame, joint, 2] = w * k + x * j - y * i + z * r
-            world[frame, joint, 3] = w * r - x * i - y * j - z * k
+            p = world[frame, parents[joint]]
+            _multiply(p[0], p[1], p[2], p[3], world[frame, joint], world[frame, joint])
+
+
+@njit(cache=True)
+def _local_rotations(parents: NDArray[np.intp], world: NDArray[np.float64], local: NDArray[np.float64]) -> None:
+    """Local rotations, written: the inverse of the parent's world rotation times the joint's own."""
+    for frame in range(len(world)):
+        for joint in range(1, len(parents)):
+            p = world[frame, parents[joint]]
+            _multiply(-p[0], -p[1], -p[2], p[3], world[frame, joint], local[frame, joint])
+
+
+@njit(cache=True)
+def _multiply(x, y, z, w, q, product):  # type: ignore[no-untyped-def]
+    """The product of the quaternion x y z w and q, written; it may be q itself."""
+    i, j, k, r = q[0], q[1], q[2], q[3]
+    product[0] = w * i + x * r + y * k - z * j
+    product[1] = w * j - x * k + y * r + z * i
+    product[2] = w * k + x * j - y * i + z * r
+    product[3] = w * r - x * i - y * j - z * k
 
 
 @njit(cache=True)
@@ -136,8 +149,7 @@ def _positions(
 def local_rotations(skeleton: Skeleton, world: NDArray[np.float64]) -> NDArray[np.float64]:
     """Local rotations (frames, joints, 4) from world ones; the inverse of `world_rotations`."""
     local = np.array(world)
-    parents = skeleton.parents[1:]
-    local[:, 1:] = (Rotation.from_quat(world[:, parents]).inv() * Rotation.from_quat(world[:, 1:])).as_quat()
+    _local_rotations(skeleton.parents, world, local)
     return local
 
 

@@ -1,7 +1,7 @@
 """Which files a batch finds, where their results belong, and what it refuses to plan."""
 
 import os
-from pathlib import PurePath
+from pathlib import Path, PurePath
 
 import pytest
 
@@ -76,14 +76,29 @@ def test_links_are_followed_but_not_in_circles(tmp_path):
     assert places(find_clips([tmp_path / "in"])) == ["a/x.bvh", "other/back/x.bvh", "other/y.bvh"]
 
 
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may look into every folder")
-def test_folders_without_permission_are_told(tmp_path):
+@pytest.fixture
+def closed(tmp_path, monkeypatch):
+    """A folder, the one to be in, with a clip and a folder that nobody may look into, not even root."""
     made(tmp_path, "a.bvh", "closed/b.bvh")
+    tmp_path.chmod(0o755)
     (tmp_path / "closed").chmod(0)
-    found = find_clips([tmp_path])
+    monkeypatch.chdir(tmp_path)
+    user = os.geteuid() if hasattr(os, "geteuid") else None
+    if user == 0:
+        os.seteuid(65534)
+    yield
+    if user is not None:
+        os.seteuid(user)
     (tmp_path / "closed").chmod(0o700)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs permissions as Unix has them")
+@pytest.mark.usefixtures("closed")
+def test_folders_without_permission_are_told():
+    found = find_clips([Path()])
     assert places(found) == ["a.bvh"]
-    assert [str(error) for error in found.unread] == [f"{tmp_path / 'closed'}: permission denied"]
+    assert [str(error) for error in found.unread] == ["closed: permission denied"]
+    assert places(find_clips([Path("closed/b.bvh")])) == ["b.bvh"]
 
 
 def test_links_to_nothing_and_missing_files_are_clips_that_will_fail(tmp_path):

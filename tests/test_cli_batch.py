@@ -145,6 +145,35 @@ def test_results_inside_the_source_are_refused(folder):
     assert not (folder / "in/out").exists()
 
 
+def test_pages(folder):
+    def pages():
+        return {path.relative_to(folder / "out").as_posix() for path in (folder / "out").rglob("*.html")}
+
+    once = ("in", "body.json", "-o", "out", "--report", "out/index.html", "--reports")
+    assert run(*once, "worst:1", cwd=folder).returncode == 0
+    assert len(pages()) == 2
+    (report,) = pages() - {"index.html"}
+    assert f'"{report}"' in (folder / "out/index.html").read_text()
+    assert run(*once, "all", cwd=folder).returncode == 0
+    assert pages() == {"index.html", "reports/a.html", "reports/deep/b.html", "reports/deep/er/c.html"}
+    shutil.rmtree(folder / "out")
+    assert run(*once, "all", cwd=folder).returncode == 0
+    assert len(pages()) == 4
+    shutil.rmtree(folder / "out")
+    assert run(*once, "none", cwd=folder).returncode == 0
+    assert pages() == {"index.html"}
+    wrong = run(*once, "worst", cwd=folder)
+    assert (wrong.returncode, "expected worst:N" in wrong.stderr) == (2, True)
+
+
+def test_a_page_of_somebody_else_is_left_alone(folder):
+    (folder / "page.html").write_text("my own")
+    done = run("in", "body.json", "-o", "out", "--report", "page.html", cwd=folder)
+    assert done.returncode == 1
+    assert done.stderr == "distretarget: page.html: exists already; --overwrite replaces it\n"
+    assert not (folder / "out").exists()
+
+
 # ---- stops
 
 

@@ -9,7 +9,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path, PurePath
 
 from distretarget.errors import FileError
-from distretarget.files import reason_of
+from distretarget.files import is_folder, reason_of
 
 ENDING = ".bvh"
 
@@ -49,7 +49,7 @@ def find_clips(
     `include` and `exclude` are shell patterns for the names of files in folders, or for their paths in the folder.
     """
     unread: list[FileError] = []
-    folders = [source for source in sources if source.is_dir()]
+    folders = [source for source in sources if is_folder(source)]
     clips = [_clip(path, PurePath(path.name)) for path in sources if path not in folders]
     for folder in folders:
         above = PurePath() if len(sources) == 1 else PurePath(folder.resolve().name)

@@ -11,7 +11,7 @@ import hashlib
 import io
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -81,6 +81,16 @@ class Manifest:
     def made(self, work: Work, output_hash: str | None) -> bool:
         """Whether what has this hash, in the place of a clip's output, was made here, so that it may be replaced."""
         return output_hash in self._made.get(work.place.as_posix(), ())
+
+    def latest(self, works: Iterable[Work]) -> list[Record]:
+        """The last line of each of the clips that has one, with the newest last."""
+        wanted = {work.place.as_posix() for work in works}
+        found: dict[str, Record] = {}
+        for record in read_records(self.path):
+            if record["output"] in wanted:
+                found.pop(record["output"], None)
+                found[record["output"]] = record
+        return list(found.values())
 
     def add(self, record: Record) -> None:
         """Add a line, at once and for good.

@@ -9,6 +9,7 @@ from pathlib import Path, PurePath
 from distretarget.batch.clips import Clip
 from distretarget.conversion import Text
 from distretarget.errors import BatchError
+from distretarget.files import is_folder
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ def plan(clips: Sequence[Clip], targets: Sequence[Text], folder: Path, sources: 
 
 def _check_folder(folder: Path, sources: Sequence[Path]) -> None:
     for source in sources:
-        if source.is_dir() and folder.resolve().is_relative_to(source.resolve()):
+        if is_folder(source) and folder.resolve().is_relative_to(source.resolve()):
             raise BatchError(
                 f"{folder}: is inside {source}, whose clips are to be converted; give the results a folder elsewhere"
             )

@@ -52,20 +52,23 @@ class Processes:
         # Not "fork": a process with threads, as numerical libraries have, must not be forked.
         methods = multiprocessing.get_all_start_methods()
         self._context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
-        if "forkserver" in methods:
-            self._context.set_forkserver_preload(["distretarget.batch.task"])
+        self._warms = "forkserver" not in methods
+        if not self._warms:
+            self._context.set_forkserver_preload(["distretarget.batch.warmed"])
 
     @cached_property
     def executor(self) -> Executor:
         """The processes, started when they are needed.
 
-        What is to be compiled is compiled here meanwhile; they find it in the cache.
+        What is to be compiled is compiled once: by the process that forks the others, or, where none does, here, so
+        that they find it in the cache.
         """
+        if self._warms:
+            warm(self._objective)
         reader, self._writer = self._context.Pipe(duplex=False)
         with _environment(dict.fromkeys(SINGLE, "1")):
             pool = ProcessPoolExecutor(self.workers, self._context, _begin, (reader,))
             pool.submit(os.getpid)  # so that the processes, or who forks them, see the environment
-        warm(self._objective)
         return pool
 
     def renew(self) -> None:

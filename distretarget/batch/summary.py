@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from distretarget.batch.manifest import Record
@@ -18,61 +18,59 @@ class Tally:
     """What became of the clips of a run.
 
     Attributes:
-        done, failed: their lines of the manifest; those done without warnings and options.
-        skipped: how many had nothing to do.
+        done, skipped, failed: how many were converted, had nothing to do, and failed.
+        frames: how many were converted.
     """
 
-    done: list[Record] = field(default_factory=list)
-    failed: list[Record] = field(default_factory=list)
+    done: int = 0
     skipped: int = 0
-
-    @property
-    def frames(self) -> int:
-        """How many frames were converted."""
-        return sum(record["frames"] for record in self.done)
+    failed: int = 0
+    frames: int = 0
+    _worst: dict[str, list[Record]] = field(default_factory=dict)
+    _failures: list[str] = field(default_factory=list)
 
     def add(self, record: Record | None) -> None:
-        """Count a clip."""
+        """Count a clip, by its line of the manifest; None where there was nothing to do."""
         if record is None:
             self.skipped += 1
         elif record["status"] == "done":
-            self.done.append({name: record[name] for name in ("input", "output", "frames", "figures")})
+            self.done += 1
+            self.frames += record["frames"]
+            for figure in FIGURES:
+                self._worst[figure] = worst([*self._worst.get(figure, ()), record], figure)[:WORST]
         else:
-            self.failed.append(record)
+            self.failed += 1
+            if self.failed <= FAILURES:
+                self._failures.append(_failure(record))
 
     def lines(self, clips: int, seconds: float, workers: int) -> Iterator[str]:
         """The summary of a run over so many clips."""
-        counts = [f"{len(self.done)} converted", f"{self.skipped} done before", f"{len(self.failed)} failed"]
-        if left := clips - len(self.done) - self.skipped - len(self.failed):
+        counts = [f"{self.done} converted", f"{self.skipped} done before", f"{self.failed} failed"]
+        if left := clips - self.done - self.skipped - self.failed:
             counts.append(f"{left} left")
         yield f"{clips} {'clip' if clips == 1 else 'clips'}: {', '.join(counts)}"
         if self.frames:
             jobs = f"{workers} {'job' if workers == 1 else 'jobs'}"
             yield f"{self.frames:,} frames in {seconds:.1f} s, {self.frames / seconds:,.0f} frames/s with {jobs}"
-        for figure in FIGURES:
-            if clips_by := list(_worst(self.done, figure)):
-                yield f"worst {figure.replace('_', ' ')}: {', '.join(clips_by)}"
-        yield from failures(self.failed)
-
-
-def failures(records: Sequence[Record]) -> Iterator[str]:
-    """A line for each failure."""
-    if records:
-        yield "failed:"
-    for record in records[:FAILURES]:
-        clip, error = record["input"], record["error"]
-        yield f"  {error}" if error.startswith(clip) else f"  {clip}: {error}"
-    if len(records) > FAILURES:
-        yield f"  and {len(records) - FAILURES} more; the manifest has them all"
+        for figure, records in self._worst.items():
+            if bad := [_value(record, figure) for record in records if record["figures"]["result"][figure] > LEAST]:
+                yield f"worst {figure.replace('_', ' ')}: {', '.join(bad)}"
+        if self.failed:
+            yield from ("failed:", *(f"  {failure}" for failure in self._failures))
+        if self.failed > FAILURES:
+            yield f"  and {self.failed - FAILURES} more; the manifest has them all"
 
 
 def worst(records: Iterable[Record], figure: str) -> list[Record]:
-    """The clips that are done, those with the largest figure first."""
+    """The lines of clips that are done, those with the largest figure first."""
     return sorted(records, key=lambda record: -record["figures"]["result"][figure])
 
 
-def _worst(records: Iterable[Record], figure: str) -> Iterator[str]:
-    for record in worst(records, figure)[:WORST]:
-        value, copy = (record["figures"][name][figure] for name in ("result", "rotation_copy"))
-        if value > LEAST:
-            yield f"{record['output']} ({value:.3g}, rotation copy {copy:.3g})"
+def _failure(record: Record) -> str:
+    clip, error = record["input"], record["error"]
+    return str(error if error.startswith(clip) else f"{clip}: {error}")
+
+
+def _value(record: Record, figure: str) -> str:
+    value, copy = (record["figures"][name][figure] for name in ("result", "rotation_copy"))
+    return f"{record['output']} ({value:.3g}, rotation copy {copy:.3g})"

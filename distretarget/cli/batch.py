@@ -18,13 +18,15 @@ from distretarget.batch.clips import Found, find_clips
 from distretarget.batch.manifest import Manifest, Recipe, Record
 from distretarget.batch.plan import Work, plan
 from distretarget.batch.pools import Cluster, Pool, Processes, cores
+from distretarget.batch.reports import Pages
 from distretarget.batch.run import Run
 from distretarget.batch.summary import Tally
 from distretarget.cli.options import retargeting
-from distretarget.cli.outputs import say
+from distretarget.cli.outputs import about, say
+from distretarget.cli.parameters import of_reports
 from distretarget.conversion import Options, Text, load_text
-from distretarget.errors import BatchError, DistretargetError
-from distretarget.files import hash_of, read_bytes
+from distretarget.errors import BatchError, DistretargetError, FileError
+from distretarget.files import hash_of, is_folder, read_bytes
 from distretarget.joint_map import load_map
 from distretarget.skeleton_json import check_target
 
@@ -59,6 +61,21 @@ INTERRUPTED = 130
 @click.option("--dask", metavar="ADDRESS", help="Convert on the Dask cluster with this scheduler, as tcp://host:8786.")
 @click.option("--overwrite", is_flag=True, help="Convert all anew, and replace files that were not made by a batch.")
 @click.option("--fail-fast", is_flag=True, help="Stop at the first clip that fails.")
+@click.option(
+    "--report",
+    "index",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write an HTML page over all clips to this file; reports on clips go to a folder beside it.",
+)
+@click.option(
+    "--reports",
+    type=of_reports,
+    default="worst:10",
+    show_default=True,
+    metavar="WHICH",
+    help="The clips that get a report, with --report: worst:N by contact error, all or none.",
+)
 @click.option("--dry-run", is_flag=True, help="Print what would be done, and do nothing.")
 def batch_command(
     sources: tuple[Path, ...],
@@ -73,6 +90,8 @@ def batch_command(
     dask: str | None,
     overwrite: bool,
     fail_fast: bool,
+    index: Path | None,
+    reports: int | None,
     dry_run: bool,
 ) -> None:
     """Convert many clips: SOURCES are BVH files, and folders whose trees are mirrored in the folder of results.
@@ -101,12 +120,16 @@ def batch_command(
     if not works:
         _tell_unread(found)
         raise BatchError("there are no clips to convert")
+    pages = Pages(index, reports, overwrite, lambda work: about(work.clip.path, work.place)) if index else None
+    if pages:
+        pages.check()
     manifest = Manifest(folder)
     try:
         pool: Pool = Cluster(dask) if dask else Processes(jobs or cores(), options.objective)
-        with Progress(works) as progress:
-            run = Run(folder, recipe, manifest, pool, progress, overwrite, fail_fast)
-            stopped, status = _convert(run, works)
+        with Progress(works, pages) as progress:
+            every = pages.about if pages and pages.most is None else None
+            run = Run(folder, recipe, manifest, pool, progress, overwrite, fail_fast, every)
+            stopped, status = _convert(run, works, pages)
         for line in progress.tally.lines(len(works), progress.seconds, pool.workers):
             say(line)
         _tell_unread(found)
@@ -123,7 +146,7 @@ def _targets(sources: tuple[Path, ...], targets: tuple[Path, ...]) -> tuple[list
         if not sources:
             raise click.UsageError("expected SOURCES... TARGET.")
         targets, sources = sources[-1:], sources[:-1]
-        if targets[0].is_dir():
+        if is_folder(targets[0]):
             raise click.UsageError(f"{targets[0]} is a folder; the last argument is the target, or give --target.")
     goals = [load_text(target) for target in targets]
     for goal in goals:
@@ -138,14 +161,16 @@ def _planned(found: Found, targets: Sequence[Text], folder: Path, sources: Seque
         raise click.UsageError(str(error)) from error
 
 
-def _convert(run: Run, works: Sequence[Work]) -> tuple[str, int]:
+def _convert(run: Run, works: Sequence[Work], pages: Pages | None) -> tuple[str, int]:
     """Convert the clips; return why the run was stopped, and the exit status for that, if it was."""
     with _interruptible():
         try:
             run.go(works, sum(work.clip.size for work in works))
+            if pages:
+                pages.finish(run, works, run.manifest.latest(works))
         except KeyboardInterrupt:
             return "interrupted; run this again to go on", INTERRUPTED
-        except BatchError as error:
+        except (BatchError, FileError) as error:
             return str(error), 1
         finally:
             run.pool.stop()
@@ -155,7 +180,8 @@ def _convert(run: Run, works: Sequence[Work]) -> tuple[str, int]:
 class Progress:
     """Counts clips, and shows them and their frames go by on a terminal."""
 
-    def __init__(self, works: Sequence[Work]) -> None:
+    def __init__(self, works: Sequence[Work], pages: Pages | None) -> None:
+        self._pages = pages
         self.tally = Tally()
         self._started = time.perf_counter()
         self._clips = tqdm(total=len(works), unit=" clips", disable=None, leave=False)
@@ -177,16 +203,18 @@ class Progress:
         """Count a clip."""
         self.tally.add(record)
         self._frames.update(record["frames"] if record else 0)
-        self._clips.set_postfix(failed=len(self.tally.failed), refresh=False)
+        self._clips.set_postfix(failed=self.tally.failed, refresh=False)
         self._clips.update()
 
     def report(self, work: Work, html: str) -> None:
-        """Nothing is done with reports yet."""
+        """Write the report on a clip."""
+        if self._pages:
+            self._pages.add(work, html)
 
 
 def _print_plan(works: Sequence[Work], folder: Path, recipe: Recipe, overwrite: bool) -> None:
     """What would be done with each clip."""
-    manifest = Manifest(folder) if folder.is_dir() else None
+    manifest = Manifest(folder) if is_folder(folder) else None
     for work in works:
         try:
             content = hash_of(read_bytes(work.clip.path))

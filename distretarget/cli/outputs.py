@@ -6,7 +6,7 @@ import shlex
 import sys
 from collections.abc import Sequence
 from importlib.metadata import version
-from pathlib import Path
+from pathlib import Path, PurePath
 
 import click
 
@@ -21,9 +21,17 @@ def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None],
     read = [path for path in inputs if path]
     for number, path in enumerate(written):
         for other, what in [*((i, "an input") for i in read), *((o, "another output") for o in written[:number])]:
-            if path.resolve() == other.resolve() or (path.exists() and other.exists() and path.samefile(other)):
+            if _are_one(path, other):
                 raise FileError(path, f"is {what} as well; give the output another name")
         check_writable(path, overwrite=overwrite)
+
+
+def _are_one(path: Path, other: Path) -> bool:
+    """Whether two paths lead to one file; False where nobody may look, which writing or reading will tell."""
+    try:
+        return path.resolve() == other.resolve() or (path.exists() and other.exists() and path.samefile(other))
+    except (OSError, ValueError):
+        return False
 
 
 def say(line: str, err: bool = False) -> None:
@@ -31,6 +39,6 @@ def say(line: str, err: bool = False) -> None:
     click.echo(line.encode("utf-8", "backslashreplace").decode(), err=err)
 
 
-def about(a: Path, b: Path) -> About:
+def about(a: PurePath, b: PurePath) -> About:
     """What a report says of this run of the program: the names of its two clips, its arguments, its version."""
     return About(a.name, b.name, shlex.join(["distretarget", *sys.argv[1:]]), version("distretarget"))

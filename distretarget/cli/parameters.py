@@ -28,6 +28,16 @@ def of_bone(text: str) -> tuple[str, float]:
     return name, positive(number)
 
 
+def of_reports(text: str) -> int | None:
+    """How many reports are wanted, None for all, in a text worst:N, all or none."""
+    if text in ("all", "none"):
+        return None if text == "all" else 0
+    kind, _, number = text.partition(":")
+    if kind != "worst" or not number.isdecimal() or not int(number):
+        raise click.BadParameter(f"expected worst:N with N above 0, all or none, found {text!r}")
+    return int(number)
+
+
 def of_figure(text: str) -> tuple[str, float]:
     """The name of a figure and its limit, a number from 0 up, in a text NAME=LIMIT."""
     name, _, number = text.partition("=")

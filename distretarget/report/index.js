@@ -1,0 +1,344 @@
+// The page over all clips: head, figures over the clips, failures, and the table with its filters.
+
+const batch = JSON.parse($('batch').textContent);
+const clips = batch.rows.map(values => Object.fromEntries(values.map((value, k) => [batch.fields[k], value])));
+const done = clips.filter(clip => clip.done), failures = clips.filter(clip => !clip.done);
+const PAGE = 500; // rows that are added at a time
+const FAILURES = 20; // that are listed above the table
+const LONG = 240; // letters of a reason that is cut short until it is opened
+const BARS = 24; // of a distribution
+const HIGH = 0.98; // the share of the clips that is in the bars before the last
+
+const TERMS = {
+  median: 'Large numbers are medians over the converted clips, and so are those beside “rotation copy” and “source”.',
+  contact: 'Mean |D in the source − D in the result| over the pairs of joints that touch in the source; D is their '
+    + 'distance over the length of the bones between them. 0 is best.',
+  direction: 'The angle between corresponding bones of source and result, mean over bones [degrees]. 0 is best.',
+  slide: 'Horizontal speed of ankles and toes while they are at rest in the source [leg lengths per second]. As the '
+    + 'source is best.',
+  stress: 'How far the distances between all joints are off those of the source, over the squared height of the '
+    + 'result (Eq. 2 of the paper). 0 is best.',
+  foot: 'How far ankles and toes at rest are off their height in the source [% of leg length]. 0 is best.',
+  jerk: 'Roughness over that of the rotation copy. 1 is as smooth, less is smoother.',
+  turn: 'The most by which a joint turns further in one frame than in the source [degrees]. 0 is best.',
+};
+// `beside` is what the value is to be compared with: a name and its value; the first stands in the table.
+const COPY = 'rotation copy';
+const FIGURES = [
+  {name: 'Contact error', term: 'contact', of: clip => clip.contact, beside: [[COPY, clip => clip.contact_copy]]},
+  {name: 'Direction error, °', term: 'direction', of: clip => clip.direction,
+    beside: [[COPY, clip => clip.direction_copy]]},
+  {name: 'Slide, legs/s', term: 'slide', of: clip => clip.slide,
+    beside: [['source', clip => clip.slide_source], [COPY, clip => clip.slide_copy]]},
+  {name: 'Stress × 1000', term: 'stress', of: clip => scaled(clip.stress, 1000),
+    beside: [[COPY, clip => scaled(clip.stress_copy, 1000)]]},
+  {name: 'Foot height off, % leg', term: 'foot', of: clip => apart(clip.foot, clip.foot_source),
+    beside: [[COPY, clip => apart(clip.foot_copy, clip.foot_source)]]},
+  {name: 'Jerk / copy', term: 'jerk', of: clip => (clip.jerk_copy > 0 ? clip.jerk / clip.jerk_copy : null),
+    beside: []},
+  {name: 'Largest turn, °', term: 'turn', of: clip => clip.turn, beside: []},
+];
+const COLUMNS = [
+  {name: 'Clip', of: clip => clip.clip, text: true},
+  ...batch.targets.length > 1 ? [{name: 'Target', of: targetOf, text: true}] : [],
+  {name: 'Status', of: clip => statusOf(clip), text: true},
+  {name: 'Frames', of: clip => clip.frames},
+  {name: 'Seconds', of: clip => clip.seconds},
+  ...FIGURES,
+  {name: 'Warnings', of: clip => clip.warnings.length},
+];
+const STATUSES = [
+  ['all', 'All clips', () => true],
+  ['converted', 'Converted', clip => clip.done],
+  ['failed', 'Failed', clip => !clip.done],
+  ['warned', 'With warnings', clip => clip.warnings.length],
+];
+
+/** What of the table is shown: the column it is ordered by, downwards or not, the clips that pass, rows in the page. */
+const view = {column: COLUMNS.find(column => column.term), down: true, passing: [], rows: 0};
+
+function scaled(value, factor) {
+  return value === null ? null : value * factor;
+}
+
+function apart(p, q) {
+  return p === null || q === null ? null : Math.abs(p - q);
+}
+
+function targetOf(clip) {
+  return batch.targets[clip.target];
+}
+
+function statusOf(clip) {
+  return clip.done ? 'converted' : 'failed';
+}
+
+function counted(number, what) {
+  return `${number.toLocaleString('en')} ${what}${number === 1 ? '' : 's'}`;
+}
+
+function total(values) {
+  return values.reduce((sum, value) => sum + value, 0);
+}
+
+/** A time [s] in words. */
+function duration(seconds) {
+  const minutes = Math.round(seconds / 60);
+  if (seconds < 120) return `${shown(seconds)} s`;
+  return minutes < 120 ? `${minutes} min` : `${Math.floor(minutes / 60).toLocaleString('en')} h ${minutes % 60} min`;
+}
+
+/** The numbers there are, in order. */
+function ordered(values) {
+  return Float64Array.from(values.filter(value => value !== null)).sort();
+}
+
+/** The value that a share of numbers in order is below, null of none. */
+function quantile(numbers, share) {
+  if (!numbers.length) return null;
+  const place = share * (numbers.length - 1), low = Math.floor(place), high = Math.ceil(place);
+  return numbers[low] + (place - low) * (numbers[high] - numbers[low]);
+}
+
+// ---- head
+
+function terms(pairs) {
+  return pairs.flatMap(([name, text]) => [element('dt', {}, name), element('dd', {}, text)]);
+}
+
+function buildHead() {
+  const facts = [
+    ['Clips', clips.length.toLocaleString('en')],
+    ['Converted', done.length.toLocaleString('en')],
+    ['Failed', failures.length.toLocaleString('en')],
+    ['Frames', total(done.map(clip => clip.frames)).toLocaleString('en')],
+    ['Conversion', `${duration(total(done.map(clip => clip.seconds)))}, all clips added up`],
+    ...batch.targets.length === 1 ? [['Target', batch.targets[0]]] : [],
+    ...batch.folder ? [['Folder', batch.folder]] : [],
+    ['Made by', `distretarget version ${batch.version}`],
+  ];
+  $('facts').append(...facts.map(pair => element('div', {}, ...terms([pair]))));
+  $('terms').append(...terms([...FIGURES.map(({name, term: key}) => [name, TERMS[key]]), ['Medians', TERMS.median]]));
+}
+
+/** Bars of how many clips have which value; those above most of the others are in the last, and its end has a plus. */
+function distribution(numbers) {
+  const low = numbers[0], high = quantile(numbers, HIGH), most = numbers[numbers.length - 1];
+  if (!(high > low)) return [];
+  const counts = new Array(BARS).fill(0);
+  for (const number of numbers) counts[Math.min(BARS - 1, Math.floor((number - low) / (high - low) * BARS))]++;
+  const tallest = Math.max(...counts);
+  const bars = counts.map(count => element('i', {style: `height: ${100 * count / tallest}%`}));
+  const end = `${shown(high)}${most > high ? '+' : ''}`;
+  const label = `Distribution over the clips, from ${shown(low)} to ${shown(most)}`;
+  return [element('div', {class: 'strip', role: 'img', 'aria-label': label}, ...bars),
+    element('div', {class: 'scale ends', 'aria-hidden': 'true'}, element('span', {}, shown(low)),
+      element('span', {}, end))];
+}
+
+function buildFigure({name, term: key, of, beside}) {
+  const numbers = ordered(done.map(of));
+  const rows = [['worst', quantile(numbers, 1)]];
+  for (const [other, its] of beside) {
+    const others = ordered(done.map(its));
+    rows.push([other, quantile(others, 0.5)]);
+    if (other === COPY) rows.push(['copy’s worst', quantile(others, 1)]);
+  }
+  return element('div', {class: 'figure'},
+    element('h3', {}, term(name, TERMS[key])),
+    element('p', {class: 'big'}, shown(quantile(numbers, 0.5)), element('small', {}, ' median')),
+    element('dl', {}, ...terms(rows.map(([what, number]) => [what, shown(number)]))),
+    ...distribution(numbers));
+}
+
+function buildFigures() {
+  $('figures').hidden = !done.length;
+  $('figures').append(...FIGURES.map(buildFigure));
+}
+
+// ---- failures
+
+/** Why a clip failed; a long reason is cut short until it is opened. */
+function reasonOf({error}) {
+  if (error.length <= LONG) return element('p', {class: 'reason'}, error);
+  return element('details', {class: 'reason'}, element('summary', {}, element('span', {}, error)));
+}
+
+function buildFailures() {
+  $('failures').hidden = !failures.length;
+  $('failures-title').textContent = `${counted(failures.length, 'clip')} failed`;
+  $('failed').append(...failures.slice(0, FAILURES).map(clip => element('li', {},
+    element('b', {}, clip.clip, ...batch.targets.length > 1 ? [element('small', {}, ` for ${targetOf(clip)}`)] : []),
+    reasonOf(clip))));
+  if (failures.length <= FAILURES) return;
+  const show = () => {
+    Object.assign($('status'), {value: 'failed'});
+    refresh();
+    $('clips').scrollIntoView();
+  };
+  const all = `Show all ${failures.length.toLocaleString('en')} in the table`;
+  $('failures').append(element('button', {type: 'button', on: {click: show}}, all));
+}
+
+// ---- table
+
+/** The name, which goes on in the next line after a slash where there is no room. */
+function nameCell(clip) {
+  const parts = clip.clip.split(/(?<=[/\\])/).flatMap(part => [part, element('wbr')]);
+  return element('th', {scope: 'row'}, ...clip.link === null ? parts : [element('a', {href: clip.link}, ...parts)]);
+}
+
+function statusCell(clip) {
+  const mark = element('span', {'aria-hidden': 'true'}, clip.done ? '✓ ' : '✗ ');
+  return element('td', {class: clip.done ? 'words within' : 'words over'}, mark, statusOf(clip));
+}
+
+function figureCell({of, beside}, clip) {
+  const other = beside.slice(0, 1).map(([, its]) => element('small', {}, shown(its(clip))));
+  return element('td', {}, shown(of(clip)), ...other);
+}
+
+/** The number of warnings; a button, which shows them in a row below. */
+function warningsCell(clip) {
+  if (!clip.warnings.length) return element('td', {}, '–');
+  const texts = clip.warnings.map(k => element('li', {}, batch.warnings[k]));
+  const told = element('tr', {class: 'told'}, element('td', {colspan: COLUMNS.length}, element('ul', {}, ...texts)));
+  const label = `${counted(texts.length, 'warning')} of ${clip.clip}`;
+  const button = element('button', {type: 'button', 'aria-expanded': 'false', 'aria-label': label, on: {click: () => {
+    const open = !told.isConnected;
+    button.setAttribute('aria-expanded', open);
+    if (open) button.closest('tr').after(told);
+    else told.remove();
+  }}}, texts.length);
+  return element('td', {}, button);
+}
+
+function buildRow(clip) {
+  const figures = clip.done ? FIGURES.map(figure => figureCell(figure, clip))
+    : [element('td', {class: 'words', colspan: FIGURES.length}, reasonOf(clip))];
+  return element('tr', {}, nameCell(clip),
+    ...batch.targets.length > 1 ? [element('td', {class: 'words name'}, targetOf(clip))] : [],
+    statusCell(clip),
+    element('td', {}, clip.frames === null ? '–' : clip.frames.toLocaleString('en')),
+    element('td', {}, clip.seconds === null ? '–' : clip.seconds.toFixed(clip.seconds < 10 ? 2 : 0)),
+    ...figures, warningsCell(clip));
+}
+
+/** Puts the next rows under those that are there. */
+function addRows() {
+  const next = view.passing.slice(view.rows, view.rows + PAGE);
+  $('rows').append(...next.map(buildRow));
+  view.rows += next.length;
+  const left = view.passing.length - view.rows;
+  $('more').hidden = !left;
+  $('more').textContent = `Show ${Math.min(PAGE, left)} more`;
+  const first = left ? `first ${view.rows.toLocaleString('en')} of ` : '';
+  const all = view.passing.length < clips.length ? `, ${clips.length.toLocaleString('en')} in all` : '';
+  $('count').textContent = first + counted(view.passing.length, 'clip') + all;
+}
+
+const collator = new Intl.Collator('en', {numeric: true});
+
+/** Clips in the order of the view; those without a value last in both. */
+function sorted(some) {
+  const {column, down} = view, sign = down ? -1 : 1;
+  const compare = column.text ? collator.compare : (p, q) => p - q;
+  const keyed = some.map(clip => [column.of(clip), clip]);
+  const there = keyed.filter(([value]) => value !== null).sort(([p], [q]) => sign * compare(p, q));
+  return [...there, ...keyed.filter(([value]) => value === null)].map(([, clip]) => clip);
+}
+
+/** Has the table show what the filters let through, in order, from its first row. */
+function refresh() {
+  const words = $('filter').value.toLowerCase().split(/\s+/), target = $('target').value;
+  const [, , passes] = STATUSES.find(([key]) => key === $('status').value);
+  const named = clip => {
+    const text = `${clip.clip}\n${targetOf(clip)}\n${clip.error || ''}`.toLowerCase();
+    return words.every(word => text.includes(word));
+  };
+  const chosen = clip => passes(clip) && (!target || clip.target === Number(target));
+  view.passing = sorted(clips.filter(clip => chosen(clip) && named(clip)));
+  view.rows = 0;
+  $('rows').replaceChildren();
+  addRows();
+  if (!view.rows) $('rows').append(element('tr', {}, element('td', {class: 'words none', colspan: COLUMNS.length},
+    clips.length ? 'No clip passes the filters.' : 'There are no clips.')));
+}
+
+/** Whether the table is as wide as there is room for: then its head stays on the screen, otherwise its first column. */
+function fit() {
+  const whole = $('rows').offsetWidth <= $('box').clientWidth;
+  $('box').classList.toggle('whole', whole);
+  $('box').classList.toggle('part', !whole);
+}
+
+function markHeads() {
+  COLUMNS.forEach((column, k) => {
+    const head = $('heads').children[k];
+    if (column === view.column) head.setAttribute('aria-sort', view.down ? 'descending' : 'ascending');
+    else head.removeAttribute('aria-sort');
+  });
+}
+
+function sortBy(column) {
+  Object.assign(view, {down: column === view.column ? !view.down : !column.text, column});
+  markHeads();
+  refresh();
+}
+
+function buildHeads() {
+  for (const column of COLUMNS) {
+    const [name, unit] = column.name.split(', ');
+    const others = (column.beside || []).slice(0, 1).map(([other]) => other.split(' ').pop());
+    const below = [...unit ? [unit] : [], ...others].join(' · ');
+    const button = element('button', {type: 'button', on: {click: () => sortBy(column)}},
+      element('span', {}, name), ...below ? [element('small', {}, below)] : []);
+    if (column.term) button.title = TERMS[column.term];
+    $('heads').append(element('th', {scope: 'col', class: column.text ? 'words' : 'number'}, button));
+  }
+  markHeads();
+}
+
+function buildFilters() {
+  const option = (value, text, some) => element('option', {value}, `${text} (${some.length.toLocaleString('en')})`);
+  $('status').append(...STATUSES.map(([key, text, passes]) => option(key, text, clips.filter(passes))));
+  $('target').append(element('option', {value: ''}, 'All targets'), ...batch.targets.map(
+    (name, k) => option(k, name, clips.filter(clip => clip.target === k))));
+  $('target').hidden = batch.targets.length < 2;
+  for (const id of ['filter', 'status', 'target']) $(id).addEventListener('input', refresh);
+  $('more').addEventListener('click', addRows);
+}
+
+// ---- all of it
+
+/** The loop of base.js; nothing here is painted, and the style sheet follows the theme by itself. */
+function tick() {
+  waiting = false;
+}
+
+function printing(on) {
+  const root = document.documentElement;
+  if (on) {
+    Object.assign(printing, {theme: root.dataset.theme, open: $('glossary').open});
+    root.dataset.theme = 'light';
+  } else if (printing.theme) root.dataset.theme = printing.theme;
+  else delete root.dataset.theme;
+  $('glossary').open = on || printing.open;
+}
+
+function start() {
+  buildHead();
+  buildFigures();
+  buildFailures();
+  buildFilters();
+  buildHeads();
+  refresh();
+  setTheme();
+  [$('box'), $('rows')].forEach(place => new ResizeObserver(fit).observe(place));
+  $('theme').addEventListener('click', () => setTheme(isDark() ? 'light' : 'dark'));
+  matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => setTheme());
+  addEventListener('beforeprint', () => printing(true));
+  addEventListener('afterprint', () => printing(false));
+}
+
+start();

@@ -1,0 +1,121 @@
+"""The page over all clips of a folder of results, with links to their reports: one HTML file that needs no other."""
+
+from __future__ import annotations
+
+import html
+import math
+import os.path
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+from urllib.parse import quote
+
+from distretarget.report.page import HALVES, _asset, script_json
+
+Record = Mapping[str, Any]
+
+# The columns of numbers in the page: of whom, and which figure.
+FIGURES = {
+    "contact": ("result", "contact_error"),
+    "contact_copy": ("rotation_copy", "contact_error"),
+    "direction": ("result", "direction_error"),
+    "direction_copy": ("rotation_copy", "direction_error"),
+    "slide": ("result", "slide"),
+    "slide_source": ("result", "source_slide"),
+    "slide_copy": ("rotation_copy", "slide"),
+    "stress": ("result", "stress"),
+    "stress_copy": ("rotation_copy", "stress"),
+    "foot": ("result", "foot_height"),
+    "foot_source": ("result", "source_foot_height"),
+    "foot_copy": ("rotation_copy", "foot_height"),
+    "jerk": ("result", "jerk"),
+    "jerk_copy": ("rotation_copy", "jerk"),
+    "turn": ("result", "turn"),
+}
+FIELDS = ("clip", "link", "target", "done", "frames", "seconds", "warnings", "error", *FIGURES)
+
+
+def index_page(records: Sequence[Record], links: Mapping[str, str], title: str, version: str) -> str:
+    """The HTML of the page over clips.
+
+    `records` are lines of a manifest, one for each output; `links` has the path of an output's report, relative to the
+    page and not quoted, for outputs that have one; `version` is that of the program.
+    """
+    parts = {
+        "title": html.escape(HALVES.sub("\ufffd", title)),
+        "style": "\n".join(map(_asset, ("style.css", "index.css"))),
+        "script": "\n".join(map(_asset, ("base.js", "index.js"))),
+        "batch": script_json({**_table(records, links), "version": version}),
+    }
+    return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], _asset("index.html"))
+
+
+def _table(records: Sequence[Record], links: Mapping[str, str]) -> dict[str, Any]:
+    """The records in few bytes: rows of FIELDS; targets and warnings as numbers in lists, names without the folder."""
+    targets = list(dict.fromkeys(record["target"] for record in records))
+    folder, target_folder = _folder(record["input"] for record in records), _folder(targets)
+    warnings = list(dict.fromkeys(text for record in records for text in record["warnings"]))
+    target_at, warning_at = ({text: k for k, text in enumerate(texts)} for texts in (targets, warnings))
+    return {
+        "folder": folder,
+        "targets": [target[len(target_folder) :] for target in targets],
+        "warnings": warnings,
+        "fields": FIELDS,
+        "rows": [
+            [
+                record["input"][len(folder) :],
+                _url(links.get(record["output"])),
+                target_at[record["target"]],
+                *_outcome(record),
+                [warning_at[text] for text in record["warnings"]],
+                _reason(record),
+                *_figures(record["figures"]),
+            ]
+            for record in records
+        ],
+    }
+
+
+def _outcome(record: Record) -> tuple[int, float | None, float | None]:
+    """Whether a clip is done; its frames and seconds, which a failed one has none of."""
+    if record["status"] != "done":
+        return 0, None, None
+    return 1, _number(record["frames"]), _number(record["seconds"])
+
+
+def _figures(figures: Mapping[str, Any]) -> list[float | None]:
+    """The numbers of FIGURES, None where there is none."""
+    return [_number((figures.get(whose) or {}).get(name)) for whose, name in FIGURES.values()]
+
+
+def _number(value: object) -> float | None:
+    """A number as it is worth writing, to six digits if it is not whole; None for what is not one."""
+    if isinstance(value, int):
+        return value
+    return float(f"{value:.6g}") if isinstance(value, float) and math.isfinite(value) else None
+
+
+def _folder(paths: Iterable[str]) -> str:
+    """What all paths begin with, up to a slash of either kind, with it."""
+    common = os.path.commonprefix(list(paths))  # noqa: RUF071 (by letters, as paths may be of any system)
+    return common[: max(common.rfind("/"), common.rfind("\\")) + 1]
+
+
+def _reason(record: Record) -> str | None:
+    """Why a clip failed, without clip and target in front: the page has them beside."""
+    if record["status"] == "done":
+        return None
+    error = str(record["error"] or "no reason given")
+    if error.startswith(f"{record['input']}:"):
+        error = re.sub(r"^:(\d+): ", r": line \1: ", error.removeprefix(record["input"])).removeprefix(": ")
+    return error.removeprefix(f"{record['target']}: ")
+
+
+def _url(path: str | None) -> str | None:
+    """A relative URL of a path, of the bytes that the file system has for it."""
+    if path is None:
+        return None
+    try:
+        return quote(path, errors="surrogateescape")
+    except UnicodeEncodeError:  # halves of characters that are no bytes: names of Windows
+        return quote(path, errors="surrogatepass")

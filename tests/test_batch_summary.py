@@ -1,0 +1,98 @@
+"""The summary of a run, and the pages over its clips."""
+
+from pathlib import Path, PurePath
+
+import pytest
+
+from distretarget.batch.clips import Clip
+from distretarget.batch.manifest import Recipe, record_of
+from distretarget.batch.plan import Work
+from distretarget.batch.reports import MARK, Pages
+from distretarget.batch.summary import Tally
+from distretarget.conversion import Options, Text
+from distretarget.errors import FileError
+from distretarget.joint_map import MapFile
+from distretarget.report import About
+
+RECIPE = Recipe(Options(), MapFile({}, ""), "1")
+
+
+def work(name):
+    return Work(Clip(Path(name), PurePath(name), 1), Text("{}", "hero.json"), PurePath(name))
+
+
+def done(name, contact):
+    figures = {
+        of: {"contact_error": contact, "direction_error": 0.0, "stress": 1 - contact}
+        for of in ("result", "rotation_copy")
+    }
+    return record_of(work(name), "in", RECIPE, status="done", output_hash="out", frames=100, figures=figures)
+
+
+def failed(name, error):
+    return record_of(work(name), "in", RECIPE, error=error)
+
+
+def summary(records, clips=None):
+    tally = Tally()
+    for record in records:
+        tally.add(record)
+    return list(tally.lines(len(records) if clips is None else clips, 2.0, 2))
+
+
+def test_counts_and_the_worst():
+    lines = summary(
+        [None, *(done(f"{number}.bvh", number / 10) for number in range(5)), failed("x.bvh", "x.bvh:3: no")]
+    )
+    assert lines == [
+        "7 clips: 5 converted, 1 done before, 1 failed",
+        "500 frames in 2.0 s, 250 frames/s with 2 jobs",
+        "worst contact error: 4.bvh (0.4, rotation copy 0.4), 3.bvh (0.3, rotation copy 0.3), "
+        "2.bvh (0.2, rotation copy 0.2)",
+        "worst stress: 0.bvh (1, rotation copy 1), 1.bvh (0.9, rotation copy 0.9), 2.bvh (0.8, rotation copy 0.8)",
+        "failed:",
+        "  x.bvh:3: no",
+    ]
+
+
+def test_a_failure_names_its_clip():
+    assert summary([failed("in/x.bvh", "hero.json: does not match")])[-1] == "  in/x.bvh: hero.json: does not match"
+
+
+def test_many_failures_are_not_all_listed():
+    lines = summary([failed(f"{number}.bvh", "no") for number in range(50)])
+    assert lines[-1] == "  and 30 more; the manifest has them all"
+    assert len(lines) == 23
+
+
+def test_what_is_left():
+    assert summary([done("a.bvh", 0.1)], 5)[0] == "5 clips: 1 converted, 0 done before, 0 failed, 4 left"
+    assert summary([done("a.bvh", 0.1)])[0] == "1 clip: 1 converted, 0 done before, 0 failed"
+
+
+# ---- pages
+
+
+def pages(folder, most=None, overwrite=False):
+    return Pages(folder / "index.html", most, overwrite, lambda _: About("a", "b", "", "1"))
+
+
+def test_only_such_pages_are_replaced(tmp_path):
+    pages(tmp_path).check()
+    (tmp_path / "index.html").write_text("my own")
+    with pytest.raises(FileError, match="exists already; --overwrite replaces it"):
+        pages(tmp_path).check()
+    pages(tmp_path, overwrite=True).check()
+    (tmp_path / "index.html").write_text(f"<html>{MARK}")
+    pages(tmp_path).check()
+
+
+def test_reports_have_the_places_of_outputs(tmp_path):
+    own = pages(tmp_path)
+    assert own.path(work("a/b.bvh")) == tmp_path / "reports" / "a" / "b.html"
+    own.add(work("a/b.bvh"), f"{MARK} one")
+    own.add(work("a/b.bvh"), f"{MARK} two")
+    assert (tmp_path / "reports/a/b.html").read_text() == f"{MARK} two"
+    (tmp_path / "reports/a/b.html").write_text("my own")
+    with pytest.raises(FileError, match="exists already"):
+        own.add(work("a/b.bvh"), MARK)

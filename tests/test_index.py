@@ -1,0 +1,185 @@
+"""The page over clips without a browser: what stands in the file, how large it is, whether its parts fit together."""
+
+import html
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+import distretarget.report
+from distretarget.report.index import FIELDS, FIGURES, index_page
+
+FOLDER = Path(distretarget.report.__file__).parent
+TEMPLATE, STYLE, BASE, SCRIPT = (
+    (FOLDER / name).read_text("utf-8") for name in ("index.html", "index.css", "base.js", "index.js")
+)
+IDS = re.findall(r'\bid="([\w-]+)"', TEMPLATE)
+NASTY = "</script><!--<b>&amp; \"q' ü \u2028\u2029 \ud800 {{batch}}"
+NAMES = sorted({name for _, name in FIGURES.values()})
+
+
+def figures(value=0.123456789):
+    return {whose: dict.fromkeys(NAMES, value) for whose in ("rotation_copy", "result")}
+
+
+def record(name="a.bvh", **others):
+    """A line of a manifest, as far as the page reads it."""
+    return {
+        "input": f"/clips/{name}",
+        "output": name,
+        "target": "/rigs/tall.json",
+        "frames": 10,
+        "seconds": 0.5,
+        "figures": figures(),
+        "warnings": [],
+        "status": "done",
+        "error": None,
+        **others,
+    }
+
+
+def failed(name="bad.bvh", error="no reason", **others):
+    return record(name, frames=0, seconds=0.0, figures={}, status="failed", error=error, **others)
+
+
+def embedded(text):
+    """The data of the page, which ends where a browser ends it: at the first `</script`."""
+    start = text.index('<script type="application/json" id="batch">')
+    return json.loads(text[text.index(">", start) + 1 : text.index("</script", start)])
+
+
+def rows_of(*records, links=None):
+    batch = embedded(index_page(records, links or {}, "title", "1"))
+    assert tuple(batch["fields"]) == FIELDS
+    return [dict(zip(FIELDS, row, strict=True)) for row in batch["rows"]]
+
+
+def test_names_of_all_kinds_stay_text():
+    one = failed(NASTY, NASTY, target=NASTY, warnings=[NASTY])
+    text = index_page([one], {NASTY: NASTY}, NASTY, NASTY)
+    assert text.encode("utf-8")
+    plain = index_page([failed()], {}, "title", "1")
+    for mark in ("<script", "</script", "<!--", "<b>"):
+        assert text.count(mark) == plain.count(mark)
+    batch = embedded(text)
+    (row,) = batch["rows"]
+    assert batch["folder"] + row[FIELDS.index("clip")] == one["input"]
+    assert batch["warnings"] == [NASTY]
+    assert batch["version"] == NASTY
+    assert row[FIELDS.index("error")] == NASTY
+    assert html.escape(NASTY.replace("\ud800", "\ufffd")) in text
+
+
+@pytest.mark.parametrize(
+    ("path", "url"),
+    [
+        ("a/b c.html", "a/b%20c.html"),
+        ("javascript:alert(1)", "javascript%3Aalert%281%29"),
+        ("50%#?.html", "50%25%23%3F.html"),
+        ("ü\"'<>.html", "%C3%BC%22%27%3C%3E.html"),
+        ("\udcff.html", "%FF.html"),
+        ("\ud800.html", "%ED%A0%80.html"),
+    ],
+)
+def test_links_are_quoted(path, url):
+    with_link, without = rows_of(record("a.bvh"), record("b.bvh"), links={"a.bvh": path})
+    assert with_link["link"] == url
+    assert without["link"] is None
+
+
+def test_the_page_is_one_file_that_asks_for_nothing():
+    text = index_page([record(), failed()], {"a.bvh": "a.html"}, "title", "1")
+    assert not re.search(r'(src|href)="(?!#|data:)', text)
+    assert not re.search(r"https?:|@import|url\(", text)
+    assert "default-src 'none'" in text
+    assert '<meta name="generator" content="distretarget">' in text
+    assert "{{" not in text
+    assert not re.search(r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|eval\(", text)
+
+
+def test_a_failed_clip_has_a_reason_and_no_numbers():
+    (row,) = rows_of(failed(error="there is nothing to retarget"))
+    assert row["done"] == 0
+    assert row["error"] == "there is nothing to retarget"
+    assert all(row[name] is None for name in ("frames", "seconds", *FIGURES))
+
+
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        ("/clips/bad.bvh:7: found 'nan'", "line 7: found 'nan'"),
+        ("/clips/bad.bvh: no frames", "no frames"),
+        ("/clips/bad.bvh: /rigs/tall.json: no match", "no match"),
+        ("/rigs/tall.json: no match", "no match"),
+        ("/clips/bad.bvh.gz: no frames", "/clips/bad.bvh.gz: no frames"),
+        (None, "no reason given"),
+    ],
+)
+def test_a_reason_leaves_out_what_stands_beside_it(error, reason):
+    assert rows_of(failed(error=error))[0]["error"] == reason
+
+
+def test_figures_that_are_missing_or_no_numbers_are_none():
+    values = {"result": {**figures()["result"], "jerk": float("nan"), "turn": None}, "rotation_copy": None}
+    (row,) = rows_of(record(figures=values))
+    missing = {"jerk", "turn", *(name for name, (whose, _) in FIGURES.items() if whose == "rotation_copy")}
+    assert {name for name in FIGURES if row[name] is None} == missing
+    assert row["contact"] == 0.123457
+
+
+def test_names_leave_out_the_folder_they_share():
+    batch = embedded(index_page([record("x/a.bvh"), record("x/ab.bvh", target="/rigs/t.json")], {}, "title", "1"))
+    assert batch["folder"] == "/clips/x/"
+    assert [row[0] for row in batch["rows"]] == ["a.bvh", "ab.bvh"]
+    assert batch["targets"] == ["tall.json", "t.json"]
+    windows = embedded(index_page([record(input=rf"C:\clips\{name}") for name in "ab"], {}, "title", "1"))
+    assert windows["folder"] == "C:\\clips\\"
+
+
+def test_no_records_at_all():
+    batch = embedded(index_page([], {}, "title", "1"))
+    assert batch["rows"] == batch["targets"] == batch["warnings"] == []
+
+
+def test_a_clip_takes_few_bytes():
+    def size(count):
+        names = [f"folder/clip_{k:05}.bvh" for k in range(count)]
+        records = [record(name, warnings=["w" * 300], input=f"/{'long/' * 30}{name}", version="1") for name in names]
+        return len(index_page(records, {name: f"{name}.html" for name in names}, "title", "1").encode())
+
+    assert (size(1100) - size(100)) / 1000 < 250
+
+
+@pytest.mark.parametrize("name", ["index.html", "index.css", "index.js"])
+def test_lines_are_short_and_end_in_no_space(name):
+    for number, line in enumerate((FOLDER / name).read_text("utf-8").splitlines(), 1):
+        assert len(line) <= 120, f"{name}:{number}"
+        assert line == line.rstrip(), f"{name}:{number}"
+
+
+def test_the_script_can_be_read():
+    if not (node := shutil.which("node")):
+        pytest.skip("node, which reads the script, is not installed")
+    done = subprocess.run([node, "--check", FOLDER / "index.js"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_every_name_of_the_script_is_used_and_not_one_of_base_js():
+    names = re.findall(r"^(?:function|const|let) ([\w$]+)", SCRIPT, re.MULTILINE)
+    assert len(names) == len(set(names)) > 30
+    assert not set(names) & set(re.findall(r"^(?:function|const|let) ([\w$]+)", BASE, re.MULTILINE))
+    for name in names:
+        assert len(re.findall(rf"(?<![\w$.]){re.escape(name)}(?![\w$])", BASE + SCRIPT)) > 1, name
+
+
+def test_the_script_and_the_style_use_what_the_template_has():
+    assert len(IDS) == len(set(IDS))
+    asked = set(re.findall(r"\$\('([\w-]+)'\)", BASE + SCRIPT))
+    assert asked <= set(IDS)
+    rules = re.sub(r"\{[^{}]*\}", "{}", STYLE)
+    words = set(re.findall(r"[\w-]+", TEMPLATE + SCRIPT))
+    assert set(re.findall(r"[.#]([a-z][\w-]*)", rules)) <= words
+    assert set(re.findall(r"clip\.(\w+)", SCRIPT)) <= {*FIELDS, "clip"}

@@ -1,0 +1,273 @@
+"""The page over clips in a browser: it asks for nothing, sorts, filters and opens what it lists."""
+
+import re
+import shutil
+
+import numpy as np
+import pytest
+from test_index import failed, figures, record
+
+from distretarget.report.index import index_page
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="playwright, which drives the browser, is not installed")
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
+pytestmark = pytest.mark.skipif(not BROWSER, reason="no Chromium or Chrome is installed")
+
+NASTY = "</script><b>&amp; \"q' ü"
+LONG = "x" * 300
+TARGETS = ("/rigs/tall.json", "/rigs/short.json")
+NONE = "\u2013"
+CONTACT = "Contact error"
+
+
+def clip(k, contact, **others):
+    """A done clip with a contact error of its own, that of its copy 0.1 more."""
+    values = figures(0.5)
+    values["result"]["contact_error"], values["rotation_copy"]["contact_error"] = contact, contact + 0.1
+    return record(f"clip_{k}.bvh", **{"figures": values, "frames": 100 + k, "target": TARGETS[k % 2], **others})
+
+
+def few():
+    """Clips with contact errors of 0.1, 0.3, 0.2 and none, the second with warnings; one that failed."""
+    clips = [clip(0, 0.1), clip(1, 0.3, warnings=["one", NASTY]), clip(2, 0.2), clip(10, 0.0)]
+    clips[3]["figures"]["result"]["contact_error"] = None
+    return [failed("bad.bvh", "/clips/bad.bvh:7: found 'nan'", target=TARGETS[0]), *clips]
+
+
+def nasty():
+    return [
+        record(NASTY, target=NASTY, warnings=[LONG]),
+        failed(f"{NASTY}2", NASTY),
+        failed(LONG, LONG, target=f"/{LONG}"),
+        record(f"{LONG}2", target=f"/{LONG}2"),
+    ]
+
+
+def many():
+    errors = np.random.default_rng(0).permutation(10_000) / 1e4
+    done = [clip(k, error, warnings=["one"]) for k, error in enumerate(errors.tolist())]
+    return [failed(f"bad_{k}.bvh") if k % 100 == 50 else one for k, one in enumerate(done)]
+
+
+MADE = {"few": few, "one target": lambda: [clip(0, 0.1)], "empty": list, "nasty": nasty, "many": many}
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with sync_api.sync_playwright() as playwright:
+        program = playwright.chromium.launch(
+            executable_path=BROWSER, args=["--no-sandbox", "--disable-background-networking"]
+        )
+        yield program
+        program.close()
+
+
+@pytest.fixture
+def opened(browser, tmp_path):
+    """Opens a page in a tab. At the end it asked for no other file and had nothing to complain of."""
+    tabs, problems, asked = [], [], []
+
+    def opens(name="few", width=1440, height=1000, **context):
+        records, path = MADE[name](), tmp_path / f"{name}.html"
+        links = {one["output"]: f"reports/{one['output']}.html" for one in records if one["status"] == "done"}
+        path.write_text(index_page(records, links, f"Title {name}", "1.2"), "utf-8")
+        tab = browser.new_page(viewport={"width": width, "height": height}, **context)
+        tab.set_default_timeout(5000)
+        tabs.append(tab)
+        tab.on("console", lambda message: problems.append(message.text))
+        tab.on("pageerror", lambda error: problems.append(str(error)))
+        tab.on("request", lambda request: asked.append(request.url))
+        tab.goto(path.as_uri())
+        tab.evaluate("async () => { for (let k = 0; k < 3; k++) await new Promise(requestAnimationFrame); }")
+        return tab
+
+    yield opens
+    for tab in tabs:
+        tab.close()
+    assert not problems
+    assert len(asked) == len(tabs)
+
+
+def names(tab):
+    return tab.locator("tbody th").all_inner_texts()
+
+
+def column(tab, name):
+    """The cells of a column of figures, of clips that are done."""
+    heads = [text.split("\n")[0].rstrip(" ▲▼") for text in tab.locator("thead th").all_inner_texts()]
+    rows = tab.evaluate("[...$('rows').rows].map(row => [...row.cells].map(cell => cell.firstChild?.data))")
+    return [row[heads.index(name)] for row in rows if len(row) == len(heads)]
+
+
+def head(tab, name):
+    return tab.locator("thead th", has_text=re.compile(f"^{name}"))
+
+
+def test_the_head_counts(opened):
+    tab = opened()
+    facts = dict(zip(*(tab.locator(f"#facts {tag}").all_inner_texts() for tag in ("dt", "dd")), strict=True))
+    assert facts == {
+        "Clips": "5",
+        "Converted": "4",
+        "Failed": "1",
+        "Frames": "413",
+        "Conversion": "2.00 s, all clips added up",
+        "Folder": "/clips/",
+        "Made by": "distretarget version 1.2",
+    }
+    assert tab.title() == tab.inner_text("h1") == "Title few"
+    assert "tall.json" in opened("one target").inner_text("#facts")
+
+
+def test_the_cards_have_median_and_worst(opened):
+    card = opened().locator(".figure").first
+    assert card.locator(".big").inner_text() == "0.200 median"
+    rows = dict(zip(*(card.locator(tag).all_inner_texts() for tag in ("dt", "dd")), strict=True))
+    assert rows == {"worst": "0.300", "rotation copy": "0.250", "copy’s worst": "0.400"}  # noqa: RUF001
+    assert card.locator(".strip").get_attribute("aria-label") == "Distribution over the clips, from 0.100 to 0.300"
+
+
+def test_failures_stand_above_with_their_reasons(opened):
+    tab = opened()
+    assert tab.inner_text("#failures-title") == "1 clip failed"
+    assert tab.locator("#failed li").all_inner_texts() == ["bad.bvh for tall.json\n\nline 7: found 'nan'"]
+    assert not opened("one target").is_visible("#failures")
+
+
+def test_the_worst_contact_error_comes_first_and_what_is_missing_last(opened):
+    tab = opened()
+    assert column(tab, CONTACT) == ["0.300", "0.200", "0.100", NONE]
+    assert head(tab, CONTACT).get_attribute("aria-sort") == "descending"
+    head(tab, CONTACT).locator("button").focus()
+    tab.keyboard.press("Enter")
+    assert column(tab, CONTACT) == ["0.100", "0.200", "0.300", NONE]
+    assert head(tab, CONTACT).get_attribute("aria-sort") == "ascending"
+    assert set(names(tab)[3:]) == {"bad.bvh", "clip_10.bvh"}
+
+
+def test_every_column_sorts_both_ways(opened):
+    tab = opened()
+    clips = ["bad.bvh", "clip_0.bvh", "clip_1.bvh", "clip_2.bvh", "clip_10.bvh"]
+    for button in tab.locator("thead button").all():
+        button.click()
+        first = names(tab)
+        button.click()
+        assert sorted(first) == sorted(names(tab)) == sorted(clips)
+    assert tab.locator("[aria-sort]").count() == 1
+    head(tab, "Clip").locator("button").click()
+    assert names(tab) == clips
+    head(tab, "Clip").locator("button").click()
+    assert names(tab) == clips[::-1]
+    head(tab, "Frames").locator("button").click()
+    assert column(tab, "Frames") == ["110", "102", "101", "100"]
+    assert names(tab)[-1] == "bad.bvh"
+
+
+def test_the_filters(opened):
+    tab = opened()
+    for text, found in (("CLIP_1", ["clip_1.bvh", "clip_10.bvh"]), ("nan", ["bad.bvh"]), ("short", ["clip_1.bvh"])):
+        tab.fill("#filter", text)
+        assert names(tab) == found
+    tab.fill("#filter", "nothing has this")
+    assert tab.inner_text("tbody") == "No clip passes the filters."
+    assert tab.inner_text("#count") == "0 clips, 5 in all"
+    tab.fill("#filter", "")
+    for status, count in (("failed", 1), ("converted", 4), ("warned", 1), ("all", 5)):
+        tab.select_option("#status", status)
+        assert len(names(tab)) == count
+    assert tab.locator("#target option").all_inner_texts() == ["All targets", "tall.json (4)", "short.json (1)"]
+    tab.select_option("#target", "1")
+    assert names(tab) == ["clip_1.bvh"]
+    assert not opened("one target").is_visible("#target")
+
+
+def test_links_go_to_the_reports(opened):
+    tab = opened()
+    links = {link.inner_text(): link.get_attribute("href") for link in tab.locator("tbody a").all()}
+    assert links == {f"clip_{k}.bvh": f"reports/clip_{k}.bvh.html" for k in (0, 1, 2, 10)}
+
+
+def test_warnings_open_and_close(opened):
+    tab = opened()
+    button = tab.locator("td button")
+    assert button.get_attribute("aria-label") == "2 warnings of clip_1.bvh"
+    button.click()
+    assert tab.locator(".told li").all_inner_texts() == ["one", NASTY]
+    assert button.get_attribute("aria-expanded") == "true"
+    button.click()
+    assert tab.locator(".told").count() == 0
+
+
+def test_the_theme(opened):
+    tab = opened(color_scheme="light")
+    seen = []
+    for label in ("Dark", "Light", "Dark"):
+        assert tab.inner_text("#theme") == label
+        seen.append(tab.evaluate("getComputedStyle(document.body).backgroundColor"))
+        tab.click("#theme")
+    assert seen[0] == seen[2] != seen[1]
+
+
+@pytest.mark.parametrize("width", [320, 390, 900, 1251, 1440])
+def test_nothing_is_wider_than_the_screen(opened, width):
+    for name in ("few", "nasty"):
+        tab = opened(name, width=width, height=844)
+        assert tab.evaluate("document.scrollingElement.scrollWidth") <= width, name
+
+
+def test_the_head_of_a_table_that_fits_stays_on_the_screen(opened):
+    tab = opened("many")
+    tab.evaluate("scrollTo(0, document.body.scrollHeight / 2)")
+    assert head(tab, "Clip").bounding_box()["y"] == pytest.approx(0, abs=1)
+
+
+def test_names_are_text(opened):
+    tab = opened("nasty")
+    assert NASTY in names(tab)
+    assert {text.split(" for ")[0] for text in tab.locator("b").all_inner_texts()} == {f"{NASTY}2", LONG}
+    assert NASTY in tab.locator("#failed .reason").all_inner_texts()
+    tab.locator("#failed summary").click()
+    assert tab.locator("#failed details").get_attribute("open") is not None
+
+
+def test_an_empty_page_says_so(opened):
+    tab = opened("empty")
+    assert tab.inner_text("tbody") == "There are no clips."
+    assert not tab.is_visible("#figures")
+    assert not tab.is_visible("#failures")
+
+
+def test_of_ten_thousand_clips_five_hundred_are_shown_at_a_time(opened):
+    tab = opened("many")
+    rows = tab.locator("tbody tr")
+    assert rows.count() == 500
+    assert tab.inner_text("#count") == "first 500 of 10,000 clips"
+    assert tab.locator("#failed li").count() == 20
+    tab.click("#more")
+    assert rows.count() == 1000
+    shown = [float(text) for text in column(tab, CONTACT)]
+    assert shown == sorted(shown, reverse=True)
+    tab.click("#failures > button")
+    assert rows.count() == 100
+    assert not tab.is_visible("#more")
+    assert tab.inner_text("#count") == "100 clips, 10,000 in all"
+
+
+def test_print_shows_table_and_terms_on_white(opened):
+    tab = opened(color_scheme="dark")
+    tab.emulate_media(media="print")
+    tab.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert tab.is_visible("tbody")
+    assert tab.is_visible("#terms")
+    assert not tab.is_visible("#filter")
+    assert tab.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    tab.evaluate("dispatchEvent(new Event('afterprint'))")
+    tab.emulate_media(media="screen")
+    assert tab.inner_text("#theme") == "Light"
+    assert not tab.is_visible("#terms")
+
+
+def test_every_control_has_a_name(opened):
+    for control in opened().locator("button, input, select, summary, a[href], [tabindex='0']").all():
+        assert control.get_attribute("aria-label") or control.inner_text().strip()
