@@ -136,10 +136,15 @@ def test_results_that_collide_are_refused(tmp_path):
 
 
 def test_results_never_land_on_inputs(tmp_path):
+    made(tmp_path, "in/a.bvh", "hero.bvh")
     with pytest.raises(BatchError, match="is an input"):
         plan([clip(tmp_path, "a.bvh")], [target(tmp_path)], tmp_path / "in", [])
     with pytest.raises(BatchError, match="is an input"):
         plan([clip(tmp_path, "hero.bvh")], [target(tmp_path, "hero.bvh")], tmp_path, [])
+    (tmp_path / "link").symlink_to(tmp_path / "in")
+    with pytest.raises(BatchError, match="is an input"):
+        plan([clip(tmp_path, "a.bvh")], [target(tmp_path)], tmp_path / "link", [])
+    assert plan([clip(tmp_path, "a.bvh")], [target(tmp_path)], tmp_path, [])
 
 
 def test_the_folder_of_results_is_not_inside_a_source(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
@@ -60,10 +61,19 @@ def _check_places(works: Sequence[Work], folder: Path) -> None:
                 f"{folder / work.place} would be the result of both {_named(other)} and {_named(work)}; "
                 "convert them in two runs, or give folders instead of files"
             )
-    inputs = {path.resolve() for work in works for path in (work.clip.path, Path(work.target.path))}
+    inputs = {_file(path) for work in works for path in (work.clip.path, work.target.path)} - {None}
     for work in works:
-        if (folder / work.place).resolve() in inputs:
+        if _file(folder / work.place) in inputs:
             raise BatchError(f"{folder / work.place} is an input, and would be a result; name another folder with -o")
+
+
+def _file(path: str | Path) -> tuple[int, int] | None:
+    """What tells a file from all others, by whatever name it is reached; None where there is none."""
+    try:
+        status = os.stat(path)  # noqa: PTH116 - of many thousand paths
+    except (OSError, ValueError):
+        return None
+    return status.st_dev, status.st_ino
 
 
 def _named(work: Work) -> str:
