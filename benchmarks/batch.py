@@ -1,7 +1,7 @@
 """What `distretarget batch` does under load, when killed, and what it costs; each measurement is a command of its own.
 
     python benchmarks/batch.py jobs [--clips 40] [--frames 4000] [--rounds 3]
-    python benchmarks/batch.py long [--frames 30000] [--rounds 3]
+    python benchmarks/batch.py long [--clip walk] [--frames 30000] [--rounds 3]
     python benchmarks/batch.py kill FOLDER [--times 10] [--most 12]
     python benchmarks/batch.py tiny [--clips 2000]
 
@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import random
 import resource
 import signal
@@ -34,6 +35,7 @@ import numpy as np
 
 from distretarget import Motion, read_bvh, write_bvh
 from distretarget.batch.manifest import NAME
+from distretarget.batch.pools import Processes
 
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"
 CLIPS = ("walk", "clap", "wave", "turn", "hands_on_hips")
@@ -55,6 +57,8 @@ def main() -> None:
         command.set_defaults(measure=measure)
         for option, default in options.items():
             command.add_argument(option, type=int, default=default)
+        if measure is long:
+            command.add_argument("--clip", choices=CLIPS, default=CLIPS[0])
         if measure is kill:
             command.add_argument("folder", type=Path)
     arguments = parser.parse_args()
@@ -69,15 +73,27 @@ def jobs(arguments: argparse.Namespace, scratch: Path) -> bool:
         write_bvh(folder(scratch / "in") / f"{number}.bvh", repeated(CLIPS[number % len(CLIPS)], arguments.frames))
     ratio, first = by_turns(scratch, arguments.rounds)
     print(f"{arguments.clips} clips of {arguments.frames} frames: 2 jobs have {ratio:.2f} times the throughput of 1")
-    print(f"first clip done after {first:.2f} s")
+    print(f"first clip done after {first:.2f} s; {starting()}")
     return ratio < LEAST
+
+
+def starting() -> str:
+    """How long workers take to be ready: the first, with what it is forked from, and one more."""
+    pool = Processes(1, "contact")
+    seconds = []
+    for _ in range(2):
+        started = time.perf_counter()
+        pool.executor.submit(os.getpid).result()
+        seconds.append(time.perf_counter() - started)
+        pool.renew()
+    return f"the first worker is ready after {seconds[0]:.2f} s, one more after {seconds[1]:.3f} s"
 
 
 def long(arguments: argparse.Namespace, scratch: Path) -> bool:
     """One clip, cut into pieces for 2 processes, against 1."""
-    write_bvh(folder(scratch / "in") / "long.bvh", repeated("clap", arguments.frames))
+    write_bvh(folder(scratch / "in") / "long.bvh", repeated(arguments.clip, arguments.frames))
     ratio, _ = by_turns(scratch, arguments.rounds)
-    print(f"one clip of {arguments.frames} frames: 2 jobs have {ratio:.2f} times the throughput of 1")
+    print(f"{arguments.clip}, {arguments.frames} frames in one clip: 2 jobs have {ratio:.2f} times the throughput of 1")
     return not same(scratch / "1", scratch / "2")
 
 

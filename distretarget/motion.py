@@ -113,6 +113,21 @@ def _local_rotations(parents: NDArray[np.intp], world: NDArray[np.float64], loca
             _multiply(-p[0], -p[1], -p[2], p[3], world[frame, joint], local[frame, joint])
 
 
+def products(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The products of rotations and others, all (frames, joints, 4)."""
+    product = np.empty_like(second)
+    _products(first, second, product)
+    return product
+
+
+@njit(cache=True)
+def _products(first: NDArray[np.float64], second: NDArray[np.float64], product: NDArray[np.float64]) -> None:
+    for frame in range(len(first)):
+        for joint in range(first.shape[1]):
+            p = first[frame, joint]
+            _multiply(p[0], p[1], p[2], p[3], second[frame, joint], product[frame, joint])
+
+
 @njit(cache=True)
 def _multiply(x, y, z, w, q, product):  # type: ignore[no-untyped-def]
     """The product of the quaternion x y z w and q, written; it may be q itself."""
