@@ -2,12 +2,12 @@
 
     python benchmarks/batch.py jobs [--clips 40] [--frames 4000] [--rounds 3]
     python benchmarks/batch.py long [--clip walk] [--frames 30000] [--rounds 3]
-    python benchmarks/batch.py kill FOLDER [--times 10] [--most 12]
+    python benchmarks/batch.py kill FOLDER [--times 10] [--most 8]
     python benchmarks/batch.py tiny [--clips 2000]
 
 jobs: clips of one length, with 1 and with 2 processes by turns; the ratio of their times, and the time until the first
-clip is there. long: the same for one clip, which is cut. kill: a run over FOLDER is killed at random moments, at most
-`most` seconds after its start, and started again; in the end all outputs must be those of a run nobody killed, and
+clip is there. long: the same for one clip, which is cut. kill: a run over FOLDER is killed at random moments, `most`
+seconds after its start or up to half as much, and started again; in the end all outputs must be those of a run nobody killed, and
 no clip may have been made twice. tiny: clips of one frame; the cost of a clip besides its frames, on time, disk and
 memory. The exit status is 1 if something is not as it must be.
 """
@@ -50,7 +50,7 @@ def main() -> None:
     for name, measure, options in (
         ("jobs", jobs, {"--clips": 40, "--frames": 4000, "--rounds": 3}),
         ("long", long, {"--frames": 30_000, "--rounds": 3}),
-        ("kill", kill, {"--times": 10, "--most": 12}),
+        ("kill", kill, {"--times": 10, "--most": 8}),
         ("tiny", tiny, {"--clips": 2000}),
     ):
         command = which.add_parser(name)
@@ -123,7 +123,7 @@ def kill(arguments: argparse.Namespace, scratch: Path) -> bool:
     for _ in range(arguments.times):
         with run(arguments.folder, scratch / "killed") as process:
             try:
-                process.wait(random.uniform(1.0, arguments.most))
+                process.wait(random.uniform(arguments.most / 2, arguments.most))
             except subprocess.TimeoutExpired:
                 process.send_signal(signal.SIGKILL)
             process.wait()
