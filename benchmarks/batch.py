@@ -5,11 +5,14 @@
     python benchmarks/batch.py kill FOLDER [--times 10] [--most 8]
     python benchmarks/batch.py tiny [--clips 2000]
 
-jobs: clips of one length, with 1 and with 2 processes by turns; the ratio of their times, and the time until the first
-clip is there. long: the same for one clip, which is cut. kill: a run over FOLDER is killed at random moments, `most`
-seconds after its start or up to half as much, and started again; in the end all outputs must be those of a run nobody killed, and
-no clip may have been made twice. tiny: clips of one frame; the cost of a clip besides its frames, on time, disk and
-memory. The exit status is 1 if something is not as it must be.
+jobs: clips of one length, with 1 and with 2 processes by turns; the ratio of their times, the time until the first clip
+is there, and until workers are ready.
+long: the same for one clip, which is cut.
+kill: a run over FOLDER is killed at random moments, between half of `most` and `most` seconds after its start, and
+started again; in the end all outputs must be those of a run nobody killed, and no clip may have been made twice.
+tiny: clips of one frame; the cost of a clip besides its frames, on time, disk and memory.
+
+The exit status is 1 if something is not as it must be.
 """
 
 from __future__ import annotations
