@@ -112,7 +112,8 @@ def diff(a: Motion, b: Motion, joint_map: JointMap | None = None) -> Diff:
         a = resampled(a, b.frame_time_text)
     if len(a) != len(b):
         frames = min(len(a), len(b))
-        notes.append(f"A has {len(a)} frames and B has {len(b)}; the first {frames} were compared")
+        compared = "the first was" if frames == 1 else f"the first {frames} were"
+        notes.append(f"A has {_frames(a)} and B has {len(b)}; {compared} compared")
         a, b = _first(a, frames), _first(b, frames)
     problem = distance_problem(matching.source, matching.target, matching.drivers)
     relative = (problem.body_size / height(matching.target)) ** 2
@@ -151,6 +152,10 @@ def _check(motion: Motion, name: str) -> None:
         raise MotionError(f"{name} has positions beyond {LARGEST:g}; its OFFSETs or position channels must be wrong")
     if not motion.rigid_skeleton.path_lengths.max() > 0:
         raise MotionError(f"no bone of {name} has a length; there is nothing to compare")
+
+
+def _frames(motion: Motion) -> str:
+    return "1 frame" if len(motion) == 1 else f"{len(motion)} frames"
 
 
 def _first(motion: Motion, frames: int) -> Motion:

@@ -14,7 +14,7 @@ from multiprocessing.connection import Connection
 from typing import Protocol
 
 from distretarget.errors import BatchError
-from distretarget.retarget import Objective
+from distretarget.retarget import OBJECTIVES, Objective
 from distretarget.warm import warm
 
 # A worker of one thread: there are as many workers as cores.
@@ -52,18 +52,18 @@ class Processes:
         # Not "fork": a process with threads, as numerical libraries have, must not be forked.
         methods = multiprocessing.get_all_start_methods()
         self._context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
-        self._warms = "forkserver" not in methods
-        if not self._warms:
+        self._forks = "forkserver" in methods
+        if self._forks:
             self._context.set_forkserver_preload(["distretarget.batch.warmed"])
 
     @cached_property
     def executor(self) -> Executor:
         """The processes, started when they are needed.
 
-        What is to be compiled is compiled once: by the process that forks the others, or, where none does, here, so
-        that they find it in the cache.
+        What is to be compiled is compiled once: by the process that forks the others, or, where none does or for
+        another objective than the default, here, so that they find it in the cache.
         """
-        if self._warms:
+        if not self._forks or self._objective != OBJECTIVES[0]:
             warm(self._objective)
         reader, self._writer = self._context.Pipe(duplex=False)
         with _environment(dict.fromkeys(SINGLE, "1")):

@@ -4,5 +4,4 @@ from distretarget.batch import task as task
 from distretarget.retarget import OBJECTIVES
 from distretarget.warm import warm
 
-for objective in OBJECTIVES:
-    warm(objective)
+warm(OBJECTIVES[0])

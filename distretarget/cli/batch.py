@@ -6,7 +6,7 @@ import signal
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from importlib.metadata import version
 from pathlib import Path
 from types import FrameType, TracebackType
@@ -123,21 +123,17 @@ def batch_command(
     pages = Pages(index, reports, overwrite, lambda work: about(work.clip.path, work.place)) if index else None
     if pages:
         pages.check()
-    manifest = Manifest(folder)
-    try:
+    with closing(Manifest(folder)) as manifest, Progress(works, pages) as progress:
         pool: Pool = Cluster(dask) if dask else Processes(jobs or cores(), options.objective)
-        with Progress(works, pages) as progress:
-            every = pages.about if pages and pages.most is None else None
-            run = Run(folder, recipe, manifest, pool, progress, overwrite, fail_fast, every)
-            stopped, status = _convert(run, works, pages)
-        for line in progress.tally.lines(len(works), progress.seconds, pool.workers):
-            say(line)
-        _tell_unread(found)
-        if stopped:
-            say(f"distretarget: {stopped}", err=True)
-        sys.exit(status or int(bool(progress.tally.failed or found.unread)))
-    finally:
-        manifest.close()
+        every = pages.about if pages and pages.most is None else None
+        run = Run(folder, recipe, manifest, pool, progress, overwrite, fail_fast, every)
+        stopped, status = _convert(run, works, pages)
+    for line in progress.tally.lines(len(works), progress.seconds, pool.workers):
+        say(line)
+    _tell_unread(found)
+    if stopped:
+        say(f"distretarget: {stopped}", err=True)
+    sys.exit(status or int(bool(progress.tally.failed or found.unread)))
 
 
 def _targets(sources: tuple[Path, ...], targets: tuple[Path, ...]) -> tuple[list[Text], tuple[Path, ...]]:
