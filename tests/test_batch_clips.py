@@ -107,6 +107,16 @@ def test_links_to_nothing_and_missing_files_are_clips_that_will_fail(tmp_path):
     assert places(find_clips([tmp_path / "none.bvh"])) == ["none.bvh"]
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+def test_pipes_that_would_never_end_are_not_opened(tmp_path):
+    os.mkfifo(tmp_path / "pipe.bvh")
+    found = find_clips([tmp_path])
+    assert (found.clips, [str(error) for error in found.unread]) == (
+        (),
+        [f"{tmp_path / 'pipe.bvh'}: is no regular file"],
+    )
+
+
 # ---- the plan
 
 

@@ -100,7 +100,10 @@ def _files_below(
         if entry.is_dir():
             yield from _files_below(folder, place / entry.name, unread, above | {real})
         elif _is_bvh(PurePath(entry.name)):
-            yield place / entry.name
+            if entry.is_file() or not (folder / place / entry.name).exists():  # reading tells of links to nothing
+                yield place / entry.name
+            else:
+                unread.append(FileError(folder / place / entry.name, "is no regular file"))
 
 
 def _absolute(path: Path) -> str:
