@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ CHANNELS = POSITION_CHANNELS + ROTATION_CHANNELS
 JOINT_CHANNELS = ("Zrotation", "Xrotation", "Yrotation")
 ROOT_CHANNELS = POSITION_CHANNELS + JOINT_CHANNELS
 
+PARSED = 4  # targets that are kept, for the next clip
 HEAD = ("format", "version", "name")
 FULL = ("joints", "units", "up", "map")
 SHORT = ("scale", "lengths", "factors")
@@ -180,6 +182,7 @@ def _joint(skeleton: Skeleton, joint: int) -> dict[str, object]:
     return entry | last
 
 
+@lru_cache(maxsize=PARSED)
 def _parse(text: str, path: str | Path) -> Target | SkeletonEdit:
     if not is_json(text):
         return _bvh_target(text, path)

@@ -136,11 +136,13 @@ class Manifest:
         if fcntl is None:
             yield
             return
-        fcntl.lockf(self._file, fcntl.LOCK_EX)
+        with contextlib.suppress(OSError):  # not all file systems can
+            fcntl.lockf(self._file, fcntl.LOCK_EX)
         try:
             yield
         finally:
-            fcntl.lockf(self._file, fcntl.LOCK_UN)
+            with contextlib.suppress(OSError):
+                fcntl.lockf(self._file, fcntl.LOCK_UN)
 
     def _sweep(self, folder: Path) -> None:
         """Remove what a run that was killed left half-written, unless another run is at work in the folder."""
@@ -150,7 +152,8 @@ class Manifest:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             for left in folder.rglob(".distretarget-*.tmp"):
                 left.unlink()
-        fcntl.flock(self._file, fcntl.LOCK_SH)
+        with contextlib.suppress(OSError):
+            fcntl.flock(self._file, fcntl.LOCK_SH)
 
 
 def _check_ours(path: Path) -> None:
