@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 from bodies import CORPUS, SAMPLES, needs_corpus, other_lengths, person, swaying
@@ -289,6 +290,20 @@ def test_a_scheduler_that_is_not_there(folder, monkeypatch):
     assert isinstance(error, BatchError)
     assert str(error).startswith("no Dask scheduler answers at tcp://127.0.0.1:9: ")
     assert "\n" not in str(error)
+    assert not (folder / "out").exists()
+
+
+def test_workers_run_the_same_program(folder):
+    (folder / "distretarget" / "batch").mkdir(parents=True)
+    for module in ("__init__.py", "batch/__init__.py", "batch/warmed.py"):
+        (folder / "distretarget" / module).write_text("open('imported', 'a').close()")
+    program = shutil.which("distretarget", path=Path(sys.executable).parent)
+    if not program:
+        pytest.skip("needs the installed command")
+    arguments = ["batch", "in", "body.json", "-o", "out"]
+    done = subprocess.run([program, *arguments], capture_output=True, text=True, cwd=folder, timeout=120)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert not (folder / "imported").exists()
 
 
 # ---- real folders

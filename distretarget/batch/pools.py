@@ -6,11 +6,13 @@ import contextlib
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from functools import cached_property
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Protocol
 
 from distretarget.errors import BatchError
@@ -38,7 +40,7 @@ class Pool(Protocol):
     def renew(self) -> None:
         """Get new workers, after one has died and the executor with it."""
 
-    def stop(self) -> None:
+    def close(self) -> None:
         """Let go of the workers, whatever they do."""
 
 
@@ -66,17 +68,17 @@ class Processes:
         if not self._forks or self._objective != OBJECTIVES[0]:
             warm(self._objective)
         reader, self._writer = self._context.Pipe(duplex=False)
-        with _environment(dict.fromkeys(SINGLE, "1")):
+        with _surroundings():
             pool = ProcessPoolExecutor(self.workers, self._context, _begin, (reader,))
             pool.submit(os.getpid)  # so that the processes, or who forks them, see the environment
         return pool
 
     def renew(self) -> None:
         """Have new processes started."""
-        self.stop()
+        self.close()
         del self.executor
 
-    def stop(self) -> None:
+    def close(self) -> None:
         """End the processes at once."""
         if "executor" in self.__dict__:
             self.executor.shutdown(wait=False, cancel_futures=True)
@@ -109,7 +111,7 @@ class Cluster:
     def renew(self) -> None:
         """Nothing to do: the scheduler gives the tasks of a dead worker to others."""
 
-    def stop(self) -> None:
+    def close(self) -> None:
         """Leave the cluster; tasks not yet done are dropped."""
         with contextlib.suppress(Exception):
             self._client.close(timeout=5)
@@ -137,12 +139,17 @@ def _end_with(life: Connection) -> None:
 
 
 @contextlib.contextmanager
-def _environment(variables: dict[str, str]) -> Iterator[None]:
-    """Environment variables that are set for a while, where nothing else is."""
-    ours = {name: value for name, value in variables.items() if name not in os.environ}
-    os.environ.update(ours)
+def _surroundings() -> Iterator[None]:
+    """For a while, the environment variables of workers.
+
+    They import from where this process does, and not from the folder they happen to be started in, which may hold
+    another copy of this program.
+    """
+    before = dict(os.environ)
+    path = os.pathsep.join(str(Path(folder).absolute()) for folder in sys.path)
+    os.environ.update(dict.fromkeys(SINGLE, "1") | before | {"PYTHONSAFEPATH": "1", "PYTHONPATH": path})
     try:
         yield
     finally:
-        for name in ours:
-            del os.environ[name]
+        os.environ.clear()
+        os.environ.update(before)

@@ -123,8 +123,8 @@ def batch_command(
     pages = Pages(index, reports, overwrite, lambda work: about(work.clip.path, work.place)) if index else None
     if pages:
         pages.check()
-    with closing(Manifest(folder)) as manifest, Progress(works, pages) as progress:
-        pool: Pool = Cluster(dask) if dask else Processes(jobs or cores(), options.objective)
+    pool: Pool = Cluster(dask) if dask else Processes(jobs or cores(), options.objective)
+    with closing(pool), closing(Manifest(folder)) as manifest, Progress(works, pages) as progress:
         every = pages.about if pages and pages.most is None else None
         run = Run(folder, recipe, manifest, pool, progress, overwrite, fail_fast, every)
         stopped, status = _convert(run, works, pages)
@@ -168,8 +168,6 @@ def _convert(run: Run, works: Sequence[Work], pages: Pages | None) -> tuple[str,
             return "interrupted; run this again to go on", INTERRUPTED
         except (BatchError, FileError) as error:
             return str(error), 1
-        finally:
-            run.pool.stop()
     return "", 0
 
 
