@@ -7,7 +7,7 @@
 
 jobs: clips of one length, with 1 and with 2 processes by turns; the ratio of their times, the time until the first clip
 is there, and until workers are ready.
-long: the same for one clip, which is cut.
+long: the same for one clip, which is cut, and the memory it takes.
 kill: a run over FOLDER is killed at random moments, between half of `most` and `most` seconds after its start, and
 started again; in the end all outputs must be those of a run nobody killed, and no clip may have been made twice.
 tiny: clips of one frame; the cost of a clip besides its frames, on time, disk and memory.
@@ -97,6 +97,7 @@ def long(arguments: argparse.Namespace, scratch: Path) -> bool:
     write_bvh(folder(scratch / "in") / "long.bvh", repeated(arguments.clip, arguments.frames))
     ratio, _ = by_turns(scratch, arguments.rounds)
     print(f"{arguments.clip}, {arguments.frames} frames in one clip: 2 jobs have {ratio:.2f} times the throughput of 1")
+    print(f"memory of the largest process: {memory():.0f} MB")
     return not same(scratch / "1", scratch / "2")
 
 
@@ -154,9 +155,13 @@ def tiny(arguments: argparse.Namespace, scratch: Path) -> bool:
         print(f"{arguments.clips} clips {what} in {seconds:.1f} s, {1e3 * seconds / arguments.clips:.1f} ms each")
         started = time.perf_counter()
     size = (scratch / "out" / NAME).stat().st_size / arguments.clips
-    memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-    print(f"manifest: {size:.0f} bytes a clip; memory of the largest process: {memory:.0f} MB")
+    print(f"manifest: {size:.0f} bytes a clip; memory of the largest process: {memory():.0f} MB")
     return status != 0 or len(done(scratch / "out")) != arguments.clips
+
+
+def memory() -> float:
+    """The largest memory of a process that has been waited for [MB]."""
+    return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
 
 
 def repeated(name: str, frames: int) -> Motion:

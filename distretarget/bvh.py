@@ -7,7 +7,7 @@ import math
 import tempfile
 import warnings
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +35,7 @@ with warnings.catch_warnings():
 Array = NDArray[np.float64]
 
 ANGLE_DECIMALS = 6
+BLOCK = 1024  # frames of a part of the text
 NOISE = 0.01  # of an OFFSET's length: position channels that stay within it say nothing
 
 
@@ -103,8 +104,19 @@ def format_bvh(motion: Motion) -> str:
         SkeletonError: a name that BVH cannot hold.
         MotionError: a value that is not finite.
     """
+    return "".join(bvh_parts(motion))
+
+
+def bvh_parts(motion: Motion, mapper: Callable[..., Iterable[str]] = map) -> Iterable[str]:
+    """The text of `format_bvh`, in parts.
+
+    `mapper` is like `map`; that of an executor has the parts made while the caller does something else.
+    """
     head = [f"Frames: {len(motion)}", f"Frame Time: {motion.frame_time_text}"]
-    return "\n".join([*_hierarchy_lines(motion.skeleton), "MOTION", *head, *_frame_lines(motion), ""])
+    lines = [*_hierarchy_lines(motion.skeleton), "MOTION", *head]
+    values, words = _channel_values(motion), _frame_words(motion.skeleton)
+    blocks = [values[first : first + BLOCK] for first in range(0, len(values), BLOCK)]
+    return itertools.chain(["\n".join([*lines, ""])], mapper(_frames_text, blocks, itertools.repeat(words)))
 
 
 def _take_skeleton(words: Words) -> Skeleton:
@@ -292,15 +304,21 @@ def _offset_word(value: float) -> str:
     return np.format_float_positional(value + 0.0, unique=True, min_digits=6)
 
 
-def _frame_lines(motion: Motion) -> Iterator[str]:
-    """The frames, a line each; numbers that would be written as minus zero are zero."""
-    channels = [c for joint in motion.skeleton.depth_first for c in motion.skeleton.channels[joint]]
-    fine = _position_decimals(motion.skeleton)
-    decimals = [fine if channel in POSITION_CHANNELS else ANGLE_DECIMALS for channel in channels]
-    values = _channel_values(motion)
-    values[np.abs(values) <= 0.5 * 10.0 ** -np.array(decimals)] = 0.0
-    line = " ".join(f"%.{places}f" for places in decimals)
-    return (line % tuple(frame) for frame in values.tolist())
+def _frame_words(skeleton: Skeleton) -> str:
+    """How a frame is written, for the operator %."""
+    return " ".join(f"%.{places}f" for places in _decimals(skeleton))
+
+
+def _frames_text(values: Array, words: str) -> str:
+    """Frames, a line each."""
+    return "".join(f"{words % tuple(frame)}\n" for frame in values.tolist())
+
+
+def _decimals(skeleton: Skeleton) -> list[int]:
+    """How many decimals each channel gets, depth first."""
+    channels = [channel for joint in skeleton.depth_first for channel in skeleton.channels[joint]]
+    fine = _position_decimals(skeleton)
+    return [fine if channel in POSITION_CHANNELS else ANGLE_DECIMALS for channel in channels]
 
 
 def _position_decimals(skeleton: Skeleton) -> int:
@@ -310,7 +328,10 @@ def _position_decimals(skeleton: Skeleton) -> int:
 
 
 def _channel_values(motion: Motion) -> Array:
-    """(frames, channels) as they are written, depth first: positions, and angles in degrees."""
+    """(frames, channels) as they are written, depth first: positions, and angles in degrees.
+
+    What would be written as minus zero is zero.
+    """
     columns = [np.empty((len(motion), 0))]
     for joint in motion.skeleton.depth_first:
         channels = motion.skeleton.channels[joint]
@@ -324,4 +345,5 @@ def _channel_values(motion: Motion) -> Array:
     values = np.concatenate(columns, axis=1)
     if not np.all(np.isfinite(values)):
         raise MotionError("a position or rotation is not finite and cannot be written")
+    values[np.abs(values) <= 0.5 * 10.0 ** -np.array(_decimals(motion.skeleton))] = 0.0
     return values

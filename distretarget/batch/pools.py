@@ -11,6 +11,7 @@ import threading
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from functools import cached_property
+from multiprocessing import forkserver
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Protocol
@@ -70,7 +71,10 @@ class Processes:
         reader, self._writer = self._context.Pipe(duplex=False)
         with _surroundings():
             pool = ProcessPoolExecutor(self.workers, self._context, _begin, (reader,))
-            pool.submit(os.getpid)  # so that the processes, or who forks them, see the environment
+            if self._forks:
+                forkserver.ensure_running()  # begun, not waited for
+            else:
+                pool.submit(os.getpid)  # begins the processes
         return pool
 
     def renew(self) -> None:

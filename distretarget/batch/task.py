@@ -8,7 +8,7 @@ from concurrent.futures import BrokenExecutor, CancelledError
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 
-from distretarget.bvh import format_bvh, parse_bvh
+from distretarget.bvh import bvh_parts, parse_bvh
 from distretarget.conversion import Options, Text, carry
 from distretarget.errors import DistretargetError
 from distretarget.figures import Figures
@@ -75,9 +75,9 @@ def _failed(error: str) -> Outcome:
 
 def _converted(task: Task, mapper: Mapper) -> Outcome:
     path = task.source.path
-    motion = parse_bvh(task.source.text, path)
-    run = Figures(carry(motion, path, task.target, task.map, task.options, mapper))
+    result = carry(parse_bvh(task.source.text, path), path, task.target, task.map, task.options, mapper)
+    parts = bvh_parts(result.motion, mapper)  # made while the figures are, where there are others to do it
+    run = Figures(result)
     report = run_page(run, task.about) if task.about else ""
     warnings = (*run.unmatched(), *run.warnings())
-    text = format_bvh(run.result.motion)
-    return Outcome(version("distretarget"), 0.0, "", text, len(motion), run.means(), warnings, report)
+    return Outcome(version("distretarget"), 0.0, "", "".join(parts), len(result.motion), run.means(), warnings, report)
