@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.errors import BvhError
-from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS
+from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS
 
 MAX_DEPTH = 400
 """Joints inside joints; bvhio takes one Python call for each."""
@@ -75,10 +75,10 @@ class Words:
         return found.group().strip(BLANKS) if found else ""
 
     def number(self, what: str) -> float:
-        """The next word as a finite number."""
+        """The next word as a number up to `LARGEST`."""
         word = self.take()
-        if not is_finite(word):
-            self.refuse(word, f"{what}, a finite number")
+        if not is_finite(word) or abs(float(word)) > LARGEST:
+            self.refuse(word, f"{what}, a finite number, at most {LARGEST:g}")
         return float(word)
 
     def count(self, what: str) -> int:

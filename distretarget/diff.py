@@ -17,12 +17,12 @@ from distretarget.metrics import FAR_ALONG, NEAR, Comparison, compare, jerk_of, 
 from distretarget.motion import Motion
 from distretarget.pairs import JointMap
 from distretarget.points import posture_stress
-from distretarget.world import World, find_world, root_offset_of, up_of_motion, with_root_offset
+from distretarget.skeleton import LARGEST
+from distretarget.world import World, find_world, root_offset_of, with_root_offset
 
 Array = NDArray[np.float64]
 
 SAME_TIME = 1e-3  # relative difference of frame times from which motions are resampled
-LARGEST = 1e100  # positions beyond this overflow
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +102,7 @@ def diff(a: Motion, b: Motion, joint_map: JointMap | None = None) -> Diff:
     for motion, name in ((a, "A"), (b, "B")):
         _check(motion, name)
     matching = match(a.rigid_skeleton, b.rigid_skeleton, joint_map, a.positions, b.positions)
-    world = find_world(a, matching, None, up_of_motion(b, matching.anatomies[1]), None)
+    world = find_world(a, matching, None, None, None, b)
     notes = list(turned_note(world))
     a, b = world.enter(a), replace(b, skeleton=b.rigid_skeleton)
     if root_offset_of(b, world.up_vector) == "added":
@@ -148,7 +148,7 @@ def turned_note(world: World) -> tuple[str, ...]:
 def _check(motion: Motion, name: str) -> None:
     if not len(motion):
         raise MotionError(f"{name} has no frames; there is nothing to compare")
-    if not np.abs(motion.positions).max() < LARGEST:
+    if not np.abs(motion.positions).max() <= LARGEST:
         raise MotionError(f"{name} has positions beyond {LARGEST:g}; its OFFSETs or position channels must be wrong")
     if not motion.rigid_skeleton.path_lengths.max() > 0:
         raise MotionError(f"no bone of {name} has a length; there is nothing to compare")

@@ -11,9 +11,7 @@ from typing import NoReturn
 
 from distretarget.bvh_text import is_name
 from distretarget.errors import SkeletonFileError, closest, quoted
-
-LARGEST = 1e50
-"""Of a number in a file, so that squares and products of three stay finite."""
+from distretarget.skeleton import LARGEST
 
 NO_CHARACTER = re.compile(r"[\ud800-\udc7f\udd00-\udfff]")
 """The surrogates that stand for nothing; the others are bytes that were found to be no UTF-8."""

@@ -25,16 +25,21 @@ def has_legs(anatomy: Anatomy) -> bool:
 
 def trunk(anatomy: Anatomy, x: Array) -> Array:
     """(..., 3), unit vectors from the hip joints up to the shoulders or the top of the spine, over positions
-    x (..., joints, 3).
+    x (..., joints, 3); zero for a body without.
     """
-    tops = _joints(anatomy, "leftUpperArm", "rightUpperArm") or [*anatomy.spine, *anatomy.neck][-1:]
-    return unit(x[..., tops, :].mean(axis=-2) - x[..., _base(anatomy), :].mean(axis=-2))
+    return _ways(x, _base(anatomy), _joints(anatomy, "leftUpperArm", "rightUpperArm") or _top(anatomy))
 
 
 def leg_directions(anatomy: Anatomy, x: Array) -> Array:
-    """(..., 3), unit vectors from the hip joints down to the ankles."""
+    """(..., 3), unit vectors from the hip joints down to the ankles; zero for a body without."""
     feet = _joints(anatomy, "leftFoot", "rightFoot") or _joints(anatomy, "leftLowerLeg", "rightLowerLeg")
-    return unit(x[..., feet, :].mean(axis=-2) - x[..., _base(anatomy), :].mean(axis=-2))
+    return _ways(x, _base(anatomy), feet)
+
+
+def upwards(anatomy: Anatomy, x: Array) -> Array:
+    """(..., 3), the mean of the directions up the trunk and up the legs, or the one of them that the body has."""
+    ways = [way for way in (trunk(anatomy, x), -leg_directions(anatomy, x)) if way.any()]
+    return np.asarray(np.mean(ways, axis=0)) if ways else np.zeros((*x.shape[:-2], 3))
 
 
 def leftwards(anatomy: Anatomy, x: Array) -> Array:
@@ -51,6 +56,7 @@ def body_axes(anatomy: Anatomy, x: Array) -> Array:
     """(..., 3, 3), the rotation matrix whose columns are the body's left, up and forward."""
     left = leftwards(anatomy, x)
     up = trunk(anatomy, x)
+    up = up if up.any() else upwards(anatomy, x)
     up = unit(up - (up * left).sum(axis=-1, keepdims=True) * left)
     return np.stack([left, up, np.cross(left, up)], axis=-1)
 
@@ -133,6 +139,17 @@ def unit(vectors: Array) -> Array:
 
 def _base(anatomy: Anatomy) -> list[int]:
     return _joints(anatomy, "leftUpperLeg", "rightUpperLeg") or _joints(anatomy, "hips")
+
+
+def _top(anatomy: Anatomy) -> list[int]:
+    return [*anatomy.spine, *anatomy.neck][-1:]
+
+
+def _ways(x: Array, start: list[int], end: list[int]) -> Array:
+    """(..., 3), unit vectors from the middle of some joints to that of others; zero where there are none."""
+    if not start or not end:
+        return np.zeros((*x.shape[:-2], 3))
+    return unit(x[..., end, :].mean(axis=-2) - x[..., start, :].mean(axis=-2))
 
 
 def _joints(anatomy: Anatomy, *roles: str) -> list[int]:

@@ -24,7 +24,7 @@ from distretarget.pieces import Mapper, Progress
 from distretarget.points import Postures, posture_stress, solve_postures
 from distretarget.poses import Clip, Poses
 from distretarget.rotation_copy import rotation_copy
-from distretarget.skeleton import Skeleton
+from distretarget.skeleton import LARGEST, Skeleton
 from distretarget.spg import Effort
 from distretarget.swing import swing
 from distretarget.world import RootOffset, World, find_world
@@ -175,8 +175,8 @@ def _swung(copy: Motion, problem: DistanceProblem, postures: Postures, parts: ND
 def _check(source: Motion, target: Skeleton) -> None:
     if not len(source):
         raise MotionError("the source has no frames; there is nothing to retarget")
-    if not np.abs(source.positions).max() < 1e100:
-        raise MotionError("the source has positions beyond 1e100; its OFFSETs or position channels must be wrong")
+    if not np.abs(source.positions).max() <= LARGEST:
+        raise MotionError(f"the source has positions beyond {LARGEST:g}; OFFSETs or position channels must be wrong")
     for body, name in ((source.skeleton, "source"), (target, "target")):
         if not body.path_lengths.max() > 0:
             raise MotionError(f"no bone of the {name} has a length; its OFFSETs are all zero")

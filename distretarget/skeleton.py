@@ -15,6 +15,7 @@ from distretarget.errors import SkeletonError, closest, quoted
 
 POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
 ROTATION_CHANNELS = ("Xrotation", "Yrotation", "Zrotation")
+LARGEST = 1e50  # coordinate of an offset or a position, so that squares and products of three stay finite
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +64,9 @@ class Skeleton:
             raise SkeletonError("a skeleton needs a root as its first joint")
         if np.any(self.parents[1:] < 0) or np.any(self.parents[1:] >= np.arange(1, count)):
             raise SkeletonError("parents must come before their children, and only the root has none")
-        if not np.all(np.isfinite(self.offsets)):
-            raise SkeletonError(f"the offset of {quoted(self._where(~np.isfinite(self.offsets)))} is not finite")
+        sound = np.abs(self.offsets) <= LARGEST
+        if not np.all(sound):
+            raise SkeletonError(f"the offset of {quoted(self._where(~sound))} is not finite, or beyond {LARGEST:g}")
         twins = [key for key, times in Counter(self.keys).items() if times > 1]
         if twins:
             raise SkeletonError(f"joints that cannot be told apart: {quoted(twins)}; rename all but one of each")

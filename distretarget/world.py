@@ -14,7 +14,7 @@ from distretarget.anatomy import Anatomy
 from distretarget.body import find_legs, leg_length, up_axis
 from distretarget.matching import Matching
 from distretarget.motion import Motion
-from distretarget.orientation import is_pose, leg_directions, trunk
+from distretarget.orientation import is_pose, upwards
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 
 Array = NDArray[np.float64]
@@ -44,7 +44,7 @@ def up_of_motion(motion: Motion, anatomy: Anatomy | None) -> str | None:
     if anatomy is None or not len(motion):
         legs = find_legs(motion.rigid_skeleton)
         return _axis(up_axis(motion.positions, legs))[0] if legs and len(motion) else None
-    axis, cosine = _axis(_upwards(anatomy, motion.positions).mean(axis=0))
+    axis, cosine = _axis(upwards(anatomy, motion.positions).mean(axis=0))
     rest = up_of_rest(motion.rigid_skeleton, anatomy)
     if rest is None and cosine < TELLS:
         return None
@@ -56,12 +56,7 @@ def up_of_rest(skeleton: Skeleton, anatomy: Anatomy | None) -> str | None:
     """Which of `AXES` points up in the rest pose; None where that is no pose in which a body stands."""
     if anatomy is None or not is_pose(skeleton, anatomy):
         return None
-    return _axis(_upwards(anatomy, skeleton.rest_positions))[0]
-
-
-def _upwards(anatomy: Anatomy, x: Array) -> Array:
-    """(..., 3), the mean of the directions up the trunk and up the legs."""
-    return np.asarray(trunk(anatomy, x) - leg_directions(anatomy, x)) / 2.0
+    return _axis(upwards(anatomy, skeleton.rest_positions))[0]
 
 
 def _axis(direction: Array) -> tuple[str, float]:
@@ -103,14 +98,15 @@ def find_world(
 ) -> World:
     """The world of source and target, as far as it is not given.
 
-    Up in the source is as its motion tells. Up in the target is what its file says; else as a motion of it tells; else,
-    if both rest poses stand along the same axis, as in the source; else the axis along which the target's rest pose
-    stands. Where nothing tells, Y is up.
+    Up in the source is as its motion tells. Up in the target is what its file says; else as a motion of it tells, but
+    not where it is no body and the source is one; else, if both rest poses stand along the same axis, as in the source;
+    else the axis along which the target's rest pose stands. Where nothing tells, Y is up.
     """
     s, t = matching.anatomies
     source_up = source_up or up_of_motion(source, s) or "Y"
     stands, rest = up_of_rest(source.rigid_skeleton, s), up_of_rest(matching.target, t)
-    up = up or matching.target.up or (up_of_motion(target_motion, t) if target_motion else None)
+    tells = target_motion if t or not s else None
+    up = up or matching.target.up or (up_of_motion(tells, t) if tells else None)
     up = up or (source_up if rest in (None, stands) else rest)
     return World(source_up, up, offset or root_offset_of(source, axis_vector(source_up)))
 

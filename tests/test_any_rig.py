@@ -16,7 +16,8 @@ from distretarget.body import height
 from distretarget.conventions import by_names
 from distretarget.errors import MatchingError
 from distretarget.matching import find_matching, match
-from distretarget.skeleton import POSITION_CHANNELS
+from distretarget.orientation import unit
+from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
 from make_rigs import CONVENTIONS, rig
@@ -219,3 +220,52 @@ def test_a_map_may_leave_joints_out():
     assert (matching.drivers[head], matching.found[head]) == (walk().skeleton.index("Neck"), "map")
     motion = retarget(walk(), body, joint_map={"LeftForeArm": None}).motion
     np.testing.assert_allclose(np.abs(motion.rotations[:, arm, 3]), 1, atol=1e-9)
+
+
+# ---- bodies that lack a part
+
+
+def part(motion, top="Hips", without=()):
+    """What is left of a motion from a joint down, without the joints whose names end so and all below them."""
+    body = motion.skeleton
+    lost = {below for joint, name in enumerate(body.names) if name.endswith(without) for below in body.subtree(joint)}
+    kept = [joint for joint in body.subtree(body.index(top)) if joint not in lost]
+    channels = body.channels[:1] + tuple(body.channels[joint] for joint in kept[1:])
+    parents = [-1, *(kept.index(body.parents[joint]) for joint in kept[1:])]
+    names = tuple(body.names[joint] for joint in kept)
+    left = Skeleton(names, np.array(parents), body.offsets[kept], channels, body.end_sites[kept])
+    translations, rotations = motion.translations[:, kept], motion.rotations[:, kept]
+    translations[:, 0], rotations[:, 0] = motion.positions[:, kept[0]], motion.world_rotations[:, kept[0]]
+    return Motion(left, translations, rotations, motion.frame_time_text)
+
+
+LACKS = {
+    "legs": ("Hip",),
+    "a leg": ("LeftHip",),
+    "feet": ("Ankle",),
+    "arms": ("Collar",),
+    "an arm": ("RightCollar",),
+    "head": ("Neck",),
+}
+
+
+@conventions
+@pytest.mark.parametrize("lacks", LACKS)
+def test_what_is_there_of_a_body_moves_another(convention, lacks):
+    whole, body = retarget(walk(), rig(convention, "A")), rig(convention, "A")
+    result = retarget(part(walk(), without=LACKS[lacks]), body)
+    assert result.world.up == whole.world.up
+    driven = np.flatnonzero(result.drivers >= 0)
+    shared = driven[(result.drivers[body.parents[driven]] >= 0) & (driven > 0) & (body.lengths[driven] > 0)]
+    bones = [unit(x.positions[:, shared] - x.positions[:, body.parents[shared]]) for x in (result.motion, whole.motion)]
+    assert np.degrees(np.arccos(np.clip((bones[0] * bones[1]).sum(axis=-1), -1, 1))).mean() < 10
+
+
+@pytest.mark.parametrize("top", ["Chest3", "LeftHip", "RightCollar"])
+def test_a_person_moves_what_is_there_of_a_body(top):
+    clap = read_bvh(SAMPLES / "clap.bvh")  # hands in front: arms are no legs, and do not point down
+    body = part(clap, top)
+    result = retarget(clap, body.skeleton, target_motion=body)
+    assert result.world.up == "Y"
+    found, expected = (motion.positions - motion.positions[:, :1] for motion in (result.motion, body))
+    assert_near(found, expected)

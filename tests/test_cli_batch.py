@@ -19,7 +19,8 @@ from distretarget.cli import cli
 from distretarget.errors import BatchError
 from distretarget.skeleton_json import skeleton_to_json
 
-LONG = 600  # frames that take a while
+LONG = 600  # frames that take a moment
+LONGER = 6000  # frames that are under way while clips of LONG are done
 TINY = 150  # clips of one frame
 
 
@@ -178,11 +179,11 @@ def test_a_page_of_somebody_else_is_left_alone(folder):
 # ---- stops
 
 
-def long_clips(folder, count=6):
+def long_clips(folder, *frames):
     shutil.rmtree(folder / "in")
     (folder / "in").mkdir()
-    for seed in range(count):
-        write_bvh(folder / "in" / f"{seed}.bvh", swaying(person(), frames=LONG, seed=seed))
+    for seed, count in enumerate(frames):
+        write_bvh(folder / "in" / f"{seed}.bvh", swaying(person(), frames=count, seed=seed))
 
 
 def started(folder, at_least):
@@ -210,7 +211,7 @@ def workers_of(group):
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL") or not shutil.which("ps"), reason="needs signals and ps")
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGKILL"])
 def test_a_run_that_was_stopped_goes_on(folder, name):
-    long_clips(folder)
+    long_clips(folder, LONGER, *[LONG] * 5)
     process = started(folder, at_least=2)
     if name == "SIGINT":
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does
@@ -238,7 +239,7 @@ def test_a_run_that_was_stopped_goes_on(folder, name):
 
 
 def test_two_runs_into_one_folder(folder):
-    long_clips(folder, 3)
+    long_clips(folder, *[LONG] * 3)
     processes = [started(folder, 0) for _ in range(2)]
     assert [process.communicate(timeout=60) and process.returncode for process in processes] == [0, 0]
     assert {line["status"] for line in lines(folder / "out")} == {"done"}
@@ -261,7 +262,7 @@ def test_one_long_clip_in_pieces_is_the_same(folder):
 
 def test_dask_gives_the_same_and_survives_a_dying_worker(folder):
     distributed = pytest.importorskip("distributed", reason="needs distributed")
-    long_clips(folder)
+    long_clips(folder, *[LONG] * 6)
     local = run("in", "body.json", "-o", "local", "--jobs", 2, cwd=folder)
     assert local.returncode == 0
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:

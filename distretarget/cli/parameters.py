@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from distretarget.json_node import LARGEST
+from distretarget.skeleton import LARGEST
 
 LIMITED = ("stress", "distance", "contact", "direction", "bone", "slide", "foot", "jerk", "turn")  # by --fail-over
 
