@@ -2,14 +2,14 @@
 
     python benchmarks/batch.py jobs [--clips 40] [--frames 4000] [--rounds 3]
     python benchmarks/batch.py long [--clip walk] [--frames 30000] [--rounds 3]
-    python benchmarks/batch.py kill FOLDER [--times 10] [--most 8]
+    python benchmarks/batch.py kill FOLDER [--times 10]
     python benchmarks/batch.py tiny [--clips 2000]
 
 jobs: clips of one length, with 1 and with 2 processes by turns; the ratio of their times, the time until the first clip
 is there, and until workers are ready.
 long: the same for one clip, which is cut, and the memory it takes.
-kill: a run over FOLDER is killed at random moments, between half of `most` and `most` seconds after its start, and
-started again; in the end all outputs must be those of a run nobody killed, and no clip may have been made twice.
+kill: a run over FOLDER is killed at random moments, after up to a tenth of the clips, and started again; in the end all
+outputs must be those of a run nobody killed, and no clip may have been made twice.
 tiny: clips of one frame; the cost of a clip besides its frames, on time, disk and memory.
 
 The exit status is 1 if something is not as it must be.
@@ -53,7 +53,7 @@ def main() -> None:
     for name, measure, options in (
         ("jobs", jobs, {"--clips": 40, "--frames": 4000, "--rounds": 3}),
         ("long", long, {"--frames": 30_000, "--rounds": 3}),
-        ("kill", kill, {"--times": 10, "--most": 8}),
+        ("kill", kill, {"--times": 10}),
         ("tiny", tiny, {"--clips": 2000}),
     ):
         command = which.add_parser(name)
@@ -124,17 +124,19 @@ def by_turns(scratch: Path, rounds: int) -> tuple[float, float]:
 
 def kill(arguments: argparse.Namespace, scratch: Path) -> bool:
     """Kill a run at random moments, and compare what comes out in the end."""
+    with run(arguments.folder, scratch / "whole") as process:
+        process.wait()
+    share = len(done(scratch / "whole")) // arguments.times
     for _ in range(arguments.times):
+        goal = len(done(scratch / "killed")) + random.randint(0, share)
         with run(arguments.folder, scratch / "killed") as process:
-            try:
-                process.wait(random.uniform(arguments.most / 2, arguments.most))
-            except subprocess.TimeoutExpired:
-                process.send_signal(signal.SIGKILL)
-            process.wait()
+            while process.poll() is None and len(done(scratch / "killed")) < goal:
+                time.sleep(0.01)
+            time.sleep(random.uniform(0.0, 0.2))
+            process.send_signal(signal.SIGKILL)
         print(f"  killed with {len(done(scratch / 'killed'))} clips done", flush=True)
-    for name in ("killed", "whole"):
-        with run(arguments.folder, scratch / name) as process:
-            process.wait()
+    with run(arguments.folder, scratch / "killed") as process:
+        process.wait()
     outputs = Counter(record["output"] for record in done(scratch / "killed"))
     twice = sum(count > 1 for count in outputs.values())
     equal = same(scratch / "killed", scratch / "whole")
