@@ -80,8 +80,8 @@ class Vocabulary:
 def by_names(skeleton: Skeleton) -> Anatomy | None:
     """The anatomy that the joints' names and the tree tell, offsets apart; None where they tell too little.
 
-    Enough are the two long bones of both arms or of both legs, hips, and something above them. A part without a joint
-    of a known name has no role; the joints of spine and neck need no known names.
+    Enough are the two long bones of both arms or of both legs, hips, and something above them, if there is more than
+    legs. A part without a joint of a known name has no role; the joints of spine and neck need no known names.
     """
     return _read(skeleton).anatomy()
 
@@ -198,7 +198,7 @@ class _Rig:
         crown = head if head is not None else self._last_neck()
         uppers = [*arms] if len(arms) == len(SIDES) or crown is None else [*arms, crown]
         if not uppers:
-            return None
+            return self._hips_alone(legs)
         top = self._branching(self.parents[joint] for joint in uppers)
         center = self._branching([top, *(self.parents[joint] for joint in legs)])
         hips = self._hips(center, legs)
@@ -211,6 +211,15 @@ class _Rig:
         past_top = sum(joint in line for joint in joints)
         first = next((place for place, joint in enumerate(joints) if self._is_neck(joint)), past_top)
         return _Trunk(hips, tuple(joints[:first]), tuple(joints[first:]), head)
+
+    def _hips_alone(self, legs: Sequence[int]) -> _Trunk | None:
+        """The trunk of a body that is nothing but legs."""
+        ways = [set(self._path(joint)) for joint in range(len(self.parents))]
+        above = set().union(*(ways[leg] for leg in legs))
+        hips = self._hips(self._branching(self.parents[leg] for leg in legs), legs)
+        if hips is None or any(joint not in above and way.isdisjoint(legs) for joint, way in enumerate(ways)):
+            return None
+        return _Trunk(hips, (), (), None)
 
     def _hips(self, center: int, legs: Sequence[int]) -> int | None:
         """The joint named hips at or above the one from which legs and trunk leave, else between this and the legs,

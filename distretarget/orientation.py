@@ -18,16 +18,11 @@ SQUARE = np.cos(np.radians(25))  # a body that stands so nearly along the file's
 CLEAR = 0.3  # mean cosine from which feet tell left from right
 
 
-def has_legs(anatomy: Anatomy) -> bool:
-    """Whether it has both thighs and shins."""
-    return bool(_joints(anatomy, *(side + part for side in SIDES for part in LEG[:2])))
-
-
 def trunk(anatomy: Anatomy, x: Array) -> Array:
     """(..., 3), unit vectors from the hip joints up to the shoulders or the top of the spine, over positions
     x (..., joints, 3); zero for a body without.
     """
-    return _ways(x, _base(anatomy), _joints(anatomy, "leftUpperArm", "rightUpperArm") or _top(anatomy))
+    return _ways(x, _base(anatomy), _upper(anatomy))
 
 
 def leg_directions(anatomy: Anatomy, x: Array) -> Array:
@@ -89,7 +84,7 @@ def is_pose(skeleton: Skeleton, anatomy: Anatomy) -> bool:
     up = trunk(anatomy, x)
     hands = [_joints(anatomy, side + "UpperArm", side + "Hand") for side in SIDES]
     arms = [unit(x[arm[1]] - x[arm[0]]) for arm in hands if len(arm) == 2]
-    stands = not has_legs(anatomy) or _stretch(anatomy, x) > UPRIGHT
+    stands = not _is_whole(anatomy) or _stretch(anatomy, x) > UPRIGHT
     return bool(stands and all(arm @ up < RAISED for arm in arms))
 
 
@@ -100,10 +95,10 @@ def sides_agree(skeleton: Skeleton, anatomy: Anatomy, positions: Array | None) -
     """
     x = skeleton.rest_positions[None] if is_pose(skeleton, anatomy) else positions
     feet = [toe_bone(skeleton, anatomy, side) for side in SIDES]
-    if x is None or not has_legs(anatomy) or None in feet:
+    if x is None or None in feet:
         return None
     forward = sum(unit(x[:, foot[1]] - x[:, foot[0]]) for foot in feet if foot)
-    cosine = float(np.mean((np.cross(leftwards(anatomy, x), trunk(anatomy, x)) * forward).sum(axis=-1)) / 2)
+    cosine = float(np.mean((body_axes(anatomy, x)[..., 2] * forward).sum(axis=-1)) / 2)
     return cosine > 0 if abs(cosine) > CLEAR else None
 
 
@@ -111,7 +106,7 @@ def on_all_fours(skeleton: Skeleton, anatomy: Anatomy, positions: Array | None) 
     """Whether this seems to be no person: a rest pose whose trunk lies across the legs, or none at all, and trunk and
     legs that do not stretch in motion either; `positions`, (frames, joints, 3), if there is any.
     """
-    if not has_legs(anatomy):
+    if not _is_whole(anatomy):
         return False
     rest = float(_stretch(anatomy, skeleton.rest_positions))
     if rest > STRETCHED:
@@ -137,12 +132,18 @@ def unit(vectors: Array) -> Array:
     return np.asarray(np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0))
 
 
+def _is_whole(anatomy: Anatomy) -> bool:
+    """Whether it has a trunk, and both thighs and shins."""
+    return bool(_upper(anatomy) and _joints(anatomy, *(side + part for side in SIDES for part in LEG[:2])))
+
+
+def _upper(anatomy: Anatomy) -> list[int]:
+    """The joints at the upper end of the trunk: the shoulders, or the top of the spine."""
+    return _joints(anatomy, "leftUpperArm", "rightUpperArm") or [*anatomy.spine, *anatomy.neck][-1:]
+
+
 def _base(anatomy: Anatomy) -> list[int]:
     return _joints(anatomy, "leftUpperLeg", "rightUpperLeg") or _joints(anatomy, "hips")
-
-
-def _top(anatomy: Anatomy) -> list[int]:
-    return [*anatomy.spine, *anatomy.neck][-1:]
 
 
 def _ways(x: Array, start: list[int], end: list[int]) -> Array:

@@ -246,6 +246,7 @@ LACKS = {
     "arms": ("Collar",),
     "an arm": ("RightCollar",),
     "head": ("Neck",),
+    "all but legs": ("Chest",),
 }
 
 
@@ -269,3 +270,14 @@ def test_a_person_moves_what_is_there_of_a_body(top):
     assert result.world.up == "Y"
     found, expected = (motion.positions - motion.positions[:, :1] for motion in (result.motion, body))
     assert_near(found, expected)
+
+
+def test_legs_alone_tell_left_from_right():
+    body = part(walk(), without=("Chest",)).skeleton
+    other = {"Left": "Right", "Righ": "Left"}
+    names = (other[name[:4]] + name.removeprefix("Left").removeprefix("Right") for name in body.names[1:])
+    wrong = replace(body, names=(body.names[0], *names))
+    target = rig("mixamo", "T")
+    for joint, driver in enumerate(find_matching(wrong, target).drivers):
+        if driver > 0:
+            assert body.names[driver][0] == target.names[joint].removeprefix("mixamorig:")[0]

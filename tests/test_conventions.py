@@ -376,6 +376,11 @@ def test_a_body_without_legs_needs_named_hips():
     assert by_names(tree(text.replace("Hips", "Base"))) is None
 
 
+def test_a_body_may_be_nothing_but_legs():
+    text = "Hips(" + BODY[BODY.index("LeftUpLeg") :]
+    assert set(roles(tree(text))) == {"hips", *(role for role in ROLES if role.endswith(LEG))}
+
+
 @pytest.mark.parametrize(
     ("text", "hips", "spine"),
     [
@@ -402,7 +407,7 @@ def test_hips_and_spine_by_name_and_tree(text, hips, spine):
     [
         "Hips",
         "Hips>Head",
-        "Hips(LeftUpLeg>LeftLeg>LeftFoot|RightUpLeg>RightLeg>RightFoot)",
+        "Hips(LeftUpLeg>LeftLeg>LeftFoot|RightUpLeg>RightLeg>RightFoot|trunk>branch)",
         "sword>hilt>blade>tip",
         "head(jaw>chin|eye_L|eye_R|brow_L|brow_R|lip_L|lip_R)",
         "body(spine(neck>head>jaw|front_leg_L>front_hock_L>front_paw_L|front_leg_R>front_hock_R>front_paw_R)|"
