@@ -37,7 +37,7 @@ from typing import Any
 import numpy as np
 
 from distretarget import Motion, read_bvh, write_bvh
-from distretarget.batch.manifest import NAME
+from distretarget.batch.plan import MANIFEST
 from distretarget.batch.pools import Processes
 
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"
@@ -116,7 +116,7 @@ def by_turns(scratch: Path, rounds: int) -> tuple[float, float]:
                 assert process.wait() == 0
             seconds[count] = time.perf_counter() - started
             if len(ratios) + 1 < rounds:
-                (out / NAME).unlink()
+                (out / MANIFEST).unlink()
         ratios.append(seconds[1] / seconds[2])
         print(f"  1 job {seconds[1]:.2f} s, 2 jobs {seconds[2]:.2f} s", flush=True)
     return statistics.median(ratios), statistics.median(firsts)
@@ -156,7 +156,7 @@ def tiny(arguments: argparse.Namespace, scratch: Path) -> bool:
         seconds = time.perf_counter() - started
         print(f"{arguments.clips} clips {what} in {seconds:.1f} s, {1e3 * seconds / arguments.clips:.1f} ms each")
         started = time.perf_counter()
-    size = (scratch / "out" / NAME).stat().st_size / arguments.clips
+    size = (scratch / "out" / MANIFEST).stat().st_size / arguments.clips
     print(f"manifest: {size:.0f} bytes a clip; memory of the largest process: {memory():.0f} MB")
     return status != 0 or len(done(scratch / "out")) != arguments.clips
 
@@ -188,7 +188,7 @@ def run(source: Path, out: Path, *options: Any) -> subprocess.Popen[bytes]:
 
 def done(out: Path) -> list[dict[str, Any]]:
     """The lines of clips that are done."""
-    return [record for record in records(out / NAME) if record["status"] == "done"]
+    return [record for record in records(out / MANIFEST) if record["status"] == "done"]
 
 
 def records(path: Path) -> Iterator[dict[str, Any]]:

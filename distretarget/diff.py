@@ -22,7 +22,8 @@ from distretarget.world import World, find_world, root_offset_of, with_root_offs
 
 Array = NDArray[np.float64]
 
-SAME_TIME = 1e-3  # relative difference of frame times from which motions are resampled
+SAME_TIME = 1e-3  # relative difference of frame times from which motions are resampled ...
+LATE = 0.25  # ... or frames by which one lags behind the other in the end
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +108,8 @@ def diff(a: Motion, b: Motion, joint_map: JointMap | None = None) -> Diff:
     a, b = world.enter(a), replace(b, skeleton=b.rigid_skeleton)
     if root_offset_of(b, world.up_vector) == "added":
         b = with_root_offset(b)
-    if abs(a.frame_time - b.frame_time) > SAME_TIME * b.frame_time:
+    apart = abs(a.frame_time - b.frame_time) / b.frame_time
+    if apart > SAME_TIME or apart * min(len(a), len(b)) > LATE:
         notes.append(f"A was resampled from {1 / a.frame_time:.6g} to {1 / b.frame_time:.6g} frames/s")
         a = resampled(a, b.frame_time_text)
     if len(a) != len(b):

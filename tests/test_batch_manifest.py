@@ -7,8 +7,8 @@ from pathlib import PurePath
 import pytest
 
 from distretarget.batch.clips import Clip
-from distretarget.batch.manifest import KEYS, NAME, Manifest, Recipe, read_records, record_of
-from distretarget.batch.plan import Work
+from distretarget.batch.manifest import KEYS, Manifest, Recipe, read_records, record_of
+from distretarget.batch.plan import MANIFEST, Work
 from distretarget.conversion import Options, Text
 from distretarget.errors import FileError
 from distretarget.files import text_hash
@@ -63,19 +63,42 @@ def test_the_next_run_knows_it(manifest, tmp_path):
     again.close()
     third = Manifest(tmp_path / "out")
     assert not third.is_done(work(), "in", RECIPE, tmp_path / "out")
-    assert third.made(work(), text_hash(OUTPUT))
+    third.check_replaceable(work(), tmp_path / "out")
     third.close()
 
 
-def test_only_what_was_made_here_may_be_replaced(manifest):
-    assert not manifest.made(work(), text_hash(OUTPUT))
+def test_only_what_was_made_here_may_be_replaced(manifest, tmp_path):
+    out = tmp_path / "out"
+    manifest.check_replaceable(work(), out)  # nothing there
+    (out / "a.bvh").write_text(OUTPUT)
+    with pytest.raises(FileError, match="exists already; --overwrite replaces it"):
+        manifest.check_replaceable(work(), out)
     manifest.add(done(work()))
-    manifest.add(done(work()) | {"output_hash": "another"})
-    assert manifest.made(work(), text_hash(OUTPUT))
-    assert manifest.made(work(), "another")
-    assert not manifest.made(work("b.bvh"), text_hash(OUTPUT))
-    assert not manifest.made(work(), text_hash(OUTPUT + " edited"))
-    assert not manifest.made(work(), None)
+    manifest.add(done(work()) | {"output_hash": text_hash("another")})
+    for text in (OUTPUT, "another"):
+        (out / "a.bvh").write_text(text)
+        manifest.check_replaceable(work(), out)
+    (out / "b.bvh").write_text(OUTPUT)
+    (out / "a.bvh").write_text(OUTPUT + " edited")
+    for name in ("a.bvh", "b.bvh"):
+        with pytest.raises(FileError, match="exists already"):
+            manifest.check_replaceable(work(name), out)
+
+
+@pytest.mark.parametrize("other", ["input", "target"])
+def test_the_result_of_other_files_is_left_alone(manifest, tmp_path, other):
+    known = tmp_path / "other"
+    known.write_text("")
+    (tmp_path / "out" / "a.bvh").write_text(OUTPUT)
+    manifest.add(done(work()) | {other: str(known)})
+    paths = {name: tmp_path / name for name in ("a.bvh", "hero.json")}
+    for path in paths.values():
+        path.write_text("")
+    now = Work(Clip(paths["a.bvh"], PurePath("a.bvh"), 1), Text("{}", paths["hero.json"]), PurePath("a.bvh"))
+    with pytest.raises(FileError, match=f"is the result of .*{known}.*--overwrite replaces it"):
+        manifest.check_replaceable(now, tmp_path / "out")
+    known.unlink()  # moved, as it seems
+    manifest.check_replaceable(now, tmp_path / "out")
 
 
 def test_a_line_has_every_key(manifest):
@@ -104,7 +127,7 @@ def test_broken_lines_are_passed_over(manifest, tmp_path, rest):
 
 
 def test_a_first_line_cut_short_is_no_obstacle(tmp_path):
-    (tmp_path / NAME).write_text('{"inp')
+    (tmp_path / MANIFEST).write_text('{"inp')
     manifest = Manifest(tmp_path)
     manifest.add(done(work()))
     manifest.close()
@@ -112,15 +135,15 @@ def test_a_first_line_cut_short_is_no_obstacle(tmp_path):
 
 
 def test_somebody_elses_manifest_is_left_alone(tmp_path):
-    (tmp_path / NAME).write_text('{"name": "my own"}\n')
+    (tmp_path / MANIFEST).write_text('{"name": "my own"}\n')
     with pytest.raises(FileError, match="no manifest of a batch"):
         Manifest(tmp_path)
-    assert json.loads((tmp_path / NAME).read_text()) == {"name": "my own"}
+    assert json.loads((tmp_path / MANIFEST).read_text()) == {"name": "my own"}
 
 
 def test_a_folder_that_cannot_be_made_is_told(tmp_path):
     (tmp_path / "out").write_text("")
-    with pytest.raises(FileError, match="manifest"):
+    with pytest.raises(FileError, match="expected a folder"):
         Manifest(tmp_path / "out")
 
 
@@ -140,5 +163,8 @@ def test_what_a_killed_run_left_is_swept_unless_another_is_at_work(manifest, tmp
     Manifest(tmp_path / "out").close()
     assert left.exists()
     manifest.close()
+    Manifest(tmp_path).close()  # of a folder above
+    Manifest(tmp_path).close()
+    assert left.exists()
     Manifest(tmp_path / "out").close()
     assert not left.exists()

@@ -64,8 +64,8 @@ class Seen:
     def clip(self, record):
         self.records.append(record)
 
-    def report(self, work, html):
-        self.htmls[work.place.as_posix()] = html
+    def report(self, work, outcome):
+        self.htmls[work.place.as_posix()] = outcome.report
 
     def of(self, status):
         return [record["output"] for record in self.records if record and record["status"] == status]
@@ -310,8 +310,40 @@ def test_reports_of_the_run_and_afterwards(folder):
     assert seen.htmls == {name: f"report on {name}" for name in ("c.bvh", "deep/b.bvh", "a.bvh")}
     works = works_in(folder)
     (folder / "in" / "a.bvh").unlink()
-    made = {work.place.as_posix(): html for work, html in reports(works, RECIPE, lambda _: "again", Pool())}
+    made = {
+        work.place.as_posix(): outcome.report for work, outcome in reports(works, RECIPE, lambda _: "again", Pool())
+    }
     assert made == {"c.bvh": "again", "deep/b.bvh": "again"}
+
+
+@pytest.mark.parametrize("always", [True, False])
+def test_reports_survive_a_worker_that_dies(folder, always):
+    pool = Renewing(Dying("other", always))
+    pool.executor.dead = True
+    made = [work.place.as_posix() for work, _ in reports(works_in(folder), RECIPE, lambda _: "again", pool)]
+    assert made == ["c.bvh", "a.bvh"] if always else ["c.bvh", "deep/b.bvh", "a.bvh"]
+
+
+def test_a_worker_that_dies_unheard_costs_a_retry(folder, monkeypatch):
+    class Silent(Inline):
+        lost = True
+
+        def submit(self, function, task):
+            return Future() if self.lost and "other" in task.source.text else super().submit(function, task)
+
+    class Seeing(Pool):
+        def lost(self):
+            return self.executor.lost
+
+        def renew(self):
+            super().renew()
+            self.executor.lost = False
+
+    monkeypatch.setattr(batch_run, "PATIENCE", 0.01)
+    pool = Seeing(Silent())
+    seen = go(folder, pool)
+    assert sorted(seen.of("done")) == ["a.bvh", "c.bvh", "deep/b.bvh"]
+    assert pool.renewals == 1
 
 
 # ---- the task itself

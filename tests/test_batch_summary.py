@@ -7,10 +7,12 @@ import pytest
 from distretarget.batch.clips import Clip
 from distretarget.batch.manifest import Recipe, record_of
 from distretarget.batch.plan import Work
-from distretarget.batch.reports import MARK, Pages
+from distretarget.batch.reports import MARK, OF, Pages
 from distretarget.batch.summary import Tally
+from distretarget.batch.task import Outcome
 from distretarget.conversion import Options, Text
 from distretarget.errors import FileError
+from distretarget.files import text_hash
 from distretarget.joint_map import MapFile
 from distretarget.report import About
 
@@ -89,10 +91,20 @@ def test_only_such_pages_are_replaced(tmp_path):
 
 def test_reports_have_the_places_of_outputs(tmp_path):
     own = pages(tmp_path)
-    assert own.path(work("a/b.bvh")) == tmp_path / "reports" / "a" / "b.html"
-    own.add(work("a/b.bvh"), f"{MARK} one")
-    own.add(work("a/b.bvh"), f"{MARK} two")
-    assert (tmp_path / "reports/a/b.html").read_text() == f"{MARK} two"
-    (tmp_path / "reports/a/b.html").write_text("my own")
-    with pytest.raises(FileError, match="exists already"):
-        own.add(work("a/b.bvh"), MARK)
+    path = tmp_path / "index_reports" / "a" / "b.html"
+    assert own.path(work("a/b.bvh")) == path
+    for text in ("one", "two"):
+        own.add(work("a/b.bvh"), Outcome("1", 0.0, bvh=text, report=f"{MARK} {text}"))
+    assert path.read_text() == f"{MARK}{OF.format(text_hash('two'))} two"
+    assert not own.problems
+    path.write_text("my own")
+    own.add(work("a/b.bvh"), Outcome("1", 0.0, report=MARK))
+    assert [str(problem) for problem in own.problems] == [f"{path}: exists already; --overwrite replaces it"]
+    assert path.read_text() == "my own"
+
+
+def test_a_page_needs_a_folder_that_can_be_written_to(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FileError, match="nothing can be written to"):
+        pages(tmp_path / "file").check()
+    pages(tmp_path / "new" / "deep").check()

@@ -157,7 +157,7 @@ def test_pages(folder):
     (report,) = pages() - {"index.html"}
     assert f'"{report}"' in (folder / "out/index.html").read_text()
     assert run(*once, "all", cwd=folder).returncode == 0
-    assert pages() == {"index.html", "reports/a.html", "reports/deep/b.html", "reports/deep/er/c.html"}
+    assert pages() == {"index.html", *(f"index_reports/{place}.html" for place in ("a", "deep/b", "deep/er/c"))}
     shutil.rmtree(folder / "out")
     assert run(*once, "all", cwd=folder).returncode == 0
     assert len(pages()) == 4

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -12,6 +13,7 @@ from distretarget.errors import FileError
 from distretarget.files import is_folder, reason_of
 
 ENDING = ".bvh"
+WILD = frozenset("*?[")
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,8 @@ def find_clips(
     count, unless a name or a folder on the way to it begins with a dot; links are followed, but
     not in circles. Files given as `sources` go to the top, those `listed` to their places below the folder they share.
 
-    `include` and `exclude` are shell patterns for the names of files in folders, or for their paths in the folder.
+    `include` and `exclude` are shell patterns for the names of files in folders, or for their paths in the folder;
+    those that end in / or have no wildcards also for names and paths of folders.
     """
     unread: list[FileError] = []
     folders = [source for source in sources if is_folder(source)]
@@ -77,7 +80,17 @@ def _is_bvh(place: PurePath) -> bool:
 
 
 def _wanted(place: PurePath, patterns: Iterable[str]) -> bool:
-    return any(fnmatchcase(place.name, pattern) or fnmatchcase(place.as_posix(), pattern) for pattern in patterns)
+    return any(_is_like(place, pattern) for pattern in patterns)
+
+
+def _is_like(place: PurePath, pattern: str) -> bool:
+    """Whether a path or its name is like a shell pattern, or, where this ends in / or has no wildcards, a folder on the
+    way is.
+    """
+    names_folder = pattern.endswith("/") or not WILD.intersection(pattern)
+    pattern = pattern.removeprefix("**/").rstrip("/")
+    paths = [place, *(place.parents if names_folder else ())]
+    return any(fnmatchcase(path.name, pattern) or fnmatchcase(path.as_posix(), pattern) for path in paths)
 
 
 def _files_below(
@@ -97,10 +110,18 @@ def _files_below(
         unread.append(FileError(folder / place, reason_of(error)))
         return
     for entry in inside:
-        if entry.is_dir():
+        try:
+            mode = entry.stat().st_mode
+        except OSError as error:  # a link to nothing, to itself, or to where nobody may look
+            if _is_bvh(PurePath(entry.name)):
+                yield place / entry.name  # reading it will tell
+            elif not isinstance(error, FileNotFoundError):
+                unread.append(FileError(folder / place / entry.name, reason_of(error)))
+            continue
+        if stat.S_ISDIR(mode):
             yield from _files_below(folder, place / entry.name, unread, above | {real})
         elif _is_bvh(PurePath(entry.name)):
-            if entry.is_file() or not (folder / place / entry.name).exists():  # reading tells of links to nothing
+            if stat.S_ISREG(mode):
                 yield place / entry.name
             else:
                 unread.append(FileError(folder / place / entry.name, "is no regular file"))

@@ -7,16 +7,18 @@ missing was cut short, and its clip is converted again.
 from __future__ import annotations
 
 import contextlib
+import fnmatch
 import hashlib
 import io
 import json
 import os
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from distretarget.batch.plan import Work
+from distretarget.batch.plan import MANIFEST, Work
 from distretarget.conversion import Options
 from distretarget.errors import FileError
 from distretarget.files import hash_of_file, reason_of
@@ -27,7 +29,6 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-NAME = "manifest.jsonl"
 Record = dict[str, Any]
 
 
@@ -44,31 +45,24 @@ class Recipe:
         return {**asdict(self.options), "map": dict(self.map.pairs) or None}
 
 
-class Manifest:
-    """The manifest in a folder of results, open for adding lines. Several runs may add to it at the same time."""
+class Past:
+    """What the manifest in a folder of results tells of earlier runs."""
 
     def __init__(self, folder: Path) -> None:
-        """Open the manifest of a folder, which is made if it is not there.
+        """Read the manifest of a folder, if there is one.
 
         Raises:
-            FileError: it cannot be, or is something else.
+            FileError: it is something else, or cannot be read.
         """
-        self.path = folder / NAME
+        self.path = folder / MANIFEST
         self._last: dict[str, tuple[bytes, str]] = {}
-        self._made: dict[str, set[str]] = {}
+        self._makers: dict[str, dict[str, tuple[str, str]]] = {}
         try:
-            folder.mkdir(parents=True, exist_ok=True)
             _check_ours(self.path)
-            self._file = self.path.open("ab", buffering=0)
+            for record in read_records(self.path):
+                self._learn(record)
         except OSError as error:
             raise FileError(self.path, reason_of(error)) from error
-        self._sweep(folder)
-        for record in read_records(self.path):
-            self._learn(record)
-
-    def close(self) -> None:
-        """Close the file, and let go of the folder."""
-        self._file.close()
 
     def is_done(self, work: Work, input_hash: str, recipe: Recipe, folder: Path) -> bool:
         """Whether the output of a clip is there, as it was made from the same files in the same way."""
@@ -78,9 +72,19 @@ class Manifest:
             hash_of_file(folder / work.place),
         )
 
-    def made(self, work: Work, output_hash: str | None) -> bool:
-        """Whether what has this hash, in the place of a clip's output, was made here, so that it may be replaced."""
-        return output_hash in self._made.get(work.place.as_posix(), ())
+    def check_replaceable(self, work: Work, folder: Path) -> None:
+        """Whether what stands in the place of a clip's output, if anything does, was made here of the same files.
+
+        Raises: FileError: it was not, and so is not to be replaced unasked.
+        """
+        path = folder / work.place
+        if not os.path.lexists(path):
+            return
+        maker = self._makers.get(work.place.as_posix(), {}).get(hash_of_file(path) or "")
+        if maker is None:
+            raise FileError(path, "exists already; --overwrite replaces it")
+        if _is_other(maker[0], work.clip.path) or _is_other(maker[1], work.target.path):
+            raise FileError(path, f"is the result of {maker[0]} onto {maker[1]}; --overwrite replaces it")
 
     def latest(self, works: Iterable[Work]) -> list[Record]:
         """The last line of each of the clips that has one, with the newest last."""
@@ -91,6 +95,43 @@ class Manifest:
                 found.pop(record["output"], None)
                 found[record["output"]] = record
         return list(found.values())
+
+    def _learn(self, record: Record) -> None:
+        place = record["output"]
+        self._last.pop(place, None)
+        if record["status"] == "done":
+            digest = _digest_of(*(record[name] for name in ("input_hash", "target_hash", "options", "version")))
+            self._last[place] = (digest, record["output_hash"])
+            files = record["input"], sys.intern(record["target"])
+            self._makers.setdefault(place, {})[record["output_hash"]] = files
+
+
+class Manifest(Past):
+    """The manifest in a folder of results, open for adding lines. Several runs may add to it at the same time."""
+
+    def __init__(self, folder: Path) -> None:
+        """Open the manifest of a folder, which is made if it is not there.
+
+        Raises:
+            FileError: it cannot be, or is something else.
+        """
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except (FileExistsError, NotADirectoryError) as error:
+            raise FileError(folder, "is a file or inside one, expected a folder for the results") from error
+        except OSError as error:
+            raise FileError(folder, reason_of(error)) from error
+        super().__init__(folder)
+        begun = self.path.exists()
+        try:
+            self._file = self.path.open("ab", buffering=0)
+        except OSError as error:
+            raise FileError(self.path, reason_of(error)) from error
+        self._enter(folder, sweep=begun)
+
+    def close(self) -> None:
+        """Close the file, and let go of the folder."""
+        self._file.close()
 
     def add(self, record: Record) -> None:
         """Add a line, at once and for good.
@@ -122,14 +163,6 @@ class Manifest:
             file.seek(size - 1)
             return file.read(1) == b"\n"
 
-    def _learn(self, record: Record) -> None:
-        place = record["output"]
-        self._last.pop(place, None)
-        if record["status"] == "done":
-            digest = _digest_of(*(record[name] for name in ("input_hash", "target_hash", "options", "version")))
-            self._last[place] = (digest, record["output_hash"])
-            self._made.setdefault(place, set()).add(record["output_hash"])
-
     @contextlib.contextmanager
     def _alone(self) -> Iterator[None]:
         """Hold other runs off the end of the file."""
@@ -144,14 +177,18 @@ class Manifest:
             with contextlib.suppress(OSError):
                 fcntl.lockf(self._file, fcntl.LOCK_UN)
 
-    def _sweep(self, folder: Path) -> None:
-        """Remove what a run that was killed left half-written, unless another run is at work in the folder."""
+    def _enter(self, folder: Path, sweep: bool) -> None:
+        """Show other runs that one is at work in the folder; if none was, remove what one that was killed left."""
         if fcntl is None:
             return
         with contextlib.suppress(OSError):
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            for left in folder.rglob(".distretarget-*.tmp"):
-                left.unlink()
+            for place, folders, files in os.walk(folder) if sweep else ():
+                if Path(place) != folder and MANIFEST in files:
+                    folders.clear()  # the results of other runs
+                    continue
+                for name in fnmatch.filter(files, ".distretarget-*.tmp"):
+                    Path(place, name).unlink()
         with contextlib.suppress(OSError):
             fcntl.flock(self._file, fcntl.LOCK_SH)
 
@@ -163,6 +200,14 @@ def _check_ours(path: Path) -> None:
             first = file.readline()
         if first.endswith(b"\n") and first.strip() and _record(first) is None:
             raise FileError(path, "is no manifest of a batch; give the results another folder")
+
+
+def _is_other(known: str, path: str | Path) -> bool:
+    """Whether a path that the manifest has leads to another file than one of now; not if it leads nowhere any more."""
+    try:
+        return known != str(path) and not Path(known).samefile(path)
+    except (OSError, ValueError):
+        return False
 
 
 def _record(line: bytes) -> Record | None:

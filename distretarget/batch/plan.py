@@ -12,6 +12,8 @@ from distretarget.conversion import Text
 from distretarget.errors import BatchError
 from distretarget.files import is_folder
 
+MANIFEST = "manifest.jsonl"  # in the folder of results
+
 
 @dataclass(frozen=True)
 class Work:
@@ -59,12 +61,24 @@ def _check_places(works: Sequence[Work], folder: Path) -> None:
         if other is not work:
             raise BatchError(
                 f"{folder / work.place} would be the result of both {_named(other)} and {_named(work)}; "
-                "convert them in two runs, or give folders instead of files"
+                "convert one of them into another folder, and leave it out here with --exclude"
             )
     inputs = {_file(path) for work in works for path in (work.clip.path, work.target.path)} - {None}
     for work in works:
         if _file(folder / work.place) in inputs:
             raise BatchError(f"{folder / work.place} is an input, and would be a result; name another folder with -o")
+
+
+def check_page(page: Path, works: Sequence[Work], folder: Path, map_path: Path | None) -> None:
+    """Refuse a page over all clips in the place of a file that the batch reads or of one that it writes to `folder`.
+
+    Raises: BatchError: it would be.
+    """
+    read = {_file(path) for work in works for path in (work.clip.path, work.target.path)}
+    read |= {_file(map_path)} if map_path else set()
+    written = {folder.resolve() / place for place in (PurePath(MANIFEST), *(work.place for work in works))}
+    if _file(page) in read - {None} or page.resolve() in written:
+        raise BatchError(f"{page}: is an input, or has a place that results take; give the page another name")
 
 
 def _file(path: str | Path) -> tuple[int, int] | None:

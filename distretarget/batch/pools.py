@@ -38,6 +38,9 @@ class Pool(Protocol):
     def executor(self) -> Executor:
         """Takes their tasks."""
 
+    def lost(self) -> bool:
+        """Whether a worker has died."""
+
     def renew(self) -> None:
         """Get new workers, after one has died and the executor with it."""
 
@@ -60,7 +63,7 @@ class Processes:
             self._context.set_forkserver_preload(["distretarget.batch.warmed"])
 
     @cached_property
-    def executor(self) -> Executor:
+    def executor(self) -> ProcessPoolExecutor:
         """The processes, started when they are needed.
 
         What is to be compiled is compiled once: by the process that forks the others, or, where none does or for
@@ -76,6 +79,11 @@ class Processes:
             else:
                 pool.submit(os.getpid)  # begins the processes
         return pool
+
+    def lost(self) -> bool:
+        """Whether a process has ended, which the executor does not see if it ends while it sends a result."""
+        processes = self.executor._processes or {}
+        return any(process.exitcode is not None for process in processes.values())
 
     def renew(self) -> None:
         """Have new processes started."""
@@ -111,6 +119,10 @@ class Cluster:
             self._client.close()
             raise BatchError(f"the Dask scheduler at {address} has no workers; start some and run this again")
         self.executor: Executor = self._client.get_executor(pure=False)
+
+    def lost(self) -> bool:
+        """The scheduler sees to that."""
+        return False
 
     def renew(self) -> None:
         """Nothing to do: the scheduler gives the tasks of a dead worker to others."""

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from distretarget.batch.manifest import Record
 from distretarget.batch.plan import Work
 from distretarget.batch.run import Run, reports
 from distretarget.batch.summary import worst
+from distretarget.batch.task import Outcome
 from distretarget.errors import FileError
-from distretarget.files import is_folder, reason_of, write_whole
+from distretarget.files import is_folder, reason_of, text_hash, write_whole
 from distretarget.report import About
 from distretarget.report.index import index_page
 
-FOLDER = "reports"  # beside the page over all clips
+FOLDER = "_reports"  # after the name of the page over all clips: what reports on clips are in, beside it
 MARK = '<meta name="generator" content="distretarget">'
+OF = '<meta name="output" content="{}">'  # the hash of the output that a report is on
 HEAD = 4096  # characters of a page in which it says what made it
 RANKED = "contact_error"  # by which clips are worst
 
@@ -31,20 +33,25 @@ class Pages:
         most: how many clips get a report, the worst first; None for all.
         overwrite: whether files that are no such pages are replaced.
         about: what the report on a clip says of it.
+        problems: with reports that could not be written.
     """
 
     index: Path
     most: int | None
     overwrite: bool
     about: Callable[[Work], About]
+    problems: list[FileError] = field(default_factory=list)
 
     def check(self) -> None:
         """Find out, before any work, whether the page over all clips may be written.
 
-        Raises: FileError: something else is there.
+        Raises: FileError: something else is there, or its folder cannot be written to.
         """
         if is_folder(self.index):
             raise FileError(self.index, "is a folder, expected the name of a file")
+        above = next(folder for folder in self.index.absolute().parents if os.path.lexists(folder))
+        if not is_folder(above) or not os.access(above, os.W_OK | os.X_OK):
+            raise FileError(self.index, f"nothing can be written to {str(above)!r}")
         try:
             refused = self.index.exists() and not self._replaceable(self.index)
         except OSError as error:
@@ -54,14 +61,15 @@ class Pages:
 
     def path(self, work: Work) -> Path:
         """Where the report on a clip goes."""
-        return self.index.parent / FOLDER / work.place.with_suffix(".html")
+        return self.index.parent / f"{self.index.stem}{FOLDER}" / work.place.with_suffix(".html")
 
-    def add(self, work: Work, html: str) -> None:
-        """Write the report on a clip.
-
-        Raises: FileError: it cannot be written, or something else is there.
-        """
-        self._write(self.path(work), html)
+    def add(self, work: Work, outcome: Outcome) -> None:
+        """Write the report on a clip, or note why it cannot be."""
+        html = outcome.report.replace(MARK, MARK + OF.format(text_hash(outcome.bvh)), 1)
+        try:
+            self._write(self.path(work), html)
+        except FileError as error:
+            self.problems.append(error)
 
     def finish(self, run: Run, works: Sequence[Work], records: Iterable[Record]) -> None:
         """Make the reports that are wanted and not there, and write the page over all clips.
@@ -69,19 +77,24 @@ class Pages:
         `records` has the last line of the manifest for each clip.
         """
         lines = {record["output"]: record for record in records}
-        for work, html in reports(self._missing(works, lines), run.recipe, self.about, run.pool):
-            self.add(work, html)
-        links = {work.place.as_posix(): self._link(work) for work in works if self.path(work).exists()}
+        for work, outcome in reports(self._missing(works, lines), run.recipe, self.about, run.pool):
+            self.add(work, outcome)
+        links = {work.place.as_posix(): self._link(work) for work in works if self._is_there(work, lines)}
         title = f"{len(lines)} clips in {run.folder.resolve().name}"
         self._write(self.index, index_page(list(lines.values()), links, title, run.recipe.version))
 
     def _missing(self, works: Sequence[Work], lines: dict[str, Record]) -> Iterator[Work]:
-        """The clips whose reports are to be made: of all, those without one; of the worst, all, as they may change."""
+        """The clips whose reports are to be made."""
         done = [record for record in lines.values() if record["status"] == "done"]
         chosen = {record["output"] for record in worst(done, RANKED)[: self.most]}
         for work in works:
-            if work.place.as_posix() in chosen and (self.most is not None or not self.path(work).exists()):
+            if work.place.as_posix() in chosen and not self._is_there(work, lines):
                 yield work
+
+    def _is_there(self, work: Work, lines: Mapping[str, Record]) -> bool:
+        """Whether there is a report on the output that a clip has now."""
+        record = lines.get(work.place.as_posix())
+        return record is not None and OF.format(record["output_hash"]) in _head(self.path(work))
 
     def _link(self, work: Work) -> str:
         return Path(os.path.relpath(self.path(work), self.index.parent)).as_posix()
@@ -96,7 +109,12 @@ class Pages:
 
     def _replaceable(self, path: Path) -> bool:
         """Whether what is there is such a page, or anything may be replaced."""
-        if self.overwrite or not path.exists():
-            return self.overwrite
-        with path.open(encoding="utf-8", errors="replace") as file:
-            return MARK in file.read(HEAD)
+        return self.overwrite or MARK in _head(path)
+
+
+def _head(path: Path) -> str:
+    """The beginning of a page; nothing where there is none."""
+    if not path.exists():
+        return ""
+    with path.open(encoding="utf-8", errors="replace") as file:
+        return file.read(HEAD)

@@ -20,6 +20,7 @@ from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.files import hash_of, hash_of_file, read_bytes, text_hash, text_of, write_whole
 from distretarget.report import About
 
+PATIENCE = 5.0  # seconds without a result after which workers are looked after
 AHEAD = 2  # tasks for each worker that are read and handed over before there is a worker for them
 CUT = 1 << 20  # bytes from which a clip may be cut into pieces, if it would keep one worker busy when all else is done
 
@@ -30,8 +31,8 @@ class Watcher(Protocol):
     def clip(self, record: Record | None) -> None:
         """A clip is dealt with: its line, or None where there was nothing to do."""
 
-    def report(self, work: Work, html: str) -> None:
-        """The report on a clip is there."""
+    def report(self, work: Work, outcome: Outcome) -> None:
+        """The report on a clip is there, of its outcome."""
 
 
 @dataclass
@@ -116,21 +117,20 @@ class Run:
         self._submit(_Running(work, content_hash, task), cut)
 
     def _submit(self, running: _Running, cut: bool) -> None:
-        try:
-            if cut:
-                future = _in_thread(convert, running.task, self.pool.executor.map)
-            else:
-                future = self.pool.executor.submit(convert, running.task)
-        except BrokenExecutor:
-            self.pool.renew()
-            future = self.pool.executor.submit(convert, running.task)
+        task, pool = running.task, self.pool
+        future = _in_thread(convert, task, pool.executor.map) if cut else _handed(task, pool)
         self._running[future] = running
 
     # ---- a clip ends
 
     def _finish_some(self) -> None:
         """Wait for workers, and deal with what they are done with."""
-        done, _ = wait(self._running, return_when=FIRST_COMPLETED)
+        done, _ = wait(self._running, PATIENCE, FIRST_COMPLETED)
+        if not done and self.pool.lost():
+            unheard, self._running = self._running, {}
+            self.pool.renew()
+            for each in unheard.values():
+                self._suspect(each)
         for future in done:
             running = self._running.pop(future)
             try:
@@ -176,7 +176,7 @@ class Run:
             else:
                 self.watcher.clip(record)
                 if outcome.report:
-                    self.watcher.report(work, outcome.report)
+                    self.watcher.report(work, outcome)
                 return
         self._tell(record)
 
@@ -186,12 +186,12 @@ class Run:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise FileError(path.parent, "the folder cannot be made: " + (error.strerror or str(error))) from error
-        standing = hash_of_file(path)
-        if standing == record["output_hash"]:  # another run was faster
+        if hash_of_file(path) == record["output_hash"]:  # another run was faster
             self.manifest.add(record)
-        else:
-            replaceable = self.overwrite or self.manifest.made(work, standing)
-            write_whole(path, text, replaceable, lambda: self.manifest.add(record))
+            return
+        if not self.overwrite:
+            self.manifest.check_replaceable(work, self.folder)
+        write_whole(path, text, self.overwrite or path.exists(), lambda: self.manifest.add(record))
 
     def _tell(self, record: Record) -> None:
         """Note that a clip failed."""
@@ -206,24 +206,42 @@ class Run:
 
 def reports(
     works: Iterable[Work], recipe: Recipe, about: Callable[[Work], About], pool: Pool
-) -> Iterator[tuple[Work, str]]:
-    """The reports on clips that were converted, made anew; without those that cannot be."""
-    pending: deque[tuple[Work, Future[Outcome]]] = deque()
+) -> Iterator[tuple[Work, Outcome]]:
+    """The clips that were converted once more, for their reports; without those of which none can be made."""
+    pending: deque[tuple[Work, Task, Future[Outcome]]] = deque()
     for work in works:
         if len(pending) >= AHEAD * pool.workers:
-            yield from _report(*pending.popleft())
+            yield from _reported(*pending.popleft(), pool)
         with contextlib.suppress(FileError):
             text = Text(text_of(read_bytes(work.clip.path), work.clip.path), work.clip.path)
             task = Task(text, work.target, recipe.map, recipe.options, about(work))
-            pending.append((work, pool.executor.submit(convert, task)))
-    for work, future in pending:
-        yield from _report(work, future)
+            pending.append((work, task, _handed(task, pool)))
+    while pending:
+        yield from _reported(*pending.popleft(), pool)
 
 
-def _report(work: Work, future: Future[Outcome]) -> Iterator[tuple[Work, str]]:
-    with contextlib.suppress(BrokenExecutor, CancelledError):
-        if html := future.result().report:
-            yield work, html
+def _reported(work: Work, task: Task, future: Future[Outcome], pool: Pool) -> Iterator[tuple[Work, Outcome]]:
+    try:
+        outcome = future.result()
+    except BrokenExecutor:  # this clip's fault, or that of another
+        future = _handed(task, pool)
+        try:
+            outcome = future.result()
+        except (BrokenExecutor, CancelledError):
+            return
+    except CancelledError:
+        return
+    if outcome.report:
+        yield work, outcome
+
+
+def _handed(task: Task, pool: Pool) -> Future[Outcome]:
+    """A task that was handed to the workers, to new ones if those there are gone."""
+    try:
+        return pool.executor.submit(convert, task)
+    except BrokenExecutor:
+        pool.renew()
+        return pool.executor.submit(convert, task)
 
 
 def _said(error: BaseException) -> str:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import io
+import os
 import sys
+import threading
+from typing import NoReturn
 
 import click
 
@@ -12,6 +16,9 @@ from distretarget.cli.group import DefaultGroup
 from distretarget.cli.retarget import retarget_command
 from distretarget.cli.skeleton import skeleton_group
 from distretarget.errors import DistretargetError
+from distretarget.files import reason_of
+
+PATIENCE = 5.0  # seconds in which threads that are about to end do so
 
 
 @click.group(cls=DefaultGroup, default="retarget", context_settings={"help_option_names": ["-h", "--help"]})
@@ -36,22 +43,48 @@ cli.add_command(skeleton_group)
 
 def main() -> None:
     """Run the command line. Exit status: 0 done, 1 failed, 2 wrong usage, 130 interrupted; errors are one line."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     try:
-        status = cli.main(prog_name="distretarget", standalone_mode=False)
+        _leave(_run())
+    except OSError as error:  # of standard output
+        sys.stdout = None  # or it would be tried once more
+        sys.exit(_complain(f"standard output: {reason_of(error)}", 1))
+
+
+def _run() -> int:
+    """Run the command; its exit status."""
+    try:
+        status: int | None = cli.main(prog_name="distretarget", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message())
-        sys.exit(2)
+        return 2
     except click.UsageError as error:
         command = error.ctx.command_path if error.ctx else "distretarget"
-        sys.exit(_complain(f"{error.format_message()} See '{command} --help'.", 2))
+        return _complain(f"{error.format_message()} See '{command} --help'.", 2)
     except click.ClickException as error:
-        sys.exit(_complain(error.format_message(), error.exit_code))
+        return _complain(error.format_message(), error.exit_code)
     except DistretargetError as error:
-        sys.exit(_complain(str(error), 1))
+        return _complain(str(error), 1)
     except (click.Abort, KeyboardInterrupt):
-        sys.exit(_complain("interrupted; nothing was written", 130))
+        return _complain("interrupted", 130)
     except MemoryError:
-        sys.exit(_complain("out of memory", 1))
+        return _complain("out of memory", 1)
+    except SystemExit as leaving:
+        return int(leaving.code or 0)
+    return status or 0
+
+
+def _leave(status: int) -> NoReturn:
+    """End the program, even if a thread of a pool waits for ever for a worker that died while it was heard."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    others = [thread for thread in threading.enumerate() if thread is not threading.main_thread() and not thread.daemon]
+    for thread in others:
+        thread.join(PATIENCE)
+    if any(thread.is_alive() for thread in others):
+        os._exit(status)
     sys.exit(status)
 
 

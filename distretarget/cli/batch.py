@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import time
@@ -15,12 +16,13 @@ import click
 from tqdm import tqdm
 
 from distretarget.batch.clips import Found, find_clips
-from distretarget.batch.manifest import Manifest, Recipe, Record
-from distretarget.batch.plan import Work, plan
+from distretarget.batch.manifest import Manifest, Past, Recipe, Record
+from distretarget.batch.plan import Work, check_page, plan
 from distretarget.batch.pools import Cluster, Pool, Processes, cores
 from distretarget.batch.reports import Pages
 from distretarget.batch.run import Run
 from distretarget.batch.summary import Tally
+from distretarget.batch.task import Outcome
 from distretarget.cli.options import retargeting
 from distretarget.cli.outputs import about, say
 from distretarget.cli.parameters import of_reports
@@ -47,7 +49,7 @@ INTERRUPTED = 130
 @click.option("--exclude", multiple=True, metavar="GLOB", help="No files in folders whose name or path is like this.")
 @click.option(
     "--input-list",
-    type=click.File(encoding="utf-8", errors="surrogateescape"),
+    type=click.File(encoding="utf-8-sig", errors="surrogateescape"),
     metavar="FILE",
     help="Read paths of clips from this file, one a line; - is standard input.",
 )
@@ -104,12 +106,15 @@ def batch_command(
     distretarget batch mocap --target hero.json --target child.json -o converted
     find mocap -name '*walk*.bvh' | distretarget batch hero.json -o walks --input-list -
     """  # noqa: D301
-    goals, sources = _targets(sources, targets)
-    listed = [Path(line.rstrip("\r\n")) for line in input_list if line.strip()] if input_list else []
+    goals, sources = _targets(sources, tuple(dict.fromkeys(targets)))
+    lines = dict.fromkeys(line.rstrip("\r\n") for line in input_list or () if line.strip())
+    listed = [Path(line) for line in lines]
     if not sources and input_list is None:
         raise click.UsageError("no sources; expected files, folders or --input-list.")
     if jobs and dask:
         raise click.UsageError("--jobs is for processes here; with --dask the cluster decides.")
+    if gone := [source for source in sources if not os.path.lexists(source)]:
+        raise click.UsageError(f"{gone[0]}: there is no such file or folder.")
     found = find_clips(sources, listed, include, exclude)
     recipe = Recipe(options, load_map(map_path), version("distretarget"))
     works = _planned(found, goals, folder, sources)
@@ -122,6 +127,7 @@ def batch_command(
         raise BatchError("there are no clips to convert")
     pages = Pages(index, reports, overwrite, lambda work: about(work.clip.path, work.place)) if index else None
     if pages:
+        check_page(pages.index, works, folder, map_path)
         pages.check()
     pool: Pool = Cluster(dask) if dask else Processes(jobs or cores(), options.objective)
     with closing(pool), closing(Manifest(folder)) as manifest, Progress(works, pages) as progress:
@@ -131,9 +137,12 @@ def batch_command(
     for line in progress.tally.lines(len(works), progress.seconds, pool.workers):
         say(line)
     _tell_unread(found)
+    problems = pages.problems if pages else []
+    for problem in problems:
+        say(f"no report: {problem}", err=True)
     if stopped:
         say(f"distretarget: {stopped}", err=True)
-    sys.exit(status or int(bool(progress.tally.failed or found.unread)))
+    sys.exit(status or int(bool(progress.tally.failed or found.unread or problems)))
 
 
 def _targets(sources: tuple[Path, ...], targets: tuple[Path, ...]) -> tuple[list[Text], tuple[Path, ...]]:
@@ -147,7 +156,7 @@ def _targets(sources: tuple[Path, ...], targets: tuple[Path, ...]) -> tuple[list
     goals = [load_text(target) for target in targets]
     for goal in goals:
         check_target(goal.text, goal.path)
-    return goals, sources
+    return goals, tuple(dict.fromkeys(sources))
 
 
 def _planned(found: Found, targets: Sequence[Text], folder: Path, sources: Sequence[Path]) -> list[Work]:
@@ -165,6 +174,7 @@ def _convert(run: Run, works: Sequence[Work], pages: Pages | None) -> tuple[str,
             if pages:
                 pages.finish(run, works, run.manifest.latest(works))
         except KeyboardInterrupt:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is left to do takes no time
             return "interrupted; run this again to go on", INTERRUPTED
         except (BatchError, FileError) as error:
             return str(error), 1
@@ -200,23 +210,24 @@ class Progress:
         self._clips.set_postfix(failed=self.tally.failed, refresh=False)
         self._clips.update()
 
-    def report(self, work: Work, html: str) -> None:
+    def report(self, work: Work, outcome: Outcome) -> None:
         """Write the report on a clip."""
         if self._pages:
-            self._pages.add(work, html)
+            self._pages.add(work, outcome)
 
 
 def _print_plan(works: Sequence[Work], folder: Path, recipe: Recipe, overwrite: bool) -> None:
     """What would be done with each clip."""
-    manifest = Manifest(folder) if is_folder(folder) else None
+    past = Past(folder)
     for work in works:
         try:
-            content = hash_of(read_bytes(work.clip.path))
+            done = past.is_done(work, hash_of(read_bytes(work.clip.path)), recipe, folder)
+            if not done and not overwrite:
+                past.check_replaceable(work, folder)
         except DistretargetError as error:
             say(f"fail     {error}")
-            continue
-        done = manifest and not overwrite and manifest.is_done(work, content, recipe, folder)
-        say(f"{'skip   ' if done else 'convert'}  {work.clip.path} -> {folder / work.place}")
+        else:
+            say(f"{'skip   ' if done and not overwrite else 'convert'}  {work.clip.path} -> {folder / work.place}")
 
 
 def _tell_unread(found: Found) -> None:

@@ -10,7 +10,7 @@ from typing import get_args
 import click
 from tqdm import tqdm
 
-from distretarget.bvh import read_bvh, write_bvh
+from distretarget.bvh import format_bvh, read_bvh
 from distretarget.cli.matching_table import headline, unused
 from distretarget.cli.options import retargeting
 from distretarget.cli.outputs import about, check_outputs, say
@@ -71,13 +71,13 @@ def retarget_command(
     own, goal = load_map(map_path), load_text(target)
     with tqdm(total=len(motion), unit=" frames", desc=source.name, disable=None, leave=False) as bar:
         result = carry(motion, source, goal, own, options, progress=bar.update)
-    write_bvh(output, result.motion, overwrite=overwrite)
+    texts = {output: format_bvh(result.motion)}
     seconds = time.perf_counter() - started
     run = Figures(result)
-    if figures:
-        write_whole(figures, run.json(), overwrite=overwrite)
-    if report:
-        write_whole(report, run_page(run, about(source, output)), overwrite=overwrite)
+    texts |= {figures: run.json()} if figures else {}
+    texts |= {report: run_page(run, about(source, output))} if report else {}
+    for path, text in texts.items():
+        write_whole(path, text, overwrite=overwrite)
     for line in _account(result) if verbose else (f"warning: {joints}; see -v" for joints in run.unmatched()):
         say(line, err=True)
     for warning in run.warnings():
