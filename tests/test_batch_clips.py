@@ -51,6 +51,12 @@ def test_files_given_are_taken_whatever_they_are_called(tmp_path):
         (["a/*"], [], ["a/run1.bvh", "a/walk1.bvh"]),
         (["*1.bvh"], ["a/run*"], ["a/walk1.bvh"]),
         (["none"], [], []),
+        (["**/*1.bvh"], ["**/walk*"], ["a/run1.bvh"]),
+        (["**/*2.bvh"], [], ["run2.bvh", "walk2.bvh"]),
+        ([], ["a"], ["run2.bvh", "walk2.bvh"]),
+        ([], ["?/"], ["run2.bvh", "walk2.bvh"]),
+        (["a/"], ["*walk*"], ["a/run1.bvh"]),
+        ([], ["?"], ["a/run1.bvh", "a/walk1.bvh", "run2.bvh", "walk2.bvh"]),
     ],
 )
 def test_patterns(tmp_path, include, exclude, expected):
@@ -76,10 +82,21 @@ def test_links_are_followed_but_not_in_circles(tmp_path):
     assert places(find_clips([tmp_path / "in"])) == ["a/x.bvh", "other/back/x.bvh", "other/y.bvh"]
 
 
+def test_links_that_lead_nowhere_are_told(tmp_path):
+    made(tmp_path, "a.bvh")
+    (tmp_path / "self").symlink_to("self")
+    (tmp_path / "self.bvh").symlink_to("self.bvh")
+    (tmp_path / "gone").symlink_to("nowhere")
+    found = find_clips([tmp_path])
+    assert places(found) == ["a.bvh", "self.bvh"]  # reading this tells
+    assert [str(error).split(": ")[0] for error in found.unread] == [str(tmp_path / "self")]
+
+
 @pytest.fixture
 def closed(tmp_path, monkeypatch):
     """A folder, the one to be in, with a clip and a folder that nobody may look into, not even root."""
-    made(tmp_path, "a.bvh", "closed/b.bvh")
+    made(tmp_path, "a.bvh", "closed/b.bvh", "closed/in/c.bvh")
+    (tmp_path / "link").symlink_to("closed/in")
     tmp_path.chmod(0o755)
     (tmp_path / "closed").chmod(0)
     monkeypatch.chdir(tmp_path)
@@ -97,7 +114,7 @@ def closed(tmp_path, monkeypatch):
 def test_folders_without_permission_are_told():
     found = find_clips([Path()])
     assert places(found) == ["a.bvh"]
-    assert [str(error) for error in found.unread] == ["closed: permission denied"]
+    assert [str(error) for error in found.unread] == ["closed: permission denied", "link: permission denied"]
     assert places(find_clips([Path("closed/b.bvh")])) == ["b.bvh"]
 
 

@@ -99,7 +99,7 @@ def test_reports_have_the_places_of_outputs(tmp_path):
     assert not own.problems
     path.write_text("my own")
     own.add(work("a/b.bvh"), Outcome("1", 0.0, report=MARK))
-    assert [str(problem) for problem in own.problems] == [f"{path}: exists already; --overwrite replaces it"]
+    assert [str(problem) for problem in own.problems.values()] == [f"{path}: exists already; --overwrite replaces it"]
     assert path.read_text() == "my own"
 
 

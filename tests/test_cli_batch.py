@@ -102,6 +102,34 @@ def test_lists_of_files(folder, from_stdin):
     assert tree(folder / "out").keys() == {"a.bvh", "deep/b.bvh"}
 
 
+def test_lists_of_any_tool(folder):
+    (folder / "list.txt").write_bytes(b"\xef\xbb\xbfin/a.bvh\r\nin/deep/b.bvh\r\nin/a.bvh\r\n")
+    done = run("body.json", "-o", "out", "--input-list", "list.txt", cwd=folder)
+    assert (done.returncode, tree(folder / "out").keys()) == (0, {"a.bvh", "deep/b.bvh"})
+
+
+def test_streams_that_hold_few_characters(folder):
+    (folder / "in/a.bvh").rename(folder / "in/\u52d5.bvh")
+    narrow = {**os.environ, "PYTHONIOENCODING": "cp1252"}
+    done = run("in", "body.json", "-o", "out", cwd=folder, env=narrow)
+    assert (done.returncode, done.stderr) == (0, "")
+    shown = subprocess.run(
+        [sys.executable, "-m", "distretarget", "skeleton", "show", "body.json"],
+        capture_output=True,
+        env=narrow,
+        cwd=folder,
+    )
+    assert (shown.returncode, shown.stderr) == (0, b"")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_standard_output_is_told(folder):
+    with Path("/dev/full").open("w") as full:
+        command = [sys.executable, "-m", "distretarget", "skeleton", "show", "body.json"]
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, cwd=folder)
+    assert (done.returncode, done.stderr) == (1, "distretarget: standard output: the disk is full\n")
+
+
 def test_a_dry_run_writes_nothing(folder):
     done = run("in", "body.json", "-o", "out", "--dry-run", cwd=folder)
     assert done.returncode == 0
@@ -111,6 +139,11 @@ def test_a_dry_run_writes_nothing(folder):
     (folder / "in/deep/er/c.bvh").write_bytes(b"\0")
     again = run("in", "body.json", "-o", "out", "--dry-run", cwd=folder).stdout
     assert "skip     in/a.bvh -> out/a.bvh\n" in again
+    (folder / "mine").mkdir()
+    (folder / "mine" / "a.bvh").write_text("mine")
+    fails = run("in", "body.json", "-o", "mine", "--dry-run", cwd=folder).stdout
+    assert "fail     mine/a.bvh: exists already" in fails
+    assert [path.name for path in (folder / "mine").iterdir()] == ["a.bvh"]
     assert "convert  in/deep/b.bvh" in again
     assert tree(folder / "out").keys() == {"a.bvh"}
 
@@ -129,6 +162,11 @@ def test_a_dry_run_writes_nothing(folder):
         (["in", "bad.json"], 1, "bad.json: "),
         (["in", "body.json", "--include", "nothing"], 1, "there are no clips to convert"),
         (["in", "body.json", "--input-list", "none.txt"], 2, "none.txt"),
+        (["in", "typo", "body.json"], 2, "typo: there is no such file or folder"),
+        (["in", "body.json", "--report", "in/a.bvh", "--overwrite"], 1, "in/a.bvh: is an input"),
+        (["in", "body.json", "--report", "body.json", "--overwrite"], 1, "body.json: is an input"),
+        (["in", "body.json", "--report", "out/a.bvh", "--overwrite"], 1, "has a place that results take"),
+        (["in", "body.json", "--report", "out/manifest.jsonl"], 1, "has a place that results take"),
     ],
 )
 def test_wrong_usage_is_one_line(folder, arguments, status, says):
@@ -166,6 +204,29 @@ def test_pages(folder):
     assert pages() == {"index.html"}
     wrong = run(*once, "worst", cwd=folder)
     assert (wrong.returncode, "expected worst:N" in wrong.stderr) == (2, True)
+
+
+def test_only_reports_on_the_present_results_are_linked(folder):
+    once = ("in/a.bvh", "body.json", "-o", "out", "--report", "out/index.html", "--reports")
+    run(*once, "all", cwd=folder)
+    report, index = folder / "out/index_reports/a.html", folder / "out/index.html"
+    before = report.read_text()
+    run(*once, "none", "--root-scale", 3, cwd=folder)
+    assert report.read_text() == before
+    assert "index_reports/a.html" not in index.read_text()
+    run(*once, "all", "--root-scale", 3, cwd=folder)
+    assert report.read_text() != before
+    assert "index_reports/a.html" in index.read_text()
+
+
+def test_a_report_that_cannot_be_written_does_not_stop_the_rest(folder):
+    (folder / "out/index_reports").mkdir(parents=True)
+    (folder / "out/index_reports/a.html").write_text("mine")
+    done = run("in", "body.json", "-o", "out", "--report", "out/index.html", "--reports", "all", cwd=folder)
+    assert done.returncode == 1
+    assert "3 clips: 3 converted" in done.stdout
+    assert done.stderr == "no report: out/index_reports/a.html: exists already; --overwrite replaces it\n"
+    assert (folder / "out/index.html").exists()
 
 
 def test_a_page_of_somebody_else_is_left_alone(folder):

@@ -284,3 +284,12 @@ def test_longer_arms_move_a_clap_apart():
     result = diff(clap, replace(longer, translations=translations))
     assert result.figures.contact_error.sum() > 0
     np.testing.assert_allclose(result.figures.direction_error, 0, atol=1e-5)
+
+
+def test_clips_that_drift_apart_are_resampled():
+    motion = swaying(person(), frames=600)
+    slow, fast = (replace(motion, frame_time_text=text) for text in ("0.0417083", "0.0416667"))
+    other = resampled(slow, "0.0416667")
+    assert diff(slow, other).figures.means()["direction_error"] < 0.1
+    assert "A was resampled" in diff(slow, other).notes[0]
+    assert not diff(replace(slow, translations=slow.translations[:9], rotations=slow.rotations[:9]), fast).notes[1:]

@@ -89,7 +89,7 @@ def _is_like(place: PurePath, pattern: str) -> bool:
     """
     names_folder = pattern.endswith("/") or not WILD.intersection(pattern)
     pattern = pattern.removeprefix("**/").rstrip("/")
-    paths = [place, *(place.parents if names_folder else ())]
+    paths = [place, *(place.parents[:-1] if names_folder else ())]
     return any(fnmatchcase(path.name, pattern) or fnmatchcase(path.as_posix(), pattern) for path in paths)
 
 

@@ -33,14 +33,14 @@ class Pages:
         most: how many clips get a report, the worst first; None for all.
         overwrite: whether files that are no such pages are replaced.
         about: what the report on a clip says of it.
-        problems: with reports that could not be written.
+        problems: why reports could not be written, by their paths.
     """
 
     index: Path
     most: int | None
     overwrite: bool
     about: Callable[[Work], About]
-    problems: list[FileError] = field(default_factory=list)
+    problems: dict[Path, FileError] = field(default_factory=dict)
 
     def check(self) -> None:
         """Find out, before any work, whether the page over all clips may be written.
@@ -69,7 +69,7 @@ class Pages:
         try:
             self._write(self.path(work), html)
         except FileError as error:
-            self.problems.append(error)
+            self.problems[self.path(work)] = error
 
     def finish(self, run: Run, works: Sequence[Work], records: Iterable[Record]) -> None:
         """Make the reports that are wanted and not there, and write the page over all clips.
@@ -88,7 +88,8 @@ class Pages:
         done = [record for record in lines.values() if record["status"] == "done"]
         chosen = {record["output"] for record in worst(done, RANKED)[: self.most]}
         for work in works:
-            if work.place.as_posix() in chosen and not self._is_there(work, lines):
+            tried = self.path(work) in self.problems
+            if work.place.as_posix() in chosen and not tried and not self._is_there(work, lines):
                 yield work
 
     def _is_there(self, work: Work, lines: Mapping[str, Record]) -> bool:

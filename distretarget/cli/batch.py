@@ -137,8 +137,8 @@ def batch_command(
     for line in progress.tally.lines(len(works), progress.seconds, pool.workers):
         say(line)
     _tell_unread(found)
-    problems = pages.problems if pages else []
-    for problem in problems:
+    problems = pages.problems if pages else {}
+    for problem in problems.values():
         say(f"no report: {problem}", err=True)
     if stopped:
         say(f"distretarget: {stopped}", err=True)
