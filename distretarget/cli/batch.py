@@ -45,8 +45,18 @@ INTERRUPTED = 130
     type=click.Path(path_type=Path),
     help="A target; then all arguments are sources. Given several times, each target gets a folder of its own.",
 )
-@click.option("--include", multiple=True, metavar="GLOB", help="Only files in folders whose name or path is like this.")
-@click.option("--exclude", multiple=True, metavar="GLOB", help="No files in folders whose name or path is like this.")
+@click.option(
+    "--include",
+    multiple=True,
+    metavar="GLOB",
+    help="Only files whose name or path in the folder is like this; with a / at the end, folders.",
+)
+@click.option(
+    "--exclude",
+    multiple=True,
+    metavar="GLOB",
+    help="No files whose name or path in the folder is like this; with a / at the end, folders.",
+)
 @click.option(
     "--input-list",
     type=click.File(encoding="utf-8-sig", errors="surrogateescape"),
