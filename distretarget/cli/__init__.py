@@ -48,9 +48,9 @@ def main() -> None:
             stream.reconfigure(errors="backslashreplace")
     try:
         _leave(_run())
-    except OSError as error:  # of standard output
+    except OSError as error:  # of standard output, if no file has a part in it
         sys.stdout = None  # or it would be tried once more
-        sys.exit(_complain(f"standard output: {reason_of(error)}", 1))
+        sys.exit(_complain(f"{error.filename or 'standard output'}: {reason_of(error)}", 1))
 
 
 def _run() -> int:
