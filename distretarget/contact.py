@@ -155,7 +155,7 @@ def _solve_frames(clip: Clip, stance: Stance, frames: slice) -> Poses:
     body = Body(clip.skeleton.parents, clip.parts, holds(clip.skeleton, clip.parts, clip.problem.targets, unit))
     pairs = near_pairs(clip.problem, unit)
     points, copied = clip.source[:, clip.problem.sources], clip.copy[:, clip.problem.targets] / unit
-    bones, root = clip.bones / unit, np.ascontiguousarray(clip.root / unit)
+    bones, root = clip.bones / unit, clip.root / unit
     count = frames.stop - frames.start
     v = np.zeros((count, len(body.holds), 3))
     figures = np.zeros((4, count))

@@ -57,12 +57,12 @@ def root_path(source: Motion, copy: Motion, matching: Matching, scale: float) ->
     legs hang from there, whatever lies between them and the root [target file units]. Without legs, the copy's.
     """
     if matching.legs is None:
-        return copy.root_positions
+        return np.ascontiguousarray(copy.root_positions)
     ours, theirs = (
         motion.positions[:, [leg.hip for leg in pair]]
         for motion, pair in zip((copy, source), matching.legs, strict=True)
     )
-    return np.asarray(scale * theirs.mean(axis=1) - ours.mean(axis=1) + copy.root_positions)
+    return np.ascontiguousarray(scale * theirs.mean(axis=1) - ours.mean(axis=1) + copy.root_positions)
 
 
 def no_stance(frames: int) -> Stance:

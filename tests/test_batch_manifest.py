@@ -11,7 +11,7 @@ from distretarget.batch.manifest import KEYS, Manifest, Recipe, read_records, re
 from distretarget.batch.plan import MANIFEST, Work
 from distretarget.conversion import Options, Text
 from distretarget.errors import FileError
-from distretarget.files import text_hash
+from distretarget.files import hash_of_file, text_hash
 from distretarget.joint_map import MapFile
 
 RECIPE = Recipe(Options(), MapFile({}, ""), "1")
@@ -63,26 +63,31 @@ def test_the_next_run_knows_it(manifest, tmp_path):
     again.close()
     third = Manifest(tmp_path / "out")
     assert not third.is_done(work(), "in", RECIPE, tmp_path / "out")
-    third.check_replaceable(work(), tmp_path / "out")
+    check(third, work(), tmp_path / "out")
     third.close()
+
+
+def check(manifest, work, folder):
+    path = folder / work.place
+    manifest.check_replaceable(work, path, hash_of_file(path))
 
 
 def test_only_what_was_made_here_may_be_replaced(manifest, tmp_path):
     out = tmp_path / "out"
-    manifest.check_replaceable(work(), out)  # nothing there
+    check(manifest, work(), out)  # nothing there
     (out / "a.bvh").write_text(OUTPUT)
     with pytest.raises(FileError, match="exists already; --overwrite replaces it"):
-        manifest.check_replaceable(work(), out)
+        check(manifest, work(), out)
     manifest.add(done(work()))
     manifest.add(done(work()) | {"output_hash": text_hash("another")})
     for text in (OUTPUT, "another"):
         (out / "a.bvh").write_text(text)
-        manifest.check_replaceable(work(), out)
+        check(manifest, work(), out)
     (out / "b.bvh").write_text(OUTPUT)
     (out / "a.bvh").write_text(OUTPUT + " edited")
     for name in ("a.bvh", "b.bvh"):
         with pytest.raises(FileError, match="exists already"):
-            manifest.check_replaceable(work(name), out)
+            check(manifest, work(name), out)
 
 
 @pytest.mark.parametrize("other", ["input", "target"])
@@ -96,9 +101,9 @@ def test_the_result_of_other_files_is_left_alone(manifest, tmp_path, other):
         path.write_text("")
     now = Work(Clip(paths["a.bvh"], PurePath("a.bvh"), 1), Text("{}", paths["hero.json"]), PurePath("a.bvh"))
     with pytest.raises(FileError, match=f"is the result of .*{known}.*--overwrite replaces it"):
-        manifest.check_replaceable(now, tmp_path / "out")
+        check(manifest, now, tmp_path / "out")
     known.unlink()  # moved, as it seems
-    manifest.check_replaceable(now, tmp_path / "out")
+    check(manifest, now, tmp_path / "out")
 
 
 def test_a_line_has_every_key(manifest):

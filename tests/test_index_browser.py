@@ -1,7 +1,6 @@
 """The page over clips in a browser: it asks for nothing, sorts, filters and opens what it lists."""
 
 import re
-import shutil
 
 import numpy as np
 import pytest
@@ -9,11 +8,6 @@ from test_index import failed, figures, record
 from test_report_browser import LUMINANCES
 
 from distretarget.report.index import index_page
-
-sync_api = pytest.importorskip("playwright.sync_api", reason="playwright, which drives the browser, is not installed")
-
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
-pytestmark = pytest.mark.skipif(not BROWSER, reason="no Chromium or Chrome is installed")
 
 NASTY = "</script><b>&amp; \"q' ü"
 LONG = "x" * 300
@@ -59,16 +53,6 @@ MADE = {
     "nasty": nasty,
     "many": many,
 }
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with sync_api.sync_playwright() as playwright:
-        program = playwright.chromium.launch(
-            executable_path=BROWSER, args=["--no-sandbox", "--disable-background-networking"]
-        )
-        yield program
-        program.close()
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,6 @@
 """The report in a browser: it asks for nothing, plays, and every control does what it says."""
 
 import re
-import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -12,11 +11,6 @@ from distretarget import load_target, read_bvh, retarget
 from distretarget.diff import Diff, diff
 from distretarget.metrics import compare
 from distretarget.report import About, document, page
-
-sync_api = pytest.importorskip("playwright.sync_api", reason="playwright, which drives the browser, is not installed")
-
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
-pytestmark = pytest.mark.skipif(not BROWSER, reason="no Chromium or Chrome is installed")
 
 NASTY = "</script><b>&amp; \"q' " + 60 * "ü"
 PERSON = person()
@@ -121,16 +115,6 @@ def reports(tmp_path_factory):
         return made[name]
 
     return report
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with sync_api.sync_playwright() as playwright:
-        program = playwright.chromium.launch(
-            executable_path=BROWSER, args=["--no-sandbox", "--disable-background-networking"]
-        )
-        yield program
-        program.close()
 
 
 @pytest.fixture

@@ -21,7 +21,7 @@ from typing import Any
 from distretarget.batch.plan import MANIFEST, Work
 from distretarget.conversion import Options
 from distretarget.errors import FileError
-from distretarget.files import hash_of_file, reason_of
+from distretarget.files import check_writable, hash_of_file, reason_of
 from distretarget.joint_map import MapFile
 
 try:
@@ -72,18 +72,17 @@ class Past:
             hash_of_file(folder / work.place),
         )
 
-    def check_replaceable(self, work: Work, folder: Path) -> None:
-        """Whether what stands in the place of a clip's output, if anything does, was made here of the same files.
+    def check_replaceable(self, work: Work, path: Path, standing: str | None) -> None:
+        """Whether what stands at `path`, the place of a clip's output, was made here of the same files; `standing` is
+        its hash, None where nothing does or it cannot be read.
 
         Raises: FileError: it was not, and so is not to be replaced unasked.
         """
-        path = folder / work.place
-        if not os.path.lexists(path):
-            return
-        maker = self._makers.get(work.place.as_posix(), {}).get(hash_of_file(path) or "")
+        maker = self._makers.get(work.place.as_posix(), {}).get(standing or "")
         if maker is None:
-            raise FileError(path, "exists already; --overwrite replaces it")
-        if _is_other(maker[0], work.clip.path) or _is_other(maker[1], work.target.path):
+            if path.exists():
+                check_writable(path)
+        elif _is_other(maker[0], work.clip.path) or _is_other(maker[1], work.target.path):
             raise FileError(path, f"is the result of {maker[0]} onto {maker[1]}; --overwrite replaces it")
 
     def latest(self, works: Iterable[Work]) -> list[Record]:

@@ -74,10 +74,11 @@ def check_page(page: Path, works: Sequence[Work], folder: Path, map_path: Path |
 
     Raises: BatchError: it would be.
     """
-    read = {_file(path) for work in works for path in (work.clip.path, work.target.path)}
-    read |= {_file(map_path)} if map_path else set()
+    read = {path for work in works for path in (work.clip.path, work.target.path)} | {map_path}
+    standing = _file(page)
+    is_input = standing is not None and standing in {_file(path) for path in read if path}
     written = {folder.resolve() / place for place in (PurePath(MANIFEST), *(work.place for work in works))}
-    if _file(page) in read - {None} or page.resolve() in written:
+    if is_input or page.resolve() in written:
         raise BatchError(f"{page}: is an input, or has a place that results take; give the page another name")
 
 

@@ -13,7 +13,7 @@ from distretarget.batch.run import Run, reports
 from distretarget.batch.summary import worst
 from distretarget.batch.task import Outcome
 from distretarget.errors import FileError
-from distretarget.files import is_folder, reason_of, text_hash, write_whole
+from distretarget.files import check_writable, is_folder, reason_of, write_whole
 from distretarget.report import About
 from distretarget.report.index import index_page
 
@@ -47,17 +47,15 @@ class Pages:
 
         Raises: FileError: something else is there, or its folder cannot be written to.
         """
-        if is_folder(self.index):
-            raise FileError(self.index, "is a folder, expected the name of a file")
+        try:
+            if self.index.exists():
+                check_writable(self.index, self._replaceable(self.index))
+                return
+        except OSError as error:
+            raise FileError(self.index, reason_of(error)) from error
         above = next(folder for folder in self.index.absolute().parents if os.path.lexists(folder))
         if not is_folder(above) or not os.access(above, os.W_OK | os.X_OK):
             raise FileError(self.index, f"nothing can be written to {str(above)!r}")
-        try:
-            refused = self.index.exists() and not self._replaceable(self.index)
-        except OSError as error:
-            raise FileError(self.index, reason_of(error)) from error
-        if refused:
-            raise FileError(self.index, "exists already; --overwrite replaces it")
 
     def path(self, work: Work) -> Path:
         """Where the report on a clip goes."""
@@ -65,7 +63,7 @@ class Pages:
 
     def add(self, work: Work, outcome: Outcome) -> None:
         """Write the report on a clip, or note why it cannot be."""
-        html = outcome.report.replace(MARK, MARK + OF.format(text_hash(outcome.bvh)), 1)
+        html = outcome.report.replace(MARK, MARK + OF.format(outcome.bvh_hash), 1)
         try:
             self._write(self.path(work), html)
         except FileError as error:
@@ -95,7 +93,10 @@ class Pages:
     def _is_there(self, work: Work, lines: Mapping[str, Record]) -> bool:
         """Whether there is a report on the output that a clip has now."""
         record = lines.get(work.place.as_posix())
-        return record is not None and OF.format(record["output_hash"]) in _head(self.path(work))
+        try:
+            return record is not None and OF.format(record["output_hash"]) in _head(self.path(work))
+        except OSError:
+            return False  # writing it will tell
 
     def _link(self, work: Work) -> str:
         return Path(os.path.relpath(self.path(work), self.index.parent)).as_posix()
@@ -114,8 +115,8 @@ class Pages:
 
 
 def _head(path: Path) -> str:
-    """The beginning of a page; nothing where there is none."""
-    if not path.exists():
+    """The beginning of a page; nothing where there is no file."""
+    if not path.is_file():
         return ""
     with path.open(encoding="utf-8", errors="replace") as file:
         return file.read(HEAD)

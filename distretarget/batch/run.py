@@ -17,7 +17,7 @@ from distretarget.batch.pools import Pool
 from distretarget.batch.task import Outcome, Task, convert
 from distretarget.conversion import Text
 from distretarget.errors import BatchError, DistretargetError, FileError
-from distretarget.files import hash_of, hash_of_file, read_bytes, text_hash, text_of, write_whole
+from distretarget.files import hash_of, hash_of_file, read_bytes, text_of, write_whole
 from distretarget.report import About
 
 PATIENCE = 5.0  # seconds without a result after which workers are looked after
@@ -168,7 +168,7 @@ class Run:
             error=error or None,
         )
         if not error:
-            record |= {"status": "done", "output_hash": text_hash(outcome.bvh)}
+            record |= {"status": "done", "output_hash": outcome.bvh_hash}
             try:
                 self._write(work, outcome.bvh, record)
             except DistretargetError as fault:
@@ -186,11 +186,12 @@ class Run:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise FileError(path.parent, "the folder cannot be made: " + (error.strerror or str(error))) from error
-        if hash_of_file(path) == record["output_hash"]:  # another run was faster
+        standing = hash_of_file(path)
+        if standing == record["output_hash"]:  # another run was faster
             self.manifest.add(record)
             return
         if not self.overwrite:
-            self.manifest.check_replaceable(work, self.folder)
+            self.manifest.check_replaceable(work, path, standing)
         write_whole(path, text, self.overwrite or path.exists(), lambda: self.manifest.add(record))
 
     def _tell(self, record: Record) -> None:

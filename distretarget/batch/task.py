@@ -6,12 +6,14 @@ import time
 from collections.abc import Mapping
 from concurrent.futures import BrokenExecutor, CancelledError
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from importlib.metadata import version
 
 from distretarget.bvh import bvh_parts, parse_bvh
 from distretarget.conversion import Options, Text, carry
 from distretarget.errors import DistretargetError
 from distretarget.figures import Figures
+from distretarget.files import text_hash
 from distretarget.joint_map import MapFile
 from distretarget.pieces import Mapper
 from distretarget.report import About, run_page
@@ -51,6 +53,11 @@ class Outcome:
     figures: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     report: str = ""
+
+    @cached_property
+    def bvh_hash(self) -> str:
+        """The hash of the output."""
+        return text_hash(self.bvh)
 
 
 def convert(task: Task, mapper: Mapper = map) -> Outcome:

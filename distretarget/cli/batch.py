@@ -28,7 +28,7 @@ from distretarget.cli.outputs import about, say
 from distretarget.cli.parameters import of_reports
 from distretarget.conversion import Options, Text, load_text
 from distretarget.errors import BatchError, DistretargetError, FileError
-from distretarget.files import hash_of, is_folder, read_bytes
+from distretarget.files import hash_of, hash_of_file, is_folder, read_bytes
 from distretarget.joint_map import load_map
 from distretarget.skeleton_json import check_target
 
@@ -233,7 +233,8 @@ def _print_plan(works: Sequence[Work], folder: Path, recipe: Recipe, overwrite: 
         try:
             done = past.is_done(work, hash_of(read_bytes(work.clip.path)), recipe, folder)
             if not done and not overwrite:
-                past.check_replaceable(work, folder)
+                path = folder / work.place
+                past.check_replaceable(work, path, hash_of_file(path))
         except DistretargetError as error:
             say(f"fail     {error}")
         else:

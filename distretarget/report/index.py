@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import math
 import os.path
 import re
@@ -10,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 from urllib.parse import quote
 
-from distretarget.report.page import HALVES, _asset, script_json
+from distretarget.report.page import filled
 
 Record = Mapping[str, Any]
 
@@ -41,13 +40,8 @@ def index_page(records: Sequence[Record], links: Mapping[str, str], title: str, 
     `records` are lines of a manifest, one for each output; `links` has the path of an output's report, relative to the
     page and not quoted, for outputs that have one; `version` is that of the program.
     """
-    parts = {
-        "title": html.escape(HALVES.sub("\ufffd", title)),
-        "style": "\n".join(map(_asset, ("style.css", "index.css"))),
-        "script": "\n".join(map(_asset, ("base.js", "index.js"))),
-        "batch": script_json({**_table(records, links), "version": version}),
-    }
-    return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], _asset("index.html"))
+    data = {"batch": {**_table(records, links), "version": version}}
+    return filled("index.html", title, ["style.css", "index.css"], ["base.js", "index.js"], data)
 
 
 def _table(records: Sequence[Record], links: Mapping[str, str]) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
@@ -19,14 +19,20 @@ ESCAPES = {ord(character): f"\\u{ord(character):04x}" for character in "<>&\u202
 
 def page(diff: Diff, document: Mapping[str, Any]) -> str:
     """The HTML of the report on a diff; `document` is the diff's, and stands in the page as it is."""
+    title = f"{document['b']['file']} against {document['a']['file']}"
+    data = {"document": document, "scene": scene(diff, len(document["pairs"]))}
+    return filled("template.html", title, ["style.css"], SCRIPTS, data)
+
+
+def filled(template: str, title: str, styles: Sequence[str], scripts: Sequence[str], data: Mapping[str, object]) -> str:
+    """The HTML of a template of this package, with its title, the files of its style and script, and named data."""
     parts = {
-        "title": html.escape(HALVES.sub("\ufffd", f"{document['b']['file']} against {document['a']['file']}")),
-        "style": _asset("style.css"),
-        "script": "\n".join(map(_asset, SCRIPTS)),
-        "document": script_json(document),
-        "scene": script_json(scene(diff, len(document["pairs"]))),
+        "title": html.escape(HALVES.sub("\ufffd", title)),
+        "style": "\n".join(map(_asset, styles)),
+        "script": "\n".join(map(_asset, scripts)),
+        **{name: script_json(value) for name, value in data.items()},
     }
-    return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], _asset("template.html"))
+    return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], _asset(template))
 
 
 def script_json(value: object) -> str:
