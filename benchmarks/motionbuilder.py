@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from quality import insert
 
 from distretarget import Motion, read_bvh, retarget
-from distretarget.metrics import compare
+from distretarget.measure.metrics import compare
 
 HEAD = (
     "| clip | frames | direction, copy and MotionBuilder, degrees | direction, result and MotionBuilder "

@@ -23,7 +23,7 @@ from quality import SAMPLES
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, read_bvh, retarget
-from distretarget.body import find_legs, up_axis
+from distretarget.body.legs import find_legs, up_axis
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.append(str(ROOT / "tools"))

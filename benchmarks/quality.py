@@ -22,8 +22,8 @@ from edits import TARGETS, edited, part_of
 from numpy.typing import NDArray
 
 from distretarget import Motion, RetargetResult, read_bvh, retarget
-from distretarget.body import find_legs
-from distretarget.metrics import compare
+from distretarget.body.legs import find_legs
+from distretarget.measure.metrics import compare
 
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"
 CLIPS = [

@@ -22,7 +22,7 @@ from edits import TARGETS, edited
 from playwright.sync_api import Page, sync_playwright
 
 from distretarget import Motion, Skeleton, read_bvh, retarget
-from distretarget.diff import diff
+from distretarget.measure.diff import diff
 from distretarget.report import About, document, page
 
 SAMPLE = Path(__file__).resolve().parents[1] / "sample_bvh" / "clap.bvh"

@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, RetargetResult, Skeleton, read_bvh, retarget
-from distretarget.body import Leg, find_legs, leg_length, up_axis
-from distretarget.metrics import compare
-from distretarget.world import axis_vector
+from distretarget.baseline.world import axis_vector
+from distretarget.body.legs import Leg, find_legs, leg_length, up_axis
+from distretarget.measure.metrics import compare
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.append(str(ROOT / "tools"))

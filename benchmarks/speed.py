@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from quality import insert
 
 from distretarget import Motion, RetargetResult, read_bvh, retarget
-from distretarget.body import body_unit, find_legs
-from distretarget.retarget import OBJECTIVES
+from distretarget.body.legs import body_unit, find_legs
+from distretarget.retargeting import OBJECTIVES
 
 try:
     import mink

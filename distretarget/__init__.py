@@ -6,12 +6,12 @@ result = retarget(read_bvh("walk.bvh"), load_skeleton("hero.json"))
 write_bvh("walk_hero.bvh", result.motion)
 """
 
-from distretarget.bvh import read_bvh, write_bvh
 from distretarget.errors import DistretargetError
+from distretarget.io.bvh import read_bvh, write_bvh
+from distretarget.io.skeleton_json import load_skeleton, load_target
 from distretarget.motion import Motion
-from distretarget.retarget import RetargetResult, retarget
+from distretarget.retargeting import RetargetResult, retarget
 from distretarget.skeleton import Skeleton
-from distretarget.skeleton_json import load_skeleton, load_target
 
 __all__ = [
     "DistretargetError",

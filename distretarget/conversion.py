@@ -7,14 +7,14 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 
+from distretarget.baseline.world import RootOffset
 from distretarget.errors import DistretargetError, FileError, MatchingError
-from distretarget.files import read_text, text_hash
-from distretarget.joint_map import MapFile, joint_map
+from distretarget.io.files import read_text, text_hash
+from distretarget.io.map_json import MapFile, joint_map
+from distretarget.io.skeleton_json import parse_target
 from distretarget.motion import Motion
-from distretarget.pieces import Mapper, Progress
-from distretarget.retarget import Objective, RetargetResult, retarget
-from distretarget.skeleton_json import parse_target
-from distretarget.world import RootOffset
+from distretarget.retargeting import Objective, RetargetResult, retarget
+from distretarget.solve.chunks import Mapper, Progress
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
+from distretarget.numerics.stress import stress_and_gradient, target_distances
 from distretarget.skeleton import Skeleton
 
 
@@ -94,3 +96,29 @@ def _point_path_sizes(skeleton: Skeleton, points: NDArray[np.intp]) -> NDArray[n
     counted = np.zeros(len(skeleton))
     counted[points] = 1.0
     return skeleton.path_sums(counted) + 1.0
+
+
+def posture_stress(
+    problem: DistanceProblem, source: NDArray[np.float64], result: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(frames,), sigma of given positions, (frames, target joints, 3) [file units], against the source's distances
+    [body sizes squared].
+    """
+    S = columns(source[:, problem.sources])
+    X = columns((result[:, problem.targets] - result[:, :1]) / problem.body_size)
+    return np.asarray(_stresses(S, X, problem.ratio, problem.priorities))
+
+
+@njit(cache=True, error_model="numpy")
+def _stresses(source, x, ratio, pi):  # type: ignore[no-untyped-def]
+    delta, gradient = np.empty_like(pi), np.empty_like(x[0])
+    sigma = np.empty(len(x))
+    for t in range(len(x)):
+        target_distances(source[t], ratio, delta)
+        sigma[t] = stress_and_gradient(x[t], delta, pi, gradient)
+    return sigma
+
+
+def columns(positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(frames, points, 3) as (frames, 3, points), along memory."""
+    return np.ascontiguousarray(positions.transpose(0, 2, 1))

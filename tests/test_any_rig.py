@@ -12,11 +12,11 @@ from bodies import SAMPLES, lengthened, posed, swaying
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, read_bvh, retarget
-from distretarget.body import height
-from distretarget.conventions import by_names
+from distretarget.body.axes import unit
+from distretarget.body.conventions import by_names
+from distretarget.body.legs import height
 from distretarget.errors import MatchingError
-from distretarget.matching import find_matching, match
-from distretarget.orientation import unit
+from distretarget.matching.matching import find_matching, match
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from table_one import table_one
 
 from distretarget import Motion, Skeleton
-from distretarget.articulation import (
+from distretarget.solve.articulation import (
     Body,
     hang,
     parts_of,

@@ -11,8 +11,8 @@ from distretarget.batch.manifest import KEYS, Manifest, Recipe, read_records, re
 from distretarget.batch.plan import MANIFEST, Work
 from distretarget.conversion import Options, Text
 from distretarget.errors import FileError
-from distretarget.files import hash_of_file, text_hash
-from distretarget.joint_map import MapFile
+from distretarget.io.files import hash_of_file, text_hash
+from distretarget.io.map_json import MapFile
 
 RECIPE = Recipe(Options(), MapFile({}, ""), "1")
 OUTPUT = "HIERARCHY"

@@ -16,12 +16,12 @@ from distretarget.batch.manifest import Manifest, Recipe, read_records
 from distretarget.batch.plan import plan
 from distretarget.batch.run import Run, reports
 from distretarget.batch.task import Outcome, Task, convert
-from distretarget.bvh import format_bvh
 from distretarget.conversion import Options, Text
 from distretarget.errors import BatchError, FileError
-from distretarget.joint_map import MapFile
+from distretarget.io.bvh import format_bvh
+from distretarget.io.map_json import MapFile
+from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.report import About
-from distretarget.skeleton_json import skeleton_to_json
 
 TARGET = Text(skeleton_to_json(other_lengths(person()), "body"), "body.json")
 RECIPE = Recipe(Options(), MapFile({}, ""), "1")

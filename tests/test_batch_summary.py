@@ -12,8 +12,8 @@ from distretarget.batch.summary import Tally
 from distretarget.batch.task import Outcome
 from distretarget.conversion import Options, Text
 from distretarget.errors import FileError
-from distretarget.files import text_hash
-from distretarget.joint_map import MapFile
+from distretarget.io.files import text_hash
+from distretarget.io.map_json import MapFile
 from distretarget.report import About
 
 RECIPE = Recipe(Options(), MapFile({}, ""), "1")

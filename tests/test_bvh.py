@@ -14,9 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from distretarget.bvh import format_bvh, parse_bvh_skeleton, read_bvh, write_bvh
 from distretarget.errors import BvhError, DistretargetError, FileError, MotionError, SkeletonError
-from distretarget.files import read_text
+from distretarget.io.bvh import format_bvh, parse_bvh_skeleton, read_bvh, write_bvh
+from distretarget.io.files import read_text
 from distretarget.motion import Motion
 from distretarget.skeleton import Skeleton
 

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from distretarget import read_bvh, write_bvh
 from distretarget.cli import cli
-from distretarget.skeleton_json import skeleton_to_json
+from distretarget.io.skeleton_json import skeleton_to_json
 
 
 def run(*arguments, cwd=None):
@@ -237,7 +237,7 @@ def test_an_exported_skeleton_is_the_same_target(folder):
 
 
 def test_frames_that_do_not_converge_are_told(folder, monkeypatch):
-    monkeypatch.setattr("distretarget.contact._solve", _stop_early)
+    monkeypatch.setattr("distretarget.solve.contact._solve", _stop_early)
     arguments = [str(folder / "in.bvh"), str(folder / "body.json"), "-o", str(folder / "out.bvh")]
     done = CliRunner().invoke(cli, arguments)
     assert done.exit_code == 0

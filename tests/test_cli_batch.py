@@ -14,10 +14,10 @@ from bodies import CORPUS, SAMPLES, needs_corpus, other_lengths, person, swaying
 from click.testing import CliRunner
 
 from distretarget import read_bvh, retarget, write_bvh
-from distretarget.bvh import format_bvh
 from distretarget.cli import cli
 from distretarget.errors import BatchError
-from distretarget.skeleton_json import skeleton_to_json
+from distretarget.io.bvh import format_bvh
+from distretarget.io.skeleton_json import skeleton_to_json
 
 LONG = 600  # frames that take a moment
 LONGER = 6000  # frames that are under way while clips of LONG are done

@@ -12,8 +12,8 @@ from bodies import clapping, lengthened, person, posed, swaying
 
 from distretarget import write_bvh
 from distretarget.cli import main
-from distretarget.diff import diff
-from distretarget.skeleton_json import skeleton_to_json
+from distretarget.io.skeleton_json import skeleton_to_json
+from distretarget.measure.diff import diff
 
 PERSON = person()
 BLOCKS = """HIERARCHY

@@ -10,8 +10,8 @@ from click.testing import CliRunner
 
 from distretarget import load_skeleton, write_bvh
 from distretarget.cli import cli
+from distretarget.io.skeleton_json import load_whole, skeleton_to_json
 from distretarget.skeleton import Skeleton
-from distretarget.skeleton_json import load_whole, skeleton_to_json
 
 RIGS = SAMPLES / "rigs"
 

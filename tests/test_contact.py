@@ -9,12 +9,12 @@ from bodies import SAMPLES, clapping, lengthened, person, posed
 from scipy.spatial.transform import Rotation
 
 from distretarget import load_target, read_bvh, retarget
-from distretarget.articulation import parts_of
-from distretarget.body import height
-from distretarget.contact import ROOT, holds, settled
-from distretarget.footing import root_path
-from distretarget.near import LEAD
-from distretarget.spg import Reason
+from distretarget.body.legs import height
+from distretarget.solve.articulation import parts_of
+from distretarget.solve.contact import ROOT, holds, settled
+from distretarget.solve.contact_pairs import LEAD
+from distretarget.solve.spg import Reason
+from distretarget.solve.stance import root_path
 
 PERSON = person()
 WRISTS = PERSON.index("LeftWrist"), PERSON.index("RightWrist")

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from bodies import CORPUS, needs_corpus
 
-from distretarget.anatomy import ARM, LEG
-from distretarget.bvh import read_bvh
-from distretarget.conventions import by_names, convention_of, vocabulary
+from distretarget.body.anatomy import ARM, LEG
+from distretarget.body.conventions import by_names, convention_of, vocabulary
+from distretarget.io.bvh import read_bvh
 from distretarget.skeleton import Skeleton
 
 NAMES = Path(__file__).resolve().parents[2] / "shared" / "joint_names.json"

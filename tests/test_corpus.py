@@ -8,7 +8,7 @@ import pytest
 from bodies import CORPUS, SAMPLES, needs_corpus
 
 from distretarget import DistretargetError, Motion, read_bvh, retarget, write_bvh
-from distretarget.body import height
+from distretarget.body.legs import height
 from distretarget.motion import rigid_motion
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "benchmarks"))

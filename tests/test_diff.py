@@ -8,9 +8,9 @@ from bodies import SAMPLES, clapping, lengthened, moved, other_lengths, person, 
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, load_skeleton, read_bvh, retarget
-from distretarget.diff import diff, resampled
+from distretarget.baseline.world import turned
 from distretarget.errors import MapError, MatchingError, MotionError
-from distretarget.world import turned
+from distretarget.measure.diff import diff, resampled
 
 LEG = 0.435 + 0.453
 PERSON = person()

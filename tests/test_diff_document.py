@@ -13,8 +13,8 @@ import pytest
 from bodies import SAMPLES, clapping, lengthened, person, posed, swaying, with_bone
 
 from distretarget import read_bvh, retarget
-from distretarget.diff import Diff, diff
-from distretarget.metrics import compare
+from distretarget.measure.diff import Diff, diff
+from distretarget.measure.metrics import compare
 from distretarget.report.document import PAIRS, STILL, About, csv_text, document, json_text
 
 PERSON = person()
@@ -76,7 +76,7 @@ def made(name):
 
 @cache
 def validator():
-    schema = json.loads(files("distretarget").joinpath("diff.schema.json").read_text("utf-8"))
+    schema = json.loads(files("distretarget.report").joinpath("diff.schema.json").read_text("utf-8"))
     jsonschema.Draft202012Validator.check_schema(schema)
     return jsonschema.Draft202012Validator(schema)
 

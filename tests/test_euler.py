@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from distretarget.euler import euler_angles, restrict
+from distretarget.numerics.euler import euler_angles, restrict
 
 ORDERS = ["".join(axes) for axes in permutations("XYZ")]
 SHORT_ORDERS = ["".join(axes) for count in (1, 2) for axes in permutations("XYZ", count)]

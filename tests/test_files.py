@@ -7,7 +7,7 @@ import stat
 import pytest
 
 from distretarget.errors import FileError
-from distretarget.files import check_writable, read_text, write_whole
+from distretarget.io.files import check_writable, read_text, write_whole
 
 
 def read(tmp_path, content):

@@ -9,7 +9,7 @@ from bodies import SAMPLES, person, posed, with_bone
 
 from distretarget import Skeleton, load_skeleton
 from distretarget.errors import MapError, MatchingError
-from distretarget.matching import find_matching, match, refusal
+from distretarget.matching.matching import find_matching, match, refusal
 
 PERSON = person()
 RIGS = {path.stem: load_skeleton(path) for path in sorted((SAMPLES / "rigs").glob("*.json"))}

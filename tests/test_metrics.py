@@ -8,8 +8,8 @@ from bodies import SAMPLES, clapping, lengthened, moved, other_lengths, person, 
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton, read_bvh, retarget
-from distretarget.matching import match
-from distretarget.metrics import compare, normalised_distances
+from distretarget.matching.matching import match
+from distretarget.measure.metrics import compare, normalised_distances
 
 LEG = 0.435 + 0.453
 TIME = 0.02

@@ -11,9 +11,9 @@ import pytest
 from bodies import CORPUS, needs_corpus
 
 from distretarget import DistretargetError, Skeleton, read_bvh
-from distretarget.anatomy import ARM, LEG, SIDES
-from distretarget.conventions import by_names
-from distretarget.matching import find_matching, refusal
+from distretarget.body.anatomy import ARM, LEG, SIDES
+from distretarget.body.conventions import by_names
+from distretarget.matching.matching import find_matching, refusal
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
 from make_rigs import CONVENTIONS, rig

@@ -9,15 +9,14 @@ from bodies import SAMPLES, other_lengths, person, swaying
 from scipy.optimize import minimize
 
 from distretarget import load_target, read_bvh, retarget
-from distretarget.articulation import Body, parts_of, pose_body, posed_motion, pull_back, rigid_heads, workspace
-from distretarget.distances import distance_problem
-from distretarget.matching import match
-from distretarget.paper import HOLD, ROOT, solve_paper
-from distretarget.points import posture_stress
-from distretarget.poses import Clip
-from distretarget.rotation_copy import rotation_copy
-from distretarget.spg import Reason
-from distretarget.stress import stress_and_gradient
+from distretarget.baseline.rotation_copy import rotation_copy
+from distretarget.distances import distance_problem, posture_stress
+from distretarget.matching.matching import match
+from distretarget.numerics.stress import stress_and_gradient
+from distretarget.solve.articulation import Body, parts_of, pose_body, posed_motion, pull_back, rigid_heads, workspace
+from distretarget.solve.paper import HOLD, ROOT, solve_paper
+from distretarget.solve.poses import Clip
+from distretarget.solve.spg import Reason
 
 PERSON = person()
 TARGET = other_lengths(PERSON)

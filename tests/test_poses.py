@@ -7,10 +7,10 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from distretarget import Skeleton
-from distretarget.articulation import Body, hang, parts_of, pose_body, pull_back, workspace
-from distretarget.contact import _solve
-from distretarget.poses import Springs, _curvature, _factorise, spring_energy
-from distretarget.spg import Reason
+from distretarget.solve.articulation import Body, hang, parts_of, pose_body, pull_back, workspace
+from distretarget.solve.contact import _solve
+from distretarget.solve.poses import Springs, _curvature, _factorise, spring_energy
+from distretarget.solve.spg import Reason
 
 PERSON = person()
 

@@ -10,7 +10,7 @@ import pytest
 from bodies import CORPUS, SAMPLES, needs_corpus
 
 from distretarget import read_bvh, retarget, write_bvh
-from distretarget.body import height
+from distretarget.body.legs import height
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "benchmarks"))
 from edits import ARMS_AND_LEGS, edited

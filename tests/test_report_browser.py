@@ -8,8 +8,8 @@ import pytest
 from bodies import SAMPLES, person, posed, swaying, with_bone
 
 from distretarget import load_target, read_bvh, retarget
-from distretarget.diff import Diff, diff
-from distretarget.metrics import compare
+from distretarget.measure.diff import Diff, diff
+from distretarget.measure.metrics import compare
 from distretarget.report import About, document, page
 
 NASTY = "</script><b>&amp; \"q' " + 60 * "ü"

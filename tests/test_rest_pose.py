@@ -12,12 +12,12 @@ from bodies import CORPUS, SAMPLES, moved, needs_corpus, posed
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, read_bvh, retarget
-from distretarget.alignment import least_rotation
-from distretarget.body import height
-from distretarget.conventions import by_names
+from distretarget.baseline.world import axis_vector
+from distretarget.body.conventions import by_names
+from distretarget.body.legs import height
+from distretarget.io.skeleton_json import load_target
 from distretarget.motion import local_rotations
-from distretarget.skeleton_json import load_target
-from distretarget.world import axis_vector
+from distretarget.numerics.rotations import least_rotation
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
 from make_rigs import CONVENTIONS, rig

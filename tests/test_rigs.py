@@ -10,7 +10,7 @@ import pytest
 from bodies import SAMPLES
 
 from distretarget import load_skeleton
-from distretarget.body import find_legs, height, leg_length
+from distretarget.body.legs import find_legs, height, leg_length
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
 from make_rigs import CONVENTIONS, POSES, rig

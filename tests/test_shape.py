@@ -6,8 +6,8 @@ from bodies import CORPUS, mirrored, moved, needs_corpus, person, posed, swaying
 from scipy.spatial.transform import Rotation
 
 from distretarget import Skeleton, read_bvh
-from distretarget.anatomy import SIDES
-from distretarget.shape import by_shape
+from distretarget.body.anatomy import SIDES
+from distretarget.body.shape import by_shape
 
 LIMBS = ("Shoulder", "UpperArm", "LowerArm", "Hand", "UpperLeg", "LowerLeg", "Foot", "Toes")
 TURN = Rotation.from_rotvec([1.0, -2.0, 0.7])

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from table_one import table_one
 
 from distretarget.errors import BvhError, FileError, SkeletonError, SkeletonFileError
-from distretarget.skeleton import Skeleton
-from distretarget.skeleton_json import (
+from distretarget.io.skeleton_json import (
     CHANNELS,
     JOINT_CHANNELS,
     ROOT_CHANNELS,
@@ -26,6 +25,7 @@ from distretarget.skeleton_json import (
     load_whole,
     skeleton_to_json,
 )
+from distretarget.skeleton import Skeleton
 
 HEAD = {"format": "distretarget-skeleton", "version": 1}
 HIPS = {"name": "Hips", "parent": None, "offset": [0, 96.4, 0]}
@@ -86,7 +86,7 @@ def written(tmp_path):
 def load_json(text):
     """The skeleton in a text, without a file of its own for each of many."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("distretarget.skeleton_json.read_text", lambda _: text)
+        patch.setattr("distretarget.io.skeleton_json.read_text", lambda _: text)
         return load_skeleton("given.json")
 
 
@@ -437,12 +437,12 @@ BEYOND_THE_SCHEMA = {
 
 
 def valid(document):
-    schema = json.loads(files("distretarget").joinpath("skeleton.schema.json").read_text("utf-8"))
+    schema = json.loads(files("distretarget.io").joinpath("skeleton.schema.json").read_text("utf-8"))
     return jsonschema.Draft202012Validator(schema).is_valid(document)
 
 
 def test_the_schema_is_one():
-    schema = json.loads(files("distretarget").joinpath("skeleton.schema.json").read_text("utf-8"))
+    schema = json.loads(files("distretarget.io").joinpath("skeleton.schema.json").read_text("utf-8"))
     jsonschema.Draft202012Validator.check_schema(schema)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from distretarget.smoothing import averaged, widened
+from distretarget.numerics.smoothing import averaged, widened
 
 NOISE = np.random.default_rng(0).uniform(0, 1, (80, 3))
 

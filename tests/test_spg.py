@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from distretarget.spg import Reason, spectral_gradient
+from distretarget.solve.spg import Reason, spectral_gradient
 
 
 class Quadratic(NamedTuple):

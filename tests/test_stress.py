@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import approx_fprime
 from scipy.spatial.transform import Rotation
 
-from distretarget.stress import stress_and_gradient, target_distances
+from distretarget.numerics.stress import stress_and_gradient, target_distances
 
 
 def naive_stress(x, delta, pi):

@@ -11,10 +11,18 @@ from bodies import SAMPLES, moved, person, posed
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, read_bvh, retarget
-from distretarget.alignment import least_rotation
-from distretarget.body import height
-from distretarget.conventions import by_names
-from distretarget.world import AXES, axis_vector, root_offset_of, turned, up_of_motion, up_of_rest, with_root_offset
+from distretarget.baseline.world import (
+    AXES,
+    axis_vector,
+    root_offset_of,
+    turned,
+    up_of_motion,
+    up_of_rest,
+    with_root_offset,
+)
+from distretarget.body.conventions import by_names
+from distretarget.body.legs import height
+from distretarget.numerics.rotations import least_rotation
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
 from make_rigs import CONVENTIONS, rig

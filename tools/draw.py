@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from numpy.typing import NDArray
 
-from distretarget.bvh import read_bvh
+from distretarget.io.bvh import read_bvh
 from distretarget.motion import Motion
 from distretarget.skeleton import Skeleton
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from rig_bodies import BODIES, Body, Chain
 from scipy.spatial.transform import Rotation
 
+from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.skeleton import Skeleton
-from distretarget.skeleton_json import skeleton_to_json
 
 Convention = Literal["mixamo", "xsens", "lafan1", "unreal"]
 Pose = Literal["T", "A", "X"]

@@ -16,9 +16,9 @@ from pathlib import Path
 from sample_body import SKELETON
 from sample_motions import CLIPS
 
-from distretarget.bvh import write_bvh
+from distretarget.io.bvh import write_bvh
+from distretarget.io.skeleton_json import FORMAT, VERSION, skeleton_to_json
 from distretarget.skeleton import Skeleton
-from distretarget.skeleton_json import FORMAT, VERSION, skeleton_to_json
 
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"
 

@@ -10,7 +10,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path, PurePath
 
 from distretarget.errors import FileError
-from distretarget.files import is_folder, reason_of
+from distretarget.io.files import is_folder, reason_of
 
 ENDING = ".bvh"
 WILD = frozenset("*?[")

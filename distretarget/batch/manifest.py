@@ -21,8 +21,8 @@ from typing import Any
 from distretarget.batch.plan import MANIFEST, Work
 from distretarget.conversion import Options
 from distretarget.errors import FileError
-from distretarget.files import check_writable, hash_of_file, reason_of
-from distretarget.joint_map import MapFile
+from distretarget.io.files import check_writable, hash_of_file, reason_of
+from distretarget.io.map_json import MapFile
 
 try:
     import fcntl

@@ -10,7 +10,7 @@ from pathlib import Path, PurePath
 from distretarget.batch.clips import Clip
 from distretarget.conversion import Text
 from distretarget.errors import BatchError
-from distretarget.files import is_folder
+from distretarget.io.files import is_folder
 
 MANIFEST = "manifest.jsonl"  # in the folder of results
 

@@ -16,9 +16,9 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Protocol
 
+from distretarget.batch.compile_ahead import warm
 from distretarget.errors import BatchError
-from distretarget.retarget import OBJECTIVES, Objective
-from distretarget.warm import warm
+from distretarget.retargeting import OBJECTIVES, Objective
 
 # A worker of one thread: there are as many workers as cores.
 SINGLE = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")

@@ -13,7 +13,7 @@ from distretarget.batch.run import Run, reports
 from distretarget.batch.summary import worst
 from distretarget.batch.task import Outcome
 from distretarget.errors import FileError
-from distretarget.files import check_writable, is_folder, reason_of, write_whole
+from distretarget.io.files import check_writable, is_folder, reason_of, write_whole
 from distretarget.report import About
 from distretarget.report.index import index_page
 

@@ -17,7 +17,7 @@ from distretarget.batch.pools import Pool
 from distretarget.batch.task import Outcome, Task, convert
 from distretarget.conversion import Text
 from distretarget.errors import BatchError, DistretargetError, FileError
-from distretarget.files import hash_of, hash_of_file, read_bytes, text_of, write_whole
+from distretarget.io.files import hash_of, hash_of_file, read_bytes, text_of, write_whole
 from distretarget.report import About
 
 PATIENCE = 5.0  # seconds without a result after which workers are looked after

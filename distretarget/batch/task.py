@@ -9,14 +9,14 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.metadata import version
 
-from distretarget.bvh import bvh_parts, parse_bvh
 from distretarget.conversion import Options, Text, carry
 from distretarget.errors import DistretargetError
-from distretarget.figures import Figures
-from distretarget.files import text_hash
-from distretarget.joint_map import MapFile
-from distretarget.pieces import Mapper
+from distretarget.io.bvh import bvh_parts, parse_bvh
+from distretarget.io.files import text_hash
+from distretarget.io.map_json import MapFile
 from distretarget.report import About, run_page
+from distretarget.run_summary import Figures
+from distretarget.solve.chunks import Mapper
 
 
 @dataclass(frozen=True)

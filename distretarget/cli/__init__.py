@@ -16,7 +16,7 @@ from distretarget.cli.group import DefaultGroup
 from distretarget.cli.retarget import retarget_command
 from distretarget.cli.skeleton import skeleton_group
 from distretarget.errors import DistretargetError
-from distretarget.files import reason_of
+from distretarget.io.files import reason_of
 
 PATIENCE = 5.0  # seconds in which threads that are about to end do so
 

@@ -28,9 +28,9 @@ from distretarget.cli.outputs import about, say
 from distretarget.cli.parameters import of_reports
 from distretarget.conversion import Options, Text, load_text
 from distretarget.errors import BatchError, DistretargetError, FileError
-from distretarget.files import hash_of, hash_of_file, is_folder, read_bytes
-from distretarget.joint_map import load_map
-from distretarget.skeleton_json import check_target
+from distretarget.io.files import hash_of, hash_of_file, is_folder, read_bytes
+from distretarget.io.map_json import load_map
+from distretarget.io.skeleton_json import check_target
 
 INTERRUPTED = 130
 

@@ -9,17 +9,17 @@ from typing import Any
 
 import click
 
-from distretarget.bvh import read_bvh
 from distretarget.cli.outputs import about, check_outputs, say
 from distretarget.cli.parameters import of_figure
 from distretarget.conversion import needs_map
-from distretarget.diff import diff
 from distretarget.errors import DistretargetError, FileError, MatchingError, quoted
-from distretarget.files import write_whole
-from distretarget.joint_map import joint_map, load_map
+from distretarget.io.bvh import read_bvh
+from distretarget.io.files import write_whole
+from distretarget.io.map_json import joint_map, load_map
+from distretarget.io.skeleton_json import Target
+from distretarget.measure.diff import diff
 from distretarget.report.document import Document, csv_text, document, json_text
 from distretarget.report.page import page
-from distretarget.skeleton_json import Target
 
 MOST = 5  # frames and pairs that are printed
 LISTED = 12  # joints in a line, at most

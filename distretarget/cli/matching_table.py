@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 
-from distretarget.anatomy import Anatomy
-from distretarget.conventions import convention_of
-from distretarget.matching import Matching
-from distretarget.pairs import joints_of
+from distretarget.body.anatomy import Anatomy
+from distretarget.body.conventions import convention_of
+from distretarget.matching.matching import Matching
+from distretarget.matching.pairing import joints_of
 from distretarget.skeleton import Skeleton
 
 WAYS = {"map": "map", "name": "equal name", "names": "names", "shape": "shape", "tip": "tip"}

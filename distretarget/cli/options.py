@@ -9,10 +9,10 @@ from typing import Any, get_args
 
 import click
 
+from distretarget.baseline.world import AXES, RootOffset
 from distretarget.cli.parameters import positive
 from distretarget.conversion import Options
-from distretarget.retarget import OBJECTIVES, Objective
-from distretarget.world import AXES, RootOffset
+from distretarget.retargeting import OBJECTIVES, Objective
 
 OPTIONS = (
     click.option(

@@ -11,7 +11,7 @@ from pathlib import Path, PurePath
 import click
 
 from distretarget.errors import FileError
-from distretarget.files import check_writable
+from distretarget.io.files import check_writable
 from distretarget.report.document import About
 
 

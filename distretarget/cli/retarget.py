@@ -10,18 +10,18 @@ from typing import get_args
 import click
 from tqdm import tqdm
 
-from distretarget.bvh import format_bvh, read_bvh
+from distretarget.baseline.world import RootOffset
 from distretarget.cli.matching_table import headline, unused
 from distretarget.cli.options import retargeting
 from distretarget.cli.outputs import about, check_outputs, say
 from distretarget.conversion import Options, carry, load_text
 from distretarget.errors import quoted
-from distretarget.figures import Figures
-from distretarget.files import write_whole
-from distretarget.joint_map import load_map
+from distretarget.io.bvh import format_bvh, read_bvh
+from distretarget.io.files import write_whole
+from distretarget.io.map_json import load_map
 from distretarget.report import run_page
-from distretarget.retarget import RetargetResult
-from distretarget.world import RootOffset
+from distretarget.retargeting import RetargetResult
+from distretarget.run_summary import Figures
 
 LISTED = 12  # joints in a line of --verbose, at most
 

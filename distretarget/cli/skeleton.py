@@ -9,19 +9,17 @@ from pathlib import Path
 import click
 import numpy as np
 
-from distretarget.body import find_legs, height, leg_length
-from distretarget.bvh import read_bvh
+from distretarget.body.conventions import by_names
+from distretarget.body.legs import find_legs, height, leg_length
+from distretarget.body.shape import by_shape
 from distretarget.cli.matching_table import headline, recognised, rows, unused
 from distretarget.cli.outputs import check_outputs, say
 from distretarget.cli.parameters import of_bone, positive
-from distretarget.conventions import by_names
 from distretarget.errors import FileError, closest
-from distretarget.files import read_text, write_whole
-from distretarget.joint_map import joint_map, load_map, map_to_json
-from distretarget.matching import Positions, find_matching, refusal
-from distretarget.shape import by_shape
-from distretarget.skeleton import Skeleton
-from distretarget.skeleton_json import (
+from distretarget.io.bvh import read_bvh
+from distretarget.io.files import read_text, write_whole
+from distretarget.io.map_json import joint_map, load_map, map_to_json
+from distretarget.io.skeleton_json import (
     SkeletonEdit,
     is_json,
     load_skeleton,
@@ -29,6 +27,8 @@ from distretarget.skeleton_json import (
     load_whole,
     skeleton_to_json,
 )
+from distretarget.matching.matching import Positions, find_matching, refusal
+from distretarget.skeleton import Skeleton
 
 
 @click.group("skeleton")

@@ -13,10 +13,10 @@ from typing import Any, SupportsFloat
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.conventions import convention_of
-from distretarget.diff import Diff
-from distretarget.metrics import Comparison
-from distretarget.pairs import joints_of
+from distretarget.body.conventions import convention_of
+from distretarget.matching.pairing import joints_of
+from distretarget.measure.diff import Diff
+from distretarget.measure.metrics import Comparison
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
-from distretarget.diff import Diff
+from distretarget.measure.diff import Diff
 from distretarget.report.scene import scene
 
 SCRIPTS = ("base.js", "data.js", "camera.js", "skeletons.js", "player.js", "curves.js", "heatmap.js", "tables.js")

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from distretarget.diff import Diff, turned_note
-from distretarget.figures import Figures
+from distretarget.measure.diff import Diff, turned_note
 from distretarget.report.document import About, document
 from distretarget.report.page import page
+from distretarget.run_summary import Figures
 
 
 def run_page(run: Figures, about: About) -> str:

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.alignment import least_rotation
-from distretarget.body import leg_length
-from distretarget.diff import Diff
-from distretarget.metrics import BLOCK, FAR_ALONG, LOWEST, NEAR, points_of
+from distretarget.body.legs import leg_length
+from distretarget.measure.diff import Diff
+from distretarget.measure.metrics import BLOCK, FAR_ALONG, LOWEST, NEAR, points_of
 from distretarget.motion import Motion
+from distretarget.numerics.rotations import least_rotation
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]

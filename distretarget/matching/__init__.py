@@ -1,0 +1,1 @@
+"""Which source joint drives which target joint."""

@@ -1,0 +1,190 @@
+"""Two motions against each other, frame by frame and pair by pair: A, the reference, and B, measured against it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+from distretarget.baseline.world import World, find_world, root_offset_of, with_root_offset
+from distretarget.body.legs import height
+from distretarget.distances import distance_problem, posture_stress
+from distretarget.errors import MotionError
+from distretarget.matching.matching import Matching, match
+from distretarget.matching.pairing import JointMap
+from distretarget.measure.metrics import FAR_ALONG, NEAR, Comparison, compare, jerk_of, normalised_distances, points_of
+from distretarget.motion import Motion
+from distretarget.skeleton import LARGEST
+
+Array = NDArray[np.float64]
+
+SAME_TIME = 1e-3  # relative difference of frame times from which motions are resampled ...
+LATE = 0.25  # ... or frames by which one lags behind the other in the end
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """What became of each pair of joints that both motions have; |P| >= 5 makes a pair far along the tree.
+
+    Attributes:
+        u, v: (pairs,), joints of B.
+        far: (pairs,), whether it can be a contact.
+        contact_frames: (pairs,), in how many frames it is a contact in A.
+        distance_a, distance_b: (pairs,), mean D over these frames; over all frames where there are none.
+        error: (pairs,), mean |D_a - D_b| over the same frames.
+        worst_frame: (pairs,), the frame, of the same, of the largest |D_a - D_b|.
+    """
+
+    u: NDArray[np.intp]
+    v: NDArray[np.intp]
+    far: NDArray[np.bool_]
+    contact_frames: NDArray[np.intp]
+    distance_a: Array
+    distance_b: Array
+    error: Array
+    worst_frame: NDArray[np.intp]
+
+    def worst(self, most: int) -> NDArray[np.intp]:
+        """The numbers of the worst pairs: contacts first, by the sum of their errors; then others, by their error."""
+        weight = self.error * np.maximum(self.contact_frames, 1)
+        return np.lexsort((-weight, self.contact_frames == 0))[:most]
+
+
+@dataclass(frozen=True, eq=False)
+class Diff:
+    """Motion B measured against motion A.
+
+    Attributes:
+        a, b: the motions, A in B's world and both with B's frame time and the frames they share.
+        matching: which joint of A stands for each joint of B.
+        up: (3,), up in both.
+        stress: (frames,), Eq. (2) of B against A's distances, over the squared height of B.
+        figures: the other figures, per frame.
+        notes: what was done to compare them: resampled, cut, turned.
+    """
+
+    a: Motion
+    b: Motion
+    matching: Matching
+    up: Array
+    stress: Array
+    figures: Comparison
+    notes: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.b)
+
+    @cached_property
+    def jerk_a(self) -> Array:
+        """(frames - 3,), what `figures.jerk` is of B, of A [body sizes / s^3]."""
+        return jerk_of(replace(self.a, skeleton=self.a.rigid_skeleton))
+
+    @cached_property
+    def pairs(self) -> Pairs:
+        """What became of each pair."""
+        return _pairs(self.a, self.b, self.matching)
+
+
+def diff(a: Motion, b: Motion, joint_map: JointMap | None = None) -> Diff:
+    """Measure a motion B against a motion A, on the same skeleton or another.
+
+    If frame times differ, A is resampled at B's; if the numbers of frames do, the longer one is cut. If the axes that
+    point up do, A is turned.
+
+    Raises:
+        MatchingError: the two bodies cannot be matched.
+        MapError: `joint_map` names joints that are not there.
+        MotionError: a motion has no frames, positions too large to compute with, or no bone with a length.
+    """
+    for motion, name in ((a, "A"), (b, "B")):
+        _check(motion, name)
+    matching = match(a.rigid_skeleton, b.rigid_skeleton, joint_map, a.positions, b.positions)
+    world = find_world(a, matching, None, None, None, b)
+    notes = list(turned_note(world))
+    a, b = world.enter(a), replace(b, skeleton=b.rigid_skeleton)
+    if root_offset_of(b, world.up_vector) == "added":
+        b = with_root_offset(b)
+    apart = abs(a.frame_time - b.frame_time) / b.frame_time
+    if apart > SAME_TIME or apart * min(len(a), len(b)) > LATE:
+        notes.append(f"A was resampled from {1 / a.frame_time:.6g} to {1 / b.frame_time:.6g} frames/s")
+        a = resampled(a, b.frame_time_text)
+    if len(a) != len(b):
+        frames = min(len(a), len(b))
+        compared = "the first was" if frames == 1 else f"the first {frames} were"
+        notes.append(f"A has {_frames(a)} and B has {len(b)}; {compared} compared")
+        a, b = _first(a, frames), _first(b, frames)
+    problem = distance_problem(matching.source, matching.target, matching.drivers)
+    relative = (problem.body_size / height(matching.target)) ** 2
+    stress = relative * posture_stress(problem, a.positions, b.positions)
+    return Diff(a, b, matching, world.up_vector, stress, compare(a, b, matching, world.up_vector), tuple(notes))
+
+
+def resampled(motion: Motion, frame_time_text: str) -> Motion:
+    """The motion at another frame time, as far as it goes: rotations along the shortest way, translations straight."""
+    times = np.arange(len(motion)) * motion.frame_time
+    step = float(frame_time_text)
+    wanted = np.arange(int(np.floor(times[-1] / step * (1 + 1e-9))) + 1) * step
+    wanted = np.minimum(wanted, times[-1])
+    if len(motion) == 1:
+        return replace(motion, frame_time_text=frame_time_text)
+    lower = np.clip(np.searchsorted(times, wanted, side="right") - 1, 0, len(times) - 2)
+    share = ((wanted - times[lower]) / motion.frame_time)[:, None]
+    ways = motion.translations[lower + 1] - motion.translations[lower]
+    translations = motion.translations[lower] + share[..., None] * ways
+    rotations = np.empty((len(wanted), len(motion.skeleton), 4))
+    for joint in range(len(motion.skeleton)):
+        rotations[:, joint] = Slerp(times, Rotation.from_quat(motion.rotations[:, joint]))(wanted).as_quat()
+    return Motion(motion.skeleton, translations, rotations, frame_time_text)
+
+
+def turned_note(world: World) -> tuple[str, ...]:
+    """What is said of the axes that point up, if they differ."""
+    same = world.source_up == world.up
+    return () if same else (f"A was turned: {world.source_up} is up in A, {world.up} in B",)
+
+
+def _check(motion: Motion, name: str) -> None:
+    if not len(motion):
+        raise MotionError(f"{name} has no frames; there is nothing to compare")
+    if not np.abs(motion.positions).max() <= LARGEST:
+        raise MotionError(f"{name} has positions beyond {LARGEST:g}; its OFFSETs or position channels must be wrong")
+    if not motion.rigid_skeleton.path_lengths.max() > 0:
+        raise MotionError(f"no bone of {name} has a length; there is nothing to compare")
+
+
+def _frames(motion: Motion) -> str:
+    return "1 frame" if len(motion) == 1 else f"{len(motion)} frames"
+
+
+def _first(motion: Motion, frames: int) -> Motion:
+    return replace(motion, translations=motion.translations[:frames], rotations=motion.rotations[:frames])
+
+
+def _pairs(a: Motion, b: Motion, matching: Matching) -> Pairs:
+    joints = points_of(matching)
+    u, v = np.triu_indices(len(joints), 1)
+    far = matching.target.path_sizes[joints[u], joints[v]] >= FAR_ALONG
+    count, contacts = len(u), np.zeros(len(u), np.intp)
+    sums = {name: np.zeros((2, count)) for name in ("a", "b", "error")}  # over all frames, over those of contact
+    largest, worst = np.full((2, count), -1.0), np.zeros((2, count), np.intp)
+    blocks = zip(normalised_distances(a, matching.drivers[joints]), normalised_distances(b, joints), strict=True)
+    for (block, D_a), (_, D_b) in blocks:
+        error = np.nan_to_num(np.abs(D_a - D_b))
+        near = far & (D_a < NEAR) & np.isfinite(D_b)
+        contacts += near.sum(axis=0)
+        for k, mask in enumerate((np.ones_like(near), near)):
+            for name, values in (("a", D_a), ("b", D_b), ("error", error)):
+                sums[name][k] += np.where(mask, np.nan_to_num(values), 0.0).sum(axis=0)
+            masked = np.where(mask, error, -1.0)
+            top = masked.max(axis=0)
+            at = block.start + masked.argmax(axis=0)
+            worst[k] = np.where(top > largest[k], at, worst[k])
+            largest[k] = np.maximum(largest[k], top)
+    which = (contacts > 0).astype(np.intp)
+    frames = np.where(which, contacts, len(a))
+    pick = np.arange(count)
+    means = {name: values[which, pick] / frames for name, values in sums.items()}
+    return Pairs(joints[u], joints[v], far, contacts, means["a"], means["b"], means["error"], worst[which, pick])

@@ -1,0 +1,220 @@
+"""How good a motion is, measured against the motion it was made from. Shares nothing with the solvers.
+
+A pair is two joints or End Sites that both motions have, where neither motion has them coincide for good; D is their
+distance divided by the length of the bone path between them, |P| the number of joints on that path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.body.legs import Leg, leg_length
+from distretarget.matching.matching import Matching
+from distretarget.motion import Motion
+from distretarget.skeleton import Skeleton
+
+Array = NDArray[np.float64]
+
+NEAR = 0.15  # a contact pair has D below this in the source ...
+FAR_ALONG = 5  # ... and at least so many joints on its path
+SLOW = 0.35  # a foot in stance is slower than this [leg lengths / s] ...
+LOW = 0.06  # ... and within this [leg lengths] of its lowest heights,
+LOWEST = 2.0  # which is this percentile of them
+BLOCK = 256  # frames whose pairs are in memory at once
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """The figures of a result against its source, per frame; a clip's figure is their mean.
+
+    Attributes:
+        distance_error: (frames,), mean |D_source - D_result| over all pairs.
+        contact_error: (frames,), the sum of |D_source - D_result| over the contact pairs of the frame.
+        contacts: (frames,), how many contact pairs there are.
+        direction_error: (frames, bones), angle between corresponding bones [degrees].
+        bone_error: (frames,), the largest relative error of a bone's length against the target.
+        stance: (frames, feet), whether each foot joint (ankles and toes) of the source is in stance.
+        source_slide, slide: (frames, feet), horizontal speed of the foot joints [leg lengths / s].
+        source_foot_height, foot_height: (frames, feet), height over the origin [% of leg length].
+        jerk: (frames - 3,), mean norm of the third difference of positions over joints [body sizes / s^3].
+        turn: (frames - 1, joints), how much more each joint turns from one frame to the next than in the source
+            [degrees].
+    """
+
+    distance_error: Array
+    contact_error: Array
+    contacts: NDArray[np.intp]
+    direction_error: Array
+    bone_error: Array
+    stance: NDArray[np.bool_]
+    source_slide: Array
+    slide: Array
+    source_foot_height: Array
+    foot_height: Array
+    jerk: Array
+    turn: Array
+
+    def in_stance(self, figure: Array) -> float:
+        """The mean of a figure (frames, feet) over the stance of all feet; 0 where there is none."""
+        return float(figure[self.stance].mean()) if self.stance.any() else 0.0
+
+    def means(self) -> dict[str, float]:
+        """The figures of the whole clip, under the names and in the units of the attributes.
+
+        Contact error is pooled over the contact pairs of all frames; slide and foot height are taken in stance;
+        `turn` is the largest.
+        """
+        return {
+            "distance_error": float(self.distance_error.mean()),
+            "contact_error": float(self.contact_error.sum() / max(self.contacts.sum(), 1)),
+            "direction_error": _mean(self.direction_error),
+            "direction_error_p99": float(np.percentile(self.direction_error, 99)) if self.direction_error.size else 0.0,
+            "bone_error": float(self.bone_error.max()),
+            "slide": self.in_stance(self.slide),
+            "source_slide": self.in_stance(self.source_slide),
+            "foot_height": self.in_stance(self.foot_height),
+            "source_foot_height": self.in_stance(self.source_foot_height),
+            "jerk": _mean(self.jerk),
+            "turn": float(self.turn.max(initial=0.0)),
+        }
+
+
+def _mean(values: Array) -> float:
+    return float(values.mean()) if values.size else 0.0
+
+
+def compare(source: Motion, result: Motion, matching: Matching, up: Array) -> Comparison:
+    """Measure a result against its source.
+
+    `matching` is between their skeletons; the two have the same number of frames, and `up`, (3,), points up in both.
+    """
+    drivers = matching.drivers
+    distance_error, contact_error, contacts = _distance_errors(source, result, matching)
+    return Comparison(
+        distance_error,
+        contact_error,
+        contacts,
+        _direction_error(source, result, drivers),
+        _bone_error(result),
+        *_feet(source, result, matching, up),
+        jerk_of(result),
+        _turn(source, result, drivers),
+    )
+
+
+def normalised_distances(motion: Motion, joints: NDArray[np.intp]) -> Iterator[tuple[slice, Array]]:
+    """D, (frames, pairs), block by block of frames, for the pairs u < v of the given joints; nan where the path
+    between them has no length.
+    """
+    u, v = np.triu_indices(len(joints), 1)
+    tau = motion.rigid_skeleton.path_lengths[joints[u], joints[v]]
+    tau = np.where(tau > 0, tau, np.nan)
+    for first in range(0, len(motion), BLOCK):
+        block = slice(first, min(first + BLOCK, len(motion)))
+        x = motion.positions[block][:, joints]
+        yield block, np.linalg.norm(x[:, u] - x[:, v], axis=-1) / tau
+
+
+def _distance_errors(source: Motion, result: Motion, matching: Matching) -> tuple[Array, Array, NDArray[np.intp]]:
+    joints, drivers = points_of(matching), matching.drivers
+    u, v = np.triu_indices(len(joints), 1)
+    far = result.skeleton.path_sizes[joints[u], joints[v]] >= FAR_ALONG
+    mean, contact, count = np.zeros(len(source)), np.zeros(len(source)), np.zeros(len(source), np.intp)
+    blocks = zip(normalised_distances(source, drivers[joints]), normalised_distances(result, joints), strict=True)
+    for (block, D_source), (_, D_result) in blocks:
+        error = np.abs(D_source - D_result)
+        known = np.isfinite(error)
+        near = far & (D_source < NEAR) & known
+        mean[block] = np.where(known, error, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+        contact[block] = np.where(near, error, 0.0).sum(axis=1)
+        count[block] = near.sum(axis=1)
+    return mean, contact, count
+
+
+def points_of(matching: Matching) -> NDArray[np.intp]:
+    """The joints of the target that stand for a place of their own on one of the bodies."""
+    source, result, drivers = matching.source, matching.target, matching.drivers
+    shared = np.flatnonzero(drivers >= 0)
+    apart = (result.path_lengths > 0)[np.ix_(shared, shared)]
+    apart |= (source.path_lengths > 0)[np.ix_(drivers[shared], drivers[shared])]
+    first = np.array([np.flatnonzero(~row)[0] for row in apart])
+    return np.asarray(shared[first == np.arange(len(shared))])
+
+
+def _bones(skeleton: Skeleton, drivers: NDArray[np.intp], source: Skeleton) -> NDArray[np.intp]:
+    """The lower joints of the bones that both bodies have, with a length on both."""
+    lower = np.arange(1, len(skeleton))
+    upper = skeleton.parents[1:]
+    shared = (drivers[lower] >= 0) & (drivers[upper] >= 0) & (skeleton.lengths[1:] > 0)
+    lower, upper = lower[shared], upper[shared]
+    return lower[source.path_lengths[drivers[lower], drivers[upper]] > 0]
+
+
+def _direction_error(source: Motion, result: Motion, drivers: NDArray[np.intp]) -> Array:
+    lower = _bones(result.skeleton, drivers, source.rigid_skeleton)
+    upper = result.skeleton.parents[lower]
+    a = source.positions[:, drivers[lower]] - source.positions[:, drivers[upper]]
+    b = result.positions[:, lower] - result.positions[:, upper]
+    sine = np.linalg.norm(np.cross(a, b), axis=-1)
+    return np.asarray(np.degrees(np.arctan2(sine, np.einsum("fbi,fbi->fb", a, b))))
+
+
+def _bone_error(result: Motion) -> Array:
+    lower = np.flatnonzero(result.skeleton.lengths > 0)
+    bones = result.positions[:, lower] - result.positions[:, result.skeleton.parents[lower]]
+    lengths = result.skeleton.lengths[lower]
+    return np.asarray(np.abs(np.linalg.norm(bones, axis=-1) / lengths - 1).max(axis=1, initial=0.0))
+
+
+def _feet(
+    source: Motion, result: Motion, matching: Matching, up: Array
+) -> tuple[NDArray[np.bool_], Array, Array, Array, Array]:
+    """Stance of the source's feet, their slide and the result's, their height and the result's, all (frames, feet)."""
+    legs = matching.legs
+    if legs is None:
+        nothing = np.zeros((len(source), 0))
+        return nothing.astype(bool), nothing, nothing, nothing, nothing
+    ours, theirs = _foot_paths(result, legs[0]), _foot_paths(source, legs[1])
+    heights = theirs @ up
+    low = heights - np.percentile(heights, LOWEST, axis=0) < LOW
+    stance = low & (_speeds(theirs, source.frame_time) < SLOW)
+    source_slide, slide = (_speeds(x - (x @ up)[..., None] * up, source.frame_time) for x in (theirs, ours))
+    return np.asarray(stance), source_slide, slide, np.asarray(100 * heights), np.asarray(100 * (ours @ up))
+
+
+def _foot_paths(motion: Motion, legs: tuple[Leg, Leg]) -> Array:
+    """(frames, feet, 3), where the foot joints are [leg lengths]."""
+    feet = [joint for leg in legs for joint in (leg.ankle, leg.toe)]
+    return motion.positions[:, feet] / leg_length(motion.rigid_skeleton, legs)
+
+
+def _speeds(paths: Array, frame_time: float) -> Array:
+    """(frames, feet), the speed along paths (frames, feet, 3), by central differences."""
+    if len(paths) < 2:
+        return np.zeros(paths.shape[:2])
+    return np.asarray(np.linalg.norm(np.gradient(paths, frame_time, axis=0), axis=-1))
+
+
+def jerk_of(motion: Motion) -> Array:
+    """(frames - 3,), the mean norm of the third difference of positions over joints [body sizes / s^3]."""
+    size = motion.skeleton.path_lengths.max() * motion.frame_time**3
+    third = np.diff(motion.positions, 3, axis=0) / size
+    return np.asarray(np.linalg.norm(third, axis=-1).mean(axis=1))
+
+
+def _turn(source: Motion, result: Motion, drivers: NDArray[np.intp]) -> Array:
+    joints = np.flatnonzero(drivers >= 0)
+    ours = _steps(result.world_rotations[:, joints])
+    return np.asarray(np.degrees(ours - _steps(source.world_rotations[:, drivers[joints]])))
+
+
+def _steps(rotations: Array) -> Array:
+    """(frames - 1, joints), the angle from each frame's rotation to the next [rad]."""
+    if len(rotations) < 2:
+        return np.zeros((0, rotations.shape[1]))
+    return np.asarray((Rotation.from_quat(rotations[:-1]).inv() * Rotation.from_quat(rotations[1:])).magnitude())

@@ -1,0 +1,182 @@
+"""One clip through all of it: source motion and target skeleton in, target motion and figures out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.baseline.rotation_copy import rotation_copy
+from distretarget.baseline.world import RootOffset, World, find_world
+from distretarget.body.legs import height
+from distretarget.distances import DistanceProblem, distance_problem, posture_stress
+from distretarget.errors import MotionError
+from distretarget.matching.matching import Matching, match
+from distretarget.matching.pairing import JointMap
+from distretarget.motion import Motion
+from distretarget.skeleton import LARGEST, Skeleton
+from distretarget.solve.articulation import parts_of, posed_motion, rigid_heads
+from distretarget.solve.chunks import Mapper, Progress
+from distretarget.solve.contact import solve_contact
+from distretarget.solve.fit_to_points import swing
+from distretarget.solve.free_points import Postures, solve_postures
+from distretarget.solve.paper import solve_paper
+from distretarget.solve.poses import Clip, Poses
+from distretarget.solve.spg import Effort
+from distretarget.solve.stance import Stance, find_stance, no_stance, root_path
+from distretarget.solve.stance import root_scale as leg_ratio
+
+Objective = Literal["contact", "paper"]
+OBJECTIVES: tuple[Objective, ...] = ("contact", "paper")
+
+
+@dataclass(frozen=True, eq=False)
+class RetargetResult:
+    """A retargeted motion and what it took.
+
+    Attributes:
+        source: the source's motion, in the target's world.
+        motion: on the target, with the source's frames and frame time.
+        copy: the rotation copy, the baseline.
+        matching: which source joint drives which target joint.
+        world: the axes, and the root's OFFSET.
+        root_scale: target units per source unit of the root's path.
+        effort: what the solver took for each frame.
+        stance: the feet at rest and where they belong; no feet for the paper's objective.
+        postures: the paper's solved points; None for the contact objective, which needs none.
+        copy_stress, written_stress: (frames,), Eq. (2) divided by the squared height of the target's rest pose, of the
+            rotation copy and of `motion`.
+        free_stress: (frames,), the same of the solved points; None without them.
+    """
+
+    source: Motion
+    motion: Motion
+    copy: Motion
+    matching: Matching
+    world: World
+    root_scale: float
+    effort: Effort
+    stance: Stance
+    postures: Postures | None
+    copy_stress: NDArray[np.float64]
+    written_stress: NDArray[np.float64]
+    free_stress: NDArray[np.float64] | None
+
+    @property
+    def drivers(self) -> NDArray[np.intp]:
+        """(target joints,), the source joint that drives each target joint, -1 for none."""
+        return self.matching.drivers
+
+    def __repr__(self) -> str:
+        return f"<RetargetResult of {len(self.motion)} frames, mean stress {self.written_stress.mean():.3g}>"
+
+
+def retarget(
+    source: Motion,
+    target: Skeleton,
+    *,
+    objective: Objective = "contact",
+    hold_feet: bool = True,
+    joint_map: JointMap | None = None,
+    root_scale: float | None = None,
+    source_up: str | None = None,
+    target_up: str | None = None,
+    root_offset: RootOffset | None = None,
+    target_motion: Motion | None = None,
+    mapper: Mapper = map,
+    progress: Progress = lambda _frames: None,
+) -> RetargetResult:
+    """Carry a motion over to another body.
+
+    Args:
+        source: the motion to carry over.
+        target: the body to carry it to, with whatever names, rest pose and axes.
+        objective: "contact" keeps what is near near and the rest as it was; "paper" minimises Eq. (2) of
+            Mucherino, Goncalves, Bernardin, Hoyet, Multon, "A Distance-Based Approach for Human Posture Simulations",
+            FedCSIS 2017.
+        hold_feet: whether feet at rest stay where they belong; the paper's objective has no such term.
+        joint_map: source key for target keys, None for joints that nothing shall drive; the others are matched by
+            names or by shape (`matching`).
+        root_scale: target units per source unit of the root's path; the ratio of leg lengths if not given.
+        source_up: the axis that points up in the source's file ("Y", "-Z", ...); found if not given (`world`).
+        target_up: that of the target's file.
+        root_offset: whether position channels of the source's root replace its OFFSET or are added; found if not given.
+        target_motion: any motion of the target: it tells its axes, and how its limbs bend where its rest pose does not.
+        mapper: solves the pieces of a long clip (`pieces`): `map`, or that of an executor, with the same result. The
+            paper's objective follows each frame from the one before and has no pieces.
+        progress: called with numbers of frames as they are solved.
+
+    Raises:
+        MatchingError: the two bodies cannot be matched.
+        MapError: `joint_map` names joints that are not there.
+        MotionError: the source has no frames, or positions too large to compute with, or a body has no extent.
+    """
+    _check(source, target)
+    seen = None if target_motion is None else target_motion.positions
+    matching = match(source.rigid_skeleton, target, joint_map, source.positions, seen)
+    world = find_world(source, matching, source_up, target_up, root_offset, target_motion)
+    source = world.enter(source)
+    skeleton, drivers = matching.source, matching.drivers
+    scale = leg_ratio(matching) if root_scale is None else root_scale
+    copy = rotation_copy(source, matching, scale, world.up_vector, target_motion)
+    problem = distance_problem(skeleton, target, drivers)
+    parts = parts_of(target, rigid_heads(copy))
+    root = root_path(source, copy, matching, scale)
+    clip = Clip(target, parts, problem, source.positions, copy.positions, root, source.frame_time)
+    stance, postures = no_stance(len(source)), None
+    if objective == "paper":
+        postures = solve_postures(problem, source.positions, copy.positions)
+        poses = solve_paper(clip, _swung(copy, problem, postures, parts), progress)
+    else:
+        if hold_feet:
+            stance = find_stance(source, matching, scale, world.up_vector)
+        poses = solve_contact(clip, stance, mapper, progress)
+    motion = _written(copy, poses, clip)
+    relative = (problem.body_size / height(target)) ** 2
+    return RetargetResult(
+        source,
+        motion,
+        copy,
+        matching,
+        world,
+        scale,
+        poses.effort,
+        stance,
+        postures,
+        relative * posture_stress(problem, source.positions, copy.positions),
+        relative * posture_stress(problem, source.positions, motion.positions),
+        None if postures is None else relative * postures.stress,
+    )
+
+
+def _written(copy: Motion, poses: Poses, clip: Clip) -> Motion:
+    """The motion of the poses; where joints have fewer than three rotation channels, as near to it as these allow."""
+    skeleton = clip.skeleton
+    motion = posed_motion(copy, poses.v, clip.parts, clip.root + poses.v[:, -1])
+    if any(0 < len(skeleton.rotation_axes(joint)) < 3 for joint in range(len(skeleton))):
+        moved = replace(copy, translations=motion.translations)
+        return swing(moved, motion.positions, np.arange(1, len(skeleton)))
+    return motion
+
+
+def _swung(copy: Motion, problem: DistanceProblem, postures: Postures, parts: NDArray[np.intp]) -> NDArray[np.float64]:
+    """(frames, parts + 1, 3), the poses that swing the copy's bones to the solved points; the root stays."""
+    points = np.array(copy.positions)
+    points[:, problem.targets] = postures.positions
+    swung = swing(copy, points, problem.targets)
+    heads = np.unique(parts, return_index=True)[1]
+    ours, theirs = (Rotation.from_quat(motion.world_rotations[:, heads]) for motion in (swung, copy))
+    return np.pad((ours * theirs.inv()).as_rotvec(), ((0, 0), (0, 1), (0, 0)))
+
+
+def _check(source: Motion, target: Skeleton) -> None:
+    if not len(source):
+        raise MotionError("the source has no frames; there is nothing to retarget")
+    if not np.abs(source.positions).max() <= LARGEST:
+        raise MotionError(f"the source has positions beyond {LARGEST:g}; OFFSETs or position channels must be wrong")
+    for body, name in ((source.skeleton, "source"), (target, "target")):
+        if not body.path_lengths.max() > 0:
+            raise MotionError(f"no bone of the {name} has a length; its OFFSETs are all zero")

@@ -1,0 +1,120 @@
+"""Where the target stands: the scale of its root's path, and the feet that rest on the floor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.body.legs import Leg, leg_length
+from distretarget.matching.matching import Matching
+from distretarget.motion import Motion
+from distretarget.numerics.smoothing import widened
+
+Array = NDArray[np.float64]
+
+SLOW = 0.35  # a foot at rest is slower than this [leg lengths / s] ...
+LOW = 0.1  # ... and no more than this [leg lengths] above the lowest joint of the body
+BLEND = 0.16  # [s] over which a foot is caught, and let go
+PITCH = (0.5, 4.0 / 3.0)  # the least and the most by which the sine of a flat foot's pitch is scaled
+
+
+@dataclass(frozen=True, eq=False)
+class Stance:
+    """Feet at rest, and where they belong.
+
+    Attributes:
+        joints: (feet,), ankles and toes of the target.
+        weights: (frames, feet), 1 while the source's foot rests, blended to 0.
+        places: (frames, feet, 3), where the target's foot belongs [target file units].
+    """
+
+    joints: NDArray[np.intp]
+    weights: Array
+    places: Array
+
+    def __getitem__(self, frames: slice) -> Stance:
+        return Stance(self.joints, self.weights[frames], self.places[frames])
+
+
+def root_scale(matching: Matching) -> float:
+    """How many target units the root travels for each source unit: the ratio of leg lengths, which keeps stride and
+    height in proportion; for bodies without legs the ratio of their largest path lengths.
+    """
+    source, target, drivers = matching.source, matching.target, matching.drivers
+    if matching.legs:
+        ours, theirs = (leg_length(body, pair) for body, pair in zip((target, source), matching.legs, strict=True))
+    else:
+        shared = np.flatnonzero(drivers >= 0)
+        ours = target.path_lengths[np.ix_(shared, shared)].max()
+        theirs = source.path_lengths[np.ix_(drivers[shared], drivers[shared])].max()
+    return float(ours / theirs) if theirs > 0 else 1.0
+
+
+def root_path(source: Motion, copy: Motion, matching: Matching, scale: float) -> Array:
+    """(frames, 3), the root's path that brings the middle between the hip joints to the scaled place of the source's:
+    legs hang from there, whatever lies between them and the root [target file units]. Without legs, the copy's.
+    """
+    if matching.legs is None:
+        return np.ascontiguousarray(copy.root_positions)
+    ours, theirs = (
+        motion.positions[:, [leg.hip for leg in pair]]
+        for motion, pair in zip((copy, source), matching.legs, strict=True)
+    )
+    return np.ascontiguousarray(scale * theirs.mean(axis=1) - ours.mean(axis=1) + copy.root_positions)
+
+
+def no_stance(frames: int) -> Stance:
+    """No foot rests."""
+    return Stance(np.zeros(0, np.intp), np.zeros((frames, 0)), np.zeros((frames, 0, 3)))
+
+
+def find_stance(source: Motion, matching: Matching, scale: float, up: Array) -> Stance:
+    """The feet at rest in the source, and their places on the target: the scaled places of the source's.
+
+    A foot rests while it is slow and low. Only the frames around a frame decide, so that a clip may be cut anywhere.
+    Feet whose bones are not in proportion to the legs keep the toe's place; the ankle follows it (`_places`).
+    """
+    legs = matching.legs
+    if legs is None:
+        return no_stance(len(source))
+    length = leg_length(source.rigid_skeleton, legs[1])
+    joints, weights, places = [], [], []
+    for ours, theirs in zip(*legs, strict=True):
+        rest = _at_rest(source, theirs, up, length)
+        joints += [ours.ankle, ours.toe]
+        weights += list(widened(rest.astype(np.float64), BLEND / source.frame_time).T)
+        places += _places(source, theirs, up, scale, matching.target.path_lengths[ours.ankle, ours.toe])
+    return Stance(np.array(joints), np.stack(weights, axis=1), np.stack(places, axis=1))
+
+
+def _at_rest(source: Motion, leg: Leg, up: Array, length: float) -> NDArray[np.bool_]:
+    """(frames, 2), whether ankle and toe rest."""
+    feet = source.positions[:, [leg.ankle, leg.toe]]
+    if len(feet) < 2:
+        return np.ones((len(feet), 2), bool)
+    speed = np.linalg.norm(np.gradient(feet, source.frame_time, axis=0), axis=-1)
+    below = [leg.ankle, leg.toe, *source.skeleton.children[leg.toe]]
+    heights = source.positions @ up
+    low = heights[:, below].min(axis=1) - heights.min(axis=1) < LOW * length
+    return np.asarray((speed < SLOW * length) & low[:, None])
+
+
+def _places(source: Motion, leg: Leg, up: Array, scale: float, bone: float) -> list[Array]:
+    """Where ankle and toe belong, (frames, 3) each, a foot's bone of the given length apart.
+
+    The sine of the foot's pitch is scaled so that a flat foot's ankle comes to the scaled height, less and less so the
+    steeper the foot: s' = s (q + (1 - q) |s|^3), q being the scaled length of the source's foot over the target's.
+    """
+    toe = scale * source.positions[:, leg.toe]
+    foot = source.positions[:, leg.ankle] - source.positions[:, leg.toe]
+    length = np.linalg.norm(foot, axis=1)
+    if not length.all() or bone == 0.0:
+        return [toe, toe]
+    q = np.clip(scale * length / bone, *PITCH)
+    sine = np.clip(foot @ up / length, -1.0, 1.0)
+    pitched = sine * (q + (1.0 - q) * np.abs(sine) ** 3)
+    level = foot - (foot @ up)[:, None] * up
+    reach = np.sqrt(1.0 - pitched**2) / np.maximum(np.linalg.norm(level, axis=1), 1e-9 * length)
+    return [toe + bone * (reach[:, None] * level + pitched[:, None] * up), toe]

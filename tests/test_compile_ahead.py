@@ -1,0 +1,39 @@
+"""Warming up compiles what clips need: after it, nothing is compiled."""
+
+import subprocess
+import sys
+
+import pytest
+from bodies import SAMPLES
+
+WATCHED = """
+import sys
+from distretarget import load_target, read_bvh
+from distretarget.batch.task import Task, convert
+from distretarget.conversion import Options, load_text
+from distretarget.io.map_json import MapFile
+from distretarget.batch.compile_ahead import warm
+from numba.core.dispatcher import Dispatcher
+
+warm(sys.argv[1])
+compile, late = Dispatcher.compile, []
+Dispatcher.compile = lambda self, signature: late.append(self.py_func.__name__) or compile(self, signature)
+for clip in sys.argv[3:]:
+    task = Task(load_text(clip), load_text(sys.argv[2]), MapFile({}, ""), Options(sys.argv[1]))
+    assert not convert(task).error
+print(late)
+"""
+
+
+@pytest.mark.parametrize("objective", ["contact", "paper"])
+@pytest.mark.parametrize("target", ["long_arms.json", "rigs/mixamo_t.json"])
+def test_nothing_is_compiled_after_warming_up(objective, target):
+    clips = [SAMPLES / "clap.bvh", SAMPLES / "walk.bvh"]
+    done = subprocess.run(
+        [sys.executable, "-c", WATCHED, objective, SAMPLES / target, *clips],
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.stderr == ""
+    assert done.stdout == "[]\n"

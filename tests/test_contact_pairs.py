@@ -1,0 +1,206 @@
+"""Near pairs: how firmly they are kept, when, and where they belong."""
+
+import numpy as np
+import pytest
+from bodies import clapping, other_lengths, person
+
+from distretarget import Skeleton
+from distretarget.baseline.rotation_copy import rotation_copy
+from distretarget.distances import distance_problem
+from distretarget.matching.matching import match
+from distretarget.solve.contact_pairs import APART, CLOSE, FAR_ALONG, GRIP, NearPairs, grips, near_pairs, pair_springs
+
+PERSON = person()
+TARGET = other_lengths(PERSON)
+MATCHING = match(PERSON, TARGET)
+PROBLEM = distance_problem(PERSON, TARGET, MATCHING.drivers)
+UP = np.array([0.0, 1.0, 0.0])
+UNIT = 1.7
+PAIRS = near_pairs(PROBLEM, UNIT)
+
+
+def smootherstep(D):
+    t = np.clip((APART - D) / (APART - CLOSE), 0, 1)
+    return 6 * t**5 - 15 * t**4 + 10 * t**3
+
+
+def copied(source):
+    return rotation_copy(source, MATCHING, 1.0, UP).positions
+
+
+def springs_of(source, block, lead):
+    copy = copied(source) / UNIT
+    points = source.positions[:, PROBLEM.sources], copy[:, PROBLEM.targets]
+    return pair_springs(PAIRS, PROBLEM, *points, block, lead)
+
+
+def by_pair(springs):
+    """Per pair of joints: rest, direction, firmness and softness across."""
+    return {
+        (int(a), int(b)): tuple(values[:, s] for values in springs[2:])
+        for s, (a, b) in enumerate(zip(springs.a, springs.b, strict=True))
+    }
+
+
+def test_all_pairs_far_along_the_tree_are_looked_at_and_no_other():
+    expected = {
+        (u, v) for u in range(len(PERSON)) for v in range(u + 1, len(PERSON)) if PERSON.path_sizes[u, v] >= FAR_ALONG
+    }
+    found = set(zip(PROBLEM.targets[PAIRS.u].tolist(), PROBLEM.targets[PAIRS.v].tolist(), strict=True))
+    assert found == expected
+    ankles = PERSON.index("LeftAnkle"), PERSON.index("RightAnkle")
+    assert tuple(sorted(ankles)) in found
+    assert tuple(sorted((PERSON.index("LeftKnee"), PERSON.index("LeftToe")))) not in found
+
+
+def test_path_lengths_are_the_sources_in_its_units_and_the_targets_in_body_units():
+    u, v = PROBLEM.targets[PAIRS.u], PROBLEM.targets[PAIRS.v]
+    np.testing.assert_allclose(PAIRS.tau1, PERSON.path_lengths[u, v])
+    np.testing.assert_allclose(PAIRS.tau2, TARGET.path_lengths[u, v] / UNIT)
+
+
+def test_joints_that_coincide_by_their_bones_are_no_pair():
+    chain = Skeleton(tuple("abcdef"), np.arange(6) - 1, np.outer(np.arange(6) == 5, [0, 1, 0]), ((),) * 6, [False] * 6)
+    longer = chain.with_offsets(np.tile([0, 1.0, 0], (6, 1)))
+    pairs = near_pairs(distance_problem(chain, longer, np.arange(6)), 1.0)
+    assert set(zip(pairs.u.tolist(), pairs.v.tolist(), strict=True)) == {(0, 5), (1, 5)}
+
+
+@pytest.mark.parametrize("lead", [0, 1, 7])
+def test_a_lasting_distance_has_a_full_grip_when_close_and_none_when_apart(lead):
+    D = np.tile([0.0, CLOSE / 2, CLOSE, (CLOSE + APART) / 2, APART, 0.9], (40, 1))
+    np.testing.assert_allclose(grips(D, lead), np.tile([1, 1, 1, 0.5, 0, 0], (40, 1)), atol=1e-12)
+
+
+@pytest.mark.parametrize("lead", [0, 1, 4, 18])
+def test_a_grip_is_never_below_what_the_distance_asks_for_where_it_lasts_two_frames(lead):
+    draw = np.random.default_rng(0)
+    D = np.repeat(draw.uniform(0.05, 0.22, (100, 5)), 2, axis=0)
+    assert np.all(grips(D, lead) >= smootherstep(D) - 1e-12)
+
+
+def test_a_grip_falls_as_the_distance_grows():
+    D = np.tile(np.linspace(0, 0.3, 301), (5, 1))
+    f = grips(D, 0)[2]
+    assert np.all(np.diff(f) <= 0)
+    assert np.all((f >= 0) & (f <= 1))
+    assert np.abs(np.diff(f, 2)).max() < 0.005
+
+
+@pytest.mark.parametrize("lead", [6, 18])
+def test_a_pair_that_comes_near_at_once_is_taken_hold_of_smoothly_and_ahead(lead):
+    D = np.where(np.abs(np.arange(200) - 100) <= 10, 0.05, 0.4)[:, None]
+    f = grips(D, lead)[:, 0]
+    assert np.all(f[90:111] == pytest.approx(1.0))
+    assert np.all(f[: 90 - 2 * lead] == 0)
+    assert np.all(f[111 + 2 * lead :] == 0)
+    assert np.all(np.diff(f)[:100] >= -1e-12)
+    assert np.abs(np.diff(f)).max() < 1.5 / lead
+    assert np.abs(np.diff(f, 2)).max() < 6 / lead**2
+    np.testing.assert_allclose(f, f[::-1][np.arange(-1, 199)], atol=1e-12)
+
+
+@pytest.mark.parametrize("spike", [0.0, 0.4])
+def test_a_single_frame_unlike_its_neighbours_counts_for_nothing(spike):
+    D = np.full((60, 1), 0.4 - spike)
+    expected = grips(D, 5)
+    D[30] = spike
+    np.testing.assert_array_equal(grips(D, 5), expected)
+    D[31] = spike
+    if spike == 0.0:
+        assert grips(D, 5)[30] == pytest.approx(1.0)
+
+
+def assert_a_block_has_the_springs_of_the_whole(source, block, lead):
+    whole, part = (by_pair(springs_of(source, frames, lead)) for frames in (slice(0, len(source)), block))
+    assert max(w.max() for _, _, w, _ in whole.values()) > 1
+    assert set(part) <= set(whole)
+    for pair, (rest, e, w, k) in whole.items():
+        if pair in part:
+            for ours, theirs in zip(part[pair], (rest, e, w, k), strict=True):
+                np.testing.assert_allclose(ours, theirs[block], rtol=1e-9, atol=1e-12)
+        else:
+            assert w[block].max() == 0.0
+
+
+@pytest.mark.parametrize("block", [slice(0, 40), slice(40, 90), slice(77, 78), slice(100, 150)])
+@pytest.mark.parametrize("lead", [0.0, 1.0, 9.0])
+def test_springs_of_a_block_are_those_of_the_whole_clip(block, lead):
+    assert_a_block_has_the_springs_of_the_whole(clapping(np.sin(np.linspace(0, 9, 150)) ** 2), block, lead)
+
+
+@pytest.mark.parametrize("lead", [0.0, 1.0, 9.0])
+def test_springs_of_a_block_are_those_of_the_whole_clip_where_every_frame_is_a_spike(lead):
+    source = clapping(np.random.default_rng(0).uniform(0, 1, 150))
+    for first in range(0, 150, 25):
+        assert_a_block_has_the_springs_of_the_whole(source, slice(first, first + 25), lead)
+
+
+def test_a_kept_pair_belongs_at_its_scaled_distance_in_the_direction_of_the_source():
+    source = clapping(np.ones(5))
+    springs = springs_of(source, slice(0, 5), 2.0)
+    left, right = PERSON.index("LeftWrist"), PERSON.index("RightWrist")
+    rest, e, _, k = by_pair(springs)[right, left]
+    d = source.positions[:, right] - source.positions[:, left]
+    D = np.linalg.norm(d, axis=1) / PERSON.path_lengths[left, right]
+    assert D.max() < CLOSE
+    np.testing.assert_allclose(np.linalg.norm(rest, axis=1), D * TARGET.path_lengths[left, right] / UNIT)
+    np.testing.assert_allclose(rest / np.linalg.norm(rest, axis=1)[:, None], d / np.linalg.norm(d, axis=1)[:, None])
+    np.testing.assert_allclose(e, d / np.linalg.norm(d, axis=1)[:, None])
+    assert np.all((k > 0.9) & (k <= 1))
+
+
+def test_the_copys_place_passes_smoothly_into_the_kept_place():
+    source = clapping(np.sin(np.linspace(0, np.pi, 161)) ** 2)
+    springs = springs_of(source, slice(0, 161), 0.0)
+    left, right = PERSON.index("LeftWrist"), PERSON.index("RightWrist")
+    rest, _, w, _ = by_pair(springs)[right, left]
+    copy = copied(source) / UNIT
+    d_copy = copy[:, right] - copy[:, left]
+    off = w == 0
+    assert off.any()
+    assert not off.all()
+    np.testing.assert_allclose(rest[off], d_copy[off], atol=1e-12)
+    assert np.abs(np.diff(rest, axis=0)).max() < 0.1
+    assert np.abs(rest - d_copy).max() > 0.05
+
+
+def test_nearer_pairs_are_kept_more_firmly_and_in_more_directions():
+    source = clapping(np.linspace(0.85, 1.0, 30))
+    left, right = PERSON.index("LeftWrist"), PERSON.index("RightWrist")
+    _, _, w, k = by_pair(springs_of(source, slice(0, 30), 60.0))[right, left]
+    assert np.all(np.diff(w) > 0)
+    assert np.all(np.diff(k) > 0)
+
+
+def lone_and_cluster(count):
+    """Firmness of every pair where `count` points stand near `count` others, all at D = CLOSE, and of a lone pair."""
+    points = 2 * count
+    chain = Skeleton(
+        tuple(f"p{i}" for i in range(points)),
+        np.arange(points) - 1,
+        np.tile([0, 1.0, 0], (points, 1)),
+        ((),) * points,
+        [False] * points,
+    )
+    problem = distance_problem(chain, chain, np.arange(points))
+    u, v = (ends.ravel() for ends in np.meshgrid(np.arange(count), np.arange(count, points), indexing="ij"))
+    pairs = NearPairs(u, v, np.full(len(u), 1 / CLOSE), np.full(len(u), 1 / CLOSE))
+    x = np.tile(np.where(np.arange(points) < count, 0.0, 1.0)[:, None] * [1.0, 0, 0], (3, 1, 1))
+    return pair_springs(pairs, problem, x, x, slice(0, 3), 0.0).w[1]
+
+
+def test_a_point_near_a_cluster_is_pulled_about_as_much_as_one_near_a_single_point():
+    lone = lone_and_cluster(1).sum()
+    assert GRIP / 3 < lone < GRIP
+    for count in (2, 4, 8):
+        firm = lone_and_cluster(count)
+        assert len(firm) == count**2
+        assert lone < firm.sum() / count < 2 * lone
+
+
+def test_a_clip_without_near_pairs_has_no_springs():
+    apart = lone_and_cluster(1)
+    assert len(apart) == 1
+    source = clapping(np.zeros(10))
+    assert len(springs_of(source, slice(0, 10), 3.0).a) == 0

@@ -1,0 +1,201 @@
+"""What a run says of itself."""
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from bodies import clapping, lengthened, other_lengths, person, swaying
+
+from distretarget import Skeleton, retarget
+from distretarget.measure.metrics import compare
+from distretarget.run_summary import Figures
+from distretarget.solve.spg import Reason
+
+FRAMES = 40
+CLIP = {
+    "stress",
+    "distance_error",
+    "contact_error",
+    "direction_error",
+    "direction_error_p99",
+    "bone_error",
+    "slide",
+    "source_slide",
+    "foot_height",
+    "source_foot_height",
+    "jerk",
+    "turn",
+}
+PER_FRAME = {"distance_error", "contact_error", "direction_error", "bone_error"}
+OWN = {"stress_rotation_copy", "stress_written", "iterations", "evaluations", "reason"}
+
+
+@cache
+def run(objective="contact"):
+    source = clapping(np.sin(np.linspace(0, np.pi, FRAMES)) ** 2)
+    return retarget(source, lengthened(person(), {"Wrist": 1.5, "Knee": 0.9}), objective=objective)
+
+
+def figures(objective="contact", **changes):
+    return Figures(replace(run(objective), **changes))
+
+
+def compared(result, motion):
+    return compare(result.source, motion, result.matching, result.world.up_vector)
+
+
+def refuse(constant):
+    raise AssertionError(f"{constant} is no JSON")
+
+
+def document(made):
+    return json.loads(made.json(), parse_constant=refuse)
+
+
+@pytest.mark.parametrize("objective", ["contact", "paper"])
+def test_every_figure_of_a_frame_is_there_for_every_frame(objective):
+    frames = document(figures(objective))["frames"]
+    expected = OWN | PER_FRAME | {f"{name}_rotation_copy" for name in PER_FRAME}
+    assert set(frames) == expected | ({"stress_solved_points"} if objective == "paper" else set())
+    assert {len(values) for values in frames.values()} == {FRAMES}
+
+
+def test_the_figures_of_the_clip_stand_beside_those_of_the_rotation_copy():
+    result = run()
+    written = document(figures())
+    assert set(written["result"]) == set(written["rotation_copy"]) == CLIP
+    stress = {name: {"stress": getattr(result, f"{name}_stress").mean()} for name in ("copy", "written")}
+    assert written["result"] == stress["written"] | compared(result, result.motion).means()
+    assert written["rotation_copy"] == stress["copy"] | compared(result, result.copy).means()
+    assert written["rotation_copy"]["direction_error"] == pytest.approx(0.0, abs=1e-6)
+    assert written["result"]["contact_error"] < 0.5 * written["rotation_copy"]["contact_error"]
+    assert (written["format"], written["version"]) == ("distretarget-figures", 1)
+    assert written["frame_time"] == 0.02
+    assert written["root_scale"] == pytest.approx(result.root_scale)
+
+
+def test_frames_without_a_contact_have_no_contact_error():
+    result = run()
+    contacts = compared(result, result.motion).contacts
+    assert 0 < np.count_nonzero(contacts) < FRAMES
+    frames = document(figures())["frames"]
+    for name in ("contact_error", "contact_error_rotation_copy"):
+        np.testing.assert_array_equal([value is not None for value in frames[name]], contacts > 0)
+
+
+def test_contact_errors_of_frames_pool_to_that_of_the_clip():
+    result = run()
+    contacts = compared(result, result.motion).contacts
+    written = document(figures())
+    values = [value or 0.0 for value in written["frames"]["contact_error"]]
+    assert np.average(values, weights=contacts) == pytest.approx(written["result"]["contact_error"])
+
+
+def test_figures_of_a_frame_are_those_of_the_result_and_of_the_copy():
+    result = run()
+    frames = document(figures())["frames"]
+    for motion, suffix in ((result.motion, ""), (result.copy, "_rotation_copy")):
+        expected = compared(result, motion)
+        assert frames[f"distance_error{suffix}"] == expected.distance_error.tolist()
+        assert frames[f"bone_error{suffix}"] == expected.bone_error.tolist()
+        np.testing.assert_allclose(frames[f"direction_error{suffix}"], expected.direction_error.mean(axis=1))
+    assert frames["distance_error"] != frames["distance_error_rotation_copy"]
+    assert frames["stress_written"] == result.written_stress.tolist()
+    assert frames["stress_rotation_copy"] == result.copy_stress.tolist()
+
+
+def test_frames_carry_what_the_solver_took_in_words():
+    reasons = np.zeros(FRAMES, np.int64)
+    reasons[3], reasons[5] = Reason.ITERATION_LIMIT, Reason.LINE_SEARCH_FAILED
+    result = run()
+    frames = document(figures(effort=replace(result.effort, reasons=reasons)))["frames"]
+    assert frames["iterations"] == result.effort.iterations.tolist()
+    assert frames["reason"][2:6] == ["converged", "iteration limit", "converged", "line search failed"]
+
+
+def test_json_ends_with_its_line():
+    assert figures().json().endswith("}\n")
+
+
+@pytest.mark.parametrize("frame", [0, 17, FRAMES - 1])
+def test_the_line_names_the_frame_of_most_stress(frame):
+    stress = np.full(FRAMES, 0.001)
+    stress[frame] = 0.0625
+    line = figures(written_stress=stress).line(1.234)
+    assert line.startswith(f"{FRAMES} frames in 1.23 s; rotation copy / result: ")
+    assert line.endswith(f"worst frame {frame} (62.5)")
+    assert "\n" not in line
+
+
+def test_the_line_gives_each_figure_for_copy_and_result():
+    made = figures()
+    copied, reached = made.copied.means(), made.reached.means()
+    line = made.line(1.0)
+    assert f"contact error {copied['contact_error']:.4f} / {reached['contact_error']:.4f}" in line
+    assert f"slide {copied['slide']:.3f} / {reached['slide']:.3f}" in line
+    assert f"direction error 0.0 / {reached['direction_error']:.1f}" in line
+    assert f"jerk 1 / {reached['jerk'] / copied['jerk']:.2f}" in line
+
+
+def test_only_the_papers_objective_has_stress_of_solved_points():
+    result = run("paper")
+    assert f"(solved points {1e3 * result.free_stress.mean():.3g})" in figures("paper").line(1.0)
+    assert "solved points" not in figures().line(1.0)
+
+
+def test_a_good_run_has_nothing_to_warn_of():
+    assert list(figures().warnings()) == []
+    assert list(figures("paper").warnings()) == []
+
+
+def test_frames_that_did_not_converge_are_counted_and_the_first_is_named():
+    reasons = np.zeros(FRAMES, np.int64)
+    reasons[[7, 30]] = Reason.ITERATION_LIMIT
+    reasons[9] = Reason.LINE_SEARCH_FAILED
+    result = run()
+    warnings = list(figures(effort=replace(result.effort, reasons=reasons)).warnings())
+    assert warnings == [f"3 of {FRAMES} frames did not converge (first: frame 7; iteration limit, line search failed)"]
+
+
+@pytest.mark.parametrize(("off", "told"), [(0.001, False), (0.05, True)])
+def test_feet_that_miss_their_place_are_told(off, told):
+    result = run()
+    places = np.array(result.stance.places)
+    places[12:20] += [0, off, 0]
+    warnings = list(figures(stance=replace(result.stance, places=places)).warnings())
+    place = f"a resting foot does not reach its place in 8 of {FRAMES} frames (first: frame 12)"
+    assert warnings == ([place] if told else [])
+
+
+def test_feet_in_the_air_have_no_place_to_miss():
+    result = run()
+    places, weights = np.array(result.stance.places) + 1.0, np.zeros_like(result.stance.weights)
+    assert list(figures(stance=replace(result.stance, places=places, weights=weights)).warnings()) == []
+
+
+@pytest.mark.parametrize("frames", [1, 2])
+def test_the_shortest_clips_have_a_line_and_json(frames):
+    source = swaying(person(), frames=frames)
+    made = Figures(retarget(source, other_lengths(person())))
+    assert f"{frames} frames in " in made.line(0.1)
+    assert {len(values) for values in document(made)["frames"].values()} == {frames}
+    list(made.warnings())
+
+
+def test_a_chain_without_legs_or_contacts_has_a_line_and_json():
+    offsets = np.outer([0.0, 1, 1], [0, 1.0, 0])
+    chain = Skeleton(tuple("abc"), [-1, 0, 1], offsets, (("Zrotation", "Xrotation", "Yrotation"),) * 3, [False] * 3)
+    source = swaying(chain)
+    made = Figures(retarget(source, chain.with_offsets(2 * offsets)))
+    assert "contact error 0.0000 / 0.0000, slide 0.000 / 0.000" in made.line(0.1)
+    assert set(document(made)["frames"]["contact_error"]) == {None}
+    assert list(made.warnings()) == []
+
+
+def test_a_still_clip_is_as_smooth_as_its_copy():
+    source = clapping(np.zeros(10))
+    made = Figures(retarget(source, person()))
+    assert "jerk 1 / " in made.line(0.1)
+    assert "nan" not in made.line(0.1)

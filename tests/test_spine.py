@@ -1,0 +1,174 @@
+"""Spines and necks of different numbers of joints follow one another smoothly."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bodies import posed
+from scipy.spatial.transform import Rotation
+from test_conventions import tree
+
+from distretarget import retarget
+from distretarget.matching.matching import find_matching
+from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS
+
+NUMBERS = (1, 2, 3, 4, 5, 7)
+LIMBS = {
+    "Shoulder": (4, 6, 0),
+    "Arm": (13, 0, 0),
+    "ForeArm": (28, 0, 0),
+    "Hand": (26, 0, 0),
+    "UpLeg": (9, -6, 0),
+    "Leg": (0, -42, 1),
+    "Foot": (0, -41, -2),
+    "ToeBase": (0, -6, 14),
+}
+TRUNK, NAPE = 50.0, 12.0  # how long spine and neck are, whatever joints they have [cm]
+
+numbers = pytest.mark.parametrize("theirs", NUMBERS)
+others = pytest.mark.parametrize("ours", NUMBERS)
+
+
+def person(joints, neck=1, uneven=0.0, spine="Spine", nape="Neck"):
+    """A person with so many joints in spine and neck, whose spine's bones grow upwards by a part `uneven` each."""
+    spine = [f"{spine}{k}" for k in range(joints)]
+    necks = [f"{nape}{k}" for k in range(neck)]
+    arms = "|".join(">".join(f"{side}{part}" for part in list(LIMBS)[:4]) for side in ("Left", "Right"))
+    legs = "|".join(">".join(f"{side}{part}" for part in list(LIMBS)[4:]) for side in ("Left", "Right"))
+    body = tree(f"Hips({'>'.join(spine)}({'>'.join([*necks, 'Head'])}|{arms})|{legs})")
+    bones = np.cumprod(np.full(joints, 1.0 + uneven))
+    offsets = dict(zip(spine[1:] + necks[:1], ([0, bone, 0] for bone in TRUNK * bones / bones.sum()), strict=True))
+    offsets |= dict.fromkeys([*necks[1:], "Head"], (0, NAPE / neck, 0)) | {"Hips": [0, 95, 0], spine[0]: [0, 8, 0]}
+    for part, offset in LIMBS.items():
+        offsets |= {"Left" + part: offset, "Right" + part: np.multiply(offset, [-1, 1, 1])}
+    channels = tuple((POSITION_CHANNELS if name == "Hips" else ()) + ROTATION_CHANNELS for name in body.names)
+    return replace(body, offsets=np.array([offsets[name] for name in body.names], float), channels=channels)
+
+
+def other_person(joints, neck=1):
+    """A person whose joints of spine and neck have other names."""
+    return person(joints, neck, spine="Back", nape="Nape")
+
+
+def chain(body, name):
+    return [joint for joint, other in enumerate(body.names) if other.startswith(name)]
+
+
+def places(matching, joints, drivers):
+    """(joints,), where along the source's chain each joint's turn is taken, from 0 for its first joint."""
+    turns = [[drivers.index(driver) for driver in pair] for pair in matching.turns[joints]]
+    return np.array([a + share * (b - a) for (a, b), share in zip(turns, matching.shares[joints], strict=True)])
+
+
+def bends(motion, joints):
+    """(joints,), how far each joint of a chain turns from the one above in the last frame [degrees]."""
+    return np.degrees(Rotation.from_quat(motion.rotations[-1, joints]).magnitude())
+
+
+def line_turns(motion, lower, upper):
+    """By how much the line between two joints turns from the first frame to the last [degrees]."""
+    line = motion.positions[:, motion.skeleton.index(upper)] - motion.positions[:, motion.skeleton.index(lower)]
+    return np.degrees(np.arccos(line[0] @ line[-1] / np.linalg.norm(line, axis=1).prod()))
+
+
+def bent(body, name, degrees):
+    """The chain bent forwards by so many degrees in all, evenly over its joints."""
+    joints = chain(body, name)
+    turns = {body.names[joint]: np.radians([[0, 0, 0], [degrees / len(joints), 0, 0]]) for joint in joints}
+    return posed(body, turns, np.tile(body.offsets[0], (2, 1)))
+
+
+@numbers
+@others
+@pytest.mark.parametrize("uneven", [0.0, 0.4])
+def test_shares_grow_along_the_chain_between_neighbours(theirs, ours, uneven):
+    source, target = person(theirs, uneven=uneven), other_person(ours)
+    matching = find_matching(source, target)
+    joints, drivers = chain(target, "Back"), chain(source, "Spine")
+    along = places(matching, joints, drivers)
+    assert np.all(np.diff(along) > 0) or theirs == 1 or ours > theirs
+    assert np.all(np.diff(along) >= 0)
+    assert np.all((matching.shares >= 0) & (matching.shares <= 1))
+    pairs = np.diff([[drivers.index(driver) for driver in pair] for pair in matching.turns[joints]])
+    assert set(pairs.flat) <= {0, 1}
+
+
+@pytest.mark.parametrize("count", NUMBERS)
+def test_chains_of_as_many_joints_go_one_to_one(count):
+    source, target = person(count, neck=2, uneven=0.5), person(count, neck=2)
+    matching = find_matching(source, target)
+    drivers = np.arange(len(target))
+    np.testing.assert_array_equal(matching.turns, np.stack([drivers, drivers], axis=1))
+    np.testing.assert_array_equal(matching.shares, 0)
+
+
+def test_five_joints_over_three_and_three_over_five():
+    three, five = person(3), other_person(5)
+    found = places(find_matching(three, five), chain(five, "Back"), chain(three, "Spine"))
+    np.testing.assert_allclose(found, [0, 0.4, 1, 1.6, 2], atol=1e-12)
+    three, five = other_person(3), person(5)
+    found = places(find_matching(five, three), chain(three, "Back"), chain(five, "Spine"))
+    np.testing.assert_allclose(found, [1 / 3, 2, 11 / 3], atol=1e-12)
+
+
+def test_one_joint_turns_all_three_and_three_turn_one_by_the_middle():
+    one, three = person(1), other_person(3)
+    np.testing.assert_array_equal(find_matching(one, three).turns[chain(three, "Back")], one.index("Spine0"))
+    one, three = other_person(1), person(3)
+    np.testing.assert_allclose(places(find_matching(three, one), chain(one, "Back"), chain(three, "Spine")), [1])
+
+
+@numbers
+@others
+def test_an_evenly_bent_spine_stays_evenly_bent(theirs, ours):
+    source, target = person(theirs), other_person(ours)
+    motion = bent(source, "Spine", 60)
+    result = retarget(motion, target).motion
+    bend = bends(result, chain(target, "Back"))
+    assert bend.max() < 60 / min(theirs, ours) + 0.1
+    assert bend.min() > 0.4 * bend.max() or theirs <= ours
+    assert line_turns(result, "Back0", "Nape0") == pytest.approx(line_turns(motion, "Spine0", "Neck0"), abs=0.5)
+    for name in ("Hips", "Nape0", "LeftShoulder"):
+        joint = source.index(name.replace("Nape", "Neck"))
+        found, expected = result.world_rotations[-1, target.index(name)], motion.world_rotations[-1, joint]
+        np.testing.assert_allclose(found, expected, atol=1e-3)
+
+
+@pytest.mark.parametrize(("theirs", "ours"), [(2, 5), (5, 3), (7, 4)])
+def test_equal_names_do_not_cut_the_bend_off(theirs, ours):
+    source, target = person(theirs), person(ours)
+    motion = bent(source, "Spine", 60)
+    result = retarget(motion, target).motion
+    assert line_turns(result, "Spine0", "Neck0") == pytest.approx(line_turns(motion, "Spine0", "Neck0"), abs=0.5)
+
+
+@pytest.mark.parametrize("theirs", [1, 2, 3])
+@pytest.mark.parametrize("ours", [1, 2, 3])
+def test_necks_too(theirs, ours):
+    source, target = person(3, neck=theirs), other_person(4, neck=ours)
+    motion = bent(source, "Neck", 40)
+    result = retarget(motion, target).motion
+    assert bends(result, chain(target, "Nape")).max() < 40 / min(theirs, ours) + 0.1
+    assert line_turns(result, "Nape0", "Head") == pytest.approx(line_turns(motion, "Neck0", "Head"), abs=0.5)
+    np.testing.assert_allclose(bends(result, chain(target, "Back")), 0, atol=0.1)
+
+
+def test_given_pairs_stay_as_they_are():
+    source, target = person(3), other_person(5)
+    matching, plain = find_matching(source, target, {"Back1": "Spine2", "Back3": None}), find_matching(source, target)
+    given, none = target.index("Back1"), target.index("Back3")
+    np.testing.assert_array_equal(matching.turns[given], source.index("Spine2"))
+    np.testing.assert_array_equal(matching.turns[none], -1)
+    np.testing.assert_array_equal(matching.shares[[given, none]], 0)
+    rest = [joint for joint in range(len(target)) if joint not in (given, none)]
+    np.testing.assert_array_equal(matching.turns[rest], plain.turns[rest])
+    np.testing.assert_array_equal(matching.shares[rest], plain.shares[rest])
+
+
+def test_a_spine_without_lengths_is_spread_evenly():
+    source, target = person(3), other_person(5)
+    offsets = np.array(target.offsets)
+    offsets[[*chain(target, "Back"), target.index("Nape0")]] = 0.0
+    matching = find_matching(source, target.with_offsets(offsets))
+    found = places(matching, chain(target, "Back"), chain(source, "Spine"))
+    np.testing.assert_allclose(found, [0, 0.4, 1, 1.6, 2], atol=1e-12)

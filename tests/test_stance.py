@@ -1,0 +1,228 @@
+"""Where the target stands: the root's path, which feet rest, and where they belong."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bodies import SAMPLES, lengthened, person, posed, swaying
+from scipy.spatial.transform import Rotation
+
+from distretarget import Motion, Skeleton, load_target, read_bvh, retarget
+from distretarget.baseline.rotation_copy import rotation_copy
+from distretarget.body.legs import find_legs, leg_length
+from distretarget.matching.matching import match
+from distretarget.solve.stance import SLOW, find_stance, no_stance, root_path, root_scale
+
+LEG = 0.435 + 0.453
+SIDES = ("Left", "Right")
+UP = np.array([0.0, 1.0, 0.0])
+
+
+def pitched_feet(sine):
+    """The person with toes below the ankles: the sine of the flat foot's pitch is given."""
+    body = person()
+    offsets = np.array(body.offsets)
+    for side in SIDES:
+        offsets[body.index(f"{side}Toe")] = 0.14 * np.array([0.0, -sine, np.sqrt(1 - sine**2)])
+    return body.with_offsets(offsets)
+
+
+def standing(body, frames=40, turns=None, path=None):
+    path = np.zeros((frames, 3)) if path is None else path
+    return posed(body, turns or {}, path + (LEG + 0.1) * UP)
+
+
+def stance_of(source, target, scale=1.0, up=UP):
+    return find_stance(source, match(source.skeleton, target), scale, up)
+
+
+def places_of(stance, target, name):
+    return stance.places[:, stance.joints.tolist().index(target.index(name))]
+
+
+def test_the_hips_stand_over_the_scaled_place_of_the_sources():
+    source = swaying(person(), angle=0.4)
+    target = lengthened(person(), {"LeftHip": 1.6, "RightHip": 1.4, "Knee": 0.7, "Chest": 1.3})
+    matching, scale = match(source.skeleton, target), 0.8
+    copy = rotation_copy(source, matching, scale, UP)
+    translations = np.array(copy.translations)
+    translations[:, 0] = root_path(source, copy, matching, scale)
+    moved = replace(copy, translations=translations)
+    hips = [target.index(f"{side}Hip") for side in SIDES]
+    middle = source.positions[:, hips].mean(axis=1)
+    np.testing.assert_allclose(moved.positions[:, hips].mean(axis=1), scale * middle, atol=1e-12)
+    assert np.abs(copy.positions[:, hips].mean(axis=1) - scale * middle).max() > 1e-3
+
+
+def test_a_body_without_legs_keeps_the_copys_path_and_stands_nowhere():
+    chain = Skeleton(tuple("abc"), [-1, 0, 1], np.eye(3), (("Zrotation",),) * 3, [False] * 3)
+    source, matching = swaying(chain), match(chain, chain)
+    copy = rotation_copy(source, matching, 2.0, UP)
+    np.testing.assert_array_equal(root_path(source, copy, matching, 2.0), 2 * source.root_positions)
+    stance = find_stance(source, matching, 2.0, UP)
+    assert (stance.joints.shape, stance.weights.shape, stance.places.shape) == ((0,), (20, 0), (20, 0, 3))
+    assert no_stance(20).weights.shape == (20, 0)
+
+
+def test_legs_the_source_does_not_drive_stand_nowhere():
+    body = person()
+    matching = match(body, body, {"LeftAnkle": None})
+    assert matching.legs is None
+    assert len(find_stance(swaying(body), matching, 1.0, UP).joints) == 0
+
+
+def test_both_feet_of_a_standing_person_rest_all_the_time():
+    stance = stance_of(standing(person()), person())
+    names = {person().names[joint] for joint in stance.joints}
+    assert names == {"LeftAnkle", "LeftToe", "RightAnkle", "RightToe"}
+    np.testing.assert_allclose(stance.weights, 1.0)
+
+
+def test_feet_alternate_in_a_walk_and_planted_frames_have_full_weight():
+    source = read_bvh(SAMPLES / "walk.bvh")
+    stance = stance_of(source, source.skeleton)
+    weights = {source.skeleton.names[joint]: stance.weights[:, i] for i, joint in enumerate(stance.joints)}
+    middle = slice(30, -30)
+    left, right = weights["LeftAnkle"][middle], weights["RightAnkle"][middle]
+    assert np.all(np.maximum(left, right) > 0)
+    assert np.mean((left < 0.6) & (right > 0.99)) > 0.1
+    assert np.mean((right < 0.6) & (left > 0.99)) > 0.1
+    for name, weight in weights.items():
+        assert np.all((weight >= 0) & (weight <= 1 + 1e-12))
+        assert np.sum(np.diff((weight > 0.7).astype(int)) == 1) >= 2
+        assert np.abs(np.diff(weight)).max() < 0.3
+        path = source.positions[:, source.skeleton.index(name)]
+        speed = np.linalg.norm(np.gradient(path, source.frame_time, axis=0), axis=1)
+        slow = speed < 0.5 * SLOW * 88.8
+        assert np.all(weight[slow] > 0.99)
+
+
+@pytest.mark.parametrize("direction", [(0, 1, 0), (1, 0, 0), (0, -1, 0), (0, 0.6, 0.8)])
+def test_nothing_rests_while_the_whole_body_flies_or_skates(direction):
+    speed = 1.5 * SLOW * LEG
+    path = np.outer(speed * 0.02 * np.arange(40), direction) + 5 * UP
+    assert stance_of(standing(person(), path=path), person()).weights.max() == 0.0
+
+
+def test_a_jump_is_left_alone_in_the_air():
+    time = 0.02 * np.arange(150)
+    flight = np.clip(time - 0.5, 0, 1.6)
+    rise = 0.5 * 9.81 * flight * (1.6 - flight)
+    stance = stance_of(standing(person(), path=np.outer(rise, UP)), person())
+    np.testing.assert_allclose(stance.weights[time < 0.48], 1.0)
+    np.testing.assert_allclose(stance.weights[time > 2.12], 1.0)
+    rising, falling = (time > 0.87) & (time < 0.92), (time > 1.68) & (time < 1.73)
+    assert rising.any()
+    assert falling.any()
+    np.testing.assert_array_equal(stance.weights[rising | falling], 0.0)
+
+
+def test_a_lifted_foot_does_not_rest_and_the_other_does():
+    lifted = {"LeftHip": np.array([-0.9, 0, 0]), "LeftKnee": np.array([1.2, 0, 0])}
+    stance = stance_of(standing(person(), turns=lifted), person())
+    for joint, weights in zip(stance.joints, stance.weights.T, strict=True):
+        expected = 0.0 if person().names[joint].startswith("Left") else 1.0
+        np.testing.assert_allclose(weights, expected)
+
+
+@pytest.mark.parametrize("sine", [-0.5, 0.0, 0.3, 0.7])
+@pytest.mark.parametrize("factor", [1.0, 0.4, 2.5])
+def test_feet_in_proportion_belong_at_the_scaled_places(sine, factor):
+    body = pitched_feet(sine)
+    source = standing(body, turns={"LeftAnkle": np.outer(np.linspace(-1.5, 1.5, 40), [1, 0, 0])})
+    stance = stance_of(source, body.with_offsets(factor * body.offsets), factor)
+    np.testing.assert_allclose(stance.places, factor * source.positions[:, stance.joints], atol=1e-9)
+
+
+@pytest.mark.parametrize("factor", [0.3, 0.8, 1.2, 3.0])
+def test_places_keep_the_targets_foot_and_the_scaled_toe(factor):
+    body = pitched_feet(0.4)
+    target = lengthened(body, {"Toe": factor})
+    turns = Rotation.random(40, rng=np.random.default_rng(0)).as_rotvec()
+    source = standing(body, turns={"LeftAnkle": turns, "RightAnkle": turns[::-1]})
+    stance = stance_of(source, target, 0.9)
+    for side in SIDES:
+        ankle, toe = (places_of(stance, target, side + name) for name in ("Ankle", "Toe"))
+        np.testing.assert_allclose(toe, 0.9 * source.positions[:, body.index(f"{side}Toe")])
+        np.testing.assert_allclose(np.linalg.norm(ankle - toe, axis=1), 0.14 * factor)
+        theirs = source.positions[:, body.index(f"{side}Ankle")] - source.positions[:, body.index(f"{side}Toe")]
+        across = np.cross(ankle - toe, theirs)
+        np.testing.assert_allclose(across @ UP, 0.0, atol=1e-12)
+        assert np.all(np.einsum("fi,fi->f", ankle - toe, theirs) > 0)
+
+
+@pytest.mark.parametrize("factor", [0.8, 1.0, 1.5])
+def test_the_ankle_of_a_flat_foot_stands_at_its_scaled_height(factor):
+    body = pitched_feet(0.2)
+    target, source = lengthened(body, {"Toe": factor}), standing(body)
+    stance = stance_of(source, target, 1.0)
+    ankle = places_of(stance, target, "LeftAnkle") @ UP
+    height = source.positions[:, body.index("LeftAnkle")] @ UP
+    np.testing.assert_allclose(ankle, height, atol=0.01 * 0.2 * 0.14)
+
+
+@pytest.mark.parametrize("factor", [0.3, 0.8, 1.2, 3.0])
+def test_a_foot_that_turns_evenly_through_the_vertical_has_a_place_that_moves_without_a_jump(factor):
+    body = pitched_feet(0.0)
+    target = lengthened(body, {"Toe": factor})
+    angles = np.linspace(-np.pi, np.pi, 721)
+    source = standing(body, 721, turns={"LeftAnkle": np.outer(angles, [1, 0, 0])})
+    stance = stance_of(source, target)
+    foot = (places_of(stance, target, "LeftAnkle") - places_of(stance, target, "LeftToe")) / (0.14 * factor)
+    steps = np.linalg.norm(np.diff(foot, axis=0), axis=1)
+    assert np.all(np.isfinite(foot))
+    assert steps.max() < 3 * np.radians(0.5)
+    upright = source.positions[:, body.index("LeftAnkle")] - source.positions[:, body.index("LeftToe")]
+    steep = np.abs(upright @ UP) > 0.999 * 0.14
+    assert steep.any()
+    np.testing.assert_allclose(foot[steep], upright[steep] / 0.14, atol=0.06)
+
+
+def test_a_foot_without_a_bone_has_one_place():
+    body = pitched_feet(0.3)
+    target = lengthened(body, {"Toe": 0.0, "Toe_End": 0.0})
+    source = standing(body)
+    stance = stance_of(source, target)
+    assert np.all(np.isfinite(stance.places))
+    assert root_scale(match(body, target)) == pytest.approx(1.0)
+    result = retarget(source, target)
+    assert np.all(np.isfinite(result.motion.positions))
+
+
+def test_a_single_frame_has_its_feet_at_rest():
+    stance = stance_of(standing(person(), frames=1), person())
+    np.testing.assert_allclose(stance.weights, 1.0)
+
+
+@pytest.mark.parametrize("name", ["walk", "squat", "turn"])
+@pytest.mark.parametrize("body", ["child", "giant"])
+def test_resting_feet_of_the_result_are_at_their_places_on_exact_bones(name, body):
+    source = read_bvh(SAMPLES / f"{name}.bvh")
+    target = load_target(SAMPLES / f"{body}.json", source.rigid_skeleton).skeleton
+    held, free = (retarget(source, target, hold_feet=hold) for hold in (True, False))
+    stance = find_stance(source, held.matching, held.root_scale, UP)
+    resting = stance.weights > 1 - 1e-9
+    assert resting.mean() > 0.3
+    length = leg_length(target, find_legs(target))
+    off, off_free = (
+        np.linalg.norm(result.motion.positions[:, stance.joints] - stance.places, axis=-1)[resting] / length
+        for result in (held, free)
+    )
+    assert off.max() < 1e-3
+    assert off_free.max() > 5 * off.max()
+    lower = [joint for leg in find_legs(target) for joint in (leg.ankle, leg.toe)]
+    bones = held.motion.positions[:, lower] - held.motion.positions[:, target.parents[lower]]
+    expected = np.broadcast_to(target.lengths[lower], bones.shape[:2])
+    np.testing.assert_allclose(np.linalg.norm(bones, axis=-1), expected, rtol=1e-9)
+
+
+def test_stance_turns_with_the_up_axis():
+    source = read_bvh(SAMPLES / "walk.bvh")
+    turn = Rotation.from_euler("x", 90, degrees=True)
+    translations, rotations = np.array(source.translations), np.array(source.rotations)
+    translations[:, 0] = turn.apply(translations[:, 0])
+    rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
+    turned = Motion(source.skeleton, translations, rotations, source.frame_time_text)
+    upright, lying = stance_of(source, source.skeleton), stance_of(turned, source.skeleton, up=turn.apply(UP))
+    np.testing.assert_allclose(lying.weights, upright.weights, atol=1e-9)
+    np.testing.assert_allclose(lying.places, np.einsum("ij,tfj->tfi", turn.as_matrix(), upright.places), atol=1e-8)
