@@ -60,13 +60,13 @@ class MotionError(DistretargetError):
 class MatchingError(DistretargetError):
     """Joints of two skeletons that cannot be matched.
 
-    Attributes: `reason`, and `target` and `source`, the names of their joints.
+    Attributes: `reason`, and `source` and `target`, the names of their joints.
     """
 
-    def __init__(self, reason: str, target: Sequence[str], source: Sequence[str]) -> None:
+    def __init__(self, reason: str, source: Sequence[str], target: Sequence[str]) -> None:
         self.reason = reason
-        self.target = tuple(target)
         self.source = tuple(source)
+        self.target = tuple(target)
         near = ((name, difflib.get_close_matches(name, source, n=1, cutoff=0.6)) for name in target)
         pairs = [f"{name!r} and {found[0]!r}" for name, found in near if found]
         shown = f"closest names: {', '.join(pairs[:6])}; " if pairs else ""

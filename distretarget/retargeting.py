@@ -1,4 +1,4 @@
-"""One clip through all of it: source motion and target skeleton in, target motion and figures out."""
+"""One clip through all of it: source motion and target body in, target motion and figures out."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from distretarget.baseline.root import find_root_scale, root_path
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.baseline.world import RootOffset, World, find_world
-from distretarget.body.legs import height
+from distretarget.body.body import Body
 from distretarget.distances import DistanceProblem, distance_problem, posture_stress
 from distretarget.errors import MotionError
 from distretarget.matching.matching import Matching, match
@@ -26,14 +27,13 @@ from distretarget.solve.free_points import Postures, solve_postures
 from distretarget.solve.paper import solve_paper
 from distretarget.solve.poses import Clip, Poses
 from distretarget.solve.spg import Effort
-from distretarget.solve.stance import Stance, find_stance, no_stance, root_path
-from distretarget.solve.stance import root_scale as leg_ratio
+from distretarget.solve.stance import Stance, find_stance, no_stance
 
 Objective = Literal["contact", "paper"]
 OBJECTIVES: tuple[Objective, ...] = ("contact", "paper")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class RetargetResult:
     """A retargeted motion and what it took.
 
@@ -41,7 +41,7 @@ class RetargetResult:
         source: the source's motion, in the target's world.
         motion: on the target, with the source's frames and frame time.
         copy: the rotation copy, the baseline.
-        matching: which source joint drives which target joint.
+        matching: which source joint drives which target joint, and the two bodies.
         world: the axes, and the root's OFFSET.
         root_scale: target units per source unit of the root's path.
         effort: what the solver took for each frame.
@@ -115,40 +115,54 @@ def retarget(
         MotionError: the source has no frames, or positions too large to compute with, or a body has no extent.
     """
     _check(source, target)
-    seen = None if target_motion is None else target_motion.positions
-    matching = match(source.rigid_skeleton, target, joint_map, source.positions, seen)
-    world = find_world(source, matching, source_up, target_up, root_offset, target_motion)
-    source = world.enter(source)
-    skeleton, drivers = matching.source, matching.drivers
-    scale = leg_ratio(matching) if root_scale is None else root_scale
-    copy = rotation_copy(source, matching, scale, world.up_vector, target_motion)
-    problem = distance_problem(skeleton, target, drivers)
-    parts = parts_of(target, rigid_heads(copy))
-    root = root_path(source, copy, matching, scale)
-    clip = Clip(target, parts, problem, source.positions, copy.positions, root, source.frame_time)
+    bodies = Body.of_motion(source), Body.of(target, target_motion)
+    world = find_world(*bodies, source_up, target_up, root_offset)
+    matching = match(world.to_target_axes(bodies[0]), bodies[1].with_up(world.up), joint_map)
+    scale = find_root_scale(matching) if root_scale is None else root_scale
+    return _solved(matching, world, scale, objective, hold_feet, mapper, progress)
+
+
+def _solved(
+    matching: Matching,
+    world: World,
+    scale: float,
+    objective: Objective,
+    hold_feet: bool,
+    mapper: Mapper,
+    progress: Progress,
+) -> RetargetResult:
+    body, source = matching.target, matching.source.motion
+    assert source is not None
+    copy = rotation_copy(source, matching, scale)
+    problem = distance_problem(matching.source.skeleton, body.skeleton, matching.drivers)
+    parts = parts_of(body.skeleton, rigid_heads(copy))
+    root = root_path(copy, matching, scale)
+    clip = Clip(
+        body.skeleton, body.legs, body.unit, parts, problem, source.positions, copy.positions, root, source.frame_time
+    )
     stance, postures = no_stance(len(source)), None
     if objective == "paper":
         postures = solve_postures(problem, source.positions, copy.positions)
         poses = solve_paper(clip, _swung(copy, problem, postures, parts), progress)
     else:
         if hold_feet:
-            stance = find_stance(source, matching, scale, world.up_vector)
+            stance = find_stance(matching, scale)
         poses = solve_contact(clip, stance, mapper, progress)
     motion = _written(copy, poses, clip)
-    relative = (problem.body_size / height(target)) ** 2
+    relative = (problem.body_size / body.height) ** 2
     return RetargetResult(
-        source,
-        motion,
-        copy,
-        matching,
-        world,
-        scale,
-        poses.effort,
-        stance,
-        postures,
-        relative * posture_stress(problem, source.positions, copy.positions),
-        relative * posture_stress(problem, source.positions, motion.positions),
-        None if postures is None else relative * postures.stress,
+        source=source,
+        motion=motion,
+        copy=copy,
+        matching=matching,
+        world=world,
+        root_scale=scale,
+        effort=poses.effort,
+        stance=stance,
+        postures=postures,
+        copy_stress=relative * posture_stress(problem, source.positions, copy.positions),
+        written_stress=relative * posture_stress(problem, source.positions, motion.positions),
+        free_stress=None if postures is None else relative * postures.stress,
     )
 
 
@@ -168,8 +182,8 @@ def _swung(copy: Motion, problem: DistanceProblem, postures: Postures, parts: ND
     points[:, problem.targets] = postures.positions
     swung = swing(copy, points, problem.targets)
     heads = np.unique(parts, return_index=True)[1]
-    ours, theirs = (Rotation.from_quat(motion.world_rotations[:, heads]) for motion in (swung, copy))
-    return np.pad((ours * theirs.inv()).as_rotvec(), ((0, 0), (0, 1), (0, 0)))
+    copied, turned = (Rotation.from_quat(motion.world_rotations[:, heads]) for motion in (copy, swung))
+    return np.pad((turned * copied.inv()).as_rotvec(), ((0, 0), (0, 1), (0, 0)))
 
 
 def _check(source: Motion, target: Skeleton) -> None:

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.body.legs import body_unit
 from distretarget.errors import quoted
 from distretarget.measure.metrics import Comparison, compare
 from distretarget.retargeting import RetargetResult
@@ -71,7 +70,7 @@ class Figures:
         """(frames,), whether a resting foot is off its place."""
         stance = self.result.stance
         off = np.linalg.norm(self.result.motion.positions[:, stance.joints] - stance.places, axis=-1)
-        limit = REACH * body_unit(self.result.motion.skeleton)
+        limit = REACH * self.result.matching.target.unit
         return np.asarray(((off > limit) & (stance.weights > 0.99)).any(axis=1))
 
     def means(self) -> dict[str, dict[str, float]]:

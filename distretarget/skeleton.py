@@ -12,6 +12,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import shortest_path
 
 from distretarget.errors import SkeletonError, closest, quoted
+from distretarget.numerics.kinematics import forward_kinematics
 
 POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
 ROTATION_CHANNELS = ("Xrotation", "Yrotation", "Zrotation")
@@ -114,6 +115,11 @@ class Skeleton:
         return tuple(map(tuple, below))
 
     @cached_property
+    def joints(self) -> tuple[int, ...]:
+        """The numbers of the joints that are no End Sites."""
+        return tuple(np.flatnonzero(~self.end_sites).tolist())
+
+    @cached_property
     def depth_first(self) -> tuple[int, ...]:
         """The joints in the order in which a BVH file nests them."""
         order: list[int] = []
@@ -152,12 +158,19 @@ class Skeleton:
 
     @cached_property
     def rest_positions(self) -> NDArray[np.float64]:
-        """(joints, 3), where the joints are with all rotations zero and the root at the origin."""
-        positions = np.array(self.offsets)
-        positions[0] = 0.0
-        for joint in range(1, len(self)):
-            positions[joint] += positions[self.parents[joint]]
-        return positions
+        """(joints, 3), where the joints are with all rotations zero and the root at the origin [file units]."""
+        return self.posed(self.unturned)
+
+    @property
+    def unturned(self) -> NDArray[np.float64]:
+        """(joints, 4), the world rotations of the rest pose, which are all none."""
+        return np.tile([0.0, 0.0, 0.0, 1.0], (len(self), 1))
+
+    def posed(self, world: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(joints, 3), where the joints are in world rotations (joints, 4), the root at the origin [file units]."""
+        translations = np.array(self.offsets)
+        translations[0] = 0.0
+        return np.asarray(forward_kinematics(self.parents, translations[None], world[None])[0])
 
     def line(self, joint: int) -> list[int]:
         """The joints from a joint up to the root, both counted."""

@@ -16,7 +16,7 @@ from distretarget.baseline.world import axis_vector
 from distretarget.body.conventions import by_names
 from distretarget.body.legs import height
 from distretarget.io.skeleton_json import load_target
-from distretarget.motion import local_rotations
+from distretarget.numerics.kinematics import local_rotations
 from distretarget.numerics.rotations import least_rotation
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
@@ -286,7 +286,7 @@ def test_a_motion_of_the_target_tells_the_roll_that_its_rest_pose_does_not(clip,
     world = np.array(plain.world_rotations)
     roll = Rotation.from_euler("x", angle, degrees=True)
     world[:, arm] = (Rotation.from_quat(world[:, arm]) * roll).as_quat()
-    own = replace(plain, rotations=local_rotations(plain.skeleton, world))
+    own = replace(plain, rotations=local_rotations(plain.skeleton.parents, world))
     np.testing.assert_allclose(own.positions[:, arm], plain.positions[:, arm], atol=1e-9)
     told = retarget(read(clip), plain.skeleton, target_motion=own).motion
     untold = retarget(read(clip), plain.skeleton).motion

@@ -3,170 +3,214 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import SIDES
-from distretarget.body.axes import body_axes, is_pose, squared, unit, upright
-from distretarget.body.reference_pose import bend_axes, resting, standing, standing_positions
+from distretarget.body.axes import Directions, squared, upright
+from distretarget.body.body import Body
 from distretarget.matching.matching import Matching
-from distretarget.motion import Motion
-from distretarget.numerics.rotations import least
+from distretarget.numerics.rotations import least, normalised
 
 Array = NDArray[np.float64]
 
-BUILD = np.radians(55)  # bones of trunk, hands and feet whose rest directions differ by less differ in build only
-LONG = ("UpperArm", "LowerArm", "UpperLeg", "LowerLeg")  # whose bones are laid upon each other exactly
-BUILT = ("hips", "head", "Shoulder", "Foot", "Toes")  # whose bones never are
+BUILD = np.radians(55)  # bones of trunk, hands and feet whose rest directions differ by less differ in build only [rad]
+LONG_BONES = ("UpperArm", "LowerArm", "UpperLeg", "LowerLeg")  # roles whose bones are always laid upon each other
+SHORT_BONES = ("hips", "head", "Shoulder", "Foot", "Toes")  # roles whose bones lie differently in every build
 
 
-def rest_alignment(matching: Matching, motion: Motion, up: Array, target_motion: Motion | None = None) -> Array:
+def rest_alignment(matching: Matching) -> Array:
     """A: (target joints, 2, 4), the rotations that take a target joint's rest pose onto that of the source joints whose
-    rotations it follows (`Matching.turns`), so that R A is the target's world rotation for the source's R.
+    rotations it follows (`Matching.rotation_sources`), so that R A is the target's world rotation for the source's R.
 
     Trunk, hands and feet, whose bones lie differently in every build, are aligned as what they hang from, and in the
     end as the bodies are, axis by axis; arms and legs bone by bone, by least rotations from the part above, which leave
-    the roll to it. Where a rest pose is none, and a frame of motion stands for it, the axes about which elbows and
-    knees bend in the motion tell the roll.
-
-    `motion` is the source's, `target_motion` any of the target's; `up`, (3,), points up in both.
+    the roll to it. Where a frame of motion stands in for a rest pose, the axes about which elbows and knees bend in the
+    motion tell the roll.
     """
-    s, t = matching.anatomies
-    theirs, ours = resting(matching.source), resting(matching.target)
-    bends: tuple[dict[str, Array], dict[str, Array]] = {}, {}
-    framed = False
-    if s and t and not _alike(matching):
-        framed = not is_pose(matching.source, s) or not (target_motion is None or is_pose(matching.target, t))
-        theirs, ours = standing(matching.source, s, motion, up), standing(matching.target, t, target_motion, up)
-        bends = bend_axes(matching.source, s, motion, theirs), bend_axes(matching.target, t, target_motion, ours)
-    posed = Rotation.from_quat(theirs), Rotation.from_quat(ours)
-    onto = Rotation.from_quat(_laid_upon(matching, theirs, ours, bends, _built(matching, framed)))
-    turns = np.maximum(matching.turns, 0)
-    return np.stack([(posed[0][turns[:, k]].inv() * onto * posed[1]).as_quat() for k in (0, 1)], axis=1)
+    bodies = _Bodies(matching)
+    onto = Rotation.from_quat(_laid_upon(bodies))
+    source_pose, target_pose = (Rotation.from_quat(pose) for pose in bodies.poses)
+    drivers = np.maximum(matching.rotation_sources, 0)
+    return np.stack([(source_pose[drivers[:, k]].inv() * onto * target_pose).as_quat() for k in (0, 1)], axis=1)
 
 
-def _laid_upon(
-    matching: Matching,
-    theirs: Array,
-    ours: Array,
-    bends: tuple[dict[str, Array], dict[str, Array]],
-    built: set[int],
-) -> Array:
-    """M: (target joints, 4), the rotations that lay each target joint, standing in the world rotations `ours`, upon the
-    source, standing in `theirs`. `bends` has the axes about which limbs bend where the bodies stand so, as `bend_axes`,
-    `built` the target's joints whose bones are not laid upon the source's.
+@dataclass(frozen=True, eq=False)
+class _Bodies:
+    """How a target's body is to be laid upon a source's.
+
+    Attributes:
+        matching: of the two.
     """
-    x, y = standing_positions(matching.source, theirs), standing_positions(matching.target, ours)
-    bodies = _bodies(matching, x, y)
-    ankles = _ankles(matching)
+
+    matching: Matching
+
+    @cached_property
+    def human(self) -> bool:
+        """Whether both have an anatomy."""
+        return self.matching.source.anatomy is not None and self.matching.target.anatomy is not None
+
+    @cached_property
+    def alike(self) -> bool:
+        """Whether all bones of both rest poses point the same way, so that neither needs a reference pose."""
+        matching = self.matching
+        x, y = matching.source.skeleton.rest_positions, matching.target.skeleton.rest_positions
+        for joint, below in enumerate(_driven_below(matching, x, y)):
+            a, b = _bones(matching, x, y, joint, below)
+            if ((a * b).sum(axis=1) < np.cos(BUILD)).any():
+                return False
+        return True
+
+    @cached_property
+    def poses(self) -> tuple[Array, Array]:
+        """(joints, 4) of source and target, the world rotations in which they are laid upon each other."""
+        source, target = self.matching.source, self.matching.target
+        if self.human and not self.alike:
+            return source.reference_pose, target.reference_pose
+        return source.skeleton.unturned, target.skeleton.unturned
+
+    @cached_property
+    def positions(self) -> tuple[Array, Array]:
+        """(joints, 3) of source and target in these poses, the roots at the origin [file units of each]."""
+        source, target = self.matching.source, self.matching.target
+        return source.skeleton.posed(self.poses[0]), target.skeleton.posed(self.poses[1])
+
+    @cached_property
+    def bends(self) -> tuple[dict[str, Array], dict[str, Array]]:
+        """The axes about which the limbs of source and target bend in these poses, by role."""
+        if not self.human or self.alike:
+            return {}, {}
+        return self.matching.source.bend_axes, self.matching.target.bend_axes
+
+    @cached_property
+    def axes(self) -> tuple[Array, Array]:
+        """(3, 3) of source and target, their left, up and forward in these poses."""
+        source, target = self.matching.source, self.matching.target
+        return _axes_of(source, self.positions[0]), _axes_of(target, self.positions[1])
+
+    @cached_property
+    def turn(self) -> Rotation:
+        """The rotation that lays the target's body as a whole upon the source's."""
+        if not self.human or self.alike:
+            return Rotation.identity()
+        source_axes, target_axes = self.axes
+        return Rotation.from_matrix(source_axes @ target_axes.T)
+
+    @cached_property
+    def outwards(self) -> dict[int, Array]:
+        """Per target joint of an upper arm the direction, (3,), out to the source's side, through which it is turned:
+        so a target in A-pose is laid like the same in T-pose.
+        """
+        roles = self._target_roles
+        left = self.axes[0][:, 0] if roles else np.zeros(3)
+        pairs = zip(SIDES, (1.0, -1.0), strict=True)
+        return {roles[f"{side}UpperArm"]: sign * left for side, sign in pairs if f"{side}UpperArm" in roles}
+
+    @cached_property
+    def hinges(self) -> dict[int, tuple[str, Array]]:
+        """Per target joint of an upper arm or thigh its role, and the axis, (3,), about which a body that stands like
+        the source, arms out, bends the limb: elbows forwards, knees backwards.
+        """
+        roles = self._target_roles
+        if not roles:
+            return {}
+        left, up, _ = self.axes[0].T
+        usual = {"leftUpperArm": -up, "rightUpperArm": up, "leftUpperLeg": left, "rightUpperLeg": left}
+        return {roles[role]: (role, axis) for role, axis in usual.items() if role in roles}
+
+    @cached_property
+    def ankles(self) -> set[int]:
+        """The target's ankles, which are laid as the body is and not as the leg."""
+        return {joint for role, joint in self._target_roles.items() if role.endswith("Foot")}
+
+    @cached_property
+    def built_differently(self) -> set[int]:
+        """The target's joints of trunk, shoulders, hands and feet, whose bones lie differently in every build.
+
+        Where a body stands in a frame of its motion, spine and hands are not among them: there they may be bent.
+        """
+        roles, target = self._target_roles, self.matching.target
+        if not roles or target.anatomy is None:
+            return set()
+        joints = {joint for role, joint in roles.items() if role.endswith(SHORT_BONES)}
+        joints |= {*target.skeleton.line(roles.get("hips", 0))}
+        if not self._posed_by_motion:
+            joints |= {joint for role, joint in roles.items() if not role.endswith(LONG_BONES)}
+            joints |= {*target.anatomy.spine, *target.anatomy.neck}
+        return joints
+
+    @property
+    def _posed_by_motion(self) -> bool:
+        """Whether the pose of one of the bodies is not its rest pose, and may be a frame of its motion."""
+        if not self.human or self.alike:
+            return False
+        source, target = self.matching.source, self.matching.target
+        return not source.stands_at_rest or not (target.motion is None or target.stands_at_rest)
+
+    @property
+    def _target_roles(self) -> dict[str, int]:
+        """The target's joint of each role; none unless both bodies have an anatomy."""
+        return dict(self.matching.target.anatomy.roles) if self.human and self.matching.target.anatomy else {}
+
+
+def _axes_of(body: Body, positions: Array) -> Array:
+    """(3, 3), left, up and forward of a body that stands at `positions`, squared with the file's axes."""
+    if body.anatomy is None:
+        return np.eye(3)
+    axes = Directions(body.anatomy, positions).axes
+    return squared(axes) if body.stands_at_rest else upright(axes)
+
+
+def _laid_upon(bodies: _Bodies) -> Array:
+    """M: (target joints, 4), the rotations that lay each target joint upon the source, both standing in their poses."""
+    matching, (x, y) = bodies.matching, bodies.positions
     laid: list[Rotation] = []
-    for joint, handles in enumerate(_handles(matching, x, y)):
-        turn = bodies.turn if not joint or joint in ankles else laid[matching.target.parents[joint]]
-        if handles:
-            a, b = unit(y[handles] - y[joint]), unit(x[matching.drivers[handles]] - x[matching.drivers[joint]])
+    for joint, below in enumerate(_driven_below(matching, x, y)):
+        root_like = not joint or joint in bodies.ankles
+        turn = bodies.turn if root_like else laid[matching.target.skeleton.parents[joint]]
+        if below:
+            b, a = _bones(matching, x, y, joint, below)
             if joint in bodies.outwards:
                 turn = least(turn.apply(a[:1]), bodies.outwards[joint][None]) * turn
             onto = least(turn.apply(a), b)
             if joint in bodies.hinges:
-                role, usual = bodies.hinges[joint]
-                wanted = bends[0].get(role, onto.apply(usual))
-                found = (onto * turn).apply(bends[1][role]) if role in bends[1] else onto.apply(usual)
-                onto = _rolled(b[0], found, wanted) * onto
-            if joint not in built or (len(handles) == 1 and onto.magnitude() > BUILD):
+                onto = _with_roll(bodies, joint, b[0], onto, turn) * onto
+            if joint not in bodies.built_differently or (len(below) == 1 and onto.magnitude() > BUILD):
                 turn = onto * turn
         laid.append(turn)
     return np.array([turn.as_quat() for turn in laid])
 
 
-def _rolled(bone: Array, axis: Array, wanted: Array) -> Rotation:
-    """The rotation about a bone that takes an axis, (3,), as near as it can to another."""
-    across, goal = (vector - (vector @ bone) * bone for vector in (axis, wanted))
+def _with_roll(bodies: _Bodies, joint: int, bone: Array, onto: Rotation, turn: Rotation) -> Rotation:
+    """The rotation about a bone, (3,), that takes the axis about which the target bends the limb to the source's."""
+    role, usual = bodies.hinges[joint]
+    source_bends, target_bends = bodies.bends
+    wanted = source_bends.get(role, onto.apply(usual))
+    found = (onto * turn).apply(target_bends[role]) if role in target_bends else onto.apply(usual)
+    across, goal = (vector - (vector @ bone) * bone for vector in (found, wanted))
     angle = np.arctan2(np.cross(across, goal) @ bone, across @ goal)
     return Rotation.from_rotvec(angle * bone)
 
 
-@dataclass(frozen=True)
-class _Bodies:
-    """How a target's body is laid upon a source's.
-
-    Attributes:
-        turn: that lays the body as a whole.
-        outwards: per target joint of an upper arm the direction, (3,), out to the source's side, through which it is
-            turned: so a target in A-pose is laid like the same in T-pose.
-        hinges: per target joint of an upper arm or thigh its role, and the axis, (3,), about which a body that stands
-            like the source, arms out, bends the limb: elbows forwards, knees backwards.
-    """
-
-    turn: Rotation
-    outwards: dict[int, Array]
-    hinges: dict[int, tuple[str, Array]]
+def _bones(matching: Matching, x: Array, y: Array, joint: int, below: list[int]) -> tuple[Array, Array]:
+    """(joints below, 3), the directions from a target joint to joints below it: of the source, and of the target."""
+    drivers = matching.drivers
+    return normalised(x[drivers[below]] - x[drivers[joint]]), normalised(y[below] - y[joint])
 
 
-def _bodies(matching: Matching, x: Array, y: Array) -> _Bodies:
-    """Of the target, standing at `y`, (joints, 3), and the source, standing at `x`."""
-    s, t = matching.anatomies
-    if s is None or t is None:
-        return _Bodies(Rotation.identity(), {}, {})
-    theirs, ours = (
-        squared(body_axes(anatomy, posture)) if is_pose(body, anatomy) else upright(body_axes(anatomy, posture))
-        for body, anatomy, posture in ((matching.source, s, x), (matching.target, t, y))
-    )
-    turn = Rotation.identity() if _alike(matching) else Rotation.from_matrix(theirs @ ours.T)
-    outwards: dict[int, Array] = {}
-    hinges: dict[int, tuple[str, Array]] = {}
-    for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
-        arm, thigh = (side + part for part in ("UpperArm", "UpperLeg"))
-        outwards[t.roles.get(arm, -1)] = sign * theirs[:, 0]
-        hinges[t.roles.get(arm, -1)] = arm, -sign * theirs[:, 1]
-        hinges[t.roles.get(thigh, -1)] = thigh, theirs[:, 0]
-    return _Bodies(turn, outwards, hinges)
-
-
-def _built(matching: Matching, framed: bool) -> set[int]:
-    """The target's joints of trunk, shoulders, hands and feet, whose bones lie differently in every build.
-
-    Where a body stands in a frame of its motion, `framed`, spine and hands are not among them: there they may be bent.
-    """
-    source, anatomy = matching.anatomies
-    if anatomy is None or source is None:
-        return set()
-    hips = anatomy.roles.get("hips", 0)
-    built = {joint for role, joint in anatomy.roles.items() if role.endswith(BUILT)} | {*matching.target.line(hips)}
-    if not framed:
-        built |= {joint for role, joint in anatomy.roles.items() if not role.endswith(LONG)}
-        built |= {*anatomy.spine, *anatomy.neck}
-    return built
-
-
-def _ankles(matching: Matching) -> set[int]:
-    """The target's ankles, which are laid as the body is and not as the leg."""
-    anatomy = matching.anatomies[1]
-    roles = anatomy.roles if anatomy and matching.anatomies[0] else {}
-    return {roles[f"{side}Foot"] for side in SIDES if f"{side}Foot" in roles}
-
-
-def _handles(matching: Matching, x: Array, y: Array) -> list[list[int]]:
+def _driven_below(matching: Matching, x: Array, y: Array) -> list[list[int]]:
     """Per target joint with a driver, the nearest driven joints below it that are apart from it on both bodies."""
-    handles: list[list[int]] = [[] for _ in matching.drivers]
-    for joint in range(1, len(handles)):
-        if matching.drivers[joint] < 0:
+    drivers, parents = matching.drivers, matching.target.skeleton.parents
+    below: list[list[int]] = [[] for _ in drivers]
+    for joint in range(1, len(below)):
+        if drivers[joint] < 0:
             continue
-        above = int(matching.target.parents[joint])
-        while above >= 0 and matching.drivers[above] < 0:
-            above = int(matching.target.parents[above])
-        theirs = matching.drivers[[joint, above]]
-        if above >= 0 and (y[joint] != y[above]).any() and (x[theirs[0]] != x[theirs[1]]).any():
-            handles[above].append(joint)
-    return handles
-
-
-def _alike(matching: Matching) -> bool:
-    """Whether all bones of both rest poses point the same way, so that nothing needs to stand up."""
-    x, y = matching.source.rest_positions, matching.target.rest_positions
-    for joint, handles in enumerate(_handles(matching, x, y)):
-        a, b = unit(y[handles] - y[joint]), unit(x[matching.drivers[handles]] - x[matching.drivers[joint]])
-        if ((a * b).sum(axis=1) < np.cos(BUILD)).any():
-            return False
-    return True
+        above = int(parents[joint])
+        while above >= 0 and drivers[above] < 0:
+            above = int(parents[above])
+        if above >= 0 and (y[joint] != y[above]).any() and (x[drivers[joint]] != x[drivers[above]]).any():
+            below[above].append(joint)
+    return below

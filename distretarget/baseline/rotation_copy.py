@@ -8,41 +8,39 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.rest_pose import rest_alignment
 from distretarget.matching.matching import Matching
-from distretarget.motion import Motion, local_rotations, rigid_motion
+from distretarget.motion import Motion, rigid_motion
+from distretarget.numerics.kinematics import local_rotations
 
 Array = NDArray[np.float64]
 
 
-def rotation_copy(
-    motion: Motion, matching: Matching, scale: float, up: Array, target_motion: Motion | None = None
-) -> Motion:
+def rotation_copy(source: Motion, matching: Matching, scale: float) -> Motion:
     """The motion whose world rotations are R_src(t) A: those of the source, relative to the target's rest pose.
 
-    Joints that follow two source joints turn between the two, joints that follow none with their parents. The pelvis,
-    from which the legs part, goes where the source's goes, times `scale` [target units per source unit]; without legs
-    the topmost joint that has a driver. `up`, (3,), points up in `motion`;
-    `target_motion`, if there is any, tells what the target's rest pose does not (`rest_pose`).
+    Joints with two rotation sources turn between the two, joints without one with their parents. The pelvis, from which
+    the legs part, goes where the source's goes, times `scale` [target units per source unit]; without legs the topmost
+    joint that has a driver.
     """
-    target = matching.target
-    rest = rest_alignment(matching, motion, up, target_motion)
-    world = np.tile([0.0, 0.0, 0.0, 1.0], (len(motion), len(target), 1))
-    driven, between = np.flatnonzero(matching.turns[:, 0] >= 0), np.flatnonzero(matching.shares > 0)
-    world[:, driven] = _turned(motion, matching, rest, driven, 0).as_quat()
+    skeleton, blend = matching.target.skeleton, matching.blend
+    alignment = rest_alignment(matching)
+    world = np.tile([0.0, 0.0, 0.0, 1.0], (len(source), len(skeleton), 1))
+    driven, between = np.flatnonzero(matching.rotation_sources[:, 0] >= 0), np.flatnonzero(blend > 0)
+    world[:, driven] = _aligned(source, matching, alignment, driven, 0).as_quat()
     if len(between):
-        first, second = (_turned(motion, matching, rest, between, k) for k in (0, 1))
-        ways = (first.inv() * second).as_rotvec() * matching.shares[between, None]
+        first, second = (_aligned(source, matching, alignment, between, k) for k in (0, 1))
+        ways = (first.inv() * second).as_rotvec() * blend[between, None]
         world[:, between] = (first * Rotation.from_rotvec(ways)).as_quat()
-    for joint in range(1, len(target)):
-        if matching.turns[joint, 0] < 0:
-            world[:, joint] = world[:, target.parents[joint]]
-    local = local_rotations(target, world)
+    for joint in range(1, len(skeleton)):
+        if matching.rotation_sources[joint, 0] < 0:
+            world[:, joint] = world[:, skeleton.parents[joint]]
+    local = local_rotations(skeleton.parents, world)
+    in_place = rigid_motion(skeleton, np.zeros((len(source), 3)), local, source.frame_time_text)
     pelvis = matching.pelvis
-    hung = rigid_motion(target, np.zeros((len(motion), 3)), local, motion.frame_time_text).positions[:, pelvis]
-    path = scale * motion.positions[:, matching.drivers[pelvis]] - hung
-    return rigid_motion(target, path, local, motion.frame_time_text)
+    path = scale * source.positions[:, matching.drivers[pelvis]] - in_place.positions[:, pelvis]
+    return rigid_motion(skeleton, path, local, source.frame_time_text)
 
 
-def _turned(motion: Motion, matching: Matching, rest: Array, joints: NDArray[np.intp], k: int) -> Rotation:
-    """(frames, joints), the world rotations of some target joints by the first or second source joint they follow."""
-    drivers = matching.turns[joints, k]
-    return Rotation.from_quat(motion.world_rotations[:, drivers]) * Rotation.from_quat(rest[joints, k])
+def _aligned(source: Motion, matching: Matching, alignment: Array, joints: NDArray[np.intp], k: int) -> Rotation:
+    """(frames, joints), the world rotations of some target joints by their first or second rotation source."""
+    sources = matching.rotation_sources[joints, k]
+    return Rotation.from_quat(source.world_rotations[:, sources]) * Rotation.from_quat(alignment[joints, k])

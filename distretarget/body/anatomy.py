@@ -24,14 +24,14 @@ class Anatomy:
         spine: the joints above the hips up to the one from which arms and neck leave, from below.
         neck: the joints from there up to below the head, from below.
         convention: whose names the joints have, as "Mixamo"; empty where no convention is recognised.
-        found: what told the roles.
+        method: what told the roles.
     """
 
     roles: Mapping[str, int]
     spine: tuple[int, ...]
     neck: tuple[int, ...]
     convention: str
-    found: Literal["names", "shape"]
+    method: Literal["names", "shape"]
 
     @property
     def mirrored(self) -> Anatomy:

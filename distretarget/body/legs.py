@@ -1,24 +1,21 @@
-"""What a tree of joints says about the body: where its legs are, which way is up, how tall it stands.
-
-Nothing here looks at names.
-"""
+"""The two legs of a body: by the parts of its anatomy, or by the tree of its joints alone."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.body.anatomy import SIDES, Anatomy
 from distretarget.skeleton import Skeleton
 
-LIKENESS = 0.15  # the two legs differ by at most this part of their length, summed over the bones
-LIMB = 0.4  # a leg is at least this part of the longest pair of limbs
-BEND = np.radians(30)  # thigh and hip, foot and shin of most rest poses meet at a larger angle
-HIP, KNEE = 0.3, 0.6  # of a leg's chain: the hip joint is above the one, the ankle below the other
+LIKENESS = 0.15  # the bone lengths of two like limbs differ by at most this part of their sum
+LIMB = 0.4  # a leg is at least this part of the longest pair of like limbs
+BEND = np.radians(30)  # hip and thigh, shin and foot of most rest poses meet at a larger angle [rad]
+HIP, KNEE = 0.3, 0.6  # the hip joint lies above the one, the ankle below the other [part of the chain's length]
 
 
 @dataclass(frozen=True)
@@ -35,13 +32,53 @@ class Leg:
     ankle: int
     toe: int
 
+    @property
+    def joints(self) -> tuple[int, int, int]:
+        """Hip, ankle and toe."""
+        return self.hip, self.ankle, self.toe
 
-@lru_cache(maxsize=16)
-def find_legs(skeleton: Skeleton) -> tuple[Leg, Leg] | None:
-    """The two legs: of the pairs of like limbs, those that part nearest to the root; None where there are none.
 
-    A limb is the longest chain below a child of the joint where the pair parts. Of pairs that part at the same place
-    the longest counts, and pairs much shorter than the longest (eyes, toes) do not.
+Legs = tuple[Leg, Leg]
+
+
+def find_legs(skeleton: Skeleton, anatomy: Anatomy | None) -> Legs | None:
+    """The two legs of a body, left before right where sides are known; None where it has none.
+
+    The anatomy decides where there is one, else the tree.
+    """
+    return tree_legs(skeleton) if anatomy is None else _legs_of_anatomy(skeleton, anatomy)
+
+
+def _legs_of_anatomy(skeleton: Skeleton, anatomy: Anatomy) -> Legs | None:
+    ends = {side + part for side in SIDES for part in ("UpperLeg", "Foot")}
+    if not ends <= anatomy.roles.keys():
+        return None
+    left, right = (_leg_of_anatomy(skeleton, anatomy, side) for side in SIDES)
+    return left, right
+
+
+def _leg_of_anatomy(skeleton: Skeleton, anatomy: Anatomy, side: str) -> Leg:
+    ankle = anatomy.roles[f"{side}Foot"]
+    foot = foot_bone(skeleton, anatomy, side)
+    return Leg(anatomy.roles[f"{side}UpperLeg"], ankle, foot[1] if foot else ankle)
+
+
+def foot_bone(skeleton: Skeleton, anatomy: Anatomy, side: str) -> tuple[int, int] | None:
+    """The joints from which to which a foot points: the ankle, and the toes or what ends the foot; None without."""
+    foot = anatomy.roles.get(f"{side}Foot")
+    if foot is None:
+        return None
+    ends = [anatomy.roles.get(f"{side}Toes", -1), *skeleton.children[foot]]
+    long = [end for end in ends if end >= 0 and skeleton.path_lengths[foot, end] > 0]
+    return (foot, long[0]) if long else None
+
+
+def tree_legs(skeleton: Skeleton) -> Legs | None:
+    """The two legs as the tree and its bone lengths show them; None where they show none. Names play no part.
+
+    Of all pairs of like limbs the legs part nearest to the root. A limb is the longest chain below a child of the joint
+    where the pair parts. Of pairs that part at the same place the longest counts, and pairs much shorter than the
+    longest (eyes, toes) do not.
     """
     pairs = [pair for joint in range(len(skeleton)) for pair in _like_limbs(skeleton, joint)]
     if not pairs:
@@ -98,7 +135,7 @@ def _bends(skeleton: Skeleton, chain: list[int], k: int) -> bool:
     return bool(a @ b < np.cos(BEND) * np.linalg.norm(a) * np.linalg.norm(b))
 
 
-def parting(skeleton: Skeleton, legs: tuple[Leg, Leg]) -> int:
+def pelvis_joint(skeleton: Skeleton, legs: Legs) -> int:
     """The joint from which the legs part."""
     a, b = (set(skeleton.line(leg.hip)) for leg in legs)
     return max(a & b)
@@ -107,33 +144,3 @@ def parting(skeleton: Skeleton, legs: tuple[Leg, Leg]) -> int:
 def leg_length(skeleton: Skeleton, legs: Sequence[Leg]) -> float:
     """Thigh and shin, the mean of the legs [file units]."""
     return float(np.mean([skeleton.path_lengths[leg.hip, leg.ankle] for leg in legs]))
-
-
-def body_unit(skeleton: Skeleton) -> float:
-    """Twice the leg length, which is about the height of a person; without legs the largest path length
-    [file units].
-    """
-    legs = find_legs(skeleton)
-    return 2.0 * leg_length(skeleton, legs) if legs else float(skeleton.path_lengths.max())
-
-
-def up_axis(positions: NDArray[np.float64], legs: tuple[Leg, Leg]) -> NDArray[np.float64]:
-    """(3,), the signed axis that points most from ankles to hips, over positions (frames, joints, 3)."""
-    hips = positions[:, [leg.hip for leg in legs]]
-    ankles = positions[:, [leg.ankle for leg in legs]]
-    legs_up = (hips - ankles).mean(axis=(0, 1))
-    axis = int(np.argmax(np.abs(legs_up)))
-    up = np.zeros(3)
-    up[axis] = 1.0 if legs_up[axis] >= 0 else -1.0
-    return up
-
-
-def height(skeleton: Skeleton) -> float:
-    """How tall the rest pose stands: its extent along the axis of its legs, without legs its largest extent
-    [file units].
-    """
-    legs = find_legs(skeleton)
-    rest = skeleton.rest_positions
-    if legs is None:
-        return float(np.ptp(rest, axis=0).max())
-    return float(np.ptp(rest @ up_axis(rest[None], legs)))

@@ -12,13 +12,13 @@ from itertools import combinations, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.body.legs import LIMB, Leg, alike, find_legs
+from distretarget.body.legs import LIMB, Leg, alike, tree_legs
 from distretarget.skeleton import Skeleton
 
 FORK = 0.5  # a chain ends where another at least this part as long leaves it: fingers, toes, the face
 LONG = 0.5  # the forearm is at least this part of the longest bone of an arm
 FOREARM = 0.9  # of the upper arm's length; real bodies have 0.55 to 1.2
-ARM = 0.6  # of the leg's length, from shoulder to wrist; real bodies have 0.53 to 0.67
+ARM_LENGTH = 0.6  # of the leg's length, from shoulder to wrist; real bodies have 0.53 to 0.67
 TWIST = 0.05  # what a joint within the upper arm or the forearm adds to the logarithms of these ratios,
 BENT = 0.3  # what one adds at which the rest pose bends,
 BARE = 0.3  # what an arm adds that leaves no joint of its chain to the collar bone,
@@ -52,10 +52,10 @@ Pair = tuple[Limb, Limb]
 
 def find_limbs(skeleton: Skeleton) -> tuple[Pair, Pair] | None:
     """The two legs and the two arms; None where there are no such pairs."""
-    found = find_legs(skeleton)
-    if found is None:
+    legs = tree_legs(skeleton)
+    if legs is None:
         return None
-    a, b = (_leg(skeleton, leg, other) for leg, other in (found, found[::-1]))
+    a, b = (_leg(skeleton, leg, other) for leg, other in (legs, legs[::-1]))
     arms = _find_arms(skeleton, (a, b)) if a and b else None
     return ((a, b), arms) if a and b and arms else None
 
@@ -145,7 +145,7 @@ def _unlikeness(along: NDArray[np.float64], leg: float) -> float:
     upper, fore = np.diff(along)
     if min(upper, fore) <= 0:
         return np.inf
-    return float(abs(np.log(fore / (FOREARM * upper))) + abs(np.log((upper + fore) / (ARM * leg))))
+    return float(abs(np.log(fore / (FOREARM * upper))) + abs(np.log((upper + fore) / (ARM_LENGTH * leg))))
 
 
 def _arm(skeleton: Skeleton, chain: list[int], upper: int, lower: int, end: int) -> Limb:

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.anatomy import SIDES, Anatomy, spine_roles
-from distretarget.body.axes import FOLDED, STRETCHED, unit
+from distretarget.body.axes import FOLDED, STRETCHED
 from distretarget.body.limbs import Limb, Pair, find_limbs, forks, like_chains
+from distretarget.numerics.rotations import normalised
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -136,7 +137,7 @@ def _posture(skeleton: Skeleton, legs: Pair, arms: Pair, moving: Array) -> Array
 def _stretch(x: Array, legs: Pair, arms: Pair) -> Array:
     """(frames,), the angle between trunk and legs [degrees]: 180 for a person who stands."""
     trunk = _middle(x, [arm.upper for arm in arms]) - _middle(x, [leg.upper for leg in legs])
-    cosine = -(unit(trunk) * _up(x, legs)).sum(axis=-1)
+    cosine = -(normalised(trunk) * _up(x, legs)).sum(axis=-1)
     return np.asarray(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
@@ -168,7 +169,7 @@ def _feet(skeleton: Skeleton, legs: Pair, x: Array) -> Array:
     nowhere.
     """
     feet = [_middle(x, skeleton.subtree(leg.end)) - x[:, leg.end] for leg in legs]
-    shins = [unit(x[:, leg.lower] - x[:, leg.end]) for leg in legs]
+    shins = [normalised(x[:, leg.lower] - x[:, leg.end]) for leg in legs]
     return np.asarray(sum(_across(foot, shin) for foot, shin in zip(feet, shins, strict=True)))
 
 
@@ -188,7 +189,7 @@ def _agreement(forward: Array, legs: Pair, x: Array) -> float:
     0 where they are slight.
     """
     up = _up(x, legs)
-    front = unit(np.cross(x[:, legs[0].upper] - x[:, legs[1].upper], up))
+    front = normalised(np.cross(x[:, legs[0].upper] - x[:, legs[1].upper], up))
     level = np.linalg.norm(_across(forward, up), axis=-1).sum()
     slight = SLIGHT * legs[0].length * len(x)
     return float((forward * front).sum() / level) if level > slight else 0.0
@@ -196,7 +197,7 @@ def _agreement(forward: Array, legs: Pair, x: Array) -> float:
 
 def _up(x: Array, legs: Pair) -> Array:
     """(frames, 3), unit vectors from between the ankles to between the hips."""
-    return unit(_middle(x, [leg.upper for leg in legs]) - _middle(x, [leg.end for leg in legs]))
+    return normalised(_middle(x, [leg.upper for leg in legs]) - _middle(x, [leg.end for leg in legs]))
 
 
 def _middle(x: Array, joints: list[int]) -> Array:

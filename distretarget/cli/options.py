@@ -9,7 +9,8 @@ from typing import Any, get_args
 
 import click
 
-from distretarget.baseline.world import AXES, RootOffset
+from distretarget.baseline.world import RootOffset
+from distretarget.body.axes import AXES
 from distretarget.cli.parameters import positive
 from distretarget.conversion import Options
 from distretarget.retargeting import OBJECTIVES, Objective

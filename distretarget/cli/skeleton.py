@@ -9,9 +9,7 @@ from pathlib import Path
 import click
 import numpy as np
 
-from distretarget.body.conventions import by_names
-from distretarget.body.legs import find_legs, height, leg_length
-from distretarget.body.shape import by_shape
+from distretarget.body.body import Body
 from distretarget.cli.matching_table import headline, recognised, rows, unused
 from distretarget.cli.outputs import check_outputs, say
 from distretarget.cli.parameters import of_bone, positive
@@ -27,7 +25,7 @@ from distretarget.io.skeleton_json import (
     load_whole,
     skeleton_to_json,
 )
-from distretarget.matching.matching import Positions, find_matching, refusal
+from distretarget.matching.matching import find_matching, refusal
 from distretarget.skeleton import Skeleton
 
 
@@ -132,7 +130,7 @@ def edit_command(
     changed = int(np.sum(edited.lengths != body.skeleton.lengths))
     unit = f" {edited.units}" if edited.units else ""
     bones = "1 bone" if changed == 1 else f"{changed} bones"
-    click.echo(f"{bones} changed; height {height(body.skeleton):.6g} -> {height(edited):.6g}{unit}")
+    click.echo(f"{bones} changed; height {Body.of(body.skeleton).height:.6g} -> {Body.of(edited).height:.6g}{unit}")
 
 
 @skeleton_group.command("match")
@@ -161,16 +159,10 @@ def match_command(source: Path, target: Path, map_path: Path | None, output: Pat
     distretarget skeleton match walk.bvh robot.bvh -o walk_robot.map.json
     """  # noqa: D301
     check_outputs([output], [source, target, map_path], overwrite)
-    skeleton, positions = _load_source(source)
-    goal = load_target(target, skeleton)
-    seen = None if goal.motion is None else goal.motion.positions
-    matching = find_matching(
-        skeleton,
-        goal.skeleton,
-        joint_map(skeleton, goal, target, load_map(map_path)),
-        positions,
-        seen,
-    )
+    body = _load_body(source)
+    goal = load_target(target, body.skeleton)
+    pairs = joint_map(body.skeleton, goal, target, load_map(map_path))
+    matching = find_matching(body, Body.of(goal.skeleton, goal.motion), pairs)
     lines = [
         *headline(matching),
         "",
@@ -183,7 +175,7 @@ def match_command(source: Path, target: Path, map_path: Path | None, output: Pat
         say(line)
     if output:
         write_whole(output, map_to_json(matching), overwrite=overwrite)
-    if reason := refusal(matching, positions, seen):
+    if reason := refusal(matching):
         raise FileError(target, f"{reason}; fill in {_the_map(output)} and give it with --map")
 
 
@@ -191,12 +183,9 @@ def _the_map(output: Path | None) -> str:
     return str(output) if output else "a map, which -o MAP.json writes,"
 
 
-def _load_source(path: Path) -> tuple[Skeleton, Positions]:
-    """The skeleton of a BVH or skeleton file as its frames show it, and its positions, if it has frames."""
-    if is_json(read_text(path)):
-        return load_skeleton(path), None
-    motion = read_bvh(path)
-    return motion.rigid_skeleton, motion.positions if len(motion) else None
+def _load_body(path: Path) -> Body:
+    """The body in a BVH or skeleton file."""
+    return Body.of(load_skeleton(path)) if is_json(read_text(path)) else Body.of_motion(read_bvh(path))
 
 
 def _bones(
@@ -225,10 +214,10 @@ def _bones(
 def _headline(skeleton: Skeleton) -> str:
     unit = f" {skeleton.units}" if skeleton.units else ""
     ends = int(skeleton.end_sites.sum())
-    legs = find_legs(skeleton)
-    leg = f", legs {leg_length(skeleton, legs):.6g}{unit}" if legs else ""
-    known = recognised(skeleton, by_names(skeleton) or by_shape(skeleton))
-    return f"{len(skeleton) - ends} joints, {ends} End Sites; height {height(skeleton):.6g}{unit}{leg}; {known}"
+    body = Body.of(skeleton)
+    legs = f", legs {body.leg_length:.6g}{unit}" if body.legs else ""
+    size = f"height {body.height:.6g}{unit}{legs}"
+    return f"{len(skeleton) - ends} joints, {ends} End Sites; {size}; {recognised(body)}"
 
 
 def _tree(skeleton: Skeleton) -> list[str]:

@@ -12,7 +12,7 @@ from distretarget.io.files import read_text
 from distretarget.io.json_node import Node, entry_place, parse_json
 from distretarget.io.skeleton_json import Target, pairs_to_json
 from distretarget.matching.matching import Matching
-from distretarget.matching.pairing import JointMap, given
+from distretarget.matching.pairing import JointMap, pairs_of_map
 from distretarget.skeleton import Skeleton
 
 
@@ -44,11 +44,11 @@ def map_to_json(matching: Matching) -> str:
     """The text of a map file that gives this matching again: a pair for each joint of the target, in the order of its
     tree. Left out are joints without a driver that bend with a spine or neck, and End Sites that no map drives.
     """
-    target, drivers = matching.target, matching.drivers
-    bending = (drivers < 0) & (matching.turns[:, 0] >= 0)
-    ends = target.end_sites & (np.array(matching.found) != "map")
+    source, target, drivers = matching.source.skeleton, matching.target.skeleton, matching.drivers
+    bending = (drivers < 0) & (matching.rotation_sources[:, 0] >= 0)
+    ends = target.end_sites & (np.array(matching.method) != "map")
     pairs = {
-        target.keys[joint]: matching.source.keys[drivers[joint]] if drivers[joint] >= 0 else None
+        target.keys[joint]: source.keys[drivers[joint]] if drivers[joint] >= 0 else None
         for joint in target.depth_first
         if not (bending[joint] or ends[joint])
     }
@@ -63,7 +63,7 @@ def joint_map(source: Skeleton, goal: Target, path: str | Path, own: MapFile) ->
     """
     pairs = {**goal.map, **own.pairs}
     try:
-        given(source, goal.skeleton, pairs)
+        pairs_of_map(source, goal.skeleton, pairs)
     except MapError as error:
         file, place = (own.path, "") if error.key in own.pairs else (path, "map")
         raise SkeletonFileError(file, entry_place(place, error.key), error.reason) from error

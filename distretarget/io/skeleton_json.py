@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from distretarget.body.axes import AXES
 from distretarget.errors import BvhError, SkeletonError, SkeletonFileError, closest, quoted
 from distretarget.io.bvh import parse_bvh, parse_bvh_skeleton
 from distretarget.io.files import read_text
@@ -21,7 +22,6 @@ from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
 FORMAT = "distretarget-skeleton"
 VERSION = 1
 UNITS = ("mm", "cm", "m", "dm", "in", "ft")
-AXES = ("X", "Y", "Z", "-X", "-Y", "-Z")
 CHANNELS = POSITION_CHANNELS + ROTATION_CHANNELS
 JOINT_CHANNELS = ("Zrotation", "Xrotation", "Yrotation")
 ROOT_CHANNELS = POSITION_CHANNELS + JOINT_CHANNELS

@@ -1,34 +1,40 @@
-"""Spines and necks of different numbers of joints: the bend of one spread smoothly along the other."""
+"""Spines and necks of different numbers of joints: the bend of the source's blended smoothly along the target's."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.anatomy import Anatomy
+from distretarget.body.body import Body
 from distretarget.skeleton import Skeleton
 
-Body = tuple[Skeleton, Anatomy]
 Chain = tuple[int, ...]
 
 
-def spread(source: Body, target: Body, kept: set[int], turns: NDArray[np.intp], shares: NDArray[np.float64]) -> None:
-    """Write to `turns` and `shares`, as in `Matching`, what the joints of the target's spine and neck follow, where the
-    source's have other numbers of joints; joints in `kept` stay as they are.
+def spine_blend(source: Body, target: Body) -> Iterator[tuple[int, tuple[int, int], float]]:
+    """What the joints of the target's spine and neck follow where the source's have other numbers of joints: each
+    joint of the target, the two source joints that it turns between, and the share of the second, 0 to 1.
 
-    The turn along a chain is taken as known in the middle of each source bone and straight between: each target joint
-    follows the two source joints beside the middle of its own bone, along the chain's length.
+    The turn along a chain is taken as known in the middle of each source bone, and as changing evenly between. Each
+    target joint follows the two source joints beside the middle of its own bone, along the chain's length.
     """
-    for (theirs, top), (ours, our_top) in zip(_chains(source[1]), _chains(target[1]), strict=True):
-        if not theirs or not ours or len(theirs) == len(ours):
+    if source.anatomy is None or target.anatomy is None:
+        return
+    for (source_chain, source_top), (target_chain, target_top) in zip(
+        _chains(source.anatomy), _chains(target.anatomy), strict=True
+    ):
+        if not source_chain or not target_chain or len(source_chain) == len(target_chain):
             continue
-        known, wanted = _middles(source[0], theirs, top), _middles(target[0], ours, our_top)
+        known = _middles(source.skeleton, source_chain, source_top)
+        wanted = _middles(target.skeleton, target_chain, target_top)
         places = np.interp(wanted, known, np.arange(len(known)))
-        for joint, place in zip(ours, places, strict=True):
-            if joint not in kept:
-                lower = min(int(place), len(theirs) - 1)
-                turns[joint] = theirs[lower], theirs[min(lower + 1, len(theirs) - 1)]
-                shares[joint] = place - lower
+        for joint, place in zip(target_chain, places, strict=True):
+            first = min(int(place), len(source_chain) - 1)
+            second = min(first + 1, len(source_chain) - 1)
+            yield joint, (source_chain[first], source_chain[second]), place - first
 
 
 def _chains(anatomy: Anatomy) -> tuple[tuple[Chain, int], tuple[Chain, int]]:

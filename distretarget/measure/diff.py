@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
-from distretarget.baseline.world import World, find_world, root_offset_of, with_root_offset
-from distretarget.body.legs import height
+from distretarget.baseline.world import World, find_root_offset, find_world, with_root_offset
+from distretarget.body.body import Body
 from distretarget.distances import distance_problem, posture_stress
 from distretarget.errors import MotionError
 from distretarget.matching.matching import Matching, match
@@ -101,11 +101,13 @@ def diff(a: Motion, b: Motion, joint_map: JointMap | None = None) -> Diff:
     """
     for motion, name in ((a, "A"), (b, "B")):
         _check(motion, name)
-    matching = match(a.rigid_skeleton, b.rigid_skeleton, joint_map, a.positions, b.positions)
-    world = find_world(a, matching, None, None, None, b)
+    bodies = Body.of_motion(a), Body.of_motion(b)
+    world = find_world(*bodies)
     notes = list(turned_note(world))
-    a, b = world.enter(a), replace(b, skeleton=b.rigid_skeleton)
-    if root_offset_of(b, world.up_vector) == "added":
+    source, target = world.to_target_axes(bodies[0]), bodies[1].with_up(world.up)
+    matching = match(source, target, joint_map)
+    a, b = source.motion or a, replace(b, skeleton=b.rigid_skeleton)
+    if find_root_offset(target, world.up_vector) == "added":
         b = with_root_offset(b)
     apart = abs(a.frame_time - b.frame_time) / b.frame_time
     if apart > SAME_TIME or apart * min(len(a), len(b)) > LATE:
@@ -116,8 +118,8 @@ def diff(a: Motion, b: Motion, joint_map: JointMap | None = None) -> Diff:
         compared = "the first was" if frames == 1 else f"the first {frames} were"
         notes.append(f"A has {_frames(a)} and B has {len(b)}; {compared} compared")
         a, b = _first(a, frames), _first(b, frames)
-    problem = distance_problem(matching.source, matching.target, matching.drivers)
-    relative = (problem.body_size / height(matching.target)) ** 2
+    problem = distance_problem(source.skeleton, target.skeleton, matching.drivers)
+    relative = (problem.body_size / target.height) ** 2
     stress = relative * posture_stress(problem, a.positions, b.positions)
     return Diff(a, b, matching, world.up_vector, stress, compare(a, b, matching, world.up_vector), tuple(notes))
 
@@ -166,7 +168,7 @@ def _first(motion: Motion, frames: int) -> Motion:
 def _pairs(a: Motion, b: Motion, matching: Matching) -> Pairs:
     joints = points_of(matching)
     u, v = np.triu_indices(len(joints), 1)
-    far = matching.target.path_sizes[joints[u], joints[v]] >= FAR_ALONG
+    far = matching.target.skeleton.path_sizes[joints[u], joints[v]] >= FAR_ALONG
     count, contacts = len(u), np.zeros(len(u), np.intp)
     sums = {name: np.zeros((2, count)) for name in ("a", "b", "error")}  # over all frames, over those of contact
     largest, worst = np.full((2, count), -1.0), np.zeros((2, count), np.intp)

@@ -138,7 +138,7 @@ def _distance_errors(source: Motion, result: Motion, matching: Matching) -> tupl
 
 def points_of(matching: Matching) -> NDArray[np.intp]:
     """The joints of the target that stand for a place of their own on one of the bodies."""
-    source, result, drivers = matching.source, matching.target, matching.drivers
+    source, result, drivers = matching.source.skeleton, matching.target.skeleton, matching.drivers
     shared = np.flatnonzero(drivers >= 0)
     apart = (result.path_lengths > 0)[np.ix_(shared, shared)]
     apart |= (source.path_lengths > 0)[np.ix_(drivers[shared], drivers[shared])]
@@ -179,12 +179,12 @@ def _feet(
     if legs is None:
         nothing = np.zeros((len(source), 0))
         return nothing.astype(bool), nothing, nothing, nothing, nothing
-    ours, theirs = _foot_paths(result, legs[0]), _foot_paths(source, legs[1])
-    heights = theirs @ up
+    source_paths, paths = _foot_paths(source, legs[0]), _foot_paths(result, legs[1])
+    heights = source_paths @ up
     low = heights - np.percentile(heights, LOWEST, axis=0) < LOW
-    stance = low & (_speeds(theirs, source.frame_time) < SLOW)
-    source_slide, slide = (_speeds(x - (x @ up)[..., None] * up, source.frame_time) for x in (theirs, ours))
-    return np.asarray(stance), source_slide, slide, np.asarray(100 * heights), np.asarray(100 * (ours @ up))
+    stance = low & (_speeds(source_paths, source.frame_time) < SLOW)
+    source_slide, slide = (_speeds(x - (x @ up)[..., None] * up, source.frame_time) for x in (source_paths, paths))
+    return np.asarray(stance), source_slide, slide, np.asarray(100 * heights), np.asarray(100 * (paths @ up))
 
 
 def _foot_paths(motion: Motion, legs: tuple[Leg, Leg]) -> Array:
@@ -209,8 +209,8 @@ def jerk_of(motion: Motion) -> Array:
 
 def _turn(source: Motion, result: Motion, drivers: NDArray[np.intp]) -> Array:
     joints = np.flatnonzero(drivers >= 0)
-    ours = _steps(result.world_rotations[:, joints])
-    return np.asarray(np.degrees(ours - _steps(source.world_rotations[:, drivers[joints]])))
+    source_steps, steps = _steps(source.world_rotations[:, drivers[joints]]), _steps(result.world_rotations[:, joints])
+    return np.asarray(np.degrees(steps - source_steps))
 
 
 def _steps(rotations: Array) -> Array:

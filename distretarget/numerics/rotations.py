@@ -1,4 +1,4 @@
-"""Rotations that bring vectors onto vectors."""
+"""Rotations that bring vectors onto vectors, and vectors of length 1."""
 
 from __future__ import annotations
 
@@ -43,3 +43,9 @@ def least_rotation(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np
 def least(a: NDArray[np.float64], b: NDArray[np.float64]) -> Rotation:
     """The rotation that takes vectors a nearest to b, both (vectors, 3); see `best_rotation`."""
     return Rotation.from_quat(best_rotation(a[None], b[None])[0])
+
+
+def normalised(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Vectors of length 1 in the same directions, (..., 3); a zero vector stays zero."""
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0))

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.conventions import convention_of
-from distretarget.matching.pairing import joints_of
 from distretarget.measure.diff import Diff
 from distretarget.measure.metrics import Comparison
 from distretarget.skeleton import Skeleton
@@ -52,7 +51,7 @@ class About:
 def document(diff: Diff, about: About) -> Document:
     """The diff as JSON values, as `diff.schema.json` has it; None where nothing was to be measured."""
     frames = _frames(diff)
-    a, b, drivers = diff.matching.source, diff.matching.target, diff.matching.drivers
+    a, b, drivers = diff.matching.source.skeleton, diff.matching.target.skeleton, diff.matching.drivers
     summary = _summary(diff.stress, diff.figures, diff.jerk_a)
     return {
         "format": "distretarget-diff",
@@ -63,8 +62,8 @@ def document(diff: Diff, about: About) -> Document:
         "notes": list(diff.notes),
         "frame_time": diff.b.frame_time,
         "frame_count": len(diff),
-        "unmatched_b": [b.keys[joint] for joint in joints_of(b) if drivers[joint] < 0],
-        "unmatched_a": [a.keys[joint] for joint in joints_of(a) if joint not in drivers],
+        "unmatched_b": [b.keys[joint] for joint in b.joints if drivers[joint] < 0],
+        "unmatched_a": [a.keys[joint] for joint in a.joints if joint not in drivers],
         "summary": summary,
         "limits": [_limit(summary, name, limit) for name, limit in about.limits],
         "rotation_copy": _rotation_copy(diff, about),
@@ -92,7 +91,7 @@ def csv_text(document: Mapping[str, Any]) -> str:
 
 
 def _body(file: str, skeleton: Skeleton) -> Document:
-    return {"file": file, "joints": len(joints_of(skeleton)), "convention": convention_of(skeleton)}
+    return {"file": file, "joints": len(skeleton.joints), "convention": convention_of(skeleton)}
 
 
 def _rotation_copy(diff: Diff, about: About) -> Document | None:
@@ -196,7 +195,7 @@ def _worst(column: list[float | None]) -> int | None:
 
 def _pairs(diff: Diff) -> list[Document]:
     pairs, drivers = diff.pairs, diff.matching.drivers
-    a, b = diff.matching.source.keys, diff.matching.target.keys
+    a, b = diff.matching.source.skeleton.keys, diff.matching.target.skeleton.keys
     return [
         {
             "joints_a": [a[drivers[pairs.u[k]]], a[drivers[pairs.v[k]]]],

@@ -40,15 +40,15 @@ def scene(diff: Diff, pairs: int) -> Drawing:
     number = {int(joint): k for k, joint in enumerate(b_points)}
     worst = diff.pairs.worst(pairs)
     near = _most_contacts(diff)
-    sizes = np.minimum(diff.matching.target.path_sizes[np.ix_(b_points, b_points)], 255)
+    sizes = np.minimum(diff.matching.target.skeleton.path_sizes[np.ix_(b_points, b_points)], 255)
     return {
         "step": step,
         "notes": _notes(step, diff),
         "near": NEAR,
         "far_along": FAR_ALONG,
         "facing": _facing(diff),
-        "a": _drawing(diff.a, diff.matching.source, legs[1], a_points, diff.up, step),
-        "b": _drawing(diff.b, diff.matching.target, legs[0], b_points, diff.up, step),
+        "a": _drawing(diff.a, diff.matching.source.skeleton, legs[0], a_points, diff.up, step),
+        "b": _drawing(diff.b, diff.matching.target.skeleton, legs[1], b_points, diff.up, step),
         "bones": _bones(diff).tolist(),
         "pelvis": [int(diff.matching.drivers[diff.matching.pelvis]), diff.matching.pelvis],
         "sizes": _base64(sizes, "<u1"),
@@ -112,14 +112,14 @@ def _facing(diff: Diff) -> float:
     """The angle about y, from z, to which B faces in its first frame [rad]; 0 where it has no legs."""
     if diff.matching.legs is None:
         return 0.0
-    left, right = (diff.b.positions[0, leg.hip] for leg in diff.matching.legs[0])
+    left, right = (diff.b.positions[0, leg.hip] for leg in diff.matching.legs[1])
     front = Rotation.from_quat(_upright(diff.up)).apply(np.cross(left - right, diff.up))
     return float(np.arctan2(front[0], front[2]))
 
 
 def _bones(diff: Diff) -> NDArray[np.intp]:
     """(bones of B, 4): its upper and lower joint, and those of A that stand for them, -1 without both."""
-    body, other, drivers = diff.matching.target, diff.matching.source, diff.matching.drivers
+    body, other, drivers = diff.matching.target.skeleton, diff.matching.source.skeleton, diff.matching.drivers
     lower, upper = np.arange(1, len(body)), body.parents[1:]
     shared = (drivers[lower] >= 0) & (drivers[upper] >= 0) & (body.lengths[1:] > 0)
     shared &= other.path_lengths[drivers[upper], drivers[lower]] > 0
@@ -137,8 +137,8 @@ def _contact_spans(diff: Diff, pairs: NDArray[np.intp]) -> tuple[list[list[list[
     """The spans in which each of the pairs is near: in A, and in B."""
     u, v = diff.pairs.u[pairs], diff.pairs.v[pairs]
     drivers = diff.matching.drivers
-    near_a = _near(diff.a, diff.matching.source, drivers[u], drivers[v])
-    near_b = _near(diff.b, diff.matching.target, u, v)
+    near_a = _near(diff.a, diff.matching.source.skeleton, drivers[u], drivers[v])
+    near_b = _near(diff.b, diff.matching.target.skeleton, u, v)
     return [spans(column) for column in near_a.T], [spans(column) for column in near_b.T]
 
 
@@ -153,8 +153,8 @@ def _near(motion: Motion, body: Skeleton, u: NDArray[np.intp], v: NDArray[np.int
 
 def _largest_difference(diff: Diff, a_points: NDArray[np.intp], b_points: NDArray[np.intp]) -> float:
     """The 99.5th percentile of |D_a - D_b| over some frames."""
-    tau_a = diff.matching.source.path_lengths[np.ix_(a_points, a_points)]
-    tau_b = diff.matching.target.path_lengths[np.ix_(b_points, b_points)]
+    tau_a = diff.matching.source.skeleton.path_lengths[np.ix_(a_points, a_points)]
+    tau_b = diff.matching.target.skeleton.path_lengths[np.ix_(b_points, b_points)]
     i, j = np.nonzero((tau_a > 0) & (tau_b > 0))
     if not len(i):
         return 0.0

@@ -15,7 +15,8 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.motion import Motion, local_rotations, products, rigid_motion
+from distretarget.motion import Motion, rigid_motion
+from distretarget.numerics.kinematics import local_rotations, rotation_products
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -117,8 +118,8 @@ def posed_motion(copy: Motion, v: Array, parts: NDArray[np.intp], root_positions
     skeleton = copy.skeleton
     turns = Rotation.from_rotvec(v[:, :-1]).as_quat()[:, parts]
     turns[:, _leaves(skeleton) & ~_unturned(copy)] = [0.0, 0.0, 0.0, 1.0]
-    world = products(turns, copy.world_rotations)
-    return rigid_motion(skeleton, root_positions, local_rotations(skeleton, world), copy.frame_time_text)
+    world = rotation_products(turns, copy.world_rotations)
+    return rigid_motion(skeleton, root_positions, local_rotations(skeleton.parents, world), copy.frame_time_text)
 
 
 @njit(cache=True)

@@ -23,7 +23,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from distretarget.body.legs import body_unit, find_legs, parting
+from distretarget.body.legs import Legs, pelvis_joint
 from distretarget.numerics.smoothing import averaged, widened
 from distretarget.skeleton import Skeleton
 from distretarget.solve.articulation import Body, subtree_lengths
@@ -58,7 +58,9 @@ TOLERANCE = 1e-6  # see `pose_solver`: no shaking, and no difference where a cli
 BLOCK = 256  # frames in memory at once
 
 
-def holds(skeleton: Skeleton, parts: NDArray[np.intp], points: NDArray[np.intp], unit: float) -> Array:
+def holds(
+    skeleton: Skeleton, legs: Legs | None, parts: NDArray[np.intp], points: NDArray[np.intp], unit: float
+) -> Array:
     """(parts + 1,), how firmly each part is held to the copy's rotation, and the root to its path.
 
     In proportion to the length of its bones and, rising to `TRUNK`, to how much of the body it carries: arms give
@@ -70,11 +72,10 @@ def holds(skeleton: Skeleton, parts: NDArray[np.intp], points: NDArray[np.intp],
     np.add.at(bones, parts[skeleton.parents[1:]], skeleton.lengths[1:] / unit)
     np.maximum.at(longest, parts[skeleton.parents[1:]], carried[skeleton.parents[1:]] / carried[0])
     firm = HOLD * (bones + LEAST) * (1.0 + TRUNK * longest)
-    legs = find_legs(skeleton)
     feet = {joint for leg in legs or () for joint in (leg.ankle, leg.toe) if skeleton.children[joint]}
     firm[parts[sorted(feet)]] *= FOOT
     if legs:
-        pelvis = parting(skeleton, legs)
+        pelvis = pelvis_joint(skeleton, legs)
         above = [joint for joint in skeleton.line(pelvis) if parts[joint] != parts[pelvis]]
         firm[parts[above]] = FIXED
     return np.append(firm, ROOT)
@@ -151,8 +152,10 @@ def solve_contact(clip: Clip, stance: Stance, mapper: Mapper = map, progress: Pr
 
 def _solve_frames(clip: Clip, stance: Stance, frames: slice) -> Poses:
     """Solve some frames of a clip."""
-    unit = body_unit(clip.skeleton)
-    body = Body(clip.skeleton.parents, clip.parts, holds(clip.skeleton, clip.parts, clip.problem.targets, unit))
+    unit = clip.unit
+    body = Body(
+        clip.skeleton.parents, clip.parts, holds(clip.skeleton, clip.legs, clip.parts, clip.problem.targets, unit)
+    )
     pairs = near_pairs(clip.problem, unit)
     points, copied = clip.source[:, clip.problem.sources], clip.copy[:, clip.problem.targets] / unit
     bones, root = clip.bones / unit, clip.root / unit

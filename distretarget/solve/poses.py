@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from distretarget.body.legs import Legs
 from distretarget.distances import DistanceProblem
 from distretarget.skeleton import Skeleton
 from distretarget.solve.articulation import Body, Work, hang, pose_body, pull_back, workspace
@@ -37,6 +38,8 @@ class Clip:
 
     Attributes:
         skeleton: of the target.
+        legs: its legs; None where it has none.
+        unit: its body unit [target file units].
         parts: (joints,), its rigid parts.
         problem: the points that source and target share.
         source: (frames, source joints, 3), positions [source file units].
@@ -46,6 +49,8 @@ class Clip:
     """
 
     skeleton: Skeleton
+    legs: Legs | None
+    unit: float
     parts: NDArray[np.intp]
     problem: DistanceProblem
     source: Array

@@ -1,4 +1,4 @@
-"""Where the target stands: the scale of its root's path, and the feet that rest on the floor."""
+"""The feet at rest on the floor, and where they belong on the target."""
 
 from __future__ import annotations
 
@@ -38,54 +38,28 @@ class Stance:
         return Stance(self.joints, self.weights[frames], self.places[frames])
 
 
-def root_scale(matching: Matching) -> float:
-    """How many target units the root travels for each source unit: the ratio of leg lengths, which keeps stride and
-    height in proportion; for bodies without legs the ratio of their largest path lengths.
-    """
-    source, target, drivers = matching.source, matching.target, matching.drivers
-    if matching.legs:
-        ours, theirs = (leg_length(body, pair) for body, pair in zip((target, source), matching.legs, strict=True))
-    else:
-        shared = np.flatnonzero(drivers >= 0)
-        ours = target.path_lengths[np.ix_(shared, shared)].max()
-        theirs = source.path_lengths[np.ix_(drivers[shared], drivers[shared])].max()
-    return float(ours / theirs) if theirs > 0 else 1.0
-
-
-def root_path(source: Motion, copy: Motion, matching: Matching, scale: float) -> Array:
-    """(frames, 3), the root's path that brings the middle between the hip joints to the scaled place of the source's:
-    legs hang from there, whatever lies between them and the root [target file units]. Without legs, the copy's.
-    """
-    if matching.legs is None:
-        return np.ascontiguousarray(copy.root_positions)
-    ours, theirs = (
-        motion.positions[:, [leg.hip for leg in pair]]
-        for motion, pair in zip((copy, source), matching.legs, strict=True)
-    )
-    return np.ascontiguousarray(scale * theirs.mean(axis=1) - ours.mean(axis=1) + copy.root_positions)
-
-
 def no_stance(frames: int) -> Stance:
     """No foot rests."""
     return Stance(np.zeros(0, np.intp), np.zeros((frames, 0)), np.zeros((frames, 0, 3)))
 
 
-def find_stance(source: Motion, matching: Matching, scale: float, up: Array) -> Stance:
+def find_stance(matching: Matching, scale: float) -> Stance:
     """The feet at rest in the source, and their places on the target: the scaled places of the source's.
 
     A foot rests while it is slow and low. Only the frames around a frame decide, so that a clip may be cut anywhere.
     Feet whose bones are not in proportion to the legs keep the toe's place; the ankle follows it (`_places`).
     """
-    legs = matching.legs
-    if legs is None:
-        return no_stance(len(source))
-    length = leg_length(source.rigid_skeleton, legs[1])
+    source, legs = matching.source, matching.legs
+    if source.motion is None or legs is None:
+        return no_stance(0 if source.motion is None else len(source.motion))
+    up, length = source.up_vector, leg_length(source.skeleton, legs[0])
     joints, weights, places = [], [], []
-    for ours, theirs in zip(*legs, strict=True):
-        rest = _at_rest(source, theirs, up, length)
-        joints += [ours.ankle, ours.toe]
-        weights += list(widened(rest.astype(np.float64), BLEND / source.frame_time).T)
-        places += _places(source, theirs, up, scale, matching.target.path_lengths[ours.ankle, ours.toe])
+    for driver, leg in zip(*legs, strict=True):
+        rest = _at_rest(source.motion, driver, up, length)
+        joints += [leg.ankle, leg.toe]
+        weights += list(widened(rest.astype(np.float64), BLEND / source.motion.frame_time).T)
+        foot = matching.target.skeleton.path_lengths[leg.ankle, leg.toe]
+        places += _places(source.motion, driver, up, scale, foot)
     return Stance(np.array(joints), np.stack(weights, axis=1), np.stack(places, axis=1))
 
 

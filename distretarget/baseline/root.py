@@ -1,0 +1,45 @@
+"""The root's path on the target: its scale, and where it runs."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.body.legs import leg_length
+from distretarget.matching.matching import Matching
+from distretarget.motion import Motion
+
+Array = NDArray[np.float64]
+
+
+def find_root_scale(matching: Matching) -> float:
+    """How many target units the root travels for each source unit: the ratio of leg lengths, which keeps stride and
+    height in proportion; for bodies without legs the ratio of their longest paths.
+    """
+    source, target = matching.source.skeleton, matching.target.skeleton
+    if matching.legs:
+        from_length, to_length = (
+            leg_length(skeleton, legs) for skeleton, legs in zip((source, target), matching.legs, strict=True)
+        )
+    else:
+        shared = np.flatnonzero(matching.drivers >= 0)
+        drivers = matching.drivers[shared]
+        from_length = source.path_lengths[np.ix_(drivers, drivers)].max()
+        to_length = target.path_lengths[np.ix_(shared, shared)].max()
+    return float(to_length / from_length) if from_length > 0 else 1.0
+
+
+def root_path(baseline: Motion, matching: Matching, scale: float) -> Array:
+    """(frames, 3), the root's path that brings the middle between the hip joints to the scaled place of the source's:
+    legs hang from there, whatever lies between them and the root [target file units].
+
+    `baseline` is the rotation copy; without legs its own root path is returned.
+    """
+    source = matching.source.motion
+    if matching.legs is None or source is None:
+        return np.ascontiguousarray(baseline.root_positions)
+    source_hips, hips = (
+        motion.positions[:, [leg.hip for leg in legs]].mean(axis=1)
+        for motion, legs in zip((source, baseline), matching.legs, strict=True)
+    )
+    return np.ascontiguousarray(scale * source_hips - hips + baseline.root_positions)

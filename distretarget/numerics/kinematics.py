@@ -1,0 +1,100 @@
+"""Forward kinematics of a tree of joints, and the rotations it needs. Compiled.
+
+A tree is its parents, (joints,), -1 for the root, parents before children. Arrays have the frames in front; quaternions
+are x y z w, as in scipy.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Parents = NDArray[np.intp]
+
+
+def forward_kinematics(parents: Parents, translations: Array, world: Array) -> Array:
+    """The position of every joint in the world, (frames, joints, 3), in the units of `translations`.
+
+    `translations`, (frames, joints, 3), are from each joint's parent to it, for the root its place in the world;
+    `world`, (frames, joints, 4), are the joints' rotations in the world.
+    """
+    positions = np.empty_like(translations)
+    _positions(parents, translations, world, positions)
+    return positions
+
+
+def world_rotations(parents: Parents, local: Array) -> Array:
+    """World rotations from local ones, both (frames, joints, 4): each joint's is its parent's times its own."""
+    world = np.array(local)
+    _world_rotations(parents, world)
+    return world
+
+
+def local_rotations(parents: Parents, world: Array) -> Array:
+    """Local rotations from world ones, both (frames, joints, 4); the inverse of `world_rotations`."""
+    local = np.array(world)
+    _local_rotations(parents, world, local)
+    return local
+
+
+def rotation_products(first: Array, second: Array) -> Array:
+    """The product of each rotation of `first` with that of `second`, all (frames, joints, 4)."""
+    product = np.empty_like(second)
+    _products(first, second, product)
+    return product
+
+
+@njit(cache=True)
+def _world_rotations(parents: Parents, world: Array) -> None:
+    """Turn local rotations into world rotations in place."""
+    for frame in range(len(world)):
+        for joint in range(1, len(parents)):
+            p = world[frame, parents[joint]]
+            _multiply(p[0], p[1], p[2], p[3], world[frame, joint], world[frame, joint])
+
+
+@njit(cache=True)
+def _local_rotations(parents: Parents, world: Array, local: Array) -> None:
+    """Write local rotations: the inverse of the parent's world rotation times the joint's own."""
+    for frame in range(len(world)):
+        for joint in range(1, len(parents)):
+            p = world[frame, parents[joint]]
+            _multiply(-p[0], -p[1], -p[2], p[3], world[frame, joint], local[frame, joint])
+
+
+@njit(cache=True)
+def _products(first: Array, second: Array, product: Array) -> None:
+    for frame in range(len(first)):
+        for joint in range(first.shape[1]):
+            p = first[frame, joint]
+            _multiply(p[0], p[1], p[2], p[3], second[frame, joint], product[frame, joint])
+
+
+@njit(cache=True)
+def _multiply(x, y, z, w, q, product):  # type: ignore[no-untyped-def]
+    """Write the product of the quaternion x y z w and q; `product` may be q itself."""
+    i, j, k, r = q[0], q[1], q[2], q[3]
+    product[0] = w * i + x * r + y * k - z * j
+    product[1] = w * j - x * k + y * r + z * i
+    product[2] = w * k + x * j - y * i + z * r
+    product[3] = w * r - x * i - y * j - z * k
+
+
+@njit(cache=True)
+def _positions(parents: Parents, translations: Array, world: Array, positions: Array) -> None:
+    """Write positions: each joint stands from its parent by its translation, turned by the parent."""
+    for frame in range(len(world)):
+        for i in range(3):
+            positions[frame, 0, i] = translations[frame, 0, i]
+        for joint in range(1, len(parents)):
+            parent = parents[joint]
+            q, v = world[frame, parent], translations[frame, joint]
+            x, y, z, w = q[0], q[1], q[2], q[3]
+            a, b, c = v[0], v[1], v[2]
+            # v + 2 w (q x v) + 2 q x (q x v), q the vector part
+            i, j, k = y * c - z * b, z * a - x * c, x * b - y * a
+            positions[frame, joint, 0] = positions[frame, parent, 0] + a + 2.0 * (w * i + y * k - z * j)
+            positions[frame, joint, 1] = positions[frame, parent, 1] + b + 2.0 * (w * j + z * i - x * k)
+            positions[frame, joint, 2] = positions[frame, parent, 2] + c + 2.0 * (w * k + x * j - y * i)
