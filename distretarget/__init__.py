@@ -1,14 +1,14 @@
 """Retarget BVH motion to another body by normalised joint distances.
 
-from distretarget import load_skeleton, read_bvh, retarget, write_bvh
+from distretarget import load_target, read_bvh, retarget, write_bvh
 
-result = retarget(read_bvh("walk.bvh"), load_skeleton("hero.json"))
+result = retarget(read_bvh("walk.bvh"), load_target("hero.json"))
 write_bvh("walk_hero.bvh", result.motion)
 """
 
 from distretarget.errors import DistretargetError
 from distretarget.io.bvh import read_bvh, write_bvh
-from distretarget.io.skeleton_json import load_skeleton, load_target
+from distretarget.io.skeleton_json import load_target
 from distretarget.motion import Motion
 from distretarget.retargeting import RetargetResult, retarget
 from distretarget.skeleton import Skeleton
@@ -18,7 +18,6 @@ __all__ = [
     "Motion",
     "RetargetResult",
     "Skeleton",
-    "load_skeleton",
     "load_target",
     "read_bvh",
     "retarget",

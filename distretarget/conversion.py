@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 
 from distretarget.baseline.world import RootOffset
-from distretarget.errors import DistretargetError, FileError, MatchingError
+from distretarget.errors import SAY_IN_A_MAP, DistretargetError, MatchingError
 from distretarget.io.files import read_text, text_hash
 from distretarget.io.map_json import MapFile, joint_map
 from distretarget.io.skeleton_json import parse_target
@@ -47,42 +47,35 @@ def load_text(path: str | Path) -> Text:
     return Text(read_text(path), path)
 
 
-def carry(
+def retarget_onto(
+    target: Text,
     motion: Motion,
     source: str | Path,
-    target: Text,
-    own: MapFile,
+    map_file: MapFile,
     options: Options,
+    *,
     mapper: Mapper = map,
     progress: Progress = lambda _frames: None,
 ) -> RetargetResult:
-    """The motion of the file `source` on the target of another file, with the pairs of a map file.
+    """Retarget the motion of the file `source` to the target in the text of another, with the pairs of a map file.
 
     `mapper` and `progress` are as in `retarget`.
 
     Raises:
-        FileError: the motion cannot be carried over.
-        SkeletonFileError, BvhError: the target's file is no target.
+        DistretargetError: the motion cannot be retargeted, or the target's file is no target; it names the file.
     """
-    goal = parse_target(target.text, target.path, motion.rigid_skeleton)
-    pairs = joint_map(motion.rigid_skeleton, goal, target.path, own)
+    whole = parse_target(target.text, target.path).for_source(motion.rigid_skeleton)
+    pairs = joint_map(motion.rigid_skeleton, whole, target.path, map_file)
     try:
-        return retarget(
-            motion,
-            goal.skeleton,
-            joint_map=pairs,
-            target_motion=goal.motion,
-            mapper=mapper,
-            progress=progress,
-            **asdict(options),
-        )
+        return retarget(motion, whole, joint_map=pairs, mapper=mapper, progress=progress, **asdict(options))
     except MatchingError as error:
         raise needs_map(error, source, target.path) from error
     except DistretargetError as error:
-        raise FileError(source, str(error)) from error
+        raise error.in_file(source) from None
 
 
-def needs_map(error: MatchingError, source: str | Path, target: str | Path) -> FileError:
+def needs_map(error: MatchingError, source: str | Path, target: str | Path) -> MatchingError:
     """The refusal of two bodies that cannot be matched, with the command that writes a map for them."""
     command = f"distretarget skeleton match {shlex.quote(str(source))} {shlex.quote(str(target))} -o MAP.json"
-    return FileError(target, f"{error}: write one with `{command}`, and give it with --map MAP.json")
+    advice = f"{SAY_IN_A_MAP}: write one with `{command}`, and give it with --map MAP.json"
+    return error.advised(advice).in_file(target)

@@ -5,10 +5,36 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Self
+
+SAY_IN_A_MAP = "say in a map which source joint drives which target joint"
 
 
 class DistretargetError(Exception):
-    """Base of all errors of this package; `str(error)` is one line for the user."""
+    """Base of all errors of this package; `str(error)` is one line for the user.
+
+    Attributes:
+        reason: what is wrong, without the place.
+        path: of the file that the error is about; None where it is about none.
+    """
+
+    path: Path | None = None
+
+    def __init__(self, reason: str) -> None:
+        self.reason = reason  # `args`, by which errors are pickled, keep all that a subclass is given
+
+    def __str__(self) -> str:
+        return f"{self.place}: {self.reason}" if self.place else self.reason
+
+    @property
+    def place(self) -> str:
+        """Where the fault is: the file, with the place in it where one is known; empty without a file."""
+        return str(self.path) if self.path else ""
+
+    def in_file(self, path: str | Path) -> Self:
+        """The same error, which names the file it is about."""
+        self.path = Path(path)
+        return self
 
 
 class FileError(DistretargetError):
@@ -18,9 +44,8 @@ class FileError(DistretargetError):
     """
 
     def __init__(self, path: str | Path, reason: str) -> None:
+        super().__init__(reason)
         self.path = Path(path)
-        self.reason = reason
-        super().__init__(f"{path}: {reason}")
 
 
 class BvhError(DistretargetError):
@@ -30,23 +55,31 @@ class BvhError(DistretargetError):
     """
 
     def __init__(self, path: str | Path, line: int, reason: str) -> None:
+        super().__init__(reason)
         self.path = Path(path)
         self.line = line
-        self.reason = reason
-        super().__init__(f"{path}:{line}: {reason}" if line else f"{path}: {reason}")
+
+    @property
+    def place(self) -> str:
+        """The file and, where one is meant, the line."""
+        return f"{self.path}:{self.line}" if self.line else str(self.path)
 
 
 class SkeletonFileError(DistretargetError):
-    """A target skeleton file (JSON) that breaks its format.
+    """A target skeleton file or a map file (JSON) that breaks its format.
 
-    Attributes: `path`, `place` (as `joints[3].offset[2]`, empty for the whole file) and `reason`.
+    Attributes: `path`, `where` (as `joints[3].offset[2]`, empty for the whole file) and `reason`.
     """
 
-    def __init__(self, path: str | Path, place: str, reason: str) -> None:
+    def __init__(self, path: str | Path, where: str, reason: str) -> None:
+        super().__init__(reason)
         self.path = Path(path)
-        self.place = place
-        self.reason = reason
-        super().__init__(f"{path}: {place}: {reason}" if place else f"{path}: {reason}")
+        self.where = where
+
+    @property
+    def place(self) -> str:
+        """The file and, where one is meant, the place in it."""
+        return f"{self.path}: {self.where}" if self.where else str(self.path)
 
 
 class SkeletonError(DistretargetError):
@@ -60,32 +93,36 @@ class MotionError(DistretargetError):
 class MatchingError(DistretargetError):
     """Joints of two skeletons that cannot be matched.
 
-    Attributes: `reason`, and `source` and `target`, the names of their joints.
+    Attributes:
+        reason: with the closest names and the names of both.
+        source, target: the names of their joints.
     """
 
-    def __init__(self, reason: str, source: Sequence[str], target: Sequence[str]) -> None:
-        self.reason = reason
-        self.source = tuple(source)
-        self.target = tuple(target)
+    def __init__(self, reason: str, source: Sequence[str], target: Sequence[str], advice: str = SAY_IN_A_MAP) -> None:
         near = ((name, difflib.get_close_matches(name, source, n=1, cutoff=0.6)) for name in target)
         pairs = [f"{name!r} and {found[0]!r}" for name, found in near if found]
         shown = f"closest names: {', '.join(pairs[:6])}; " if pairs else ""
-        super().__init__(
-            f"{reason}; {shown}the target has {quoted(target, 12)}; the source has {quoted(source, 12)}; "
-            "say in a map which source joint drives which target joint"
-        )
+        names = f"the target has {quoted(target, 12)}; the source has {quoted(source, 12)}"
+        super().__init__(f"{reason}; {shown}{names}; {advice}")
+        self.source = tuple(source)
+        self.target = tuple(target)
+
+    def advised(self, advice: str) -> MatchingError:
+        """The same error, with another advice at its end."""
+        reason, source, target = self.args[:3]
+        return MatchingError(reason, source, target, advice)
 
 
 class MapError(DistretargetError):
     """A map from target joints to source joints that names a joint which is not there.
 
-    Attributes: `key`, the entry, and `reason`.
+    Attributes: `key`, the entry, and `fault`, what is wrong with it.
     """
 
-    def __init__(self, key: str, reason: str) -> None:
+    def __init__(self, key: str, fault: str) -> None:
+        super().__init__(f"map[{key!r}]: {fault}")
         self.key = key
-        self.reason = reason
-        super().__init__(f"map[{key!r}]: {reason}")
+        self.fault = fault
 
 
 class BatchError(DistretargetError):

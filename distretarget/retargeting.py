@@ -15,6 +15,7 @@ from distretarget.baseline.world import RootOffset, World, find_world
 from distretarget.body.body import Body
 from distretarget.distances import DistanceProblem, distance_problem, posture_stress
 from distretarget.errors import MotionError
+from distretarget.io.skeleton_json import SkeletonEdit, Target
 from distretarget.matching.matching import Matching, match
 from distretarget.matching.pairing import JointMap
 from distretarget.motion import Motion
@@ -76,7 +77,7 @@ class RetargetResult:
 
 def retarget(
     source: Motion,
-    target: Skeleton,
+    target: Motion | Skeleton | Target | SkeletonEdit,
     *,
     objective: Objective = "contact",
     hold_feet: bool = True,
@@ -85,7 +86,6 @@ def retarget(
     source_up: str | None = None,
     target_up: str | None = None,
     root_offset: RootOffset | None = None,
-    target_motion: Motion | None = None,
     mapper: Mapper = map,
     progress: Progress = lambda _frames: None,
 ) -> RetargetResult:
@@ -93,18 +93,19 @@ def retarget(
 
     Args:
         source: the motion to carry over.
-        target: the body to carry it to, with whatever names, rest pose and axes.
+        target: the body to carry it to, with whatever names, rest pose and axes: what `load_target` returns, with the
+            joint map of its file; a skeleton; or any motion of the body, which tells its axes, and how its limbs bend
+            where its rest pose does not.
         objective: "contact" keeps what is near near and the rest as it was; "paper" minimises Eq. (2) of
             Mucherino, Goncalves, Bernardin, Hoyet, Multon, "A Distance-Based Approach for Human Posture Simulations",
             FedCSIS 2017.
         hold_feet: whether feet at rest stay where they belong; the paper's objective has no such term.
-        joint_map: source key for target keys, None for joints that nothing shall drive; the others are matched by
-            names or by shape (`matching`).
+        joint_map: source key for target keys, None for joints that nothing shall drive; its pairs go before those of
+            the target's file. The other joints are matched by names or by shape.
         root_scale: target units per source unit of the root's path; the ratio of leg lengths if not given.
         source_up: the axis that points up in the source's file ("Y", "-Z", ...); found if not given (`world`).
         target_up: that of the target's file.
         root_offset: whether position channels of the source's root replace its OFFSET or are added; found if not given.
-        target_motion: any motion of the target: it tells its axes, and how its limbs bend where its rest pose does not.
         mapper: solves the pieces of a long clip (`pieces`): `map`, or that of an executor, with the same result. The
             paper's objective follows each frame from the one before and has no pieces.
         progress: called with numbers of frames as they are solved.
@@ -114,12 +115,25 @@ def retarget(
         MapError: `joint_map` names joints that are not there.
         MotionError: the source has no frames, or positions too large to compute with, or a body has no extent.
     """
-    _check(source, target)
-    bodies = Body.of_motion(source), Body.of(target, target_motion)
+    goal = _target_for(source, target)
+    _check(source, goal.skeleton)
+    bodies = Body.of_motion(source), Body.of(goal.skeleton, goal.motion)
     world = find_world(*bodies, source_up, target_up, root_offset)
-    matching = match(world.to_target_axes(bodies[0]), bodies[1].with_up(world.up), joint_map)
+    source_body, target_body = world.to_target_axes(bodies[0]), bodies[1].with_up(world.up)
+    matching = match(source_body, target_body, {**goal.map, **(joint_map or {})})
     scale = find_root_scale(matching) if root_scale is None else root_scale
     return _solved(matching, world, scale, objective, hold_feet, mapper, progress)
+
+
+def _target_for(source: Motion, target: Motion | Skeleton | Target | SkeletonEdit) -> Target:
+    """The target with all that is known of it."""
+    match target:
+        case Motion():
+            return Target(target.rigid_skeleton, {}, "", target)
+        case Skeleton():
+            return Target(target, {}, "")
+        case _:
+            return target.for_source(source.rigid_skeleton)
 
 
 def _solved(
@@ -131,9 +145,8 @@ def _solved(
     mapper: Mapper,
     progress: Progress,
 ) -> RetargetResult:
-    body, source = matching.target, matching.source.motion
-    assert source is not None
-    copy = rotation_copy(source, matching, scale)
+    body, source = matching.target, matching.source_motion
+    copy = rotation_copy(matching, scale)
     problem = distance_problem(matching.source.skeleton, body.skeleton, matching.drivers)
     parts = parts_of(body.skeleton, rigid_heads(copy))
     root = root_path(copy, matching, scale)

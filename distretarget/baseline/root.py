@@ -35,11 +35,10 @@ def root_path(baseline: Motion, matching: Matching, scale: float) -> Array:
 
     `baseline` is the rotation copy; without legs its own root path is returned.
     """
-    source = matching.source.motion
-    if matching.legs is None or source is None:
+    if matching.legs is None:
         return np.ascontiguousarray(baseline.root_positions)
     source_hips, hips = (
         motion.positions[:, [leg.hip for leg in legs]].mean(axis=1)
-        for motion, legs in zip((source, baseline), matching.legs, strict=True)
+        for motion, legs in zip((matching.source_motion, baseline), matching.legs, strict=True)
     )
     return np.ascontiguousarray(scale * source_hips - hips + baseline.root_positions)

@@ -14,20 +14,20 @@ from distretarget.numerics.kinematics import local_rotations
 Array = NDArray[np.float64]
 
 
-def rotation_copy(source: Motion, matching: Matching, scale: float) -> Motion:
+def rotation_copy(matching: Matching, scale: float) -> Motion:
     """The motion whose world rotations are R_src(t) A: those of the source, relative to the target's rest pose.
 
     Joints with two rotation sources turn between the two, joints without one with their parents. The pelvis, from which
     the legs part, goes where the source's goes, times `scale` [target units per source unit]; without legs the topmost
     joint that has a driver.
     """
-    skeleton, blend = matching.target.skeleton, matching.blend
+    source, skeleton, blend = matching.source_motion, matching.target.skeleton, matching.blend
     alignment = rest_alignment(matching)
     world = np.tile([0.0, 0.0, 0.0, 1.0], (len(source), len(skeleton), 1))
     driven, between = np.flatnonzero(matching.rotation_sources[:, 0] >= 0), np.flatnonzero(blend > 0)
-    world[:, driven] = _aligned(source, matching, alignment, driven, 0).as_quat()
+    world[:, driven] = _aligned(matching, alignment, driven, 0).as_quat()
     if len(between):
-        first, second = (_aligned(source, matching, alignment, between, k) for k in (0, 1))
+        first, second = (_aligned(matching, alignment, between, k) for k in (0, 1))
         ways = (first.inv() * second).as_rotvec() * blend[between, None]
         world[:, between] = (first * Rotation.from_rotvec(ways)).as_quat()
     for joint in range(1, len(skeleton)):
@@ -40,7 +40,9 @@ def rotation_copy(source: Motion, matching: Matching, scale: float) -> Motion:
     return rigid_motion(skeleton, path, local, source.frame_time_text)
 
 
-def _aligned(source: Motion, matching: Matching, alignment: Array, joints: NDArray[np.intp], k: int) -> Rotation:
+def _aligned(matching: Matching, alignment: Array, joints: NDArray[np.intp], k: int) -> Rotation:
     """(frames, joints), the world rotations of some target joints by their first or second rotation source."""
     sources = matching.rotation_sources[joints, k]
-    return Rotation.from_quat(source.world_rotations[:, sources]) * Rotation.from_quat(alignment[joints, k])
+    return Rotation.from_quat(matching.source_motion.world_rotations[:, sources]) * Rotation.from_quat(
+        alignment[joints, k]
+    )

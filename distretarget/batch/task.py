@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.metadata import version
 
-from distretarget.conversion import Options, Text, carry
+from distretarget.conversion import Options, Text, retarget_onto
 from distretarget.errors import DistretargetError
 from distretarget.io.bvh import bvh_parts, parse_bvh
 from distretarget.io.files import text_hash
@@ -82,7 +82,8 @@ def _failed(error: str) -> Outcome:
 
 def _converted(task: Task, mapper: Mapper) -> Outcome:
     path = task.source.path
-    result = carry(parse_bvh(task.source.text, path), path, task.target, task.map, task.options, mapper)
+    motion = parse_bvh(task.source.text, path)
+    result = retarget_onto(task.target, motion, path, task.map, task.options, mapper=mapper)
     parts = bvh_parts(result.motion, mapper)  # made while the figures are, where there are others to do it
     run = Figures(result)
     report = run_page(run, task.about) if task.about else ""

@@ -30,7 +30,7 @@ from distretarget.conversion import Options, Text, load_text
 from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import hash_of, hash_of_file, is_folder, read_bytes
 from distretarget.io.map_json import load_map
-from distretarget.io.skeleton_json import check_target
+from distretarget.io.skeleton_json import parse_target
 
 INTERRUPTED = 130
 
@@ -165,7 +165,7 @@ def _targets(sources: tuple[Path, ...], targets: tuple[Path, ...]) -> tuple[list
             raise click.UsageError(f"{targets[0]} is a folder; the last argument is the target, or give --target.")
     goals = [load_text(target) for target in targets]
     for goal in goals:
-        check_target(goal.text, goal.path)
+        parse_target(goal.text, goal.path)
     return goals, tuple(dict.fromkeys(sources))
 
 

@@ -14,7 +14,7 @@ from distretarget.baseline.world import RootOffset
 from distretarget.cli.matching_table import headline, unused
 from distretarget.cli.options import retargeting
 from distretarget.cli.outputs import about, check_outputs, say
-from distretarget.conversion import Options, carry, load_text
+from distretarget.conversion import Options, load_text, retarget_onto
 from distretarget.errors import quoted
 from distretarget.io.bvh import format_bvh, read_bvh
 from distretarget.io.files import write_whole
@@ -70,7 +70,7 @@ def retarget_command(
     motion = read_bvh(source)
     own, goal = load_map(map_path), load_text(target)
     with tqdm(total=len(motion), unit=" frames", desc=source.name, disable=None, leave=False) as bar:
-        result = carry(motion, source, goal, own, options, progress=bar.update)
+        result = retarget_onto(goal, motion, source, own, options, progress=bar.update)
     texts = {output: format_bvh(result.motion)}
     seconds = time.perf_counter() - started
     run = Figures(result)

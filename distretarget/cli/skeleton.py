@@ -20,9 +20,8 @@ from distretarget.io.map_json import joint_map, load_map, map_to_json
 from distretarget.io.skeleton_json import (
     SkeletonEdit,
     is_json,
-    load_skeleton,
+    load_full_target,
     load_target,
-    load_whole,
     skeleton_to_json,
 )
 from distretarget.matching.matching import find_matching, refusal
@@ -42,7 +41,7 @@ def show_command(file: Path) -> None:
     \b
     distretarget skeleton show walk.bvh
     """  # noqa: D301
-    skeleton = load_skeleton(file)
+    skeleton = load_full_target(file).skeleton
     for line in (_headline(skeleton), *_tree(skeleton)):
         say(line)
 
@@ -63,7 +62,7 @@ def export_command(file: Path, output: Path | None, overwrite: bool) -> None:
     distretarget skeleton export hero.bvh -o hero.json
     """  # noqa: D301
     check_outputs([output], [file], overwrite)
-    body = load_whole(file)
+    body = load_full_target(file)
     text = skeleton_to_json(body.skeleton, body.name or file.stem, body.map)
     if output:
         write_whole(output, text, overwrite=overwrite)
@@ -114,7 +113,7 @@ def edit_command(
     if scale is None and not lengths and not factors:
         raise click.UsageError("nothing to change; give --scale, --length or --factor.")
     check_outputs([output], [file], overwrite)
-    body = load_whole(file)
+    body = load_full_target(file)
     options = [
         *(("--length", name, number) for name, number in lengths),
         *(("--factor", name, number) for name, number in factors),
@@ -160,7 +159,7 @@ def match_command(source: Path, target: Path, map_path: Path | None, output: Pat
     """  # noqa: D301
     check_outputs([output], [source, target, map_path], overwrite)
     body = _load_body(source)
-    goal = load_target(target, body.skeleton)
+    goal = load_target(target).for_source(body.skeleton)
     pairs = joint_map(body.skeleton, goal, target, load_map(map_path))
     matching = find_matching(body, Body.of(goal.skeleton, goal.motion), pairs)
     lines = [
@@ -185,7 +184,7 @@ def _the_map(output: Path | None) -> str:
 
 def _load_body(path: Path) -> Body:
     """The body in a BVH or skeleton file."""
-    return Body.of(load_skeleton(path)) if is_json(read_text(path)) else Body.of_motion(read_bvh(path))
+    return Body.of(load_full_target(path).skeleton) if is_json(read_text(path)) else Body.of_motion(read_bvh(path))
 
 
 def _bones(

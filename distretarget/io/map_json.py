@@ -66,5 +66,5 @@ def joint_map(source: Skeleton, goal: Target, path: str | Path, own: MapFile) ->
         pairs_of_map(source, goal.skeleton, pairs)
     except MapError as error:
         file, place = (own.path, "") if error.key in own.pairs else (path, "map")
-        raise SkeletonFileError(file, entry_place(place, error.key), error.reason) from error
+        raise SkeletonFileError(file, entry_place(place, error.key), error.fault) from error
     return pairs

@@ -48,6 +48,10 @@ class Target:
     name: str
     motion: Motion | None = None
 
+    def for_source(self, source: Skeleton) -> Target:  # noqa: ARG002
+        """Itself: a whole skeleton is the same for every source."""
+        return self
+
 
 @dataclass(frozen=True)
 class SkeletonEdit:
@@ -64,6 +68,10 @@ class SkeletonEdit:
     lengths: Mapping[str, float]
     factors: Mapping[str, float]
     path: str | Path
+
+    def for_source(self, source: Skeleton) -> Target:
+        """The target for a source: the source's skeleton with these lengths; errors as in `apply`."""
+        return Target(self.apply(source), {}, "")
 
     def apply(self, source: Skeleton) -> Skeleton:
         """The source's skeleton with these lengths and its own rest directions.
@@ -96,47 +104,43 @@ class SkeletonEdit:
         return joint
 
 
-def load_target(path: str | Path, source: Skeleton) -> Target:
+def load_target(path: str | Path) -> Target | SkeletonEdit:
     """The target in a skeleton file (full or short form) or a BVH file, told apart by their content.
 
-    Args:
-        path: of the file.
-        source: the skeleton whose lengths the short form changes.
+    `retarget` takes it as it is. Its `for_source` gives the skeleton for a certain source.
 
     Raises:
         FileError: the file cannot be read.
-        SkeletonFileError: JSON that breaks the format, or names joints that the source does not have.
+        SkeletonFileError: JSON that breaks the format.
         BvhError: anything else that is no BVH.
     """
-    return parse_target(read_text(path), path, source)
+    return parse_target(read_text(path), path)
 
 
-def parse_target(text: str, path: str | Path, source: Skeleton) -> Target:
+def parse_target(text: str, path: str | Path) -> Target | SkeletonEdit:
     """The target in the text of a file, whose path is for errors; as `load_target`."""
-    loaded = _parse(text, path)
-    return Target(loaded.apply(source), {}, "") if isinstance(loaded, SkeletonEdit) else loaded
+    if not is_json(text):
+        return _bvh_target(text, path)
+    document = Node(path, "", parse_json(path, text))
+    _check_head(document)
+    fields = document.fields(HEAD[:2], (*HEAD[2:], *FULL, *SHORT))
+    full = [key for key in FULL if key in fields]
+    short = [key for key in SHORT if key in fields]
+    if full and short:
+        fields[short[0]].fail(f'cannot stand beside "{full[0]}"; expected {quoted(FULL)} or {quoted(SHORT)}')
+    return _full(document, fields) if full else _edit(document, fields)
 
 
-def check_target(text: str, path: str | Path) -> None:
-    """Find out, without a source, whether the text of a file is a target; errors as in `load_target`."""
-    _parse(text, path)
-
-
-def load_skeleton(path: str | Path) -> Skeleton:
-    """The skeleton in a skeleton file of the full form or a BVH file; errors as in `load_whole`."""
-    return load_whole(path).skeleton
-
-
-def load_whole(path: str | Path) -> Target:
+def load_full_target(path: str | Path) -> Target:
     """The target in a skeleton file of the full form or a BVH file; errors as in `load_target`.
 
     Raises:
         SkeletonFileError: also for the short form, which is no skeleton without a source.
     """
-    loaded = _parse(read_text(path), path)
-    if isinstance(loaded, SkeletonEdit):
+    target = load_target(path)
+    if isinstance(target, SkeletonEdit):
         raise SkeletonFileError(path, "", 'has no "joints"; this short form needs a source to change')
-    return loaded
+    return target
 
 
 def is_json(text: str) -> bool:
@@ -183,19 +187,6 @@ def _joint(skeleton: Skeleton, joint: int) -> dict[str, object]:
 
 
 @lru_cache(maxsize=PARSED)
-def _parse(text: str, path: str | Path) -> Target | SkeletonEdit:
-    if not is_json(text):
-        return _bvh_target(text, path)
-    document = Node(path, "", parse_json(path, text))
-    _check_head(document)
-    fields = document.fields(HEAD[:2], (*HEAD[2:], *FULL, *SHORT))
-    full = [key for key in FULL if key in fields]
-    short = [key for key in SHORT if key in fields]
-    if full and short:
-        fields[short[0]].fail(f'cannot stand beside "{full[0]}"; expected {quoted(FULL)} or {quoted(SHORT)}')
-    return _full(document, fields) if full else _edit(document, fields)
-
-
 def _bvh_target(text: str, path: str | Path) -> Target:
     """The target in the text of a BVH file, whose MOTION may be missing or broken."""
     try:
@@ -206,13 +197,13 @@ def _bvh_target(text: str, path: str | Path) -> Target:
 
 
 def _check_head(document: Node) -> None:
-    """Raise unless format and version, before all else, are ours, and the name is a string."""
+    """Raise unless the file names this format and version, and the name is a string."""
     fields = document.entries(field_place)
-    for key, ours in (("format", FORMAT), ("version", VERSION)):
+    for key, known in (("format", FORMAT), ("version", VERSION)):
         if key not in fields:
-            document.fail(f'has no "{key}"; expected "{key}": {_dump(ours)}')
-        if isinstance(fields[key].value, bool) or fields[key].value != ours:
-            fields[key].expected(_dump(ours))
+            document.fail(f'has no "{key}"; expected "{key}": {_dump(known)}')
+        if isinstance(fields[key].value, bool) or fields[key].value != known:
+            fields[key].expected(_dump(known))
     if "name" in fields:
         fields["name"].text()
 

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from distretarget.body.body import Body
 from distretarget.body.legs import Leg, Legs, leg_length
-from distretarget.errors import MatchingError
+from distretarget.errors import MatchingError, MotionError
 from distretarget.matching.pairing import JointMap, find_pairs, pairs_of_map, tips
 from distretarget.matching.spine import spine_blend
+from distretarget.motion import Motion
 
 ENOUGH = 0.5  # part of the target's joints that need the names of source joints, where no human body is recognised
 LANDMARKS = ("hips", "head", "leftHand", "rightHand", "leftFoot", "rightFoot")
@@ -46,6 +47,17 @@ class Matching:
         joints = self.target.skeleton.joints
         matched = sum(self.drivers[joint] >= 0 for joint in joints)
         return f"<Matching of {matched} of the target's {len(joints)} joints>"
+
+    @property
+    def source_motion(self) -> Motion:
+        """The motion of the source.
+
+        Raises:
+            MotionError: it has none.
+        """
+        if self.source.motion is None:
+            raise MotionError("the source has no frames; there is nothing to retarget")
+        return self.source.motion
 
     @property
     def confidence(self) -> NDArray[np.float64]:
@@ -107,9 +119,8 @@ def match(source: Body, target: Body, joint_map: JointMap | None = None) -> Matc
     """
     matching = find_matching(source, target, joint_map)
     if reason := refusal(matching):
-        raise MatchingError(
-            reason, *([body.skeleton.keys[j] for j in body.skeleton.joints] for body in (source, target))
-        )
+        source_keys, target_keys = ([body.skeleton.keys[j] for j in body.skeleton.joints] for body in (source, target))
+        raise MatchingError(reason, source_keys, target_keys)
     return matching
 
 

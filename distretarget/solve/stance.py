@@ -49,17 +49,17 @@ def find_stance(matching: Matching, scale: float) -> Stance:
     A foot rests while it is slow and low. Only the frames around a frame decide, so that a clip may be cut anywhere.
     Feet whose bones are not in proportion to the legs keep the toe's place; the ankle follows it (`_places`).
     """
-    source, legs = matching.source, matching.legs
-    if source.motion is None or legs is None:
-        return no_stance(0 if source.motion is None else len(source.motion))
-    up, length = source.up_vector, leg_length(source.skeleton, legs[0])
+    source, legs = matching.source_motion, matching.legs
+    if legs is None:
+        return no_stance(len(source))
+    up, length = matching.source.up_vector, leg_length(matching.source.skeleton, legs[0])
     joints, weights, places = [], [], []
     for driver, leg in zip(*legs, strict=True):
-        rest = _at_rest(source.motion, driver, up, length)
+        rest = _at_rest(source, driver, up, length)
         joints += [leg.ankle, leg.toe]
-        weights += list(widened(rest.astype(np.float64), BLEND / source.motion.frame_time).T)
+        weights += list(widened(rest.astype(np.float64), BLEND / source.frame_time).T)
         foot = matching.target.skeleton.path_lengths[leg.ankle, leg.toe]
-        places += _places(source.motion, driver, up, scale, foot)
+        places += _places(source, driver, up, scale, foot)
     return Stance(np.array(joints), np.stack(weights, axis=1), np.stack(places, axis=1))
 
 
