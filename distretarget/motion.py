@@ -4,13 +4,40 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.errors import MotionError
 from distretarget.numerics.kinematics import forward_kinematics, world_rotations
+from distretarget.numerics.rotations import RotationKind, represented
 from distretarget.skeleton import Skeleton
+
+
+class MotionArrays(TypedDict):
+    """A motion as arrays that numpy stores and loads without pickle.
+
+    Attributes:
+        names: (joints,), of the joints, unique (`Skeleton.keys`).
+        parents: (joints,), the number of each joint's parent, -1 for the root.
+        offsets: (joints, 3), the rest pose's translations to the parents [file units].
+        end_sites: (joints,), true for End Sites.
+        frame_time: time between frames [s].
+        root_path: (frames, 3), the root's positions in the world [file units].
+        positions: (frames, joints, 3), in the world [file units].
+        local_rotations, world_rotations: (frames, joints, 4), (frames, joints, 3, 3) or (frames, joints, 6).
+    """
+
+    names: NDArray[np.str_]
+    parents: NDArray[np.intp]
+    offsets: NDArray[np.float64]
+    end_sites: NDArray[np.bool_]
+    frame_time: float
+    root_path: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    local_rotations: NDArray[np.float64]
+    world_rotations: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +96,20 @@ class Motion:
     def positions(self) -> NDArray[np.float64]:
         """(frames, joints, 3), each joint's position in the world, by forward kinematics [file units]."""
         return forward_kinematics(self.skeleton.parents, self.translations, self.world_rotations)
+
+    def to_dict(self, rotations: RotationKind = "quaternion") -> MotionArrays:
+        """All of it as arrays; rotations as "quaternion" (x y z w), "matrix" or "6d" (its first two columns)."""
+        return MotionArrays(
+            names=np.array(self.skeleton.keys),
+            parents=self.skeleton.parents,
+            offsets=self.skeleton.offsets,
+            end_sites=self.skeleton.end_sites,
+            frame_time=self.frame_time,
+            root_path=self.root_positions,
+            positions=self.positions,
+            local_rotations=represented(self.rotations, rotations),
+            world_rotations=represented(self.world_rotations, rotations),
+        )
 
     @cached_property
     def rigid_skeleton(self) -> Skeleton:

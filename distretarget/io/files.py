@@ -127,9 +127,9 @@ def _check_replaceable(path: str | Path, place: Path, overwrite: bool) -> None:
 
 
 def write_whole(
-    path: str | Path, text: str, overwrite: bool = False, complete: Callable[[], None] = lambda: None
+    path: str | Path, content: str | bytes, overwrite: bool = False, complete: Callable[[], None] = lambda: None
 ) -> None:
-    """Write a text file (UTF-8, line ends as given) beside its place and move it there when it is complete.
+    """Write a file beside its place and move it there when it is complete; a text as UTF-8, line ends as given.
 
     `complete` is called when it is complete and on the disk, before it is moved; if it raises, nothing is moved.
 
@@ -140,7 +140,7 @@ def write_whole(
     place = Path(path).resolve()
     beside = place.with_name(f".distretarget-{secrets.token_hex(8)}.tmp")
     try:
-        _write_to_disk(beside, text)
+        _write_to_disk(beside, encoded(content) if isinstance(content, str) else content)
         complete()
         if overwrite:
             beside.replace(place)
@@ -155,9 +155,9 @@ def write_whole(
             beside.unlink()
 
 
-def _write_to_disk(path: Path, text: str) -> None:
+def _write_to_disk(path: Path, content: bytes) -> None:
     with path.open("xb") as file:
-        file.write(encoded(text))
+        file.write(content)
         file.flush()
         os.fsync(file.fileno())
 

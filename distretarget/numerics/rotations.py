@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal, get_args
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -49,3 +51,25 @@ def normalised(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     """Vectors of length 1 in the same directions, (..., 3); a zero vector stays zero."""
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.asarray(np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0))
+
+
+RotationKind = Literal["quaternion", "matrix", "6d"]
+
+
+def represented(quaternions: NDArray[np.float64], kind: RotationKind) -> NDArray[np.float64]:
+    """Unit quaternions (..., 4), x y z w, in another representation: "quaternion" as they are, "matrix" (..., 3, 3), or
+    "6d" (..., 6), the first column of the matrix and then the second, which is continuous and so suits learning
+    (Zhou, Barnes, Lu, Yang, Li, "On the Continuity of Rotation Representations in Neural Networks", CVPR 2019).
+
+    Raises:
+        ValueError: no such kind.
+    """
+    if kind == "quaternion":
+        return quaternions
+    matrices = Rotation.from_quat(quaternions).as_matrix()
+    match kind:
+        case "matrix":
+            return np.asarray(matrices)
+        case "6d":
+            return np.concatenate([matrices[..., 0], matrices[..., 1]], axis=-1)
+    raise ValueError(f"no representation {kind!r}; there are {', '.join(get_args(RotationKind))}")
