@@ -88,6 +88,10 @@ class MapError(DistretargetError):
         super().__init__(f"map[{key!r}]: {reason}")
 
 
+class MissingPackageError(DistretargetError):
+    """A package that only this call needs, and that is not installed."""
+
+
 class BatchError(DistretargetError):
     """Clips and folders that cannot be converted as asked."""
 
