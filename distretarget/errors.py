@@ -125,6 +125,10 @@ class MapError(DistretargetError):
         self.fault = fault
 
 
+class MissingPackageError(DistretargetError):
+    """A package that only this call needs, and that is not installed."""
+
+
 class BatchError(DistretargetError):
     """Clips and folders that cannot be converted as asked."""
 

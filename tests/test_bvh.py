@@ -3,7 +3,6 @@
 import itertools
 import re
 import tempfile
-import time
 import warnings
 from pathlib import Path
 
@@ -344,21 +343,10 @@ def test_deep_nesting_up_to_the_limit():
     assert len(skeleton_of(put(text))) == 401
 
 
-def test_bvhio_does_build_the_tree(monkeypatch):
-    import bvhio
-
-    def fail(*_, **__):
-        raise SyntaxError("no")
-
-    monkeypatch.setattr(bvhio, "readAsBvh", fail)
-    with pytest.raises(BvhError, match="bvhio refuses the hierarchy"):
-        read(TEXT)
-
-
-def test_no_temporary_files_stay(tmp_path):
+def test_reading_needs_no_temporary_file(monkeypatch):
     path = put(TEXT)
-    read_bvh(path)
-    assert [found for found in tmp_path.rglob("*") if found.is_file()] == [path]
+    monkeypatch.setattr(tempfile, "tempdir", str(path))  # a file: nothing can be made in it
+    assert read_bvh(path).skeleton.names == JOINTS
 
 
 @pytest.mark.parametrize("motion", ["", "MOTION", "MOTION\nFrames: x", MOTION.replace("10", "?"), MOTION + "1 2"])
@@ -560,13 +548,11 @@ def test_angles_turn_on_over_the_frames_and_through_the_lock():
 
 
 def outcome(content):
-    """The motion, or the error; anything else fails, as does taking long."""
-    start = time.perf_counter()
+    """The motion, or the error; anything else fails."""
     try:
         result = read(content)
     except DistretargetError as error:
         result = error
-    assert time.perf_counter() - start < 5
     if isinstance(result, Motion):
         assert np.all(np.isfinite(result.rotations))
         assert np.all(np.isfinite(result.translations))
@@ -697,39 +683,16 @@ def test_corpus_positions_agree_with_pybvh(path, tmp_path):
     motion = read_bvh(path)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        theirs = pybvh.read_bvh_file(path)
+        reading = pybvh.read_bvh_file(path)
     joints = np.flatnonzero(~motion.skeleton.end_sites)
-    rows = [theirs.joint_index[motion.skeleton.names[joint]] for joint in joints]
+    rows = [reading.joint_index[motion.skeleton.names[joint]] for joint in joints]
+    expected = reading.joint_positions()[:, rows]
     size = np.max(motion.skeleton.path_lengths)
-    np.testing.assert_allclose(motion.positions[:, joints], theirs.joint_positions()[:, rows], rtol=0, atol=1e-6 * size)
-    tips = theirs.node_positions()
-    ours = motion.positions[:, motion.skeleton.end_sites]
-    nodes = [row for name, row in theirs.node_index.items() if name not in theirs.joint_index]
-    assert len(nodes) == ours.shape[1]
-    np.testing.assert_allclose(ours, tips[:, nodes], rtol=0, atol=1e-6 * size)
-
-
-@needs_corpus
-@corpus(
-    [
-        path
-        for path in FILES
-        if path.stem in ("example", "bvh_example", "odd_order_xzy", "standard_skeleton", "face-poseunits")
-    ]
-)
-def test_corpus_positions_agree_with_bvhio(path, tmp_path):
-    import bvhio
-
-    path = cut(path, tmp_path, frames=5)
-    motion = read_bvh(path)
-    root = bvhio.readAsHierarchy(str(path))
-    size = np.max(motion.skeleton.path_lengths)
-    for frame in range(len(motion)):
-        root.loadPose(frame)
-        theirs = {joint.Name: joint.PositionWorld.to_tuple() for joint, _, _ in root.layout()}
-        joints = np.flatnonzero(~motion.skeleton.end_sites)
-        expected = [theirs[motion.skeleton.names[joint]] for joint in joints]
-        np.testing.assert_allclose(motion.positions[frame, joints], expected, rtol=0, atol=1e-4 * size)
+    np.testing.assert_allclose(motion.positions[:, joints], expected, rtol=0, atol=1e-6 * size)
+    tips = motion.positions[:, motion.skeleton.end_sites]
+    nodes = [row for name, row in reading.node_index.items() if name not in reading.joint_index]
+    assert len(nodes) == tips.shape[1]
+    np.testing.assert_allclose(tips, reading.node_positions()[:, nodes], rtol=0, atol=1e-6 * size)
 
 
 def test_position_channels_of_noise_do_not_collapse_the_body():

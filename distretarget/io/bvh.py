@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import tempfile
-import warnings
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
@@ -14,23 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.errors import BvhError, FileError, MotionError, SkeletonError
-from distretarget.io.bvh_parser import (
-    JointText,
-    Words,
-    is_name,
-    take_frames,
-    take_hierarchy,
-    take_motion_keyword,
-)
-from distretarget.io.files import read_text, reason_of, write_whole
+from distretarget.errors import MotionError, SkeletonError
+from distretarget.io.bvh_parser import Words, is_name, take_frames, take_hierarchy, take_motion_keyword
+from distretarget.io.files import read_text, write_whole
 from distretarget.motion import Motion
 from distretarget.numerics.euler import euler_angles
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
-
-with warnings.catch_warnings():
-    warnings.simplefilter("ignore", PendingDeprecationWarning)  # bvhio's pyglm announces a new name
-    import bvhio
 
 Array = NDArray[np.float64]
 
@@ -121,75 +108,36 @@ def bvh_parts(motion: Motion, mapper: Callable[..., Iterable[str]] = map) -> Ite
 
 def _take_skeleton(words: Words) -> Skeleton:
     joints = take_hierarchy(words)
-    nodes = list(_nodes(_bvhio_root(words.path, joints)))
-    texts = [joints[number] for number, _, _ in nodes]
-    parents = [parent for _, parent, _ in nodes]
-    names = _names(texts, parents)
+    parents = [joint.parent for joint in joints]
+    end_sites = [joint.end_site for joint in joints]
+    names = joint_names([joint.name for joint in joints], parents, end_sites)
     try:
         return Skeleton(
-            names=tuple(names),
+            names=names,
             parents=np.array(parents),
-            offsets=np.array([text.offset for text in texts]),
-            channels=tuple(channels for _, _, channels in nodes),
-            end_sites=np.array([text.end_site for text in texts]),
+            offsets=np.array([joint.offset for joint in joints]),
+            channels=tuple(joint.channels for joint in joints),
+            end_sites=np.array(end_sites),
         )
     except SkeletonError as error:
-        raise words.error(str(error), texts[_twin(names, parents)].at) from error
+        raise words.error(str(error), joints[_twin(names, parents)].at) from error
 
 
-def _bvhio_root(path: str | Path, joints: Sequence[JointText]) -> bvhio.BvhJoint:
-    """The tree of joints that bvhio builds from a plain copy of the hierarchy, which it cannot misread."""
-    text = "\n".join([*_plain_lines(joints), "MOTION", "Frames: 0", "Frame Time: 1", ""])
-    try:
-        with tempfile.TemporaryDirectory(prefix="distretarget-") as folder:
-            copy = Path(folder, "hierarchy.bvh")
-            copy.write_text(text, encoding="ascii")
-            return bvhio.readAsBvh(str(copy), loadKeyFrames=False).Root
-    except OSError as error:
-        raise FileError(path, f"needs a temporary file: {reason_of(error)}") from error
-    except Exception as error:
-        raise BvhError(path, 0, f"bvhio refuses the hierarchy: {error!r}") from error
+def joint_names(names: Sequence[str], parents: Sequence[int], end_sites: Sequence[bool]) -> tuple[str, ...]:
+    """The names of joints as they are, those of End Sites made up: unique, `<parent>_End`, `<parent>_End2`, ...
 
-
-def _plain_lines(joints: Sequence[JointText]) -> Iterator[str]:
-    """A hierarchy in the form that bvhio expects: names j0, j1, ..., and joints in place of End Sites."""
-    yield "HIERARCHY"
-    for number, closing in enumerate(_closings([joint.depth for joint in joints])):
-        yield f"{'JOINT' if number else 'ROOT'} j{number}"
-        yield "{"
-        yield "OFFSET {!r} {!r} {!r}".format(*joints[number].offset)
-        yield " ".join(["CHANNELS", str(len(joints[number].channels)), *joints[number].channels])
-        yield from closing * "}"
-
-
-def _closings(depths: Sequence[int]) -> list[int]:
-    """How many braces close after each joint, joints being listed depth first."""
-    return [depth + 1 - following for depth, following in zip(depths, [*depths[1:], 0], strict=True)]
-
-
-def _nodes(root: bvhio.BvhJoint) -> Iterator[tuple[int, int, tuple[str, ...]]]:
-    """Depth first each joint's number in the text, its parent's number in this order, and its channels."""
-    stack = [(root, -1)]
-    number = 0
-    while stack:
-        joint, parent = stack.pop()
-        yield int(joint.Name.removeprefix("j")), parent, tuple(joint.Channels)
-        stack.extend((child, number) for child in reversed(joint.Children))
-        number += 1
-
-
-def _names(joints: Sequence[JointText], parents: Sequence[int]) -> list[str]:
-    """The joints' names, with unique ones made up for End Sites."""
-    taken = {joint.name for joint in joints if not joint.end_site}
+    All three sequences have an entry per joint, parents before children; the names of End Sites are not used.
+    """
+    taken = {name for name, end_site in zip(names, end_sites, strict=True) if not end_site}
     unused: dict[str, Iterator[str]] = {}
-    names: list[str] = []
-    for joint, parent in zip(joints, parents, strict=True):
-        if joint.end_site:
-            made_up = unused.setdefault(names[parent], _end_names(names[parent]))
-            names.append(next(name for name in made_up if name not in taken))
+    complete: list[str] = []
+    for name, parent, end_site in zip(names, parents, end_sites, strict=True):
+        if end_site:
+            made_up = unused.setdefault(complete[parent], _end_names(complete[parent]))
+            complete.append(next(name for name in made_up if name not in taken))
         else:
-            names.append(joint.name)
-    return names
+            complete.append(name)
+    return tuple(complete)
 
 
 def _end_names(parent: str) -> Iterator[str]:
@@ -230,13 +178,13 @@ def _translations(skeleton: Skeleton, values: Array) -> Array:
         for component, channel in enumerate(POSITION_CHANNELS):
             if channel in columns:
                 translations[:, joint, component] = values[:, columns[channel]]
-    added = _added(skeleton, translations)
+    added = added_joints(skeleton, translations)
     translations[:, added] += skeleton.offsets[added]
     return translations
 
 
-def _added(skeleton: Skeleton, translations: Array) -> NDArray[np.intp]:
-    """The joints whose position channels are added to their OFFSETs.
+def added_joints(skeleton: Skeleton, translations: Array) -> NDArray[np.intp]:
+    """The joints whose position channels, here in `translations` (frames, joints, 3), are added to their OFFSETs.
 
     MakeHuman writes position channels of nothing but rounding noise on all joints: replacing the OFFSETs by them would
     collapse the body into one point. So where several joints below the root have position channels, and most of these
@@ -274,6 +222,11 @@ def _hierarchy_lines(skeleton: Skeleton) -> Iterator[str]:
     for joint, closing in zip(order, _closings([int(depths[joint]) for joint in order]), strict=True):
         yield from ("  " * depths[joint] + line for line in _joint_lines(skeleton, joint))
         yield from ("  " * (depths[joint] - up) + "}" for up in range(closing))
+
+
+def _closings(depths: Sequence[int]) -> list[int]:
+    """How many braces close after each joint, joints being listed depth first."""
+    return [depth + 1 - following for depth, following in zip(depths, [*depths[1:], 0], strict=True)]
 
 
 def _joint_lines(skeleton: Skeleton, joint: int) -> Iterator[str]:

@@ -16,7 +16,7 @@ from distretarget.errors import BvhError
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS
 
 MAX_DEPTH = 400
-"""Joints inside joints; bvhio takes one Python call for each."""
+"""The most joints that a joint may be inside of; bodies have a tenth of them."""
 
 CHANNELS = {name.upper(): name for name in POSITION_CHANNELS + ROTATION_CHANNELS}
 LONGEST_SHOWN = 60
@@ -120,7 +120,7 @@ class JointText:
 
     Attributes:
         name: as written; of End Sites what stands after `End`.
-        depth: the number of joints it is inside of.
+        parent: the number of the joint it is inside of, in the order of the text; -1 for the root.
         offset: to the parent [file units].
         channels: in the usual spelling, `Xposition`.
         end_site: whether it is one.
@@ -128,7 +128,7 @@ class JointText:
     """
 
     name: str
-    depth: int
+    parent: int
     offset: tuple[float, float, float]
     channels: tuple[str, ...]
     end_site: bool
@@ -143,31 +143,32 @@ def take_hierarchy(words: Words) -> list[JointText]:
     """
     words.keyword("HIERARCHY")
     words.keyword("ROOT")
-    joints = [_take_joint(words, 0)]
-    unclosed = joints.copy()
+    joints = [_take_joint(words, -1)]
+    unclosed = [0]
     while unclosed:
-        expected = ("}",) if unclosed[-1].end_site else ("JOINT", "End Site", "}")
+        parent = unclosed[-1]
+        expected = ("}",) if joints[parent].end_site else ("JOINT", "End Site", "}")
         keyword = words.keyword(*expected)
         if keyword == "}":
             unclosed.pop()
-        else:
-            joints.append(_take_joint(words, len(unclosed), end_site=keyword == "END"))
-            unclosed.append(joints[-1])
+            continue
+        if len(unclosed) > MAX_DEPTH:
+            raise words.error(f"found a joint inside {len(unclosed)} others, expected {MAX_DEPTH} at most")
+        unclosed.append(len(joints))
+        joints.append(_take_joint(words, parent, end_site=keyword == "END"))
     return joints
 
 
-def _take_joint(words: Words, depth: int, end_site: bool = False) -> JointText:
+def _take_joint(words: Words, parent: int, end_site: bool = False) -> JointText:
     """A joint after its keyword, up to its channels."""
     at = words.at
-    if depth > MAX_DEPTH:
-        raise words.error(f"found a joint inside {depth} others, expected {MAX_DEPTH} at most")
     name = words.name()
     if not name:
         words.refuse(words.take(), "a name")
     words.keyword("{")
     words.keyword("OFFSET")
     offset = (words.number("the x offset"), words.number("the y offset"), words.number("the z offset"))
-    return JointText(name, depth, offset, () if end_site else _take_channels(words), end_site, at)
+    return JointText(name, parent, offset, () if end_site else _take_channels(words), end_site, at)
 
 
 def _take_channels(words: Words) -> tuple[str, ...]:

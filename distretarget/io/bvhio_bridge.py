@@ -1,0 +1,197 @@
+"""Motions from and to the containers of bvhio, for programs that use both packages.
+
+bvhio (https://github.com/Wasserwecken/bvhio) keeps a `Pose` per joint and frame: a position, which the position
+channels replace, and a rotation, both in float32.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.errors import MissingPackageError, MotionError, SkeletonError, quoted
+from distretarget.io.bvh import added_joints, joint_names
+from distretarget.motion import Motion
+from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
+
+if TYPE_CHECKING:
+    import bvhio
+
+Array = NDArray[np.float64]
+
+LARGEST = float(np.finfo(np.float32).max)
+"""The largest coordinate that bvhio holds [file units]."""
+
+
+def from_bvhio(container: bvhio.BvhContainer) -> Motion:
+    """The motion in a container, such as `bvhio.readAsBvh` returns.
+
+    It is the motion that `read_bvh` reads from the same file, but for what bvhio does not keep:
+
+    - offsets, positions and rotations have the 7 digits of float32;
+    - the frame time is spelled as Python spells the number, 0.0333330 as 0.033333;
+    - names end at their first blank;
+    - a joint without children has one End Site, the last of several, at (0, 1, 0) where the file has none;
+      a joint with children has none;
+    - scales of poses, which only programs can set, are left out.
+
+    Raises:
+        MissingPackageError: bvhio is not installed.
+        SkeletonError: joints that cannot be told apart, or channels that BVH does not have.
+        MotionError: fewer keyframes than frames, a frame time that is not above 0, or a value that is not finite.
+    """
+    _check_container(container)
+    nodes = list(_nodes(container.Root))
+    skeleton = _skeleton(nodes)
+    translations = np.tile(skeleton.offsets, (container.FrameCount, 1, 1))
+    rotations = np.tile([0.0, 0.0, 0.0, 1.0], (container.FrameCount, len(skeleton), 1))
+    for number in np.flatnonzero(~skeleton.end_sites):
+        translations[:, number], rotations[:, number] = _poses(nodes[number][0], container.FrameCount)
+    added = added_joints(skeleton, translations)
+    translations[:, added] += skeleton.offsets[added]
+    return Motion(skeleton, translations, rotations, repr(float(container.FrameTime)))
+
+
+def to_bvhio(motion: Motion) -> bvhio.BvhContainer:
+    """A container with the motion, which `bvhio.writeBvh` writes and `bvhio.convertBvhToHierarchy` turns into joints.
+
+    What bvhio does not keep:
+
+    - offsets, positions and rotations are rounded to the 7 digits of float32, the frame time to a float;
+    - a joint with neither children nor End Site gets an End Site of length 0.
+
+    `bvhio.writeBvh` computes the angles of each frame on its own: they stay within 180 degrees, jump where those of
+    `write_bvh` continue, and give another rotation where the middle one is 90 degrees.
+
+    Raises:
+        MissingPackageError: bvhio is not installed.
+        SkeletonError: a joint has several End Sites, or an End Site beside other children.
+        MotionError: a value that is not finite, or beyond float32.
+    """
+    package = _bvhio()
+    skeleton = motion.skeleton
+    _check_end_sites(skeleton)
+    _check_range(motion)
+    joints = [_joint(package, motion, number) for number in range(len(skeleton))]
+    for number, parent in enumerate(skeleton.parents[1:], start=1):
+        if skeleton.end_sites[number]:
+            joints[parent].EndSite = joints[number].Offset
+        else:
+            joints[parent].Children.append(joints[number])
+    return package.BvhContainer(joints[0], len(motion), motion.frame_time)
+
+
+def _bvhio() -> ModuleType:
+    """The package, which is not needed for anything else and need not be installed."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", PendingDeprecationWarning)  # its pyglm announces a new name
+            import bvhio
+    except ImportError as error:
+        raise MissingPackageError(
+            "this needs the package bvhio: pip install bvhio, with Python 3.13 or older (it has no builds for 3.14)"
+        ) from error
+    module: ModuleType = bvhio
+    return module
+
+
+def _check_container(container: bvhio.BvhContainer) -> None:
+    """Raise MotionError unless it is a container that has joints, a number of frames and the time between them."""
+    package = _bvhio()
+    if not isinstance(container, package.BvhContainer):
+        found = type(container).__name__
+        raise MotionError(f"expected a bvhio.BvhContainer, as bvhio.readAsBvh returns it, found a {found}")
+    if not isinstance(container.Root, package.BvhJoint):
+        raise MotionError(f"Root is {container.Root!r}, expected a bvhio.BvhJoint")
+    count, time = container.FrameCount, container.FrameTime
+    if not isinstance(count, int | np.integer) or count < 0:
+        raise MotionError(f"FrameCount is {count!r}, expected a whole number")
+    if not isinstance(time, int | float | np.floating) or not 0 < time < np.inf:
+        raise MotionError(f"FrameTime is {time!r}, expected a number of seconds above 0")
+
+
+def _nodes(root: bvhio.BvhJoint) -> Iterator[tuple[bvhio.BvhJoint, int, bool]]:
+    """Depth first, each joint, its parent's number in this order, and false.
+
+    An End Site is the joint it belongs to, that joint's number, and true.
+    """
+    stack = [(root, -1, False)]
+    number = 0
+    while stack:
+        joint, parent, is_end_site = stack.pop()
+        yield joint, parent, is_end_site
+        if not is_end_site:
+            children = [(child, number, False) for child in joint.Children]
+            stack.extend(reversed(children or [(joint, number, True)]))
+        number += 1
+
+
+def _skeleton(nodes: list[tuple[bvhio.BvhJoint, int, bool]]) -> Skeleton:
+    joints, parents, end_sites = zip(*nodes, strict=True)
+    return Skeleton(
+        names=joint_names([joint.Name for joint in joints], parents, end_sites),
+        parents=np.array(parents),
+        offsets=np.array([joint.EndSite if is_end_site else joint.Offset for joint, _, is_end_site in nodes]),
+        channels=tuple(() if is_end_site else _channels(joint) for joint, _, is_end_site in nodes),
+        end_sites=np.array(end_sites),
+    )
+
+
+def _channels(joint: bvhio.BvhJoint) -> tuple[str, ...]:
+    """The channels of a joint, of which bvhio checks nothing, and reads none in another spelling."""
+    channels = tuple(joint.Channels)
+    wrong = sorted(set(channels) - set(POSITION_CHANNELS + ROTATION_CHANNELS))
+    if wrong:
+        known = ", ".join(POSITION_CHANNELS + ROTATION_CHANNELS)
+        raise SkeletonError(f"{joint.Name!r} has the channel {quoted(wrong)}, expected some of {known}")
+    if len(set(channels)) < len(channels):
+        raise SkeletonError(f"{joint.Name!r} has a channel twice: {', '.join(channels)}")
+    return channels
+
+
+def _poses(joint: bvhio.BvhJoint, frames: int) -> tuple[Array, Array]:
+    """A joint's translations (frames, 3) and rotations (frames, 4), x y z w."""
+    keys = joint.Keyframes[:frames]
+    if len(keys) < frames:
+        raise MotionError(
+            f"{joint.Name!r} has {len(keys)} keyframes, the container {frames} frames; read it with loadKeyFrames=True"
+        )
+    translations = np.array([key.Position for key in keys], np.float64).reshape(frames, 3)
+    quaternions = np.array([key.Rotation for key in keys], np.float64).reshape(frames, 4)[:, [1, 2, 3, 0]]
+    lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
+    if not (np.all(np.isfinite(translations)) and np.all(np.isfinite(lengths)) and np.all(lengths > 0)):
+        raise MotionError(f"a keyframe of {joint.Name!r} has a position or rotation that is not finite, or no rotation")
+    return translations, quaternions / lengths
+
+
+def _joint(package: ModuleType, motion: Motion, number: int) -> bvhio.BvhJoint:
+    """A joint with its channels and keyframes, without children."""
+    skeleton = motion.skeleton
+    joint = package.BvhJoint(skeleton.names[number], skeleton.offsets[number])
+    joint.EndSite *= 0  # instead of (0, 1, 0)
+    joint.Channels = list(skeleton.channels[number])
+    quaternions = motion.rotations[:, number, [3, 0, 1, 2]]  # w x y z
+    joint.Keyframes = list(map(package.Pose, motion.translations[:, number], quaternions))
+    return joint
+
+
+def _check_end_sites(skeleton: Skeleton) -> None:
+    """Raise SkeletonError where a joint has several End Sites, or one beside other children."""
+    for joint, children in enumerate(skeleton.children):
+        if len(children) > 1 and np.any(skeleton.end_sites[list(children)]):
+            found = quoted(skeleton.names[child] for child in children)
+            raise SkeletonError(
+                f"bvhio holds an End Site only where a joint has nothing else; {skeleton.names[joint]!r} has {found}"
+            )
+
+
+def _check_range(motion: Motion) -> None:
+    """Raise MotionError unless float32 holds all numbers."""
+    arrays = (motion.skeleton.offsets, motion.translations, motion.rotations)
+    if not all(np.all(np.abs(array) <= LARGEST) for array in arrays):
+        raise MotionError(f"a position or rotation is not finite, or beyond {LARGEST:.3g}, the most that bvhio holds")
