@@ -18,19 +18,21 @@ from distretarget.matching.matching import Matching, match
 from distretarget.matching.pairing import JointMap
 from distretarget.motion import Motion
 from distretarget.skeleton import LARGEST, Skeleton
-from distretarget.solve.articulation import parts_of, posed_motion, rigid_heads
 from distretarget.solve.chunks import Mapper, Progress
 from distretarget.solve.contact import solve_contact
-from distretarget.solve.fit_to_points import swing
+from distretarget.solve.fit_to_points import fit_rotations
 from distretarget.solve.free_points import Postures, solve_postures
 from distretarget.solve.paper import solve_paper
-from distretarget.solve.poses import Clip, Poses
+from distretarget.solve.poses import PoseProblem, Poses
+from distretarget.solve.rigid_parts import part_of_joint, posed_motion, rigid_part_roots
+from distretarget.solve.settings import ContactSettings
 from distretarget.solve.spg import Effort
 from distretarget.solve.stance import Stance, find_stance, no_stance, root_path
 from distretarget.solve.stance import root_scale as leg_ratio
 
 Objective = Literal["contact", "paper"]
 OBJECTIVES: tuple[Objective, ...] = ("contact", "paper")
+DEFAULT_SETTINGS = ContactSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +88,7 @@ def retarget(
     target_up: str | None = None,
     root_offset: RootOffset | None = None,
     target_motion: Motion | None = None,
+    settings: ContactSettings = DEFAULT_SETTINGS,
     mapper: Mapper = map,
     progress: Progress = lambda _frames: None,
 ) -> RetargetResult:
@@ -105,8 +108,9 @@ def retarget(
         target_up: that of the target's file.
         root_offset: whether position channels of the source's root replace its OFFSET or are added; found if not given.
         target_motion: any motion of the target: it tells its axes, and how its limbs bend where its rest pose does not.
-        mapper: solves the pieces of a long clip (`pieces`): `map`, or that of an executor, with the same result. The
-            paper's objective follows each frame from the one before and has no pieces.
+        settings: what shapes the result of the contact objective; the paper's objective has none.
+        mapper: solves the chunks of a long clip: `map`, or that of an executor, with the same result. The paper's
+            objective starts each frame from the one before and has no chunks.
         progress: called with numbers of frames as they are solved.
 
     Raises:
@@ -123,17 +127,17 @@ def retarget(
     scale = leg_ratio(matching) if root_scale is None else root_scale
     copy = rotation_copy(source, matching, scale, world.up_vector, target_motion)
     problem = distance_problem(skeleton, target, drivers)
-    parts = parts_of(target, rigid_heads(copy))
+    parts = part_of_joint(target, rigid_part_roots(copy))
     root = root_path(source, copy, matching, scale)
-    clip = Clip(target, parts, problem, source.positions, copy.positions, root, source.frame_time)
+    clip = PoseProblem(target, parts, problem, source.positions, copy.positions, root, source.frame_time)
     stance, postures = no_stance(len(source)), None
     if objective == "paper":
         postures = solve_postures(problem, source.positions, copy.positions)
         poses = solve_paper(clip, _swung(copy, problem, postures, parts), progress)
     else:
         if hold_feet:
-            stance = find_stance(source, matching, scale, world.up_vector)
-        poses = solve_contact(clip, stance, mapper, progress)
+            stance = find_stance(source, matching, scale, world.up_vector, settings)
+        poses = solve_contact(clip, stance, settings, mapper, progress)
     motion = _written(copy, poses, clip)
     relative = (problem.body_size / height(target)) ** 2
     return RetargetResult(
@@ -152,13 +156,13 @@ def retarget(
     )
 
 
-def _written(copy: Motion, poses: Poses, clip: Clip) -> Motion:
+def _written(copy: Motion, poses: Poses, clip: PoseProblem) -> Motion:
     """The motion of the poses; where joints have fewer than three rotation channels, as near to it as these allow."""
     skeleton = clip.skeleton
     motion = posed_motion(copy, poses.v, clip.parts, clip.root + poses.v[:, -1])
     if any(0 < len(skeleton.rotation_axes(joint)) < 3 for joint in range(len(skeleton))):
         moved = replace(copy, translations=motion.translations)
-        return swing(moved, motion.positions, np.arange(1, len(skeleton)))
+        return fit_rotations(moved, motion.positions, np.arange(1, len(skeleton)))
     return motion
 
 
@@ -166,7 +170,7 @@ def _swung(copy: Motion, problem: DistanceProblem, postures: Postures, parts: ND
     """(frames, parts + 1, 3), the poses that swing the copy's bones to the solved points; the root stays."""
     points = np.array(copy.positions)
     points[:, problem.targets] = postures.positions
-    swung = swing(copy, points, problem.targets)
+    swung = fit_rotations(copy, points, problem.targets)
     heads = np.unique(parts, return_index=True)[1]
     ours, theirs = (Rotation.from_quat(motion.world_rotations[:, heads]) for motion in (swung, copy))
     return np.pad((ours * theirs.inv()).as_rotvec(), ((0, 0), (0, 1), (0, 0)))

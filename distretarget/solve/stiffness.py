@@ -1,0 +1,38 @@
+"""How stiffly each part of a body keeps to the rotation copy, where contacts and feet draw at it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.body.legs import find_legs, parting
+from distretarget.skeleton import Skeleton
+from distretarget.solve.rigid_parts import subtree_lengths
+from distretarget.solve.settings import ContactSettings
+
+Array = NDArray[np.float64]
+
+
+def part_stiffness(
+    skeleton: Skeleton, parts: NDArray[np.intp], points: NDArray[np.intp], unit: float, settings: ContactSettings
+) -> Array:
+    """h: (parts + 1,), the stiffness of each part's rotation; last, that of the root's path.
+
+    It grows with the length of a part's bones and, far more, with the share of the body that the part carries, so that
+    arms give way before the spine does. Bones that carry none of the joints `points` do not count as carried. `parts`
+    is what `part_of_joint` returns, `unit` the body unit [file units].
+    """
+    carried = subtree_lengths(skeleton, points)
+    longest = np.zeros(parts.max() + 1)
+    bones = np.zeros_like(longest)
+    np.add.at(bones, parts[skeleton.parents[1:]], skeleton.lengths[1:] / unit)
+    np.maximum.at(longest, parts[skeleton.parents[1:]], carried[skeleton.parents[1:]] / carried[0])
+    stiffness = settings.base_stiffness * (bones + settings.added_length) * (1.0 + settings.trunk_factor * longest)
+    legs = find_legs(skeleton)
+    feet = {joint for leg in legs or () for joint in (leg.ankle, leg.toe) if skeleton.children[joint]}
+    stiffness[parts[sorted(feet)]] *= settings.foot_factor
+    if legs:
+        pelvis = parting(skeleton, legs)
+        above = [joint for joint in skeleton.line(pelvis) if parts[joint] != parts[pelvis]]
+        stiffness[parts[above]] = settings.fixed_stiffness
+    return np.append(stiffness, settings.root_stiffness)
