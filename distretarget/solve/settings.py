@@ -27,23 +27,26 @@ class ContactSettings:
         touch: [D] added to the distance that the stiffness of a pair is divided by, so that pairs that touch are at
             most `close / touch` times as stiff.
         direction_range: [body units] pairs nearer than about this keep their direction as well as their distance.
-        lead: [s] how long before a contact its pair sets in, and how long after it the pair fades; longer is smoother.
+        lead: [s] a pair sets in over twice this time before a contact, and fades over twice this time after it; longer
+            is smoother.
         base_stiffness: [-] stiffness of the rotation copy's rotations, per body unit of bones.
         added_length: [body units] added to the length of a part's bones, so that hands, fingers and eyes are stiff too.
         trunk_factor: [-] how much stiffer a part becomes that carries the whole body; a larger value leaves more to the
             arms.
         foot_factor: [-] how much stiffer the feet are than other parts.
-        fixed_stiffness: [-] stiffness of the parts above the pelvis: a root on the floor does not tip the body over.
+        fixed_stiffness: [-] stiffness of the parts above the pelvis, so that a root on the floor does not tip the body
+            over.
         root_stiffness: [-] stiffness of the root's path.
-        stance_stiffness: [-] stiffness of the place of a resting foot: above all else.
+        stance_stiffness: [-] stiffness of the place of a resting foot, which comes before everything else.
         jump_speed: [rad/s] a part whose deviation changes faster than this (600 degrees/s) jumps from one solution to
             another.
-        jump_blend: [s] a jump is smoothed over this time before it and after it.
+        jump_blend: [s] a jump is replaced by a mean over this time before and after each frame.
         tolerance: [-] a frame is solved when the search direction in the scaled unknowns is shorter than this: nothing
             shakes, and cuts between chunks of a clip cannot be seen.
         rest_speed: [leg lengths/s] a resting foot is slower than this.
         rest_height: [leg lengths] a resting foot is no higher than this above the lowest joint of the body.
-        stance_blend: [s] the time over which a resting foot is drawn to its place, and released from it.
+        stance_blend: [s] a foot is drawn to its place over twice this time before it rests, and released from it over
+            twice this time after.
         least_pitch: [-] the least factor for the sine of a flat foot's pitch.
         most_pitch: [-] the largest factor for the sine of a flat foot's pitch.
 
