@@ -12,8 +12,10 @@ from distretarget.io.skeleton_json import load_target
 from distretarget.motion import Motion
 from distretarget.retargeting import RetargetResult, retarget
 from distretarget.skeleton import Skeleton
+from distretarget.solve.settings import ContactSettings
 
 __all__ = [
+    "ContactSettings",
     "DistretargetError",
     "Motion",
     "RetargetResult",

@@ -1,4 +1,4 @@
-"""The distance problem of the paper: which points, what target distances, what priorities."""
+"""The distance problem of the paper: its points, their target distances and priorities, and the stress of postures."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from distretarget.skeleton import Skeleton
 
 @dataclass(frozen=True, eq=False)
 class DistanceProblem:
-    """What is the same in every frame of the problem.
+    """The part of the problem that all frames share.
 
-        minimise sigma(X) = 1/2 sum_{u<v} pi_uv (||x_u - x_v|| - delta_uv)^2,   delta = tau2 D.
+        minimise sigma(X) = 1/2 sum_{u<v} pi_uv (||x_u - x_v|| - delta_uv)^2,   delta = tau2 D    Eq. (2)
 
-    A point is a joint or End Site that source and target share; those that coincide on both skeletons are one
-    point. Lengths are in units of body size.
+    A point is a joint or End Site that source and target share; joints that coincide on both skeletons are one point.
+    Solvers take lengths in body sizes.
 
     Attributes:
-        targets: (points,), the target joint at each point.
         sources: (points,), the source joint at each point.
+        targets: (points,), the target joint at each point.
         tau1, tau2: (points, points), path lengths on the source and on the target [file units].
-        sizes: |P|, (points, points), the larger of the two bodies' path sizes, counting points.
+        sizes: |P|, (points, points), the number of points on the path between two points, the larger of both bodies'.
         body_size: the largest path length of the target [target file units].
     """
 
-    targets: NDArray[np.intp]
     sources: NDArray[np.intp]
+    targets: NDArray[np.intp]
     tau1: NDArray[np.float64]
     tau2: NDArray[np.float64]
     sizes: NDArray[np.float64]
@@ -53,34 +53,36 @@ class DistanceProblem:
     def priorities(self) -> NDArray[np.float64]:
         """pi_uv = (|Pmax| - |P_uv| + 2) / |Pmax|, (points, points).
 
-        Zero on the diagonal, and where tau1 is 0, for there the source says nothing.
+        It is 0 on the diagonal and where tau1 is 0, since there the source gives no distance.
         """
         largest = self.sizes.max()
         return np.where(self.tau1 > 0, (largest - self.sizes + 2.0) / largest, 0.0)
 
 
 def distance_problem(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]) -> DistanceProblem:
-    """The problem for a pair of skeletons.
+    """The problem of a pair of skeletons.
 
     `drivers`, (target joints,), is the source joint that drives each target joint, -1 for none.
     """
     points = point_of_joint(source, target, drivers)
     targets = np.unique(points[points >= 0])
     sources = drivers[targets]
-    ours, theirs = np.ix_(targets, targets), np.ix_(sources, sources)
+    source_pairs, target_pairs = np.ix_(sources, sources), np.ix_(targets, targets)
+    source_sizes = _point_path_sizes(source, sources)[source_pairs]
+    target_sizes = _point_path_sizes(target, targets)[target_pairs]
     return DistanceProblem(
-        targets,
-        sources,
-        source.path_lengths[theirs],
-        target.path_lengths[ours],
-        np.maximum(_point_path_sizes(target, targets)[ours], _point_path_sizes(source, sources)[theirs]),
-        float(target.path_lengths.max()),
+        sources=sources,
+        targets=targets,
+        tau1=source.path_lengths[source_pairs],
+        tau2=target.path_lengths[target_pairs],
+        sizes=np.maximum(source_sizes, target_sizes),
+        body_size=float(target.path_lengths.max()),
     )
 
 
 def point_of_joint(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]) -> NDArray[np.intp]:
-    """(target joints,), the joint that stands for each joint's point: itself, or the ancestor with which it
-    coincides on both skeletons; -1 for joints that are no point.
+    """(target joints,), the target joint whose point each joint is: itself, or the ancestor with which it coincides on
+    both skeletons; -1 for joints without a driver, which are no points.
     """
     points = np.where(drivers >= 0, np.arange(len(target)), -1)
     coincide = (target.lengths == 0.0) & (source.lengths[drivers] == 0.0)
@@ -92,7 +94,7 @@ def point_of_joint(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]
 
 
 def _point_path_sizes(skeleton: Skeleton, points: NDArray[np.intp]) -> NDArray[np.float64]:
-    """|P| over a skeleton's own tree, (joints, joints), counting the given joints only."""
+    """|P| along the tree of a skeleton, (joints, joints), counting the given joints only."""
     counted = np.zeros(len(skeleton))
     counted[points] = 1.0
     return skeleton.path_sums(counted) + 1.0
@@ -101,8 +103,10 @@ def _point_path_sizes(skeleton: Skeleton, points: NDArray[np.intp]) -> NDArray[n
 def posture_stress(
     problem: DistanceProblem, source: NDArray[np.float64], result: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(frames,), sigma of given positions, (frames, target joints, 3) [file units], against the source's distances
-    [body sizes squared].
+    """(frames,), the stress sigma of postures, Eq. (2) [body sizes squared].
+
+    `source`, (frames, source joints, 3) [source file units], gives the distances D; `result`, (frames, target joints,
+    3) [target file units], are the postures.
     """
     S = columns(source[:, problem.sources])
     X = columns((result[:, problem.targets] - result[:, :1]) / problem.body_size)
@@ -120,5 +124,5 @@ def _stresses(source, x, ratio, pi):  # type: ignore[no-untyped-def]
 
 
 def columns(positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(frames, points, 3) as (frames, 3, points), along memory."""
+    """Positions (frames, points, 3) as a contiguous array (frames, 3, points)."""
     return np.ascontiguousarray(positions.transpose(0, 2, 1))

@@ -90,6 +90,10 @@ class MotionError(DistretargetError):
     """A motion that cannot be retargeted: no frames, positions that overflow."""
 
 
+class SettingsError(DistretargetError):
+    """A setting of an objective with a value that has no meaning there."""
+
+
 class MatchingError(DistretargetError):
     """Joints of two skeletons that cannot be matched.
 

@@ -13,25 +13,28 @@ from distretarget.baseline.root import find_root_scale, root_path
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.baseline.world import RootOffset, World, find_world
 from distretarget.body.body import Body
-from distretarget.distances import DistanceProblem, distance_problem, posture_stress
+from distretarget.distances import distance_problem, posture_stress
 from distretarget.errors import MotionError
 from distretarget.io.skeleton_json import SkeletonEdit, Target
 from distretarget.matching.matching import Matching, match
 from distretarget.matching.pairing import JointMap
 from distretarget.motion import Motion
 from distretarget.skeleton import LARGEST, Skeleton
-from distretarget.solve.articulation import parts_of, posed_motion, rigid_heads
 from distretarget.solve.chunks import Mapper, Progress
 from distretarget.solve.contact import solve_contact
-from distretarget.solve.fit_to_points import swing
+from distretarget.solve.fit_to_points import fit_rotations
 from distretarget.solve.free_points import Postures, solve_postures
 from distretarget.solve.paper import solve_paper
-from distretarget.solve.poses import Clip, Poses
+from distretarget.solve.poses import PoseProblem, Poses
+from distretarget.solve.rigid_parts import part_of_joint, posed_motion, rigid_part_roots
+from distretarget.solve.settings import ContactSettings
 from distretarget.solve.spg import Effort
 from distretarget.solve.stance import Stance, find_stance, no_stance
 
+Array = NDArray[np.float64]
 Objective = Literal["contact", "paper"]
 OBJECTIVES: tuple[Objective, ...] = ("contact", "paper")
+DEFAULT_SETTINGS = ContactSettings()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -62,9 +65,9 @@ class RetargetResult:
     effort: Effort
     stance: Stance
     postures: Postures | None
-    copy_stress: NDArray[np.float64]
-    written_stress: NDArray[np.float64]
-    free_stress: NDArray[np.float64] | None
+    copy_stress: Array
+    written_stress: Array
+    free_stress: Array | None
 
     @property
     def drivers(self) -> NDArray[np.intp]:
@@ -86,6 +89,7 @@ def retarget(
     source_up: str | None = None,
     target_up: str | None = None,
     root_offset: RootOffset | None = None,
+    settings: ContactSettings = DEFAULT_SETTINGS,
     mapper: Mapper = map,
     progress: Progress = lambda _frames: None,
 ) -> RetargetResult:
@@ -106,8 +110,9 @@ def retarget(
         source_up: the axis that points up in the source's file ("Y", "-Z", ...); found if not given (`world`).
         target_up: that of the target's file.
         root_offset: whether position channels of the source's root replace its OFFSET or are added; found if not given.
-        mapper: solves the pieces of a long clip (`pieces`): `map`, or that of an executor, with the same result. The
-            paper's objective follows each frame from the one before and has no pieces.
+        settings: what shapes the result of the contact objective; the paper's objective has none.
+        mapper: solves the chunks of a long clip: `map`, or that of an executor, with the same result. The paper's
+            objective starts each frame from the one before and has no chunks.
         progress: called with numbers of frames as they are solved.
 
     Raises:
@@ -122,7 +127,32 @@ def retarget(
     source_body, target_body = world.to_target_axes(bodies[0]), bodies[1].with_up(world.up)
     matching = match(source_body, target_body, {**goal.map, **(joint_map or {})})
     scale = find_root_scale(matching) if root_scale is None else root_scale
-    return _solved(matching, world, scale, objective, hold_feet, mapper, progress)
+    copy = rotation_copy(matching, scale)
+    problem = _pose_problem(matching, copy, scale)
+    stance, postures = no_stance(len(source)), None
+    if objective == "paper":
+        postures = solve_postures(problem.distances, problem.source, copy.positions)
+        poses = solve_paper(problem, _fitted_poses(copy, problem, postures), progress)
+    else:
+        if hold_feet:
+            stance = find_stance(matching, scale, settings)
+        poses = solve_contact(problem, stance, settings, mapper, progress)
+    motion = _posed(copy, poses, problem)
+    relative = (problem.distances.body_size / target_body.height) ** 2
+    return RetargetResult(
+        source=matching.source_motion,
+        motion=motion,
+        copy=copy,
+        matching=matching,
+        world=world,
+        root_scale=scale,
+        effort=poses.effort,
+        stance=stance,
+        postures=postures,
+        copy_stress=relative * posture_stress(problem.distances, problem.source, copy.positions),
+        written_stress=relative * posture_stress(problem.distances, problem.source, motion.positions),
+        free_stress=None if postures is None else relative * postures.stress,
+    )
 
 
 def _target_for(source: Motion, target: Motion | Skeleton | Target | SkeletonEdit) -> Target:
@@ -136,67 +166,40 @@ def _target_for(source: Motion, target: Motion | Skeleton | Target | SkeletonEdi
             return target.for_source(source.rigid_skeleton)
 
 
-def _solved(
-    matching: Matching,
-    world: World,
-    scale: float,
-    objective: Objective,
-    hold_feet: bool,
-    mapper: Mapper,
-    progress: Progress,
-) -> RetargetResult:
-    body, source = matching.target, matching.source_motion
-    copy = rotation_copy(matching, scale)
-    problem = distance_problem(matching.source.skeleton, body.skeleton, matching.drivers)
-    parts = parts_of(body.skeleton, rigid_heads(copy))
-    root = root_path(copy, matching, scale)
-    clip = Clip(
-        body.skeleton, body.legs, body.unit, parts, problem, source.positions, copy.positions, root, source.frame_time
-    )
-    stance, postures = no_stance(len(source)), None
-    if objective == "paper":
-        postures = solve_postures(problem, source.positions, copy.positions)
-        poses = solve_paper(clip, _swung(copy, problem, postures, parts), progress)
-    else:
-        if hold_feet:
-            stance = find_stance(matching, scale)
-        poses = solve_contact(clip, stance, mapper, progress)
-    motion = _written(copy, poses, clip)
-    relative = (problem.body_size / body.height) ** 2
-    return RetargetResult(
-        source=source,
-        motion=motion,
-        copy=copy,
-        matching=matching,
-        world=world,
-        root_scale=scale,
-        effort=poses.effort,
-        stance=stance,
-        postures=postures,
-        copy_stress=relative * posture_stress(problem, source.positions, copy.positions),
-        written_stress=relative * posture_stress(problem, source.positions, motion.positions),
-        free_stress=None if postures is None else relative * postures.stress,
+def _pose_problem(matching: Matching, copy: Motion, scale: float) -> PoseProblem:
+    """What the solvers need to know of a clip."""
+    source, body = matching.source_motion, matching.target
+    return PoseProblem(
+        skeleton=body.skeleton,
+        legs=body.legs,
+        unit=body.unit,
+        parts=part_of_joint(body.skeleton, rigid_part_roots(copy)),
+        distances=distance_problem(matching.source.skeleton, body.skeleton, matching.drivers),
+        source=source.positions,
+        copy=copy.positions,
+        root=root_path(copy, matching, scale),
+        frame_time=source.frame_time,
     )
 
 
-def _written(copy: Motion, poses: Poses, clip: Clip) -> Motion:
+def _posed(copy: Motion, poses: Poses, problem: PoseProblem) -> Motion:
     """The motion of the poses; where joints have fewer than three rotation channels, as near to it as these allow."""
-    skeleton = clip.skeleton
-    motion = posed_motion(copy, poses.v, clip.parts, clip.root + poses.v[:, -1])
+    skeleton = problem.skeleton
+    motion = posed_motion(copy, poses.v, problem.parts, problem.root + poses.v[:, -1])
     if any(0 < len(skeleton.rotation_axes(joint)) < 3 for joint in range(len(skeleton))):
         moved = replace(copy, translations=motion.translations)
-        return swing(moved, motion.positions, np.arange(1, len(skeleton)))
+        return fit_rotations(moved, motion.positions, np.arange(1, len(skeleton)))
     return motion
 
 
-def _swung(copy: Motion, problem: DistanceProblem, postures: Postures, parts: NDArray[np.intp]) -> NDArray[np.float64]:
-    """(frames, parts + 1, 3), the poses that swing the copy's bones to the solved points; the root stays."""
+def _fitted_poses(copy: Motion, problem: PoseProblem, postures: Postures) -> Array:
+    """(frames, parts + 1, 3), the poses that turn the copy's bones to the solved points; the root stays."""
     points = np.array(copy.positions)
-    points[:, problem.targets] = postures.positions
-    swung = swing(copy, points, problem.targets)
-    heads = np.unique(parts, return_index=True)[1]
-    copied, turned = (Rotation.from_quat(motion.world_rotations[:, heads]) for motion in (copy, swung))
-    return np.pad((turned * copied.inv()).as_rotvec(), ((0, 0), (0, 1), (0, 0)))
+    points[:, problem.distances.targets] = postures.positions
+    fitted = fit_rotations(copy, points, problem.distances.targets)
+    roots = np.unique(problem.parts, return_index=True)[1]
+    before, after = (Rotation.from_quat(motion.world_rotations[:, roots]) for motion in (copy, fitted))
+    return np.pad((after * before.inv()).as_rotvec(), ((0, 0), (0, 1), (0, 0)))
 
 
 def _check(source: Motion, target: Skeleton) -> None:

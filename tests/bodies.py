@@ -109,3 +109,12 @@ def clapping(together: np.ndarray, frame_time: str = "0.02") -> Motion:
         turns[f"{side}Wrist"] = sign * np.multiply.outer(np.pi / 2 - fore, [0.0, 1.0, 0.0])
         turns[f"{side}Hip"] = -sign * np.array([0.0, 0.0, 0.5])
     return posed(person(), turns, np.tile([0.0, 0.9, 0.0], (len(fore), 1)), frame_time)
+
+
+def held_still(motion: Motion, names: tuple[str, ...]) -> Motion:
+    """The motion in which the named joints keep the rotation of its first frame."""
+    rotations = np.array(motion.rotations)
+    for name in names:
+        joint = motion.skeleton.index(name)
+        rotations[:, joint] = rotations[0, joint]
+    return replace(motion, rotations=rotations)

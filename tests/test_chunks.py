@@ -1,4 +1,4 @@
-"""A clip in pieces: every frame once, no seam, the same whoever solves them."""
+"""A clip in chunks: every frame once, no seam, the same whoever solves them."""
 
 from concurrent.futures import ThreadPoolExecutor
 
@@ -8,29 +8,31 @@ from bodies import SAMPLES
 
 from distretarget import load_target, read_bvh, retarget
 from distretarget.body.legs import height
-from distretarget.solve.chunks import LEAD_IN, PIECE, pieces_of
+from distretarget.solve.chunks import CHUNK_FRAMES, LEAD_IN, chunks_of
 
-SHORT = 90  # frames of a piece, where a test has only short clips
+SHORT = 90  # frames of a chunk, where a test has only short clips
 
 
-@pytest.mark.parametrize("frames", [1, 2, PIECE, PIECE + PIECE // 2 + 1, 5 * PIECE + 3, 100_000])
+@pytest.mark.parametrize(
+    "frames", [1, 2, CHUNK_FRAMES, CHUNK_FRAMES + CHUNK_FRAMES // 2 + 1, 5 * CHUNK_FRAMES + 3, 100_000]
+)
 @pytest.mark.parametrize("margin", [0, 7, 200])
-def test_pieces_keep_every_frame_once(frames, margin):
+def test_chunks_keep_every_frame_once(frames, margin):
     kept = []
-    for piece in pieces_of(frames, margin):
-        seen = np.arange(frames)[piece.seen]
-        solved = seen[piece.solved]
-        kept += solved[piece.kept].tolist()
-        assert solved[0] - seen[0] == margin or seen[0] == 0
-        assert seen[-1] - solved[-1] == margin or seen[-1] == frames - 1
-        assert piece.kept.start == LEAD_IN or solved[0] == 0
+    for chunk in chunks_of(frames, margin):
+        context = np.arange(frames)[chunk.context]
+        solved = context[chunk.solve]
+        kept += solved[chunk.keep].tolist()
+        assert solved[0] - context[0] == margin or context[0] == 0
+        assert context[-1] - solved[-1] == margin or context[-1] == frames - 1
+        assert chunk.keep.start == LEAD_IN or solved[0] == 0
     assert kept == list(range(frames))
 
 
-def test_pieces_are_about_equal():
-    sizes = [piece.kept.stop - piece.kept.start for piece in pieces_of(10_000, 5)]
+def test_chunks_are_about_equal():
+    sizes = [chunk.keep.stop - chunk.keep.start for chunk in chunks_of(10_000, 5)]
     assert max(sizes) - min(sizes) <= 1
-    assert PIECE / 1.5 < max(sizes) < PIECE * 1.5
+    assert CHUNK_FRAMES / 1.5 < max(sizes) < CHUNK_FRAMES * 1.5
 
 
 @pytest.mark.parametrize("clip", ["clap", "hands_on_hips", "squat", "walk", "wave"])
@@ -38,14 +40,14 @@ def test_a_cut_leaves_no_seam(clip, monkeypatch):
     source = read_bvh(SAMPLES / f"{clip}.bvh")
     target = load_target(SAMPLES / "long_arms.json", source.skeleton).skeleton
     whole = retarget(source, target).motion.positions
-    monkeypatch.setattr("distretarget.solve.chunks.PIECE", SHORT)
-    assert len(pieces_of(len(source), 0)) > 1
+    monkeypatch.setattr("distretarget.solve.chunks.CHUNK_FRAMES", SHORT)
+    assert len(chunks_of(len(source), 0)) > 1
     cut = retarget(source, target).motion.positions
     assert np.abs(cut - whole).max() < 1e-6 * height(target)
 
 
-def test_whoever_solves_the_pieces_the_result_is_the_same(monkeypatch):
-    monkeypatch.setattr("distretarget.solve.chunks.PIECE", SHORT)
+def test_whoever_solves_the_chunks_the_result_is_the_same(monkeypatch):
+    monkeypatch.setattr("distretarget.solve.chunks.CHUNK_FRAMES", SHORT)
     source = read_bvh(SAMPLES / "clap.bvh")
     target = load_target(SAMPLES / "long_arms.json", source.skeleton).skeleton
     done = []

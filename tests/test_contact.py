@@ -10,9 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import load_target, read_bvh, retarget
 from distretarget.body.legs import height
-from distretarget.solve.articulation import parts_of
-from distretarget.solve.contact import ROOT, holds, settled
-from distretarget.solve.contact_pairs import LEAD
+from distretarget.solve.settings import ContactSettings
 from distretarget.solve.spg import Reason
 from distretarget.solve.stance import root_path
 
@@ -134,7 +132,7 @@ def assert_a_garbage_frame_does_not_spread(name, body, joints):
     assert off[frame] > 0.1
     off[frame] = 0.0
     assert off.max() < 0.005
-    reach = round(2 * LEAD / source.frame_time) + 3
+    reach = round(2 * ContactSettings().lead / source.frame_time) + 3
     off[frame - reach : frame + reach + 1] = 0.0
     assert off.max() < 2e-4
 
@@ -152,65 +150,6 @@ def test_a_garbage_frame_in_the_source_does_not_spread(name, body):
 @pytest.mark.parametrize(("name", "body"), SPOILT)
 def test_a_garbage_frame_of_joints_that_otherwise_never_turn_does_not_spread(name, body):
     assert_a_garbage_frame_does_not_spread(name, body, np.flatnonzero(~sample(name).skeleton.end_sites))
-
-
-def test_holds_grow_with_what_a_part_carries_and_feet_are_held_firmly():
-    parts = parts_of(PERSON, np.arange(len(PERSON)))
-    firm = holds(PERSON, parts, np.arange(len(PERSON)), 2 * 0.888)
-    at = {name: firm[parts[PERSON.index(name)]] for name in PERSON.names}
-    assert at["Hips"] > at["Chest"] > at["LeftShoulder"] > at["LeftElbow"] > at["LeftWrist"]
-    assert at["LeftShoulder"] == at["RightShoulder"]
-    assert firm[-1] == ROOT
-    assert at["Hips"] > 5 * at["LeftWrist"]
-    assert at["LeftAnkle"] > at["LeftKnee"]
-
-
-FRAME_TIME = 1 / 60
-
-
-def course(deviation):
-    """Poses of two parts and the root, of which the first follows the given deviations [rad]."""
-    v = np.zeros((len(deviation), 3, 3))
-    v[:, 0, 1] = deviation
-    v[:, 1, 2] = 0.1 * np.sin(np.arange(len(deviation)) / 10)
-    v[:, 2, 0] = np.linspace(0, 1, len(deviation))
-    return v
-
-
-def test_poses_without_a_leap_are_left_as_they_are():
-    v = course(np.sin(np.arange(100) / 10))
-    assert settled(v, FRAME_TIME) is v
-
-
-def test_the_root_may_leap():
-    v = course(np.zeros(100))
-    v[50:, 2] += 5.0
-    assert settled(v, FRAME_TIME) is v
-
-
-def test_a_step_is_led_over_smoothly():
-    v = course(np.where(np.arange(120) < 60, 0.0, 1.0))
-    led = settled(v, FRAME_TIME)
-    steps = np.diff(led[:, 0, 1])
-    assert np.all(steps >= -1e-12)
-    assert steps.max() < 0.2
-    np.testing.assert_array_equal(led[[0, 40, 80, 119]], v[[0, 40, 80, 119]])
-    np.testing.assert_allclose(led[:, 1:], v[:, 1:])
-
-
-@pytest.mark.parametrize("frames", [1, 2])
-def test_a_spike_stays_alone(frames):
-    deviation = np.zeros(100)
-    deviation[50 : 50 + frames] = 1.5
-    v = course(deviation)
-    np.testing.assert_allclose(settled(v, FRAME_TIME), v, atol=1e-12)
-
-
-def test_leaps_are_judged_by_their_speed_not_by_their_frame():
-    fast = course(np.linspace(0, 8, 60))
-    assert settled(fast, 1 / 60) is fast
-    assert settled(fast, 1 / 30) is fast
-    assert settled(fast, 1 / 240) is not fast
 
 
 def test_motions_at_double_frame_rate_are_the_same_motions():

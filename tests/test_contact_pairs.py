@@ -1,4 +1,4 @@
-"""Near pairs: how firmly they are kept, when, and where they belong."""
+"""Pairs that come near: when their springs set in, how stiff they are, and what they draw to."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,8 @@ from distretarget import Skeleton
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.distances import distance_problem
 from distretarget.matching.matching import match
-from distretarget.solve.contact_pairs import APART, CLOSE, FAR_ALONG, GRIP, NearPairs, grips, near_pairs, pair_springs
+from distretarget.solve.contact_pairs import CandidatePairs, activation, candidate_pairs, pair_springs
+from distretarget.solve.settings import ContactSettings
 
 PERSON = person()
 TARGET = other_lengths(PERSON)
@@ -16,11 +17,12 @@ MATCHING = match(PERSON, TARGET)
 PROBLEM = distance_problem(PERSON, TARGET, MATCHING.drivers)
 UP = np.array([0.0, 1.0, 0.0])
 UNIT = 1.7
-PAIRS = near_pairs(PROBLEM, UNIT)
+SETTINGS = ContactSettings()
+PAIRS = candidate_pairs(PROBLEM, UNIT, SETTINGS.least_path)
 
 
 def smootherstep(D):
-    t = np.clip((APART - D) / (APART - CLOSE), 0, 1)
+    t = np.clip((SETTINGS.apart - D) / (SETTINGS.apart - SETTINGS.close), 0, 1)
     return 6 * t**5 - 15 * t**4 + 10 * t**3
 
 
@@ -31,11 +33,11 @@ def copied(source):
 def springs_of(source, block, lead):
     copy = copied(source) / UNIT
     points = source.positions[:, PROBLEM.sources], copy[:, PROBLEM.targets]
-    return pair_springs(PAIRS, PROBLEM, *points, block, lead)
+    return pair_springs(PAIRS, PROBLEM, *points, block, lead, SETTINGS)
 
 
 def by_pair(springs):
-    """Per pair of joints: rest, direction, firmness and softness across."""
+    """Per pair of joints: rest, direction, weight and factor across."""
     return {
         (int(a), int(b)): tuple(values[:, s] for values in springs[2:])
         for s, (a, b) in enumerate(zip(springs.a, springs.b, strict=True))
@@ -44,7 +46,10 @@ def by_pair(springs):
 
 def test_all_pairs_far_along_the_tree_are_looked_at_and_no_other():
     expected = {
-        (u, v) for u in range(len(PERSON)) for v in range(u + 1, len(PERSON)) if PERSON.path_sizes[u, v] >= FAR_ALONG
+        (u, v)
+        for u in range(len(PERSON))
+        for v in range(u + 1, len(PERSON))
+        if PERSON.path_sizes[u, v] >= SETTINGS.least_path
     }
     found = set(zip(PROBLEM.targets[PAIRS.u].tolist(), PROBLEM.targets[PAIRS.v].tolist(), strict=True))
     assert found == expected
@@ -62,35 +67,37 @@ def test_path_lengths_are_the_sources_in_its_units_and_the_targets_in_body_units
 def test_joints_that_coincide_by_their_bones_are_no_pair():
     chain = Skeleton(tuple("abcdef"), np.arange(6) - 1, np.outer(np.arange(6) == 5, [0, 1, 0]), ((),) * 6, [False] * 6)
     longer = chain.with_offsets(np.tile([0, 1.0, 0], (6, 1)))
-    pairs = near_pairs(distance_problem(chain, longer, np.arange(6)), 1.0)
+    pairs = candidate_pairs(distance_problem(chain, longer, np.arange(6)), 1.0, SETTINGS.least_path)
     assert set(zip(pairs.u.tolist(), pairs.v.tolist(), strict=True)) == {(0, 5), (1, 5)}
 
 
 @pytest.mark.parametrize("lead", [0, 1, 7])
-def test_a_lasting_distance_has_a_full_grip_when_close_and_none_when_apart(lead):
-    D = np.tile([0.0, CLOSE / 2, CLOSE, (CLOSE + APART) / 2, APART, 0.9], (40, 1))
-    np.testing.assert_allclose(grips(D, lead), np.tile([1, 1, 1, 0.5, 0, 0], (40, 1)), atol=1e-12)
+def test_a_lasting_distance_has_a_full_activation_when_close_and_none_when_apart(lead):
+    D = np.tile(
+        [0.0, SETTINGS.close / 2, SETTINGS.close, (SETTINGS.close + SETTINGS.apart) / 2, SETTINGS.apart, 0.9], (40, 1)
+    )
+    np.testing.assert_allclose(activation(D, lead, SETTINGS), np.tile([1, 1, 1, 0.5, 0, 0], (40, 1)), atol=1e-12)
 
 
 @pytest.mark.parametrize("lead", [0, 1, 4, 18])
-def test_a_grip_is_never_below_what_the_distance_asks_for_where_it_lasts_two_frames(lead):
+def test_an_activation_is_never_below_what_the_distance_asks_for_where_it_lasts_two_frames(lead):
     draw = np.random.default_rng(0)
     D = np.repeat(draw.uniform(0.05, 0.22, (100, 5)), 2, axis=0)
-    assert np.all(grips(D, lead) >= smootherstep(D) - 1e-12)
+    assert np.all(activation(D, lead, SETTINGS) >= smootherstep(D) - 1e-12)
 
 
-def test_a_grip_falls_as_the_distance_grows():
+def test_an_activation_falls_as_the_distance_grows():
     D = np.tile(np.linspace(0, 0.3, 301), (5, 1))
-    f = grips(D, 0)[2]
+    f = activation(D, 0, SETTINGS)[2]
     assert np.all(np.diff(f) <= 0)
     assert np.all((f >= 0) & (f <= 1))
     assert np.abs(np.diff(f, 2)).max() < 0.005
 
 
 @pytest.mark.parametrize("lead", [6, 18])
-def test_a_pair_that_comes_near_at_once_is_taken_hold_of_smoothly_and_ahead(lead):
+def test_a_pair_that_comes_near_at_once_sets_in_smoothly_and_ahead(lead):
     D = np.where(np.abs(np.arange(200) - 100) <= 10, 0.05, 0.4)[:, None]
-    f = grips(D, lead)[:, 0]
+    f = activation(D, lead, SETTINGS)[:, 0]
     assert np.all(f[90:111] == pytest.approx(1.0))
     assert np.all(f[: 90 - 2 * lead] == 0)
     assert np.all(f[111 + 2 * lead :] == 0)
@@ -103,12 +110,12 @@ def test_a_pair_that_comes_near_at_once_is_taken_hold_of_smoothly_and_ahead(lead
 @pytest.mark.parametrize("spike", [0.0, 0.4])
 def test_a_single_frame_unlike_its_neighbours_counts_for_nothing(spike):
     D = np.full((60, 1), 0.4 - spike)
-    expected = grips(D, 5)
+    expected = activation(D, 5, SETTINGS)
     D[30] = spike
-    np.testing.assert_array_equal(grips(D, 5), expected)
+    np.testing.assert_array_equal(activation(D, 5, SETTINGS), expected)
     D[31] = spike
     if spike == 0.0:
-        assert grips(D, 5)[30] == pytest.approx(1.0)
+        assert activation(D, 5, SETTINGS)[30] == pytest.approx(1.0)
 
 
 def assert_a_block_has_the_springs_of_the_whole(source, block, lead):
@@ -117,8 +124,8 @@ def assert_a_block_has_the_springs_of_the_whole(source, block, lead):
     assert set(part) <= set(whole)
     for pair, (rest, e, w, k) in whole.items():
         if pair in part:
-            for ours, theirs in zip(part[pair], (rest, e, w, k), strict=True):
-                np.testing.assert_allclose(ours, theirs[block], rtol=1e-9, atol=1e-12)
+            for expected, found in zip((rest, e, w, k), part[pair], strict=True):
+                np.testing.assert_allclose(found, expected[block], rtol=1e-9, atol=1e-12)
         else:
             assert w[block].max() == 0.0
 
@@ -143,7 +150,7 @@ def test_a_kept_pair_belongs_at_its_scaled_distance_in_the_direction_of_the_sour
     rest, e, _, k = by_pair(springs)[right, left]
     d = source.positions[:, right] - source.positions[:, left]
     D = np.linalg.norm(d, axis=1) / PERSON.path_lengths[left, right]
-    assert D.max() < CLOSE
+    assert D.max() < SETTINGS.close
     np.testing.assert_allclose(np.linalg.norm(rest, axis=1), D * TARGET.path_lengths[left, right] / UNIT)
     np.testing.assert_allclose(rest / np.linalg.norm(rest, axis=1)[:, None], d / np.linalg.norm(d, axis=1)[:, None])
     np.testing.assert_allclose(e, d / np.linalg.norm(d, axis=1)[:, None])
@@ -165,7 +172,7 @@ def test_the_copys_place_passes_smoothly_into_the_kept_place():
     assert np.abs(rest - d_copy).max() > 0.05
 
 
-def test_nearer_pairs_are_kept_more_firmly_and_in_more_directions():
+def test_nearer_pairs_are_stiffer_and_in_more_directions():
     source = clapping(np.linspace(0.85, 1.0, 30))
     left, right = PERSON.index("LeftWrist"), PERSON.index("RightWrist")
     _, _, w, k = by_pair(springs_of(source, slice(0, 30), 60.0))[right, left]
@@ -174,7 +181,7 @@ def test_nearer_pairs_are_kept_more_firmly_and_in_more_directions():
 
 
 def lone_and_cluster(count):
-    """Firmness of every pair where `count` points stand near `count` others, all at D = CLOSE, and of a lone pair."""
+    """Weight of every pair where `count` points stand near `count` others, all at the distance `close`."""
     points = 2 * count
     chain = Skeleton(
         tuple(f"p{i}" for i in range(points)),
@@ -185,18 +192,18 @@ def lone_and_cluster(count):
     )
     problem = distance_problem(chain, chain, np.arange(points))
     u, v = (ends.ravel() for ends in np.meshgrid(np.arange(count), np.arange(count, points), indexing="ij"))
-    pairs = NearPairs(u, v, np.full(len(u), 1 / CLOSE), np.full(len(u), 1 / CLOSE))
+    pairs = CandidatePairs(u, v, np.full(len(u), 1 / SETTINGS.close), np.full(len(u), 1 / SETTINGS.close))
     x = np.tile(np.where(np.arange(points) < count, 0.0, 1.0)[:, None] * [1.0, 0, 0], (3, 1, 1))
-    return pair_springs(pairs, problem, x, x, slice(0, 3), 0.0).w[1]
+    return pair_springs(pairs, problem, x, x, slice(0, 3), 0.0, SETTINGS).w[1]
 
 
 def test_a_point_near_a_cluster_is_pulled_about_as_much_as_one_near_a_single_point():
     lone = lone_and_cluster(1).sum()
-    assert GRIP / 3 < lone < GRIP
+    assert SETTINGS.pair_stiffness / 3 < lone < SETTINGS.pair_stiffness
     for count in (2, 4, 8):
-        firm = lone_and_cluster(count)
-        assert len(firm) == count**2
-        assert lone < firm.sum() / count < 2 * lone
+        weights = lone_and_cluster(count)
+        assert len(weights) == count**2
+        assert lone < weights.sum() / count < 2 * lone
 
 
 def test_a_clip_without_near_pairs_has_no_springs():

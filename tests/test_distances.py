@@ -35,7 +35,7 @@ def test_path_lengths_turn_source_distances_into_target_distances():
     np.testing.assert_allclose(problem.ratio[apart], expected)
 
 
-def test_the_ratio_sees_no_units():
+def test_the_ratio_does_not_depend_on_units():
     source = table_one()
     target = other_lengths(source)
     in_cm = target.with_offsets(100 * target.offsets)

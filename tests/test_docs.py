@@ -4,6 +4,7 @@ import re
 import shlex
 import shutil
 import sys
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -11,8 +12,10 @@ from bodies import SAMPLES
 from click.testing import CliRunner
 
 from distretarget.cli import cli
+from distretarget.solve.settings import ContactSettings
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
+import make_settings
 from make_reference import PAGE, reference
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -46,6 +49,12 @@ def run_block(language, text, names):
 
 def test_the_reference_is_up_to_date():
     assert PAGE.read_text("utf-8") == reference(), "run tools/make_reference.py"
+
+
+def test_the_table_of_settings_is_up_to_date_and_has_every_setting():
+    text = make_settings.PAGE.read_text("utf-8")
+    assert text == make_settings.page(text), "run tools/make_settings.py"
+    assert [name for name, *_ in make_settings.rows()] == [field.name for field in fields(ContactSettings)]
 
 
 @each(WITH_EXAMPLES)

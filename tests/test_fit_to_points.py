@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from distretarget import Motion
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.matching.matching import match
-from distretarget.solve.articulation import rigid_heads
-from distretarget.solve.fit_to_points import swing
+from distretarget.solve.fit_to_points import fit_rotations
+from distretarget.solve.rigid_parts import rigid_part_roots
 
 BODY = person()
 ALL = np.arange(len(BODY))
@@ -24,7 +24,7 @@ def copy_of(motion, target):
 
 def test_the_copys_own_points_give_the_copy():
     copy = copy_of(swaying(BODY), other_lengths(BODY))
-    result = swing(copy, copy.positions, ALL)
+    result = fit_rotations(copy, copy.positions, ALL)
     np.testing.assert_allclose(result.positions, copy.positions, atol=1e-9)
     np.testing.assert_allclose(result.world_rotations, copy.world_rotations, atol=1e-9)
 
@@ -34,25 +34,27 @@ def test_points_that_fit_the_bones_are_reached():
     copy = swaying(BODY, seed=6)
     copy = replace(copy, translations=reached.translations)
     joints = np.flatnonzero(~BODY.end_sites)
-    result = swing(copy, reached.positions, ALL)
+    result = fit_rotations(copy, reached.positions, ALL)
     np.testing.assert_allclose(result.positions[:, joints], reached.positions[:, joints], atol=1e-4)
 
 
 def test_bones_keep_their_lengths_whatever_the_points():
     copy = copy_of(swaying(BODY), other_lengths(BODY))
     points = copy.positions + np.random.default_rng(0).normal(scale=0.2, size=copy.positions.shape)
-    bones = np.linalg.norm(np.diff(swing(copy, points, ALL).positions[:, [BODY.parents[1:], ALL[1:]]], axis=1), axis=-1)
+    bones = np.linalg.norm(
+        np.diff(fit_rotations(copy, points, ALL).positions[:, [BODY.parents[1:], ALL[1:]]], axis=1), axis=-1
+    )
     np.testing.assert_allclose(bones[:, 0], np.broadcast_to(copy.skeleton.lengths[1:], bones[:, 0].shape), rtol=1e-12)
 
 
 def test_twist_is_the_copys():
-    """A swing turns a bone with the least rotation: none of it about the bone."""
+    """A bone turns with the least rotation: none of it about the bone."""
     copy = copy_of(swaying(BODY), other_lengths(BODY))
     points = copy.positions + np.random.default_rng(0).normal(scale=0.05, size=copy.positions.shape)
-    result = swing(copy, points, ALL)
+    result = fit_rotations(copy, points, ALL)
     elbow, wrist = BODY.index("LeftElbow"), BODY.index("LeftWrist")
-    ours, theirs = (Rotation.from_quat(motion.world_rotations[:, elbow]) for motion in (result, copy))
-    turn = (ours * theirs.inv()).as_rotvec()
+    before, after = (Rotation.from_quat(motion.world_rotations[:, elbow]) for motion in (copy, result))
+    turn = (after * before.inv()).as_rotvec()
     bone = copy.positions[:, wrist] - copy.positions[:, elbow]
     assert np.linalg.norm(turn, axis=1).min() > 1e-3
     np.testing.assert_allclose(np.einsum("fi,fi->f", turn, bone), 0, atol=1e-9)
@@ -61,7 +63,7 @@ def test_twist_is_the_copys():
 def test_joints_below_which_nothing_is_solved_keep_the_copys_world_rotation():
     copy = copy_of(swaying(BODY), other_lengths(BODY))
     points = copy.positions + np.random.default_rng(0).normal(scale=0.1, size=copy.positions.shape)
-    result = swing(copy, points, np.flatnonzero(~BODY.end_sites))
+    result = fit_rotations(copy, points, np.flatnonzero(~BODY.end_sites))
     head = BODY.index("Head")
     same = np.abs(np.einsum("fi,fi->f", result.world_rotations[:, head], copy.world_rotations[:, head]))
     np.testing.assert_allclose(same, 1.0, atol=1e-12)
@@ -77,18 +79,18 @@ def test_a_joint_that_never_turns_stays_rigid():
     hip, knee = BODY.index("LeftHip"), BODY.index("LeftKnee")
     collar = BODY.index("LeftCollar")
     copy = with_still(copy_of(swaying(BODY), BODY), collar)
-    heads = rigid_heads(copy)
-    assert heads[collar] == BODY.index("Chest3")
-    assert heads[hip] == hip
+    roots = rigid_part_roots(copy)
+    assert roots[collar] == BODY.index("Chest3")
+    assert roots[hip] == hip
     points = copy.positions + np.random.default_rng(0).normal(scale=0.1, size=copy.positions.shape)
-    result = swing(copy, points, ALL)
+    result = fit_rotations(copy, points, ALL)
     np.testing.assert_allclose(np.abs(np.sum(result.rotations * copy.rotations, axis=-1))[:, collar], 1, atol=1e-12)
     assert np.abs(np.sum(result.rotations * copy.rotations, axis=-1))[:, knee].min() < 1 - 1e-6
 
 
 def test_a_motion_in_which_nothing_turns_is_not_all_rigid():
     still = swaying(BODY, frames=1)
-    np.testing.assert_array_equal(rigid_heads(still), ALL)
+    np.testing.assert_array_equal(rigid_part_roots(still), ALL)
 
 
 @pytest.mark.parametrize("axes", ["", "X", "ZY"])
@@ -99,7 +101,7 @@ def test_joints_turn_as_far_as_their_channels_allow(axes):
     body = replace(BODY, channels=tuple(channels))
     copy = copy_of(swaying(BODY), body)
     points = copy.positions + np.random.default_rng(0).normal(scale=0.1, size=copy.positions.shape)
-    local = swing(copy, points, ALL).rotations[:, elbow]
+    local = fit_rotations(copy, points, ALL).rotations[:, elbow]
     if axes:
         angles = Rotation.from_quat(local).as_euler(axes + "XYZ".translate(dict.fromkeys(map(ord, axes))))
         np.testing.assert_allclose(angles[:, len(axes) :], 0, atol=1e-9)
@@ -127,6 +129,6 @@ def test_the_targets_rest_pose_does_not_show_in_the_posture(angle):
 
 def test_one_zero_vector_of_points_does_no_harm():
     copy = copy_of(swaying(BODY), other_lengths(BODY))
-    result = swing(copy, np.zeros_like(copy.positions), ALL)
+    result = fit_rotations(copy, np.zeros_like(copy.positions), ALL)
     assert isinstance(result, Motion)
     assert np.all(np.isfinite(result.rotations))

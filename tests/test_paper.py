@@ -13,9 +13,10 @@ from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.distances import distance_problem, posture_stress
 from distretarget.matching.matching import match
 from distretarget.numerics.stress import stress_and_gradient
-from distretarget.solve.articulation import Body, parts_of, pose_body, posed_motion, pull_back, rigid_heads, workspace
-from distretarget.solve.paper import HOLD, ROOT, solve_paper
-from distretarget.solve.poses import Clip
+from distretarget.solve.articulation import Articulation, pose_body, pose_gradient, scratch_of
+from distretarget.solve.paper import PART_STIFFNESS, ROOT_STIFFNESS, solve_paper
+from distretarget.solve.poses import PoseProblem
+from distretarget.solve.rigid_parts import part_of_joint, posed_motion, rigid_part_roots
 from distretarget.solve.spg import Reason
 
 PERSON = person()
@@ -38,19 +39,21 @@ class Solved:
         self.source, matching = source, match(source.skeleton, target)
         self.problem = distance_problem(source.skeleton, target, matching.drivers)
         self.copy = rotation_copy(source, matching, 1.0, np.array([0.0, 1.0, 0.0]))
-        self.parts = parts_of(target, rigid_heads(self.copy))
+        self.parts = part_of_joint(target, rigid_part_roots(self.copy))
         count = self.parts.max() + 1
-        self.body = Body(target.parents, self.parts, np.append(np.full(count, HOLD), ROOT))
-        self.work = workspace(len(target), count)
+        self.body = Articulation(target.parents, self.parts, np.append(np.full(count, PART_STIFFNESS), ROOT_STIFFNESS))
+        self.scratch = scratch_of(len(target), count)
         guess = np.zeros((len(source), count + 1, 3))
-        self.poses = solve_paper(self.clip(len(source)), guess)
+        self.poses = solve_paper(self.first(len(source)), guess)
         root = self.copy.root_positions + self.poses.v[:, -1]
         self.motion = posed_motion(self.copy, self.poses.v, self.parts, root)
 
-    def clip(self, frames):
+    def first(self, frames):
         """The first frames of it."""
         source, copy = self.source.positions[:frames], self.copy.positions[:frames]
-        return Clip(self.copy.skeleton, self.parts, self.problem, source, copy, copy[:, 0], self.source.frame_time)
+        return PoseProblem(
+            self.copy.skeleton, self.parts, self.problem, source, copy, copy[:, 0], self.source.frame_time
+        )
 
     def pose(self, frame):
         """The solved pose, the root's displacement in body sizes, (n,)."""
@@ -59,18 +62,18 @@ class Solved:
         return v.ravel()
 
     def objective(self, flat, frame):
-        """Eq. (2) and the holds, with the gradient, of a pose (n,)."""
+        """Eq. (2) and the stiffness terms, with the gradient, of a pose (n,)."""
         problem, x = self.problem, self.copy.positions[frame] / self.problem.body_size
         v, gradient = flat.reshape(self.poses.v[0].shape), np.empty(self.poses.v[0].shape)
-        pose_body(v, self.body, x - x[self.copy.skeleton.parents], x[0], self.work)
-        seen = self.source.positions[frame, problem.sources]
-        delta = problem.ratio * np.linalg.norm(seen[:, None] - seen, axis=-1)
-        pulls = np.empty((3, len(problem)))
-        points = np.ascontiguousarray(self.work.x[problem.targets].T)
-        sigma = stress_and_gradient(points, delta, problem.priorities, pulls)
-        self.work.pull[:] = 0.0
-        self.work.pull[problem.targets] = pulls.T
-        return sigma + pull_back(v, self.body, self.work, gradient), gradient.ravel()
+        pose_body(v, self.body, x - x[self.copy.skeleton.parents], x[0], self.scratch)
+        y = self.source.positions[frame, problem.sources]
+        delta = problem.ratio * np.linalg.norm(y[:, None] - y, axis=-1)
+        point_gradient = np.empty((3, len(problem)))
+        points = np.ascontiguousarray(self.scratch.x[problem.targets].T)
+        sigma = stress_and_gradient(points, delta, problem.priorities, point_gradient)
+        self.scratch.gradient[:] = 0.0
+        self.scratch.gradient[problem.targets] = point_gradient.T
+        return sigma + pose_gradient(v, self.body, self.scratch, gradient), gradient.ravel()
 
 
 SOLVED = Solved(swaying(PERSON, frames=12))
@@ -137,7 +140,7 @@ def test_lbfgs_from_the_copy_finds_nothing_better_in_the_first_frame():
     assert SOLVED.objective(v, 0)[0] == pytest.approx(oracle.fun, rel=1e-4)
 
 
-def test_holds_hardly_add_to_the_stress():
+def test_stiffness_hardly_adds_to_the_stress():
     stress = posture_stress(SOLVED.problem, SOLVED.source.positions, SOLVED.motion.positions)
     for frame, sigma in enumerate(stress):
         value = SOLVED.objective(SOLVED.pose(frame), frame)[0]
@@ -149,7 +152,7 @@ def test_the_root_stays_on_its_path():
 
 
 def test_a_guess_that_is_better_than_the_copy_is_used():
-    again = solve_paper(SOLVED.clip(1), SOLVED.poses.v[:1])
+    again = solve_paper(SOLVED.first(1), SOLVED.poses.v[:1])
     assert again.effort.iterations[0] <= 1 < SOLVED.poses.effort.iterations[0]
     np.testing.assert_allclose(again.v, SOLVED.poses.v[:1], atol=1e-3)
 

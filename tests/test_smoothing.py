@@ -1,4 +1,4 @@
-"""Smooth courses over time."""
+"""Values over time, widened and averaged: bounds, widths, and what stays as it is."""
 
 import numpy as np
 import pytest

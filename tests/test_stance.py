@@ -11,8 +11,10 @@ from distretarget import Motion, Skeleton, load_target, read_bvh, retarget
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.body.legs import find_legs, leg_length
 from distretarget.matching.matching import match
-from distretarget.solve.stance import SLOW, find_stance, no_stance, root_path, root_scale
+from distretarget.solve.settings import ContactSettings
+from distretarget.solve.stance import find_stance, no_stance, root_path, root_scale
 
+SETTINGS = ContactSettings()
 LEG = 0.435 + 0.453
 SIDES = ("Left", "Right")
 UP = np.array([0.0, 1.0, 0.0])
@@ -33,7 +35,7 @@ def standing(body, frames=40, turns=None, path=None):
 
 
 def stance_of(source, target, scale=1.0, up=UP):
-    return find_stance(source, match(source.skeleton, target), scale, up)
+    return find_stance(source, match(source.skeleton, target), scale, up, SETTINGS)
 
 
 def places_of(stance, target, name):
@@ -59,7 +61,7 @@ def test_a_body_without_legs_keeps_the_copys_path_and_stands_nowhere():
     source, matching = swaying(chain), match(chain, chain)
     copy = rotation_copy(source, matching, 2.0, UP)
     np.testing.assert_array_equal(root_path(source, copy, matching, 2.0), 2 * source.root_positions)
-    stance = find_stance(source, matching, 2.0, UP)
+    stance = find_stance(source, matching, 2.0, UP, SETTINGS)
     assert (stance.joints.shape, stance.weights.shape, stance.places.shape) == ((0,), (20, 0), (20, 0, 3))
     assert no_stance(20).weights.shape == (20, 0)
 
@@ -68,7 +70,7 @@ def test_legs_the_source_does_not_drive_stand_nowhere():
     body = person()
     matching = match(body, body, {"LeftAnkle": None})
     assert matching.legs is None
-    assert len(find_stance(swaying(body), matching, 1.0, UP).joints) == 0
+    assert len(find_stance(swaying(body), matching, 1.0, UP, SETTINGS).joints) == 0
 
 
 def test_both_feet_of_a_standing_person_rest_all_the_time():
@@ -93,13 +95,13 @@ def test_feet_alternate_in_a_walk_and_planted_frames_have_full_weight():
         assert np.abs(np.diff(weight)).max() < 0.3
         path = source.positions[:, source.skeleton.index(name)]
         speed = np.linalg.norm(np.gradient(path, source.frame_time, axis=0), axis=1)
-        slow = speed < 0.5 * SLOW * 88.8
+        slow = speed < 0.5 * SETTINGS.rest_speed * 88.8
         assert np.all(weight[slow] > 0.99)
 
 
 @pytest.mark.parametrize("direction", [(0, 1, 0), (1, 0, 0), (0, -1, 0), (0, 0.6, 0.8)])
 def test_nothing_rests_while_the_whole_body_flies_or_skates(direction):
-    speed = 1.5 * SLOW * LEG
+    speed = 1.5 * SETTINGS.rest_speed * LEG
     path = np.outer(speed * 0.02 * np.arange(40), direction) + 5 * UP
     assert stance_of(standing(person(), path=path), person()).weights.max() == 0.0
 
@@ -200,7 +202,7 @@ def test_resting_feet_of_the_result_are_at_their_places_on_exact_bones(name, bod
     source = read_bvh(SAMPLES / f"{name}.bvh")
     target = load_target(SAMPLES / f"{body}.json", source.rigid_skeleton).skeleton
     held, free = (retarget(source, target, hold_feet=hold) for hold in (True, False))
-    stance = find_stance(source, held.matching, held.root_scale, UP)
+    stance = find_stance(source, held.matching, held.root_scale, UP, SETTINGS)
     resting = stance.weights > 1 - 1e-9
     assert resting.mean() > 0.3
     length = leg_length(target, find_legs(target))

@@ -1,4 +1,4 @@
-"""Smooth courses over time."""
+"""Values over time, widened and averaged."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ Array = NDArray[np.float64]
 
 
 def widened(values: Array, frames: float) -> Array:
-    """Values over time, (frames, n), taken at their largest within `frames` and then averaged over as many on both
-    sides: nowhere less than they were, and smooth.
+    """The largest of the values (frames, n) within `frames` before and after each frame, averaged over as many frames.
+
+    The result is smooth, and nowhere less than the values. Less than half a frame changes nothing.
     """
     reach = round(frames)
     if reach < 1:
@@ -20,6 +21,6 @@ def widened(values: Array, frames: float) -> Array:
 
 
 def averaged(values: Array, reach: int) -> Array:
-    """Values over time, (frames, ...), averaged over `reach` frames on both sides (a raised cosine)."""
+    """The values (frames, ...), averaged over `reach` frames before and after each frame (a raised cosine)."""
     window = np.hanning(2 * reach + 3)[1:-1]
     return np.asarray(convolve1d(values, window / window.sum(), axis=0, mode="nearest"))

@@ -6,8 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-# Squared distances [body size squared] are kept above this, where the gradient of the distance has no value;
-# the pair then pulls with no force at all, as its joints have no direction from one to the other.
+# [body sizes squared] The least squared distance. Two points in one place have a distance without a gradient; so
+# bounded, their pair exerts no force.
 NEAREST = 1e-300
 
 
@@ -15,7 +15,7 @@ NEAREST = 1e-300
 def stress_and_gradient(
     x: NDArray[np.float64], delta: NDArray[np.float64], pi: NDArray[np.float64], gradient: NDArray[np.float64]
 ) -> float:
-    """sigma(X) = 1/2 sum_{u<v} pi_uv (||x_u - x_v|| - delta_uv)^2, Eq. (2), and its gradient, written.
+    """sigma(X) = 1/2 sum_{u<v} pi_uv (||x_u - x_v|| - delta_uv)^2, Eq. (2); its gradient is written to `gradient`.
 
     `x` and `gradient` are (3, points), so that the inner loop runs along memory; `delta` and `pi` are
     (points, points), symmetric, with zero diagonals.
@@ -28,18 +28,18 @@ def stress_and_gradient(
         for v in range(points):
             dx, dy, dz = xu - x[0, v], yu - x[1, v], zu - x[2, v]
             distance = np.sqrt(max(dx * dx + dy * dy + dz * dz, NEAREST))
-            pull = pi[u, v] * (distance - delta[u, v])
-            sigma += pull * (distance - delta[u, v])
-            gx += pull / distance * dx
-            gy += pull / distance * dy
-            gz += pull / distance * dz
+            force = pi[u, v] * (distance - delta[u, v])
+            sigma += force * (distance - delta[u, v])
+            gx += force / distance * dx
+            gy += force / distance * dy
+            gz += force / distance * dz
         gradient[0, u], gradient[1, u], gradient[2, u] = gx, gy, gz
     return 0.25 * sigma
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
 def target_distances(x: NDArray[np.float64], ratio: NDArray[np.float64], delta: NDArray[np.float64]) -> None:
-    """delta_uv = tau2_uv D_uv = (tau2_uv / tau1_uv) ||x_u - x_v||, Eq. (1), written.
+    """Write delta_uv = tau2_uv D_uv = (tau2_uv / tau1_uv) ||x_u - x_v||, Eq. (1).
 
     `x` is the source's posture, (3, points); `ratio` is tau2 / tau1, (points, points).
     """

@@ -1,1 +1,1 @@
-"""The objectives, and the solver that minimises them over the rotations of exact bones."""
+"""Solve for the target's motion: the objectives, and the solver that minimises them over rotations on exact bones."""

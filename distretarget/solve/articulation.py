@@ -1,9 +1,9 @@
-"""The articulated body: rigid parts that turn on exact bones, and how points pull at them. Compiled.
+"""The articulated body: positions, lever arms and gradients of rigid parts that turn on exact bones. Compiled.
 
-A part is a joint with the joints that never turn against it. A pose is how far each part deviates from the rotation
-copy, a rotation vector in the world [rad], and after the parts how far the root is moved: an array (parts + 1, 3).
-World rotations as unknowns leave the deviations independent: R_j = exp(v_part(j)) RC_j, so that a bone of the copy, b,
-becomes exp(v) b and nothing but the copy's bones is needed to pose the body.
+A pose says how far each part deviates from the rotation copy, as a rotation vector in the world [rad], and, in its last
+row, how far the root is moved: an array (parts + 1, 3). With world rotations as unknowns the deviations do not depend
+on each other: R_j = exp(v_part(j)) RC_j. A bone b of the copy becomes exp(v) b, so that posing the body takes nothing
+but the bones of the copy.
 """
 
 from __future__ import annotations
@@ -13,119 +13,48 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
-
-from distretarget.motion import Motion, rigid_motion
-from distretarget.numerics.kinematics import local_rotations, rotation_products
-from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 
-STILL = 2e-5  # a joint whose local quaternion moves by no more than this, the rounding of files, is still ...
-SPIKES = 0.05  # ... whatever it does in this part of the frames, which may be bad ones
-SMALL = 1e-8  # squared angles below this [rad^2] are served by the first terms of a series
+SMALL = 1e-8  # [rad^2] for smaller squared angles the first terms of a series replace sine and cosine
 
 
-class Body(NamedTuple):
-    """A body for the compiled functions. Lengths are in units of the solver.
+class Articulation(NamedTuple):
+    """The joints and rigid parts of a body, for the compiled functions. Lengths are in units of the solver.
 
     Attributes:
         parents: (joints,), -1 for the root.
         parts: (joints,), the part that carries the bones below each joint.
-        holds: (parts + 1,), how strongly each part keeps to the copy's rotation, and the root to its path.
+        stiffness: (parts + 1,), h, how strongly each part keeps to the copy's rotation; last, the root to its path.
     """
 
     parents: NDArray[np.intp]
     parts: NDArray[np.intp]
-    holds: Array
+    stiffness: Array
 
 
-class Work(NamedTuple):
-    """Scratch arrays of one body.
+class Scratch(NamedTuple):
+    """Arrays that the compiled functions write to, for one body.
 
     Attributes:
         x: (joints, 3), positions.
         bones: (joints, 3), the posed bone from the parent to each joint.
-        turns: (parts, 9), exp(v) of each part, row by row.
-        pull: (joints, 3), the gradient with respect to positions; `pull_back` sums it up towards the root.
-        arms: (joints, parts, 3), how each joint's position hangs on each part; see `hang`.
+        rotations: (parts, 9), exp(v) of each part, row by row.
+        gradient: (joints, 3), the gradient with respect to the positions; `pose_gradient` sums it up towards the root.
+        arms: (joints, parts, 3), the lever arm of each part on each joint; see `lever_arms`.
     """
 
     x: Array
     bones: Array
-    turns: Array
-    pull: Array
+    rotations: Array
+    gradient: Array
     arms: Array
 
 
-def rigid_heads(copy: Motion) -> NDArray[np.intp]:
-    """(joints,), the joint with which each joint deviates as one rigid part: itself, unless it does not turn against
-    its parent in the motion (hip joints and collars of many rigs) or cannot, having no rotation channels.
-
-    In a motion in which no joint turns, as in a single frame, only joints that coincide with their parents are rigid.
-    """
-    skeleton = copy.skeleton
-    signs = np.sign(np.einsum("fji,ji->fj", copy.rotations, copy.rotations[0]))
-    rotations = signs[..., None] * copy.rotations
-    turned = np.linalg.norm(rotations - np.median(rotations, axis=0), axis=2) > STILL
-    still = turned.mean(axis=0) <= SPIKES
-    if still.all():
-        still = skeleton.lengths == 0.0
-    still |= np.array([not skeleton.rotation_axes(joint) for joint in range(len(skeleton))])
-    heads = np.arange(len(skeleton))
-    for joint in range(1, len(skeleton)):
-        if still[joint] and skeleton.children[joint]:
-            heads[joint] = heads[skeleton.parents[joint]]
-    return heads
-
-
-def _leaves(skeleton: Skeleton) -> NDArray[np.bool_]:
-    return np.array([not below for below in skeleton.children])
-
-
-def _unturned(copy: Motion) -> NDArray[np.bool_]:
-    """(joints,), whether a joint never leaves its rest rotation, as twist joints that nothing drives."""
-    return np.asarray(np.abs(copy.rotations[..., :3]).max(axis=(0, 2)) < STILL)
-
-
-def parts_of(skeleton: Skeleton, heads: NDArray[np.intp]) -> NDArray[np.intp]:
-    """(joints,), the number of the part that carries the bones below each joint; parts count from the root down, and a
-    leaf, which carries none, belongs to its parent's.
-    """
-    carriers = np.array([joint if below else skeleton.parents[joint] for joint, below in enumerate(skeleton.children)])
-    numbers: NDArray[np.intp] = np.unique(heads[np.maximum(carriers, 0)], return_inverse=True)[1]
-    return numbers
-
-
-def subtree_lengths(skeleton: Skeleton, carried: NDArray[np.intp]) -> Array:
-    """(joints,), the sum of the lengths of all bones below each joint and of its own [file units], as far as they carry
-    any of the joints `carried`: no tails, props and other helpers.
-    """
-    sums = np.zeros(len(skeleton))
-    on_the_way = [*{joint for tip in carried for joint in skeleton.line(int(tip))}]
-    sums[on_the_way] = skeleton.lengths[on_the_way]
-    for joint in range(len(skeleton) - 1, 0, -1):
-        sums[skeleton.parents[joint]] += sums[joint]
-    return sums
-
-
-def posed_motion(copy: Motion, v: Array, parts: NDArray[np.intp], root_positions: Array) -> Motion:
-    """The motion whose parts deviate from the copy's rotations by `v`, (frames, parts + 1, 3).
-
-    Leaves keep the copy's world rotations, since nothing hangs on them, unless they never turn against their parents.
-    `root_positions`, (frames, 3), are final.
-    """
-    skeleton = copy.skeleton
-    turns = Rotation.from_rotvec(v[:, :-1]).as_quat()[:, parts]
-    turns[:, _leaves(skeleton) & ~_unturned(copy)] = [0.0, 0.0, 0.0, 1.0]
-    world = rotation_products(turns, copy.world_rotations)
-    return rigid_motion(skeleton, root_positions, local_rotations(skeleton.parents, world), copy.frame_time_text)
-
-
 @njit(cache=True)
-def workspace(joints: int, parts: int) -> Work:
-    """Scratch arrays for a body of so many joints and parts."""
-    return Work(
+def scratch_of(joints: int, parts: int) -> Scratch:
+    """Scratch arrays for a body with the given numbers of joints and parts."""
+    return Scratch(
         np.zeros((joints, 3)),
         np.zeros((joints, 3)),
         np.zeros((parts, 9)),
@@ -135,28 +64,28 @@ def workspace(joints: int, parts: int) -> Work:
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
-def pose_body(v: Array, body: Body, bones: Array, root: Array, work: Work) -> None:
-    """Positions and posed bones, written to `work`, of the pose `v` of a frame.
+def pose_body(v: Array, body: Articulation, bones: Array, root: Array, scratch: Scratch) -> None:
+    """Write the positions and posed bones of the pose `v` to `scratch`.
 
-    The frame's copy has `bones`, (joints, 3), from each joint's parent to it, and its root at `root`.
+    In this frame the copy has the `bones`, (joints, 3), from each joint's parent to it, and its root at `root`, (3,).
     """
-    parts = len(work.turns)
+    parts = len(scratch.rotations)
     for part in range(parts):
-        _exp(v[part, 0], v[part, 1], v[part, 2], work.turns[part])
+        _exp(v[part, 0], v[part, 1], v[part, 2], scratch.rotations[part])
     for i in range(3):
-        work.x[0, i] = root[i] + v[parts, i]
+        scratch.x[0, i] = root[i] + v[parts, i]
     for joint in range(1, len(body.parents)):
         parent = body.parents[joint]
-        E = work.turns[body.parts[parent]]
+        E = scratch.rotations[body.parts[parent]]
         bx, by, bz = bones[joint, 0], bones[joint, 1], bones[joint, 2]
         for i in range(3):
-            work.bones[joint, i] = E[3 * i] * bx + E[3 * i + 1] * by + E[3 * i + 2] * bz
-            work.x[joint, i] = work.x[parent, i] + work.bones[joint, i]
+            scratch.bones[joint, i] = E[3 * i] * bx + E[3 * i + 1] * by + E[3 * i + 2] * bz
+            scratch.x[joint, i] = scratch.x[parent, i] + scratch.bones[joint, i]
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
 def _exp(x: float, y: float, z: float, E: Array) -> None:
-    """The rotation matrix of a rotation vector (Rodrigues), row by row."""
+    """Write the rotation matrix of a rotation vector to `E`, row by row (Rodrigues)."""
     square = x * x + y * y + z * z
     if square < SMALL:
         a, b = 1.0 - square / 6.0, 0.5 - square / 24.0
@@ -169,41 +98,42 @@ def _exp(x: float, y: float, z: float, E: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
-def pull_back(v: Array, body: Body, work: Work, gradient: Array) -> float:
-    """Turn the gradient with respect to positions, `work.pull`, into that with respect to the pose, written, add what
-    the holds 1/2 h |v|^2 contribute, and return their value.
+def pose_gradient(v: Array, body: Articulation, scratch: Scratch, gradient: Array) -> float:
+    """Write the gradient with respect to the pose, given that with respect to the positions in `scratch.gradient`.
 
-    A bone b of a part turns by dw about its upper end, which moves all that hangs on it by dw x b: the part feels the
-    moment b x (sum of the pulls below). dw = J dv with the left Jacobian of the exponential map, so that the gradient
-    is J^T times the moment.
+    The stiffness terms 1/2 h |v|^2 are added to the gradient; their value is returned.
+
+    A small turn dw of a part about the upper end of its bone b moves everything below by dw x b, so that the part feels
+    the moment b x (sum of the gradients below). As dw = J dv with the left Jacobian J of the exponential map, the
+    gradient is J^T times the moment.
     """
-    parts = len(work.turns)
+    parts = len(scratch.rotations)
     gradient[:] = 0.0
     for joint in range(len(body.parents) - 1, 0, -1):
         parent = body.parents[joint]
         part = body.parts[parent]
-        sx, sy, sz = work.pull[joint, 0], work.pull[joint, 1], work.pull[joint, 2]
-        bx, by, bz = work.bones[joint, 0], work.bones[joint, 1], work.bones[joint, 2]
+        sx, sy, sz = scratch.gradient[joint, 0], scratch.gradient[joint, 1], scratch.gradient[joint, 2]
+        bx, by, bz = scratch.bones[joint, 0], scratch.bones[joint, 1], scratch.bones[joint, 2]
         gradient[part, 0] += by * sz - bz * sy
         gradient[part, 1] += bz * sx - bx * sz
         gradient[part, 2] += bx * sy - by * sx
         for i in range(3):
-            work.pull[parent, i] += work.pull[joint, i]
+            scratch.gradient[parent, i] += scratch.gradient[joint, i]
     for part in range(parts):
         _to_rotation_vector(v[part], gradient[part])
     for i in range(3):
-        gradient[parts, i] = work.pull[0, i]
+        gradient[parts, i] = scratch.gradient[0, i]
     value = 0.0
     for part in range(parts + 1):
         for i in range(3):
-            gradient[part, i] += body.holds[part] * v[part, i]
-            value += 0.5 * body.holds[part] * v[part, i] * v[part, i]
+            gradient[part, i] += body.stiffness[part] * v[part, i]
+            value += 0.5 * body.stiffness[part] * v[part, i] * v[part, i]
     return value
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
 def _to_rotation_vector(v: Array, m: Array) -> None:
-    """J^T m in place of the moment m, where J^T = I - a [v] + b [v]^2."""
+    """Replace the moment m by J^T m, where J^T = I - a [v] + b [v]^2."""
     x, y, z = v[0], v[1], v[2]
     square = x * x + y * y + z * z
     if square < SMALL:
@@ -218,15 +148,15 @@ def _to_rotation_vector(v: Array, m: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
-def hang(body: Body, work: Work) -> None:
-    """For the pose in `work`, the arms: the sum of the bones of each part on the way to each joint. A small turn w of
-    the part moves the joint by w x arm.
+def lever_arms(body: Articulation, scratch: Scratch) -> None:
+    """Write the lever arm of each part on each joint, for the pose in `scratch`: the sum of the part's bones on the way
+    to the joint. A small turn w of the part moves the joint by w x arm.
     """
-    work.arms[:] = 0.0
+    scratch.arms[:] = 0.0
     for joint in range(1, len(body.parents)):
         parent = body.parents[joint]
-        for part in range(len(work.turns)):
+        for part in range(len(scratch.rotations)):
             for i in range(3):
-                work.arms[joint, part, i] = work.arms[parent, part, i]
+                scratch.arms[joint, part, i] = scratch.arms[parent, part, i]
         for i in range(3):
-            work.arms[joint, body.parts[parent], i] += work.bones[joint, i]
+            scratch.arms[joint, body.parts[parent], i] += scratch.bones[joint, i]

@@ -1,67 +1,81 @@
-"""A clip in pieces of about equal length, solved one after the other or side by side, and put together again.
+"""Long clips in chunks: overlapping runs of frames, solved one after the other or side by side, and joined.
 
-Where a clip is cut depends on its length alone: whoever solves the pieces, the result is the same, digit for digit.
+Where a clip is cut depends on its number of frames alone, so that the result is the same, digit for digit, whoever
+solves the chunks.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from distretarget.solve.poses import Clip, Poses
+from distretarget.solve.poses import PoseProblem, Poses
 from distretarget.solve.spg import Effort
 
-PIECE = 1024  # frames of a piece, about
-LEAD_IN = 32  # frames solved before a piece, so that it begins where the piece before it ends
+CHUNK_FRAMES = 1024  # frames of a chunk, about
+LEAD_IN = 32  # frames solved before a chunk, so that it begins where the chunk before it ends
+BLOCK_FRAMES = 256  # frames solved at once: bounds the memory they take, and the time between two reports of progress
 
 Mapper = Callable[..., Iterable[Any]]  # like `map` and an executor's: calls a function on items, results in order
 Progress = Callable[[int], Any]
 
 
 @dataclass(frozen=True)
-class Piece:
+class Chunk:
     """Frames of a clip that are solved together.
 
     Attributes:
-        seen: the frames of the clip that solving looks at.
-        solved: those of them that are solved, counted from the first one seen.
-        kept: those of the solved ones that count, counted from the first one solved.
+        context: the frames of the clip that the solved ones depend on.
+        solve: the frames to solve, counted from the first one of `context`.
+        keep: the frames whose poses are kept, counted from the first one of `solve`.
     """
 
-    seen: slice
-    solved: slice
-    kept: slice
+    context: slice
+    solve: slice
+    keep: slice
 
 
-def pieces_of(frames: int, margin: int, lead_in: int = LEAD_IN) -> list[Piece]:
-    """The pieces of a clip, where solving a frame looks at `margin` frames on both sides."""
-    edges = np.linspace(0, frames, max(1, round(frames / PIECE)) + 1).astype(int).tolist()
-    pieces = []
+def chunks_of(frames: int, margin: int, lead_in: int = LEAD_IN) -> list[Chunk]:
+    """The chunks of a clip whose frames depend on `margin` frames on both sides."""
+    edges = np.linspace(0, frames, max(1, round(frames / CHUNK_FRAMES)) + 1).astype(int).tolist()
+    chunks = []
     for first, end in pairwise(edges):
         start = max(first - lead_in, 0)
-        seen = slice(max(start - margin, 0), min(end + margin, frames))
-        pieces.append(Piece(seen, slice(start - seen.start, end - seen.start), slice(first - start, end - start)))
-    return pieces
+        context = slice(max(start - margin, 0), min(end + margin, frames))
+        solve = slice(start - context.start, end - context.start)
+        chunks.append(Chunk(context, solve, keep=slice(first - start, end - start)))
+    return chunks
 
 
-def solve_pieces(
-    solve: Callable[[Clip, Any, slice], Poses], clip: Clip, more: Any, margin: int, mapper: Mapper, progress: Progress
+def blocks_of(frames: int) -> Iterator[slice]:
+    """The blocks of at most `BLOCK_FRAMES` frames in which compiled functions get a chunk."""
+    for first in range(0, frames, BLOCK_FRAMES):
+        yield slice(first, min(first + BLOCK_FRAMES, frames))
+
+
+def solve_in_chunks(
+    solve: Callable[[PoseProblem, Any, slice], Poses],
+    problem: PoseProblem,
+    more: Any,
+    margin: int,
+    mapper: Mapper,
+    progress: Progress,
 ) -> Poses:
-    """The poses of a clip from `solve(clip, more, frames)`, which solves some frames of what it is given.
+    """The poses of a clip, from `solve(problem, more, frames)`, which solves some frames of what it is given.
 
-    `more` can be sliced by frames, as the clip can. `mapper` has to return results in order; `progress` is called with
-    numbers of frames as they are there.
+    `more` can be sliced by frames, as the problem can. `mapper` calls `solve` on every chunk and returns the results in
+    order; `progress` is called with the number of frames of each result.
     """
-    pieces = pieces_of(len(clip), margin)
-    arguments = [clip[piece.seen] for piece in pieces], [more[piece.seen] for piece in pieces]
+    chunks = chunks_of(len(problem), margin)
+    arguments = [problem[chunk.context] for chunk in chunks], [more[chunk.context] for chunk in chunks]
     poses = []
-    for piece, solved in zip(pieces, mapper(solve, *arguments, [piece.solved for piece in pieces]), strict=True):
-        poses.append(solved[piece.kept])
-        progress(piece.kept.stop - piece.kept.start)
+    for chunk, solved in zip(chunks, mapper(solve, *arguments, [chunk.solve for chunk in chunks]), strict=True):
+        poses.append(solved[chunk.keep])
+        progress(chunk.keep.stop - chunk.keep.start)
     return _joined(poses)
 
 

@@ -1,4 +1,4 @@
-"""From points to rotations: the target's joints turned so that its exact bones reach for given points."""
+"""From points to rotations: turn the target's joints so that its exact bones come nearest to given points."""
 
 from __future__ import annotations
 
@@ -10,38 +10,37 @@ from distretarget.motion import Motion, rigid_motion
 from distretarget.numerics.euler import restrict
 from distretarget.numerics.rotations import best_rotation
 from distretarget.skeleton import Skeleton
-from distretarget.solve.articulation import rigid_heads
+from distretarget.solve.rigid_parts import rigid_part_roots
 
 
-def swing(copy: Motion, points: NDArray[np.float64], solved: NDArray[np.intp]) -> Motion:
-    """The motion whose bones point as the solved points say, from the root down.
+def fit_rotations(copy: Motion, points: NDArray[np.float64], joints: NDArray[np.intp]) -> Motion:
+    """Turn the bones of the rotation copy towards points, from the root down.
 
-    Each rigid part deviates from the rotation copy by the rotation that takes its bones, as the copy has them, nearest
-    to the points below it: the least rotation for one bone, a weighted alignment for several. So the twist, which
-    points do not determine, is the copy's, which is the source's relative to the target's rest pose. A joint with no
-    point below it keeps the copy's world rotation. Joints with fewer than three rotation channels turn as far as
-    those allow, and what is below them makes up for it.
+    Each rigid part deviates from the copy by the rotation that brings its bones nearest to the points they carry: the
+    least rotation for one bone, a weighted alignment for several. So the twist, which points do not determine, stays
+    that of the copy. A joint with no point below it keeps the copy's world rotation. Joints with fewer than three
+    rotation channels turn as far as these allow, and the joints below them make up for the rest.
 
     Args:
         copy: the rotation copy on the target.
-        points: (frames, joints, 3), positions; only those of `solved` are looked at [file units].
-        solved: the joints that have points.
+        points: (frames, joints, 3), positions; only those of `joints` count [file units].
+        joints: the joints that have points.
     """
     skeleton = copy.skeleton
-    heads = rigid_heads(copy)
-    handles = _handles(skeleton, heads, set(solved.tolist()))
+    roots = rigid_part_roots(copy)
+    carried = _carried_points(skeleton, roots, set(joints.tolist()))
     positions = np.array(copy.positions)
     world = np.array(copy.world_rotations)
     local = np.array(copy.rotations)
     deviations = np.tile([0.0, 0.0, 0.0, 1.0], (len(skeleton), len(copy), 1))
-    for joint, head in enumerate(heads):
+    for joint, root in enumerate(roots):
         above = world[:, skeleton.parents[joint]] if joint else np.array([[0.0, 0.0, 0.0, 1.0]])
         if joint:
             positions[:, joint] = positions[:, skeleton.parents[joint]] + _turn(above, skeleton.offsets[joint])
-        if handles[joint]:
-            bones = copy.positions[:, handles[joint]] - copy.positions[:, joint, None]
-            deviations[joint] = best_rotation(bones, points[:, handles[joint]] - positions[:, joint, None])
-        world[:, joint] = _product(deviations[head], copy.world_rotations[:, joint])
+        if carried[joint]:
+            bones = copy.positions[:, carried[joint]] - copy.positions[:, joint, None]
+            deviations[joint] = best_rotation(bones, points[:, carried[joint]] - positions[:, joint, None])
+        world[:, joint] = _product(deviations[root], copy.world_rotations[:, joint])
         local[:, joint] = _product(above * [-1, -1, -1, 1], world[:, joint])
         axes = skeleton.rotation_axes(joint)
         if len(axes) < 3:
@@ -50,18 +49,18 @@ def swing(copy: Motion, points: NDArray[np.float64], solved: NDArray[np.intp]) -
     return rigid_motion(skeleton, copy.root_positions, local, copy.frame_time_text)
 
 
-def _handles(skeleton: Skeleton, heads: NDArray[np.intp], solved: set[int]) -> list[list[int]]:
-    """Per joint, where it heads a rigid part, the joints with points that the part's bones carry, away from it."""
-    handles: list[list[int]] = [[] for _ in heads]
+def _carried_points(skeleton: Skeleton, roots: NDArray[np.intp], joints: set[int]) -> list[list[int]]:
+    """For the root of each rigid part, those of `joints` at the ends of the part's bones and away from it."""
+    carried: list[list[int]] = [[] for _ in roots]
     for joint in range(1, len(skeleton)):
-        head = int(heads[skeleton.parents[joint]])
-        if joint in solved and skeleton.path_lengths[head, joint] > 0:
-            handles[head].append(joint)
-    return handles
+        root = int(roots[skeleton.parents[joint]])
+        if joint in joints and skeleton.path_lengths[root, joint] > 0:
+            carried[root].append(joint)
+    return carried
 
 
 def _turn(rotations: NDArray[np.float64], vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(Rotation.from_quat(rotations).apply(np.array(vector)))  # scipy wants it writable
+    return np.asarray(Rotation.from_quat(rotations).apply(np.array(vector)))  # a copy: scipy needs a writable array
 
 
 def _product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,14 +1,13 @@
-"""The paper's postures: every frame's points of least stress, each from the rotation copy.
+"""The paper's postures: the points of least stress in every frame, each solved from the rotation copy.
 
-A warm start from the frame before takes fewer iterations, but over a clip it drifts to mirrored postures, which the
-stress cannot tell from the right ones. The rotation copy is on the right side, and makes each frame its own.
+A start from the frame before takes fewer iterations, but over a clip it drifts to mirrored postures, whose stress is
+the same. The rotation copy is never mirrored, and makes each frame independent of the others.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -18,21 +17,21 @@ from scipy.spatial.transform import Rotation
 from distretarget.distances import DistanceProblem, columns
 from distretarget.numerics.rotations import best_rotation
 from distretarget.numerics.stress import stress_and_gradient, target_distances
+from distretarget.solve.chunks import Progress, blocks_of
 from distretarget.solve.spg import Effort, copy_to, record, spectral_gradient, steepest, straight
 
-TOLERANCE = 1e-9  # norm of the search direction [body sizes] at which a posture is solved
-ITERATIONS = 2000  # at the most, per frame
-FLAT = 1e-6  # a posture thinner than this [body sizes] counts as planar ...
-NUDGE = 1e-4  # ... and starts this far [body sizes] off its plane
-BLOCK = 256  # frames solved between two reports of progress
+POINT_TOLERANCE = 1e-9  # [body sizes] a posture is solved when the search direction is shorter than this
+POINT_ITERATIONS = 2000  # at most, per frame
+FLAT = 1e-6  # [body sizes] a posture thinner than this counts as planar ...
+NUDGE = 1e-4  # [body sizes] ... and starts this far off its plane
 
 
 @dataclass(frozen=True, eq=False)
 class Postures:
-    """The solved points of every frame, and how well each is solved.
+    """The solved points of every frame, and how well each frame is solved.
 
     Attributes:
-        positions: (frames, points, 3) [target file units], turned as the rotation copy and with its centroid.
+        positions: (frames, points, 3), turned to the rotation copy and with its centroid [target file units].
         stress: (frames,), sigma [body sizes squared].
         effort: what the solver took.
     """
@@ -42,7 +41,9 @@ class Postures:
     effort: Effort
 
 
-class _Pairs(NamedTuple):
+class _Stress(NamedTuple):
+    """The stress of one frame: target distances and priorities, (points, points)."""
+
     delta: NDArray[np.float64]
     pi: NDArray[np.float64]
 
@@ -56,48 +57,47 @@ _minimise = spectral_gradient(_objective, steepest, straight)
 
 
 @njit(cache=True, error_model="numpy")
-def _solve(source, starts, ratio, pi, solved, first, figures):  # type: ignore[no-untyped-def]
-    """Solve frame by frame; distances are made per frame."""
-    problem = _Pairs(np.empty_like(pi), pi)
+def _solve(source, starts, ratio, pi, solved, first, log):  # type: ignore[no-untyped-def]
+    """Solve a block of frames, whose first is column `first` of `log`; distances are computed frame by frame."""
+    problem = _Stress(np.empty_like(pi), pi)
     for t in range(len(source)):
         x = starts[t].copy()
         target_distances(source[t], ratio, problem.delta)
-        minimum = _minimise(x, problem, TOLERANCE, ITERATIONS)
+        minimum = _minimise(x, problem, POINT_TOLERANCE, POINT_ITERATIONS)
         copy_to(solved[t], x)
-        record(minimum, figures, first + t)
+        record(minimum, log, first + t)
 
 
 def solve_postures(
     problem: DistanceProblem,
     source: NDArray[np.float64],
     copy: NDArray[np.float64],
-    progress: Callable[[int], Any] = lambda _frames: None,
+    progress: Progress = lambda _frames: None,
 ) -> Postures:
     """Minimise Eq. (2) in every frame.
 
-    `source`, (frames, source joints, 3), and `copy`, (frames, target joints, 3), are the positions of the source and
-    of its rotation copy on the target [file units], from which each frame starts. `progress` is called with numbers of
-    frames as they are done.
+    `source`, (frames, source joints, 3), and `copy`, (frames, target joints, 3), are the positions of the source and of
+    its rotation copy on the target [file units]; each frame starts from the copy. `progress` is called with numbers of
+    solved frames.
     """
-    copied = copy[:, problem.targets]
-    centroids = copied.mean(axis=1, keepdims=True)
-    C = columns((copied - centroids) / problem.body_size)
+    points = copy[:, problem.targets]
+    centroids = points.mean(axis=1, keepdims=True)
+    C = columns((points - centroids) / problem.body_size)
     S = columns(source[:, problem.sources] - source[:, problem.sources].mean(axis=1, keepdims=True))
     X = np.empty_like(C)
-    figures = np.zeros((4, len(C)))
-    for first in range(0, len(C), BLOCK):
-        block = slice(first, first + BLOCK)
-        _solve(S[block], off_plane(C[block]), problem.ratio, problem.priorities, X[block], first, figures)
-        progress(len(C[block]))
+    log = np.zeros((4, len(C)))
+    for block in blocks_of(len(C)):
+        _solve(S[block], off_plane(C[block]), problem.ratio, problem.priorities, X[block], block.start, log)
+        progress(block.stop - block.start)
     positions = aligned(X.transpose(0, 2, 1), C.transpose(0, 2, 1)) * problem.body_size + centroids
-    return Postures(positions, figures[0], Effort(*figures[1:].astype(np.int64)))
+    return Postures(positions, log[0], Effort.from_log(log))
 
 
 def off_plane(x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Postures, (frames, 3, points), moved off their plane or line where they lie in one.
+    """Postures, (frames, 3, points), with those that lie in a plane or on a line moved off it.
 
-    The gradient of a planar posture lies in its plane, so that a solver never leaves it. The points move by
-    `NUDGE` across the plane, by turns to this side and to that; from a line, along both directions across.
+    The gradient of a planar posture lies in its plane, so that a solver never leaves it. The points move by at most
+    `NUDGE` across the plane, some to one side and some to the other; off a line they move along both directions across.
     """
     x = np.array(x)
     axes, extents, _ = np.linalg.svd(x - x.mean(axis=2, keepdims=True), full_matrices=True)
@@ -108,8 +108,9 @@ def off_plane(x: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def aligned(x: NDArray[np.float64], onto: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Postures (frames, points, 3) turned about their centroids, by proper rotations, as near to others as they come;
-    the centroids of the result are at the origin.
+    """Postures (frames, points, 3) turned about their centroids, by proper rotations, as near as possible to `onto`.
+
+    The centroids of the result are at the origin.
     """
     x = x - x.mean(axis=1, keepdims=True)
     return np.asarray(Rotation.from_quat(best_rotation(x, onto)[:, None]).apply(x))

@@ -31,10 +31,10 @@ class Reason(IntEnum):
 
 
 class Minimum(NamedTuple):
-    """What the solver found; the variables themselves are left in its `x`.
+    """What the solver found; the variables themselves are in the array that it was given.
 
     Attributes:
-        value: of the objective at the best iterate, which is what `x` holds.
+        value: of the objective at the best iterate.
         iterations: steps taken.
         evaluations: of the objective with its gradient.
         reason: a `Reason`.
@@ -48,16 +48,22 @@ class Minimum(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Effort:
-    """What a run over many frames took.
+    """What the solver took for each frame of a clip.
 
     Attributes:
-        iterations, evaluations: (frames,), what the solver spent.
-        reasons: (frames,), a `Reason` each.
+        iterations: (frames,), steps taken.
+        evaluations: (frames,), of the objective with its gradient.
+        reasons: (frames,), why the solver stopped, a `Reason` each.
     """
 
     iterations: NDArray[np.int64]
     evaluations: NDArray[np.int64]
     reasons: NDArray[np.int64]
+
+    @classmethod
+    def from_log(cls, log: NDArray[np.float64]) -> Effort:
+        """The effort in a log, (4, frames), whose columns `record` has written."""
+        return cls(*log[1:].astype(np.int64))
 
     def __getitem__(self, frames: slice) -> Effort:
         return Effort(self.iterations[frames], self.evaluations[frames], self.reasons[frames])
@@ -69,12 +75,12 @@ class Effort:
 
 
 @njit(cache=True)
-def record(minimum: Minimum, figures: NDArray[np.float64], frame: int) -> None:
-    """Write what a frame took to column `frame` of `figures`: value, iterations, evaluations, reason."""
-    figures[0, frame] = minimum.value
-    figures[1, frame] = minimum.iterations
-    figures[2, frame] = minimum.evaluations
-    figures[3, frame] = minimum.reason if np.isfinite(minimum.value) else Reason.LINE_SEARCH_FAILED.value
+def record(minimum: Minimum, log: NDArray[np.float64], frame: int) -> None:
+    """Write what a frame took to column `frame` of `log`: value, iterations, evaluations, reason."""
+    log[0, frame] = minimum.value
+    log[1, frame] = minimum.iterations
+    log[2, frame] = minimum.evaluations
+    log[3, frame] = minimum.reason if np.isfinite(minimum.value) else Reason.LINE_SEARCH_FAILED.value
 
 
 @njit(cache=True)
@@ -85,9 +91,9 @@ def _inner(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     return total
 
 
-@njit  # not cached, as minimise below: the type of a problem may belong to somebody else
+@njit  # not cached, nor is `minimise` below: the caller decides what type a problem has
 def steepest(x, gradient, step, problem, d):  # type: ignore[no-untyped-def] # noqa: ARG001
-    """The search direction where nothing is projected: d = -step gradient, written."""
+    """Write the search direction where nothing is projected, d = -step gradient."""
     flat_g, flat_d = gradient.ravel(), d.ravel()
     for i in range(flat_g.size):
         flat_d[i] = -step * flat_g[i]
@@ -95,7 +101,7 @@ def steepest(x, gradient, step, problem, d):  # type: ignore[no-untyped-def] # n
 
 @njit
 def straight(x, d, alpha, problem, out):  # type: ignore[no-untyped-def] # noqa: ARG001
-    """The move in a Euclidean space: out = x + alpha d, written."""
+    """Write the move in a Euclidean space, out = x + alpha d."""
     flat_x, flat_d, flat_out = x.ravel(), d.ravel(), out.ravel()
     for i in range(flat_x.size):
         flat_out[i] = flat_x[i] + alpha * flat_d[i]
@@ -103,7 +109,7 @@ def straight(x, d, alpha, problem, out):  # type: ignore[no-untyped-def] # noqa:
 
 @njit(cache=True)
 def copy_to(target: NDArray[np.float64], source: NDArray[np.float64]) -> None:
-    """target[:] = source for contiguous arrays of one shape; a loop compiles in a tenth of the time."""
+    """target[:] = source, for contiguous arrays of one shape: a loop, which compiles in a tenth of the time."""
     flat_source, flat_target = source.ravel(), target.ravel()
     for i in range(flat_source.size):
         flat_target[i] = flat_source[i]
@@ -114,17 +120,17 @@ def spectral_gradient(
 ) -> Callable[..., Any]:
     """Compile the method for one kind of problem, given as three compiled functions.
 
-    objective(x, problem, gradient) -> float: the value at `x`, the gradient written.
-    direction(x, gradient, step, problem, d): d written, P(x - step gradient) - x, where P projects onto the
-        feasible set, in the metric of the problem where it has one.
-    move(x, d, alpha, problem, out): out written, x + alpha d, or its like on a manifold.
+    objective(x, problem, gradient) -> float: returns the value at `x` and writes the gradient.
+    direction(x, gradient, step, problem, d): writes d = P(x - step gradient) - x, where P projects onto the feasible
+        set, in the metric of the problem where it has one.
+    move(x, d, alpha, problem, out): writes out = x + alpha d, or what corresponds to it on a manifold.
 
     Returns a compiled minimise(x, problem, tolerance, limit) -> Minimum, which overwrites the array `x` with the
     best iterate. It stops when the Euclidean norm of the search direction is at most `tolerance` [units of x],
     after `limit` iterations, or when no step of at least 1e-12 of the direction lowers the objective enough.
     """
 
-    @njit(error_model="numpy")  # its callers are cached, and hold a copy of it
+    @njit(error_model="numpy")  # not cached: the compiled functions that call it are, and contain it
     def minimise(x, problem, tolerance, limit):  # type: ignore[no-untyped-def]
         g = np.empty_like(x)
         f = objective(x, problem, g)

@@ -11,13 +11,9 @@ from distretarget.body.legs import Leg, leg_length
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.smoothing import widened
+from distretarget.solve.settings import ContactSettings
 
 Array = NDArray[np.float64]
-
-SLOW = 0.35  # a foot at rest is slower than this [leg lengths / s] ...
-LOW = 0.1  # ... and no more than this [leg lengths] above the lowest joint of the body
-BLEND = 0.16  # [s] over which a foot is caught, and let go
-PITCH = (0.5, 4.0 / 3.0)  # the least and the most by which the sine of a flat foot's pitch is scaled
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +39,7 @@ def no_stance(frames: int) -> Stance:
     return Stance(np.zeros(0, np.intp), np.zeros((frames, 0)), np.zeros((frames, 0, 3)))
 
 
-def find_stance(matching: Matching, scale: float) -> Stance:
+def find_stance(matching: Matching, scale: float, settings: ContactSettings) -> Stance:
     """The feet at rest in the source, and their places on the target: the scaled places of the source's.
 
     A foot rests while it is slow and low. Only the frames around a frame decide, so that a clip may be cut anywhere.
@@ -55,15 +51,15 @@ def find_stance(matching: Matching, scale: float) -> Stance:
     up, length = matching.source.up_vector, leg_length(matching.source.skeleton, legs[0])
     joints, weights, places = [], [], []
     for driver, leg in zip(*legs, strict=True):
-        rest = _at_rest(source, driver, up, length)
+        rest = _at_rest(source, driver, up, length, settings)
         joints += [leg.ankle, leg.toe]
-        weights += list(widened(rest.astype(np.float64), BLEND / source.frame_time).T)
+        weights += list(widened(rest.astype(np.float64), settings.stance_blend / source.frame_time).T)
         foot = matching.target.skeleton.path_lengths[leg.ankle, leg.toe]
-        places += _places(source, driver, up, scale, foot)
+        places += _places(source, driver, up, scale, foot, settings)
     return Stance(np.array(joints), np.stack(weights, axis=1), np.stack(places, axis=1))
 
 
-def _at_rest(source: Motion, leg: Leg, up: Array, length: float) -> NDArray[np.bool_]:
+def _at_rest(source: Motion, leg: Leg, up: Array, length: float, settings: ContactSettings) -> NDArray[np.bool_]:
     """(frames, 2), whether ankle and toe rest."""
     feet = source.positions[:, [leg.ankle, leg.toe]]
     if len(feet) < 2:
@@ -71,11 +67,11 @@ def _at_rest(source: Motion, leg: Leg, up: Array, length: float) -> NDArray[np.b
     speed = np.linalg.norm(np.gradient(feet, source.frame_time, axis=0), axis=-1)
     below = [leg.ankle, leg.toe, *source.skeleton.children[leg.toe]]
     heights = source.positions @ up
-    low = heights[:, below].min(axis=1) - heights.min(axis=1) < LOW * length
-    return np.asarray((speed < SLOW * length) & low[:, None])
+    low = heights[:, below].min(axis=1) - heights.min(axis=1) < settings.rest_height * length
+    return np.asarray((speed < settings.rest_speed * length) & low[:, None])
 
 
-def _places(source: Motion, leg: Leg, up: Array, scale: float, bone: float) -> list[Array]:
+def _places(source: Motion, leg: Leg, up: Array, scale: float, bone: float, settings: ContactSettings) -> list[Array]:
     """Where ankle and toe belong, (frames, 3) each, a foot's bone of the given length apart.
 
     The sine of the foot's pitch is scaled so that a flat foot's ankle comes to the scaled height, less and less so the
@@ -86,7 +82,7 @@ def _places(source: Motion, leg: Leg, up: Array, scale: float, bone: float) -> l
     length = np.linalg.norm(foot, axis=1)
     if not length.all() or bone == 0.0:
         return [toe, toe]
-    q = np.clip(scale * length / bone, *PITCH)
+    q = np.clip(scale * length / bone, settings.least_pitch, settings.most_pitch)
     sine = np.clip(foot @ up / length, -1.0, 1.0)
     pitched = sine * (q + (1.0 - q) * np.abs(sine) ** 3)
     level = foot - (foot @ up)[:, None] * up

@@ -1,0 +1,36 @@
+"""Jumps: a part that goes from one solution to another within a frame, and the smooth passage that replaces it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from distretarget.numerics.smoothing import averaged, widened
+from distretarget.solve.settings import ContactSettings
+
+Array = NDArray[np.float64]
+
+
+def smooth_jumps(v: Array, frame_time: float, settings: ContactSettings) -> Array:
+    """Poses (frames, parts + 1, 3) in which no part jumps; the same array where none does.
+
+    A part jumps where its deviation changes faster than `settings.jump_speed`. Where it stays after the jump, its
+    deviation becomes a mean over the frames around (a raised cosine). A spike of one or two frames is not a jump, and
+    is left as it is. `frame_time` is in [s].
+    """
+    limit = settings.jump_speed * frame_time
+    if not _jumps(v, limit).any():
+        return v
+    lasting = median_filter(v, (5, 1, 1), mode="nearest")
+    jumps = _jumps(lasting, limit)
+    reach = round(settings.jump_blend / frame_time)
+    share = widened(np.maximum(jumps, np.roll(jumps, 1, axis=0)), reach)[..., None]
+    return np.asarray(v + share * (averaged(lasting, reach) - v))
+
+
+def _jumps(v: Array, limit: float) -> Array:
+    """(frames, parts + 1), 1 where a part's deviation changes by more than `limit` [rad] to the next frame, else 0."""
+    jumps = np.zeros(v.shape[:2])
+    jumps[:-1, :-1] = np.linalg.norm(np.diff(v[:, :-1], axis=0), axis=-1) > limit
+    return jumps

@@ -1,0 +1,87 @@
+"""The rigid parts of a body: which joints turn together, how much each part carries, and the motion of solved parts.
+
+A part is a joint together with the joints that never turn against it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.motion import Motion, rigid_motion
+from distretarget.numerics.kinematics import local_rotations, rotation_products
+from distretarget.skeleton import Skeleton
+
+Array = NDArray[np.float64]
+
+LEAST_TURN = 2e-5  # [quaternion norm] a smaller change of a local rotation is the rounding of files
+SPIKE_SHARE = 0.05  # [of all frames] a joint that turns in fewer frames than this is rigid: those frames may be faulty
+
+
+def rigid_part_roots(copy: Motion) -> NDArray[np.intp]:
+    """(joints,), the topmost joint of the rigid part that each joint belongs to.
+
+    A joint belongs to its parent's part if it does not turn against its parent in the motion (hip joints and collars of
+    many rigs) or cannot, having no rotation channels; otherwise it is the root of a part. In a motion in which no joint
+    turns, such as a single frame, only joints that coincide with their parents count as rigid.
+    """
+    skeleton = copy.skeleton
+    signs = np.sign(np.einsum("fji,ji->fj", copy.rotations, copy.rotations[0]))
+    rotations = signs[..., None] * copy.rotations
+    turned = np.linalg.norm(rotations - np.median(rotations, axis=0), axis=2) > LEAST_TURN
+    rigid = turned.mean(axis=0) <= SPIKE_SHARE
+    if rigid.all():
+        rigid = skeleton.lengths == 0.0
+    rigid |= np.array([not skeleton.rotation_axes(joint) for joint in range(len(skeleton))])
+    roots = np.arange(len(skeleton))
+    for joint in range(1, len(skeleton)):
+        if rigid[joint] and skeleton.children[joint]:
+            roots[joint] = roots[skeleton.parents[joint]]
+    return roots
+
+
+def part_of_joint(skeleton: Skeleton, roots: NDArray[np.intp]) -> NDArray[np.intp]:
+    """(joints,), the number of the part that carries the bones below each joint.
+
+    `roots` is what `rigid_part_roots` returns. Parts are numbered from the skeleton's root down. A leaf carries no bone
+    and gets the number of its parent.
+    """
+    carriers = np.array([joint if below else skeleton.parents[joint] for joint, below in enumerate(skeleton.children)])
+    numbers: NDArray[np.intp] = np.unique(roots[np.maximum(carriers, 0)], return_inverse=True)[1]
+    return numbers
+
+
+def subtree_lengths(skeleton: Skeleton, carried: NDArray[np.intp]) -> Array:
+    """(joints,), the summed length of each joint's own bone and of all bones below it [file units].
+
+    Only bones on the way to one of the joints `carried` count: tails, props and other helpers do not.
+    """
+    sums = np.zeros(len(skeleton))
+    on_the_way = [*{joint for tip in carried for joint in skeleton.line(int(tip))}]
+    sums[on_the_way] = skeleton.lengths[on_the_way]
+    for joint in range(len(skeleton) - 1, 0, -1):
+        sums[skeleton.parents[joint]] += sums[joint]
+    return sums
+
+
+def posed_motion(copy: Motion, v: Array, parts: NDArray[np.intp], root_positions: Array) -> Motion:
+    """The motion whose parts deviate from the rotation copy by `v`, (frames, parts + 1, 3) [rad].
+
+    Leaves keep the world rotations of the copy, since they carry no bone, unless they never turn against their parents.
+    `root_positions`, (frames, 3) [file units], are taken as they are; the root's displacement in `v` is not added.
+    """
+    skeleton = copy.skeleton
+    deviations = Rotation.from_rotvec(v[:, :-1]).as_quat()[:, parts]
+    deviations[:, _leaves(skeleton) & ~_never_turned(copy)] = [0.0, 0.0, 0.0, 1.0]
+    world = rotation_products(deviations, copy.world_rotations)
+    return rigid_motion(skeleton, root_positions, local_rotations(skeleton.parents, world), copy.frame_time_text)
+
+
+def _leaves(skeleton: Skeleton) -> NDArray[np.bool_]:
+    return np.array([not below for below in skeleton.children])
+
+
+def _never_turned(copy: Motion) -> NDArray[np.bool_]:
+    """(joints,), whether a joint keeps its rest rotation throughout, as twist joints do that nothing drives."""
+    return np.asarray(np.abs(copy.rotations[..., :3]).max(axis=(0, 2)) < LEAST_TURN)

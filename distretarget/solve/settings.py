@@ -1,0 +1,92 @@
+"""The settings of the contact objective: everything that shapes its result."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+
+from distretarget.errors import SettingsError
+
+
+@dataclass(frozen=True)
+class ContactSettings:
+    """The settings of the contact objective; the default values serve every clip and body.
+
+    Stiffness values and factors have no unit: only their ratios matter. D is the distance of two joints over the length
+    of the path between them, Eq. (1); a body unit is twice the target's leg length, about its height. `docs/method.md`
+    has the equations.
+
+    Attributes:
+        close: [D] up to this distance a pair of joints is kept near with full strength.
+        apart: [D] from this distance on a pair is ignored; a larger value keeps more pairs, and changes the motion
+            more.
+        least_path: [joints] a pair needs at least this path size |P|: joints near each other along the tree make no
+            contact.
+        pair_stiffness: [-] stiffness of a pair at D = `close`: a larger value keeps contacts better and turns more
+            bones.
+        touch: [D] added to the distance that the stiffness of a pair is divided by, so that pairs that touch are at
+            most `close / touch` times as stiff.
+        direction_range: [body units] pairs nearer than about this keep their direction as well as their distance.
+        lead: [s] a pair sets in over twice this time before a contact, and fades over twice this time after it; longer
+            is smoother.
+        base_stiffness: [-] stiffness of the rotation copy's rotations, per body unit of bones.
+        added_length: [body units] added to the length of a part's bones, so that hands, fingers and eyes are stiff too.
+        trunk_factor: [-] how much stiffer a part becomes that carries the whole body; a larger value leaves more to the
+            arms.
+        foot_factor: [-] how much stiffer the feet are than other parts.
+        fixed_stiffness: [-] stiffness of the parts above the pelvis, so that a root on the floor does not tip the body
+            over.
+        root_stiffness: [-] stiffness of the root's path.
+        stance_stiffness: [-] stiffness of the place of a resting foot, which comes before everything else.
+        jump_speed: [rad/s] a part whose deviation changes faster than this (600 degrees/s) jumps from one solution to
+            another.
+        jump_blend: [s] a jump is replaced by a mean over this time before and after each frame.
+        tolerance: [-] a frame is solved when the search direction in the scaled unknowns is shorter than this: nothing
+            shakes, and cuts between chunks of a clip cannot be seen.
+        rest_speed: [leg lengths/s] a resting foot is slower than this.
+        rest_height: [leg lengths] a resting foot is no higher than this above the lowest joint of the body.
+        stance_blend: [s] a foot is drawn to its place over twice this time before it rests, and released from it over
+            twice this time after.
+        least_pitch: [-] the least factor for the sine of a flat foot's pitch.
+        most_pitch: [-] the largest factor for the sine of a flat foot's pitch.
+
+    Raises:
+        SettingsError: a value is negative or not finite, zero where it divides, or two limits are in the wrong order.
+    """
+
+    close: float = 0.11
+    apart: float = 0.16
+    least_path: int = 5
+    pair_stiffness: float = 60.0
+    touch: float = 0.005
+    direction_range: float = 0.08
+    lead: float = 0.3
+    base_stiffness: float = 0.04
+    added_length: float = 1.0
+    trunk_factor: float = 20.0
+    foot_factor: float = 5.0
+    fixed_stiffness: float = 1e6
+    root_stiffness: float = 20.0
+    stance_stiffness: float = 5000.0
+    jump_speed: float = 60.0 * math.radians(10.0)
+    jump_blend: float = 0.1
+    tolerance: float = 1e-6
+    rest_speed: float = 0.35
+    rest_height: float = 0.1
+    stance_blend: float = 0.16
+    least_pitch: float = 0.5
+    most_pitch: float = 4.0 / 3.0
+
+    def __post_init__(self) -> None:
+        for name, value in asdict(self).items():
+            if not 0 <= value < math.inf:
+                raise SettingsError(f"{name} is {value}; it has to be a finite number, not less than 0")
+        for name in ("touch", "direction_range", "tolerance"):
+            if getattr(self, name) == 0:
+                raise SettingsError(f"{name} is 0; it has to be more than 0")
+        for lower, upper in (("close", "apart"), ("least_pitch", "most_pitch")):
+            if not getattr(self, lower) < getattr(self, upper):
+                raise SettingsError(
+                    f"{lower} is {getattr(self, lower)} and {upper} is {getattr(self, upper)}; "
+                    f"{lower} has to be less than {upper}"
+                )

@@ -1,0 +1,90 @@
+"""A small body drawn by random springs, which the tests of springs, their curvature and the solver share."""
+
+import numpy as np
+from bodies import swaying
+
+from distretarget import Skeleton
+from distretarget.solve.articulation import Articulation, pose_body, pose_gradient, scratch_of
+from distretarget.solve.contact import _solve
+from distretarget.solve.rigid_parts import part_of_joint
+from distretarget.solve.settings import ContactSettings
+from distretarget.solve.springs import Springs, spring_energy
+
+
+def random_springs(draw, joints, frames=1, count=12, grounded=4):
+    """Springs with the frames in front, the last few of them grounded."""
+    a = draw.integers(0, joints, count)
+    b = (a + draw.integers(1, joints, count)) % joints
+    b[count - grounded :] = -1
+    e = draw.normal(size=(frames, count, 3))
+    e /= np.linalg.norm(e, axis=-1, keepdims=True)
+    k = np.where(b < 0, 1.0, draw.uniform(0, 1, (frames, count)))
+    return Springs(a, b, draw.normal(size=(frames, count, 3)), e, draw.uniform(0.5, 3, (frames, count)), k)
+
+
+def at(springs, frame):
+    return Springs(springs.a, springs.b, *(values[frame] for values in springs[2:]))
+
+
+def naive_energy(x, springs):
+    energy = 0.0
+    for a, b, rest, e, w, k in zip(*springs, strict=True):
+        r = x[a] - rest - (x[b] if b >= 0 else 0)
+        energy += 0.5 * w * r @ (k * np.eye(3) + (1 - k) * np.outer(e, e)) @ r
+    return energy
+
+
+class Case:
+    """A small body in one posture per frame, with random stiffness and springs."""
+
+    def __init__(self, seed, frames=1, joints=8):
+        draw = np.random.default_rng(seed)
+        parents = [-1] + [int(draw.integers(max(0, joint - 3), joint)) for joint in range(1, joints)]
+        names = tuple(f"j{joint}" for joint in range(joints))
+        channels = (("Zrotation", "Xrotation", "Yrotation"),) * joints
+        skeleton = Skeleton(names, parents, 0.4 * draw.normal(size=(joints, 3)), channels, [False] * joints)
+        copy = swaying(skeleton, frames, seed=seed)
+        self.parts = part_of_joint(skeleton, np.arange(joints))
+        self.stiffness = draw.uniform(0.3, 1.0, self.parts.max() + 2)
+        self.body = Articulation(skeleton.parents, self.parts, self.stiffness)
+        self.bones = copy.positions - copy.positions[:, skeleton.parents]
+        self.root = np.array(copy.positions[:, 0])
+        self.springs = random_springs(draw, joints, frames)
+        self.scratch = scratch_of(joints, self.parts.max() + 1)
+
+    @property
+    def shape(self):
+        return len(self.stiffness), 3
+
+    def positions(self, v, frame=0):
+        pose_body(v, self.body, self.bones[frame], self.root[frame], self.scratch)
+        return self.scratch.x.copy()
+
+    def energy(self, v, frame=0):
+        held = 0.5 * np.sum(self.stiffness[:, None] * v**2)
+        return naive_energy(self.positions(v, frame), at(self.springs, frame)) + held
+
+    def energy_and_gradient(self, flat, frame=0):
+        v, gradient = flat.reshape(self.shape), np.empty(self.shape)
+        self.positions(v, frame)
+        self.scratch.gradient[:] = 0.0
+        value = spring_energy(self.scratch, at(self.springs, frame))
+        return value + pose_gradient(v, self.body, self.scratch, gradient), gradient.ravel()
+
+    def without_residual(self):
+        """The same with springs at rest in the copy's posture."""
+        for frame in range(len(self.root)):
+            x, b = self.positions(np.zeros(self.shape), frame), self.springs.b
+            self.springs.rest[frame] = x[self.springs.a] - np.where(b[:, None] >= 0, x[b], 0.0)
+        return self
+
+    def solved(self, before=None):
+        """The poses of all frames, the first of which may be given, and the log of the solver."""
+        v, log = np.zeros((len(self.root), *self.shape)), np.zeros((4, len(self.root)))
+        first = 0
+        if before is not None:
+            first = len(before)
+            v[:first] = before
+        rows = Springs(*self.springs[:2], *(values[first:] for values in self.springs[2:]))
+        _solve(self.body, self.bones[first:], self.root[first:], rows, ContactSettings().tolerance, v, first, log)
+        return v, log

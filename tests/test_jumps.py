@@ -1,0 +1,55 @@
+"""Jumps from one solution to another: found by their speed, made smooth, spikes left alone."""
+
+import numpy as np
+import pytest
+
+from distretarget.solve.jumps import smooth_jumps
+from distretarget.solve.settings import ContactSettings
+
+FRAME_TIME = 1 / 60  # [s]
+SETTINGS = ContactSettings()
+
+
+def course(deviation):
+    """Poses of two parts and the root, of which the first follows the given deviations [rad]."""
+    v = np.zeros((len(deviation), 3, 3))
+    v[:, 0, 1] = deviation
+    v[:, 1, 2] = 0.1 * np.sin(np.arange(len(deviation)) / 10)
+    v[:, 2, 0] = np.linspace(0, 1, len(deviation))
+    return v
+
+
+def test_poses_without_a_jump_are_left_as_they_are():
+    v = course(np.sin(np.arange(100) / 10))
+    assert smooth_jumps(v, FRAME_TIME, SETTINGS) is v
+
+
+def test_the_root_may_jump():
+    v = course(np.zeros(100))
+    v[50:, 2] += 5.0
+    assert smooth_jumps(v, FRAME_TIME, SETTINGS) is v
+
+
+def test_a_lasting_jump_becomes_smooth():
+    v = course(np.where(np.arange(120) < 60, 0.0, 1.0))
+    smooth = smooth_jumps(v, FRAME_TIME, SETTINGS)
+    steps = np.diff(smooth[:, 0, 1])
+    assert np.all(steps >= -1e-12)
+    assert steps.max() < 0.2
+    np.testing.assert_array_equal(smooth[[0, 40, 80, 119]], v[[0, 40, 80, 119]])
+    np.testing.assert_allclose(smooth[:, 1:], v[:, 1:])
+
+
+@pytest.mark.parametrize("frames", [1, 2])
+def test_a_spike_stays_alone(frames):
+    deviation = np.zeros(100)
+    deviation[50 : 50 + frames] = 1.5
+    v = course(deviation)
+    np.testing.assert_allclose(smooth_jumps(v, FRAME_TIME, SETTINGS), v, atol=1e-12)
+
+
+def test_jumps_are_judged_by_their_speed_not_by_their_frame():
+    fast = course(np.linspace(0, 8, 60))
+    assert smooth_jumps(fast, 1 / 60, SETTINGS) is fast
+    assert smooth_jumps(fast, 1 / 30, SETTINGS) is fast
+    assert smooth_jumps(fast, 1 / 240, SETTINGS) is not fast

@@ -1,0 +1,105 @@
+"""Poses of least energy: against another solver from the same start, and what the starts, units and weights do."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
+from spring_case import Case
+
+from distretarget.solve.spg import Reason
+from distretarget.solve.springs import Springs
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_minimum_is_that_of_lbfgs_from_the_same_start(seed):
+    case = Case(seed)
+    v, log = case.solved()
+    options = {"ftol": 0, "gtol": 1e-9, "maxiter": 5000}
+    start = np.zeros(v[0].size)
+    oracle = minimize(case.energy_and_gradient, start, jac=True, method="L-BFGS-B", options=options)
+    assert log[3, 0] == Reason.CONVERGED
+    assert log[0, 0] == pytest.approx(oracle.fun, rel=1e-6)
+    assert log[0, 0] == pytest.approx(case.energy(v[0]), rel=1e-12)
+    np.testing.assert_allclose(case.positions(v[0]), case.positions(oracle.x.reshape(case.shape)), atol=1e-4)
+
+
+def test_springs_at_rest_take_no_iteration():
+    v, log = Case(1, frames=3).without_residual().solved()
+    np.testing.assert_array_equal(log[1], 0)
+    np.testing.assert_allclose(v, 0.0)
+
+
+def test_a_start_at_the_minimum_is_used():
+    case = Case(2, frames=2)
+    for values in (case.bones, case.root, *case.springs[2:]):
+        values[1] = values[0]
+    v, log = case.solved()
+    assert log[1, 0] > 0
+    assert log[1, 1] <= 1
+    np.testing.assert_allclose(v[1], v[0], atol=1e-5)
+
+
+def test_a_start_worse_than_the_copy_is_not_used():
+    case = Case(3, frames=2)
+    worse = 2.5 * np.random.default_rng(0).normal(size=(1, *case.shape))
+    v, log = case.solved(before=worse)
+    fresh, once = case.solved(before=np.zeros_like(worse))
+    assert log[0, 1] == pytest.approx(once[0, 1], rel=1e-9)
+    assert case.energy(worse[0], 1) > case.energy(np.zeros(case.shape), 1)
+    np.testing.assert_allclose(v[1], fresh[1], atol=1e-9)
+
+
+def test_the_two_poses_before_are_continued():
+    """Where the deviation grows evenly, the continued pose is the minimum."""
+    case = Case(4, frames=3)
+    case.stiffness[:], springs = 1e-9, case.springs
+    springs.w[:] = 0.0
+    speed = np.random.default_rng(5).normal(size=case.shape) * 0.1
+    before = np.array([speed, 2 * speed])
+    springs.w[2, springs.b < 0] = 100.0
+    springs.rest[2] = case.positions(3 * speed, 2)[springs.a]
+    _, log = case.solved(before=before)
+    assert log[0, 2] < 1e-6
+    assert log[1, 2] <= 3
+
+
+def test_no_solved_pose_lies_above_any_of_its_starts():
+    case = Case(5, frames=12)
+    v, log = case.solved()
+    for frame in range(2, 12):
+        starts = [np.zeros(case.shape), v[frame - 1], 2 * v[frame - 1] - v[frame - 2]]
+        assert log[0, frame] <= min(case.energy(start, frame) for start in starts) * (1 + 1e-12)
+
+
+@pytest.mark.parametrize(("stiffer", "farther"), [(1e6, 1.0), (1.0, 1e4)])
+def test_frames_that_do_not_converge_are_reported_and_no_worse_than_their_start(stiffer, farther):
+    case = Case(6)
+    case.springs.w[:] *= stiffer
+    case.springs.rest[:] *= farther
+    v, log = case.solved()
+    assert log[3, 0] != Reason.CONVERGED
+    assert log[0, 0] == pytest.approx(case.energy(v[0]), rel=1e-9)
+    assert log[0, 0] < case.energy(np.zeros(case.shape))
+
+
+def test_springs_without_weight_may_be_anything():
+    case = Case(7, frames=2)
+    expected, _ = case.solved()
+    case.springs = Springs(
+        *(np.append(joints, [0, 1]) for joints in case.springs[:2]),
+        *(np.concatenate([values, np.full_like(values[:, :2], 1e30)], axis=1) for values in case.springs[2:]),
+    )
+    case.springs.w[:, -2:] = 0.0
+    v, _ = case.solved()
+    np.testing.assert_array_equal(v, expected)
+
+
+def test_a_turned_world_turns_the_solution():
+    case = Case(8)
+    straight, log = case.solved()
+    turn = Rotation.from_rotvec([0.3, -1.2, 0.5])
+    for values in (case.bones, case.root, case.springs.rest, case.springs.e):
+        values[0] = turn.apply(values[0])
+    turned, again = case.solved()
+    assert again[0, 0] == pytest.approx(log[0, 0], rel=1e-9)
+    np.testing.assert_allclose(turned[0], turn.apply(straight[0]), atol=1e-4)

@@ -1,0 +1,50 @@
+"""The settings of the contact objective: documented, checked, carried to workers, and obeyed."""
+
+import math
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bodies import clapping, lengthened, person
+
+from distretarget import retarget
+from distretarget.errors import SettingsError
+from distretarget.solve.settings import ContactSettings
+
+DEFAULT = ContactSettings()
+
+
+def test_settings_survive_pickling():
+    changed = replace(DEFAULT, close=0.1, least_path=7)
+    assert pickle.loads(pickle.dumps(changed)) == changed
+
+
+@pytest.mark.parametrize(
+    ("change", "place"),
+    [
+        ({"lead": -0.1}, "lead is -0.1"),
+        ({"rest_speed": math.nan}, "rest_speed is nan"),
+        ({"root_stiffness": math.inf}, "root_stiffness is inf"),
+        ({"touch": 0}, "touch is 0"),
+        ({"close": 0.2}, "close is 0.2 and apart is 0.16"),
+        ({"least_pitch": 2.0}, "least_pitch has to be less than most_pitch"),
+    ],
+)
+def test_values_without_meaning_are_refused_in_one_line(change, place):
+    with pytest.raises(SettingsError, match=place) as refused:
+        replace(DEFAULT, **change)
+    assert "\n" not in str(refused.value)
+
+
+def test_the_settings_given_are_those_that_count():
+    source, body = clapping(np.ones(6)), lengthened(person(), {"Wrist": 1.5})
+    nothing = retarget(source, body, settings=replace(DEFAULT, pair_stiffness=0.0, stance_stiffness=0.0))
+    np.testing.assert_allclose(nothing.motion.world_rotations, nothing.copy.world_rotations, atol=1e-12)
+    wrists = [body.index("LeftWrist"), body.index("RightWrist")]
+    stiff, soft = (
+        retarget(source, body, settings=replace(DEFAULT, pair_stiffness=stiffness)).motion.positions[:, wrists]
+        for stiffness in (100.0, 1.0)
+    )
+    gaps = [np.linalg.norm(x[:, 0] - x[:, 1], axis=1).mean() for x in (stiff, soft)]
+    assert gaps[0] < gaps[1]
