@@ -1,14 +1,13 @@
 """Rigs of any kind: roots on the floor, joints above the hips, and bodies that are no people."""
 
-import sys
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 from animals import camera, dog, on_a_root, sword
 from bodies import SAMPLES, lengthened, posed, swaying
+from make_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, read_bvh, retarget
@@ -18,9 +17,6 @@ from distretarget.body.legs import height
 from distretarget.errors import MatchingError
 from distretarget.matching.matching import find_matching, match
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
-
-sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
-from make_rigs import CONVENTIONS, rig
 
 # The sample's joints as Bandai Namco's files call them.
 BANDAI = {

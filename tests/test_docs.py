@@ -3,17 +3,14 @@
 import re
 import shlex
 import shutil
-import sys
 from pathlib import Path
 
 import pytest
 from bodies import SAMPLES
 from click.testing import CliRunner
+from make_reference import PAGE, reference
 
 from distretarget.cli import cli
-
-sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
-from make_reference import PAGE, reference
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])

@@ -1,7 +1,6 @@
 """Every convention onto every other: the joints of each part, whatever they are called."""
 
 import json
-import sys
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -9,14 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bodies import CORPUS, needs_corpus
+from make_rigs import CONVENTIONS, rig
 
 from distretarget import DistretargetError, Skeleton, read_bvh
 from distretarget.body.anatomy import ARM, LEG, SIDES
 from distretarget.body.conventions import by_names
 from distretarget.matching.matching import find_matching, refusal
-
-sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
-from make_rigs import CONVENTIONS, rig
 
 NAMES = Path(__file__).resolve().parents[2] / "shared" / "joint_names.json"
 DATA = json.loads(NAMES.read_text("utf-8")) if NAMES.is_file() else {"_roles": {}}

@@ -8,12 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bodies import SAMPLES
+from make_rigs import CONVENTIONS, POSES, rig
 
 from distretarget import load_skeleton
 from distretarget.body.legs import find_legs, height, leg_length
-
-sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
-from make_rigs import CONVENTIONS, POSES, rig
 
 SCRIPT = Path(__file__).resolve().parents[1] / "tools" / "make_rigs.py"
 RIGS = SAMPLES / "rigs"
