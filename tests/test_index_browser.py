@@ -78,7 +78,6 @@ def opened(browser, pages):
 
     def opens(name="few", width=1440, height=1000, **context):
         tab = browser.new_page(viewport={"width": width, "height": height}, **context)
-        tab.set_default_timeout(5000)
         tabs.append(tab)
         tab.on("console", lambda message: problems.append(message.text))
         tab.on("pageerror", lambda error: problems.append(str(error)))
