@@ -3,7 +3,6 @@
 import itertools
 import re
 import tempfile
-import time
 import warnings
 from pathlib import Path
 
@@ -560,13 +559,11 @@ def test_angles_turn_on_over_the_frames_and_through_the_lock():
 
 
 def outcome(content):
-    """The motion, or the error; anything else fails, as does taking long."""
-    start = time.perf_counter()
+    """The motion, or the error; anything else fails."""
     try:
         result = read(content)
     except DistretargetError as error:
         result = error
-    assert time.perf_counter() - start < 5
     if isinstance(result, Motion):
         assert np.all(np.isfinite(result.rotations))
         assert np.all(np.isfinite(result.translations))
