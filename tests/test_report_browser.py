@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bodies import SAMPLES, person, posed, swaying, with_bone
+from pages import CONTRASTS, settle
 
 from distretarget import load_target, read_bvh, retarget
 from distretarget.measure.diff import Diff, diff
@@ -78,29 +79,6 @@ MADE = {
 }
 
 
-LUMINANCES = """() => {
-    const linear = part => part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4;
-    const parts = colour => (colour.match(/[\\d.]+/g) || []).map(Number);
-    const luminance = colour => {
-        const [r, g, b] = parts(colour).map(part => linear(part / 255));
-        return 0.2126 * r + 0.7152 * g + 0.0722 * b;
-    };
-    const background = one => {
-        for (; one; one = one.parentElement) {
-            const colour = getComputedStyle(one).backgroundColor;
-            if (parts(colour)[3] !== 0) return colour;
-        }
-        return 'rgb(255, 255, 255)';
-    };
-    const texts = [...document.querySelectorAll('body *:not(script)')].filter(one => one.checkVisibility()
-        && [...one.childNodes].some(node => node.nodeType === Node.TEXT_NODE && node.data.trim()));
-    return texts.map(one => {
-        const [p, q] = [luminance(getComputedStyle(one).color), luminance(background(one))];
-        return [(Math.max(p, q) + 0.05) / (Math.min(p, q) + 0.05), one.outerHTML.slice(0, 160)];
-    });
-}"""
-
-
 @pytest.fixture(scope="module")
 def reports(tmp_path_factory):
     """Makes a report once: its file, and its document."""
@@ -118,35 +96,9 @@ def reports(tmp_path_factory):
 
 
 @pytest.fixture
-def opened(browser, reports):
-    """Opens a report in a tab. At the end it asked for no other file and had nothing to complain of."""
-    tabs, problems, asked = [], [], []
-
-    def opens(name="sample", width=1440, height=1000, **context):
-        path, _ = reports(name)
-        tab = browser.new_page(viewport={"width": width, "height": height}, **context)
-        tabs.append(tab)
-        tab.on("console", lambda message: problems.append(message.text))
-        tab.on("pageerror", lambda error: problems.append(str(error)))
-        tab.on("request", lambda request: asked.append(request.url))
-        tab.goto(path.as_uri())
-        settle(tab)
-        return tab
-
-    yield opens
-    for tab in tabs:
-        settle(tab)
-        tab.close()
-    assert not problems
-    assert len(asked) == len(tabs)
-    assert all(url.startswith("file:") for url in asked)
-
-
-def settle(tab):
-    """Wait for what is asked for to be drawn."""
-    tab.evaluate("""async () => {
-        for (let k = 0; k < 3; k++) await new Promise(requestAnimationFrame);
-    }""")
+def opened(open_page, reports):
+    """Opens a report in a tab."""
+    return lambda name="sample", **options: open_page(reports(name)[0], **options)
 
 
 def frame(tab):
@@ -472,7 +424,7 @@ def test_print_shows_every_section_on_white(opened):
     assert tab.is_visible("#terms")
     assert not [canvas for canvas in tab.locator("canvas:visible").all() if canvas.evaluate(BLANK)]
     assert tab.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
-    assert not [what for ratio, what in tab.evaluate(LUMINANCES) if ratio < 4.5]
+    assert not [what for ratio, what in tab.evaluate(CONTRASTS) if ratio < 4.5]
     tab.evaluate("dispatchEvent(new Event('afterprint'))")
     tab.emulate_media(media="screen")
     assert tab.inner_text("#theme") == "Light"
@@ -566,7 +518,7 @@ def test_every_control_has_a_name(opened):
 
 @pytest.mark.parametrize("theme", THEMES)
 def test_text_can_be_read(opened, theme):
-    found = opened(color_scheme=theme).evaluate(LUMINANCES)
+    found = opened(color_scheme=theme).evaluate(CONTRASTS)
     assert len(found) > 150
     assert not [(ratio, what) for ratio, what in found if ratio < 4.5]
 
@@ -579,6 +531,6 @@ def test_marks_can_be_seen(opened, theme):
     tab.evaluate(
         "names => $('legend').append(...names.map(n => element('i', {style: `color: var(--${n})`}, n)))", names
     )
-    found = [(ratio, what) for ratio, what in tab.evaluate(LUMINANCES) if what.startswith("<i style")]
+    found = [(ratio, what) for ratio, what in tab.evaluate(CONTRASTS) if what.startswith("<i style")]
     assert len(found) == len(names)
     assert not [what for ratio, what in found if ratio < 3]
