@@ -49,13 +49,13 @@ def roles(convention):
     return {role: body.names[joint] for role, joint in by_names(body).roles.items()}
 
 
-def assert_roles_meet(source, theirs, target, ours):
-    """Each role goes to the same role, and none to another; `theirs` and `ours` are names by role."""
+def assert_roles_meet(source, source_roles, target, target_roles):
+    """Each role goes to the same role, and none to another; the joints of the roles are given by name."""
     drivers = find_matching(source, target).drivers
-    expected = {target.index(name): theirs.get(role) for role, name in ours.items()}
+    expected = {target.index(name): source_roles.get(role) for role, name in target_roles.items()}
     for joint, name in expected.items():
         driver = source.names[drivers[joint]] if drivers[joint] >= 0 else None
-        assert driver == name or (name is None and driver not in theirs.values()), target.names[joint]
+        assert driver == name or (name is None and driver not in source_roles.values()), target.names[joint]
 
 
 def test_the_parts_of_the_rigs_are_those_of_people():

@@ -47,8 +47,8 @@ def test_bvhio(path, tmp_path):
     joints = np.flatnonzero(~motion.skeleton.end_sites)
     for frame in range(len(motion)):
         root.loadPose(frame)
-        theirs = {joint.Name: joint.PositionWorld.to_tuple() for joint, _, _ in root.layout()}
-        expected = [theirs[motion.skeleton.names[joint]] for joint in joints]
+        read = {joint.Name: joint.PositionWorld.to_tuple() for joint, _, _ in root.layout()}
+        expected = [read[motion.skeleton.names[joint]] for joint in joints]
         atol = 1e-4 * height(motion.skeleton)
         np.testing.assert_allclose(motion.positions[frame, joints], expected, rtol=0, atol=atol)
 
@@ -60,5 +60,5 @@ def test_pybvh(path, tmp_path):
     file, motion = written(path, 100, tmp_path)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # it guesses which way is up, and says so
-        theirs = pybvh.read_bvh_file(file)
-    np.testing.assert_allclose(motion.positions, theirs.node_positions(), rtol=0, atol=1e-6 * height(motion.skeleton))
+        read = pybvh.read_bvh_file(file)
+    np.testing.assert_allclose(motion.positions, read.node_positions(), rtol=0, atol=1e-6 * height(motion.skeleton))
