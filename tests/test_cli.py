@@ -18,7 +18,7 @@ def lengths_of(skeleton):
 
 
 def between_hips(motion):
-    """(frames, 3), the place that is carried over, times the root scale."""
+    """(frames, 3), the middle of the hip joints, whose path the root scale multiplies."""
     joints = [motion.skeleton.index(f"{side}Hip") for side in ("Left", "Right")]
     return motion.positions[:, joints].mean(axis=1)
 
@@ -33,7 +33,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_the_main_job(folder):
+def test_a_clip_is_retargeted_and_its_figures_are_written(folder):
     done = run_process("in.bvh", "body.json", "-o", "out.bvh", "--json", "out.json")
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith("20 frames in ")
@@ -152,7 +152,7 @@ def test_overwrite_replaces_an_output(folder):
     assert len(read_bvh(folder / "out.bvh")) == 20
 
 
-def test_joints_that_follow_their_parents_are_told(folder):
+def test_joints_that_follow_their_parents_are_reported(folder):
     body = json.loads((folder / "body.json").read_text())
     tail = [{"name": f"Tail{n}", "parent": "Hips", "offset": [0, 0, -n]} for n in range(1, 15)]
     warnings = {
@@ -172,7 +172,7 @@ def test_joints_that_follow_their_parents_are_told(folder):
 
 
 @pytest.mark.usefixtures("folder")
-def test_verbose_tells_what_was_taken_for_what():
+def test_verbose_says_what_was_matched_with_what():
     done = run("in.bvh", "body.json", "-o", "out.bvh", "--root-scale", "1.5", "-v")
     assert done.stderr.splitlines() == [
         "source: joints named as in Xsens MVN",
@@ -211,7 +211,7 @@ def test_the_root_offset_is_passed_on(folder):
     np.testing.assert_allclose(paths["added"] - paths["replaced"], [[1, 2, 3]] * 20, atol=1e-5)
 
 
-def test_a_map_counts_before_that_of_the_target(folder):
+def test_a_map_takes_precedence_over_that_of_the_target(folder):
     body = json.loads((folder / "body.json").read_text())
     swap = {"LeftShoulder": "RightShoulder", "RightShoulder": "LeftShoulder"}
     (folder / "swap.json").write_text(json.dumps(swap))
@@ -241,7 +241,7 @@ def test_an_exported_skeleton_is_the_same_target(folder):
 
 
 @pytest.mark.usefixtures("folder")
-def test_frames_that_do_not_converge_are_told(monkeypatch):
+def test_frames_that_do_not_converge_are_reported(monkeypatch):
     monkeypatch.setattr("distretarget.solve.contact._solve", _stop_early)
     done = run("in.bvh", "body.json", "-o", "out.bvh")
     assert done.returncode == 0

@@ -68,14 +68,14 @@ def test_one_bad_file_does_not_stop_the_rest(folder):
     assert sorted(line["status"] for line in lines(folder / "out")) == ["done", "done", "done", "failed"]
 
 
-def test_several_targets(folder):
+def test_each_target_gets_a_folder(folder):
     shutil.copy(folder / "body.json", folder / "other.json")
     done = batch("in/a.bvh", "--target", "body.json", "--target", "other.json", "-o", "out")
     assert done.returncode == 0
     assert tree(folder / "out").keys() == {"body/a.bvh", "other/a.bvh"}
 
 
-def test_options_pass_through(folder):
+def test_options_are_passed_on(folder):
     (folder / "map.json").write_text('{"Head": null}')
     done = batch("in/a.bvh", "body.json", "-o", "out", "--feet", "free", "--root-scale", 3, "--map", "map.json")
     assert done.returncode == 0
@@ -88,7 +88,7 @@ def test_options_pass_through(folder):
 
 
 @pytest.mark.parametrize("from_stdin", [True, False])
-def test_lists_of_files(folder, from_stdin):
+def test_clips_are_taken_from_a_list(folder, from_stdin):
     text = "in/deep/b.bvh\n\nin/a.bvh\n"
     (folder / "list.txt").write_text(text)
     done = batch("body.json", "-o", "out", "--input-list", "-" if from_stdin else "list.txt", given=text)
@@ -96,13 +96,13 @@ def test_lists_of_files(folder, from_stdin):
     assert tree(folder / "out").keys() == {"a.bvh", "deep/b.bvh"}
 
 
-def test_lists_of_any_tool(folder):
+def test_lists_may_have_a_byte_order_mark_and_line_ends_of_windows(folder):
     (folder / "list.txt").write_bytes(b"\xef\xbb\xbfin/a.bvh\r\nin/deep/b.bvh\r\nin/a.bvh\r\n")
     done = batch("body.json", "-o", "out", "--input-list", "list.txt")
     assert (done.returncode, tree(folder / "out").keys()) == (0, {"a.bvh", "deep/b.bvh"})
 
 
-def test_streams_that_hold_few_characters(folder):
+def test_streams_of_few_characters_take_any_name(folder):
     (folder / "in/a.bvh").rename(folder / "in/\u52d5.bvh")
     narrow = {**os.environ, "PYTHONIOENCODING": "cp1252"}
     for arguments in (("batch", "in", "body.json", "-o", "out"), ("skeleton", "show", "body.json")):
@@ -112,7 +112,7 @@ def test_streams_that_hold_few_characters(folder):
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 @pytest.mark.usefixtures("folder")
-def test_a_full_standard_output_is_told():
+def test_a_full_standard_output_is_reported():
     with Path("/dev/full").open("w") as full:
         words = command("skeleton", "show", "body.json")
         done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True)
@@ -174,7 +174,7 @@ def test_results_inside_the_source_are_refused(folder):
     assert not (folder / "in/out").exists()
 
 
-def test_pages(folder):
+def test_the_clips_asked_for_get_reports(folder):
     def pages():
         return {path.relative_to(folder / "out").as_posix() for path in (folder / "out").rglob("*.html")}
 
@@ -218,7 +218,7 @@ def test_a_report_that_cannot_be_written_does_not_stop_the_rest(folder):
     assert (folder / "out/index.html").exists()
 
 
-def test_a_page_of_somebody_else_is_left_alone(folder):
+def test_a_page_of_other_origin_is_left_alone(folder):
     (folder / "page.html").write_text("my own")
     done = batch("in", "body.json", "-o", "out", "--report", "page.html")
     assert done.returncode == 1
@@ -277,7 +277,7 @@ def test_a_run_that_was_stopped_goes_on(work, tmp_path, name):
     assert tree(tmp_path) == tree(work / "out")
 
 
-def test_two_runs_into_one_folder(work, tmp_path):
+def test_two_runs_may_write_into_one_folder(work, tmp_path):
     processes = [started(work, tmp_path, "--exclude", "longer.bvh") for _ in range(2)]
     assert [process.communicate(timeout=HANGS) and process.returncode for process in processes] == [0, 0]
     assert {line["status"] for line in lines(tmp_path)} == {"done"}
@@ -311,7 +311,7 @@ def test_dask_gives_the_same_and_survives_a_dying_worker(work, tmp_path):
         assert tree(tmp_path / "killed") == short(work / "out")
 
 
-def test_a_scheduler_that_is_not_there(folder, monkeypatch):
+def test_a_scheduler_that_does_not_answer_gives_one_line(folder, monkeypatch):
     pytest.importorskip("distributed", reason="needs distributed")
     monkeypatch.setattr("distretarget.batch.pools.ANSWER", "100ms")
     done = batch("in", "body.json", "-o", "out", "--dask", "tcp://127.0.0.1:9")
@@ -336,7 +336,7 @@ def test_workers_run_the_same_program(folder):
 # ---- real folders
 
 
-def test_many_tiny_clips(folder):
+def test_many_tiny_clips_are_all_converted(folder):
     shutil.rmtree(folder / "in")
     (folder / "in").mkdir()
     text = format_bvh(swaying(person(), frames=1))
@@ -349,7 +349,7 @@ def test_many_tiny_clips(folder):
 
 
 @needs_corpus
-def test_the_corpus_adds_up(tmp_path):
+def test_every_clip_of_the_corpus_is_converted_or_has_a_reason(tmp_path):
     done = batch(CORPUS, SAMPLES / "rigs" / "mixamo_t.json", "-o", tmp_path)
     assert done.returncode == 1
     total = sum(path.suffix.lower() == ".bvh" for path in CORPUS.rglob("*"))

@@ -72,7 +72,7 @@ def row(output, name):
     return [float(word) for word in words[:2] if word.replace(".", "").replace("e-", "").isdigit()]
 
 
-def test_what_is_printed():
+def test_the_figures_are_printed():
     status, output, errors = run("diff straight.bvh bent.bvh")
     assert (status, errors) == (0, "")
     assert "12 frames compared, 50 a second" in output
@@ -85,7 +85,7 @@ def test_what_is_printed():
     assert "LeftWrist" in output
 
 
-def test_a_motion_against_itself():
+def test_a_motion_does_not_differ_from_itself():
     status, output, _ = run("diff a.bvh a.bvh --fail-over contact=0 --fail-over slide=1 --fail-over jerk=1")
     assert status == 0
     for name in ("stress", "distance error", "contact error", "direction error", "bone error", "turn"):
@@ -93,7 +93,7 @@ def test_a_motion_against_itself():
     assert "worst pairs: none" in output
 
 
-def test_frames_and_pairs_that_are_worst():
+def test_the_worst_frames_and_pairs_are_printed():
     _, output, _ = run("diff a.bvh b.bvh --json d.json")
     figures = json.loads(Path("d.json").read_text())
     (line,) = (line for line in output.splitlines() if line.startswith("worst frames by contact error: "))
@@ -104,7 +104,7 @@ def test_frames_and_pairs_that_are_worst():
     assert f"in {first['contact_frames']} frames of contact" in output
 
 
-def test_joints_that_are_left_over():
+def test_joints_without_a_counterpart_are_printed():
     tailed = "\n".join(["JOINT Tail", "{", "OFFSET 0 0 1", "CHANNELS 0", "End Site", "{", "OFFSET 0 0 1", "}", "}"])
     text = Path("bent.bvh").read_text()
     place = text.index("JOINT ")
@@ -149,7 +149,7 @@ def test_a_file_is_named_without_its_folder(folder):
         ("foot=0.01 jerk=3", ""),
     ],
 )
-def test_limits(folder, limits, over):
+def test_a_figure_over_its_limit_fails(folder, limits, over):
     options = " ".join(f"--fail-over {limit}" for limit in limits.split())
     status, output, errors = run(f"diff straight.bvh bent.bvh --csv d.csv {options}")
     assert status == (1 if over else 0)
@@ -160,7 +160,7 @@ def test_limits(folder, limits, over):
 
 
 def test_feet_that_slide_where_they_stood_are_over_the_limit():
-    """The ratio has no value there, the limit does."""
+    """Where A does not slide, the ratio of slides is undefined, and the limit still holds."""
     for name, speed in (("still", 0.0), ("noisy", 1e-5), ("sliding", 0.02)):
         path = np.outer(np.arange(12) * 0.02 * speed, [1.0, 0, 0]) + np.array([0, 0.9, 0])
         write_bvh(f"{name}.bvh", posed(PERSON, {}, path))
@@ -216,20 +216,20 @@ def test_bad_use_gives_one_line_and_changes_nothing(folder, case):
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
 
 
-def test_outputs_are_replaced_if_that_is_wanted(folder):
+def test_outputs_are_replaced_if_asked(folder):
     (folder / "d.csv").write_text("old")
     assert run("diff a.bvh b.bvh --csv d.csv --overwrite")[0] == 0
     assert (folder / "d.csv").read_text().startswith("frame,")
 
 
-def test_a_map(folder):
+def test_a_map_is_followed(folder):
     (folder / "map.json").write_text('{"LeftElbow": null}')
     status, output, _ = run("diff a.bvh b.bvh --map map.json")
     assert status == 0
     assert "joints of B that nothing in A stands for: 'LeftElbow'" in output
 
 
-def test_another_frame_rate_is_told():
+def test_resampling_is_reported():
     write_bvh("fast.bvh", clapping(np.sin(np.linspace(0, np.pi, 29)) ** 2, "0.01"))
     output = run("diff a.bvh fast.bvh")[1]
     assert "A was resampled from 50 to 100 frames/s" in output

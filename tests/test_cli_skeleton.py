@@ -1,4 +1,4 @@
-"""`distretarget skeleton`: matching two skeletons, editing one, and what is said of them."""
+"""`distretarget skeleton`: showing, exporting, matching and editing skeletons."""
 
 import json
 from pathlib import Path
@@ -22,7 +22,7 @@ def renamed(skeleton, rename):
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A clip, the same body as a skeleton file, one whose names say nothing, and one that is no body."""
+    """A clip, the same body as a skeleton file, one whose names say nothing, and one that is not a body."""
     monkeypatch.chdir(tmp_path)
     body = person()
     write_bvh("in.bvh", swaying(body))
@@ -219,7 +219,7 @@ def test_edits_that_fail(folder, options, says):
     ],
 )
 @pytest.mark.usefixtures("folder")
-def test_edits_that_say_nothing(options, says):
+def test_edits_without_a_meaning_are_wrong_usage(options, says):
     done = run("skeleton", "edit", "in.bvh", "-o", "new.json", *options)
     assert done.returncode == 2
     assert says in done.stderr

@@ -80,7 +80,7 @@ def test_written_bones_are_the_targets(path, tmp_path):
 
 
 @files([path for path in CORPUS_FILES if path.name in REFUSED])
-def test_refusals(path):
+def test_files_that_cannot_be_used_are_refused_with_a_reason(path):
     with pytest.raises(DistretargetError) as caught:
         retarget(motion := read_bvh(path), motion.rigid_skeleton)
     assert REFUSED[path.name] in str(caught.value)

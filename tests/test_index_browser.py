@@ -1,4 +1,4 @@
-"""The page over clips in a browser: it asks for nothing, sorts, filters and opens what it lists."""
+"""The page over clips in a browser: it loads nothing else, sorts, filters, and links to reports."""
 
 import re
 
@@ -152,7 +152,7 @@ def test_every_column_sorts_both_ways(opened):
     assert names(tab)[-1] == "bad.bvh"
 
 
-def test_the_filters(opened):
+def test_filters_choose_clips(opened):
     tab = opened()
     for text, found in (("CLIP_1", ["clip_1.bvh", "clip_10.bvh"]), ("nan", ["bad.bvh"]), ("short", ["clip_1.bvh"])):
         tab.fill("#filter", text)
@@ -187,7 +187,7 @@ def test_warnings_open_and_close(opened):
     assert tab.locator(".told").count() == 0
 
 
-def test_the_theme(opened):
+def test_the_theme_can_be_switched(opened):
     tab = opened(color_scheme="light")
     seen = []
     for label in ("Dark", "Light", "Dark"):

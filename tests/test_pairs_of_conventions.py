@@ -50,7 +50,7 @@ def roles(convention):
 
 
 def assert_roles_meet(source, source_roles, target, target_roles):
-    """Each role goes to the same role, and none to another; the joints of the roles are given by name."""
+    """Each role goes to the same role, and none to another; `source_roles` and `target_roles` are names by role."""
     drivers = find_matching(source, target).drivers
     expected = {target.index(name): source_roles.get(role) for role, name in target_roles.items()}
     for joint, name in expected.items():

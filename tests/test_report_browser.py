@@ -1,4 +1,4 @@
-"""The report in a browser: it asks for nothing, plays, and every control does what it says."""
+"""The report in a browser: it loads nothing else, it plays, and every control does what it says."""
 
 import re
 from dataclasses import replace
@@ -113,7 +113,7 @@ def picture(tab, selector="#player"):
 
 
 def scrolled(tab):
-    """Everything has been on the screen, so that it is drawn."""
+    """Scroll through the whole page, so that all of it is drawn."""
     for top in range(0, tab.evaluate("document.documentElement.scrollHeight"), 400):
         tab.evaluate("top => scrollTo(0, top)", top)
         settle(tab)
@@ -175,7 +175,7 @@ def test_a_click_on_a_contact_goes_there_and_chooses_it(opened):
     assert tab.locator(".contacts .name").nth(1).inner_text() in tab.inner_text("#selected")
 
 
-def test_the_theme(opened):
+def test_the_theme_can_be_switched(opened):
     tab = opened(color_scheme="light")
     seen = []
     for label in ("Dark", "Light", "Dark"):
@@ -188,7 +188,7 @@ def test_the_theme(opened):
     assert opened(color_scheme="dark").inner_text("#theme") == "Light"
 
 
-def test_keys(opened, reports):
+def test_keys_move_the_frame_and_the_camera(opened, reports):
     last = reports("sample")[1]["frame_count"] - 1
     tab = opened()
     for key, expected in (
@@ -265,7 +265,7 @@ def test_all_pairs_can_be_shown(opened, reports):
     assert tab.locator("tbody tr:visible").count() == few
 
 
-def test_overlaid_and_follow_and_views(opened):
+def test_buttons_switch_overlay_camera_and_view(opened):
     tab = opened()
     tab.keyboard.press("End")
     seen = [picture(tab)]

@@ -1,4 +1,4 @@
-"""The target skeletons of four conventions are what the script makes, and bodies that may be."""
+"""The target skeletons of four conventions are what the script makes, and plausible bodies."""
 
 import re
 import subprocess

@@ -1,4 +1,4 @@
-"""The sample clips and targets are what the script makes, and what they are said to be."""
+"""The sample clips and targets are what the script makes, and move as their names say."""
 
 import re
 import subprocess
@@ -40,7 +40,7 @@ def heading(motion):
 
 
 def test_the_script_makes_these_samples(made):
-    """The same words; numbers to the last of their decimals, which another machine may round otherwise."""
+    """The same words, and numbers to the last decimal, which another machine may round otherwise."""
     assert {path.name for path in made.iterdir()} == {path.name for path in SAMPLES.iterdir() if path.is_file()}
     for path in made.iterdir():
         text, kept = path.read_text(), (SAMPLES / path.name).read_text()
