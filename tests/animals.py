@@ -1,4 +1,4 @@
-"""Bodies that are no people, and rigs in which a person hangs from something else."""
+"""Animals and things, and rigs in which a person hangs from another joint."""
 
 from __future__ import annotations
 

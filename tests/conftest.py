@@ -3,13 +3,14 @@
 import shutil
 
 import pytest
+from pages import settle
 
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
 
 @pytest.fixture(scope="module")
 def browser():
-    """A browser for pages; tests that need it are skipped where there is none."""
+    """A browser; tests that need one are skipped where there is none."""
     reason = "playwright, which drives the browser, is not installed"
     sync_api = pytest.importorskip("playwright.sync_api", reason=reason)
     program = next(filter(None, map(shutil.which, PROGRAMS)), None)
@@ -21,3 +22,27 @@ def browser():
         )
         yield running
         running.close()
+
+
+@pytest.fixture
+def open_page(browser):
+    """Opens a file in a tab; at the end no page has asked for anything else, or complained on the console."""
+    tabs, problems, asked = [], [], []
+
+    def opens(path, width=1440, height=1000, **context):
+        tab = browser.new_page(viewport={"width": width, "height": height}, **context)
+        tabs.append(tab)
+        tab.on("console", lambda message: problems.append(message.text))
+        tab.on("pageerror", lambda error: problems.append(str(error)))
+        tab.on("request", lambda request: asked.append(request.url))
+        tab.goto(path.as_uri())
+        settle(tab)
+        return tab
+
+    yield opens
+    for tab in tabs:
+        settle(tab)
+        tab.close()
+    assert not problems
+    assert len(asked) == len(tabs)
+    assert all(url.startswith("file:") for url in asked)

@@ -1,14 +1,13 @@
-"""Rigs of any kind: roots on the floor, joints above the hips, and bodies that are no people."""
+"""Rigs of any kind: roots on the floor, joints above the hips, and bodies that are not human."""
 
-import sys
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 from animals import camera, dog, on_a_root, sword
 from bodies import SAMPLES, lengthened, posed, swaying
+from make_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, read_bvh, retarget
@@ -18,9 +17,6 @@ from distretarget.body.legs import height
 from distretarget.errors import MatchingError
 from distretarget.matching.matching import find_matching, match
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
-
-sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
-from make_rigs import CONVENTIONS, rig
 
 # The sample's joints as Bandai Namco's files call them.
 BANDAI = {
@@ -94,7 +90,7 @@ def test_a_joint_above_the_hips_that_never_moves_does_not_hold_them(root):
     assert_near(retarget(source, rig("lafan1", "A")).motion.positions, plain.positions)
 
 
-def test_so_it_does_where_nothing_has_a_name():
+def test_a_joint_above_the_hips_does_not_hold_them_where_nothing_has_a_name():
     source = on_a_root(walk(), "root")
     bare = replace(source.skeleton, names=tuple(f"j{joint}" for joint in range(len(source.skeleton))))
     plain = retarget(walk(), rig("lafan1", "A"))
@@ -153,7 +149,7 @@ def test_no_animal_or_thing_is_taken_for_a_person(being, convention):
 
 @pytest.mark.parametrize("source", BEINGS)
 @pytest.mark.parametrize("target", BEINGS)
-def test_nor_for_each_other(source, target):
+def test_animals_and_things_are_not_taken_for_each_other(source, target):
     if source == target:
         assert np.all(match(BEINGS[source], BEINGS[target]).drivers >= 0)
     else:
@@ -226,7 +222,7 @@ def test_a_map_may_leave_joints_out():
 
 
 def part(motion, top="Hips", without=()):
-    """What is left of a motion from a joint down, without the joints whose names end so and all below them."""
+    """The motion of the joints from `top` down, without those whose names end in a word of `without`, and all below."""
     body = motion.skeleton
     lost = {below for joint, name in enumerate(body.names) if name.endswith(without) for below in body.subtree(joint)}
     kept = [joint for joint in body.subtree(body.index(top)) if joint not in lost]

@@ -1,24 +1,20 @@
 """Which way a body faces, whether it stands, and whether it is a person at all."""
 
 import itertools
-import sys
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 from animals import dog
 from bodies import CORPUS, SAMPLES, needs_corpus, person, posed
+from make_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
 from distretarget import read_bvh
 from distretarget.body.axes import body_axes, is_pose, on_all_fours, sides_agree, toe_bone
 from distretarget.body.conventions import by_names
 from distretarget.body.shape import by_shape
-
-sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
-from make_rigs import CONVENTIONS, rig
 
 SIDES = [("Left", "Right"), ("_l", "_r")]
 # The 24 ways to stand along the axes, and two that are oblique.

@@ -37,7 +37,7 @@ def test_several_sources_keep_their_names(tmp_path):
     assert sorted(places(found)) == ["runs/a.bvh", "single.bvh", "walks/a.bvh"]
 
 
-def test_files_given_are_taken_whatever_they_are_called(tmp_path):
+def test_files_given_by_name_are_taken_whatever_they_are_called(tmp_path):
     made(tmp_path, "walk.01", "walk.02", "motion.txt")
     found = find_clips([tmp_path / name for name in ("walk.01", "walk.02", "motion.txt")])
     assert places(found) == ["walk.01.bvh", "walk.02.bvh", "motion.txt.bvh"]
@@ -59,7 +59,7 @@ def test_files_given_are_taken_whatever_they_are_called(tmp_path):
         ([], ["?"], ["a/run1.bvh", "a/walk1.bvh", "run2.bvh", "walk2.bvh"]),
     ],
 )
-def test_patterns(tmp_path, include, exclude, expected):
+def test_patterns_choose_by_name_or_path(tmp_path, include, exclude, expected):
     made(tmp_path, "a/walk1.bvh", "a/run1.bvh", "walk2.bvh", "run2.bvh")
     assert places(find_clips([tmp_path], include=include, exclude=exclude)) == expected
 
@@ -82,19 +82,19 @@ def test_links_are_followed_but_not_in_circles(tmp_path):
     assert places(find_clips([tmp_path / "in"])) == ["a/x.bvh", "other/back/x.bvh", "other/y.bvh"]
 
 
-def test_links_that_lead_nowhere_are_told(tmp_path):
+def test_links_that_lead_nowhere_are_reported(tmp_path):
     made(tmp_path, "a.bvh")
     (tmp_path / "self").symlink_to("self")
     (tmp_path / "self.bvh").symlink_to("self.bvh")
     (tmp_path / "gone").symlink_to("nowhere")
     found = find_clips([tmp_path])
-    assert places(found) == ["a.bvh", "self.bvh"]  # reading this tells
+    assert places(found) == ["a.bvh", "self.bvh"]  # which fails when it is read
     assert [str(error).split(": ")[0] for error in found.unread] == [str(tmp_path / "self")]
 
 
 @pytest.fixture
 def closed(tmp_path, monkeypatch):
-    """A folder, the one to be in, with a clip and a folder that nobody may look into, not even root."""
+    """The working folder, with a clip and a folder that cannot be read, not even by root."""
     made(tmp_path, "a.bvh", "closed/b.bvh", "closed/in/c.bvh")
     (tmp_path / "link").symlink_to("closed/in")
     tmp_path.chmod(0o755)
@@ -111,7 +111,7 @@ def closed(tmp_path, monkeypatch):
 
 @pytest.mark.skipif(os.name == "nt", reason="needs permissions as Unix has them")
 @pytest.mark.usefixtures("closed")
-def test_folders_without_permission_are_told():
+def test_folders_without_permission_are_reported():
     found = find_clips([Path()])
     assert places(found) == ["a.bvh"]
     assert [str(error) for error in found.unread] == ["closed: permission denied", "link: permission denied"]

@@ -1,4 +1,4 @@
-"""The manifest: what it takes for done, what for made here, and what becomes of broken lines."""
+"""The manifest: what counts as done, what may be replaced, and how broken lines are treated."""
 
 import json
 import os
@@ -33,7 +33,7 @@ def manifest(tmp_path):
     opened.close()
 
 
-def test_done_is_what_is_there_as_it_was_made(manifest, tmp_path):
+def test_a_clip_is_done_if_its_output_is_as_the_manifest_says(manifest, tmp_path):
     folder = tmp_path / "out"
     assert not manifest.is_done(work(), "in", RECIPE, folder)
     manifest.add(done(work()))
@@ -53,7 +53,7 @@ def test_done_is_what_is_there_as_it_was_made(manifest, tmp_path):
     assert not manifest.is_done(work(), "in", RECIPE, folder)
 
 
-def test_the_next_run_knows_it(manifest, tmp_path):
+def test_the_next_run_reads_what_was_done(manifest, tmp_path):
     manifest.add(done(work()))
     (tmp_path / "out" / "a.bvh").write_text(OUTPUT)
     again = Manifest(tmp_path / "out")
@@ -114,13 +114,13 @@ def test_a_line_has_every_key(manifest):
     assert record["options"]["objective"] == "contact"
 
 
-def test_names_that_are_no_text_survive(manifest):
+def test_names_that_are_not_valid_text_survive(manifest):
     manifest.add(done(work(os.fsdecode(b"caf\xe9\n.bvh"))))
     assert [record["output"] for record in read_records(manifest.path)] == [os.fsdecode(b"caf\xe9\n.bvh")]
 
 
 @pytest.mark.parametrize("rest", [b'{"input": "b.b', b"\xff\xfe", b"[]\nnull\n{}\n", b"\n\n"])
-def test_broken_lines_are_passed_over(manifest, tmp_path, rest):
+def test_broken_lines_are_skipped(manifest, tmp_path, rest):
     manifest.add(done(work()))
     manifest.close()
     with manifest.path.open("ab") as file:
@@ -139,14 +139,14 @@ def test_a_first_line_cut_short_is_no_obstacle(tmp_path):
     assert len(list(read_records(manifest.path))) == 1
 
 
-def test_somebody_elses_manifest_is_left_alone(tmp_path):
+def test_a_manifest_of_another_program_is_left_alone(tmp_path):
     (tmp_path / MANIFEST).write_text('{"name": "my own"}\n')
     with pytest.raises(FileError, match="no manifest of a batch"):
         Manifest(tmp_path)
     assert json.loads((tmp_path / MANIFEST).read_text()) == {"name": "my own"}
 
 
-def test_a_folder_that_cannot_be_made_is_told(tmp_path):
+def test_a_folder_that_cannot_be_made_is_reported(tmp_path):
     (tmp_path / "out").write_text("")
     with pytest.raises(FileError, match="expected a folder"):
         Manifest(tmp_path / "out")
@@ -161,7 +161,7 @@ def test_two_runs_may_write_to_one_manifest(manifest, tmp_path):
     assert len(list(read_records(manifest.path))) == 40
 
 
-def test_what_a_killed_run_left_is_swept_unless_another_is_at_work(manifest, tmp_path):
+def test_files_left_by_a_killed_run_are_removed_unless_another_run_is_at_work(manifest, tmp_path):
     left = tmp_path / "out" / "deep" / ".distretarget-0123.tmp"
     left.parent.mkdir()
     left.write_text("half")

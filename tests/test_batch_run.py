@@ -1,4 +1,4 @@
-"""A run over a plan: what is written, what is skipped, what becomes of failures, of dying workers and of stops."""
+"""A run over a plan: what is written and skipped, and what failures, dying workers and stops do."""
 
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -28,7 +28,7 @@ RECIPE = Recipe(Options(), MapFile({}, ""), "1")
 
 
 class Inline(Executor):
-    """Does a task when it is handed over."""
+    """Does a task as soon as it is submitted."""
 
     def submit(self, function, *arguments):
         future = Future()
@@ -40,7 +40,7 @@ class Inline(Executor):
 
 
 class Pool:
-    """Workers that do a task when it is handed over."""
+    """Workers that do a task as soon as it is submitted."""
 
     workers = 2
 
@@ -56,7 +56,7 @@ class Pool:
 
 
 class Seen:
-    """What a watcher is told."""
+    """Keeps what a run reports."""
 
     def __init__(self):
         self.records, self.htmls = [], {}
@@ -77,7 +77,7 @@ class Seen:
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch):
-    """Clips are not converted but copied, unless they say that they fail."""
+    """Clips are copied instead of converted; those with the word `fail` in them fail."""
 
     def convert(task, *_):
         error = "it fails" if "fail" in task.source.text else ""
@@ -114,7 +114,7 @@ def results(folder):
     return {path.relative_to(folder / "out").as_posix(): path.read_text() for path in files}
 
 
-def test_outputs_and_lines(folder):
+def test_every_clip_gets_an_output_and_a_line(folder):
     seen = go(folder)
     assert sorted(seen.of("done")) == ["a.bvh", "c.bvh", "deep/b.bvh"]
     assert results(folder) == {
@@ -154,7 +154,7 @@ def test_all_is_done_again_if_asked(folder):
     assert len(go(folder, overwrite=True).of("done")) == 3
 
 
-def test_a_failure_is_told_and_tried_again(folder):
+def test_a_failure_is_reported_and_tried_again(folder):
     (folder / "in" / "a.bvh").write_text("fail")
     seen = go(folder)
     assert (seen.of("failed"), len(seen.of("done"))) == (["a.bvh"], 2)
@@ -201,7 +201,7 @@ def test_an_output_that_was_edited_is_left_alone(folder):
     assert results(folder)["a.bvh"] == "edited"
 
 
-def test_a_folder_where_a_file_stands(folder):
+def test_a_file_in_the_place_of_a_folder_fails_the_clips_below_it(folder):
     (folder / "out").mkdir()
     (folder / "out" / "deep").write_text("a file")
     seen = go(folder)
@@ -220,14 +220,14 @@ def test_a_line_is_written_before_its_output_is_in_place(folder, monkeypatch):
     assert results(folder) == {}
 
 
-def test_a_worker_of_another_version_is_told(folder):
+def test_a_worker_of_another_version_is_reported(folder):
     seen = go(folder, recipe=replace(RECIPE, version="2"))
     assert "a worker runs version 1, this is 2" in seen.records[0]["error"]
     assert results(folder) == {}
 
 
 class Dying(Inline):
-    """Dies of some clips, and then does nothing until it is renewed."""
+    """Dies when it is given some clips, and then does nothing until it is renewed."""
 
     def __init__(self, deadly, always):
         self.deadly, self.always, self.dead = deadly, always, False
@@ -290,7 +290,7 @@ def test_what_a_cluster_raises_is_its_clips_failure(folder):
     assert all(record["error"].endswith(".bvh: RuntimeError: killed thrice") for record in seen.records)
 
 
-def test_a_clip_that_would_keep_one_worker_is_cut(folder, monkeypatch):
+def test_a_clip_that_would_keep_one_worker_busy_at_the_end_is_cut(folder, monkeypatch):
     cut = []
     monkeypatch.setattr(batch_run, "CUT", 4)
     monkeypatch.setattr(
@@ -305,7 +305,7 @@ def test_a_clip_that_would_keep_one_worker_is_cut(folder, monkeypatch):
     assert len(seen.of("done")) == 3
 
 
-def test_reports_of_the_run_and_afterwards(folder):
+def test_reports_are_made_in_a_run_and_afterwards(folder):
     seen = go(folder, about=lambda work: f"report on {work.place}")
     assert seen.htmls == {name: f"report on {name}" for name in ("c.bvh", "deep/b.bvh", "a.bvh")}
     works = works_in(folder)
@@ -324,7 +324,7 @@ def test_reports_survive_a_worker_that_dies(folder, always):
     assert made == ["c.bvh", "a.bvh"] if always else ["c.bvh", "deep/b.bvh", "a.bvh"]
 
 
-def test_a_worker_that_dies_unheard_costs_a_retry(folder, monkeypatch):
+def test_a_worker_that_dies_unnoticed_costs_a_retry(folder, monkeypatch):
     class Silent(Inline):
         lost = True
 
@@ -370,7 +370,7 @@ def read_bvh_text(text):
     return batch_task.parse_bvh(text, "in.bvh")
 
 
-def test_a_task_tells_what_went_wrong(monkeypatch):
+def test_a_task_says_what_went_wrong(monkeypatch):
     assert convert(task_of("HIERARCHY")).error.startswith("in.bvh:1: ")
     assert convert(task_of(format_bvh(swaying(person())), Text("{}", "body.json"))).error.startswith("body.json: ")
 

@@ -42,7 +42,7 @@ def summary(records, clips=None):
     return list(tally.lines(len(records) if clips is None else clips, 2.0, 2))
 
 
-def test_counts_and_the_worst():
+def test_the_summary_counts_clips_and_names_the_worst():
     lines = summary(
         [None, *(done(f"{number}.bvh", number / 10) for number in range(5)), failed("x.bvh", "x.bvh:3: no")]
     )
@@ -67,7 +67,7 @@ def test_many_failures_are_not_all_listed():
     assert len(lines) == 23
 
 
-def test_what_is_left():
+def test_clips_left_over_are_counted():
     assert summary([done("a.bvh", 0.1)], 5)[0] == "5 clips: 1 converted, 0 done before, 0 failed, 4 left"
     assert summary([done("a.bvh", 0.1)])[0] == "1 clip: 1 converted, 0 done before, 0 failed"
 
@@ -79,7 +79,7 @@ def pages(folder, most=None, overwrite=False):
     return Pages(folder / "index.html", most, overwrite, lambda _: About("a", "b", "", "1"))
 
 
-def test_only_such_pages_are_replaced(tmp_path):
+def test_only_pages_of_a_batch_are_replaced(tmp_path):
     pages(tmp_path).check()
     (tmp_path / "index.html").write_text("my own")
     with pytest.raises(FileError, match="exists already; --overwrite replaces it"):

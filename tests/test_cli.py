@@ -2,23 +2,15 @@
 
 import json
 import os
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from bodies import SAMPLES, other_lengths, person, swaying
-from click.testing import CliRunner
+from program import run, run_process
 
 from distretarget import read_bvh, write_bvh
-from distretarget.cli import cli
 from distretarget.io.skeleton_json import skeleton_to_json
-
-
-def run(*arguments, cwd=None):
-    command = [sys.executable, "-m", "distretarget", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=120)
 
 
 def lengths_of(skeleton):
@@ -26,21 +18,23 @@ def lengths_of(skeleton):
 
 
 def between_hips(motion):
-    """(frames, 3), the place that is carried over, times the root scale."""
+    """(frames, 3), the middle of the hip joints, whose path the root scale multiplies."""
     joints = [motion.skeleton.index(f"{side}Hip") for side in ("Left", "Right")]
     return motion.positions[:, joints].mean(axis=1)
 
 
 @pytest.fixture
-def folder(tmp_path):
+def folder(tmp_path, monkeypatch):
+    """The working folder, with a clip and a target."""
+    monkeypatch.chdir(tmp_path)
     motion = swaying(person())
     write_bvh(tmp_path / "in.bvh", motion)
     (tmp_path / "body.json").write_text(skeleton_to_json(other_lengths(person()), "body"))
     return tmp_path
 
 
-def test_the_main_job(folder):
-    done = run("in.bvh", "body.json", "-o", "out.bvh", "--json", "out.json", cwd=folder)
+def test_a_clip_is_retargeted_and_its_figures_are_written(folder):
+    done = run_process("in.bvh", "body.json", "-o", "out.bvh", "--json", "out.json")
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith("20 frames in ")
     assert done.stdout.count("\n") == 1
@@ -55,19 +49,19 @@ def test_the_main_job(folder):
 
 def test_the_command_may_be_named(folder):
     runs = [
-        run(*named, "in.bvh", "body.json", "-o", f"{number}.bvh", cwd=folder)
-        for number, named in enumerate([(), ("retarget",)])
+        run(*named, "in.bvh", "body.json", "-o", f"{number}.bvh") for number, named in enumerate([(), ("retarget",)])
     ]
     assert [done.returncode for done in runs] == [0, 0]
     assert (folder / "0.bvh").read_bytes() == (folder / "1.bvh").read_bytes()
 
 
-def test_options_may_come_first(folder):
-    assert run("-o", "out.bvh", "in.bvh", "body.json", cwd=folder).returncode == 0
+@pytest.mark.usefixtures("folder")
+def test_options_may_come_first():
+    assert run("-o", "out.bvh", "in.bvh", "body.json").returncode == 0
 
 
 def test_root_scale_is_passed_on(folder):
-    run("in.bvh", "body.json", "-o", "out.bvh", "--root-scale", "3", cwd=folder)
+    run("in.bvh", "body.json", "-o", "out.bvh", "--root-scale", "3")
     source, result = (read_bvh(folder / name) for name in ("in.bvh", "out.bvh"))
     np.testing.assert_allclose(between_hips(result), 3 * between_hips(source), atol=1e-5)
 
@@ -127,7 +121,7 @@ def test_bad_input_gives_one_line(folder, case):
     (folder / "blocks.json").write_text(BLOCKS)
     before = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
     arguments, status, words = BAD[case]
-    done = run(*arguments, cwd=folder)
+    done = run(*arguments)
     assert done.returncode == status
     assert done.stdout == ""
     assert done.stderr.startswith("distretarget: ")
@@ -136,21 +130,29 @@ def test_bad_input_gives_one_line(folder, case):
     assert {path: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
 
 
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize("case", ["missing source", "no output"])
+def test_a_process_ends_with_the_same_status_and_line(case):
+    arguments, *_ = BAD[case]
+    alone, here = run_process(*arguments), run(*arguments)
+    assert (alone.returncode, alone.stdout, alone.stderr) == (here.returncode, here.stdout, here.stderr)
+
+
 @pytest.mark.skipif(not hasattr(os, "link"), reason="no hard links here")
 def test_an_input_under_another_name_is_not_overwritten(folder):
     os.link(folder / "in.bvh", folder / "alias.bvh")
-    done = run("in.bvh", "body.json", "-o", "alias.bvh", "--overwrite", cwd=folder)
+    done = run("in.bvh", "body.json", "-o", "alias.bvh", "--overwrite")
     assert done.returncode == 1
     assert "is an input as well" in done.stderr
 
 
 def test_overwrite_replaces_an_output(folder):
     (folder / "out.bvh").write_text("old")
-    assert run("in.bvh", "body.json", "-o", "out.bvh", "--overwrite", cwd=folder).returncode == 0
+    assert run("in.bvh", "body.json", "-o", "out.bvh", "--overwrite").returncode == 0
     assert len(read_bvh(folder / "out.bvh")) == 20
 
 
-def test_joints_that_follow_their_parents_are_told(folder):
+def test_joints_that_follow_their_parents_are_reported(folder):
     body = json.loads((folder / "body.json").read_text())
     tail = [{"name": f"Tail{n}", "parent": "Hips", "offset": [0, 0, -n]} for n in range(1, 15)]
     warnings = {
@@ -161,16 +163,17 @@ def test_joints_that_follow_their_parents_are_told(folder):
     }
     for count, warning in warnings.items():
         (folder / "tail.json").write_text(json.dumps(body | {"joints": body["joints"] + tail[:count]}))
-        done = run("in.bvh", "tail.json", "-o", "out.bvh", "--overwrite", cwd=folder)
+        done = run("in.bvh", "tail.json", "-o", "out.bvh", "--overwrite")
         assert (done.returncode, done.stderr) == (0, warning)
-    told = run("in.bvh", "tail.json", "-o", "out.bvh", "--overwrite", "-v", cwd=folder)
+    told = run("in.bvh", "tail.json", "-o", "out.bvh", "--overwrite", "-v")
     assert "joints of the target that follow their parents: 'Tail1', " in told.stderr
     assert "'Tail12' and 2 more\n" in told.stderr
     assert "warning" not in told.stderr
 
 
-def test_verbose_tells_what_was_taken_for_what(folder):
-    done = run("in.bvh", "body.json", "-o", "out.bvh", "--root-scale", "1.5", "-v", cwd=folder)
+@pytest.mark.usefixtures("folder")
+def test_verbose_says_what_was_matched_with_what():
+    done = run("in.bvh", "body.json", "-o", "out.bvh", "--root-scale", "1.5", "-v")
     assert done.stderr.splitlines() == [
         "source: joints named as in Xsens MVN",
         "target: joints named as in Xsens MVN",
@@ -186,7 +189,7 @@ def test_verbose_tells_what_was_taken_for_what(folder):
 
 def test_the_axes_are_passed_on(folder):
     axes = ["--source-up", "Y", "--target-up", "-Z"]
-    done = run("in.bvh", "body.json", "-o", "out.bvh", "--root-scale", "1", *axes, "-v", cwd=folder)
+    done = run("in.bvh", "body.json", "-o", "out.bvh", "--root-scale", "1", *axes, "-v")
     assert "up: Y in the source, -Z in the target: the world is turned\n" in done.stderr
     source, result = (read_bvh(folder / name) for name in ("in.bvh", "out.bvh"))
     x, y, z = between_hips(source).T
@@ -202,26 +205,27 @@ def test_the_root_offset_is_passed_on(folder):
         ("added", "is added to it; --root-offset rep"),
     ):
         options = ["-v", "--root-scale", "1", "--root-offset", meaning]
-        done = run("raised.bvh", "body.json", "-o", f"{meaning}.bvh", *options, cwd=folder)
+        done = run("raised.bvh", "body.json", "-o", f"{meaning}.bvh", *options)
         assert f"the source's root has OFFSET 1 2 3: its position {says}" in done.stderr
         paths[meaning] = read_bvh(folder / f"{meaning}.bvh").root_positions
     np.testing.assert_allclose(paths["added"] - paths["replaced"], [[1, 2, 3]] * 20, atol=1e-5)
 
 
-def test_a_map_counts_before_that_of_the_target(folder):
+def test_a_map_takes_precedence_over_that_of_the_target(folder):
     body = json.loads((folder / "body.json").read_text())
     swap = {"LeftShoulder": "RightShoulder", "RightShoulder": "LeftShoulder"}
     (folder / "swap.json").write_text(json.dumps(swap))
     (folder / "plain.json").write_text(json.dumps(body | {"map": {"LeftShoulder": "LeftHip"}}))
     (folder / "swapped.json").write_text(json.dumps(body | {"map": swap}))
     for target, options in (("plain", ["--map", "swap.json"]), ("swapped", []), ("body", [])):
-        assert run("in.bvh", f"{target}.json", "-o", f"{target}.bvh", *options, cwd=folder).returncode == 0
+        assert run("in.bvh", f"{target}.json", "-o", f"{target}.bvh", *options).returncode == 0
     assert (folder / "plain.bvh").read_bytes() == (folder / "swapped.bvh").read_bytes()
     assert (folder / "plain.bvh").read_bytes() != (folder / "body.bvh").read_bytes()
 
 
-def test_show_prints_the_tree(folder):
-    shown = run("skeleton", "show", "in.bvh", cwd=folder).stdout.splitlines()
+@pytest.mark.usefixtures("folder")
+def test_show_prints_the_tree():
+    shown = run("skeleton", "show", "in.bvh").stdout.splitlines()
     assert shown[0].startswith("22 joints, 5 End Sites; height ")
     assert shown[0].endswith("; joints named as in Xsens MVN")
     assert len(shown) == 1 + 27
@@ -229,18 +233,18 @@ def test_show_prints_the_tree(folder):
 
 
 def test_an_exported_skeleton_is_the_same_target(folder):
-    assert run("skeleton", "export", "in.bvh", "-o", "own.json", cwd=folder).returncode == 0
-    assert run("skeleton", "export", "in.bvh", cwd=folder).stdout == (folder / "own.json").read_text()
+    assert run("skeleton", "export", "in.bvh", "-o", "own.json").returncode == 0
+    assert run("skeleton", "export", "in.bvh").stdout == (folder / "own.json").read_text()
     for target in ("in.bvh", "own.json"):
-        run("in.bvh", target, "-o", f"to_{target}.bvh", cwd=folder)
+        run("in.bvh", target, "-o", f"to_{target}.bvh")
     assert (folder / "to_in.bvh.bvh").read_bytes() == (folder / "to_own.json.bvh").read_bytes()
 
 
-def test_frames_that_do_not_converge_are_told(folder, monkeypatch):
+@pytest.mark.usefixtures("folder")
+def test_frames_that_do_not_converge_are_reported(monkeypatch):
     monkeypatch.setattr("distretarget.solve.contact._solve", _stop_early)
-    arguments = [str(folder / "in.bvh"), str(folder / "body.json"), "-o", str(folder / "out.bvh")]
-    done = CliRunner().invoke(cli, arguments)
-    assert done.exit_code == 0
+    done = run("in.bvh", "body.json", "-o", "out.bvh")
+    assert done.returncode == 0
     assert "warning: 20 of 20 frames did not converge (first: frame 0; iteration limit)" in done.stderr
 
 
@@ -255,8 +259,8 @@ def test_every_sample_is_retargeted_to_every_sample_target(tmp_path):
     assert len(targets) >= 4
     for number, clip in enumerate(clips):
         target = targets[number % len(targets)]
-        done = CliRunner().invoke(cli, [str(clip), str(target), "-o", str(tmp_path / clip.name)])
-        assert (done.exit_code, done.stderr) == (0, "")
+        done = run(clip, target, "-o", tmp_path / clip.name)
+        assert (done.returncode, done.stderr) == (0, "")
         assert len(read_bvh(tmp_path / clip.name)) == len(read_bvh(clip))
 
 

@@ -6,30 +6,25 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 from bodies import CORPUS, SAMPLES, needs_corpus, other_lengths, person, swaying
-from click.testing import CliRunner
+from program import command, run, run_process, start_process, wait_until
 
 from distretarget import read_bvh, retarget, write_bvh
-from distretarget.cli import cli
-from distretarget.errors import BatchError
 from distretarget.io.bvh import format_bvh
 from distretarget.io.skeleton_json import skeleton_to_json
 
-LONG = 600  # frames that take a moment
-LONGER = 6000  # frames that are under way while clips of LONG are done
+CLIPS = 5  # of the length LONG
+LONG = 600  # frames, which take a moment
+LONGER = 6000  # frames, which take longer than all other clips
 TINY = 150  # clips of one frame
+HANGS = 60  # after so long, a process does not end any more [s]
 
 
-def command(*arguments):
-    return [sys.executable, "-m", "distretarget", "batch", *map(str, arguments)]
-
-
-def run(*arguments, cwd=None, **others):
-    return subprocess.run(command(*arguments), capture_output=True, text=True, cwd=cwd, timeout=120, **others)
+def batch(*arguments, **options):
+    return run("batch", *arguments, **options)
 
 
 def lines(folder):
@@ -41,7 +36,9 @@ def tree(folder):
 
 
 @pytest.fixture
-def folder(tmp_path):
+def folder(tmp_path, monkeypatch):
+    """The working folder, with three clips and a target."""
+    monkeypatch.chdir(tmp_path)
     for seed, name in enumerate(("a.bvh", "deep/b.bvh", "deep/er/c.bvh")):
         (tmp_path / "in" / name).parent.mkdir(parents=True, exist_ok=True)
         write_bvh(tmp_path / "in" / name, swaying(person(), seed=seed))
@@ -50,20 +47,20 @@ def folder(tmp_path):
 
 
 def test_a_folder_in_a_folder_out(folder):
-    done = run("in", "body.json", "-o", "out", "--jobs", 2, cwd=folder)
+    done = batch("in", "body.json", "-o", "out", "--jobs", 2)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith("3 clips: 3 converted, 0 done before, 0 failed\n60 frames in ")
     assert tree(folder / "out").keys() == {"a.bvh", "deep/b.bvh", "deep/er/c.bvh"}
     expected = format_bvh(retarget(read_bvh(folder / "in/a.bvh"), other_lengths(person())).motion)
     assert (folder / "out/a.bvh").read_text() == expected
-    again = run("in", "body.json", "-o", "out", cwd=folder)
+    again = batch("in", "body.json", "-o", "out")
     assert again.stdout == "3 clips: 0 converted, 3 done before, 0 failed\n"
     assert len(lines(folder / "out")) == 3
 
 
 def test_one_bad_file_does_not_stop_the_rest(folder):
     (folder / "in" / "bad.bvh").write_text("HIERARCHY\nnonsense")
-    done = run("in", "body.json", "-o", "out", cwd=folder)
+    done = batch("in", "body.json", "-o", "out")
     assert done.returncode == 1
     assert "4 clips: 3 converted, 0 done before, 1 failed" in done.stdout
     assert "failed:\n  in/bad.bvh:2: " in done.stdout
@@ -71,18 +68,16 @@ def test_one_bad_file_does_not_stop_the_rest(folder):
     assert sorted(line["status"] for line in lines(folder / "out")) == ["done", "done", "done", "failed"]
 
 
-def test_several_targets(folder):
+def test_each_target_gets_a_folder(folder):
     shutil.copy(folder / "body.json", folder / "other.json")
-    done = run("in/a.bvh", "--target", "body.json", "--target", "other.json", "-o", "out", cwd=folder)
+    done = batch("in/a.bvh", "--target", "body.json", "--target", "other.json", "-o", "out")
     assert done.returncode == 0
     assert tree(folder / "out").keys() == {"body/a.bvh", "other/a.bvh"}
 
 
-def test_options_pass_through(folder):
+def test_options_are_passed_on(folder):
     (folder / "map.json").write_text('{"Head": null}')
-    done = run(
-        "in/a.bvh", "body.json", "-o", "out", "--feet", "free", "--root-scale", 3, "--map", "map.json", cwd=folder
-    )
+    done = batch("in/a.bvh", "body.json", "-o", "out", "--feet", "free", "--root-scale", 3, "--map", "map.json")
     assert done.returncode == 0
     (line,) = lines(folder / "out")
     assert (line["options"]["hold_feet"], line["options"]["root_scale"]) == (False, 3.0)
@@ -93,55 +88,49 @@ def test_options_pass_through(folder):
 
 
 @pytest.mark.parametrize("from_stdin", [True, False])
-def test_lists_of_files(folder, from_stdin):
+def test_clips_are_taken_from_a_list(folder, from_stdin):
     text = "in/deep/b.bvh\n\nin/a.bvh\n"
     (folder / "list.txt").write_text(text)
-    others = {"input": text} if from_stdin else {}
-    done = run("body.json", "-o", "out", "--input-list", "-" if from_stdin else "list.txt", cwd=folder, **others)
+    done = batch("body.json", "-o", "out", "--input-list", "-" if from_stdin else "list.txt", given=text)
     assert done.returncode == 0
     assert tree(folder / "out").keys() == {"a.bvh", "deep/b.bvh"}
 
 
-def test_lists_of_any_tool(folder):
+def test_lists_may_have_a_byte_order_mark_and_line_ends_of_windows(folder):
     (folder / "list.txt").write_bytes(b"\xef\xbb\xbfin/a.bvh\r\nin/deep/b.bvh\r\nin/a.bvh\r\n")
-    done = run("body.json", "-o", "out", "--input-list", "list.txt", cwd=folder)
+    done = batch("body.json", "-o", "out", "--input-list", "list.txt")
     assert (done.returncode, tree(folder / "out").keys()) == (0, {"a.bvh", "deep/b.bvh"})
 
 
-def test_streams_that_hold_few_characters(folder):
+def test_streams_of_few_characters_take_any_name(folder):
     (folder / "in/a.bvh").rename(folder / "in/\u52d5.bvh")
     narrow = {**os.environ, "PYTHONIOENCODING": "cp1252"}
-    done = run("in", "body.json", "-o", "out", cwd=folder, env=narrow)
-    assert (done.returncode, done.stderr) == (0, "")
-    shown = subprocess.run(
-        [sys.executable, "-m", "distretarget", "skeleton", "show", "body.json"],
-        capture_output=True,
-        env=narrow,
-        cwd=folder,
-    )
-    assert (shown.returncode, shown.stderr) == (0, b"")
+    for arguments in (("batch", "in", "body.json", "-o", "out"), ("skeleton", "show", "body.json")):
+        done = run_process(*arguments, env=narrow)
+        assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_a_full_standard_output_is_told(folder):
+@pytest.mark.usefixtures("folder")
+def test_a_full_standard_output_is_reported():
     with Path("/dev/full").open("w") as full:
-        command = [sys.executable, "-m", "distretarget", "skeleton", "show", "body.json"]
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, cwd=folder)
+        words = command("skeleton", "show", "body.json")
+        done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True)
     assert (done.returncode, done.stderr) == (1, "distretarget: standard output: the disk is full\n")
 
 
 def test_a_dry_run_writes_nothing(folder):
-    done = run("in", "body.json", "-o", "out", "--dry-run", cwd=folder)
+    done = batch("in", "body.json", "-o", "out", "--dry-run")
     assert done.returncode == 0
     assert "convert  in/deep/b.bvh -> out/deep/b.bvh\n" in done.stdout
     assert not (folder / "out").exists()
-    run("in/a.bvh", "body.json", "-o", "out", cwd=folder)
+    batch("in/a.bvh", "body.json", "-o", "out")
     (folder / "in/deep/er/c.bvh").write_bytes(b"\0")
-    again = run("in", "body.json", "-o", "out", "--dry-run", cwd=folder).stdout
+    again = batch("in", "body.json", "-o", "out", "--dry-run").stdout
     assert "skip     in/a.bvh -> out/a.bvh\n" in again
     (folder / "mine").mkdir()
     (folder / "mine" / "a.bvh").write_text("mine")
-    fails = run("in", "body.json", "-o", "mine", "--dry-run", cwd=folder).stdout
+    fails = batch("in", "body.json", "-o", "mine", "--dry-run").stdout
     assert "fail     mine/a.bvh: exists already" in fails
     assert [path.name for path in (folder / "mine").iterdir()] == ["a.bvh"]
     assert "convert  in/deep/b.bvh" in again
@@ -172,7 +161,7 @@ def test_a_dry_run_writes_nothing(folder):
 def test_wrong_usage_is_one_line(folder, arguments, status, says):
     (folder / "bad.json").write_text('{"format": "distretarget-skeleton"}')
     shutil.copytree(folder / "in", folder / "more")
-    done = run(*arguments, "-o", "out", cwd=folder)
+    done = batch(*arguments, "-o", "out")
     assert done.returncode == status
     assert says in done.stderr
     assert done.stderr.count("\n") == 1
@@ -180,41 +169,41 @@ def test_wrong_usage_is_one_line(folder, arguments, status, says):
 
 
 def test_results_inside_the_source_are_refused(folder):
-    done = run("in", "body.json", "-o", "in/out", cwd=folder)
+    done = batch("in", "body.json", "-o", "in/out")
     assert (done.returncode, "is inside in" in done.stderr) == (2, True)
     assert not (folder / "in/out").exists()
 
 
-def test_pages(folder):
+def test_the_clips_asked_for_get_reports(folder):
     def pages():
         return {path.relative_to(folder / "out").as_posix() for path in (folder / "out").rglob("*.html")}
 
     once = ("in", "body.json", "-o", "out", "--report", "out/index.html", "--reports")
-    assert run(*once, "worst:1", cwd=folder).returncode == 0
+    assert batch(*once, "worst:1").returncode == 0
     assert len(pages()) == 2
     (report,) = pages() - {"index.html"}
     assert f'"{report}"' in (folder / "out/index.html").read_text()
-    assert run(*once, "all", cwd=folder).returncode == 0
+    assert batch(*once, "all").returncode == 0
     assert pages() == {"index.html", *(f"index_reports/{place}.html" for place in ("a", "deep/b", "deep/er/c"))}
     shutil.rmtree(folder / "out")
-    assert run(*once, "all", cwd=folder).returncode == 0
+    assert batch(*once, "all").returncode == 0
     assert len(pages()) == 4
     shutil.rmtree(folder / "out")
-    assert run(*once, "none", cwd=folder).returncode == 0
+    assert batch(*once, "none").returncode == 0
     assert pages() == {"index.html"}
-    wrong = run(*once, "worst", cwd=folder)
+    wrong = batch(*once, "worst")
     assert (wrong.returncode, "expected worst:N" in wrong.stderr) == (2, True)
 
 
 def test_only_reports_on_the_present_results_are_linked(folder):
     once = ("in/a.bvh", "body.json", "-o", "out", "--report", "out/index.html", "--reports")
-    run(*once, "all", cwd=folder)
+    batch(*once, "all")
     report, index = folder / "out/index_reports/a.html", folder / "out/index.html"
     before = report.read_text()
-    run(*once, "none", "--root-scale", 3, cwd=folder)
+    batch(*once, "none", "--root-scale", 3)
     assert report.read_text() == before
     assert "index_reports/a.html" not in index.read_text()
-    run(*once, "all", "--root-scale", 3, cwd=folder)
+    batch(*once, "all", "--root-scale", 3)
     assert report.read_text() != before
     assert "index_reports/a.html" in index.read_text()
 
@@ -222,16 +211,16 @@ def test_only_reports_on_the_present_results_are_linked(folder):
 def test_a_report_that_cannot_be_written_does_not_stop_the_rest(folder):
     (folder / "out/index_reports").mkdir(parents=True)
     (folder / "out/index_reports/a.html").write_text("mine")
-    done = run("in", "body.json", "-o", "out", "--report", "out/index.html", "--reports", "all", cwd=folder)
+    done = batch("in", "body.json", "-o", "out", "--report", "out/index.html", "--reports", "all")
     assert done.returncode == 1
     assert "3 clips: 3 converted" in done.stdout
     assert done.stderr == "no report: out/index_reports/a.html: exists already; --overwrite replaces it\n"
     assert (folder / "out/index.html").exists()
 
 
-def test_a_page_of_somebody_else_is_left_alone(folder):
+def test_a_page_of_other_origin_is_left_alone(folder):
     (folder / "page.html").write_text("my own")
-    done = run("in", "body.json", "-o", "out", "--report", "page.html", cwd=folder)
+    done = batch("in", "body.json", "-o", "out", "--report", "page.html")
     assert done.returncode == 1
     assert done.stderr == "distretarget: page.html: exists already; --overwrite replaces it\n"
     assert not (folder / "out").exists()
@@ -240,73 +229,59 @@ def test_a_page_of_somebody_else_is_left_alone(folder):
 # ---- stops
 
 
-def long_clips(folder, *frames):
-    shutil.rmtree(folder / "in")
+@pytest.fixture(scope="module")
+def work(tmp_path_factory):
+    """A folder with clips that take a moment, a target, and in `out` the results of a run that nothing stops."""
+    folder = tmp_path_factory.mktemp("work")
     (folder / "in").mkdir()
-    for seed, count in enumerate(frames):
-        write_bvh(folder / "in" / f"{seed}.bvh", swaying(person(), frames=count, seed=seed))
+    for seed, name in enumerate(("longer", *range(CLIPS))):
+        frames = LONGER if name == "longer" else LONG
+        write_bvh(folder / "in" / f"{name}.bvh", swaying(person(), frames=frames, seed=seed))
+    (folder / "body.json").write_text(skeleton_to_json(other_lengths(person()), "body"))
+    assert batch(folder / "in", folder / "body.json", "-o", folder / "out").returncode == 0
+    return folder
 
 
-def started(folder, at_least):
-    """A run that has finished so many clips, in a group of its own."""
-    process = subprocess.Popen(
-        command("in", "body.json", "-o", "out", "--jobs", 2),
-        cwd=folder,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    manifest = folder / "out" / "manifest.jsonl"
-    while process.poll() is None and not (manifest.exists() and manifest.read_bytes().count(b"\n") >= at_least):
-        time.sleep(0.01)
+def short(folder):
+    """The results of all clips but the longest."""
+    return {name: content for name, content in tree(folder).items() if name != "longer.bvh"}
+
+
+def started(work, output, *options, finished=0):
+    """A process that converts the clips of a folder, once it has finished so many."""
+    process = start_process("batch", work / "in", work / "body.json", "-o", output, *options)
+    manifest = output / "manifest.jsonl"
+    wait_until(lambda: (manifest.read_bytes() if manifest.exists() else b"").count(b"\n") >= finished, process)
     return process
 
 
-def workers_of(group):
-    """The processes of a group that are still there."""
-    found = subprocess.run(["ps", "-o", "pid=,stat=", "--sid", str(group)], capture_output=True, text=True).stdout
-    return [line for line in found.splitlines() if "Z" not in line.split()[1]]
-
-
-@pytest.mark.skipif(not hasattr(signal, "SIGKILL") or not shutil.which("ps"), reason="needs signals and ps")
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs signals as Unix has them")
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGKILL"])
-def test_a_run_that_was_stopped_goes_on(folder, name):
-    long_clips(folder, LONGER, *[LONG] * 5)
-    process = started(folder, at_least=2)
+def test_a_run_that_was_stopped_goes_on(work, tmp_path, name):
+    process = started(work, tmp_path, "--jobs", 2, finished=2)
     if name == "SIGINT":
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does
     else:
         process.send_signal(getattr(signal, name))
-    out, err = process.communicate(timeout=30)
-    before = {path: path.stat().st_mtime_ns for path in (folder / "out").glob("*.bvh")}
+    out, err = process.communicate(timeout=HANGS)  # until the last of its workers has ended, too
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.bvh")}
     if name != "SIGKILL":
         assert process.returncode == 130
         assert " left" in out.splitlines()[0]
         assert err == "distretarget: interrupted; run this again to go on\n"
-        assert not list((folder / "out").glob(".*"))
-    deadline = time.monotonic() + 20
-    while workers_of(process.pid) and time.monotonic() < deadline:
-        time.sleep(0.05)
-    assert not workers_of(process.pid)
-    done = run("in", "body.json", "-o", "out", cwd=folder)
-    assert done.returncode == 0
-    assert not list((folder / "out").glob(".*"))
+        assert not list(tmp_path.glob(".*"))
+    assert batch(work / "in", work / "body.json", "-o", tmp_path).returncode == 0
+    assert not list(tmp_path.glob(".*"))
     whole = [path for path, time_then in before.items() if path.stat().st_mtime_ns == time_then]
     assert len(whole) == len(before) >= 1
-    shutil.move(folder / "out", folder / "stopped")
-    run("in", "body.json", "-o", "out", cwd=folder)
-    assert tree(folder / "stopped") == tree(folder / "out")
+    assert tree(tmp_path) == tree(work / "out")
 
 
-def test_two_runs_into_one_folder(folder):
-    long_clips(folder, *[LONG] * 3)
-    processes = [started(folder, 0) for _ in range(2)]
-    assert [process.communicate(timeout=60) and process.returncode for process in processes] == [0, 0]
-    assert {line["status"] for line in lines(folder / "out")} == {"done"}
-    shutil.move(folder / "out", folder / "both")
-    run("in", "body.json", "-o", "out", cwd=folder)
-    assert tree(folder / "both") == tree(folder / "out")
+def test_two_runs_may_write_into_one_folder(work, tmp_path):
+    processes = [started(work, tmp_path, "--exclude", "longer.bvh") for _ in range(2)]
+    assert [process.communicate(timeout=HANGS) and process.returncode for process in processes] == [0, 0]
+    assert {line["status"] for line in lines(tmp_path)} == {"done"}
+    assert tree(tmp_path) == short(work / "out")
 
 
 # ---- workers
@@ -315,43 +290,34 @@ def test_two_runs_into_one_folder(folder):
 def test_one_long_clip_in_pieces_is_the_same(folder):
     write_bvh(folder / "long.bvh", swaying(person(), frames=3000))
     assert (folder / "long.bvh").stat().st_size > 1 << 20  # so that it is cut
-    one = run("long.bvh", "body.json", "-o", "one", "--jobs", 1, cwd=folder)
-    two = run("long.bvh", "body.json", "-o", "two", "--jobs", 2, cwd=folder)
+    one = batch("long.bvh", "body.json", "-o", "one", "--jobs", 1)
+    two = batch("long.bvh", "body.json", "-o", "two", "--jobs", 2)
     assert (one.returncode, two.returncode) == (0, 0)
     assert tree(folder / "one") == tree(folder / "two")
 
 
-def test_dask_gives_the_same_and_survives_a_dying_worker(folder):
+def test_dask_gives_the_same_and_survives_a_dying_worker(work, tmp_path):
     distributed = pytest.importorskip("distributed", reason="needs distributed")
-    long_clips(folder, *[LONG] * 6)
-    local = run("in", "body.json", "-o", "local", "--jobs", 2, cwd=folder)
-    assert local.returncode == 0
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
-        address = cluster.scheduler_address
-        plain = run("in", "body.json", "-o", "dask", "--dask", address, cwd=folder)
-        assert (plain.returncode, plain.stderr) == (0, "")
-        assert tree(folder / "dask") == tree(folder / "local")
-        process = subprocess.Popen(
-            command("in", "body.json", "-o", "killed", "--dask", address), cwd=folder, stdout=subprocess.PIPE, text=True
-        )
-        manifest = folder / "killed" / "manifest.jsonl"
-        while process.poll() is None and not (manifest.exists() and manifest.stat().st_size):
-            time.sleep(0.01)
+        options = ("--exclude", "longer.bvh", "--dask", cluster.scheduler_address)
+        plain = started(work, tmp_path / "plain", *options)
+        assert plain.communicate(timeout=HANGS)[1] == ""
+        assert plain.returncode == 0
+        assert tree(tmp_path / "plain") == short(work / "out")
+        killed = started(work, tmp_path / "killed", *options, finished=1)
         os.kill(cluster.workers[0].process.process.pid, signal.SIGKILL)
-        process.communicate(timeout=60)
-        assert process.returncode == 0
-        assert tree(folder / "killed") == tree(folder / "local")
+        killed.communicate(timeout=HANGS)
+        assert killed.returncode == 0
+        assert tree(tmp_path / "killed") == short(work / "out")
 
 
-def test_a_scheduler_that_is_not_there(folder, monkeypatch):
+def test_a_scheduler_that_does_not_answer_gives_one_line(folder, monkeypatch):
     pytest.importorskip("distributed", reason="needs distributed")
-    monkeypatch.setattr("distretarget.batch.pools.ANSWER", "1s")
-    monkeypatch.chdir(folder)
-    arguments = ["batch", "in", "body.json", "-o", "out", "--dask", "tcp://127.0.0.1:9"]
-    error = CliRunner().invoke(cli, arguments).exception
-    assert isinstance(error, BatchError)
-    assert str(error).startswith("no Dask scheduler answers at tcp://127.0.0.1:9: ")
-    assert "\n" not in str(error)
+    monkeypatch.setattr("distretarget.batch.pools.ANSWER", "100ms")
+    done = batch("in", "body.json", "-o", "out", "--dask", "tcp://127.0.0.1:9")
+    assert done.returncode == 1
+    assert done.stderr.startswith("distretarget: no Dask scheduler answers at tcp://127.0.0.1:9: ")
+    assert done.stderr.count("\n") == 1
     assert not (folder / "out").exists()
 
 
@@ -362,8 +328,7 @@ def test_workers_run_the_same_program(folder):
     program = shutil.which("distretarget", path=Path(sys.executable).parent)
     if not program:
         pytest.skip("needs the installed command")
-    arguments = ["batch", "in", "body.json", "-o", "out"]
-    done = subprocess.run([program, *arguments], capture_output=True, text=True, cwd=folder, timeout=120)
+    done = subprocess.run([program, "batch", "in", "body.json", "-o", "out"], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
     assert not (folder / "imported").exists()
 
@@ -371,21 +336,21 @@ def test_workers_run_the_same_program(folder):
 # ---- real folders
 
 
-def test_many_tiny_clips(folder):
+def test_many_tiny_clips_are_all_converted(folder):
     shutil.rmtree(folder / "in")
     (folder / "in").mkdir()
     text = format_bvh(swaying(person(), frames=1))
     for number in range(TINY):
         (folder / "in" / f"{number}.bvh").write_text(text)
-    done = run("in", "body.json", "-o", "out", cwd=folder)
+    done = batch("in", "body.json", "-o", "out")
     assert done.returncode == 0
     assert done.stdout.startswith(f"{TINY} clips: {TINY} converted")
     assert len(set(tree(folder / "out").values())) == 1
 
 
 @needs_corpus
-def test_the_corpus_adds_up(tmp_path):
-    done = run(CORPUS, SAMPLES / "rigs" / "mixamo_t.json", "-o", tmp_path)
+def test_every_clip_of_the_corpus_is_converted_or_has_a_reason(tmp_path):
+    done = batch(CORPUS, SAMPLES / "rigs" / "mixamo_t.json", "-o", tmp_path)
     assert done.returncode == 1
     total = sum(path.suffix.lower() == ".bvh" for path in CORPUS.rglob("*"))
     counts = [line["status"] for line in lines(tmp_path)]

@@ -7,11 +7,11 @@ import shlex
 from pathlib import Path
 
 import numpy as np
+import program
 import pytest
 from bodies import clapping, lengthened, person, posed, swaying
 
 from distretarget import write_bvh
-from distretarget.cli import main
 from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.measure.diff import diff
 
@@ -49,8 +49,9 @@ def clap(most):
     return clapping(most * np.sin(np.linspace(0, np.pi, 15)) ** 2)
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
+    """The working folder, with clips and a target."""
     monkeypatch.chdir(tmp_path)
     for name, motion in {"a": clap(1.0), "b": clap(0.9), "straight": bent(0), "bent": bent(10)}.items():
         write_bvh(f"{name}.bvh", motion)
@@ -59,18 +60,10 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.fixture
-def run(folder, monkeypatch, capsys):
-    """Run the program in the folder: exit status, standard output, standard error."""
-
-    def runs(line):
-        monkeypatch.setattr("sys.argv", ["distretarget", *shlex.split(line)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        return ended.value.code or 0, *capsys.readouterr()
-
-    assert folder.is_dir()
-    return runs
+def run(line):
+    """Run the program with a line of arguments: exit status, standard output, standard error."""
+    done = program.run(*shlex.split(line))
+    return done.returncode, done.stdout, done.stderr
 
 
 def row(output, name):
@@ -79,7 +72,7 @@ def row(output, name):
     return [float(word) for word in words[:2] if word.replace(".", "").replace("e-", "").isdigit()]
 
 
-def test_what_is_printed(run):
+def test_the_figures_are_printed():
     status, output, errors = run("diff straight.bvh bent.bvh")
     assert (status, errors) == (0, "")
     assert "12 frames compared, 50 a second" in output
@@ -92,7 +85,7 @@ def test_what_is_printed(run):
     assert "LeftWrist" in output
 
 
-def test_a_motion_against_itself(run):
+def test_a_motion_does_not_differ_from_itself():
     status, output, _ = run("diff a.bvh a.bvh --fail-over contact=0 --fail-over slide=1 --fail-over jerk=1")
     assert status == 0
     for name in ("stress", "distance error", "contact error", "direction error", "bone error", "turn"):
@@ -100,7 +93,7 @@ def test_a_motion_against_itself(run):
     assert "worst pairs: none" in output
 
 
-def test_frames_and_pairs_that_are_worst(run):
+def test_the_worst_frames_and_pairs_are_printed():
     _, output, _ = run("diff a.bvh b.bvh --json d.json")
     figures = json.loads(Path("d.json").read_text())
     (line,) = (line for line in output.splitlines() if line.startswith("worst frames by contact error: "))
@@ -111,7 +104,7 @@ def test_frames_and_pairs_that_are_worst(run):
     assert f"in {first['contact_frames']} frames of contact" in output
 
 
-def test_joints_that_are_left_over(run):
+def test_joints_without_a_counterpart_are_printed():
     tailed = "\n".join(["JOINT Tail", "{", "OFFSET 0 0 1", "CHANNELS 0", "End Site", "{", "OFFSET 0 0 1", "}", "}"])
     text = Path("bent.bvh").read_text()
     place = text.index("JOINT ")
@@ -120,7 +113,7 @@ def test_joints_that_are_left_over(run):
     assert "joints of A that nothing in B stands for: 'Tail'" in run("diff tail.bvh straight.bvh")[1]
 
 
-def test_files_have_the_same_numbers(run, folder):
+def test_files_have_the_same_numbers(folder):
     status, _, errors = run("diff a.bvh b.bvh --json d.json --csv d.csv")
     assert (status, errors) == (0, "")
     figures = json.loads((folder / "d.json").read_text())
@@ -130,7 +123,7 @@ def test_files_have_the_same_numbers(run, folder):
     assert (figures["a"]["file"], figures["b"]["file"]) == ("a.bvh", "b.bvh")
 
 
-def test_the_report_has_the_document(run, folder):
+def test_the_report_has_the_document(folder):
     assert run("diff a.bvh b.bvh -o d.html --json d.json")[0] == 0
     page = (folder / "d.html").read_text()
     assert page.lstrip().lower().startswith("<!doctype html>")
@@ -138,7 +131,7 @@ def test_the_report_has_the_document(run, folder):
     assert str(worst) in page
 
 
-def test_a_file_is_named_without_its_folder(run, folder):
+def test_a_file_is_named_without_its_folder(folder):
     (folder / "deep").mkdir()
     (folder / "a.bvh").rename(folder / "deep" / "a.bvh")
     run("diff deep/a.bvh b.bvh --json d.json")
@@ -156,7 +149,7 @@ def test_a_file_is_named_without_its_folder(run, folder):
         ("foot=0.01 jerk=3", ""),
     ],
 )
-def test_limits(run, folder, limits, over):
+def test_a_figure_over_its_limit_fails(folder, limits, over):
     options = " ".join(f"--fail-over {limit}" for limit in limits.split())
     status, output, errors = run(f"diff straight.bvh bent.bvh --csv d.csv {options}")
     assert status == (1 if over else 0)
@@ -166,8 +159,8 @@ def test_limits(run, folder, limits, over):
     assert errors.startswith(f"distretarget: bent.bvh: {over}" if over else "")
 
 
-def test_feet_that_slide_where_they_stood_are_over_the_limit(run):
-    """The ratio has no value there, the limit does."""
+def test_feet_that_slide_where_they_stood_are_over_the_limit():
+    """Where A does not slide, the ratio of slides is undefined, and the limit still holds."""
     for name, speed in (("still", 0.0), ("noisy", 1e-5), ("sliding", 0.02)):
         path = np.outer(np.arange(12) * 0.02 * speed, [1.0, 0, 0]) + np.array([0, 0.9, 0])
         write_bvh(f"{name}.bvh", posed(PERSON, {}, path))
@@ -176,7 +169,7 @@ def test_feet_that_slide_where_they_stood_are_over_the_limit(run):
     assert run("diff sliding.bvh sliding.bvh --fail-over slide=1")[0] == 0
 
 
-def test_every_figure_over_its_limit_is_named(run):
+def test_every_figure_over_its_limit_is_named():
     limits = ("stress", "distance", "contact", "direction")
     errors = run("diff a.bvh b.bvh " + " ".join(f"--fail-over {name}=0" for name in limits))[2]
     assert [part.split(" is ")[0].split()[-1] for part in errors.split("; ")] == list(limits)
@@ -210,7 +203,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_use_gives_one_line_and_changes_nothing(run, folder, case):
+def test_bad_use_gives_one_line_and_changes_nothing(folder, case):
     (folder / "strange.json").write_text('{"Tail": "Hips"}')
     (folder / "still.bvh").write_text(BLOCKS.replace("Frames: 1", "Frames: 0").replace("0 0 0 0 0 0\n", ""))
     before = {path: path.read_bytes() for path in folder.iterdir()}
@@ -223,26 +216,26 @@ def test_bad_use_gives_one_line_and_changes_nothing(run, folder, case):
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
 
 
-def test_outputs_are_replaced_if_that_is_wanted(run, folder):
+def test_outputs_are_replaced_if_asked(folder):
     (folder / "d.csv").write_text("old")
     assert run("diff a.bvh b.bvh --csv d.csv --overwrite")[0] == 0
     assert (folder / "d.csv").read_text().startswith("frame,")
 
 
-def test_a_map(run, folder):
+def test_a_map_is_followed(folder):
     (folder / "map.json").write_text('{"LeftElbow": null}')
     status, output, _ = run("diff a.bvh b.bvh --map map.json")
     assert status == 0
     assert "joints of B that nothing in A stands for: 'LeftElbow'" in output
 
 
-def test_another_frame_rate_is_told(run):
+def test_resampling_is_reported():
     write_bvh("fast.bvh", clapping(np.sin(np.linspace(0, np.pi, 29)) ** 2, "0.01"))
     output = run("diff a.bvh fast.bvh")[1]
     assert "A was resampled from 50 to 100 frames/s" in output
 
 
-def test_the_report_of_a_run(run, folder):
+def test_the_report_of_a_run(folder):
     status, output, errors = run("a.bvh body.json -o out.bvh --report out.html")
     assert (status, errors) == (0, "")
     assert output.count("\n") == 1
@@ -252,7 +245,7 @@ def test_the_report_of_a_run(run, folder):
     assert '"rotation_copy":{' in page
 
 
-def test_the_report_of_a_run_on_swaying_bodies_follows_the_paper(run, folder):
+def test_the_report_of_a_run_on_swaying_bodies_follows_the_paper(folder):
     write_bvh("sway.bvh", swaying(PERSON, 5))
     assert run("sway.bvh body.json -o out.bvh --report out.html --objective paper")[0] == 0
     assert (folder / "out.html").stat().st_size > 1000

@@ -1,18 +1,15 @@
 """Whole clips, from file to file: the samples, and real files of many makers where they are at hand."""
 
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from bodies import CORPUS, SAMPLES, needs_corpus
+from edits import ARMS_AND_LEGS, edited
 
 from distretarget import DistretargetError, Motion, read_bvh, retarget, write_bvh
 from distretarget.body.legs import height
 from distretarget.motion import rigid_motion
-
-sys.path.append(str(Path(__file__).resolve().parents[1] / "benchmarks"))
-from edits import ARMS_AND_LEGS, edited
 
 REFUSED = {
     "odd_declared_less.bvh": "20 whole frames of 51 numbers",
@@ -83,7 +80,7 @@ def test_written_bones_are_the_targets(path, tmp_path):
 
 
 @files([path for path in CORPUS_FILES if path.name in REFUSED])
-def test_refusals(path):
+def test_files_that_cannot_be_used_are_refused_with_a_reason(path):
     with pytest.raises(DistretargetError) as caught:
         retarget(motion := read_bvh(path), motion.rigid_skeleton)
     assert REFUSED[path.name] in str(caught.value)

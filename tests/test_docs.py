@@ -3,20 +3,16 @@
 import re
 import shlex
 import shutil
-import sys
 from dataclasses import fields
 from pathlib import Path
 
 import pytest
 from bodies import SAMPLES
-from click.testing import CliRunner
-
-from distretarget.cli import cli
-from distretarget.solve.settings import ContactSettings
-
-sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
 import make_settings
 from make_reference import PAGE, reference
+from program import run
+
+from distretarget.solve.settings import ContactSettings
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
@@ -35,8 +31,8 @@ def run_line(line):
     if not found:
         assert line in (ROOT / ".ci" / "run").read_text().splitlines()
         return
-    done = CliRunner().invoke(cli, shlex.split(found[1]))
-    assert done.exit_code == 0, f"{line}: {done.exception or done.output}"
+    done = run(*shlex.split(found[1]))
+    assert done.returncode == 0, f"{line}: {done.stderr or done.stdout}"
 
 
 def run_block(language, text, names):

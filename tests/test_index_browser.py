@@ -1,11 +1,11 @@
-"""The page over clips in a browser: it asks for nothing, sorts, filters and opens what it lists."""
+"""The page over clips in a browser: it loads nothing else, sorts, filters, and links to reports."""
 
 import re
 
 import numpy as np
 import pytest
+from pages import CONTRASTS, settle
 from test_index import failed, figures, record
-from test_report_browser import LUMINANCES
 
 from distretarget.report.index import index_page
 
@@ -72,31 +72,9 @@ def pages(tmp_path_factory):
 
 
 @pytest.fixture
-def opened(browser, pages):
-    """Opens a page in a tab. At the end it asked for no other file and had nothing to complain of."""
-    tabs, problems, asked = [], [], []
-
-    def opens(name="few", width=1440, height=1000, **context):
-        tab = browser.new_page(viewport={"width": width, "height": height}, **context)
-        tab.set_default_timeout(5000)
-        tabs.append(tab)
-        tab.on("console", lambda message: problems.append(message.text))
-        tab.on("pageerror", lambda error: problems.append(str(error)))
-        tab.on("request", lambda request: asked.append(request.url))
-        tab.goto(pages(name).as_uri())
-        settle(tab)
-        return tab
-
-    yield opens
-    for tab in tabs:
-        tab.close()
-    assert not problems
-    assert len(asked) == len(tabs)
-
-
-def settle(tab):
-    """Wait for the page to be laid out."""
-    tab.evaluate("async () => { for (let k = 0; k < 3; k++) await new Promise(requestAnimationFrame); }")
+def opened(open_page, pages):
+    """Opens a page in a tab."""
+    return lambda name="few", **options: open_page(pages(name), **options)
 
 
 def names(tab):
@@ -174,7 +152,7 @@ def test_every_column_sorts_both_ways(opened):
     assert names(tab)[-1] == "bad.bvh"
 
 
-def test_the_filters(opened):
+def test_filters_choose_clips(opened):
     tab = opened()
     for text, found in (("CLIP_1", ["clip_1.bvh", "clip_10.bvh"]), ("nan", ["bad.bvh"]), ("short", ["clip_1.bvh"])):
         tab.fill("#filter", text)
@@ -209,7 +187,7 @@ def test_warnings_open_and_close(opened):
     assert tab.locator(".told").count() == 0
 
 
-def test_the_theme(opened):
+def test_the_theme_can_be_switched(opened):
     tab = opened(color_scheme="light")
     seen = []
     for label in ("Dark", "Light", "Dark"):
@@ -282,7 +260,7 @@ def test_print_shows_table_and_terms_on_white(opened):
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_text_can_be_read(opened, theme):
-    found = opened(color_scheme=theme).evaluate(LUMINANCES)
+    found = opened(color_scheme=theme).evaluate(CONTRASTS)
     assert len(found) > 100
     assert not [(ratio, what) for ratio, what in found if ratio < 4.5]
 

@@ -1,7 +1,6 @@
 """Every convention onto every other: the joints of each part, whatever they are called."""
 
 import json
-import sys
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -9,14 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bodies import CORPUS, needs_corpus
+from make_rigs import CONVENTIONS, rig
 
 from distretarget import DistretargetError, Skeleton, read_bvh
 from distretarget.body.anatomy import ARM, LEG, SIDES
 from distretarget.body.conventions import by_names
 from distretarget.matching.matching import find_matching, refusal
-
-sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
-from make_rigs import CONVENTIONS, rig
 
 NAMES = Path(__file__).resolve().parents[2] / "shared" / "joint_names.json"
 DATA = json.loads(NAMES.read_text("utf-8")) if NAMES.is_file() else {"_roles": {}}
@@ -52,13 +49,13 @@ def roles(convention):
     return {role: body.names[joint] for role, joint in by_names(body).roles.items()}
 
 
-def assert_roles_meet(source, theirs, target, ours):
-    """Each role goes to the same role, and none to another; `theirs` and `ours` are names by role."""
+def assert_roles_meet(source, source_roles, target, target_roles):
+    """Each role goes to the same role, and none to another; `source_roles` and `target_roles` are names by role."""
     drivers = find_matching(source, target).drivers
-    expected = {target.index(name): theirs.get(role) for role, name in ours.items()}
+    expected = {target.index(name): source_roles.get(role) for role, name in target_roles.items()}
     for joint, name in expected.items():
         driver = source.names[drivers[joint]] if drivers[joint] >= 0 else None
-        assert driver == name or (name is None and driver not in theirs.values()), target.names[joint]
+        assert driver == name or (name is None and driver not in source_roles.values()), target.names[joint]
 
 
 def test_the_parts_of_the_rigs_are_those_of_people():

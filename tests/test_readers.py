@@ -1,19 +1,15 @@
 """Written files mean the same to other readers: bvhio and pybvh."""
 
-import sys
 import warnings
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from bodies import CORPUS, SAMPLES, needs_corpus
+from edits import ARMS_AND_LEGS, edited
 
 from distretarget import read_bvh, retarget, write_bvh
 from distretarget.body.legs import height
-
-sys.path.append(str(Path(__file__).resolve().parents[1] / "benchmarks"))
-from edits import ARMS_AND_LEGS, edited
 
 CLIPS = (
     "animated_drawings/dab",

@@ -1,14 +1,13 @@
 """Whatever the rest pose, the motion is the same, and no limb is twisted."""
 
-import sys
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
 from bodies import CORPUS, SAMPLES, moved, needs_corpus, posed
+from make_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, read_bvh, retarget
@@ -18,9 +17,6 @@ from distretarget.body.legs import height
 from distretarget.io.skeleton_json import load_target
 from distretarget.numerics.kinematics import local_rotations
 from distretarget.numerics.rotations import least_rotation
-
-sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
-from make_rigs import CONVENTIONS, rig
 
 CLIPS = sorted(SAMPLES.glob("*.bvh"))
 RECORDED = [

@@ -1,10 +1,10 @@
-"""The sample clips and targets are what the scripts make, and what they are said to be."""
+"""The sample clips and targets are what the script makes, and move as their names say."""
 
 import re
 import subprocess
 import sys
-from pathlib import Path
 
+import make_samples
 import numpy as np
 import pytest
 from bodies import SAMPLES
@@ -13,7 +13,6 @@ from table_one import table_one
 
 from distretarget import load_skeleton, load_target, read_bvh, retarget
 
-SCRIPT = Path(__file__).resolve().parents[1] / "tools" / "make_samples.py"
 CLIPS = sorted(SAMPLES.glob("*.bvh"))
 HEEL = (0.0, -6.5, -5.0)  # from the ankle of a foot that stands [cm]
 NUMBER = re.compile(r"-?\d+\.\d+")
@@ -25,7 +24,7 @@ clips = pytest.mark.parametrize("path", CLIPS, ids=lambda path: path.stem)
 def made(tmp_path_factory):
     """The samples, made anew."""
     folder = tmp_path_factory.mktemp("made")
-    subprocess.run([sys.executable, str(SCRIPT), str(folder)], check=True, timeout=120)
+    make_samples.write_samples(folder)
     return folder
 
 
@@ -40,8 +39,8 @@ def heading(motion):
     return angle - angle[0]
 
 
-def test_the_scripts_make_these_samples(made):
-    """The same words; numbers to the last of their decimals, which another machine may round otherwise."""
+def test_the_script_makes_these_samples(made):
+    """The same words, and numbers to the last decimal, which another machine may round otherwise."""
     assert {path.name for path in made.iterdir()} == {path.name for path in SAMPLES.iterdir() if path.is_file()}
     for path in made.iterdir():
         text, kept = path.read_text(), (SAMPLES / path.name).read_text()
@@ -50,8 +49,8 @@ def test_the_scripts_make_these_samples(made):
         np.testing.assert_allclose(numbers, expected, rtol=0, atol=1.01e-6)
 
 
-def test_the_scripts_make_the_same_bytes_every_time(made, tmp_path):
-    subprocess.run([sys.executable, str(SCRIPT), str(tmp_path)], check=True, timeout=120)
+def test_the_script_makes_the_same_bytes_in_another_process(made, tmp_path):
+    subprocess.run([sys.executable, make_samples.__file__, tmp_path], check=True)
     for path in made.iterdir():
         assert path.read_bytes() == (tmp_path / path.name).read_bytes()
 

@@ -1,13 +1,12 @@
 """Axes, units and the root's OFFSET: the same posture in another world."""
 
-import sys
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 from bodies import SAMPLES, moved, person, posed
+from make_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, read_bvh, retarget
@@ -23,9 +22,6 @@ from distretarget.baseline.world import (
 from distretarget.body.conventions import by_names
 from distretarget.body.legs import height
 from distretarget.numerics.rotations import least_rotation
-
-sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
-from make_rigs import CONVENTIONS, rig
 
 INCH = 2.54  # cm
 UNITS = {"mm": 10.0, "cm": 1.0, "m": 0.01, "inches": 1 / INCH}

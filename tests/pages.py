@@ -1,0 +1,29 @@
+"""What tests of pages in a browser share."""
+
+# A script: the contrast to its background of each text on a page, as WCAG 2 defines it, with the element's HTML.
+CONTRASTS = """() => {
+    const linear = part => part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4;
+    const parts = colour => (colour.match(/[\\d.]+/g) || []).map(Number);
+    const luminance = colour => {
+        const [r, g, b] = parts(colour).map(part => linear(part / 255));
+        return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+    };
+    const background = one => {
+        for (; one; one = one.parentElement) {
+            const colour = getComputedStyle(one).backgroundColor;
+            if (parts(colour)[3] !== 0) return colour;
+        }
+        return 'rgb(255, 255, 255)';
+    };
+    const texts = [...document.querySelectorAll('body *:not(script)')].filter(one => one.checkVisibility()
+        && [...one.childNodes].some(node => node.nodeType === Node.TEXT_NODE && node.data.trim()));
+    return texts.map(one => {
+        const [p, q] = [luminance(getComputedStyle(one).color), luminance(background(one))];
+        return [(Math.max(p, q) + 0.05) / (Math.min(p, q) + 0.05), one.outerHTML.slice(0, 160)];
+    });
+}"""
+
+
+def settle(tab):
+    """Wait until what was asked for has been laid out and drawn."""
+    tab.evaluate("async () => { for (let k = 0; k < 3; k++) await new Promise(requestAnimationFrame); }")

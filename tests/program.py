@@ -1,0 +1,52 @@
+"""Run the program as its users do: in this process, which is fast, or in a process of its own."""
+
+import subprocess
+import sys
+from unittest.mock import patch
+
+import pytest
+from click.testing import CliRunner
+
+from distretarget.cli import main
+
+LOOK = 0.02  # time from one look at a running process to the next [s]
+LOOKS = 3000  # after so many a test fails
+
+
+def run(*arguments, given=""):
+    """Run the program in this process, with the text `given` as standard input."""
+    words = list(map(str, arguments))
+    with CliRunner().isolation(given) as (out, err, *_), patch("sys.argv", ["distretarget", *words]):
+        with pytest.raises(SystemExit) as ended:
+            main()
+        texts = (stream.getvalue().decode().replace("\r\n", "\n") for stream in (out, err))
+    return subprocess.CompletedProcess(words, ended.value.code or 0, *texts)
+
+
+def command(*arguments):
+    """The words that start the program in a process of its own."""
+    return [sys.executable, "-m", "distretarget", *map(str, arguments)]
+
+
+def run_process(*arguments, **options):
+    """Run the program in a process of its own, with options of `subprocess.run`."""
+    return subprocess.run(command(*arguments), capture_output=True, text=True, **options)
+
+
+def start_process(*arguments):
+    """Start the program in a process and a session of its own."""
+    pipe = subprocess.PIPE
+    return subprocess.Popen(command(*arguments), stdout=pipe, stderr=pipe, text=True, start_new_session=True)
+
+
+def wait_until(condition, process):
+    """Wait until a condition holds or the process has ended."""
+    for _ in range(LOOKS):
+        if condition():
+            return
+        try:
+            process.wait(LOOK)
+        except subprocess.TimeoutExpired:
+            continue
+        return
+    pytest.fail(f"the condition did not come true in {LOOKS * LOOK:.0f} s")
