@@ -7,7 +7,7 @@ import pytest
 from bodies import SAMPLES
 
 from distretarget import load_target, read_bvh, retarget
-from distretarget.body.legs import height
+from distretarget.body.body import Body
 from distretarget.solve.chunks import LEAD_IN, PIECE, pieces_of
 
 SHORT = 90  # frames of a piece, where a test has only short clips
@@ -41,7 +41,7 @@ def test_a_cut_leaves_no_seam(clip, monkeypatch):
     monkeypatch.setattr("distretarget.solve.chunks.PIECE", SHORT)
     assert len(pieces_of(len(source), 0)) > 1
     cut = retarget(source, target).motion.positions
-    assert np.abs(cut - whole).max() < 1e-6 * height(target)
+    assert np.abs(cut - whole).max() < 1e-6 * Body.of(target).height
 
 
 def test_whoever_solves_the_pieces_the_result_is_the_same(monkeypatch):

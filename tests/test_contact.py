@@ -9,12 +9,12 @@ from bodies import SAMPLES, clapping, lengthened, person, posed
 from scipy.spatial.transform import Rotation
 
 from distretarget import load_target, read_bvh, retarget
-from distretarget.body.legs import height
+from distretarget.baseline.root import root_path
+from distretarget.body.body import Body
 from distretarget.solve.articulation import parts_of
 from distretarget.solve.contact import ROOT, holds, settled
 from distretarget.solve.contact_pairs import LEAD
 from distretarget.solve.spg import Reason
-from distretarget.solve.stance import root_path
 
 PERSON = person()
 WRISTS = PERSON.index("LeftWrist"), PERSON.index("RightWrist")
@@ -45,7 +45,7 @@ def gap(motion):
 
 def apart(result, expected, skeleton):
     """(frames,), how far joints are from where they are expected [heights of the body]."""
-    return np.abs(result - expected).max(axis=(1, 2)) / height(skeleton)
+    return np.abs(result - expected).max(axis=(1, 2)) / Body.of(skeleton).height
 
 
 @pytest.mark.parametrize("factors", [{"Wrist": 1.5}, {"Knee": 0.7, "Hip": 1.4}, {"Chest2": 1.6, "Elbow": 0.6}])
@@ -53,7 +53,7 @@ def test_without_near_pairs_and_with_free_feet_it_is_the_rotation_copy(factors):
     source, body = clapping(np.zeros(30)), lengthened(PERSON, factors)
     result = retarget(source, body, hold_feet=False)
     np.testing.assert_allclose(result.motion.world_rotations, result.copy.world_rotations, atol=1e-12)
-    path = root_path(result.source, result.copy, result.matching, result.root_scale)
+    path = root_path(result.copy, result.matching, result.root_scale)
     np.testing.assert_allclose(result.motion.root_positions, path, atol=1e-12)
     np.testing.assert_array_equal(result.effort.iterations, 0)
 
@@ -91,7 +91,7 @@ def test_the_left_and_the_right_of_a_symmetric_motion_do_the_same():
 def test_the_same_body_keeps_contacts_and_stance_as_they_are(name):
     source = sample(name)
     result = retarget(source, source.skeleton)
-    np.testing.assert_allclose(result.motion.positions, source.positions, atol=1e-8 * height(source.skeleton))
+    np.testing.assert_allclose(result.motion.positions, source.positions, atol=1e-8 * Body.of(source.skeleton).height)
     np.testing.assert_array_equal(result.effort.iterations, 0)
 
 
@@ -156,7 +156,7 @@ def test_a_garbage_frame_of_joints_that_otherwise_never_turn_does_not_spread(nam
 
 def test_holds_grow_with_what_a_part_carries_and_feet_are_held_firmly():
     parts = parts_of(PERSON, np.arange(len(PERSON)))
-    firm = holds(PERSON, parts, np.arange(len(PERSON)), 2 * 0.888)
+    firm = holds(PERSON, Body.of(PERSON).legs, parts, np.arange(len(PERSON)), 2 * 0.888)
     at = {name: firm[parts[PERSON.index(name)]] for name in PERSON.names}
     assert at["Hips"] > at["Chest"] > at["LeftShoulder"] > at["LeftElbow"] > at["LeftWrist"]
     assert at["LeftShoulder"] == at["RightShoulder"]

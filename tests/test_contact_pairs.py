@@ -2,19 +2,17 @@
 
 import numpy as np
 import pytest
-from bodies import clapping, other_lengths, person
+from bodies import clapping, matched, other_lengths, person
 
 from distretarget import Skeleton
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.distances import distance_problem
-from distretarget.matching.matching import match
 from distretarget.solve.contact_pairs import APART, CLOSE, FAR_ALONG, GRIP, NearPairs, grips, near_pairs, pair_springs
 
 PERSON = person()
 TARGET = other_lengths(PERSON)
-MATCHING = match(PERSON, TARGET)
+MATCHING = matched(PERSON, TARGET)
 PROBLEM = distance_problem(PERSON, TARGET, MATCHING.drivers)
-UP = np.array([0.0, 1.0, 0.0])
 UNIT = 1.7
 PAIRS = near_pairs(PROBLEM, UNIT)
 
@@ -25,7 +23,7 @@ def smootherstep(D):
 
 
 def copied(source):
-    return rotation_copy(source, MATCHING, 1.0, UP).positions
+    return rotation_copy(source, MATCHING, 1.0).positions
 
 
 def springs_of(source, block, lead):
@@ -117,8 +115,8 @@ def assert_a_block_has_the_springs_of_the_whole(source, block, lead):
     assert set(part) <= set(whole)
     for pair, (rest, e, w, k) in whole.items():
         if pair in part:
-            for ours, theirs in zip(part[pair], (rest, e, w, k), strict=True):
-                np.testing.assert_allclose(ours, theirs[block], rtol=1e-9, atol=1e-12)
+            for found, expected in zip(part[pair], (rest, e, w, k), strict=True):
+                np.testing.assert_allclose(found, expected[block], rtol=1e-9, atol=1e-12)
         else:
             assert w[block].max() == 0.0
 

@@ -4,22 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import other_lengths, person, swaying
+from bodies import matched, other_lengths, person, swaying
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion
 from distretarget.baseline.rotation_copy import rotation_copy
-from distretarget.matching.matching import match
 from distretarget.solve.articulation import rigid_heads
 from distretarget.solve.fit_to_points import swing
 
 BODY = person()
 ALL = np.arange(len(BODY))
-UP = np.array([0.0, 1.0, 0.0])
 
 
 def copy_of(motion, target):
-    return rotation_copy(motion, match(motion.skeleton, target), 1.0, UP)
+    return rotation_copy(motion, matched(motion, target), 1.0)
 
 
 def test_the_copys_own_points_give_the_copy():
@@ -51,8 +49,8 @@ def test_twist_is_the_copys():
     points = copy.positions + np.random.default_rng(0).normal(scale=0.05, size=copy.positions.shape)
     result = swing(copy, points, ALL)
     elbow, wrist = BODY.index("LeftElbow"), BODY.index("LeftWrist")
-    ours, theirs = (Rotation.from_quat(motion.world_rotations[:, elbow]) for motion in (result, copy))
-    turn = (ours * theirs.inv()).as_rotvec()
+    swung, copied = (Rotation.from_quat(motion.world_rotations[:, elbow]) for motion in (result, copy))
+    turn = (swung * copied.inv()).as_rotvec()
     bone = copy.positions[:, wrist] - copy.positions[:, elbow]
     assert np.linalg.norm(turn, axis=1).min() > 1e-3
     np.testing.assert_allclose(np.einsum("fi,fi->f", turn, bone), 0, atol=1e-9)

@@ -5,13 +5,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, other_lengths, person, swaying
+from bodies import SAMPLES, matched, other_lengths, person, swaying
 from scipy.optimize import minimize
 
 from distretarget import load_target, read_bvh, retarget
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.distances import distance_problem, posture_stress
-from distretarget.matching.matching import match
 from distretarget.numerics.stress import stress_and_gradient
 from distretarget.solve.articulation import Body, parts_of, pose_body, posed_motion, pull_back, rigid_heads, workspace
 from distretarget.solve.paper import HOLD, ROOT, solve_paper
@@ -35,9 +34,9 @@ class Solved:
     """A motion of the person solved on another body, from the rotation copy."""
 
     def __init__(self, source, target=TARGET):
-        self.source, matching = source, match(source.skeleton, target)
-        self.problem = distance_problem(source.skeleton, target, matching.drivers)
-        self.copy = rotation_copy(source, matching, 1.0, np.array([0.0, 1.0, 0.0]))
+        self.source, self.matching = source, matched(source, target)
+        self.problem = distance_problem(source.skeleton, target, self.matching.drivers)
+        self.copy = rotation_copy(source, self.matching, 1.0)
         self.parts = parts_of(target, rigid_heads(self.copy))
         count = self.parts.max() + 1
         self.body = Body(target.parents, self.parts, np.append(np.full(count, HOLD), ROOT))
@@ -50,7 +49,8 @@ class Solved:
     def clip(self, frames):
         """The first frames of it."""
         source, copy = self.source.positions[:frames], self.copy.positions[:frames]
-        return Clip(self.copy.skeleton, self.parts, self.problem, source, copy, copy[:, 0], self.source.frame_time)
+        body, time = self.matching.target, self.source.frame_time
+        return Clip(body.skeleton, body.legs, body.unit, self.parts, self.problem, source, copy, copy[:, 0], time)
 
     def pose(self, frame):
         """The solved pose, the root's displacement in body sizes, (n,)."""

@@ -10,7 +10,7 @@ import pytest
 from bodies import CORPUS, SAMPLES, needs_corpus
 
 from distretarget import read_bvh, retarget, write_bvh
-from distretarget.body.legs import height
+from distretarget.body.body import Body
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "benchmarks"))
 from edits import ARMS_AND_LEGS, edited
@@ -53,7 +53,7 @@ def test_bvhio(path, tmp_path):
         root.loadPose(frame)
         theirs = {joint.Name: joint.PositionWorld.to_tuple() for joint, _, _ in root.layout()}
         expected = [theirs[motion.skeleton.names[joint]] for joint in joints]
-        atol = 1e-4 * height(motion.skeleton)
+        atol = 1e-4 * Body.of(motion.skeleton).height
         np.testing.assert_allclose(motion.positions[frame, joints], expected, rtol=0, atol=atol)
 
 
@@ -65,4 +65,6 @@ def test_pybvh(path, tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # it guesses which way is up, and says so
         theirs = pybvh.read_bvh_file(file)
-    np.testing.assert_allclose(motion.positions, theirs.node_positions(), rtol=0, atol=1e-6 * height(motion.skeleton))
+    np.testing.assert_allclose(
+        motion.positions, theirs.node_positions(), rtol=0, atol=1e-6 * Body.of(motion.skeleton).height
+    )

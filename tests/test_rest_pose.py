@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, read_bvh, retarget
 from distretarget.baseline.world import axis_vector
+from distretarget.body.body import Body
 from distretarget.body.conventions import by_names
-from distretarget.body.legs import height
 from distretarget.io.skeleton_json import load_target
 from distretarget.numerics.kinematics import local_rotations
 from distretarget.numerics.rotations import least_rotation
@@ -71,7 +71,7 @@ def lowered(body, angle):
 def apart(one, other):
     """The largest distance between joints of two motions, in heights; those that nothing drives are left out."""
     body = [joint for joint, name in enumerate(one.skeleton.names) if not name.startswith(FREE)]
-    return np.linalg.norm(one.positions - other.positions, axis=-1)[:, body].max() / height(one.skeleton)
+    return np.linalg.norm(one.positions - other.positions, axis=-1)[:, body].max() / Body.of(one.skeleton).height
 
 
 def bones(motion, limb, side):
@@ -261,7 +261,7 @@ def test_joints_within_a_limb_stay_straight(places):
     assert np.degrees(Rotation.from_quat(result.rotations[:, within]).magnitude()).max() < 1e-3
     plain = carried(CLIPS[5], "lafan1", "T")
     same = [body.index(name) for name in plain.skeleton.names]
-    np.testing.assert_allclose(result.positions[:, same], plain.positions, rtol=0, atol=0.02 * height(body))
+    np.testing.assert_allclose(result.positions[:, same], plain.positions, rtol=0, atol=0.02 * Body.of(body).height)
 
 
 def divided(body, name, middle):

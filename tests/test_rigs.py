@@ -10,7 +10,7 @@ import pytest
 from bodies import SAMPLES
 
 from distretarget import load_skeleton
-from distretarget.body.legs import find_legs, height, leg_length
+from distretarget.body.body import Body
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
 from make_rigs import CONVENTIONS, POSES, rig
@@ -38,7 +38,7 @@ def standing(skeleton):
 
 def feet(skeleton):
     """The ankles and toes of both legs, by name."""
-    return [[skeleton.names[joint] for joint in (leg.ankle, leg.toe)] for leg in find_legs(skeleton)]
+    return [[skeleton.names[joint] for joint in (leg.ankle, leg.toe)] for leg in Body.of(skeleton).legs]
 
 
 def test_the_script_makes_these_bytes(tmp_path):
@@ -117,9 +117,9 @@ def test_it_stands_on_the_floor_as_tall_as_an_adult(convention, pose):
 
 
 def test_the_bodies_differ():
-    bodies = [rig(convention, "T") for convention in CONVENTIONS]
-    assert len({round(height(body), 1) for body in bodies}) == len(bodies)
-    assert len({round(leg_length(body, find_legs(body)), 1) for body in bodies}) == len(bodies)
+    bodies = [Body.of(rig(convention, "T")) for convention in CONVENTIONS]
+    assert len({round(body.height, 1) for body in bodies}) == len(bodies)
+    assert len({round(body.leg_length, 1) for body in bodies}) == len(bodies)
 
 
 def test_handles_are_where_the_joints_are():
