@@ -2,11 +2,16 @@
 
 import itertools
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from bodies import WAYS, person, turned
+from bodies import WAYS, person, posed, swaying, turned
+from scipy.spatial.transform import Rotation
+
+from distretarget.body.axes import AXES, Directions, axis_vector, nearest_axis, squared, upright
+from distretarget.body.body import Body
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
 from make_rigs import CONVENTIONS, rig
@@ -16,12 +21,99 @@ PEOPLE = [person(), *(rig(convention, pose) for convention, pose in itertools.pr
 ways = pytest.mark.parametrize("way", WAYS, ids=[f"way{k}" for k in range(len(WAYS))])
 
 
+def directions(body, positions=None):
+    return Directions(Body.of(body).anatomy, body.rest_positions if positions is None else positions)
+
+
+def without(body, *roles):
+    """The directions of a body at rest whose anatomy lacks some parts."""
+    whole = directions(body).anatomy
+    left = {role: joint for role, joint in whole.roles.items() if not role.endswith(roles)}
+    return Directions(replace(whole, roles=left), body.rest_positions)
+
+
 @ways
 def test_the_axes_of_a_body_turn_with_it(way):
     for body in PEOPLE[:3]:
-        anatomy = by_names(body)
-        axes, there = (body_axes(anatomy, b.rest_positions) for b in (body, turned(body, way)))
+        axes, there = (directions(b).axes for b in (body, turned(body, way)))
         np.testing.assert_allclose(there, way.as_matrix() @ axes, atol=1e-12)
         np.testing.assert_allclose(axes[:, 0], [1, 0, 0], atol=1e-6)
         assert axes[1, 1] > 0.98
         assert axes[2, 2] > 0.98
+
+
+def test_a_person_who_stands_points_up_along_trunk_and_legs():
+    for body in PEOPLE:
+        up = axis_vector(body.up or "Y")
+        way = directions(body)
+        assert way.is_whole
+        assert min(way.trunk @ up, -way.legs @ up, way.up @ up) > 0.97
+        assert way.stretch > 165
+        np.testing.assert_allclose(way.left, [1, 0, 0], atol=1e-6)
+
+
+@pytest.mark.parametrize("angle", [0, 30, 90, 120])
+def test_stretch_is_the_angle_between_trunk_and_legs(angle):
+    body = person()
+    plain = directions(body).stretch
+    bend = {f"{side}Hip": np.radians([-angle, 0, 0]) for side in ("Left", "Right")}
+    found = directions(body, posed(body, bend, np.zeros((3, 3))).positions).stretch
+    np.testing.assert_allclose(found, plain - angle, atol=3)
+    assert found.shape == (3,)
+
+
+def test_many_postures_have_the_directions_of_each():
+    body = person()
+    positions = swaying(body).positions
+    many = directions(body, positions)
+    for name in ("trunk", "legs", "up", "left", "axes", "stretch"):
+        each = [getattr(directions(body, posture), name) for posture in positions]
+        np.testing.assert_allclose(getattr(many, name), each, atol=1e-12)
+    np.testing.assert_allclose(many.axes.transpose(0, 2, 1) @ many.axes, np.tile(np.eye(3), (20, 1, 1)), atol=1e-12)
+
+
+def test_a_bone_points_from_one_part_to_another():
+    way = directions(person())
+    np.testing.assert_allclose(way.bone("leftUpperLeg", "leftLowerLeg"), [0, -1, 0], atol=1e-12)
+    assert without(person(), "LowerLeg").bone("leftUpperLeg", "leftLowerLeg") is None
+
+
+def test_up_is_that_of_the_part_that_is_there():
+    trunk = without(person(), "Leg", "Foot", "Toes", "hips")
+    legs = without(person(), "Arm", "Hand")
+    legs = replace(legs, anatomy=replace(legs.anatomy, spine=(), neck=()))
+    for way in (trunk, legs):
+        assert not way.is_whole
+    np.testing.assert_array_equal(legs.up, -legs.legs)
+    np.testing.assert_array_equal(legs.trunk, np.zeros(3))
+    np.testing.assert_array_equal(trunk.legs, np.zeros(3))
+
+
+def test_the_nearest_axis_of_an_axis_is_itself():
+    for axis in AXES:
+        assert nearest_axis(axis_vector(axis)) == (axis, 1.0)
+        assert nearest_axis(0.5 * axis_vector(axis) + [0.1, -0.1, 0.1])[0] == axis
+
+
+@pytest.mark.parametrize("angle", [-20, 20])
+def test_axes_near_those_of_the_file_become_them(angle):
+    lean, heading = (Rotation.from_euler(axis, angle, degrees=True).as_matrix() for axis in "xy")
+    np.testing.assert_allclose(upright(lean), np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(squared(lean), np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(upright(heading), heading, atol=1e-12)
+    np.testing.assert_allclose(squared(heading), np.eye(3), atol=1e-12)
+
+
+@pytest.mark.parametrize("angle", [-40, 40])
+def test_axes_far_from_those_of_the_file_stay(angle):
+    for axis in "xy":
+        axes = Rotation.from_euler(axis, angle, degrees=True).as_matrix()
+        np.testing.assert_allclose(squared(axes), axes, atol=1e-12)
+
+
+@ways
+def test_squared_axes_are_a_rotation(way):
+    for change in (upright, squared):
+        axes = change(way.as_matrix())
+        np.testing.assert_allclose(axes.T @ axes, np.eye(3), atol=1e-12)
+        assert np.linalg.det(axes) == pytest.approx(1.0)

@@ -26,7 +26,7 @@ from bodies import (
 from scipy.spatial.transform import Rotation
 
 import distretarget
-from distretarget import Motion, Skeleton, load_skeleton, read_bvh, retarget
+from distretarget import Motion, Skeleton, read_bvh, retarget
 from distretarget.body.axes import AXES, Directions, axis_vector
 from distretarget.body.body import Body
 
@@ -353,7 +353,7 @@ def test_directions_of_a_posture_are_found_once(monkeypatch):
 def test_legs_are_found_once_for_each_body_of_a_retargeting(monkeypatch):
     found = counted(monkeypatch, distretarget.body.body, "find_legs")
     by_tree = counted(monkeypatch, distretarget.body.legs, "tree_legs")
-    source, target = sample("walk"), load_skeleton(SAMPLES / "long_arms.json")
+    source, target = sample("walk"), rig("mixamo", "T")
     retarget(source, target)
     assert [skeleton for skeleton, _ in found] == [source.rigid_skeleton, target]
     assert not by_tree

@@ -697,16 +697,16 @@ def test_corpus_positions_agree_with_pybvh(path, tmp_path):
     motion = read_bvh(path)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        theirs = pybvh.read_bvh_file(path)
+        other = pybvh.read_bvh_file(path)
     joints = np.flatnonzero(~motion.skeleton.end_sites)
-    rows = [theirs.joint_index[motion.skeleton.names[joint]] for joint in joints]
+    rows = [other.joint_index[motion.skeleton.names[joint]] for joint in joints]
     size = np.max(motion.skeleton.path_lengths)
-    np.testing.assert_allclose(motion.positions[:, joints], theirs.joint_positions()[:, rows], rtol=0, atol=1e-6 * size)
-    tips = theirs.node_positions()
-    ours = motion.positions[:, motion.skeleton.end_sites]
-    nodes = [row for name, row in theirs.node_index.items() if name not in theirs.joint_index]
-    assert len(nodes) == ours.shape[1]
-    np.testing.assert_allclose(ours, tips[:, nodes], rtol=0, atol=1e-6 * size)
+    np.testing.assert_allclose(motion.positions[:, joints], other.joint_positions()[:, rows], rtol=0, atol=1e-6 * size)
+    tips = other.node_positions()
+    ends = motion.positions[:, motion.skeleton.end_sites]
+    nodes = [row for name, row in other.node_index.items() if name not in other.joint_index]
+    assert len(nodes) == ends.shape[1]
+    np.testing.assert_allclose(ends, tips[:, nodes], rtol=0, atol=1e-6 * size)
 
 
 @needs_corpus
@@ -726,9 +726,9 @@ def test_corpus_positions_agree_with_bvhio(path, tmp_path):
     size = np.max(motion.skeleton.path_lengths)
     for frame in range(len(motion)):
         root.loadPose(frame)
-        theirs = {joint.Name: joint.PositionWorld.to_tuple() for joint, _, _ in root.layout()}
+        places = {joint.Name: joint.PositionWorld.to_tuple() for joint, _, _ in root.layout()}
         joints = np.flatnonzero(~motion.skeleton.end_sites)
-        expected = [theirs[motion.skeleton.names[joint]] for joint in joints]
+        expected = [places[motion.skeleton.names[joint]] for joint in joints]
         np.testing.assert_allclose(motion.positions[frame, joints], expected, rtol=0, atol=1e-4 * size)
 
 

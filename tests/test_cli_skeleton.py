@@ -180,8 +180,8 @@ def test_patterns_pass_over_bones_without_length():
     Path("flat.json").write_text(skeleton_to_json(body.with_offsets(offsets), "flat"))
     assert run("skeleton", "edit", "flat.json", "--length", "Left*=0.1", "-o", "new.json").exit_code == 0
     edited = load_skeleton("new.json")
-    ours = [key.startswith("Left") and key != "LeftToe" for key in edited.keys]
-    np.testing.assert_allclose(edited.lengths[ours], 0.1)
+    changed = [key.startswith("Left") and key != "LeftToe" for key in edited.keys]
+    np.testing.assert_allclose(edited.lengths[changed], 0.1)
     assert edited.lengths[edited.index("LeftToe")] == 0
 
 

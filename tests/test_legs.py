@@ -4,10 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import CORPUS, needs_corpus, other_lengths, person
+from bodies import CORPUS, SAMPLES, needs_corpus, other_lengths, person
 
-from distretarget import Skeleton, read_bvh
-from distretarget.body.legs import find_legs, leg_length, tree_legs
+from distretarget import DistretargetError, Skeleton, load_skeleton, read_bvh
+from distretarget.body.body import Body
+from distretarget.body.legs import find_legs, foot_bone, leg_length, pelvis_joint, tree_legs
+
+RIGS = sorted((SAMPLES / "rigs").glob("*.json"))
+FIVE_TOES = ("makehuman-benchmark", "makehuman-face-poseunits", "makehuman-tpose")  # the tree takes one, names another
+ANKLE_IN_FOOT = "pybvh-bvh_test3"  # RightForeFoot is the ankle by the tree
 
 
 def names_of_legs(skeleton):
@@ -64,3 +69,73 @@ def test_legs_are_found_on_bodies_of_any_proportion():
                 halves[joint] = halves[body.index("Left" + name[5:])]
         body = body.with_lengths(halves)
         assert {body.names[leg.hip] for leg in tree_legs(body)} <= {"LeftHip", "RightHip", "Hips"}
+
+
+# ---- by the parts of a body
+
+
+def by_anatomy(skeleton):
+    body = Body.of(skeleton)
+    return find_legs(skeleton, body.anatomy)
+
+
+def joints_by_side(legs, parts=("hip", "ankle", "toe")):
+    """The joints of both legs, whichever comes first."""
+    return {tuple(getattr(leg, part) for part in parts) for leg in legs}
+
+
+@pytest.mark.parametrize("path", RIGS, ids=lambda path: path.stem)
+def test_the_parts_and_the_tree_of_a_rig_show_the_same_legs(path):
+    skeleton = load_skeleton(path)
+    assert joints_by_side(by_anatomy(skeleton)) == joints_by_side(tree_legs(skeleton))
+
+
+def test_legs_of_an_anatomy_are_left_before_right():
+    body = person()
+    left, right = by_anatomy(body)
+    assert [body.names[joint] for joint in left.joints] == ["LeftHip", "LeftAnkle", "LeftToe"]
+    assert [body.names[joint] for joint in right.joints] == ["RightHip", "RightAnkle", "RightToe"]
+    assert body.names[pelvis_joint(body, (left, right))] == "Hips"
+
+
+def test_a_body_that_lacks_a_leg_has_no_legs():
+    body = person()
+    anatomy = Body.of(body).anatomy
+    for role in ("leftFoot", "rightUpperLeg"):
+        roles = {name: joint for name, joint in anatomy.roles.items() if name != role}
+        assert find_legs(body, replace(anatomy, roles=roles)) is None
+
+
+def test_a_foot_points_to_the_toes():
+    body = load_skeleton(SAMPLES / "rigs" / "mixamo_t.json")
+    foot, toe = foot_bone(body, Body.of(body).anatomy, "left")
+    assert (body.names[foot], body.names[toe]) == ("mixamorig:LeftFoot", "mixamorig:LeftToeBase")
+
+
+def test_a_foot_without_a_bone_points_nowhere_and_its_toe_is_the_ankle():
+    body = load_skeleton(SAMPLES / "rigs" / "xsens_t.json")
+    offsets = np.array(body.offsets)
+    offsets[[joint for joint, name in enumerate(body.names) if "Toe" in name]] = 0.0
+    bare = body.with_offsets(offsets)
+    assert foot_bone(bare, Body.of(bare).anatomy, "left") is None
+    assert all(leg.toe == leg.ankle for leg in by_anatomy(bare))
+
+
+@needs_corpus
+@pytest.mark.parametrize("path", sorted(CORPUS.rglob("*.bvh")), ids=lambda path: f"{path.parent.name}-{path.stem}")
+def test_the_parts_and_the_tree_of_real_files_show_the_same_legs(path):
+    try:
+        body = Body.of_motion(read_bvh(path))
+    except DistretargetError:
+        pytest.skip("no file that can be read")
+    if body.anatomy is None or body.legs is None:
+        pytest.skip("no human legs")
+    name, tree = f"{path.parent.name}-{path.stem}", tree_legs(body.skeleton)
+    parts = ("hip", "ankle") if name in FIVE_TOES else ("hip", "ankle", "toe")
+    agree = joints_by_side(body.legs, parts) == joints_by_side(tree, parts)
+    assert agree == (name != ANKLE_IN_FOOT)
+    if name in FIVE_TOES:
+        assert joints_by_side(body.legs) != joints_by_side(tree)
+    if name == ANKLE_IN_FOOT:
+        ankles = {body.skeleton.names[leg.ankle] for leg in tree}
+        assert "RightForeFoot" in ankles

@@ -51,8 +51,8 @@ def test_bvhio(path, tmp_path):
     joints = np.flatnonzero(~motion.skeleton.end_sites)
     for frame in range(len(motion)):
         root.loadPose(frame)
-        theirs = {joint.Name: joint.PositionWorld.to_tuple() for joint, _, _ in root.layout()}
-        expected = [theirs[motion.skeleton.names[joint]] for joint in joints]
+        places = {joint.Name: joint.PositionWorld.to_tuple() for joint, _, _ in root.layout()}
+        expected = [places[motion.skeleton.names[joint]] for joint in joints]
         atol = 1e-4 * Body.of(motion.skeleton).height
         np.testing.assert_allclose(motion.positions[frame, joints], expected, rtol=0, atol=atol)
 
@@ -64,7 +64,6 @@ def test_pybvh(path, tmp_path):
     file, motion = written(path, 100, tmp_path)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # it guesses which way is up, and says so
-        theirs = pybvh.read_bvh_file(file)
-    np.testing.assert_allclose(
-        motion.positions, theirs.node_positions(), rtol=0, atol=1e-6 * Body.of(motion.skeleton).height
-    )
+        other = pybvh.read_bvh_file(file)
+    atol = 1e-6 * Body.of(motion.skeleton).height
+    np.testing.assert_allclose(motion.positions, other.node_positions(), rtol=0, atol=atol)
