@@ -29,17 +29,17 @@ HEAD = (
 
 def measure(folder: Path, clip: str) -> str:
     """The row of one clip."""
-    source, theirs = read_bvh(folder / "cmu_mb" / clip), read_bvh(folder / "cmu_daz" / clip)
-    result = retarget(source, theirs.skeleton)
-    copied, made, ours = (
+    source, reference = read_bvh(folder / "cmu_mb" / clip), read_bvh(folder / "cmu_daz" / clip)
+    result = retarget(source, reference.skeleton)
+    copied, made, written = (
         compare(result.source, motion, result.matching, result.world.up_vector).means()
-        for motion in (result.copy, theirs, result.motion)
+        for motion in (result.copy, reference, result.motion)
     )
-    apart = [directions(theirs, motion, result.drivers).mean() for motion in (result.copy, result.motion)]
+    apart = [directions(reference, motion, result.drivers).mean() for motion in (result.copy, result.motion)]
     return (
         f"| {clip} | {len(source)} | {apart[0]:.1f} | {apart[1]:.1f} "
-        f"| {copied['contact_error']:.4f} / {made['contact_error']:.4f} / {ours['contact_error']:.4f} "
-        f"| {ours['source_slide']:.3f} / {made['slide']:.3f} / {ours['slide']:.3f} |"
+        f"| {copied['contact_error']:.4f} / {made['contact_error']:.4f} / {written['contact_error']:.4f} "
+        f"| {written['source_slide']:.3f} / {made['slide']:.3f} / {written['slide']:.3f} |"
     )
 
 

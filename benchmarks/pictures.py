@@ -11,22 +11,20 @@ from __future__ import annotations
 
 import argparse
 import re
-import sys
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from pathlib import Path
 
 import numpy as np
 from edits import TARGETS, edited
-from numpy.typing import NDArray
 from quality import SAMPLES
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, read_bvh, retarget
-from distretarget.body.legs import find_legs, up_axis
+from distretarget.body.body import Body
+from distretarget.numerics.rotations import normalised
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.append(str(ROOT / "tools"))
 from draw import draw_strip  # noqa: E402
 
 
@@ -68,24 +66,13 @@ def draw(folder: Path, corpus: Path, picture: Picture) -> None:
 
 def facing(motion: Motion, frames: tuple[int, ...]) -> Rotation:
     """The rotation that stands a motion upright, Y up, and lets its first frame shown face +Z."""
-    legs = find_legs(motion.rigid_skeleton)
-    if legs is None:
+    body = Body.of_motion(motion)
+    if body.legs is None:
         return Rotation.identity()
-    up = up_axis(motion.positions, legs)
-    across = _across(motion, frames[0])
-    across = across - (across @ up) * up
-    across /= np.linalg.norm(across)
+    left, right = (motion.positions[frames[0], leg.hip] for leg in body.legs)
+    up, across = body.up_vector, left - right
+    across = normalised(across - (across @ up) * up)
     return Rotation.from_matrix(np.stack([across, up, np.cross(across, up)]))
-
-
-def _across(motion: Motion, frame: int) -> NDArray[np.float64]:
-    """From the right to the left hip joint: across the body; the left hip is the one whose name says so."""
-    legs = find_legs(motion.rigid_skeleton) or ()
-    left, right = sorted(
-        (leg.hip for leg in legs),
-        key=lambda hip: not motion.skeleton.names[min(hip + 1, len(motion.skeleton) - 1)].lower().startswith("l"),
-    )
-    return np.asarray(motion.positions[frame, left] - motion.positions[frame, right])
 
 
 def turned(motion: Motion, turn: Rotation) -> Motion:

@@ -22,7 +22,6 @@ from edits import TARGETS, edited, part_of
 from numpy.typing import NDArray
 
 from distretarget import Motion, RetargetResult, read_bvh, retarget
-from distretarget.body.legs import find_legs
 from distretarget.measure.metrics import compare
 
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"
@@ -102,7 +101,7 @@ def _figures(run: RetargetResult, result: Motion) -> dict[str, float]:
     figures["contacts"] = float(comparison.contacts.sum())
     figures["turn"] *= 1.0 / (60.0 * source.frame_time)
     wrists = [j for j, name in enumerate(result.skeleton.names) if part_of(name) == "forearm"]
-    hips = [leg.hip for leg in find_legs(result.skeleton) or ()]
+    hips = [leg.hip for leg in run.matching.target.legs or ()]
     heads = [j for j, name in enumerate(result.skeleton.names) if name.lower() == "head"]
     figures["hand_hip"] = _gap(source, result, drivers, wrists, hips)
     figures["hand_head"] = _gap(source, result, drivers, wrists, heads)
@@ -117,13 +116,13 @@ def _gap(
 
     nan where none is.
     """
-    ours, theirs = [], []
+    near_source, near_result = [], []
     for a, b in product(ones, others):
         D = _distance(source, int(drivers[a]), int(drivers[b]))
-        theirs.append(D[D < NEAR])
-        ours.append(_distance(result, a, b)[D < NEAR])
-    total = np.concatenate(theirs).sum() if theirs else 0.0
-    return float(np.concatenate(ours).sum() / total) if total else float("nan")
+        near_source.append(D[D < NEAR])
+        near_result.append(_distance(result, a, b)[D < NEAR])
+    total = np.concatenate(near_source).sum() if near_source else 0.0
+    return float(np.concatenate(near_result).sum() / total) if total else float("nan")
 
 
 def _distance(motion: Motion, a: int, b: int) -> NDArray[np.float64]:
@@ -178,8 +177,8 @@ class Summary:
         )
         worse = [
             f"{row.clip} on {row.target}"
-            for row, ours, theirs in zip(self.rows, error, copied, strict=True)
-            if ours > max(theirs, SMALL)
+            for row, of_result, of_copy in zip(self.rows, error, copied, strict=True)
+            if of_result > max(of_copy, SMALL)
         ]
         yield (
             "contact error, pooled over pairs, against rotation copy's",

@@ -24,16 +24,14 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, RetargetResult, Skeleton, read_bvh, retarget
-from distretarget.baseline.world import axis_vector
-from distretarget.body.legs import Leg, find_legs, leg_length, up_axis
+from distretarget.body.axes import axis_vector, nearest_axis
+from distretarget.body.legs import Leg, Legs, leg_length, tree_legs
 from distretarget.measure.metrics import compare
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.append(str(ROOT / "tools"))
 from make_rigs import CONVENTIONS, POSES, rig  # noqa: E402
 
 Array = NDArray[np.float64]
-Legs = tuple[Leg, Leg]
 
 CLIPS = (
     "animated_drawings/dab.bvh",
@@ -114,16 +112,16 @@ def measured(result: RetargetResult) -> dict[str, float]:
         CheckError: legs or head have no driver, or the source does not stand upright in the target's axes.
     """
     motion, turned = result.motion, result.source
-    legs, driving = paired_legs(result)
+    driving, legs = paired_legs(result)
     up = target_up(result)
     check_upright(turned, driving, up)
     means = compare(turned, motion, result.matching, up).means()
     head = head_of(motion.skeleton)
     if result.drivers[head] < 0:
         raise CheckError("the head has no driver")
-    ours, theirs = trunk(motion, legs, head), trunk(turned, driving, int(result.drivers[head]))
+    source_trunk, target_trunk = trunk(turned, driving, int(result.drivers[head])), trunk(motion, legs, head)
     return {
-        "upright": mean_angle(ours, theirs),
+        "upright": mean_angle(source_trunk, target_trunk),
         "floor": floor_error(result, legs, driving, up),
         "facing": mean_angle(facing(motion, legs, up), facing(turned, driving, up)),
         "direction": means["direction_error"],
@@ -132,17 +130,17 @@ def measured(result: RetargetResult) -> dict[str, float]:
 
 
 def paired_legs(result: RetargetResult) -> tuple[Legs, Legs]:
-    """The target's legs and those of the source that drive them, each the left one first, as their names say. Where
-    nothing drives the toe, the foot counts as its ankle.
+    """The source's legs that drive the target's, and these, each the left one first, as their names say. Where nothing
+    drives the toe, the foot counts as its ankle.
     """
     target, drivers = result.motion.skeleton, result.drivers
-    if (found := find_legs(target)) is None:
+    if (found := tree_legs(target)) is None:
         raise CheckError("the target has no legs")
     a, b = (replace(leg, toe=leg.toe if drivers[leg.toe] >= 0 else leg.ankle) for leg in found)
-    c, d = (Leg(*(int(drivers[joint]) for joint in (leg.hip, leg.ankle, leg.toe))) for leg in (a, b))
+    c, d = (Leg(*(int(drivers[joint]) for joint in leg.joints)) for leg in (a, b))
     if min(c.hip, c.ankle, d.hip, d.ankle) < 0:
         raise CheckError("a leg has no driver")
-    return left_first(target, (a, b)), left_first(result.source.skeleton, (c, d))
+    return left_first(result.source.skeleton, (c, d)), left_first(target, (a, b))
 
 
 def left_first(skeleton: Skeleton, legs: Legs) -> Legs:
@@ -155,9 +153,15 @@ def target_up(result: RetargetResult) -> Array:
     return axis_vector(result.motion.skeleton.up or "Y")
 
 
+def up_of_legs(motion: Motion, legs: Legs) -> Array:
+    """(3,), the axis that points most from ankles to hips."""
+    hips, ankles = (motion.positions[:, joints] for joints in zip(*((leg.hip, leg.ankle) for leg in legs), strict=True))
+    return axis_vector(nearest_axis((hips - ankles).mean(axis=(0, 1)))[0])
+
+
 def check_upright(turned: Motion, legs: Legs, up: Array) -> None:
     """Raise unless the source stands upright in the target's axes."""
-    if not np.array_equal(found := up_axis(turned.positions, legs), up):
+    if not np.array_equal(found := up_of_legs(turned, legs), up):
         raise CheckError(f"the source's legs point up along {found} in the target's axes, where {up} is up")
 
 
@@ -175,8 +179,8 @@ def floor_error(result: RetargetResult, legs: Legs, driving: Legs, up: Array) ->
     """How far the lowest joint of the feet is from the scaled height of the source's, mean over the frames
     [% of leg length].
     """
-    ours, theirs = lowest(result.motion, legs, up), result.root_scale * lowest(result.source, driving, up)
-    return float(100 * np.abs(ours - theirs).mean() / leg_length(result.motion.skeleton, legs))
+    found, expected = lowest(result.motion, legs, up), result.root_scale * lowest(result.source, driving, up)
+    return float(100 * np.abs(found - expected).mean() / leg_length(result.motion.skeleton, legs))
 
 
 def lowest(motion: Motion, legs: Legs, up: Array) -> Array:
@@ -227,16 +231,16 @@ def articulated(motion: Motion) -> int:
 def source_turn(source: Motion, frame: int) -> Rotation:
     """The rotation that stands a source upright, Y up, and lets it face +Z in a frame."""
     skeleton = source.rigid_skeleton
-    legs = find_legs(skeleton)
+    legs = tree_legs(skeleton)
     if legs is None:
         return Rotation.identity()
-    return standing(source, left_first(skeleton, legs), up_axis(source.positions, legs), frame)
+    return standing(source, left_first(skeleton, legs), up_of_legs(source, legs), frame)
 
 
 def result_turn(result: RetargetResult, frame: int) -> Rotation:
     """The rotation that does so to the source of a result, in the target's axes."""
     try:
-        legs = paired_legs(result)[1]
+        legs = paired_legs(result)[0]
     except CheckError:
         legs = None
     return standing(result.source, legs, target_up(result), frame)

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from quality import insert
 
 from distretarget import Motion, RetargetResult, read_bvh, retarget
-from distretarget.body.legs import body_unit, find_legs
+from distretarget.body.body import Body
 from distretarget.retargeting import OBJECTIVES
 
 try:
@@ -68,12 +68,12 @@ class InverseKinematics:
 
     def __init__(self, result: RetargetResult) -> None:
         skeleton = result.motion.skeleton
-        self.unit = body_unit(skeleton)
+        self.unit = result.matching.target.unit
         self.bodies = [joint for joint in skeleton.depth_first if not skeleton.end_sites[joint]]
         self.model = mujoco.MjModel.from_xml_string(_xml(result.motion, self.unit))
         self.configuration = mink.Configuration(self.model)
         self.postures = _postures(result.copy, self.bodies, self.unit)
-        self.ends = _ends(result.motion)
+        self.ends = _ends(result.matching.target)
         self.places = result.motion.positions[:, self.ends] / self.unit
         self.frames = [
             mink.FrameTask(f"joint{end}", "body", position_cost=1.0, orientation_cost=0.0) for end in self.ends
@@ -98,8 +98,8 @@ class InverseKinematics:
 
     def miss(self, positions: NDArray[np.float64]) -> float:
         """How far hands, feet and hips are from their places, mean [% of leg length]."""
-        ours = positions[:, [self.bodies.index(end) for end in self.ends]] / self.unit
-        return float(200 * np.linalg.norm(ours - self.places, axis=-1).mean())
+        ends = positions[:, [self.bodies.index(end) for end in self.ends]] / self.unit
+        return float(200 * np.linalg.norm(ends - self.places, axis=-1).mean())
 
 
 def _xml(motion: Motion, unit: float) -> str:
@@ -124,11 +124,10 @@ def _postures(copy: Motion, bodies: list[int], unit: float) -> NDArray[np.float6
     return np.concatenate([copy.root_positions / unit, quaternions.reshape(len(copy), -1)], axis=1)
 
 
-def _ends(motion: Motion) -> list[int]:
+def _ends(body: Body) -> list[int]:
     """The root, the ankles and the wrists."""
-    legs = find_legs(motion.skeleton) or ()
-    wrists = [joint for joint, name in enumerate(motion.skeleton.names) if name.lower() in WRISTS]
-    return sorted({0, *(leg.ankle for leg in legs), *wrists})
+    wrists = [joint for joint, name in enumerate(body.skeleton.names) if name.lower() in WRISTS]
+    return sorted({0, *(leg.ankle for leg in body.legs or ()), *wrists})
 
 
 def contestant(clip: Path, target: str, name: str) -> Contestant:

@@ -11,10 +11,31 @@ from scipy.spatial.transform import Rotation
 from table_one import table_one
 
 from distretarget import Motion, Skeleton
+from distretarget.body.axes import axis_vector
+from distretarget.body.body import Body
+from distretarget.matching.matching import Matching, match
+from distretarget.matching.pairing import JointMap
+from distretarget.numerics.rotations import least_rotation
 
 CORPUS = Path(__file__).resolve().parents[2] / "shared" / "corpus"
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"
+WAYS = [
+    *Rotation.create_group("O"),
+    Rotation.from_euler("Y", 140, degrees=True),
+    Rotation.from_euler("XYZ", [20, 50, 70], degrees=True),
+]
+"""The 24 ways to stand along the axes, and two that are oblique."""
 needs_corpus = pytest.mark.skipif(not CORPUS.is_dir(), reason="the corpus of real files is not here")
+
+
+def body_of(described: Motion | Skeleton) -> Body:
+    """The body that moves in a motion, or has a skeleton."""
+    return Body.of_motion(described) if isinstance(described, Motion) else Body.of(described)
+
+
+def matched(source: Motion | Skeleton, target: Motion | Skeleton, joint_map: JointMap | None = None) -> Matching:
+    """The matching by which a motion can be retargeted, of two bodies given by motions or skeletons."""
+    return match(body_of(source), body_of(target), joint_map)
 
 
 def swaying(skeleton: Skeleton, frames: int = 20, angle: float = 0.6, seed: int = 0) -> Motion:
@@ -27,6 +48,11 @@ def swaying(skeleton: Skeleton, frames: int = 20, angle: float = 0.6, seed: int 
     size = skeleton.path_lengths.max()
     translations[:, 0] = size * np.array([0.0, 0.5, 0.0]) + size * 0.2 * np.sin(phases[:, 0])
     return Motion(skeleton, translations, Rotation.from_rotvec(vectors).as_quat(), "0.0333333")
+
+
+def turned(skeleton: Skeleton, turn: Rotation) -> Skeleton:
+    """The rest pose turned in the world."""
+    return skeleton.with_offsets(turn.apply(np.array(skeleton.offsets)))
 
 
 def other_lengths(skeleton: Skeleton, seed: int = 1) -> Skeleton:
@@ -68,6 +94,23 @@ def moved(motion: Motion, turn: Rotation, shift: tuple[float, float, float] = (0
     rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
     skeleton = motion.skeleton.with_offsets(scale * motion.skeleton.offsets)
     return Motion(skeleton, translations, rotations, motion.frame_time_text)
+
+
+def spun(turn: Rotation, x: np.ndarray) -> np.ndarray:
+    """Vectors (..., 3), turned."""
+    return x @ turn.as_matrix().T
+
+
+def onto(up: str, before: str = "Y") -> Rotation:
+    """The least rotation that turns one axis up instead of another."""
+    return Rotation.from_quat(least_rotation(axis_vector(before)[None], axis_vector(up)[None])[0])
+
+
+def in_world(motion: Motion, turn: Rotation, scale: float = 1.0) -> Motion:
+    """The motion of a body whose rest pose, too, stands in a turned world."""
+    rotations = (turn * Rotation.from_quat(motion.rotations) * turn.inv()).as_quat()
+    skeleton = motion.skeleton.with_offsets(scale * spun(turn, motion.skeleton.offsets))
+    return replace(motion, skeleton=skeleton, translations=scale * spun(turn, motion.translations), rotations=rotations)
 
 
 def mirrored(motion: Motion) -> Motion:

@@ -6,16 +6,16 @@ from functools import cache
 import numpy as np
 import pytest
 from animals import camera, dog, on_a_root, sword
-from bodies import SAMPLES, lengthened, posed, swaying
+from bodies import SAMPLES, body_of, lengthened, matched, posed, swaying
 from make_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, read_bvh, retarget
-from distretarget.body.axes import unit
+from distretarget.body.body import Body
 from distretarget.body.conventions import by_names
-from distretarget.body.legs import height
 from distretarget.errors import MatchingError
-from distretarget.matching.matching import find_matching, match
+from distretarget.matching.matching import find_matching
+from distretarget.numerics.rotations import normalised
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 
 # The sample's joints as Bandai Namco's files call them.
@@ -111,7 +111,9 @@ def test_a_root_on_the_floor_follows_the_hips_and_does_not_tip_the_body_over():
     path = result.motion.root_positions + body.offsets[body.index("pelvis")]
     np.testing.assert_allclose(path, hips(result.motion), atol=1e-3)
     travel = result.root_scale * (hips(walk())[-1] - hips(walk())[0])[[0, 2, 1]] * [1, -1, 1]
-    np.testing.assert_allclose(hips(result.motion)[-1] - hips(result.motion)[0], travel, atol=0.05 * height(body))
+    np.testing.assert_allclose(
+        hips(result.motion)[-1] - hips(result.motion)[0], travel, atol=0.05 * Body.of(body).height
+    )
 
 
 @conventions
@@ -151,10 +153,10 @@ def test_no_animal_or_thing_is_taken_for_a_person(being, convention):
 @pytest.mark.parametrize("target", BEINGS)
 def test_animals_and_things_are_not_taken_for_each_other(source, target):
     if source == target:
-        assert np.all(match(BEINGS[source], BEINGS[target]).drivers >= 0)
+        assert np.all(matched(BEINGS[source], BEINGS[target]).drivers >= 0)
     else:
         with pytest.raises(MatchingError):
-            match(BEINGS[source], BEINGS[target], positions=still(BEINGS[source]).positions)
+            matched(still(BEINGS[source]), BEINGS[target])
 
 
 @pytest.mark.parametrize("own_names", [True, False])
@@ -168,7 +170,7 @@ def test_a_dog_moves_on_a_dog_of_another_build(own_names, turn):
         motion = swaying(body, angle=0.3)
     target = lengthened(body, {"Radius": 1.4, "Tibia": 0.7, "back": 1.2, "ForeArm": 1.4, "Leg": 0.7, "Spine1": 1.2})
     result = retarget(motion, target)
-    assert set(result.matching.found) == {"name", "tip"}
+    assert set(result.matching.method) == {"name", "tip"}
     np.testing.assert_array_equal(result.drivers, np.arange(len(body)))
     np.testing.assert_allclose(
         np.abs((result.copy.rotations * motion.rotations).sum(axis=-1)), 1, atol=1e-9, err_msg="rotations of the copy"
@@ -181,7 +183,7 @@ def test_half_the_names_are_enough_for_a_dog():
     body = dog()
     names = [f"{name}2" if name.startswith(("Tail", "Left")) else name for name in body.names]
     target = replace(body, names=tuple(names))
-    drivers = match(body, target).drivers
+    drivers = matched(body, target).drivers
     assert drivers[target.index("RightFemur")] == body.index("RightFemur")
     assert drivers[target.index("LeftFemur2")] == -1
 
@@ -192,7 +194,7 @@ def test_an_explicit_map_carries_an_arm_onto_a_sword(convention):
     roles = by_names(source.skeleton).roles
     hand, fore = (source.skeleton.keys[roles[role]] for role in ("rightHand", "rightLowerArm"))
     result = retarget(source, sword(), joint_map={"grip": fore, "guard": hand})
-    assert result.matching.found[:2] == ("map", "map")
+    assert result.matching.method[:2] == ("map", "map")
     line = result.motion.positions[:, 1] - result.motion.positions[:, 0]
     arm = source.positions[:, roles["rightHand"]] - source.positions[:, roles["rightLowerArm"]]
     turned = result.source.positions[:, roles["rightHand"]] - result.source.positions[:, roles["rightLowerArm"]]
@@ -210,10 +212,10 @@ def test_an_explicit_map_carries_a_person_onto_a_dog():
 
 def test_a_map_may_leave_joints_out():
     body = rig("lafan1", "T")
-    matching = find_matching(walk().skeleton, body, {"LeftForeArm": None, "Head": "Neck"})
+    matching = find_matching(body_of(walk().skeleton), body_of(body), {"LeftForeArm": None, "Head": "Neck"})
     arm, head = body.index("LeftForeArm"), body.index("Head")
-    assert (matching.drivers[arm], matching.found[arm], matching.sure[arm]) == (-1, "", 0)
-    assert (matching.drivers[head], matching.found[head]) == (walk().skeleton.index("Neck"), "map")
+    assert (matching.drivers[arm], matching.method[arm], matching.confidence[arm]) == (-1, "", 0)
+    assert (matching.drivers[head], matching.method[head]) == (walk().skeleton.index("Neck"), "map")
     motion = retarget(walk(), body, joint_map={"LeftForeArm": None}).motion
     np.testing.assert_allclose(np.abs(motion.rotations[:, arm, 3]), 1, atol=1e-9)
 
@@ -254,7 +256,9 @@ def test_what_is_there_of_a_body_moves_another(convention, lacks):
     assert result.world.up == whole.world.up
     driven = np.flatnonzero(result.drivers >= 0)
     shared = driven[(result.drivers[body.parents[driven]] >= 0) & (driven > 0) & (body.lengths[driven] > 0)]
-    bones = [unit(x.positions[:, shared] - x.positions[:, body.parents[shared]]) for x in (result.motion, whole.motion)]
+    bones = [
+        normalised(x.positions[:, shared] - x.positions[:, body.parents[shared]]) for x in (result.motion, whole.motion)
+    ]
     assert np.degrees(np.arccos(np.clip((bones[0] * bones[1]).sum(axis=-1), -1, 1))).mean() < 10
 
 
@@ -262,7 +266,7 @@ def test_what_is_there_of_a_body_moves_another(convention, lacks):
 def test_a_person_moves_what_is_there_of_a_body(top):
     clap = read_bvh(SAMPLES / "clap.bvh")  # hands in front: arms are no legs, and do not point down
     body = part(clap, top)
-    result = retarget(clap, body.skeleton, target_motion=body)
+    result = retarget(clap, body)
     assert result.world.up == "Y"
     found, expected = (motion.positions - motion.positions[:, :1] for motion in (result.motion, body))
     assert_near(found, expected)
@@ -274,6 +278,6 @@ def test_legs_alone_tell_left_from_right():
     names = (other[name[:4]] + name.removeprefix("Left").removeprefix("Right") for name in body.names[1:])
     wrong = replace(body, names=(body.names[0], *names))
     target = rig("mixamo", "T")
-    for joint, driver in enumerate(find_matching(wrong, target).drivers):
+    for joint, driver in enumerate(find_matching(body_of(wrong), body_of(target)).drivers):
         if driver > 0:
             assert body.names[driver][0] == target.names[joint].removeprefix("mixamorig:")[0]

@@ -9,7 +9,7 @@ from bodies import CORPUS, SAMPLES, needs_corpus, swaying
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton, read_bvh
-from distretarget.body.legs import height
+from distretarget.body.body import Body
 from distretarget.errors import MissingPackageError, MotionError, SkeletonError
 from distretarget.io.bvhio_bridge import from_bvhio, to_bvhio
 
@@ -68,7 +68,7 @@ def assert_same(motion, other, atol=FLOAT32):
     assert_same_body(motion, other)
     assert motion.frame_time == other.frame_time
     assert motion.positions.shape == other.positions.shape
-    size = atol * max(height(motion.skeleton), np.abs(motion.root_positions).max(initial=0))
+    size = atol * max(Body.of(motion.skeleton).height, np.abs(motion.root_positions).max(initial=0))
     np.testing.assert_allclose(motion.positions, other.positions, rtol=0, atol=size)
     np.testing.assert_allclose(np.abs(np.sum(motion.rotations * other.rotations, axis=-1)), 1, atol=1e-6)
 
@@ -95,7 +95,7 @@ def test_bvhio_finds_the_joints_in_the_same_places(path, bvhio):
     for frame in range(len(motion)):
         root.loadPose(frame)
         expected = [joint.PositionWorld.to_tuple() for joint, _, _ in root.layout()]
-        atol = FLOAT32 * height(motion.skeleton)
+        atol = FLOAT32 * Body.of(motion.skeleton).height
         np.testing.assert_allclose(motion.positions[frame, joints], expected, rtol=0, atol=atol)
 
 

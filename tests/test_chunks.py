@@ -7,7 +7,7 @@ import pytest
 from bodies import SAMPLES
 
 from distretarget import load_target, read_bvh, retarget
-from distretarget.body.legs import height
+from distretarget.body.body import Body
 from distretarget.solve.chunks import CHUNK_FRAMES, LEAD_IN, chunks_of
 
 SHORT = 90  # frames of a chunk, where a test has only short clips
@@ -38,18 +38,18 @@ def test_chunks_are_about_equal():
 @pytest.mark.parametrize("clip", ["clap", "hands_on_hips", "squat", "walk", "wave"])
 def test_a_cut_leaves_no_seam(clip, monkeypatch):
     source = read_bvh(SAMPLES / f"{clip}.bvh")
-    target = load_target(SAMPLES / "long_arms.json", source.skeleton).skeleton
+    target = load_target(SAMPLES / "long_arms.json").for_source(source.skeleton).skeleton
     whole = retarget(source, target).motion.positions
     monkeypatch.setattr("distretarget.solve.chunks.CHUNK_FRAMES", SHORT)
     assert len(chunks_of(len(source), 0)) > 1
     cut = retarget(source, target).motion.positions
-    assert np.abs(cut - whole).max() < 1e-6 * height(target)
+    assert np.abs(cut - whole).max() < 1e-6 * Body.of(target).height
 
 
 def test_whoever_solves_the_chunks_the_result_is_the_same(monkeypatch):
     monkeypatch.setattr("distretarget.solve.chunks.CHUNK_FRAMES", SHORT)
     source = read_bvh(SAMPLES / "clap.bvh")
-    target = load_target(SAMPLES / "long_arms.json", source.skeleton).skeleton
+    target = load_target(SAMPLES / "long_arms.json").for_source(source.skeleton).skeleton
     done = []
     one = retarget(source, target, progress=done.append)
     with ThreadPoolExecutor(2) as pool:

@@ -9,10 +9,10 @@ from bodies import SAMPLES, clapping, lengthened, person, posed
 from scipy.spatial.transform import Rotation
 
 from distretarget import load_target, read_bvh, retarget
-from distretarget.body.legs import height
+from distretarget.baseline.root import root_path
+from distretarget.body.body import Body
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.spg import Reason
-from distretarget.solve.stance import root_path
 
 PERSON = person()
 WRISTS = PERSON.index("LeftWrist"), PERSON.index("RightWrist")
@@ -26,7 +26,7 @@ def sample(name):
 
 @cache
 def target(name):
-    return load_target(SAMPLES / f"{name}.json", sample("walk").rigid_skeleton).skeleton
+    return load_target(SAMPLES / f"{name}.json").for_source(sample("walk").rigid_skeleton).skeleton
 
 
 @cache
@@ -43,7 +43,7 @@ def gap(motion):
 
 def apart(result, expected, skeleton):
     """(frames,), how far joints are from where they are expected [heights of the body]."""
-    return np.abs(result - expected).max(axis=(1, 2)) / height(skeleton)
+    return np.abs(result - expected).max(axis=(1, 2)) / Body.of(skeleton).height
 
 
 @pytest.mark.parametrize("factors", [{"Wrist": 1.5}, {"Knee": 0.7, "Hip": 1.4}, {"Chest2": 1.6, "Elbow": 0.6}])
@@ -51,7 +51,7 @@ def test_without_near_pairs_and_with_free_feet_it_is_the_rotation_copy(factors):
     source, body = clapping(np.zeros(30)), lengthened(PERSON, factors)
     result = retarget(source, body, hold_feet=False)
     np.testing.assert_allclose(result.motion.world_rotations, result.copy.world_rotations, atol=1e-12)
-    path = root_path(result.source, result.copy, result.matching, result.root_scale)
+    path = root_path(result.copy, result.matching, result.root_scale)
     np.testing.assert_allclose(result.motion.root_positions, path, atol=1e-12)
     np.testing.assert_array_equal(result.effort.iterations, 0)
 
@@ -89,7 +89,7 @@ def test_the_left_and_the_right_of_a_symmetric_motion_do_the_same():
 def test_the_same_body_keeps_contacts_and_stance_as_they_are(name):
     source = sample(name)
     result = retarget(source, source.skeleton)
-    np.testing.assert_allclose(result.motion.positions, source.positions, atol=1e-8 * height(source.skeleton))
+    np.testing.assert_allclose(result.motion.positions, source.positions, atol=1e-8 * Body.of(source.skeleton).height)
     np.testing.assert_array_equal(result.effort.iterations, 0)
 
 

@@ -2,20 +2,18 @@
 
 import numpy as np
 import pytest
-from bodies import clapping, other_lengths, person
+from bodies import clapping, matched, other_lengths, person
 
 from distretarget import Skeleton
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.distances import distance_problem
-from distretarget.matching.matching import match
 from distretarget.solve.contact_pairs import CandidatePairs, activation, candidate_pairs, pair_springs
 from distretarget.solve.settings import ContactSettings
 
 PERSON = person()
 TARGET = other_lengths(PERSON)
-MATCHING = match(PERSON, TARGET)
+MATCHING = matched(PERSON, TARGET)
 PROBLEM = distance_problem(PERSON, TARGET, MATCHING.drivers)
-UP = np.array([0.0, 1.0, 0.0])
 UNIT = 1.7
 SETTINGS = ContactSettings()
 PAIRS = candidate_pairs(PROBLEM, UNIT, SETTINGS.least_path)
@@ -27,7 +25,7 @@ def smootherstep(D):
 
 
 def copied(source):
-    return rotation_copy(source, MATCHING, 1.0, UP).positions
+    return rotation_copy(matched(source, TARGET), 1.0).positions
 
 
 def springs_of(source, block, lead):

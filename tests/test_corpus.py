@@ -8,7 +8,7 @@ from bodies import CORPUS, SAMPLES, needs_corpus
 from edits import ARMS_AND_LEGS, edited
 
 from distretarget import DistretargetError, Motion, read_bvh, retarget, write_bvh
-from distretarget.body.legs import height
+from distretarget.body.body import Body
 from distretarget.motion import rigid_motion
 
 REFUSED = {
@@ -35,7 +35,7 @@ def read_rigid(path):
     """The motion of a file, on bones that do not stretch."""
     motion = read_bvh(path)
     rigid = rigid_motion(motion.rigid_skeleton, motion.root_positions, motion.rotations, motion.frame_time_text)
-    stretch = np.abs(rigid.positions - motion.positions).max() / height(motion.rigid_skeleton)
+    stretch = np.abs(rigid.positions - motion.positions).max() / Body.of(motion.rigid_skeleton).height
     if stretch > 1e-9:
         pytest.skip(f"the bones stretch: joints are up to {stretch:.1e} heights off those of a rigid body")
     return rigid
@@ -48,7 +48,7 @@ def through_a_file(motion: Motion, folder: Path) -> Motion:
 
 def assert_near(positions, expected, skeleton):
     """Equal to 1e-5 of the body's height."""
-    np.testing.assert_allclose(positions, expected, rtol=0, atol=1e-5 * height(skeleton))
+    np.testing.assert_allclose(positions, expected, rtol=0, atol=1e-5 * Body.of(skeleton).height)
 
 
 @clips

@@ -7,9 +7,10 @@ import pytest
 from bodies import SAMPLES, clapping, lengthened, moved, other_lengths, person, posed, swaying, with_bone
 from scipy.spatial.transform import Rotation
 
-from distretarget import Motion, load_skeleton, read_bvh, retarget
+from distretarget import Motion, read_bvh, retarget
 from distretarget.baseline.world import turned
 from distretarget.errors import MapError, MatchingError, MotionError
+from distretarget.io.skeleton_json import load_full_target
 from distretarget.measure.diff import diff, resampled
 
 LEG = 0.435 + 0.453
@@ -202,7 +203,7 @@ def test_a_root_offset_that_is_added():
 @pytest.mark.parametrize("rig", ["mixamo_a", "unreal_t"])
 def test_a_retargeted_clip_has_the_figures_of_its_run(rig):
     source = first(read_bvh(SAMPLES / "clap.bvh"), 30)
-    run = retarget(source, load_skeleton(SAMPLES / "rigs" / f"{rig}.json"))
+    run = retarget(source, load_full_target(SAMPLES / "rigs" / f"{rig}.json").skeleton)
     result = diff(source, run.motion)
     np.testing.assert_array_equal(result.matching.drivers, run.matching.drivers)
     np.testing.assert_allclose(result.stress, run.written_stress)

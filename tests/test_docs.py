@@ -6,9 +6,9 @@ import shutil
 from dataclasses import fields
 from pathlib import Path
 
+import make_settings
 import pytest
 from bodies import SAMPLES
-import make_settings
 from make_reference import PAGE, reference
 from program import run
 

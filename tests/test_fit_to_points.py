@@ -4,22 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import other_lengths, person, swaying
+from bodies import matched, other_lengths, person, swaying
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion
 from distretarget.baseline.rotation_copy import rotation_copy
-from distretarget.matching.matching import match
 from distretarget.solve.fit_to_points import fit_rotations
 from distretarget.solve.rigid_parts import rigid_part_roots
 
 BODY = person()
 ALL = np.arange(len(BODY))
-UP = np.array([0.0, 1.0, 0.0])
 
 
 def copy_of(motion, target):
-    return rotation_copy(motion, match(motion.skeleton, target), 1.0, UP)
+    return rotation_copy(matched(motion, target), 1.0)
 
 
 def test_the_copys_own_points_give_the_copy():

@@ -4,24 +4,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import mirrored, moved, other_lengths, person, swaying
+from bodies import matched, mirrored, moved, other_lengths, person, swaying
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 from table_one import table_one
 
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.distances import distance_problem, posture_stress
-from distretarget.matching.matching import match
 from distretarget.numerics.stress import stress_and_gradient
 from distretarget.solve.free_points import aligned, off_plane, solve_postures
 from distretarget.solve.spg import Reason
 
 
 def solve(motion, target):
-    matching = match(motion.skeleton, target)
+    matching = matched(motion, target)
     problem = distance_problem(motion.skeleton, target, matching.drivers)
     scale = target.path_lengths.max() / motion.skeleton.path_lengths.max()
-    copy = rotation_copy(motion, matching, scale, np.array([0.0, 1.0, 0.0]))
+    copy = rotation_copy(matching, scale)
     return problem, copy, solve_postures(problem, motion.positions, copy.positions)
 
 

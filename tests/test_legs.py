@@ -1,21 +1,24 @@
-"""Legs, up and height, found without names."""
+"""Legs, found by the tree of joints alone or by the parts of a body."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import CORPUS, needs_corpus, other_lengths, person, swaying
-from scipy.spatial.transform import Rotation
+from bodies import CORPUS, SAMPLES, needs_corpus, other_lengths, person
 
-from distretarget import Skeleton, read_bvh
-from distretarget.body.legs import find_legs, height, leg_length, up_axis
-from distretarget.matching.matching import match
-from distretarget.solve.stance import root_scale
+from distretarget import DistretargetError, Skeleton, read_bvh
+from distretarget.body.body import Body
+from distretarget.body.legs import find_legs, foot_bone, leg_length, pelvis_joint, tree_legs
+from distretarget.io.skeleton_json import load_full_target
+
+RIGS = sorted((SAMPLES / "rigs").glob("*.json"))
+FIVE_TOES = ("makehuman-benchmark", "makehuman-face-poseunits", "makehuman-tpose")  # the tree takes one, names another
+ANKLE_IN_FOOT = "pybvh-bvh_test3"  # RightForeFoot is the ankle by the tree
 
 
 def names_of_legs(skeleton):
     return sorted(
-        (skeleton.names[leg.hip], skeleton.names[leg.ankle], skeleton.names[leg.toe]) for leg in find_legs(skeleton)
+        (skeleton.names[leg.hip], skeleton.names[leg.ankle], skeleton.names[leg.toe]) for leg in tree_legs(skeleton)
     )
 
 
@@ -23,7 +26,7 @@ def test_legs_of_the_papers_skeleton():
     body = person()
     expected = [("LeftHip", "LeftAnkle", "LeftToe"), ("RightHip", "RightAnkle", "RightToe")]
     assert names_of_legs(body) == expected
-    assert leg_length(body, find_legs(body)) == pytest.approx(0.435 + 0.453)
+    assert leg_length(body, tree_legs(body)) == pytest.approx(0.435 + 0.453)
 
 
 def test_legs_of_a_rest_pose_that_lies_along_one_axis():
@@ -52,42 +55,10 @@ def test_legs_of_real_rigs(file, legs):
     assert [leg[: len(legs[0])] for leg in found] == legs
 
 
-@needs_corpus
-@pytest.mark.parametrize(
-    ("file", "up"),
-    [
-        ("cmu_mb/02_01.bvh", [0, 1, 0]),
-        ("animated_drawings/dab.bvh", [0, 0, 1]),
-        ("animated_drawings/jesse_dance.bvh", [0, 1, 0]),
-    ],
-)
-def test_up_of_real_clips(file, up):
-    motion = read_bvh(CORPUS / file)
-    np.testing.assert_array_equal(up_axis(motion.positions, find_legs(motion.rigid_skeleton)), up)
-
-
-def test_up_is_a_signed_axis():
-    body = person()
-    turned = body.with_offsets(Rotation.from_euler("x", 90, degrees=True).apply(np.array(body.offsets)))
-    np.testing.assert_array_equal(up_axis(turned.rest_positions[None], find_legs(turned)), [0, 0, 1])
-    assert height(turned) == pytest.approx(height(body))
-
-
-def test_bodies_without_legs_have_a_height_and_a_root_scale():
+def test_a_chain_has_no_legs():
     chain = Skeleton(("a", "b", "c"), [-1, 0, 1], [[0, 0, 0], [0, 2, 0], [1, 0, 0]], ((),) * 3, [False] * 3)
-    assert find_legs(chain) is None
-    assert height(chain) == 2.0
-    assert root_scale(match(chain, chain.with_offsets(3 * chain.offsets))) == pytest.approx(3.0)
-
-
-def test_root_scale_is_the_ratio_of_leg_lengths():
-    body = person()
-    factors = np.ones(len(body))
-    for side in ("Left", "Right"):
-        factors[[body.index(f"{side}Knee"), body.index(f"{side}Ankle")]] = 0.6
-        factors[body.index(f"{side}Elbow")] = 3.0
-    target = body.with_lengths(body.lengths * factors)
-    assert root_scale(match(body, target)) == pytest.approx(0.6)
+    assert tree_legs(chain) is None
+    assert find_legs(chain, None) is None
 
 
 def test_legs_are_found_on_bodies_of_any_proportion():
@@ -98,5 +69,74 @@ def test_legs_are_found_on_bodies_of_any_proportion():
             if name.startswith("Right"):
                 halves[joint] = halves[body.index("Left" + name[5:])]
         body = body.with_lengths(halves)
-        assert {body.names[leg.hip] for leg in find_legs(body)} <= {"LeftHip", "RightHip", "Hips"}
-        assert up_axis(swaying(body, angle=0.2).positions, find_legs(body))[1] == 1.0
+        assert {body.names[leg.hip] for leg in tree_legs(body)} <= {"LeftHip", "RightHip", "Hips"}
+
+
+# ---- by the parts of a body
+
+
+def by_anatomy(skeleton):
+    body = Body.of(skeleton)
+    return find_legs(skeleton, body.anatomy)
+
+
+def joints_by_side(legs, parts=("hip", "ankle", "toe")):
+    """The joints of both legs, whichever comes first."""
+    return {tuple(getattr(leg, part) for part in parts) for leg in legs}
+
+
+@pytest.mark.parametrize("path", RIGS, ids=lambda path: path.stem)
+def test_the_parts_and_the_tree_of_a_rig_show_the_same_legs(path):
+    skeleton = load_full_target(path).skeleton
+    assert joints_by_side(by_anatomy(skeleton)) == joints_by_side(tree_legs(skeleton))
+
+
+def test_legs_of_an_anatomy_are_left_before_right():
+    body = person()
+    left, right = by_anatomy(body)
+    assert [body.names[joint] for joint in left.joints] == ["LeftHip", "LeftAnkle", "LeftToe"]
+    assert [body.names[joint] for joint in right.joints] == ["RightHip", "RightAnkle", "RightToe"]
+    assert body.names[pelvis_joint(body, (left, right))] == "Hips"
+
+
+def test_a_body_that_lacks_a_leg_has_no_legs():
+    body = person()
+    anatomy = Body.of(body).anatomy
+    for role in ("leftFoot", "rightUpperLeg"):
+        roles = {name: joint for name, joint in anatomy.roles.items() if name != role}
+        assert find_legs(body, replace(anatomy, roles=roles)) is None
+
+
+def test_a_foot_points_to_the_toes():
+    body = load_full_target(SAMPLES / "rigs" / "mixamo_t.json").skeleton
+    foot, toe = foot_bone(body, Body.of(body).anatomy, "left")
+    assert (body.names[foot], body.names[toe]) == ("mixamorig:LeftFoot", "mixamorig:LeftToeBase")
+
+
+def test_a_foot_without_a_bone_points_nowhere_and_its_toe_is_the_ankle():
+    body = load_full_target(SAMPLES / "rigs" / "xsens_t.json").skeleton
+    offsets = np.array(body.offsets)
+    offsets[[joint for joint, name in enumerate(body.names) if "Toe" in name]] = 0.0
+    bare = body.with_offsets(offsets)
+    assert foot_bone(bare, Body.of(bare).anatomy, "left") is None
+    assert all(leg.toe == leg.ankle for leg in by_anatomy(bare))
+
+
+@needs_corpus
+@pytest.mark.parametrize("path", sorted(CORPUS.rglob("*.bvh")), ids=lambda path: f"{path.parent.name}-{path.stem}")
+def test_the_parts_and_the_tree_of_real_files_show_the_same_legs(path):
+    try:
+        body = Body.of_motion(read_bvh(path))
+    except DistretargetError:
+        pytest.skip("no file that can be read")
+    if body.anatomy is None or body.legs is None:
+        pytest.skip("no human legs")
+    name, tree = f"{path.parent.name}-{path.stem}", tree_legs(body.skeleton)
+    parts = ("hip", "ankle") if name in FIVE_TOES else ("hip", "ankle", "toe")
+    agree = joints_by_side(body.legs, parts) == joints_by_side(tree, parts)
+    assert agree == (name != ANKLE_IN_FOOT)
+    if name in FIVE_TOES:
+        assert joints_by_side(body.legs) != joints_by_side(tree)
+    if name == ANKLE_IN_FOOT:
+        ankles = {body.skeleton.names[leg.ankle] for leg in tree}
+        assert "RightForeFoot" in ankles

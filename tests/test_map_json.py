@@ -4,15 +4,15 @@ import json
 import re
 
 import pytest
-from bodies import CORPUS, SAMPLES, needs_corpus, person, swaying
+from bodies import CORPUS, SAMPLES, body_of, matched, needs_corpus, person, swaying
 from test_skeleton_json import MANUAL
 
-from distretarget import load_skeleton, read_bvh, retarget
+from distretarget import read_bvh, retarget
 from distretarget.errors import FileError, MatchingError, SkeletonFileError
 from distretarget.io.bvh import format_bvh
 from distretarget.io.map_json import joint_map, load_map, map_to_json
-from distretarget.io.skeleton_json import Target
-from distretarget.matching.matching import find_matching, match
+from distretarget.io.skeleton_json import Target, load_full_target
+from distretarget.matching.matching import find_matching
 
 
 @pytest.fixture
@@ -84,7 +84,7 @@ def test_a_wrong_pair_of_the_target_may_be_put_right(written):
 
 def test_the_written_map_has_each_joint_but_end_sites():
     body = person()
-    text = map_to_json(find_matching(body, body, {"Head": None, "LeftToe_End": "RightToe_End"}))
+    text = map_to_json(find_matching(body_of(body), body_of(body), {"Head": None, "LeftToe_End": "RightToe_End"}))
     pairs = json.loads(text)
     names = [body.keys[joint] for joint in body.depth_first if not body.end_sites[joint]]
     assert [key for key in pairs if key != "LeftToe_End"] == names
@@ -94,9 +94,9 @@ def test_the_written_map_has_each_joint_but_end_sites():
 
 
 def test_joints_that_bend_along_a_spine_are_left_out():
-    source, target = person(), load_skeleton(SAMPLES / "rigs" / "xsens_t.json")
-    matching = find_matching(source, target)
-    bending = {target.keys[j] for j in range(len(target)) if matching.drivers[j] < 0 <= matching.turns[j, 0]}
+    source, target = person(), load_full_target(SAMPLES / "rigs" / "xsens_t.json").skeleton
+    matching = find_matching(body_of(source), body_of(target))
+    bending = {target.keys[j] for j in range(len(target)) if matching.drivers[j] < 0 <= matching.rotation_sources[j, 0]}
     assert bending
     ends = {target.keys[j] for j in range(len(target)) if target.end_sites[j]}
     assert json.loads(map_to_json(matching)).keys() == set(target.keys) - ends - bending
@@ -104,8 +104,8 @@ def test_joints_that_bend_along_a_spine_are_left_out():
 
 def assert_same_with_its_own_map(source, target):
     source = read_bvh(source)
-    target = load_skeleton(target)
-    matching = match(source.rigid_skeleton, target, None, source.positions)
+    target = load_full_target(target).skeleton
+    matching = matched(source, target)
     again = retarget(source, target, joint_map=json.loads(map_to_json(matching)))
     assert format_bvh(retarget(source, target).motion) == format_bvh(again.motion)
 

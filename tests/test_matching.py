@@ -5,14 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, person, posed, with_bone
+from bodies import SAMPLES, body_of, matched, person, posed, with_bone
 
-from distretarget import Skeleton, load_skeleton
+from distretarget import Skeleton
+from distretarget.body.body import Body
 from distretarget.errors import MapError, MatchingError
+from distretarget.io.skeleton_json import load_full_target
 from distretarget.matching.matching import find_matching, match, refusal
 
 PERSON = person()
-RIGS = {path.stem: load_skeleton(path) for path in sorted((SAMPLES / "rigs").glob("*.json"))}
+RIGS = {path.stem: load_full_target(path).skeleton for path in sorted((SAMPLES / "rigs").glob("*.json"))}
 MIXAMO = RIGS["mixamo_t"]
 # Both arms and legs of each convention, from the collar bone to the hand and from the hip joint to the toes.
 LIMBS = {
@@ -78,8 +80,8 @@ def seated(skeleton):
 
 def named(matching):
     """{key of the target: key of its driver}, without those that have none."""
-    pairs = zip(matching.target.keys, matching.drivers, strict=True)
-    return {key: matching.source.keys[driver] for key, driver in pairs if driver >= 0}
+    pairs = zip(matching.target.skeleton.keys, matching.drivers, strict=True)
+    return {key: matching.source.skeleton.keys[driver] for key, driver in pairs if driver >= 0}
 
 
 def limbs(convention, joints=slice(None)):
@@ -99,102 +101,103 @@ def test_equal_names_match_in_any_order(body, seed):
     while ready:
         order.append(ready.pop(draw.integers(len(ready))))
         ready.extend(body.children[order[-1]])
-    matching = match(body, taken(body, order))
+    matching = matched(body, taken(body, order))
     np.testing.assert_array_equal(matching.drivers, order)
-    np.testing.assert_array_equal(matching.turns, np.stack([order, order], axis=1))
-    assert not matching.shares.any()
-    for joint, how in zip(order, matching.found, strict=True):
+    np.testing.assert_array_equal(matching.rotation_sources, np.stack([order, order], axis=1))
+    assert not matching.blend.any()
+    for joint, how in zip(order, matching.method, strict=True):
         assert how == ("tip" if body.end_sites[joint] else "name")
 
 
 def test_namespaces_and_case_do_not_matter():
     source, target = chain("Rope:Base", "Rope:Middle", "top"), chain("BASE", "x:y:middle", "z:Top")
-    assert named(match(source, target)) == dict(zip(target.names, source.names, strict=True))
+    assert named(matched(source, target)) == dict(zip(target.names, source.names, strict=True))
 
 
 def test_exact_names_come_before_those_that_differ_in_namespace_or_case():
     source, target = chain("base", "a:Top", "Top", "b:mid"), chain("base", "Top", "mid")
-    assert named(match(source, target)) == {"base": "base", "Top": "Top", "mid": "b:mid"}
+    assert named(matched(source, target)) == {"base": "base", "Top": "Top", "mid": "b:mid"}
 
 
 def test_names_that_only_a_namespace_tells_apart_do_not_match_others():
     source = chain("base", "mid", "a:hand", "b:hand", parents=[-1, 0, 1, 1])
     target = chain("base", "mid", "hand")
-    assert named(match(source, target)) == {"base": "base", "mid": "mid"}
+    assert named(matched(source, target)) == {"base": "base", "mid": "mid"}
 
 
 def test_half_of_the_names_are_enough_without_a_body_and_fewer_are_refused():
     source = chain("a", "b", "c", "d", "E", ends="E")
-    matching = match(source, chain("x", "y", "c", "d", "E", ends="E"))
+    matching = matched(source, chain("x", "y", "c", "d", "E", ends="E"))
     assert named(matching) == {"c": "c", "d": "d", "E": "E"}
     with pytest.raises(MatchingError, match="only 1 of 4 joints of the target have a driver by name"):
-        match(source, chain("x", "y", "z", "d", "E", ends="E"))
+        matched(source, chain("x", "y", "z", "d", "E", ends="E"))
 
 
 def test_without_legs_the_path_is_that_of_the_first_joint_with_a_driver():
     rope = chain("a", "b", "c")
-    assert match(rope, rope).legs is None
-    assert match(rope, rope).pelvis == 0
-    assert match(rope, rope, {"a": None}).pelvis == 1
-    assert match(rope, rope, {"c": None}).pelvis == 0
+    assert matched(rope, rope).legs is None
+    assert matched(rope, rope).pelvis == 0
+    assert matched(rope, rope, {"a": None}).pelvis == 1
+    assert matched(rope, rope, {"c": None}).pelvis == 0
 
 
 # End Sites
 
 
 def test_end_sites_follow_their_joint_whatever_they_are_called():
-    matching = match(PERSON, renamed(PERSON, {"Head_End": "Top", "LeftToe_End": "Nail"}))
+    matching = matched(PERSON, renamed(PERSON, {"Head_End": "Top", "LeftToe_End": "Nail"}))
     np.testing.assert_array_equal(matching.drivers, np.arange(len(PERSON)))
 
 
 def test_end_sites_match_in_order_and_those_left_over_have_no_driver():
     source = chain("a", "b", "p", "q", parents=[-1, 0, 1, 1], ends="pq")
     target = chain("a", "b", "u", "v", "w", parents=[-1, 0, 1, 1, 1], ends="uvw")
-    assert named(match(source, target)) == {"a": "a", "b": "b", "u": "p", "v": "q"}
-    assert named(match(target, source)) == {"a": "a", "b": "b", "p": "u", "q": "v"}
+    assert named(matched(source, target)) == {"a": "a", "b": "b", "u": "p", "v": "q"}
+    assert named(matched(target, source)) == {"a": "a", "b": "b", "p": "u", "q": "v"}
 
 
 def test_an_end_site_without_counterpart_has_no_driver():
     bare = taken(PERSON, np.flatnonzero(~PERSON.end_sites))
-    np.testing.assert_array_equal(match(bare, PERSON).drivers, [*range(22), *[-1] * 5])
-    np.testing.assert_array_equal(match(PERSON, bare).drivers, np.arange(22))
+    np.testing.assert_array_equal(matched(bare, PERSON).drivers, [*range(22), *[-1] * 5])
+    np.testing.assert_array_equal(matched(PERSON, bare).drivers, np.arange(22))
 
 
 def test_what_ends_a_joint_may_be_a_joint_on_one_body_and_an_end_site_on_the_other():
     source, target = chain("a", "b", "tip"), chain("a", "b", "End", ends=["End"])
-    for ours, theirs in ((source, target), (target, source)):
-        matching = match(ours, theirs)
+    for one, other in ((source, target), (target, source)):
+        matching = matched(one, other)
         np.testing.assert_array_equal(matching.drivers, [0, 1, 2])
-        assert matching.found == ("name", "name", "tip")
+        assert matching.method == ("name", "name", "tip")
 
 
 # Maps
 
 
 def test_a_map_comes_before_names():
-    matching = match(PERSON, PERSON, {"LeftWrist": "LeftElbow", "Head": "Head"})
+    matching = matched(PERSON, PERSON, {"LeftWrist": "LeftElbow", "Head": "Head"})
     assert named(matching)["LeftWrist"] == "LeftElbow"
     changed = [PERSON.index("LeftWrist"), PERSON.index("LeftWrist_End")]
     np.testing.assert_array_equal(np.delete(matching.drivers - np.arange(len(PERSON)), changed), 0)
-    assert [matching.found[PERSON.index(name)] for name in ("LeftWrist", "Head", "Neck")] == ["map", "map", "name"]
+    assert [matching.method[PERSON.index(name)] for name in ("LeftWrist", "Head", "Neck")] == ["map", "map", "name"]
 
 
 @pytest.mark.parametrize("source", [PERSON, MIXAMO], ids=["equal names", "other names"])
 def test_a_map_changes_no_other_joint_than_those_it_names(source):
-    before, after = match(source, PERSON), match(source, PERSON, {"Head_End": None, "LeftKnee": None})
+    before, after = matched(source, PERSON), matched(source, PERSON, {"Head_End": None, "LeftKnee": None})
     changed = [PERSON.index("Head_End"), PERSON.index("LeftKnee")]
     np.testing.assert_array_equal(after.drivers[changed], -1)
-    np.testing.assert_array_equal(after.turns[changed], -1)
-    for ours, theirs in ((after.drivers, before.drivers), (after.turns, before.turns), (after.shares, before.shares)):
-        np.testing.assert_array_equal(np.delete(ours, changed, axis=0), np.delete(theirs, changed, axis=0))
-    assert {after.found[joint] for joint in changed} == {""}
+    np.testing.assert_array_equal(after.rotation_sources[changed], -1)
+    for name in ("drivers", "rotation_sources", "blend"):
+        found, expected = (np.delete(getattr(matching, name), changed, axis=0) for matching in (after, before))
+        np.testing.assert_array_equal(found, expected)
+    assert {after.method[joint] for joint in changed} == {""}
 
 
 def test_a_map_makes_up_for_names_that_say_nothing():
     source, target = chain("a", "b", "c"), chain("x", "y", "z")
     with pytest.raises(MatchingError):
-        match(source, target)
-    assert named(match(source, target, {"x": "a", "y": "c"})) == {"x": "a", "y": "c"}
+        matched(source, target)
+    assert named(matched(source, target, {"x": "a", "y": "c"})) == {"x": "a", "y": "c"}
 
 
 @pytest.mark.parametrize(
@@ -207,30 +210,30 @@ def test_a_map_makes_up_for_names_that_say_nothing():
 )
 def test_a_map_of_joints_that_are_not_there_is_refused(explicit, reason):
     with pytest.raises(MapError, match=reason) as caught:
-        match(PERSON, PERSON, explicit)
+        matched(PERSON, PERSON, explicit)
     assert [caught.value.key] == list(explicit)
 
 
 # Parts of the body
 
 
-@pytest.mark.parametrize("theirs", RIGS)
-@pytest.mark.parametrize("ours", RIGS)
-def test_limbs_drive_the_same_limbs_whatever_the_convention_and_the_pose(theirs, ours):
-    matching = match(RIGS[theirs], RIGS[ours])
-    (other, _), (own, _) = theirs.split("_"), ours.split("_")
+@pytest.mark.parametrize("source", RIGS)
+@pytest.mark.parametrize("target", RIGS)
+def test_limbs_drive_the_same_limbs_whatever_the_convention_and_the_pose(source, target):
+    matching = matched(RIGS[source], RIGS[target])
+    (source_names, _), (target_names, _) = source.split("_"), target.split("_")
     pairs = named(matching)
-    assert [pairs[name] for name in limbs(own)] == limbs(other)
+    assert [pairs[name] for name in limbs(target_names)] == limbs(source_names)
     legs = [
-        [body.keys[joint] for leg in pair for joint in (leg.hip, leg.ankle)]
-        for body, pair in zip((matching.target, matching.source), matching.legs, strict=True)
+        [body.skeleton.keys[joint] for leg in pair for joint in (leg.hip, leg.ankle)]
+        for body, pair in zip((matching.source, matching.target), matching.legs, strict=True)
     ]
-    assert legs == [limbs(own, slice(4, 7, 2)), limbs(other, slice(4, 7, 2))]
-    assert matching.target.index(limbs(own)[4]) in matching.target.children[matching.pelvis]
+    assert legs == [limbs(source_names, slice(4, 7, 2)), limbs(target_names, slice(4, 7, 2))]
+    assert RIGS[target].index(limbs(target_names)[4]) in RIGS[target].children[matching.pelvis]
     known = matching.drivers >= 0
-    np.testing.assert_array_equal(known, [how != "" for how in matching.found])
-    assert np.all(matching.sure[known] > 0.5)
-    assert np.all(matching.sure[~known] == 0)
+    np.testing.assert_array_equal(known, [how != "" for how in matching.method])
+    assert np.all(matching.confidence[known] > 0.5)
+    assert np.all(matching.confidence[~known] == 0)
 
 
 def test_pairs_of_equal_names_are_surer_than_those_of_parts_and_these_than_those_of_shapes():
@@ -239,38 +242,38 @@ def test_pairs_of_equal_names_are_surer_than_those_of_parts_and_these_than_those
     words = {f"{side}{word}": f"{side}{other}" for side in ("", "Left", "Right") for word, other in others.items()}
     words |= {"Chest2": "Spine2", "Chest3": "Spine3", "Head": "TheHead"}
     said, unsaid = (renamed(PERSON, words), renamed(PERSON, lambda name: name[::-1]))
-    sure = [match(PERSON, target).sure[~PERSON.end_sites] for target in (PERSON, said, unsaid)]
+    sure = [matched(PERSON, target).confidence[~PERSON.end_sites] for target in (PERSON, said, unsaid)]
     assert np.all(sure[0] > sure[1])
     assert np.all(sure[1] > sure[2])
 
 
 def test_a_body_whose_names_say_nothing_matches_by_its_shape():
-    matching = match(PERSON, renamed(PERSON, lambda name: name[::-1]))
+    matching = matched(PERSON, renamed(PERSON, lambda name: name[::-1]))
     np.testing.assert_array_equal(matching.drivers, np.arange(len(PERSON)))
-    assert set(matching.found) == {"shape", "tip"}
+    assert set(matching.method) == {"shape", "tip"}
 
 
-@pytest.mark.parametrize(("theirs", "ours"), [("lafan1_t", "xsens_t"), ("xsens_t", "unreal_t")])
-def test_a_spine_of_another_number_of_joints_turns_between_neighbours_in_order(theirs, ours):
-    matching = match(RIGS[theirs], RIGS[ours])
-    (source, target), shares = matching.anatomies, matching.shares
+@pytest.mark.parametrize(("source", "target"), [("lafan1_t", "xsens_t"), ("xsens_t", "unreal_t")])
+def test_a_spine_of_another_number_of_joints_turns_between_neighbours_in_order(source, target):
+    matching = matched(RIGS[source], RIGS[target])
+    source, target, blend = matching.source.anatomy, matching.target.anatomy, matching.blend
     spine = list(target.spine)
-    first, second = np.searchsorted(source.spine, matching.turns[spine]).T
+    first, second = np.searchsorted(source.spine, matching.rotation_sources[spine]).T
     assert len(source.spine) != len(target.spine)
     assert np.all((second == first + 1) | (first == second) & (second == len(source.spine) - 1))
-    assert np.all(np.diff(first + shares[spine]) >= 0)
-    assert np.all((shares >= 0) & (shares <= 1))
+    assert np.all(np.diff(first + blend[spine]) >= 0)
+    assert np.all((blend >= 0) & (blend <= 1))
     others = np.setdiff1d(np.flatnonzero(matching.drivers >= 0), [*target.spine, *target.neck])
-    np.testing.assert_array_equal(matching.turns[others], matching.drivers[others, None].repeat(2, axis=1))
-    assert not shares[others].any()
+    np.testing.assert_array_equal(matching.rotation_sources[others], matching.drivers[others, None].repeat(2, axis=1))
+    assert not blend[others].any()
 
 
 def test_a_joint_the_source_has_not_follows_its_parent():
     target = with_bone(with_bone(PERSON, "LeftForearmTwist", "LeftElbow"), "Tail", "Hips")
-    matching = match(PERSON, target)
+    matching = matched(PERSON, target)
     np.testing.assert_array_equal(matching.drivers, [*range(len(PERSON)), -1, -1])
-    np.testing.assert_array_equal(matching.turns[-2:], -1)
-    assert matching.found[-2:] == ("", "")
+    np.testing.assert_array_equal(matching.rotation_sources[-2:], -1)
+    assert matching.method[-2:] == ("", "")
 
 
 @pytest.mark.parametrize(
@@ -283,7 +286,7 @@ def test_a_joint_the_source_has_not_follows_its_parent():
 )
 def test_one_joint_of_another_name_costs_no_other_joint_its_driver(body, name):
     odd = body.index(name)
-    drivers = match(body, renamed(body, {name: "Qqq"})).drivers
+    drivers = matched(body, renamed(body, {name: "Qqq"})).drivers
     joints = [joint for joint in np.flatnonzero(~body.end_sites) if joint != odd]
     np.testing.assert_array_equal(drivers[joints], joints)
     assert drivers[odd] in (-1, odd)
@@ -292,14 +295,14 @@ def test_one_joint_of_another_name_costs_no_other_joint_its_driver(body, name):
 @pytest.mark.parametrize(("held", "expected"), [("LeftWrist", "Sword"), ("Head", None)])
 def test_equal_names_of_what_is_no_part_of_the_body_match_where_they_hang_from_the_same_part(held, expected):
     source, target = with_bone(MIXAMO, "Sword", "mixamorig:LeftHand"), with_bone(PERSON, "Sword", held)
-    assert named(match(source, target)).get("Sword") == expected
+    assert named(matched(source, target)).get("Sword") == expected
 
 
 @pytest.mark.parametrize("fingers", [("Index",), ("Thumb", "Index", "Middle"), FINGERS])
 def test_fingers_match_if_the_source_has_most_of_them(fingers):
     gone = "|".join(f"Hand{finger}" for finger in FINGERS if finger not in fingers)
     source = without(MIXAMO, gone) if gone else MIXAMO
-    pairs = named(match(source, RIGS["unreal_t"]))
+    pairs = named(matched(source, RIGS["unreal_t"]))
     driven = {name.split("_")[0] for name in pairs if re.match("thumb|index|middle|ring|pinky", name)}
     assert driven == ({finger.lower() for finger in fingers} if len(fingers) > 1 else set())
     if "Middle" in fingers:
@@ -312,16 +315,16 @@ def test_fingers_match_if_the_source_has_most_of_them(fingers):
 def test_left_drives_left_though_the_names_of_one_body_are_crossed():
     crossed = renamed(PERSON, swapped)
     for source, target in ((PERSON, crossed), (crossed, PERSON)):
-        np.testing.assert_array_equal(match(source, target).drivers, np.arange(len(PERSON)))
-    np.testing.assert_array_equal(match(crossed, crossed).drivers, np.arange(len(PERSON)))
-    assert named(match(crossed, MIXAMO))["mixamorig:LeftArm"] == "RightShoulder"
+        np.testing.assert_array_equal(matched(source, target).drivers, np.arange(len(PERSON)))
+    np.testing.assert_array_equal(matched(crossed, crossed).drivers, np.arange(len(PERSON)))
+    assert named(matched(crossed, MIXAMO))["mixamorig:LeftArm"] == "RightShoulder"
 
 
 def test_a_motion_tells_left_from_right_where_the_rest_pose_does_not():
     walk = posed(PERSON, {"LeftKnee": np.array([0.3, 0, 0])}, np.linspace([0, 1, 0], [0, 1, 2], 8))
     lying = PERSON.with_offsets(PERSON.lengths[:, None] * [1.0, 0, 0])
     for rename, expected in ((str, PERSON.names), (swapped, tuple(map(swapped, PERSON.names)))):
-        matching = match(renamed(lying, rename), PERSON, positions=walk.positions)
+        matching = match(Body.of(renamed(lying, rename), walk), Body.of(PERSON))
         assert tuple(named(matching).values()) == expected
 
 
@@ -330,8 +333,8 @@ def test_a_motion_tells_left_from_right_where_the_rest_pose_does_not():
 
 def refused(source, target, reason, explicit=None):
     with pytest.raises(MatchingError, match=reason) as caught:
-        match(source, target, explicit)
-    matching = find_matching(source, target, explicit)
+        matched(source, target, explicit)
+    matching = find_matching(body_of(source), body_of(target), explicit)
     assert refusal(matching) == caught.value.reason
     assert "\n" not in str(caught.value)
     for side, body in ((caught.value.target, target), (caught.value.source, source)):
@@ -361,7 +364,7 @@ def test_a_refusal_names_the_closest_pairs():
 def test_a_body_on_all_fours_is_refused():
     refused(seated(PERSON), MIXAMO, "the source seems to go on all fours")
     refused(MIXAMO, seated(PERSON), "the target seems to go on all fours")
-    match(seated(PERSON), PERSON)  # equal names need no such guess
+    matched(seated(PERSON), PERSON)  # equal names need no such guess
 
 
 def test_bodies_that_share_neither_arms_nor_legs_are_refused():
@@ -369,7 +372,7 @@ def test_bodies_that_share_neither_arms_nor_legs_are_refused():
 
 
 def test_a_body_without_legs_matches_arms_and_trunk():
-    pairs = named(match(without(PERSON, "Hip$"), MIXAMO))
+    pairs = named(matched(without(PERSON, "Hip$"), MIXAMO))
     assert [pairs[f"mixamorig:Left{part}"] for part in ("Arm", "ForeArm")] == ["LeftShoulder", "LeftElbow"]
     assert "mixamorig:LeftLeg" not in pairs
 
@@ -380,5 +383,5 @@ def test_a_map_that_leaves_nothing_is_refused():
 
 @pytest.mark.parametrize("explicit", [{"hook": "end"}, {"line": "rope"}])
 def test_a_map_is_never_refused_for_lack_of_names(explicit):
-    matching = match(chain("rope", "end"), chain("line", "hook"), explicit)
+    matching = matched(chain("rope", "end"), chain("line", "hook"), explicit)
     assert named(matching).items() >= explicit.items()

@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, clapping, lengthened, moved, other_lengths, person, posed, swaying
+from bodies import SAMPLES, clapping, lengthened, matched, moved, other_lengths, person, posed, swaying
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton, read_bvh, retarget
-from distretarget.matching.matching import match
 from distretarget.measure.metrics import compare, normalised_distances
 
 LEG = 0.435 + 0.453
@@ -40,7 +39,7 @@ def standing(frames=30, path=0.0, height=LEG + 0.1, turns=None):
 
 
 def compared(source, result, up=UP):
-    return compare(source, result, match(source.rigid_skeleton, result.skeleton), up)
+    return compare(source, result, matched(source.rigid_skeleton, result.skeleton), up)
 
 
 def test_contact_and_distance_error_of_a_square_that_does_not_close():
@@ -200,8 +199,8 @@ def pair():
     return source, retarget(source, lengthened(PERSON, {"Wrist": 1.5, "Knee": 0.8}), hold_feet=False)
 
 
-def assert_same(ours, theirs):
-    assert ours == pytest.approx(theirs, rel=1e-6, abs=1e-6)
+def assert_same(found, expected):
+    assert found == pytest.approx(expected, rel=1e-6, abs=1e-6)
 
 
 def test_figures_do_not_depend_on_units():
@@ -216,15 +215,15 @@ def test_figures_do_not_depend_on_units():
 def test_figures_do_not_depend_on_where_both_face():
     source, result = pair()
     turn = Rotation.from_euler("y", 70, degrees=True)
-    ours, theirs = (moved(motion, turn, (3, 0, -5)) for motion in (result.motion, source))
-    assert_same(compared(theirs, ours).means(), compared(source, result.motion).means())
+    there, target = (moved(motion, turn, (3, 0, -5)) for motion in (source, result.motion))
+    assert_same(compared(there, target).means(), compared(source, result.motion).means())
 
 
 def test_figures_do_not_depend_on_which_axis_is_up():
     source, result = pair()
     turn = Rotation.from_euler("x", 90, degrees=True)
-    ours, theirs = (moved(motion, turn) for motion in (result.motion, source))
-    assert_same(compared(theirs, ours, turn.apply(UP)).means(), compared(source, result.motion).means())
+    there, target = (moved(motion, turn) for motion in (source, result.motion))
+    assert_same(compared(there, target, turn.apply(UP)).means(), compared(source, result.motion).means())
 
 
 def test_joints_without_a_driver_count_for_nothing_but_smoothness_and_bones():
@@ -242,7 +241,7 @@ def test_joints_without_a_driver_count_for_nothing_but_smoothness_and_bones():
     wagging[:, 0, 1] = np.sin(np.arange(40))
     rotations = np.concatenate([result.motion.rotations, Rotation.from_rotvec(wagging).as_quat()], axis=1)
     translations = np.concatenate([result.motion.translations, np.tile(tail.offsets[-2:], (40, 1, 1))], axis=1)
-    matching = match(source.skeleton, tail)
+    matching = matched(source.skeleton, tail)
     np.testing.assert_array_equal(matching.drivers, [*range(len(PERSON)), -1, -1])
     figures = compare(source, Motion(tail, translations, rotations, "0.02"), matching, UP)
     means = figures.means()

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bodies import CORPUS, needs_corpus
+from bodies import CORPUS, body_of, needs_corpus
 from make_rigs import CONVENTIONS, rig
 
 from distretarget import DistretargetError, Skeleton, read_bvh
 from distretarget.body.anatomy import ARM, LEG, SIDES
+from distretarget.body.body import Body
 from distretarget.body.conventions import by_names
 from distretarget.matching.matching import find_matching, refusal
 
@@ -51,7 +52,7 @@ def roles(convention):
 
 def assert_roles_meet(source, source_roles, target, target_roles):
     """Each role goes to the same role, and none to another; `source_roles` and `target_roles` are names by role."""
-    drivers = find_matching(source, target).drivers
+    drivers = find_matching(body_of(source), body_of(target)).drivers
     expected = {target.index(name): source_roles.get(role) for role, name in target_roles.items()}
     for joint, name in expected.items():
         driver = source.names[drivers[joint]] if drivers[joint] >= 0 else None
@@ -91,8 +92,8 @@ def test_a_rig_without_names_is_known_by_its_shape(convention):
     for pose in ("T", "A"):
         body = rig(convention, pose)
         bare = replace(body, names=tuple(f"j{joint}" for joint in range(len(body))))
-        known, found = (find_matching(source, rig("mixamo", "T")) for source in (body, bare))
-        joints = [known.anatomies[1].roles[role] for role in LIMBS]
+        known, found = (find_matching(body_of(source), body_of(rig("mixamo", "T"))) for source in (body, bare))
+        joints = [known.target.anatomy.roles[role] for role in LIMBS]
         np.testing.assert_array_equal(found.drivers[joints], known.drivers[joints])
 
 
@@ -107,15 +108,15 @@ def test_a_file_without_names_is_matched_as_with_them(path):
         pytest.skip("no frames")
     body, target = motion.rigid_skeleton, rig("mixamo", "T")
     bare = replace(body, names=tuple(f"j{joint}" for joint in range(len(body))))
-    known, found = (find_matching(source, target, positions=motion.positions) for source in (body, bare))
+    known, found = (find_matching(Body.of(source, motion), body_of(target)) for source in (body, bare))
     if path.name in NO_BODY:
-        assert refusal(known, motion.positions)
-        assert refusal(found, motion.positions)
+        assert refusal(known)
+        assert refusal(found)
         return
-    parts = known.anatomies[1].roles
+    parts = known.target.anatomy.roles
     several = [target.names[parts[role]] for role in LIMBS if known.drivers[parts[role]] != found.drivers[parts[role]]]
     expected = ["mixamorig:LeftToeBase", "mixamorig:RightToeBase"] if path.name in FIVE_TOES else []
     assert several == expected
-    spine = list(known.anatomies[1].spine)
-    np.testing.assert_array_equal(found.turns[spine], known.turns[spine])
-    np.testing.assert_allclose(found.shares[spine], known.shares[spine])
+    spine = list(known.target.anatomy.spine)
+    np.testing.assert_array_equal(found.rotation_sources[spine], known.rotation_sources[spine])
+    np.testing.assert_allclose(found.blend[spine], known.blend[spine])

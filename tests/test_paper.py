@@ -5,13 +5,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, other_lengths, person, swaying
+from bodies import SAMPLES, matched, other_lengths, person, swaying
 from scipy.optimize import minimize
 
 from distretarget import load_target, read_bvh, retarget
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.distances import distance_problem, posture_stress
-from distretarget.matching.matching import match
 from distretarget.numerics.stress import stress_and_gradient
 from distretarget.solve.articulation import Articulation, pose_body, pose_gradient, scratch_of
 from distretarget.solve.paper import PART_STIFFNESS, ROOT_STIFFNESS, solve_paper
@@ -28,7 +27,7 @@ CASES = [("clap", "long_arms"), ("hands_on_hips", "child"), ("walk", "long_spine
 def paper_of(name, body):
     source = read_bvh(SAMPLES / f"{name}.bvh")
     source = replace(source, translations=source.translations[::4], rotations=source.rotations[::4])
-    target = load_target(SAMPLES / f"{body}.json", source.rigid_skeleton).skeleton
+    target = load_target(SAMPLES / f"{body}.json").for_source(source.rigid_skeleton).skeleton
     return source, retarget(source, target, objective="paper")
 
 
@@ -36,9 +35,9 @@ class Solved:
     """A motion of the person solved on another body, from the rotation copy."""
 
     def __init__(self, source, target=TARGET):
-        self.source, matching = source, match(source.skeleton, target)
-        self.problem = distance_problem(source.skeleton, target, matching.drivers)
-        self.copy = rotation_copy(source, matching, 1.0, np.array([0.0, 1.0, 0.0]))
+        self.source, self.matching = source, matched(source, target)
+        self.problem = distance_problem(source.skeleton, target, self.matching.drivers)
+        self.copy = rotation_copy(self.matching, 1.0)
         self.parts = part_of_joint(target, rigid_part_roots(self.copy))
         count = self.parts.max() + 1
         self.body = Articulation(target.parents, self.parts, np.append(np.full(count, PART_STIFFNESS), ROOT_STIFFNESS))
@@ -51,8 +50,17 @@ class Solved:
     def first(self, frames):
         """The first frames of it."""
         source, copy = self.source.positions[:frames], self.copy.positions[:frames]
+        body = self.matching.target
         return PoseProblem(
-            self.copy.skeleton, self.parts, self.problem, source, copy, copy[:, 0], self.source.frame_time
+            skeleton=body.skeleton,
+            legs=body.legs,
+            unit=body.unit,
+            parts=self.parts,
+            distances=self.problem,
+            source=source,
+            copy=copy,
+            root=copy[:, 0],
+            frame_time=self.source.frame_time,
         )
 
     def pose(self, frame):

@@ -9,7 +9,7 @@ from bodies import CORPUS, SAMPLES, needs_corpus
 from edits import ARMS_AND_LEGS, edited
 
 from distretarget import read_bvh, retarget, write_bvh
-from distretarget.body.legs import height
+from distretarget.body.body import Body
 
 CLIPS = (
     "animated_drawings/dab",
@@ -48,7 +48,7 @@ def test_bvhio(path, tmp_path):
         root.loadPose(frame)
         positions = {joint.Name: joint.PositionWorld.to_tuple() for joint, _, _ in root.layout()}
         expected = [positions[motion.skeleton.names[joint]] for joint in joints]
-        atol = 1e-4 * height(motion.skeleton)
+        atol = 1e-4 * Body.of(motion.skeleton).height
         np.testing.assert_allclose(motion.positions[frame, joints], expected, rtol=0, atol=atol)
 
 
@@ -60,4 +60,5 @@ def test_pybvh(path, tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # it guesses which way is up, and says so
         expected = pybvh.read_bvh_file(file).node_positions()
-    np.testing.assert_allclose(motion.positions, expected, rtol=0, atol=1e-6 * height(motion.skeleton))
+    atol = 1e-6 * Body.of(motion.skeleton).height
+    np.testing.assert_allclose(motion.positions, expected, rtol=0, atol=atol)

@@ -25,7 +25,7 @@ MINUS = "\u2212"
 def sample():
     """A real run, with the rotation copy and limits: the difference, and its document."""
     source = read_bvh(SAMPLES / "clap.bvh")
-    run = retarget(source, load_target(SAMPLES / "long_arms.json", source.rigid_skeleton).skeleton)
+    run = retarget(source, load_target(SAMPLES / "long_arms.json").for_source(source.rigid_skeleton).skeleton)
     up = run.world.up_vector
     reached, copied = (compare(run.source, motion, run.matching, up) for motion in (run.motion, run.copy))
     result = Diff(run.source, run.motion, run.matching, up, run.written_stress, reached, ())

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, read_bvh, retarget
 from distretarget.baseline.world import axis_vector
+from distretarget.body.body import Body
 from distretarget.body.conventions import by_names
-from distretarget.body.legs import height
 from distretarget.io.skeleton_json import load_target
 from distretarget.numerics.kinematics import local_rotations
 from distretarget.numerics.rotations import least_rotation
@@ -67,7 +67,7 @@ def lowered(body, angle):
 def apart(one, other):
     """The largest distance between joints of two motions, in heights; those that nothing drives are left out."""
     body = [joint for joint, name in enumerate(one.skeleton.names) if not name.startswith(FREE)]
-    return np.linalg.norm(one.positions - other.positions, axis=-1)[:, body].max() / height(one.skeleton)
+    return np.linalg.norm(one.positions - other.positions, axis=-1)[:, body].max() / Body.of(one.skeleton).height
 
 
 def bones(motion, limb, side):
@@ -257,7 +257,7 @@ def test_joints_within_a_limb_stay_straight(places):
     assert np.degrees(Rotation.from_quat(result.rotations[:, within]).magnitude()).max() < 1e-3
     plain = carried(CLIPS[5], "lafan1", "T")
     same = [body.index(name) for name in plain.skeleton.names]
-    np.testing.assert_allclose(result.positions[:, same], plain.positions, rtol=0, atol=0.02 * height(body))
+    np.testing.assert_allclose(result.positions[:, same], plain.positions, rtol=0, atol=0.02 * Body.of(body).height)
 
 
 def divided(body, name, middle):
@@ -284,7 +284,7 @@ def test_a_motion_of_the_target_tells_the_roll_that_its_rest_pose_does_not(clip,
     world[:, arm] = (Rotation.from_quat(world[:, arm]) * roll).as_quat()
     own = replace(plain, rotations=local_rotations(plain.skeleton.parents, world))
     np.testing.assert_allclose(own.positions[:, arm], plain.positions[:, arm], atol=1e-9)
-    told = retarget(read(clip), plain.skeleton, target_motion=own).motion
+    told = retarget(read(clip), own).motion
     untold = retarget(read(clip), plain.skeleton).motion
     for result, least, most in ((told, 0, 25), (untold, angle - 25, 180)):
         off = Rotation.from_quat(result.world_rotations[:, arm]) * Rotation.from_quat(world[:, arm]).inv()
@@ -295,7 +295,7 @@ def test_a_motion_of_the_target_tells_the_roll_that_its_rest_pose_does_not(clip,
 @needs_corpus
 def test_a_bvh_target_is_written_in_the_axes_of_its_own_motion():
     path = CORPUS / "pybvh" / "bvh_test3.bvh"
-    goal = load_target(path, read(CLIPS[0]).skeleton)
-    result = retarget(read(CLIPS[0]), goal.skeleton, target_motion=goal.motion)
+    goal = load_target(path).for_source(read(CLIPS[0]).skeleton)
+    result = retarget(read(CLIPS[0]), goal)
     assert (result.world.source_up, result.world.up) == ("Y", "Z")
     assert retarget(read(CLIPS[0]), goal.skeleton).world.up == "Y"

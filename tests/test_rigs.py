@@ -10,8 +10,8 @@ import pytest
 from bodies import SAMPLES
 from make_rigs import CONVENTIONS, POSES, rig
 
-from distretarget import load_skeleton
-from distretarget.body.legs import find_legs, height, leg_length
+from distretarget.body.body import Body
+from distretarget.io.skeleton_json import load_full_target
 
 RIGS = SAMPLES / "rigs"
 JOINTS = {"mixamo": 65, "xsens": 23, "lafan1": 22, "unreal": 68}
@@ -35,7 +35,7 @@ def standing(skeleton):
 
 def feet(skeleton):
     """The ankles and toes of both legs, by name."""
-    return [[skeleton.names[joint] for joint in (leg.ankle, leg.toe)] for leg in find_legs(skeleton)]
+    return [[skeleton.names[joint] for joint in (leg.ankle, leg.toe)] for leg in Body.of(skeleton).legs]
 
 
 def test_the_script_makes_these_bytes(tmp_path):
@@ -48,7 +48,7 @@ def test_the_script_makes_these_bytes(tmp_path):
 @conventions
 @poses
 def test_a_file_holds_the_skeleton(convention, pose):
-    skeleton, made = load_skeleton(RIGS / f"{convention}_{pose.lower()}.json"), rig(convention, pose)
+    skeleton, made = load_full_target(RIGS / f"{convention}_{pose.lower()}.json").skeleton, rig(convention, pose)
     np.testing.assert_array_equal(skeleton.offsets, made.offsets)
     assert (skeleton.names, skeleton.channels) == (made.names, made.channels)
     assert (skeleton.units, skeleton.up) == ("cm", "Z" if convention == "unreal" else "Y")
@@ -114,9 +114,9 @@ def test_it_stands_on_the_floor_as_tall_as_an_adult(convention, pose):
 
 
 def test_the_bodies_differ():
-    bodies = [rig(convention, "T") for convention in CONVENTIONS]
-    assert len({round(height(body), 1) for body in bodies}) == len(bodies)
-    assert len({round(leg_length(body, find_legs(body)), 1) for body in bodies}) == len(bodies)
+    bodies = [Body.of(rig(convention, "T")) for convention in CONVENTIONS]
+    assert len({round(body.height, 1) for body in bodies}) == len(bodies)
+    assert len({round(body.leg_length, 1) for body in bodies}) == len(bodies)
 
 
 def test_handles_are_where_the_joints_are():

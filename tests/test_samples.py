@@ -11,7 +11,8 @@ from bodies import SAMPLES
 from scipy.spatial.transform import Rotation
 from table_one import table_one
 
-from distretarget import load_skeleton, load_target, read_bvh, retarget
+from distretarget import load_target, read_bvh, retarget
+from distretarget.io.skeleton_json import load_full_target
 
 CLIPS = sorted(SAMPLES.glob("*.bvh"))
 HEEL = (0.0, -6.5, -5.0)  # from the ankle of a foot that stands [cm]
@@ -83,13 +84,13 @@ def test_a_clap_brings_the_wrists_together():
 
 def test_the_turn_goes_once_round_on_both_bodies():
     source = read_bvh(SAMPLES / "turn.bvh")
-    result = retarget(source, load_skeleton(SAMPLES / "child.json")).motion
+    result = retarget(source, load_full_target(SAMPLES / "child.json").skeleton).motion
     assert heading(source)[-1] == pytest.approx(360, abs=0.01)
     assert heading(result)[-1] == pytest.approx(360, abs=0.01)
 
 
 def test_the_long_spine_is_60_percent_longer():
     body = read_bvh(SAMPLES / "walk.bvh").skeleton
-    longer = load_target(SAMPLES / "long_spine.json", body).skeleton
+    longer = load_target(SAMPLES / "long_spine.json").for_source(body).skeleton
     spine = body.path_lengths[0, body.index("Neck")]
     assert longer.path_lengths[0, longer.index("Neck")] == pytest.approx(1.6 * spine)

@@ -112,7 +112,7 @@ def test_a_person():
     assert named(body, anatomy) == PERSON
     assert [body.names[joint] for joint in anatomy.spine] == ["Chest", "Chest2", "Chest3"]
     assert [body.names[joint] for joint in anatomy.neck] == ["Neck"]
-    assert (anatomy.convention, anatomy.found) == ("", "shape")
+    assert (anatomy.convention, anatomy.method) == ("", "shape")
 
 
 @pytest.mark.parametrize("seed", range(5))

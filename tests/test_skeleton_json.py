@@ -20,9 +20,8 @@ from distretarget.io.skeleton_json import (
     ROOT_CHANNELS,
     SkeletonEdit,
     is_json,
-    load_skeleton,
+    load_full_target,
     load_target,
-    load_whole,
     skeleton_to_json,
 )
 from distretarget.skeleton import Skeleton
@@ -87,7 +86,7 @@ def load_json(text):
     """The skeleton in a text, without a file of its own for each of many."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("distretarget.io.skeleton_json.read_text", lambda _: text)
-        return load_skeleton("given.json")
+        return load_full_target("given.json").skeleton
 
 
 def assert_same(one, other):
@@ -105,7 +104,7 @@ def assert_same(one, other):
 def test_full_form(written):
     joints = [HIPS, SPINE | {"channels": ["Yrotation"]}, HEAD_END, SPINE | {"name": "Leg"}]
     document = full(*joints, name="hero", units="cm", up="-Z", map={"Spine": "Chest"})
-    target = load_target(written(document), table_one())
+    target = load_target(written(document)).for_source(table_one())
     skeleton = target.skeleton
     assert skeleton.names == ("Hips", "Spine", "Spine_End", "Leg")
     assert skeleton.parents.tolist() == [-1, 0, 1, 0]
@@ -117,14 +116,14 @@ def test_full_form(written):
     assert target.name == "hero"
 
 
-def test_load_skeleton_reads_the_full_form(written):
-    assert load_skeleton(written(full())).names == ("Hips", "Spine")
+def test_load_full_target_reads_the_full_form(written):
+    assert load_full_target(written(full())).skeleton.names == ("Hips", "Spine")
 
 
 def test_short_form_edits_the_source(written):
     source = table_one()
     document = short(scale=2, lengths={"LeftKnee": 0.5}, factors={"LeftElbow": 1.5})
-    target = load_target(written(document), source)
+    target = load_target(written(document)).for_source(source)
     expected = 2 * source.lengths
     expected[source.index("LeftElbow")] *= 1.5
     expected[source.index("LeftKnee")] = 0.5
@@ -134,7 +133,7 @@ def test_short_form_edits_the_source(written):
 
 
 def test_short_form_without_edits_is_the_source(written):
-    assert_same(load_target(written(short()), table_one()).skeleton, table_one())
+    assert_same(load_target(written(short())).for_source(table_one()).skeleton, table_one())
 
 
 def test_scale_takes_the_root_offset_along():
@@ -148,28 +147,28 @@ def test_edits_name_end_sites():
     np.testing.assert_allclose(edited.lengths, [0, 24, 9])
 
 
-def test_load_skeleton_refuses_the_short_form(written):
+def test_load_full_target_refuses_the_short_form(written):
     with pytest.raises(SkeletonFileError, match="short form needs a source"):
-        load_skeleton(written(short(scale=2)))
+        load_full_target(written(short(scale=2)))
 
 
 def test_content_decides_between_json_and_bvh(tmp_path):
     (tmp_path / "bvh.json").write_text(BVH)
     (tmp_path / "json.bvh").write_text(f"\ufeff\r\n  {json.dumps(full(HIPS, SPINE, HEAD_END))}", "utf-8")
-    bvh = load_target(tmp_path / "bvh.json", table_one())
+    bvh = load_target(tmp_path / "bvh.json").for_source(table_one())
     assert bvh.map == {}
-    np.testing.assert_array_equal(bvh.skeleton.lengths, load_skeleton(tmp_path / "json.bvh").lengths)
-    assert_same(load_skeleton(tmp_path / "bvh.json"), bvh.skeleton)
+    np.testing.assert_array_equal(bvh.skeleton.lengths, load_full_target(tmp_path / "json.bvh").skeleton.lengths)
+    assert_same(load_full_target(tmp_path / "bvh.json").skeleton, bvh.skeleton)
 
 
 def test_neither_json_nor_bvh(written):
     with pytest.raises(BvhError):
-        load_skeleton(written("name: hero"))
+        load_full_target(written("name: hero"))
 
 
 def test_missing_file(tmp_path):
     with pytest.raises(FileError, match="no such file"):
-        load_target(tmp_path / "none.json", table_one())
+        load_target(tmp_path / "none.json").for_source(table_one())
 
 
 # Round trips
@@ -227,7 +226,7 @@ def test_round_trip(skeleton, name):
 def test_name_and_map_are_kept(written):
     joint_map = {"Spine": "Chest", "Hips": None}
     text = skeleton_to_json(load_json(json.dumps(full())), "hero", joint_map)
-    body = load_whole(written(text))
+    body = load_full_target(written(text))
     assert (body.name, body.map) == ("hero", joint_map)
     assert list(body.map) == list(joint_map)
     assert skeleton_to_json(body.skeleton, body.name, body.map) == text
@@ -448,7 +447,7 @@ def test_the_schema_is_one():
 
 @pytest.mark.parametrize("document", GOOD.values(), ids=GOOD)
 def test_good_documents(written, document):
-    load_target(written(document), table_one())
+    load_target(written(document)).for_source(table_one())
     assert valid(document)
 
 
@@ -456,7 +455,7 @@ def test_good_documents(written, document):
 def test_bad_documents(written, document, place, reason):
     path = written(document)
     with pytest.raises(SkeletonFileError) as caught:
-        load_target(path, table_one())
+        load_target(path).for_source(table_one())
     assert caught.value.place == place
     assert reason in caught.value.reason
     assert str(caught.value).startswith(f"{path}: ")
@@ -498,7 +497,7 @@ def test_the_schema_refuses_what_it_can(name):
 )
 def test_bad_texts(written, text, place, reason):
     with pytest.raises(SkeletonFileError, match=re.escape(reason)) as caught:
-        load_target(written(text), table_one())
+        load_target(written(text)).for_source(table_one())
     assert caught.value.place == place
 
 
@@ -512,7 +511,7 @@ def test_bones_without_length_cannot_be_edited():
 
 def test_a_source_without_bones_gives_no_target(written):
     with pytest.raises(SkeletonFileError, match="all bones have length 0"):
-        load_target(written(short(scale=2)), table_one().with_offsets(np.zeros((22, 3))))
+        load_target(written(short(scale=2))).for_source(table_one().with_offsets(np.zeros((22, 3))))
 
 
 # The manual
@@ -531,5 +530,5 @@ def test_the_manual_has_both_forms():
 def test_examples_of_the_manual(written, example):
     names = ("Hips", "LeftLeg", "RightLeg", "LeftForeArm")
     source = Skeleton(names, [-1, 0, 0, 0], np.ones((4, 3)), ((),) * 4, [False] * 4)
-    load_target(written(example), source)
+    load_target(written(example)).for_source(source)
     assert valid(json.loads(example))

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import posed
+from bodies import body_of, posed
 from scipy.spatial.transform import Rotation
 from test_conventions import tree
 
@@ -25,8 +25,8 @@ LIMBS = {
 }
 TRUNK, NAPE = 50.0, 12.0  # how long spine and neck are, whatever joints they have [cm]
 
-numbers = pytest.mark.parametrize("theirs", NUMBERS)
-others = pytest.mark.parametrize("ours", NUMBERS)
+numbers = pytest.mark.parametrize("source_joints", NUMBERS)
+others = pytest.mark.parametrize("target_joints", NUMBERS)
 
 
 def person(joints, neck=1, uneven=0.0, spine="Spine", nape="Neck"):
@@ -54,10 +54,14 @@ def chain(body, name):
     return [joint for joint, other in enumerate(body.names) if other.startswith(name)]
 
 
+def found_matching(source, target, joint_map=None):
+    return find_matching(body_of(source), body_of(target), joint_map)
+
+
 def places(matching, joints, drivers):
     """(joints,), where along the source's chain each joint's turn is taken, from 0 for its first joint."""
-    turns = [[drivers.index(driver) for driver in pair] for pair in matching.turns[joints]]
-    return np.array([a + share * (b - a) for (a, b), share in zip(turns, matching.shares[joints], strict=True)])
+    turns = [[drivers.index(driver) for driver in pair] for pair in matching.rotation_sources[joints]]
+    return np.array([a + share * (b - a) for (a, b), share in zip(turns, matching.blend[joints], strict=True)])
 
 
 def bends(motion, joints):
@@ -81,52 +85,54 @@ def bent(body, name, degrees):
 @numbers
 @others
 @pytest.mark.parametrize("uneven", [0.0, 0.4])
-def test_shares_grow_along_the_chain_between_neighbours(theirs, ours, uneven):
-    source, target = person(theirs, uneven=uneven), other_person(ours)
-    matching = find_matching(source, target)
+def test_the_blend_grows_along_the_chain_between_neighbours(source_joints, target_joints, uneven):
+    source, target = person(source_joints, uneven=uneven), other_person(target_joints)
+    matching = found_matching(source, target)
     joints, drivers = chain(target, "Back"), chain(source, "Spine")
     along = places(matching, joints, drivers)
-    assert np.all(np.diff(along) > 0) or theirs == 1 or ours > theirs
+    assert np.all(np.diff(along) > 0) or source_joints == 1 or target_joints > source_joints
     assert np.all(np.diff(along) >= 0)
-    assert np.all((matching.shares >= 0) & (matching.shares <= 1))
-    pairs = np.diff([[drivers.index(driver) for driver in pair] for pair in matching.turns[joints]])
+    assert np.all((matching.blend >= 0) & (matching.blend <= 1))
+    pairs = np.diff([[drivers.index(driver) for driver in pair] for pair in matching.rotation_sources[joints]])
     assert set(pairs.flat) <= {0, 1}
 
 
 @pytest.mark.parametrize("count", NUMBERS)
 def test_chains_of_as_many_joints_go_one_to_one(count):
     source, target = person(count, neck=2, uneven=0.5), person(count, neck=2)
-    matching = find_matching(source, target)
+    matching = found_matching(source, target)
     drivers = np.arange(len(target))
-    np.testing.assert_array_equal(matching.turns, np.stack([drivers, drivers], axis=1))
-    np.testing.assert_array_equal(matching.shares, 0)
+    np.testing.assert_array_equal(matching.rotation_sources, np.stack([drivers, drivers], axis=1))
+    np.testing.assert_array_equal(matching.blend, 0)
 
 
 def test_five_joints_over_three_and_three_over_five():
     three, five = person(3), other_person(5)
-    found = places(find_matching(three, five), chain(five, "Back"), chain(three, "Spine"))
+    found = places(found_matching(three, five), chain(five, "Back"), chain(three, "Spine"))
     np.testing.assert_allclose(found, [0, 0.4, 1, 1.6, 2], atol=1e-12)
     three, five = other_person(3), person(5)
-    found = places(find_matching(five, three), chain(three, "Back"), chain(five, "Spine"))
+    found = places(found_matching(five, three), chain(three, "Back"), chain(five, "Spine"))
     np.testing.assert_allclose(found, [1 / 3, 2, 11 / 3], atol=1e-12)
 
 
 def test_one_joint_turns_all_three_and_three_turn_one_by_the_middle():
     one, three = person(1), other_person(3)
-    np.testing.assert_array_equal(find_matching(one, three).turns[chain(three, "Back")], one.index("Spine0"))
+    np.testing.assert_array_equal(
+        found_matching(one, three).rotation_sources[chain(three, "Back")], one.index("Spine0")
+    )
     one, three = other_person(1), person(3)
-    np.testing.assert_allclose(places(find_matching(three, one), chain(one, "Back"), chain(three, "Spine")), [1])
+    np.testing.assert_allclose(places(found_matching(three, one), chain(one, "Back"), chain(three, "Spine")), [1])
 
 
 @numbers
 @others
-def test_an_evenly_bent_spine_stays_evenly_bent(theirs, ours):
-    source, target = person(theirs), other_person(ours)
+def test_an_evenly_bent_spine_stays_evenly_bent(source_joints, target_joints):
+    source, target = person(source_joints), other_person(target_joints)
     motion = bent(source, "Spine", 60)
     result = retarget(motion, target).motion
     bend = bends(result, chain(target, "Back"))
-    assert bend.max() < 60 / min(theirs, ours) + 0.1
-    assert bend.min() > 0.4 * bend.max() or theirs <= ours
+    assert bend.max() < 60 / min(source_joints, target_joints) + 0.1
+    assert bend.min() > 0.4 * bend.max() or source_joints <= target_joints
     assert line_turns(result, "Back0", "Nape0") == pytest.approx(line_turns(motion, "Spine0", "Neck0"), abs=0.5)
     for name in ("Hips", "Nape0", "LeftShoulder"):
         joint = source.index(name.replace("Nape", "Neck"))
@@ -134,41 +140,41 @@ def test_an_evenly_bent_spine_stays_evenly_bent(theirs, ours):
         np.testing.assert_allclose(found, expected, atol=1e-3)
 
 
-@pytest.mark.parametrize(("theirs", "ours"), [(2, 5), (5, 3), (7, 4)])
-def test_equal_names_do_not_cut_the_bend_off(theirs, ours):
-    source, target = person(theirs), person(ours)
+@pytest.mark.parametrize(("source_joints", "target_joints"), [(2, 5), (5, 3), (7, 4)])
+def test_equal_names_do_not_cut_the_bend_off(source_joints, target_joints):
+    source, target = person(source_joints), person(target_joints)
     motion = bent(source, "Spine", 60)
     result = retarget(motion, target).motion
     assert line_turns(result, "Spine0", "Neck0") == pytest.approx(line_turns(motion, "Spine0", "Neck0"), abs=0.5)
 
 
-@pytest.mark.parametrize("theirs", [1, 2, 3])
-@pytest.mark.parametrize("ours", [1, 2, 3])
-def test_necks_too(theirs, ours):
-    source, target = person(3, neck=theirs), other_person(4, neck=ours)
+@pytest.mark.parametrize("source_joints", [1, 2, 3])
+@pytest.mark.parametrize("target_joints", [1, 2, 3])
+def test_necks_too(source_joints, target_joints):
+    source, target = person(3, neck=source_joints), other_person(4, neck=target_joints)
     motion = bent(source, "Neck", 40)
     result = retarget(motion, target).motion
-    assert bends(result, chain(target, "Nape")).max() < 40 / min(theirs, ours) + 0.1
+    assert bends(result, chain(target, "Nape")).max() < 40 / min(source_joints, target_joints) + 0.1
     assert line_turns(result, "Nape0", "Head") == pytest.approx(line_turns(motion, "Neck0", "Head"), abs=0.5)
     np.testing.assert_allclose(bends(result, chain(target, "Back")), 0, atol=0.1)
 
 
 def test_given_pairs_stay_as_they_are():
     source, target = person(3), other_person(5)
-    matching, plain = find_matching(source, target, {"Back1": "Spine2", "Back3": None}), find_matching(source, target)
+    matching, plain = found_matching(source, target, {"Back1": "Spine2", "Back3": None}), found_matching(source, target)
     given, none = target.index("Back1"), target.index("Back3")
-    np.testing.assert_array_equal(matching.turns[given], source.index("Spine2"))
-    np.testing.assert_array_equal(matching.turns[none], -1)
-    np.testing.assert_array_equal(matching.shares[[given, none]], 0)
+    np.testing.assert_array_equal(matching.rotation_sources[given], source.index("Spine2"))
+    np.testing.assert_array_equal(matching.rotation_sources[none], -1)
+    np.testing.assert_array_equal(matching.blend[[given, none]], 0)
     rest = [joint for joint in range(len(target)) if joint not in (given, none)]
-    np.testing.assert_array_equal(matching.turns[rest], plain.turns[rest])
-    np.testing.assert_array_equal(matching.shares[rest], plain.shares[rest])
+    np.testing.assert_array_equal(matching.rotation_sources[rest], plain.rotation_sources[rest])
+    np.testing.assert_array_equal(matching.blend[rest], plain.blend[rest])
 
 
 def test_a_spine_without_lengths_is_spread_evenly():
     source, target = person(3), other_person(5)
     offsets = np.array(target.offsets)
     offsets[[*chain(target, "Back"), target.index("Nape0")]] = 0.0
-    matching = find_matching(source, target.with_offsets(offsets))
+    matching = found_matching(source, target.with_offsets(offsets))
     found = places(matching, chain(target, "Back"), chain(source, "Spine"))
     np.testing.assert_allclose(found, [0, 0.4, 1, 1.6, 2], atol=1e-12)

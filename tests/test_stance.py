@@ -1,18 +1,16 @@
-"""Where the target stands: the root's path, which feet rest, and where they belong."""
-
-from dataclasses import replace
+"""Where the target stands: which feet rest, and where they belong."""
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, lengthened, person, posed, swaying
+from bodies import SAMPLES, body_of, lengthened, matched, person, posed, swaying
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton, load_target, read_bvh, retarget
-from distretarget.baseline.rotation_copy import rotation_copy
-from distretarget.body.legs import find_legs, leg_length
+from distretarget.baseline.root import find_root_scale
+from distretarget.body.body import Body
 from distretarget.matching.matching import match
 from distretarget.solve.settings import ContactSettings
-from distretarget.solve.stance import find_stance, no_stance, root_path, root_scale
+from distretarget.solve.stance import find_stance, no_stance
 
 SETTINGS = ContactSettings()
 LEG = 0.435 + 0.453
@@ -34,43 +32,26 @@ def standing(body, frames=40, turns=None, path=None):
     return posed(body, turns or {}, path + (LEG + 0.1) * UP)
 
 
-def stance_of(source, target, scale=1.0, up=UP):
-    return find_stance(source, match(source.skeleton, target), scale, up, SETTINGS)
+def stance_of(source, target, scale=1.0, up="Y"):
+    return find_stance(match(body_of(source).with_up(up), body_of(target)), scale, SETTINGS)
 
 
 def places_of(stance, target, name):
     return stance.places[:, stance.joints.tolist().index(target.index(name))]
 
 
-def test_the_hips_stand_over_the_scaled_place_of_the_sources():
-    source = swaying(person(), angle=0.4)
-    target = lengthened(person(), {"LeftHip": 1.6, "RightHip": 1.4, "Knee": 0.7, "Chest": 1.3})
-    matching, scale = match(source.skeleton, target), 0.8
-    copy = rotation_copy(source, matching, scale, UP)
-    translations = np.array(copy.translations)
-    translations[:, 0] = root_path(source, copy, matching, scale)
-    moved = replace(copy, translations=translations)
-    hips = [target.index(f"{side}Hip") for side in SIDES]
-    middle = source.positions[:, hips].mean(axis=1)
-    np.testing.assert_allclose(moved.positions[:, hips].mean(axis=1), scale * middle, atol=1e-12)
-    assert np.abs(copy.positions[:, hips].mean(axis=1) - scale * middle).max() > 1e-3
-
-
-def test_a_body_without_legs_keeps_the_copys_path_and_stands_nowhere():
+def test_a_body_without_legs_stands_nowhere():
     chain = Skeleton(tuple("abc"), [-1, 0, 1], np.eye(3), (("Zrotation",),) * 3, [False] * 3)
-    source, matching = swaying(chain), match(chain, chain)
-    copy = rotation_copy(source, matching, 2.0, UP)
-    np.testing.assert_array_equal(root_path(source, copy, matching, 2.0), 2 * source.root_positions)
-    stance = find_stance(source, matching, 2.0, UP, SETTINGS)
+    stance = stance_of(swaying(chain), chain, 2.0)
     assert (stance.joints.shape, stance.weights.shape, stance.places.shape) == ((0,), (20, 0), (20, 0, 3))
     assert no_stance(20).weights.shape == (20, 0)
 
 
 def test_legs_the_source_does_not_drive_stand_nowhere():
     body = person()
-    matching = match(body, body, {"LeftAnkle": None})
+    matching = matched(swaying(body), body, {"LeftAnkle": None})
     assert matching.legs is None
-    assert len(find_stance(swaying(body), matching, 1.0, UP, SETTINGS).joints) == 0
+    assert len(find_stance(matching, 1.0, SETTINGS).joints) == 0
 
 
 def test_both_feet_of_a_standing_person_rest_all_the_time():
@@ -147,10 +128,10 @@ def test_places_keep_the_targets_foot_and_the_scaled_toe(factor):
         ankle, toe = (places_of(stance, target, side + name) for name in ("Ankle", "Toe"))
         np.testing.assert_allclose(toe, 0.9 * source.positions[:, body.index(f"{side}Toe")])
         np.testing.assert_allclose(np.linalg.norm(ankle - toe, axis=1), 0.14 * factor)
-        theirs = source.positions[:, body.index(f"{side}Ankle")] - source.positions[:, body.index(f"{side}Toe")]
-        across = np.cross(ankle - toe, theirs)
+        expected = source.positions[:, body.index(f"{side}Ankle")] - source.positions[:, body.index(f"{side}Toe")]
+        across = np.cross(ankle - toe, expected)
         np.testing.assert_allclose(across @ UP, 0.0, atol=1e-12)
-        assert np.all(np.einsum("fi,fi->f", ankle - toe, theirs) > 0)
+        assert np.all(np.einsum("fi,fi->f", ankle - toe, expected) > 0)
 
 
 @pytest.mark.parametrize("factor", [0.8, 1.0, 1.5])
@@ -186,7 +167,7 @@ def test_a_foot_without_a_bone_has_one_place():
     source = standing(body)
     stance = stance_of(source, target)
     assert np.all(np.isfinite(stance.places))
-    assert root_scale(match(body, target)) == pytest.approx(1.0)
+    assert find_root_scale(matched(body, target)) == pytest.approx(1.0)
     result = retarget(source, target)
     assert np.all(np.isfinite(result.motion.positions))
 
@@ -200,19 +181,19 @@ def test_a_single_frame_has_its_feet_at_rest():
 @pytest.mark.parametrize("body", ["child", "giant"])
 def test_resting_feet_of_the_result_are_at_their_places_on_exact_bones(name, body):
     source = read_bvh(SAMPLES / f"{name}.bvh")
-    target = load_target(SAMPLES / f"{body}.json", source.rigid_skeleton).skeleton
+    target = load_target(SAMPLES / f"{body}.json").for_source(source.rigid_skeleton).skeleton
     held, free = (retarget(source, target, hold_feet=hold) for hold in (True, False))
-    stance = find_stance(source, held.matching, held.root_scale, UP, SETTINGS)
+    stance = find_stance(held.matching, held.root_scale, SETTINGS)
     resting = stance.weights > 1 - 1e-9
     assert resting.mean() > 0.3
-    length = leg_length(target, find_legs(target))
+    body = Body.of(target)
     off, off_free = (
-        np.linalg.norm(result.motion.positions[:, stance.joints] - stance.places, axis=-1)[resting] / length
+        np.linalg.norm(result.motion.positions[:, stance.joints] - stance.places, axis=-1)[resting] / body.leg_length
         for result in (held, free)
     )
     assert off.max() < 1e-3
     assert off_free.max() > 5 * off.max()
-    lower = [joint for leg in find_legs(target) for joint in (leg.ankle, leg.toe)]
+    lower = [joint for leg in body.legs for joint in (leg.ankle, leg.toe)]
     bones = held.motion.positions[:, lower] - held.motion.positions[:, target.parents[lower]]
     expected = np.broadcast_to(target.lengths[lower], bones.shape[:2])
     np.testing.assert_allclose(np.linalg.norm(bones, axis=-1), expected, rtol=1e-9)
@@ -225,6 +206,6 @@ def test_stance_turns_with_the_up_axis():
     translations[:, 0] = turn.apply(translations[:, 0])
     rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
     turned = Motion(source.skeleton, translations, rotations, source.frame_time_text)
-    upright, lying = stance_of(source, source.skeleton), stance_of(turned, source.skeleton, up=turn.apply(UP))
+    upright, lying = stance_of(source, source.skeleton), stance_of(turned, source.skeleton, up="Z")
     np.testing.assert_allclose(lying.weights, upright.weights, atol=1e-9)
     np.testing.assert_allclose(lying.places, np.einsum("ij,tfj->tfi", turn.as_matrix(), upright.places), atol=1e-8)

@@ -5,23 +5,14 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, moved, person, posed
+from bodies import SAMPLES, in_world, moved, onto, person, posed, spun
 from make_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, read_bvh, retarget
-from distretarget.baseline.world import (
-    AXES,
-    axis_vector,
-    root_offset_of,
-    turned,
-    up_of_motion,
-    up_of_rest,
-    with_root_offset,
-)
-from distretarget.body.conventions import by_names
-from distretarget.body.legs import height
-from distretarget.numerics.rotations import least_rotation
+from distretarget.baseline.world import find_root_offset, turned, with_root_offset
+from distretarget.body.axes import AXES, axis_vector
+from distretarget.body.body import Body
 
 INCH = 2.54  # cm
 UNITS = {"mm": 10.0, "cm": 1.0, "m": 0.01, "inches": 1 / INCH}
@@ -36,23 +27,6 @@ def walk():
     """A walk along +Z with Y up [cm]."""
     motion = read_bvh(SAMPLES / "walk.bvh")
     return Motion(motion.skeleton, motion.translations[:90:2], motion.rotations[:90:2], str(2 * motion.frame_time))
-
-
-def onto(up, before="Y"):
-    """The least rotation that turns one axis up instead of another."""
-    return Rotation.from_quat(least_rotation(axis_vector(before)[None], axis_vector(up)[None])[0])
-
-
-def spun(turn, x):
-    """Vectors (..., 3), turned."""
-    return x @ turn.as_matrix().T
-
-
-def in_world(motion, turn, scale=1.0):
-    """The motion of a body whose rest pose, too, stands in a turned world."""
-    rotations = (turn * Rotation.from_quat(motion.rotations) * turn.inv()).as_quat()
-    skeleton = motion.skeleton.with_offsets(scale * spun(turn, motion.skeleton.offsets))
-    return replace(motion, skeleton=skeleton, translations=scale * spun(turn, motion.translations), rotations=rotations)
 
 
 def heading(motion):
@@ -121,18 +95,6 @@ def test_units_do_not_matter(unit, target_unit):
 
 
 @ups
-@pytest.mark.parametrize("facing", [0, 90, 217])
-def test_up_is_found_by_how_the_body_stands_in_motion(up, facing):
-    turn = onto(up) * Rotation.from_euler("Y", facing, degrees=True)
-    anatomy = by_names(walk().skeleton)
-    for motion in (in_world(walk(), turn), moved(walk(), turn)):
-        assert up_of_motion(motion, anatomy) == up
-        assert up_of_motion(motion, None) == up
-    assert up_of_motion(moved(walk(), turn), anatomy) == up  # though its rest pose stands along Y
-    assert up_of_rest(in_world(walk(), turn).skeleton, anatomy) == up
-
-
-@ups
 def test_a_given_axis_is_the_one_that_would_be_found(up):
     source, body = in_world(walk(), onto(up)), replace(rig("xsens", "T"), up="Y")
     found, given = retarget(source, body), retarget(source, body, source_up=up)
@@ -154,7 +116,7 @@ def test_one_frame_is_enough():
         frame = in_world(
             replace(motion, translations=motion.translations[:1], rotations=motion.rotations[:1]), onto(up)
         )
-        assert up_of_motion(frame, by_names(frame.skeleton)) == up
+        assert Body.of_motion(frame).found_up == up
         near(retarget(frame, replace(motion.skeleton, up="Y")).motion.positions, motion.positions[:1])
 
 
@@ -176,23 +138,8 @@ def lying(axis, **bends):
 def test_who_lies_has_up_where_the_rest_pose_stands(up, axis, bends):
     motion = lying(axis, **bends)
     source = in_world(motion, onto(up))
-    assert up_of_motion(source, by_names(source.skeleton)) == up
+    assert Body.of_motion(source).found_up == up
     near(retarget(source, replace(person(), up="Y")).motion.positions, motion.positions)
-
-
-def test_who_lies_without_a_rest_pose_seems_to_stand_along_the_body():
-    body = rig("lafan1", "X")
-    assert up_of_rest(body, by_names(body)) is None
-    motion = retarget(walk(), body).motion
-    assert up_of_motion(motion, by_names(body)) == "Y"
-    assert up_of_motion(moved(motion, Rotation.from_euler("x", 90, degrees=True)), by_names(body)) == "Z"
-
-
-def test_nothing_is_known_of_what_has_no_body():
-    body = person()
-    bare = body.with_offsets(np.where(np.arange(len(body))[:, None] > 6, 0.0, body.offsets))
-    assert up_of_motion(posed(bare, {}, np.zeros((0, 3))), None) is None
-    assert up_of_rest(body, None) is None
 
 
 @pytest.mark.parametrize("facing", [90, 180, 270])
@@ -227,7 +174,7 @@ def with_offset(motion, rise, *, added):
 def test_the_feet_tell_what_the_roots_offset_means(up, added):
     motion = with_offset(walk(), 92.0, added=added)
     source = in_world(motion, onto(up))
-    assert root_offset_of(source, axis_vector(up)) == ("added" if added else "replaced")
+    assert find_root_offset(Body.of_motion(source), axis_vector(up)) == ("added" if added else "replaced")
     result = retarget(source, replace(walk().skeleton, up="Y"))
     near(result.motion.positions, walk().positions)
 
@@ -235,7 +182,7 @@ def test_the_feet_tell_what_the_roots_offset_means(up, added):
 def test_an_offset_with_the_feet_far_from_the_floor_either_way_is_replaced():
     high = moved(walk(), Rotation.identity(), (0, 300, 0))
     for rise in (0.0, 50.0, 92.0):
-        assert root_offset_of(with_offset(high, rise, added=False), Y) == "replaced"
+        assert find_root_offset(Body.of_motion(with_offset(high, rise, added=False)), Y) == "replaced"
 
 
 def test_a_given_meaning_counts():
@@ -248,9 +195,5 @@ def test_a_given_meaning_counts():
 def test_a_root_without_positions_keeps_its_offset():
     motion = with_offset(walk(), 92.0, added=True)
     channels = (motion.skeleton.channels[1], *motion.skeleton.channels[1:])
-    assert root_offset_of(replace(motion, skeleton=replace(motion.skeleton, channels=channels)), Y) == "replaced"
-
-
-def test_height_is_the_same_in_any_world():
-    for up in AXES:
-        assert height(in_world(walk(), onto(up)).skeleton) == pytest.approx(height(walk().skeleton))
+    fixed = replace(motion, skeleton=replace(motion.skeleton, channels=channels))
+    assert find_root_offset(Body.of_motion(fixed), Y) == "replaced"

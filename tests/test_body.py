@@ -1,0 +1,355 @@
+"""What follows from a skeleton, its parts and a motion: size, up, which way it stands, and whether it is a person."""
+
+import itertools
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from animals import dog
+from bodies import (
+    CORPUS,
+    SAMPLES,
+    WAYS,
+    in_world,
+    moved,
+    needs_corpus,
+    onto,
+    other_lengths,
+    person,
+    posed,
+    swaying,
+    turned,
+)
+from make_rigs import CONVENTIONS, rig
+from scipy.spatial.transform import Rotation
+
+import distretarget
+from distretarget import Motion, Skeleton, read_bvh, retarget
+from distretarget.body.axes import AXES, Directions, axis_vector
+from distretarget.body.body import Body
+
+SIDES = [("Left", "Right"), ("_l", "_r")]
+PEOPLE = [person(), *(rig(convention, pose) for convention, pose in itertools.product(CONVENTIONS, "TA"))]
+
+ups = pytest.mark.parametrize("up", AXES)
+ways = pytest.mark.parametrize("way", WAYS, ids=[f"way{k}" for k in range(len(WAYS))])
+
+
+def crossed(body):
+    """The body with the names of left and right exchanged."""
+    return replace(body, names=tuple(map(_crossed, body.names)))
+
+
+def _crossed(name):
+    for pair in SIDES:
+        for one, other in (pair, pair[::-1]):
+            if one in name and (one in ("Left", "Right") or name.removesuffix("_End").endswith(one)):
+                return name.replace(one, other)
+    return name
+
+
+def symmetric(body):
+    """The body with the bones of its right side as long as those of its left."""
+    lengths = np.array(body.lengths)
+    for joint, name in enumerate(body.names):
+        if name.startswith("Right"):
+            lengths[joint] = lengths[body.index("Left" + name.removeprefix("Right"))]
+    return body.with_lengths(lengths)
+
+
+def armed(body, angle):
+    """The body with its arms turned down from the horizontal [degrees]."""
+    anatomy = Body.of(body).anatomy
+    offsets = np.array(body.offsets)
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        arm = {anatomy.roles[f"{side}UpperArm"]}
+        turn = Rotation.from_rotvec([0, 0, -sign * np.radians(angle)])
+        for joint in range(len(body)):
+            if body.parents[joint] in arm:
+                arm.add(joint)
+                offsets[joint] = turn.apply(offsets[joint])
+    return body.with_offsets(offsets)
+
+
+def bent(**angles):
+    """A person with joints turned forwards about the axis from side to side [degrees]."""
+    turns = {name: np.radians([angle, 0, 0]) for name, angle in angles.items()}
+    return posed(person(), turns, np.tile([0.0, 0.5, 0.0], (5, 1)))
+
+
+CRAWLING = bent(Hips=90, LeftHip=-90, RightHip=-90, LeftKnee=90, RightKnee=90)
+ON_HANDS_AND_FEET = bent(Hips=90, LeftHip=-90, RightHip=-90)
+SITTING = bent(LeftHip=-90, RightHip=-90, LeftKnee=90, RightKnee=90)
+
+
+def with_joints_at(body, positions):
+    """A motion without rotations in which the joints are at positions, (frames, joints, 3)."""
+    translations = positions - positions[:, body.parents] * (body.parents >= 0)[:, None]
+    still = np.tile([0.0, 0.0, 0.0, 1.0], (*positions.shape[:2], 1))
+    return Motion(body, translations, still, "0.02")
+
+
+def folded(motion):
+    """The motion on the same body with the posture of its first frame as its rest pose, and no rotations."""
+    body = motion.skeleton.with_offsets(with_joints_at(motion.skeleton, motion.positions[:1]).translations[0])
+    return posed(body, {}, motion.root_positions)
+
+
+@cache
+def sample(name):
+    return read_bvh(SAMPLES / f"{name}.bvh")
+
+
+@ways
+def test_left_is_left_whichever_way_a_body_stands(way):
+    for body in PEOPLE:
+        standing = turned(body, way)
+        assert Body.of(standing).left_is_left is True
+        assert Body.of(crossed(standing)).left_is_left is False
+
+
+@pytest.mark.parametrize("body", PEOPLE, ids=lambda body: body.names[1])
+def test_a_mirrored_body_has_its_names_on_the_wrong_sides(body):
+    flipped = body.with_offsets(body.offsets * [-1, 1, 1])
+    assert Body.of(flipped).left_is_left is False
+    assert Body.of(crossed(flipped)).left_is_left is True
+
+
+def test_the_motion_tells_left_from_right_where_the_rest_pose_does_not():
+    body = rig("lafan1", "X")
+    assert Body.of(body).left_is_left is None
+    motion = posed(body, {}, np.zeros((3, 3)))
+    assert Body.of(body, motion).left_is_left is None
+    walk = sample("walk")
+    bare = walk.skeleton.with_offsets(np.abs(walk.skeleton.offsets) @ np.ones((3, 3)) * [1, 0, 0])
+    for named, agree in ((bare, True), (crossed(bare), False)):
+        assert Body.of(named, walk).left_is_left is agree
+
+
+def test_feet_without_toes_tell_nothing():
+    body = rig("xsens", "T")
+    offsets = np.array(body.offsets)
+    offsets[[joint for joint, name in enumerate(body.names) if "Toe" in name]] = 0.0
+    bare = body.with_offsets(offsets)
+    assert Body.of(bare).left_is_left is None
+
+
+@ways
+def test_people_stand_in_their_rest_poses(way):
+    for body in PEOPLE:
+        assert Body.of(turned(body, way)).stands_at_rest
+
+
+@pytest.mark.parametrize(
+    ("angle", "pose"), [(-85, False), (-75, False), (-45, True), (0, True), (45, True), (90, True)]
+)
+def test_arms_may_hang_but_not_be_raised_along_the_trunk(angle, pose):
+    for convention in ("mixamo", "xsens", "lafan1"):
+        body = armed(rig(convention, "T"), angle)
+        assert Body.of(body).stands_at_rest is pose
+
+
+def test_bones_along_one_axis_and_legs_across_the_trunk_are_no_pose():
+    body = rig("lafan1", "X")
+    assert not Body.of(body).stands_at_rest
+    on_a_floor = folded(bent(LeftHip=-90, RightHip=-90)).skeleton
+    assert not Body.of(on_a_floor).stands_at_rest
+
+
+@pytest.mark.parametrize("own_names", [True, False])
+@ways
+def test_dogs_go_on_all_fours(way, own_names):
+    animal = turned(dog(own_names=own_names), way)
+    for body in (Body.of(animal), Body.of(animal, posed(animal, {}, np.zeros((5, 3))))):
+        assert body.anatomy is None or body.on_all_fours
+
+
+def test_a_dog_with_the_names_of_people_is_taken_for_one_but_for_its_legs():
+    animal = dog(own_names=False)
+    assert Body.of(animal).anatomy is not None
+    assert not Body.of(animal).stands_at_rest
+
+
+@ways
+def test_people_do_not_go_on_all_fours_by_their_rest_poses(way):
+    for body in PEOPLE:
+        standing = turned(body, way)
+        assert not Body.of(standing).on_all_fours
+
+
+@pytest.mark.parametrize(
+    "motion", [CRAWLING, ON_HANDS_AND_FEET, SITTING], ids=["crawling", "on hands and feet", "sitting"]
+)
+def test_people_who_crawl_or_sit_do_not_where_their_rest_pose_stands(motion):
+    body = motion.skeleton
+    assert not Body.of(body, motion).on_all_fours
+
+
+def test_people_who_get_up_once_do_not_whatever_their_rest_pose():
+    crawl = folded(ON_HANDS_AND_FEET)
+    body = crawl.skeleton
+    assert Body.of(body, crawl).on_all_fours
+    upright = np.concatenate([crawl.positions, posed(person(), {}, np.zeros((2, 3))).positions])
+    assert not Body.of(body, with_joints_at(body, upright)).on_all_fours
+
+
+def test_a_rest_pose_that_is_none_tells_nothing_of_legs():
+    body = rig("lafan1", "X")
+    assert not Body.of(body).on_all_fours
+
+
+@needs_corpus
+@pytest.mark.parametrize("name", ["cmu_daz/02_01", "cmu_mb/05_03", "makehuman/walk1", "pybvh/bvh_test2"])
+def test_recorded_people_are_people_who_know_left_from_right(name):
+    motion = read_bvh(CORPUS / f"{name}.bvh")
+    body = Body.of_motion(motion)
+    assert body.anatomy.method == "names"
+    assert body.stands_at_rest
+    assert body.left_is_left is True
+    assert not body.on_all_fours
+
+
+# ---- up
+
+
+@ups
+@pytest.mark.parametrize("facing", [0, 90, 217])
+def test_up_is_found_by_how_the_body_stands_in_motion(up, facing):
+    turn = onto(up) * Rotation.from_euler("Y", facing, degrees=True)
+    for motion in (in_world(sample("walk"), turn), moved(sample("walk"), turn)):
+        assert Body.of_motion(motion).found_up == up
+        assert Body(motion.rigid_skeleton, None, motion).found_up == up
+    assert Body.of_motion(moved(sample("walk"), turn)).found_up == up  # though its rest pose stands along Y
+    assert Body.of(in_world(sample("walk"), turn).skeleton).up_at_rest == up
+
+
+def test_who_lies_without_a_rest_pose_seems_to_stand_along_the_body():
+    body = rig("lafan1", "X")
+    assert Body.of(body).up_at_rest is None
+    motion = retarget(sample("walk"), body).motion
+    assert Body.of_motion(motion).found_up == "Y"
+    assert Body.of_motion(moved(motion, Rotation.from_euler("x", 90, degrees=True))).found_up == "Z"
+
+
+def test_nothing_is_known_of_what_has_no_body():
+    body = person()
+    bare = body.with_offsets(np.where(np.arange(len(body))[:, None] > 6, 0.0, body.offsets))
+    assert Body(bare, None, posed(bare, {}, np.zeros((1, 3)))).found_up is None
+    assert Body.of(bare, posed(bare, {}, np.zeros((0, 3)))).found_up is None
+    assert Body(body, None).up_at_rest is None
+    assert Body(body, None).up == "Y"
+
+
+@needs_corpus
+@pytest.mark.parametrize(
+    ("file", "up"),
+    [("cmu_mb/02_01.bvh", "Y"), ("animated_drawings/dab.bvh", "Z"), ("animated_drawings/jesse_dance.bvh", "Y")],
+)
+def test_the_legs_of_real_clips_tell_up(file, up):
+    motion = read_bvh(CORPUS / file)
+    assert Body(motion.rigid_skeleton, None, motion).found_up == up
+    assert Body.of_motion(motion).found_up == up
+
+
+def test_the_legs_of_a_body_of_any_proportion_tell_up():
+    for seed in range(10):
+        body = symmetric(other_lengths(person(), seed))
+        assert Body(body, None, swaying(body, angle=0.2)).found_up == "Y"
+
+
+@ups
+def test_up_is_what_is_known_then_what_the_file_says_then_what_is_found(up):
+    walk = sample("walk")
+    assert Body.of_motion(walk).up == "Y"
+    assert Body.of(walk.skeleton).up == "Y"
+    assert Body.of(turned(walk.skeleton, onto(up))).up == up
+    assert Body.of(replace(walk.skeleton, up=up), walk).up == up
+    assert Body.of(replace(walk.skeleton, up="X"), walk).with_up(up).up == up
+    np.testing.assert_array_equal(Body.of(walk.skeleton).with_up(up).up_vector, axis_vector(up))
+
+
+def test_a_body_with_up_as_it_is_known_is_the_same_body():
+    body = Body.of_motion(sample("walk"))
+    assert body.with_up("Y") is body
+    assert body.with_motion(sample("walk"), "Y") is body
+    other = body.with_up("Z")
+    assert other is not body
+    assert (other.skeleton, other.anatomy, other.motion, other.up) == (body.skeleton, body.anatomy, body.motion, "Z")
+    assert other.with_up("Z") is other
+
+
+# ---- size
+
+
+def test_size_of_the_papers_skeleton():
+    body = Body.of(person())
+    leg = 0.435 + 0.453
+    assert (body.leg_length, body.unit) == (pytest.approx(leg), pytest.approx(2 * leg))
+    assert body.height == pytest.approx(np.ptp(person().rest_positions[:, 1]))
+    assert body.pelvis_joint == person().index("Hips")
+
+
+def test_bodies_without_legs_have_a_size():
+    chain = Skeleton(("a", "b", "c"), [-1, 0, 1], [[0, 0, 0], [0, 2, 0], [1, 0, 0]], ((),) * 3, [False] * 3)
+    body = Body.of(chain)
+    assert (body.legs, body.leg_length, body.pelvis_joint) == (None, 0.0, None)
+    assert (body.height, body.unit) == (2.0, 3.0)
+
+
+@ups
+def test_height_is_the_same_in_any_world(up):
+    for body in (person(), sample("walk").skeleton):
+        assert Body.of(turned(body, onto(up))).height == pytest.approx(Body.of(body).height)
+
+
+# ---- other versions
+
+
+def test_a_mirrored_body_has_its_parts_on_the_other_side():
+    body = Body.of(person())
+    assert body.mirrored.left_is_left is False
+    assert body.mirrored.legs == body.legs[::-1]
+    assert body.mirrored.mirrored.anatomy.roles == body.anatomy.roles
+    nothing = Body(person(), None)
+    assert nothing.mirrored.anatomy is None
+
+
+def test_a_motion_without_frames_is_none():
+    assert Body.of(person(), posed(person(), {}, np.zeros((0, 3)))).motion is None
+
+
+# ---- each thing is found once
+
+
+def counted(monkeypatch, owner, name):
+    """The arguments of each call of a function, which a module or class still does."""
+    calls, function = [], getattr(owner, name)
+
+    def calling(*args):
+        calls.append(args)
+        return function(*args)
+
+    monkeypatch.setattr(owner, name, calling)
+    return calls
+
+
+def test_directions_of_a_posture_are_found_once(monkeypatch):
+    calls = []
+    monkeypatch.setattr(
+        Directions.trunk, "func", lambda way, find=Directions.trunk.func: calls.append(way) or find(way)
+    )
+    source = sample("walk")
+    body = Body.of_motion(source)
+    for _ in range(2):
+        assert (body.up, body.stands_at_rest, body.left_is_left, body.on_all_fours) == ("Y", True, True, False)
+    assert len(calls) == len({id(way) for way in calls}) == 2  # the rest pose's and the motion's
+
+
+def test_legs_are_found_once_for_each_body_of_a_retargeting(monkeypatch):
+    found = counted(monkeypatch, distretarget.body.body, "find_legs")
+    by_tree = counted(monkeypatch, distretarget.body.legs, "tree_legs")
+    source, target = sample("walk"), rig("mixamo", "T")
+    retarget(source, target)
+    assert [skeleton for skeleton, _ in found] == [source.rigid_skeleton, target]
+    assert not by_tree

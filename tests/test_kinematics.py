@@ -1,0 +1,86 @@
+"""Forward kinematics and the rotations of a tree, against scipy joint by joint."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from distretarget.numerics.kinematics import forward_kinematics, local_rotations, rotation_products, world_rotations
+
+FRAMES = 5
+TREES = {
+    "a single joint": [-1],
+    "a chain": [-1, 0, 1, 2],
+    "a star": [-1, 0, 0, 0],
+    "a tree": [-1, 0, 1, 1, 0, 4, 2],
+}
+
+trees = pytest.mark.parametrize("parents", [np.array(tree, np.intp) for tree in TREES.values()], ids=TREES)
+
+
+def rotations(joints, seed=0):
+    """(frames, joints, 4), random."""
+    draw = Rotation.random(FRAMES * joints, rng=np.random.default_rng(seed))
+    return draw.as_quat().reshape(FRAMES, joints, 4)
+
+
+def translations(joints):
+    return np.random.default_rng(1).normal(size=(FRAMES, joints, 3))
+
+
+def assert_same_rotations(found, expected):
+    """Equal as rotations; a quaternion and its negative are the same."""
+    np.testing.assert_allclose(np.abs((found * expected).sum(axis=-1)), 1.0, atol=1e-12)
+
+
+def chained(parents, local):
+    """(frames, joints, 4), world rotations joint by joint."""
+    world = []
+    for joint, parent in enumerate(parents):
+        own = Rotation.from_quat(local[:, joint])
+        world.append(world[parent] * own if parent >= 0 else own)
+    return np.stack([turn.as_quat() for turn in world], axis=1)
+
+
+@trees
+def test_world_rotations_are_the_products_down_the_tree(parents):
+    local = rotations(len(parents))
+    assert_same_rotations(world_rotations(parents, local), chained(parents, local))
+
+
+@trees
+def test_positions_are_the_turned_translations_added_up(parents):
+    offsets, world = translations(len(parents)), rotations(len(parents))
+    expected = np.array(offsets)
+    for joint, parent in enumerate(parents):
+        if parent >= 0:
+            expected[:, joint] = expected[:, parent] + Rotation.from_quat(world[:, parent]).apply(offsets[:, joint])
+    np.testing.assert_allclose(forward_kinematics(parents, offsets, world), expected, atol=1e-12)
+
+
+@trees
+def test_local_rotations_are_the_inverse_of_world_rotations(parents):
+    local = rotations(len(parents))
+    np.testing.assert_allclose(local_rotations(parents, world_rotations(parents, local)), local, atol=1e-12)
+    np.testing.assert_allclose(world_rotations(parents, local_rotations(parents, local)), local, atol=1e-12)
+
+
+def test_products_are_those_of_scipy():
+    first, second = rotations(4), rotations(4, seed=1)
+    expected = Rotation.from_quat(first.reshape(-1, 4)) * Rotation.from_quat(second.reshape(-1, 4))
+    assert_same_rotations(rotation_products(first, second), expected.as_quat().reshape(first.shape))
+
+
+@trees
+def test_without_frames_there_are_no_rotations_and_no_positions(parents):
+    none = np.zeros((0, len(parents), 4))
+    assert world_rotations(parents, none).shape == local_rotations(parents, none).shape == none.shape
+    assert forward_kinematics(parents, none[..., :3], none).shape == (0, len(parents), 3)
+
+
+def test_arguments_stay_as_they_are():
+    parents, local = np.array(TREES["a tree"], np.intp), rotations(7)
+    before = local.copy()
+    world_rotations(parents, local)
+    local_rotations(parents, local)
+    rotation_products(local, local)
+    np.testing.assert_array_equal(local, before)

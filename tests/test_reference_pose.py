@@ -1,0 +1,145 @@
+"""Postures in which a body stands: its rest pose, a frame of its motion, or a synthetic T-pose."""
+
+import itertools
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from bodies import SAMPLES, WAYS, in_world, person, posed, turned
+from make_rigs import CONVENTIONS, rig
+from scipy.spatial.transform import Rotation
+
+from distretarget import read_bvh, retarget
+from distretarget.body.axes import Directions
+from distretarget.body.body import Body
+from distretarget.body.reference_pose import PITCH, bend_axes, standing_frame, synthetic_t_pose
+from distretarget.numerics.rotations import normalised
+
+UP = np.array([0.0, 1.0, 0.0])
+SIDES = {"left": 1.0, "right": -1.0}
+STANDING, SITTING, CROUCHING = {"LeftShoulder": (0, 0, -1.0), "RightShoulder": (0, 0, 1.0)}, {}, {}
+for side in ("Left", "Right"):
+    SITTING |= {f"{side}Hip": (-1.5, 0, 0)}  # legs stretched ahead
+    CROUCHING |= {f"{side}Hip": (-0.6, 0, 0), f"{side}Knee": (1.2, 0, 0), f"{side}Ankle": (-0.6, 0, 0)}
+
+ways = pytest.mark.parametrize("way", WAYS, ids=[f"way{k}" for k in range(len(WAYS))])
+
+
+@cache
+def without_a_rest_pose():
+    """A walk on a body whose bones all lie along one axis at rest."""
+    return retarget(read_bvh(SAMPLES / "walk.bvh"), rig("lafan1", "X")).motion
+
+
+def postures(*frames):
+    """A person in some postures, one frame each, hips at the height of legs that stand."""
+    turns = {name: np.zeros((len(frames), 3)) for name in set().union(*frames)}
+    for frame, turn in enumerate(frames):
+        for name, vector in turn.items():
+            turns[name][frame] = vector
+    return posed(person(), turns, np.tile([0.0, 0.9, 0.0], (len(frames), 1)))
+
+
+def stood_in(motion, up=UP):
+    body = Body.of_motion(motion)
+    return standing_frame(body.moving, up, body.unit)
+
+
+def assert_t_pose(body, world):
+    """Trunk up along Y, legs down, arms out to the sides, left along X, feet ahead along Z."""
+    left, up, forward = np.eye(3)
+    way = Directions(body.anatomy, body.skeleton.posed(world))
+    spine = [*body.anatomy.spine, *body.anatomy.neck, body.anatomy.roles["head"]]
+    bones = normalised(np.diff(way.positions[spine], axis=0))
+    np.testing.assert_allclose(bones, np.tile(up, (len(bones), 1)), atol=1e-9)
+    for side, sign in SIDES.items():
+        for upper, lower in itertools.pairwise((f"{side}UpperArm", f"{side}LowerArm", f"{side}Hand")):
+            np.testing.assert_allclose(way.bone(upper, lower), sign * left, atol=1e-9)
+        for upper, lower in itertools.pairwise((f"{side}UpperLeg", f"{side}LowerLeg", f"{side}Foot")):
+            np.testing.assert_allclose(way.bone(upper, lower), -up, atol=1e-9)
+        foot = np.cos(PITCH) * forward - np.sin(PITCH) * up
+        np.testing.assert_allclose(way.bone(f"{side}Foot", f"{side}Toes"), foot, atol=1e-9)
+
+
+@pytest.mark.parametrize("convention", CONVENTIONS)
+@pytest.mark.parametrize("pose", "TA")
+def test_a_rest_pose_in_which_a_person_stands_is_its_own_reference(convention, pose):
+    body = rig(convention, pose)
+    np.testing.assert_array_equal(Body.of(body).reference_pose, body.unturned)
+
+
+def test_what_is_no_person_is_taken_as_it_rests():
+    np.testing.assert_array_equal(Body(person(), None).reference_pose, person().unturned)
+
+
+def test_without_a_motion_bones_along_one_axis_are_put_together_as_a_t_pose():
+    body = Body.of(rig("lafan1", "X"))
+    assert_t_pose(body, body.reference_pose)
+
+
+@pytest.mark.parametrize("convention", ["mixamo", "xsens", "lafan1"])
+@ways
+def test_a_t_pose_faces_along_z_however_the_rest_pose_lies(convention, way):
+    body = Body.of(turned(rig(convention, "A"), way))
+    assert_t_pose(body, synthetic_t_pose(body.skeleton, body.at_rest))
+
+
+def test_a_frame_of_the_motion_stands_in_for_a_rest_pose_that_is_none():
+    motion = without_a_rest_pose()
+    body = Body.of_motion(motion)
+    frame = standing_frame(body.moving, body.up_vector, body.unit)
+    np.testing.assert_array_equal(body.reference_pose, motion.world_rotations[frame])
+    stands = Directions(body.anatomy, motion.positions[frame])
+    assert stands.stretch > 150
+    assert stands.up @ UP > 0.97
+
+
+def test_the_frame_in_which_the_body_stands_is_taken():
+    assert stood_in(postures(SITTING, STANDING, CROUCHING)) == 1
+    assert stood_in(postures(CROUCHING, SITTING, STANDING)) == 2
+
+
+@pytest.mark.parametrize("raised", [{"LeftHip": (-0.3, 0, 0)}, {"LeftShoulder": (0, 0, 1.5)}, {"Chest": (0, 0.8, 0)}])
+def test_a_lifted_foot_a_raised_arm_or_a_turned_trunk_stands_less(raised):
+    assert stood_in(postures(STANDING | raised, *[STANDING] * 3)) == 1
+
+
+def test_who_never_stands_has_no_such_frame():
+    assert stood_in(postures(SITTING, SITTING)) is None
+    lying = in_world(postures(STANDING), Rotation.from_euler("x", 90, degrees=True))
+    assert stood_in(lying) is None
+    assert stood_in(lying, np.array([0.0, 0.0, 1.0])) == 0
+
+
+def test_who_never_stands_and_has_no_rest_pose_is_put_together():
+    motion = without_a_rest_pose()
+    down = np.array(motion.rotations)
+    down[:, 0] = (Rotation.from_euler("x", 90, degrees=True) * Rotation.from_quat(down[:, 0])).as_quat()
+    body = Body.of_motion(replace(motion, rotations=down)).with_up("Y")
+    assert_t_pose(body, body.reference_pose)
+
+
+def test_elbows_and_knees_bend_about_the_axes_across_them():
+    bend = np.linspace(0.2, 1.2, 10)[:, None]
+    turns = {f"{side}Knee": bend * [1, 0, 0] for side in ("Left", "Right")}
+    turns |= {"LeftElbow": bend * [0, -1, 0], "RightElbow": bend * [0, 1, 0]}
+    motion = posed(person(), turns, np.zeros((10, 3)))
+    axes = bend_axes(Body.of_motion(motion).anatomy, motion, person().unturned)
+    expected = {"leftUpperLeg": [1, 0, 0], "rightUpperLeg": [1, 0, 0]}
+    expected |= {"leftUpperArm": [0, -1, 0], "rightUpperArm": [0, 1, 0]}
+    assert axes.keys() == expected.keys()
+    for role, axis in expected.items():
+        np.testing.assert_allclose(axes[role], axis, atol=1e-9)
+
+
+def test_limbs_that_hardly_bend_have_no_axis():
+    motion = posed(person(), {"LeftKnee": np.array([0.5, 0, 0])}, np.zeros((5, 3)))
+    assert bend_axes(Body.of_motion(motion).anatomy, motion, person().unturned).keys() == {"leftUpperLeg"}
+
+
+def test_a_rest_pose_in_which_a_person_stands_needs_no_axes():
+    motion = read_bvh(SAMPLES / "squat.bvh")
+    assert Body.of_motion(motion).bend_axes == {}
+    assert Body.of(rig("lafan1", "X")).bend_axes == {}
+    assert Body.of_motion(without_a_rest_pose()).bend_axes.keys() >= {"leftUpperLeg", "rightUpperLeg"}

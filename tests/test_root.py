@@ -1,0 +1,60 @@
+"""The root's path on the target: its scale, and where it runs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bodies import lengthened, matched, person, swaying
+
+from distretarget import Skeleton
+from distretarget.baseline.root import find_root_scale, root_path
+from distretarget.baseline.rotation_copy import rotation_copy
+
+SIDES = ("Left", "Right")
+
+
+def chain():
+    """Three joints in a row, without legs."""
+    return Skeleton(tuple("abc"), [-1, 0, 1], np.eye(3), (("Zrotation",),) * 3, [False] * 3)
+
+
+def test_root_scale_is_the_ratio_of_leg_lengths():
+    body = person()
+    factors = np.ones(len(body))
+    for side in SIDES:
+        factors[[body.index(f"{side}Knee"), body.index(f"{side}Ankle")]] = 0.6
+        factors[body.index(f"{side}Elbow")] = 3.0
+    target = body.with_lengths(body.lengths * factors)
+    assert find_root_scale(matched(body, target)) == pytest.approx(0.6)
+
+
+def test_root_scale_of_bodies_without_legs_is_the_ratio_of_their_longest_paths():
+    body = chain()
+    assert find_root_scale(matched(body, body.with_offsets(3 * body.offsets))) == pytest.approx(3.0)
+
+
+def test_root_scale_of_bodies_without_legs_counts_the_paths_that_both_have():
+    body = chain()
+    longer = replace(body, offsets=body.offsets * [[1], [2], [5]])
+    assert find_root_scale(matched(body, longer, {"c": None})) == pytest.approx(2.0)
+
+
+def test_the_hips_stand_over_the_scaled_place_of_the_sources():
+    source = swaying(person(), angle=0.4)
+    target = lengthened(person(), {"LeftHip": 1.6, "RightHip": 1.4, "Knee": 0.7, "Chest": 1.3})
+    matching, scale = matched(source, target), 0.8
+    copy = rotation_copy(matching, scale)
+    translations = np.array(copy.translations)
+    translations[:, 0] = root_path(copy, matching, scale)
+    moved = replace(copy, translations=translations)
+    hips = [target.index(f"{side}Hip") for side in SIDES]
+    middle = source.positions[:, hips].mean(axis=1)
+    np.testing.assert_allclose(moved.positions[:, hips].mean(axis=1), scale * middle, atol=1e-12)
+    assert np.abs(copy.positions[:, hips].mean(axis=1) - scale * middle).max() > 1e-3
+
+
+def test_a_body_without_legs_keeps_the_path_of_the_copy():
+    source = swaying(chain())
+    matching = matched(source, chain())
+    copy = rotation_copy(matching, 2.0)
+    np.testing.assert_array_equal(root_path(copy, matching, 2.0), 2 * source.root_positions)
