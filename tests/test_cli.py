@@ -248,8 +248,8 @@ def test_frames_that_do_not_converge_are_reported(monkeypatch):
     assert "warning: 20 of 20 frames did not converge (first: frame 0; iteration limit)" in done.stderr
 
 
-def _stop_early(_body, _bones, _root, _springs, _v, _first, figures):
-    figures[3] = 1
+def _stop_early(_body, _bones, _root, _springs, _tolerance, _v, _first, log):
+    log[3] = 1
 
 
 def test_every_sample_is_retargeted_to_every_sample_target(tmp_path):

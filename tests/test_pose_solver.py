@@ -43,10 +43,10 @@ def test_a_start_worse_than_the_copy_is_not_used():
     case = Case(3, frames=2)
     worse = 2.5 * np.random.default_rng(0).normal(size=(1, *case.shape))
     v, log = case.solved(before=worse)
-    fresh, once = case.solved(before=np.zeros_like(worse))
+    expected, once = case.solved(before=np.zeros_like(worse))
     assert log[0, 1] == pytest.approx(once[0, 1], rel=1e-9)
     assert case.energy(worse[0], 1) > case.energy(np.zeros(case.shape), 1)
-    np.testing.assert_allclose(v[1], fresh[1], atol=1e-9)
+    np.testing.assert_allclose(v[1], expected[1], atol=1e-9)
 
 
 def test_the_two_poses_before_are_continued():
