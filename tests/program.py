@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from distretarget.cli import main
 
 LOOK = 0.02  # time from one look at a running process to the next [s]
-LOOKS = 3000  # after so many a test fails
+LOOKS = 15_000  # after so many a test fails
 
 
 def run(*arguments, given=""):

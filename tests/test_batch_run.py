@@ -1,27 +1,23 @@
 """A run over a plan: what is written and skipped, and what failures, dying workers and stops do."""
 
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import Executor, Future
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from bodies import other_lengths, person, swaying
+from bodies import other_lengths, person
 
-from distretarget import retarget
 from distretarget.batch import run as batch_run
-from distretarget.batch import task as batch_task
 from distretarget.batch.clips import find_clips
 from distretarget.batch.manifest import Manifest, Recipe, read_records
 from distretarget.batch.plan import plan
 from distretarget.batch.run import Run, reports
-from distretarget.batch.task import Outcome, Task, convert
+from distretarget.batch.task import Outcome
 from distretarget.conversion import Options, Text
 from distretarget.errors import BatchError, FileError
-from distretarget.io.bvh import format_bvh
 from distretarget.io.map_json import MapFile
 from distretarget.io.skeleton_json import skeleton_to_json
-from distretarget.report import About
 
 TARGET = Text(skeleton_to_json(other_lengths(person()), "body"), "body.json")
 RECIPE = Recipe(Options(), MapFile({}, ""), "1")
@@ -344,46 +340,3 @@ def test_a_worker_that_dies_unnoticed_costs_a_retry(folder, monkeypatch):
     seen = go(folder, pool)
     assert sorted(seen.of("done")) == ["a.bvh", "c.bvh", "deep/b.bvh"]
     assert pool.renewals == 1
-
-
-# ---- the task itself
-
-
-def task_of(text, target=TARGET, **others):
-    return Task(Text(text, "in.bvh"), target, MapFile({}, ""), Options(), **others)
-
-
-def test_a_task_does_what_retargeting_does():
-    motion = swaying(person())
-    text = format_bvh(motion)
-    outcome = convert(task_of(text))
-    assert (outcome.error, outcome.frames) == ("", 20)
-    source = read_bvh_text(text)
-    assert outcome.bvh == format_bvh(retarget(source, other_lengths(person())).motion)
-    assert outcome.figures["result"]["bone_error"] < 1e-9
-    assert "<title>" in convert(task_of(text, about=About("a", "b", "", "1"))).report
-    with ThreadPoolExecutor(2) as pool:
-        assert convert(task_of(text), pool.map).bvh == outcome.bvh
-
-
-def read_bvh_text(text):
-    return batch_task.parse_bvh(text, "in.bvh")
-
-
-def test_a_task_says_what_went_wrong(monkeypatch):
-    assert convert(task_of("HIERARCHY")).error.startswith("in.bvh:1: ")
-    assert convert(task_of(format_bvh(swaying(person())), Text("{}", "body.json"))).error.startswith("body.json: ")
-
-    def fail(*_):
-        raise ZeroDivisionError("two\nlines")
-
-    monkeypatch.setattr(batch_task, "parse_bvh", fail)
-    assert convert(task_of("")).error == "in.bvh: unexpected ZeroDivisionError: two lines; please report this"
-
-
-def test_a_task_leaves_dead_workers_to_the_run():
-    def broken(*_):
-        raise BrokenProcessPool("died")
-
-    with pytest.raises(BrokenProcessPool):
-        convert(task_of(format_bvh(swaying(person()))), broken)

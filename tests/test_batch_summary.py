@@ -1,20 +1,13 @@
-"""The summary of a run, and the pages over its clips."""
+"""The summary of a run."""
 
 from pathlib import Path, PurePath
-
-import pytest
 
 from distretarget.batch.clips import Clip
 from distretarget.batch.manifest import Recipe, record_of
 from distretarget.batch.plan import Work
-from distretarget.batch.reports import MARK, OF, Pages
 from distretarget.batch.summary import Tally
-from distretarget.batch.task import Outcome
 from distretarget.conversion import Options, Text
-from distretarget.errors import FileError
-from distretarget.io.files import text_hash
 from distretarget.io.map_json import MapFile
-from distretarget.report import About
 
 RECIPE = Recipe(Options(), MapFile({}, ""), "1")
 
@@ -70,41 +63,3 @@ def test_many_failures_are_not_all_listed():
 def test_clips_left_over_are_counted():
     assert summary([done("a.bvh", 0.1)], 5)[0] == "5 clips: 1 converted, 0 done before, 0 failed, 4 left"
     assert summary([done("a.bvh", 0.1)])[0] == "1 clip: 1 converted, 0 done before, 0 failed"
-
-
-# ---- pages
-
-
-def pages(folder, most=None, overwrite=False):
-    return Pages(folder / "index.html", most, overwrite, lambda _: About("a", "b", "", "1"))
-
-
-def test_only_pages_of_a_batch_are_replaced(tmp_path):
-    pages(tmp_path).check()
-    (tmp_path / "index.html").write_text("my own")
-    with pytest.raises(FileError, match="exists already; --overwrite replaces it"):
-        pages(tmp_path).check()
-    pages(tmp_path, overwrite=True).check()
-    (tmp_path / "index.html").write_text(f"<html>{MARK}")
-    pages(tmp_path).check()
-
-
-def test_reports_have_the_places_of_outputs(tmp_path):
-    own = pages(tmp_path)
-    path = tmp_path / "index_reports" / "a" / "b.html"
-    assert own.path(work("a/b.bvh")) == path
-    for text in ("one", "two"):
-        own.add(work("a/b.bvh"), Outcome("1", 0.0, bvh=text, report=f"{MARK} {text}"))
-    assert path.read_text() == f"{MARK}{OF.format(text_hash('two'))} two"
-    assert not own.problems
-    path.write_text("my own")
-    own.add(work("a/b.bvh"), Outcome("1", 0.0, report=MARK))
-    assert [str(problem) for problem in own.problems.values()] == [f"{path}: exists already; --overwrite replaces it"]
-    assert path.read_text() == "my own"
-
-
-def test_a_page_needs_a_folder_that_can_be_written_to(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(FileError, match="nothing can be written to"):
-        pages(tmp_path / "file").check()
-    pages(tmp_path / "new" / "deep").check()

@@ -20,7 +20,7 @@ CLIPS = 5  # of the length LONG
 LONG = 600  # frames, which take a moment
 LONGER = 6000  # frames, which take longer than all other clips
 TINY = 150  # clips of one frame
-HANGS = 60  # after so long, a process does not end any more [s]
+HANGS = 300  # after so long, a process is taken to hang [s]
 
 
 def batch(*arguments, **options):
