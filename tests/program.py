@@ -19,7 +19,7 @@ def run(*arguments, given=""):
     with CliRunner().isolation(given) as (out, err, *_), patch("sys.argv", ["distretarget", *words]):
         with pytest.raises(SystemExit) as ended:
             main()
-        texts = (stream.getvalue().decode().replace("\r\n", "\n") for stream in (out, err))
+        texts = [stream.getvalue().decode() for stream in (out, err)]
     return subprocess.CompletedProcess(words, ended.value.code or 0, *texts)
 
 
