@@ -26,7 +26,8 @@ FLOORS = (
     "matching",
     "body",
     "distances motion",
-    "skeleton numerics",
+    "skeleton",
+    "numerics",
     "errors",
 )
 
