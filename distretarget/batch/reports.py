@@ -14,14 +14,14 @@ from distretarget.batch.summary import worst
 from distretarget.batch.task import Outcome
 from distretarget.errors import FileError
 from distretarget.io.files import check_writable, is_folder, reason_of, write_whole
+from distretarget.measure.figures import FIGURES
 from distretarget.report import About
 from distretarget.report.index import index_page
 
-FOLDER = "_reports"  # after the name of the page over all clips: what reports on clips are in, beside it
+FOLDER = "_reports"  # the folder of the reports on clips is named as the page over all clips, and this
 MARK = '<meta name="generator" content="distretarget">'
 OF = '<meta name="output" content="{}">'  # the hash of the output that a report is on
-HEAD = 4096  # characters of a page in which it says what made it
-RANKED = "contact_error"  # by which clips are worst
+HEAD = 4096  # characters at the beginning of a page, in which MARK and OF are looked for
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class Pages:
     def _missing(self, works: Sequence[Work], lines: dict[str, Record]) -> Iterator[Work]:
         """The clips whose reports are to be made."""
         done = [record for record in lines.values() if record["status"] == "done"]
-        chosen = {record["output"] for record in worst(done, RANKED)[: self.most]}
+        chosen = {record["output"] for record in worst(done, FIGURES[0])[: self.most]}
         for work in works:
             tried = self.path(work) in self.problems
             if work.place.as_posix() in chosen and not tried and not self._is_there(work, lines):

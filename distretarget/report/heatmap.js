@@ -91,7 +91,7 @@ function buildMatrices() {
     painted(canvas, () => paintMatrix(canvas, matrix, store));
     const stops = matrix.colours.map(name => `var(--${name})`).join();
     $('matrices').append(element('figure', {},
-      element('figcaption', {}, term(matrix.caption, TERMS.D)), canvas,
+      element('figcaption', {}, term(matrix.caption, D_MEANS)), canvas,
       element('div', {class: 'scale'}, element('span', {}, matrix.low),
         element('i', {style: `background: linear-gradient(to right, ${stops})`}),
         element('span', {}, matrix.high)),

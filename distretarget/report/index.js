@@ -3,48 +3,22 @@
 const batch = JSON.parse($('batch').textContent);
 const clips = batch.rows.map(values => Object.fromEntries(values.map((value, k) => [batch.fields[k], value])));
 const done = clips.filter(clip => clip.done), failures = clips.filter(clip => !clip.done);
-const PAGE = 500; // rows that are added at a time
-const FAILURES = 20; // that are listed above the table
-const LONG = 240; // letters of a reason that is cut short until it is opened
-const BARS = 24; // of a distribution
-const HIGH = 0.98; // the share of the clips that is in the bars before the last
+const PAGE = 500; // rows of the table that are added at a time
+const FAILURES = 20; // most failures that are listed above the table
+const LONG = 240; // a reason with more characters is cut short until it is opened
+const BARS = 24; // bars of a distribution
+const HIGH = 0.98; // share of the clips below which the last bar begins
 
-const TERMS = {
-  median: 'Large numbers are medians over the converted clips, and so are those beside “rotation copy” and “source”.',
-  contact: 'Mean |D in the source − D in the result| over the pairs of joints that touch in the source; D is their '
-    + 'distance over the length of the bones between them. 0 is best.',
-  direction: 'The angle between corresponding bones of source and result, mean over bones [degrees]. 0 is best.',
-  slide: 'Horizontal speed of ankles and toes while they are at rest in the source [leg lengths per second]. As the '
-    + 'source is best.',
-  stress: 'How far the distances between all joints are off those of the source, over the squared height of the '
-    + 'result (Eq. 2 of the paper). 0 is best.',
-  foot: 'How far ankles and toes at rest are off their height in the source [% of leg length]. 0 is best.',
-  jerk: 'Roughness over that of the rotation copy. 1 is as smooth, less is smoother.',
-  turn: 'The most by which a joint turns further in one frame than in the source [degrees]. 0 is best.',
-};
-// `beside` is what the value is to be compared with: a name and its value; the first stands in the table.
+const MEDIANS = 'Large numbers are medians over the converted clips, and so are those beside “rotation copy” and “source”.';
 const COPY = 'rotation copy';
-const FIGURES = [
-  {name: 'Contact error', term: 'contact', of: clip => clip.contact, beside: [[COPY, clip => clip.contact_copy]]},
-  {name: 'Direction error, °', term: 'direction', of: clip => clip.direction,
-    beside: [[COPY, clip => clip.direction_copy]]},
-  {name: 'Slide, legs/s', term: 'slide', of: clip => clip.slide,
-    beside: [['source', clip => clip.slide_source], [COPY, clip => clip.slide_copy]]},
-  {name: 'Stress × 1000', term: 'stress', of: clip => scaled(clip.stress, 1000),
-    beside: [[COPY, clip => scaled(clip.stress_copy, 1000)]]},
-  {name: 'Foot height off, % leg', term: 'foot', of: clip => apart(clip.foot, clip.foot_source),
-    beside: [[COPY, clip => apart(clip.foot_copy, clip.foot_source)]]},
-  {name: 'Jerk / copy', term: 'jerk', of: clip => (clip.jerk_copy > 0 ? clip.jerk / clip.jerk_copy : null),
-    beside: []},
-  {name: 'Largest turn, °', term: 'turn', of: clip => clip.turn, beside: []},
-];
+const SHOWN = figuresAt('page over clips').map(columnOf);
 const COLUMNS = [
   {name: 'Clip', of: clip => clip.clip, text: true},
   ...batch.targets.length > 1 ? [{name: 'Target', of: targetOf, text: true}] : [],
   {name: 'Status', of: clip => statusOf(clip), text: true},
   {name: 'Frames', of: clip => clip.frames},
   {name: 'Seconds', of: clip => clip.seconds},
-  ...FIGURES,
+  ...SHOWN,
   {name: 'Warnings', of: clip => clip.warnings.length},
 ];
 const STATUSES = [
@@ -54,15 +28,27 @@ const STATUSES = [
   ['warned', 'With warnings', clip => clip.warnings.length],
 ];
 
-/** What of the table is shown: the column it is ordered by, downwards or not, the clips that pass, rows in the page. */
-const view = {column: COLUMNS.find(column => column.term), down: true, passing: [], rows: 0};
+/** The state of the table: the column it is ordered by, downwards or not, the clips that pass, and the rows shown. */
+const view = {column: SHOWN[0], down: true, passing: [], rows: 0};
 
-function scaled(value, factor) {
-  return value === null ? null : value * factor;
-}
-
-function apart(p, q) {
-  return p === null || q === null ? null : Math.abs(p - q);
+/**
+ * The column of a figure: its name, its explanation, its value of a clip, and what that is to be compared with, each a
+ * name and a value of a clip; the first of these stands in the table. A figure that is judged by how far it is off the
+ * source's shows that.
+ */
+function columnOf({key, label, symbol, explanation, judged, factor}) {
+  const difference = judged === 'difference';
+  const scaled = suffix => clip => {
+    const value = clip[key + suffix], source = difference ? clip[`${key}_source`] : 0;
+    if (value === null || source === null) return null;
+    return factor * (difference ? Math.abs(value - source) : value);
+  };
+  return {
+    name: nameOf({label: difference ? `${label} off` : label, symbol}),
+    explanation: difference ? `${explanation} Shown is how far it is off.` : explanation,
+    of: scaled(''),
+    beside: [...judged === 'ratio' ? [['source', scaled('_source')]] : [], [COPY, scaled('_copy')]],
+  };
 }
 
 function targetOf(clip) {
@@ -118,7 +104,7 @@ function buildHead() {
     ['Made by', `distretarget version ${batch.version}`],
   ];
   $('facts').append(...facts.map(pair => element('div', {}, ...terms([pair]))));
-  $('terms').append(...terms([...FIGURES.map(({name, term: key}) => [name, TERMS[key]]), ['Medians', TERMS.median]]));
+  $('terms').append(...terms([...SHOWN.map(({name, explanation}) => [name, explanation]), ['Medians', MEDIANS]]));
 }
 
 /** Bars of how many clips have which value; those above most of the others are in the last, and its end has a plus. */
@@ -136,7 +122,7 @@ function distribution(numbers) {
       element('span', {}, end))];
 }
 
-function buildFigure({name, term: key, of, beside}) {
+function buildFigure({name, explanation, of, beside}) {
   const numbers = ordered(done.map(of));
   const rows = [['worst', quantile(numbers, 1)]];
   for (const [other, its] of beside) {
@@ -145,7 +131,7 @@ function buildFigure({name, term: key, of, beside}) {
     if (other === COPY) rows.push(['copy’s worst', quantile(others, 1)]);
   }
   return element('div', {class: 'figure'},
-    element('h3', {}, term(name, TERMS[key])),
+    element('h3', {}, term(name, explanation)),
     element('p', {class: 'big'}, shown(quantile(numbers, 0.5)), element('small', {}, ' median')),
     element('dl', {}, ...terms(rows.map(([what, number]) => [what, shown(number)]))),
     ...distribution(numbers));
@@ -153,7 +139,7 @@ function buildFigure({name, term: key, of, beside}) {
 
 function buildFigures() {
   $('figures').hidden = !done.length;
-  $('figures').append(...FIGURES.map(buildFigure));
+  $('figures').append(...SHOWN.map(buildFigure));
 }
 
 // ---- failures
@@ -214,8 +200,8 @@ function warningsCell(clip) {
 }
 
 function buildRow(clip) {
-  const figures = clip.done ? FIGURES.map(figure => figureCell(figure, clip))
-    : [element('td', {class: 'words', colspan: FIGURES.length}, reasonOf(clip))];
+  const figures = clip.done ? SHOWN.map(figure => figureCell(figure, clip))
+    : [element('td', {class: 'words', colspan: SHOWN.length}, reasonOf(clip))];
   return element('tr', {}, nameCell(clip),
     ...batch.targets.length > 1 ? [element('td', {class: 'words name'}, targetOf(clip))] : [],
     statusCell(clip),
@@ -293,7 +279,7 @@ function buildHeads() {
     const below = [...unit ? [unit] : [], ...others].join(' · ');
     const button = element('button', {type: 'button', on: {click: () => sortBy(column)}},
       element('span', {}, name), ...below ? [element('small', {}, below)] : []);
-    if (column.term) button.title = TERMS[column.term];
+    if (column.explanation) button.title = column.explanation;
     $('heads').append(element('th', {scope: 'col', class: column.text ? 'words' : 'number'}, button));
   }
   markHeads();

@@ -9,29 +9,19 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 from urllib.parse import quote
 
+from distretarget.measure.figures import SUFFIXES, Side, as_data, figures_at
 from distretarget.report.page import filled
 
 Record = Mapping[str, Any]
 
-# The columns of numbers in the page: of whom, and which figure.
-FIGURES = {
-    "contact": ("result", "contact_error"),
-    "contact_copy": ("rotation_copy", "contact_error"),
-    "direction": ("result", "direction_error"),
-    "direction_copy": ("rotation_copy", "direction_error"),
-    "slide": ("result", "slide"),
-    "slide_source": ("result", "source_slide"),
-    "slide_copy": ("rotation_copy", "slide"),
-    "stress": ("result", "stress"),
-    "stress_copy": ("rotation_copy", "stress"),
-    "foot": ("result", "foot_height"),
-    "foot_source": ("result", "source_foot_height"),
-    "foot_copy": ("rotation_copy", "foot_height"),
-    "jerk": ("result", "jerk"),
-    "jerk_copy": ("rotation_copy", "jerk"),
-    "turn": ("result", "turn"),
+# The columns of figures: for each figure of the page the source's, where it has one, the rotation copy's, the result's.
+COLUMNS: dict[str, tuple[Side, str]] = {
+    figure.key + suffix: (side, figure.key)
+    for figure in figures_at("page over clips")
+    for side, suffix in SUFFIXES.items()
+    if side != "source" or figure.of_source
 }
-FIELDS = ("clip", "link", "target", "done", "frames", "seconds", "warnings", "error", *FIGURES)
+FIELDS = ("clip", "link", "target", "done", "frames", "seconds", "warnings", "error", *COLUMNS)
 
 
 def index_page(records: Sequence[Record], links: Mapping[str, str], title: str, version: str) -> str:
@@ -40,7 +30,7 @@ def index_page(records: Sequence[Record], links: Mapping[str, str], title: str, 
     `records` are lines of a manifest, one for each output; `links` has the path of an output's report, relative to the
     page and not quoted, for outputs that have one; `version` is that of the program.
     """
-    data = {"batch": {**_table(records, links), "version": version}}
+    data = {"batch": {**_table(records, links), "version": version}, "registry": as_data("the source", "the result")}
     return filled("index.html", title, ["style.css", "index.css"], ["base.js", "index.js"], data)
 
 
@@ -78,12 +68,12 @@ def _outcome(record: Record) -> tuple[int, float | None, float | None]:
 
 
 def _figures(figures: Mapping[str, Any]) -> list[float | None]:
-    """The numbers of FIGURES, None where there is none."""
-    return [_number((figures.get(whose) or {}).get(name)) for whose, name in FIGURES.values()]
+    """The numbers of COLUMNS, None where there is none."""
+    return [_number((figures.get(side) or {}).get(key)) for side, key in COLUMNS.values()]
 
 
 def _number(value: object) -> float | None:
-    """A number as it is worth writing, to six digits if it is not whole; None for what is not one."""
+    """A number with six digits, unless it is whole; None for anything else."""
     if isinstance(value, int):
         return value
     return float(f"{value:.6g}") if isinstance(value, float) and math.isfinite(value) else None

@@ -10,6 +10,7 @@ from importlib.resources import files
 from typing import Any
 
 from distretarget.measure.diff import Diff
+from distretarget.measure.figures import as_data
 from distretarget.report.scene import scene
 
 SCRIPTS = ("base.js", "data.js", "camera.js", "skeletons.js", "player.js", "curves.js", "heatmap.js", "tables.js")
@@ -20,7 +21,7 @@ ESCAPES = {ord(character): f"\\u{ord(character):04x}" for character in "<>&\u202
 def page(diff: Diff, document: Mapping[str, Any]) -> str:
     """The HTML of the report on a diff; `document` is the diff's, and stands in the page as it is."""
     title = f"{document['b']['file']} against {document['a']['file']}"
-    data = {"document": document, "scene": scene(diff, len(document["pairs"]))}
+    data = {"document": document, "scene": scene(diff, len(document["pairs"])), "registry": as_data("A", "B")}
     return filled("template.html", title, ["style.css"], SCRIPTS, data)
 
 

@@ -10,9 +10,9 @@ from distretarget.report.page import page
 from distretarget.run_summary import Figures
 
 
-def run_page(run: Figures, about: About) -> str:
+def run_page(figures: Figures, about: About) -> str:
     """The HTML of the report on a run, with A its source and B its result; `about` says nothing of the copy."""
-    result, up = run.result, run.result.world.up_vector
-    notes = turned_note(result.world)
-    diff = Diff(result.source, result.motion, result.matching, up, result.written_stress, run.reached, notes)
-    return page(diff, document(diff, replace(about, copy=run.copied, copy_stress=result.copy_stress)))
+    run, up = figures.run, figures.run.world.up_vector
+    notes = turned_note(run.world)
+    diff = Diff(run.source, run.motion, run.matching, up, run.written_stress, figures.result, notes)
+    return page(diff, document(diff, replace(about, rotation_copy=figures.sides["rotation_copy"])))
