@@ -26,6 +26,7 @@ from scipy.spatial.transform import Rotation
 from distretarget import Motion, RetargetResult, Skeleton, read_bvh, retarget
 from distretarget.baseline.world import axis_vector
 from distretarget.body.legs import Leg, find_legs, leg_length, up_axis
+from distretarget.measure.figures import clip_figures
 from distretarget.measure.metrics import compare
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -117,7 +118,7 @@ def measured(result: RetargetResult) -> dict[str, float]:
     legs, driving = paired_legs(result)
     up = target_up(result)
     check_upright(turned, driving, up)
-    means = compare(turned, motion, result.matching, up).means()
+    values = clip_figures(compare(turned, motion, result.matching, up).tracks)
     head = head_of(motion.skeleton)
     if result.drivers[head] < 0:
         raise CheckError("the head has no driver")
@@ -126,8 +127,8 @@ def measured(result: RetargetResult) -> dict[str, float]:
         "upright": mean_angle(ours, theirs),
         "floor": floor_error(result, legs, driving, up),
         "facing": mean_angle(facing(motion, legs, up), facing(turned, driving, up)),
-        "direction": means["direction_error"],
-        "contact": means["contact_error"],
+        "direction": values["direction_error"] or 0.0,
+        "contact": values["contact_error"] or 0.0,
     }
 
 

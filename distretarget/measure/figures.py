@@ -234,7 +234,7 @@ FIGURES = (  # the most telling first
     ),
     Figure(
         key="turn",
-        label="largest turn",
+        label="turn",
         unit="degrees",
         meaning="largest angle by which a joint of {result} turns further from one frame to the next than in {source}",
         missing="only one frame",

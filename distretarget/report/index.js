@@ -9,7 +9,8 @@ const LONG = 240; // a reason with more characters is cut short until it is open
 const BARS = 24; // bars of a distribution
 const HIGH = 0.98; // share of the clips below which the last bar begins
 
-const MEDIANS = 'Large numbers are medians over the converted clips, and so are those beside “rotation copy” and “source”.';
+const MEDIANS = 'Large numbers are medians over the converted clips, and so are the numbers beside “rotation copy” and '
+  + '“source”.';
 const COPY = 'rotation copy';
 const SHOWN = figuresAt('page over clips').map(columnOf);
 const COLUMNS = [

@@ -1,8 +1,10 @@
 // What is written: head, figures, worst frames, contacts, worst pairs, explanations.
 
-const D_MEANS = 'Distance of two joints divided by the length of the bones between them: 0 where they coincide, 1 where '
-  + 'the path between them is straight.';
-const TOUCHING = `Two joints touch where D is below ${scene.near} and their path has at least ${scene.far_along} joints.`;
+const D_MEANS = 'Distance of two joints divided by the length of the bones between them: 0 where they coincide, 1 '
+  + 'where the path between them is straight.';
+const COPY_MEANS = 'The rotation copy: what comes of giving the joints of B the rotations of A, and nothing else.';
+const TOUCHING = `Two joints touch where D is below ${scene.near} and at least ${scene.far_along} joints lie on the path `
+  + 'between them.';
 const PAIRS_SHOWN = 15;
 const WORST_SHOWN = 2; // frames by each figure
 
@@ -20,7 +22,7 @@ function buildFigure(figure) {
   const value = valueOf(result, key, factor);
   const rows = [];
   if (judged !== 'value') rows.push(['A', valueOf(source, key, factor)]);
-  if (copy) rows.push(['rotation copy', valueOf(copy, key, factor)]);
+  if (copy) rows.push(['copy', valueOf(copy, key, factor)]);
   const limits = report.limits.filter(one => one.figure === key);
   if (comparison && limits.length) rows.push([comparison, valueOf(limits[0], 'value', inUnits)]);
   return element('div', {class: 'figure'},
@@ -48,7 +50,8 @@ function buildHead() {
   $('facts').append(element('div', {class: 'wide'}, element('dt', {}, 'Made by'),
     element('dd', {}, element('code', {}, ...words), ` version ${report.program.version}`)));
   $('figures').append(...FIGURES.map(buildFigure));
-  const terms = [...FIGURES.map(figure => [nameOf(figure), figure.explanation]), ['D', D_MEANS], ['Contact', TOUCHING]];
+  const terms = [...FIGURES.map(figure => [nameOf(figure), figure.explanation]), ['D', D_MEANS], ['Contact', TOUCHING],
+    ...report.figures.rotation_copy ? [['Copy', COPY_MEANS]] : []];
   $('terms').append(...terms.flatMap(([name, text]) => [element('dt', {}, name), element('dd', {}, text)]));
 }
 
