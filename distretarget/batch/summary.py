@@ -15,11 +15,13 @@ LEAST = 1e-6  # a clip with a figure up to this is not listed among the worst
 
 @dataclass
 class Tally:
-    """What became of the clips of a run.
+    """Counts the clips of a run by outcome, and remembers the worst and the failures.
 
     Attributes:
-        done, skipped, failed: how many were converted, had nothing to do, and failed.
-        frames: how many were converted.
+        done: clips converted.
+        skipped: clips that were converted by an earlier run.
+        failed: clips that could not be converted.
+        frames: frames converted.
     """
 
     done: int = 0
@@ -30,7 +32,7 @@ class Tally:
     _failures: list[str] = field(default_factory=list)
 
     def add(self, record: Record | None) -> None:
-        """Count a clip, by its line of the manifest; None where there was nothing to do."""
+        """Count a clip by its line of the manifest; None stands for a clip that an earlier run converted."""
         if record is None:
             self.skipped += 1
         elif record["status"] == "done":
@@ -44,7 +46,7 @@ class Tally:
                 self._failures.append(_failure(record))
 
     def lines(self, clips: int, seconds: float, workers: int) -> Iterator[str]:
-        """The summary of a run over so many clips."""
+        """The summary of a run over `clips` clips, which took `seconds` with `workers` processes."""
         counts = [f"{self.done} converted", f"{self.skipped} done before", f"{self.failed} failed"]
         if left := clips - self.done - self.skipped - self.failed:
             counts.append(f"{left} left")
@@ -62,7 +64,7 @@ class Tally:
 
 
 def worst(records: Iterable[Record], figure: Figure) -> list[Record]:
-    """The lines of clips that are done, those with the largest figure first."""
+    """The lines of converted clips, those with the largest figure first."""
     return sorted(records, key=lambda record: -_of_result(record, figure))
 
 

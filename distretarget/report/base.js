@@ -1,5 +1,5 @@
 'use strict';
-// Elements, numbers, colours, and the loop that paints.
+// Elements, numbers, colours, and the painting loop.
 
 const $ = id => document.getElementById(id);
 
@@ -45,7 +45,7 @@ function nameOf({label, symbol}) {
   return symbol ? `${label}, ${symbol}` : label;
 }
 
-// ---- colours: the style sheet has them, for both themes
+// ---- colours, which the style sheet defines for both themes
 
 const COLOURS = ['muted', 'line', 'panel', 'shadow', 'a', 'b', 'e0', 'e1', 'e2', 'e3', 'touch', 'mark', 'stance',
   'near', 'middle', 'far', 'minus', 'zero', 'plus'];

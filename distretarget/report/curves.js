@@ -16,7 +16,7 @@ function xOf(frame, width) {
   return 1 + (frameCount > 1 ? frame / (frameCount - 1) : 0.5) * (width - 2);
 }
 
-/** The curves of one figure; a value that stands alone between gaps is a dot. */
+/** Draws the curves of one figure; a single value between gaps becomes a dot. */
 function drawLines(context, width, height, columns, top) {
   const y = value => height - 2 - Math.min(value / top, 1) * (height - 8);
   columns.forEach(({values, name}) => {
@@ -40,7 +40,7 @@ function drawLines(context, width, height, columns, top) {
   context.setLineDash([]);
 }
 
-/** A function that draws a picture, and makes it anew only when its size or the colours change. */
+/** A function that draws a picture, and repeats the work only when its size or the colours change. */
 function kept(draw) {
   const store = document.createElement('canvas');
   let key = '';
@@ -106,7 +106,7 @@ function buildCurve(figure) {
       ...(known.length ? [end, '0'] : []).map(text => element('span', {}, text)))));
 }
 
-/** Pressing or dragging on an element as wide as the clip goes to the frame there. */
+/** Pressing or dragging on an element, whose width stands for the whole clip, goes to the frame at that place. */
 function dragFrames(target) {
   const go = event => {
     const box = target.getBoundingClientRect();

@@ -5,7 +5,7 @@ const clips = batch.rows.map(values => Object.fromEntries(values.map((value, k) 
 const done = clips.filter(clip => clip.done), failures = clips.filter(clip => !clip.done);
 const PAGE = 500; // rows of the table that are added at a time
 const FAILURES = 20; // most failures that are listed above the table
-const LONG = 240; // a reason with more characters is cut short until it is opened
+const LONG = 240; // characters of a reason from which only its beginning shows until it is opened
 const BARS = 24; // bars of a distribution
 const HIGH = 0.98; // share of the clips below which the last bar begins
 
@@ -33,9 +33,9 @@ const STATUSES = [
 const view = {column: SHOWN[0], down: true, passing: [], rows: 0};
 
 /**
- * The column of a figure: its name, its explanation, its value of a clip, and what that is to be compared with, each a
- * name and a value of a clip; the first of these stands in the table. A figure that is judged by how far it is off the
- * source's shows that.
+ * The column of a figure: its name, its explanation, `of` for its value of a clip, and `beside`, which has names and
+ * functions for the values to compare it with; the table shows the first of these. A figure that is judged by its
+ * difference from the source is shown as this difference.
  */
 function columnOf({key, label, symbol, explanation, judged, factor}) {
   const difference = judged === 'difference';
@@ -46,7 +46,7 @@ function columnOf({key, label, symbol, explanation, judged, factor}) {
   };
   return {
     name: nameOf({label: difference ? `${label} off` : label, symbol}),
-    explanation: difference ? `${explanation} Shown is how far it is off.` : explanation,
+    explanation: difference ? `${explanation} The number shown is the difference.` : explanation,
     of: scaled(''),
     beside: [...judged === 'ratio' ? [['source', scaled('_source')]] : [], [COPY, scaled('_copy')]],
   };
@@ -68,19 +68,19 @@ function total(values) {
   return values.reduce((sum, value) => sum + value, 0);
 }
 
-/** A time [s] in words. */
+/** A duration [s] in words. */
 function duration(seconds) {
   const minutes = Math.round(seconds / 60);
   if (seconds < 120) return `${shown(seconds)} s`;
   return minutes < 120 ? `${minutes} min` : `${Math.floor(minutes / 60).toLocaleString('en')} h ${minutes % 60} min`;
 }
 
-/** The numbers there are, in order. */
+/** The values that are not null, in ascending order. */
 function ordered(values) {
   return Float64Array.from(values.filter(value => value !== null)).sort();
 }
 
-/** The value that a share of numbers in order is below, null of none. */
+/** The quantile of ascending numbers at a share from 0 to 1; null if there are no numbers. */
 function quantile(numbers, share) {
   if (!numbers.length) return null;
   const place = share * (numbers.length - 1), low = Math.floor(place), high = Math.ceil(place);
@@ -108,7 +108,7 @@ function buildHead() {
   $('terms').append(...terms([...SHOWN.map(({name, explanation}) => [name, explanation]), ['Medians', MEDIANS]]));
 }
 
-/** Bars of how many clips have which value; those above most of the others are in the last, and its end has a plus. */
+/** A histogram over the clips; its last bar also counts the few values far above, and then its end has a plus. */
 function distribution(numbers) {
   const low = numbers[0], high = quantile(numbers, HIGH), most = numbers[numbers.length - 1];
   if (!(high > low)) return [];
@@ -145,7 +145,7 @@ function buildFigures() {
 
 // ---- failures
 
-/** Why a clip failed; a long reason is cut short until it is opened. */
+/** Why a clip failed; only the beginning of a long reason shows until it is opened. */
 function reasonOf({error}) {
   if (error.length <= LONG) return element('p', {class: 'reason'}, error);
   return element('details', {class: 'reason'}, element('summary', {}, element('span', {}, error)));
@@ -169,7 +169,7 @@ function buildFailures() {
 
 // ---- table
 
-/** The name, which goes on in the next line after a slash where there is no room. */
+/** The name of a clip, which may break into lines after slashes. */
 function nameCell(clip) {
   const parts = clip.clip.split(/(?<=[/\\])/).flatMap(part => [part, element('wbr')]);
   return element('th', {scope: 'row'}, ...clip.link === null ? parts : [element('a', {href: clip.link}, ...parts)]);
@@ -185,7 +185,7 @@ function figureCell({of, beside}, clip) {
   return element('td', {}, shown(of(clip)), ...other);
 }
 
-/** The number of warnings; a button, which shows them in a row below. */
+/** The number of warnings, on a button that shows them in a row below. */
 function warningsCell(clip) {
   if (!clip.warnings.length) return element('td', {}, '–');
   const texts = clip.warnings.map(k => element('li', {}, batch.warnings[k]));
@@ -211,7 +211,7 @@ function buildRow(clip) {
     ...figures, warningsCell(clip));
 }
 
-/** Puts the next rows under those that are there. */
+/** Adds the next rows to the table. */
 function addRows() {
   const next = view.passing.slice(view.rows, view.rows + PAGE);
   $('rows').append(...next.map(buildRow));
@@ -226,7 +226,7 @@ function addRows() {
 
 const collator = new Intl.Collator('en', {numeric: true});
 
-/** Clips in the order of the view; those without a value last in both. */
+/** Clips in the order of the view; those without a value come last in either order. */
 function sorted(some) {
   const {column, down} = view, sign = down ? -1 : 1;
   const compare = column.text ? collator.compare : (p, q) => p - q;
@@ -235,7 +235,7 @@ function sorted(some) {
   return [...there, ...keyed.filter(([value]) => value === null)].map(([, clip]) => clip);
 }
 
-/** Has the table show what the filters let through, in order, from its first row. */
+/** Shows the clips that pass the filters, in order, from the first row. */
 function refresh() {
   const words = $('filter').value.toLowerCase().split(/\s+/), target = $('target').value;
   const [, , passes] = STATUSES.find(([key]) => key === $('status').value);
@@ -252,7 +252,7 @@ function refresh() {
     clips.length ? 'No clip passes the filters.' : 'There are no clips.')));
 }
 
-/** Whether the table is as wide as there is room for: then its head stays on the screen, otherwise its first column. */
+/** Keeps the head of the table on the screen if its whole width fits, otherwise its first column. */
 function fit() {
   const whole = $('rows').offsetWidth <= $('box').clientWidth;
   $('box').classList.toggle('whole', whole);
@@ -298,7 +298,7 @@ function buildFilters() {
 
 // ---- all of it
 
-/** The loop of base.js; nothing here is painted, and the style sheet follows the theme by itself. */
+/** What the painting loop of base.js calls; this page paints nothing. */
 function tick() {
   waiting = false;
 }

@@ -52,7 +52,7 @@ function buildLegend() {
   );
 }
 
-// ---- pointers: one turns or moves, two zoom and move
+// ---- pointers: one pointer turns or moves the view, two zoom and move it
 
 function watchPointers(canvas) {
   const down = new Map();

@@ -1,4 +1,4 @@
-"""The page of a run: the result and the rotation copy against the source."""
+"""The page of a run: result and rotation copy measured against the source."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from distretarget.run_summary import Figures
 
 
 def run_page(figures: Figures, about: About) -> str:
-    """The HTML of the report on a run, with A its source and B its result; `about` says nothing of the copy."""
+    """The HTML of the report on a run: A is its source, B its result; the rotation copy is added to `about`."""
     run, up = figures.run, figures.run.world.up_vector
     notes = turned_note(run.world)
     diff = Diff(run.source, run.motion, run.matching, up, run.written_stress, figures.result, notes)

@@ -1,4 +1,4 @@
-// What is written: head, figures, worst frames, contacts, worst pairs, explanations.
+// The texts and tables: head, figures, worst frames, contacts, worst pairs, explanations.
 
 const D_MEANS = 'Distance of two joints divided by the length of the bones between them: 0 where they coincide, 1 '
   + 'where the path between them is straight.';
@@ -8,7 +8,7 @@ const TOUCHING = `Two joints touch where D is below ${scene.near} and at least $
 const PAIRS_SHOWN = 15;
 const WORST_SHOWN = 2; // frames by each figure
 
-/** Whether a figure is within a limit, in words and by a mark. */
+/** A line that says, in words and by a mark, whether a figure is within its limit. */
 function limitLine({limit, value, over}, factor) {
   const most = String(Number((limit * factor).toPrecision(6)));
   if (value === null) return element('p', {class: 'limit'}, `limit ${most}`);
@@ -81,7 +81,7 @@ function worstFrames({key, least}) {
   return found;
 }
 
-/** One picture for each worst frame, with what is worst in it. */
+/** Adds one picture for each worst frame, with the figures that are worst there. */
 function buildWorst() {
   const found = new Map();
   for (const figure of figuresAt('worst frames')) {
@@ -145,7 +145,7 @@ function buildContacts() {
   }
   const swatch = name => element('i', {class: `swatch bar-${name}`});
   const legend = element('p', {class: 'note'}, swatch('a'), 'in A ', swatch('b'), 'in B; ',
-    term('touching', TOUCHING), scene.contacts.length === 24 ? ': the 24 pairs that do so longest' : '');
+    term('touching', TOUCHING), scene.contacts.length === 24 ? ': the 24 pairs that touch longest' : '');
   $('contacts').append(line);
   $('contacts').before(legend);
   painted($('contacts'), () => {
