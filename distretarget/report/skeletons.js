@@ -154,7 +154,7 @@ function hips(motion) {
   return [motion.x[3 * joint], room.height * 0.43, motion.x[3 * joint + 2]];
 }
 
-/** The point that the view is centred on: the hips, or, if it does not follow, their place in the middle of the clip. */
+/** The centre of the view: the hips, or, if it does not follow them, their place in the middle of the clip. */
 function centreOf(motion, frame) {
   if (!state.follow && !motion.middle) {
     place(motion, frameCount >> 1);

@@ -3,8 +3,8 @@
 const D_MEANS = 'Distance of two joints divided by the length of the bones between them: 0 where they coincide, 1 '
   + 'where the path between them is straight.';
 const COPY_MEANS = 'The rotation copy: what comes of giving the joints of B the rotations of A, and nothing else.';
-const TOUCHING = `Two joints touch where D is below ${scene.near} and at least ${scene.far_along} joints lie on the path `
-  + 'between them.';
+const TOUCHING = `Two joints touch where D is below ${scene.near} and at least ${scene.far_along} joints lie on the `
+  + 'path between them.';
 const PAIRS_SHOWN = 15;
 const WORST_SHOWN = 2; // frames by each figure
 
