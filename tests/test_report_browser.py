@@ -186,8 +186,8 @@ def test_it_plays_and_stops(opened):
 def test_the_speed_is_that_of_the_clip_times_the_choice(opened):
     tab = opened()
     tab.select_option("#speed", "4")
-    reached = tab.evaluate("(setPlaying(true), tick(before + 250), setPlaying(false), state.frame)")
-    assert reached == pytest.approx(4 * 60 / 4, abs=1)
+    shown = tab.evaluate("(setPlaying(true), tick(before + 250), setPlaying(false), state.frame)")
+    assert shown == pytest.approx(4 * 60 / 4, abs=1)
 
 
 def test_it_starts_again_after_the_last_frame(opened, reports):

@@ -1,7 +1,7 @@
 """Measure a motion against the motion it was made from, by code that shares nothing with the solvers.
 
-A pair is two joints or End Sites that both bodies have, at different places on at least one of them; D is their distance
-divided by the length of the bone path between them, |P| the number of joints on that path.
+A pair is two joints or End Sites that both bodies have, at different places on at least one of them; D is their
+distance divided by the length of the bone path between them, |P| the number of joints on that path.
 """
 
 from __future__ import annotations
