@@ -25,7 +25,7 @@ from edits import ARMS_AND_LEGS, edited
 from distretarget import DistretargetError, Motion, read_bvh
 from distretarget.io.skeleton_json import skeleton_to_json
 
-STRESSES = ("stress_rotation_copy", "stress_written")
+STRESSES = ("stress_copy", "stress")
 VERDICTS = ("ok", "refused", "FAILED")
 
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from quality import insert
 
 from distretarget import Motion, read_bvh, retarget
+from distretarget.measure.figures import BY_KEY
 from distretarget.measure.metrics import compare
 
 HEAD = (
@@ -30,17 +31,15 @@ HEAD = (
 def measure(folder: Path, clip: str) -> str:
     """The row of one clip."""
     source, reference = read_bvh(folder / "cmu_mb" / clip), read_bvh(folder / "cmu_daz" / clip)
-    result = retarget(source, reference.skeleton)
-    copied, made, written = (
-        compare(result.source, motion, result.matching, result.world.up_vector).means()
-        for motion in (result.copy, reference, result.motion)
-    )
-    apart = [directions(reference, motion, result.drivers).mean() for motion in (result.copy, result.motion)]
-    return (
-        f"| {clip} | {len(source)} | {apart[0]:.1f} | {apart[1]:.1f} "
-        f"| {copied['contact_error']:.4f} / {made['contact_error']:.4f} / {written['contact_error']:.4f} "
-        f"| {written['source_slide']:.3f} / {made['slide']:.3f} / {written['slide']:.3f} |"
-    )
+    run = retarget(source, reference.skeleton)
+    compared = [
+        compare(run.source, motion, run.matching, run.world.up_vector) for motion in (run.copy, reference, run.motion)
+    ]
+    contact = " / ".join(f"{BY_KEY['contact_error'].of_clip(one.tracks) or 0.0:.4f}" for one in compared)
+    tracks = compared[2].source_tracks, compared[1].tracks, compared[2].tracks
+    slide = " / ".join(f"{BY_KEY['slide'].of_clip(one) or 0.0:.3f}" for one in tracks)
+    apart = [directions(reference, motion, run.drivers).mean() for motion in (run.copy, run.motion)]
+    return f"| {clip} | {len(source)} | {apart[0]:.1f} | {apart[1]:.1f} | {contact} | {slide} |"
 
 
 def directions(a: Motion, b: Motion, drivers: NDArray[np.intp]) -> NDArray[np.float64]:

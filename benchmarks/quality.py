@@ -22,6 +22,7 @@ from edits import TARGETS, edited, part_of
 from numpy.typing import NDArray
 
 from distretarget import Motion, RetargetResult, read_bvh, retarget
+from distretarget.measure.figures import clip_figures
 from distretarget.measure.metrics import compare
 
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"
@@ -97,7 +98,11 @@ def _figures(run: RetargetResult, result: Motion) -> dict[str, float]:
     """The figures of one of the motions of a run against its source."""
     source, drivers = run.source, run.drivers
     comparison = compare(source, result, run.matching, run.world.up_vector)
-    figures = comparison.means()
+    values = {
+        **clip_figures(comparison.tracks),
+        **{f"{key}_source": value for key, value in clip_figures(comparison.source_tracks).items()},
+    }
+    figures = {key: value or 0.0 for key, value in values.items()}
     figures["contacts"] = float(comparison.contacts.sum())
     figures["turn"] *= 1.0 / (60.0 * source.frame_time)
     wrists = [j for j, name in enumerate(result.skeleton.names) if part_of(name) == "forearm"]
@@ -207,12 +212,12 @@ class Summary:
             _one(self.all("direction_error", still).mean()),
         )
         yield "bone error, largest", f"{self.all('bone_error').max():.1e}"
-        slide, source = self.all("slide").mean(), self.all("source_slide").mean()
+        slide, source = self.all("slide").mean(), self.all("slide_source").mean()
         yield (
             "slide in stance, leg lengths/s (source's)",
             f"{slide:.4f} ({source:.4f}), ratio {slide / source:.3f}",
         )
-        off = np.abs(self.all("foot_height") - self.all("source_foot_height"))
+        off = np.abs(self.all("foot_height") - self.all("foot_height_source"))
         yield "foot height in stance off the source's, % of leg, mean / largest", _two(off)
         jerk = self.all("jerk") / self.all("jerk", self.copies)
         captured = np.array([row.captured for row in self.rows])

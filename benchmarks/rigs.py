@@ -26,6 +26,7 @@ from scipy.spatial.transform import Rotation
 from distretarget import Motion, RetargetResult, Skeleton, read_bvh, retarget
 from distretarget.body.axes import axis_vector, nearest_axis
 from distretarget.body.legs import Leg, Legs, leg_length, tree_legs
+from distretarget.measure.figures import clip_figures
 from distretarget.measure.metrics import compare
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -115,7 +116,7 @@ def measured(result: RetargetResult) -> dict[str, float]:
     driving, legs = paired_legs(result)
     up = target_up(result)
     check_upright(turned, driving, up)
-    means = compare(turned, motion, result.matching, up).means()
+    values = clip_figures(compare(turned, motion, result.matching, up).tracks)
     head = head_of(motion.skeleton)
     if result.drivers[head] < 0:
         raise CheckError("the head has no driver")
@@ -124,8 +125,8 @@ def measured(result: RetargetResult) -> dict[str, float]:
         "upright": mean_angle(source_trunk, target_trunk),
         "floor": floor_error(result, legs, driving, up),
         "facing": mean_angle(facing(motion, legs, up), facing(turned, driving, up)),
-        "direction": means["direction_error"],
-        "contact": means["contact_error"],
+        "direction": values["direction_error"] or 0.0,
+        "contact": values["contact_error"] or 0.0,
     }
 
 

@@ -14,26 +14,18 @@ from bodies import SAMPLES, clapping, lengthened, person, posed, swaying, with_b
 
 from distretarget import read_bvh, retarget
 from distretarget.measure.diff import Diff, diff
+from distretarget.measure.figures import BY_KEY, FIGURES, Track
 from distretarget.measure.metrics import compare
-from distretarget.report.document import PAIRS, STILL, About, csv_text, document, json_text
+from distretarget.report.document import PAIRS, About, csv_text, document, json_text
 
 PERSON = person()
 ABOUT = About("a.bvh", "b.bvh", "distretarget diff a.bvh b.bvh", "1.2.3")
-ERRORS = ("stress", "distance_error", "contact_error", "direction_error", "direction_error_p99", "bone_error", "turn")
+ERRORS = [figure.key for figure in FIGURES if figure.judged == "value"]
+OF_SOURCE = [figure.key for figure in FIGURES if figure.of_source]
 COLUMNS = [
-    "frame",
-    "time",
-    "stress",
-    "distance_error",
-    "contact_error",
-    "contacts",
-    "direction_error",
-    "bone_error",
-    "slide_a",
-    "slide_b",
-    "stance",
-    "jerk_a",
-    "jerk_b",
+    *("frame", "time", "contacts", "stance"),
+    *("contact_error", "direction_error", "slide_source", "slide", "foot_height_source", "foot_height", "stress"),
+    *("distance_error", "jerk_source", "jerk", "turn", "bone_error"),
 ]
 
 
@@ -111,16 +103,17 @@ def test_csv_has_the_numbers_of_the_frames(name):
     ("place", "value"),
     [
         (("version",), 2),
-        (("summary", "stress"), None),
-        (("summary", "stress"), "0"),
-        (("summary", "contact_error"), -1.0),
-        (("summary", "more"), 1.0),
+        (("figures", "result", "stress"), None),
+        (("figures", "result", "stress"), "0"),
+        (("figures", "result", "contact_error"), -1.0),
+        (("figures", "result", "more"), 1.0),
         (("limits",), {}),
         (("limits",), [{"figure": "beauty", "limit": 1, "value": None, "over": False}]),
         (("frames",), []),
         (("frames", 0, "frame"), 0.5),
         (("pairs", 0, "joints_a"), ["one"]),
-        (("rotation_copy",), {}),
+        (("figures", "rotation_copy"), {}),
+        (("figures", "source", "stress"), 0.0),
         (("worst", "stress"), "first"),
         (("notes",), "none"),
         (("frame_time",), 0),
@@ -135,41 +128,43 @@ def test_the_schema_refuses_what_is_no_document(place, value):
     assert not validator().is_valid(broken)
 
 
-@pytest.mark.parametrize("key", ["a", "summary", "limits", "rotation_copy", "frames", "pairs"])
+@pytest.mark.parametrize("key", ["a", "figures", "limits", "worst", "frames", "pairs"])
 def test_the_schema_wants_everything(key):
     assert not validator().is_valid({name: value for name, value in made("clap").items() if name != key})
 
 
 @pytest.mark.parametrize("sample", ["clap", "walk", "squat"])
-def test_a_motion_against_itself_is_all_zeros(sample):
+def test_a_motion_against_itself_has_no_errors(sample):
     motion = read_bvh(SAMPLES / f"{sample}.bvh")
     found = document(diff(motion, motion), ABOUT)
-    summary = found["summary"]
-    assert {name: summary[name] for name in ERRORS} == dict.fromkeys(ERRORS, 0)
-    assert summary["jerk"] == 1
-    assert summary["slide"] == (1 if summary["slide_a"] > STILL else None)
-    for name in ("slide", "foot_height", "jerk"):
-        assert summary[f"{name}_a"] == summary[f"{name}_b"]
-    for name in ("stress", "distance_error", "contact_error", "direction_error", "bone_error"):
-        assert set(column(name, found)) <= {0, None}
-    for name in ("slide", "jerk"):
-        assert column(f"{name}_a", found) == column(f"{name}_b", found)
+    source, result = found["figures"]["source"], found["figures"]["result"]
+    assert {key: result[key] for key in ERRORS} == dict.fromkeys(ERRORS, 0)
+    assert source == {key: result[key] for key in OF_SOURCE}
+    assert result.keys() == {*ERRORS, *OF_SOURCE}
+    for key in ERRORS:
+        if BY_KEY[key].of_frames:
+            assert set(column(key, found)) <= {0, None}
+    for key in OF_SOURCE:
+        assert column(f"{key}_source", found) == column(key, found)
     assert {pair["error"] for pair in found["pairs"]} == {0}
 
 
-def test_the_summary_is_that_of_the_frames():
+def test_the_figures_of_the_clip_are_those_of_the_frames():
     found = made("clap")
-    summary, mean = (
-        found["summary"],
-        lambda name: np.mean([value for value in column(name, found) if value is not None]),
-    )
-    for name in ("stress", "distance_error", "direction_error", "jerk_a", "jerk_b"):
-        assert summary[name] == pytest.approx(mean(name))
+    source, result = found["figures"]["source"], found["figures"]["result"]
+
+    def mean(key):
+        return pytest.approx(np.mean([value for value in column(key, found) if value is not None]))
+
+    for key in ("stress", "distance_error", "direction_error", "jerk"):
+        assert result[key] == mean(key)
+    assert source["jerk"] == mean("jerk_source")
     contacts = column("contacts", found)
     pooled = sum(error * count for error, count in zip(column("contact_error", found), contacts, strict=True) if count)
-    assert summary["contact_error"] == pytest.approx(pooled / sum(contacts))
-    assert summary["contact_frames"] == np.count_nonzero(contacts) > 0
-    assert summary["bone_error"] == max(column("bone_error", found))
+    assert result["contact_error"] == pytest.approx(pooled / sum(contacts))
+    assert found["contact_frames"] == np.count_nonzero(contacts) > 0
+    for key in ("bone_error", "turn"):
+        assert result[key] == max(value for value in column(key, found) if value is not None)
 
 
 def test_the_worst_frames_have_the_largest_figures():
@@ -179,51 +174,50 @@ def test_the_worst_frames_have_the_largest_figures():
 
 
 def test_limits_say_what_is_over():
-    keys = ("stress", "distance_error", "contact_error", "direction_error", "bone_error", "turn")
-    names = {key.removesuffix("_error"): key for key in keys}
-    limits = [(name, limit) for name in (*names, "slide", "foot", "jerk") for limit in (0.0, 1e9)]
+    limits = [(key, limit) for key in BY_KEY for limit in (0.0, 1e9)]
     found = document(diff(*CLIPS["slide"]()), replace(ABOUT, limits=tuple(limits)))
     validator().validate(found)
     assert [(one["figure"], one["limit"]) for one in found["limits"]] == limits
     values = {one["figure"]: one["value"] for one in found["limits"]}
-    summary = found["summary"]
-    assert {name: values[name] for name in names} == {name: summary[key] for name, key in names.items()}
-    assert values["contact"] is None
-    assert (values["slide"], values["jerk"]) == (summary["slide"], summary["jerk"])
-    assert values["foot"] == pytest.approx(abs(summary["foot_height_b"] - summary["foot_height_a"]))
+    source, result = found["figures"]["source"], found["figures"]["result"]
+    assert {key: values[key] for key in ERRORS} == {key: result[key] for key in ERRORS}
+    assert values["contact_error"] is None
+    assert values["slide"] == pytest.approx(2.5)
+    assert values["jerk"] == pytest.approx(result["jerk"] / source["jerk"])
+    assert values["foot_height"] == pytest.approx(abs(result["foot_height"] - source["foot_height"]))
     over = {(one["figure"], one["limit"]) for one in found["limits"] if one["over"]}
-    assert over == {(name, 0.0) for name, value in values.items() if value}
+    assert over == {(key, 0.0) for key, value in values.items() if value}
     assert made("slide")["limits"] == []
 
 
 def test_what_is_not_there_is_null():
     found = made("sway")
-    assert (found["summary"]["contact_error"] is None) == (found["summary"]["contact_frames"] == 0)
+    assert (found["figures"]["result"]["contact_error"] is None) == (found["contact_frames"] == 0)
     slow = made("slide")
-    assert slow["summary"]["contact_error"] is slow["worst"]["contact_error"] is None
+    assert slow["figures"]["result"]["contact_error"] is slow["worst"]["contact_error"] is None
     assert set(column("contact_error", slow)) == {None}
     assert set(column("stance", slow)) == {4}
-    assert slow["summary"]["slide"] == pytest.approx(2.5)
-    assert made("still against moving")["summary"]["slide_a"] == 0
-    assert made("samples")["summary"]["slide_a"] > STILL
-    assert made("still against moving")["summary"]["slide"] is None
+    assert slow["figures"]["rotation_copy"] is None
+    assert made("still against moving")["figures"]["source"]["slide"] == 0
 
 
 def test_without_stance_there_is_no_slide():
     falling = posed(PERSON, {}, np.outer(np.arange(20), [0, -1.0, 0]))
     found = document(diff(falling, falling), ABOUT)
-    assert set(column("slide_a", found)) == set(column("slide_b", found)) == {None}
-    assert {found["summary"][key] for key in ("slide_a", "slide_b", "slide", "foot_height_a")} == {None}
-    assert found["worst"]["slide_b"] is None
+    for key in ("slide", "foot_height"):
+        assert set(column(f"{key}_source", found)) == set(column(key, found)) == {None}
+        assert found["figures"]["source"][key] is found["figures"]["result"][key] is None
+    assert found["worst"]["slide"] is None
 
 
-def test_jerk_needs_four_frames():
+def test_jerk_needs_four_frames_and_turn_two():
     for name in ("one frame", "three frames"):
         found = made(name)
-        assert {found["summary"][key] for key in ("jerk_a", "jerk_b", "jerk")} == {None}
-        assert set(column("jerk_a", found)) == {None}
-    assert made("one frame")["summary"]["turn"] is None
-    assert [value is None for value in column("jerk_b", made("sway"))] == [False] * 17 + [True] * 3
+        assert found["figures"]["source"]["jerk"] is found["figures"]["result"]["jerk"] is None
+        assert set(column("jerk_source", found)) == {None}
+    assert made("one frame")["figures"]["result"]["turn"] is None
+    assert [value is None for value in column("jerk", made("sway"))] == [False] * 17 + [True] * 3
+    assert [value is None for value in column("turn", made("sway"))] == [False] * 19 + [True]
 
 
 def test_names_notes_and_leftover_joints():
@@ -245,16 +239,17 @@ def test_pairs_have_the_names_of_both_bodies():
     assert errors == sorted(errors, reverse=True)
 
 
-def test_the_rotation_copy_is_the_third_figure():
+def test_the_rotation_copy_stands_beside_the_result():
     run = retarget(first(CLIPS["clap"]()[0], 12), lengthened(PERSON, {"Elbow": 1.3}))
     up = run.world.up_vector
-    reached, copied = (compare(run.source, motion, run.matching, up) for motion in (run.motion, run.copy))
-    result = Diff(run.source, run.motion, run.matching, up, run.written_stress, reached, ())
-    found = document(result, replace(ABOUT, copy=copied, copy_stress=run.copy_stress))
+    baseline, result = (compare(run.source, motion, run.matching, up) for motion in (run.copy, run.motion))
+    copy = {**baseline.tracks, "stress": Track(run.copy_stress)}
+    of_run = Diff(run.source, run.motion, run.matching, up, run.written_stress, result, ())
+    found = document(of_run, replace(ABOUT, rotation_copy=copy))
     validator().validate(found)
-    assert found["rotation_copy"].keys() == found["summary"].keys()
-    assert found["rotation_copy"]["contact_error"] > found["summary"]["contact_error"]
-    assert found["rotation_copy"]["jerk_a"] == found["summary"]["jerk_a"]
-    again = document(diff(run.source, run.motion), ABOUT)
+    figures = found["figures"]
+    assert figures["rotation_copy"].keys() == figures["result"].keys()
+    assert figures["rotation_copy"]["contact_error"] > figures["result"]["contact_error"]
+    again = document(diff(run.source, run.motion), ABOUT)["figures"]
     assert again["rotation_copy"] is None
-    assert again["summary"]["contact_error"] == pytest.approx(found["summary"]["contact_error"])
+    assert again["result"]["contact_error"] == pytest.approx(figures["result"]["contact_error"])

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 import distretarget.report
-from distretarget.report.index import FIELDS, FIGURES, index_page
+from distretarget.measure.figures import BY_KEY, FIGURES
+from distretarget.report.index import COLUMNS, FIELDS, index_page
 
 FOLDER = Path(distretarget.report.__file__).parent
 TEMPLATE, STYLE, BASE, SCRIPT = (
@@ -18,11 +19,14 @@ TEMPLATE, STYLE, BASE, SCRIPT = (
 )
 IDS = re.findall(r'\bid="([\w-]+)"', TEMPLATE)
 NASTY = "</script><!--<b>&amp; \"q' ü \u2028\u2029 \ud800 {{batch}}"
-NAMES = sorted({name for _, name in FIGURES.values()})
+
+
+MADE = ("rotation_copy", "result")  # the motions that have all figures
 
 
 def figures(value=0.123456789):
-    return {whose: dict.fromkeys(NAMES, value) for whose in ("rotation_copy", "result")}
+    source = [figure.key for figure in FIGURES if figure.of_source]
+    return {"source": dict.fromkeys(source, value), **{side: dict.fromkeys(BY_KEY, value) for side in MADE}}
 
 
 def record(name="a.bvh", **others):
@@ -104,7 +108,7 @@ def test_a_failed_clip_has_a_reason_and_no_numbers():
     (row,) = rows_of(failed(error="there is nothing to retarget"))
     assert row["done"] == 0
     assert row["error"] == "there is nothing to retarget"
-    assert all(row[name] is None for name in ("frames", "seconds", *FIGURES))
+    assert all(row[name] is None for name in ("frames", "seconds", *COLUMNS))
 
 
 @pytest.mark.parametrize(
@@ -123,11 +127,12 @@ def test_a_reason_leaves_out_what_stands_beside_it(error, reason):
 
 
 def test_figures_that_are_missing_or_no_numbers_are_none():
-    values = {"result": {**figures()["result"], "jerk": float("nan"), "turn": None}, "rotation_copy": None}
+    values = {**figures(), "rotation_copy": None}
+    values["result"] |= {"jerk": float("nan"), "turn": None}
     (row,) = rows_of(record(figures=values))
-    missing = {"jerk", "turn", *(name for name, (whose, _) in FIGURES.items() if whose == "rotation_copy")}
-    assert {name for name in FIGURES if row[name] is None} == missing
-    assert row["contact"] == 0.123457
+    missing = {"jerk", "turn", *(name for name, (side, _) in COLUMNS.items() if side == "rotation_copy")}
+    assert {name for name in COLUMNS if row[name] is None} == missing
+    assert row["contact_error"] == 0.123457
 
 
 def test_names_leave_out_the_folder_they_share():

@@ -159,7 +159,7 @@ def test_no_contacts():
     motion = posed(PERSON, spread, np.tile([0.0, 0.9, 0.0], (5, 1)))
     drawn = scene(diff(motion, motion), 5)
     assert drawn["contacts"] == []
-    assert document(diff(motion, motion), about())["summary"]["contact_error"] is None
+    assert document(diff(motion, motion), about())["figures"]["result"]["contact_error"] is None
 
 
 def test_the_scale_of_differences_is_of_pairs_with_a_length_in_both():

@@ -23,5 +23,5 @@ def warm(objective: Objective) -> None:
     bent = np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, np.sin(0.6), np.cos(0.6)]])
     motion = Motion(body, np.tile(offsets, (2, 1, 1)), np.tile(bent[:, None], (1, BONES, 1)), "0.01")
     source = parse_bvh(format_bvh(motion), "joints")
-    run = Figures(retarget(source, body.with_offsets(1.5 * offsets), objective=objective))
-    format_bvh(run.result.motion)
+    figures = Figures(retarget(source, body.with_offsets(1.5 * offsets), objective=objective))
+    format_bvh(figures.run.motion)

@@ -1,4 +1,4 @@
-"""The pages of a batch: one over all clips, and reports on some or all of them beside it."""
+"""The pages of a batch: one over all clips, and beside it reports on some or all of them."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from distretarget.batch.summary import worst
 from distretarget.batch.task import Outcome
 from distretarget.errors import FileError
 from distretarget.io.files import check_writable, is_folder, reason_of, write_whole
+from distretarget.measure.figures import FIGURES
 from distretarget.report import About
 from distretarget.report.index import index_page
 
-FOLDER = "_reports"  # after the name of the page over all clips: what reports on clips are in, beside it
+FOLDER = "_reports"  # the folder of the reports on clips is named as the page over all clips, and this
 MARK = '<meta name="generator" content="distretarget">'
 OF = '<meta name="output" content="{}">'  # the hash of the output that a report is on
-HEAD = 4096  # characters of a page in which it says what made it
-RANKED = "contact_error"  # by which clips are worst
+HEAD = 4096  # characters at the beginning of a page, in which MARK and OF are looked for
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,9 @@ class Pages:
     Attributes:
         index: the page over all clips.
         most: how many clips get a report, the worst first; None for all.
-        overwrite: whether files that are no such pages are replaced.
-        about: what the report on a clip says of it.
-        problems: why reports could not be written, by their paths.
+        overwrite: whether to replace files that this program did not write.
+        about: the file names and the command line that the report on a clip shows.
+        problems: why a report could not be written, by its path.
     """
 
     index: Path
@@ -43,9 +43,9 @@ class Pages:
     problems: dict[Path, FileError] = field(default_factory=dict)
 
     def check(self) -> None:
-        """Find out, before any work, whether the page over all clips may be written.
+        """Check, before any work, that the page over all clips can be written.
 
-        Raises: FileError: something else is there, or its folder cannot be written to.
+        Raises: FileError: another file is in its place, or its folder cannot be written to.
         """
         try:
             if self.index.exists():
@@ -58,11 +58,11 @@ class Pages:
             raise FileError(self.index, f"nothing can be written to {str(above)!r}")
 
     def path(self, work: Work) -> Path:
-        """Where the report on a clip goes."""
+        """The path of the report on a clip."""
         return self.index.parent / f"{self.index.stem}{FOLDER}" / work.place.with_suffix(".html")
 
     def add(self, work: Work, outcome: Outcome) -> None:
-        """Write the report on a clip, or note why it cannot be."""
+        """Write the report on a clip, or remember why that failed."""
         html = outcome.report.replace(MARK, MARK + OF.format(outcome.bvh_hash), 1)
         try:
             self._write(self.path(work), html)
@@ -70,9 +70,9 @@ class Pages:
             self.problems[self.path(work)] = error
 
     def finish(self, run: Run, works: Sequence[Work], records: Iterable[Record]) -> None:
-        """Make the reports that are wanted and not there, and write the page over all clips.
+        """Make the reports that are missing, and write the page over all clips.
 
-        `records` has the last line of the manifest for each clip.
+        `records` are the last lines of the manifest for each clip.
         """
         lines = {record["output"]: record for record in records}
         for work, outcome in reports(self._missing(works, lines), run.recipe, self.about, run.pool):
@@ -82,21 +82,21 @@ class Pages:
         self._write(self.index, index_page(list(lines.values()), links, title, run.recipe.version))
 
     def _missing(self, works: Sequence[Work], lines: dict[str, Record]) -> Iterator[Work]:
-        """The clips whose reports are to be made."""
+        """The clips that should have a report and have none."""
         done = [record for record in lines.values() if record["status"] == "done"]
-        chosen = {record["output"] for record in worst(done, RANKED)[: self.most]}
+        chosen = {record["output"] for record in worst(done, FIGURES[0])[: self.most]}
         for work in works:
             tried = self.path(work) in self.problems
             if work.place.as_posix() in chosen and not tried and not self._is_there(work, lines):
                 yield work
 
     def _is_there(self, work: Work, lines: Mapping[str, Record]) -> bool:
-        """Whether there is a report on the output that a clip has now."""
+        """Whether there is a report on the output that a clip has now, rather than on an earlier one."""
         record = lines.get(work.place.as_posix())
         try:
             return record is not None and OF.format(record["output_hash"]) in _head(self.path(work))
         except OSError:
-            return False  # writing it will tell
+            return False  # if the file cannot be read, writing it will fail with the reason
 
     def _link(self, work: Work) -> str:
         return Path(os.path.relpath(self.path(work), self.index.parent)).as_posix()
@@ -110,12 +110,12 @@ class Pages:
         write_whole(path, html, replaceable)
 
     def _replaceable(self, path: Path) -> bool:
-        """Whether what is there is such a page, or anything may be replaced."""
+        """Whether the file there may be replaced: it is a page of this program, or `overwrite` is set."""
         return self.overwrite or MARK in _head(path)
 
 
 def _head(path: Path) -> str:
-    """The beginning of a page; nothing where there is no file."""
+    """The beginning of a page; empty if there is no file."""
     if not path.is_file():
         return ""
     with path.open(encoding="utf-8", errors="replace") as file:

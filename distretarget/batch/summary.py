@@ -1,4 +1,4 @@
-"""What a batch came to, in lines."""
+"""The summary of a batch, in lines."""
 
 from __future__ import annotations
 
@@ -6,37 +6,39 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from distretarget.batch.manifest import Record
+from distretarget.measure.figures import Figure, figures_at
 
-FAILURES = 20  # that are listed, at most
-WORST = 3  # clips by each figure
-FIGURES = ("contact_error", "direction_error", "stress")  # by which clips are worst
-LEAST = 1e-6  # figures below are not bad in any clip
+FAILURES = 20  # most failures that are listed
+WORST = 3  # most clips that are listed as the worst by a figure
+LEAST = 1e-6  # a clip with a figure up to this is not listed among the worst
 
 
 @dataclass
 class Tally:
-    """What became of the clips of a run.
+    """Counts the clips of a run by outcome, and remembers the worst and the failures.
 
     Attributes:
-        done, skipped, failed: how many were converted, had nothing to do, and failed.
-        frames: how many were converted.
+        done: clips converted.
+        skipped: clips that were converted by an earlier run.
+        failed: clips that could not be converted.
+        frames: frames converted.
     """
 
     done: int = 0
     skipped: int = 0
     failed: int = 0
     frames: int = 0
-    _worst: dict[str, list[Record]] = field(default_factory=dict)
+    _worst: dict[Figure, list[Record]] = field(default_factory=dict)
     _failures: list[str] = field(default_factory=list)
 
     def add(self, record: Record | None) -> None:
-        """Count a clip, by its line of the manifest; None where there was nothing to do."""
+        """Count a clip by its line of the manifest; None stands for a clip that an earlier run converted."""
         if record is None:
             self.skipped += 1
         elif record["status"] == "done":
             self.done += 1
             self.frames += record["frames"]
-            for figure in FIGURES:
+            for figure in figures_at("worst clips"):
                 self._worst[figure] = worst([*self._worst.get(figure, ()), record], figure)[:WORST]
         else:
             self.failed += 1
@@ -44,7 +46,7 @@ class Tally:
                 self._failures.append(_failure(record))
 
     def lines(self, clips: int, seconds: float, workers: int) -> Iterator[str]:
-        """The summary of a run over so many clips."""
+        """The summary of a run over `clips` clips, which took `seconds` with `workers` processes."""
         counts = [f"{self.done} converted", f"{self.skipped} done before", f"{self.failed} failed"]
         if left := clips - self.done - self.skipped - self.failed:
             counts.append(f"{left} left")
@@ -53,17 +55,22 @@ class Tally:
             jobs = f"{workers} {'job' if workers == 1 else 'jobs'}"
             yield f"{self.frames:,} frames in {seconds:.1f} s, {self.frames / seconds:,.0f} frames/s with {jobs}"
         for figure, records in self._worst.items():
-            if bad := [_value(record, figure) for record in records if record["figures"]["result"][figure] > LEAST]:
-                yield f"worst {figure.replace('_', ' ')}: {', '.join(bad)}"
+            if bad := [_value(record, figure) for record in records if _of_result(record, figure) > LEAST]:
+                yield f"worst {figure.label}: {', '.join(bad)}"
         if self.failed:
             yield from ("failed:", *(f"  {failure}" for failure in self._failures))
         if self.failed > FAILURES:
             yield f"  and {self.failed - FAILURES} more; the manifest has them all"
 
 
-def worst(records: Iterable[Record], figure: str) -> list[Record]:
-    """The lines of clips that are done, those with the largest figure first."""
-    return sorted(records, key=lambda record: -record["figures"]["result"][figure])
+def worst(records: Iterable[Record], figure: Figure) -> list[Record]:
+    """The lines of converted clips, those with the largest figure first."""
+    return sorted(records, key=lambda record: -_of_result(record, figure))
+
+
+def _of_result(record: Record, figure: Figure) -> float:
+    """The figure of the result, 0 where nothing was to be measured."""
+    return record["figures"]["result"][figure.key] or 0.0
 
 
 def _failure(record: Record) -> str:
@@ -71,6 +78,6 @@ def _failure(record: Record) -> str:
     return str(error if error.startswith(clip) else f"{clip}: {error}")
 
 
-def _value(record: Record, figure: str) -> str:
-    value, copy = (record["figures"][name][figure] for name in ("result", "rotation_copy"))
+def _value(record: Record, figure: Figure) -> str:
+    value, copy = (record["figures"][side][figure.key] for side in ("result", "rotation_copy"))
     return f"{record['output']} ({value:.3g}, rotation copy {copy:.3g})"

@@ -14,6 +14,7 @@ from distretarget.errors import DistretargetError
 from distretarget.io.bvh import bvh_parts, parse_bvh
 from distretarget.io.files import text_hash
 from distretarget.io.map_json import MapFile
+from distretarget.measure.figures import Side
 from distretarget.report import About, run_page
 from distretarget.run_summary import Figures
 from distretarget.solve.chunks import Mapper
@@ -40,7 +41,7 @@ class Outcome:
         error: why it failed, a line; empty if it did not.
         bvh: the text of the output.
         frames: of it.
-        figures: of rotation copy and result.
+        figures: of source, rotation copy and result.
         warnings: a line each.
         report: HTML; empty if none was wanted.
     """
@@ -50,7 +51,7 @@ class Outcome:
     error: str = ""
     bvh: str = ""
     frames: int = 0
-    figures: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    figures: Mapping[Side, Mapping[str, float | None]] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     report: str = ""
 
@@ -85,7 +86,8 @@ def _converted(task: Task, mapper: Mapper) -> Outcome:
     motion = parse_bvh(task.source.text, path)
     result = retarget_onto(task.target, motion, path, task.map, task.options, mapper=mapper)
     parts = bvh_parts(result.motion, mapper)  # made while the figures are, where there are others to do it
-    run = Figures(result)
-    report = run_page(run, task.about) if task.about else ""
-    warnings = (*run.unmatched(), *run.warnings())
-    return Outcome(version("distretarget"), 0.0, "", "".join(parts), len(result.motion), run.means(), warnings, report)
+    figures = Figures(result)
+    report = run_page(figures, task.about) if task.about else ""
+    warnings = (*figures.unmatched(), *figures.warnings())
+    bvh, frames, of_clip = "".join(parts), len(result.motion), figures.of_clip()
+    return Outcome(version("distretarget"), 0.0, "", bvh, frames, of_clip, warnings, report)

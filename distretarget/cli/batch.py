@@ -31,6 +31,7 @@ from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import hash_of, hash_of_file, is_folder, read_bytes
 from distretarget.io.map_json import load_map
 from distretarget.io.skeleton_json import parse_target
+from distretarget.measure.figures import FIGURES
 
 INTERRUPTED = 130
 
@@ -86,7 +87,7 @@ INTERRUPTED = 130
     default="worst:10",
     show_default=True,
     metavar="WHICH",
-    help="The clips that get a report, with --report: worst:N by contact error, all or none.",
+    help=f"The clips that get a report, with --report: worst:N by {FIGURES[0].label}, all or none.",
 )
 @click.option("--dry-run", is_flag=True, help="Print what would be done, and do nothing.")
 def batch_command(

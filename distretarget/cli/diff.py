@@ -1,4 +1,4 @@
-"""`distretarget diff`: two clips against each other."""
+"""`distretarget diff`: measure one clip against another."""
 
 from __future__ import annotations
 
@@ -18,23 +18,24 @@ from distretarget.io.files import write_whole
 from distretarget.io.map_json import joint_map, load_map
 from distretarget.io.skeleton_json import Target
 from distretarget.measure.diff import diff
+from distretarget.measure.figures import BY_KEY, FIGURES, Figure, figures_at
 from distretarget.report.document import Document, csv_text, document, json_text
 from distretarget.report.page import page
 
 MOST = 5  # frames and pairs that are printed
 LISTED = 12  # joints in a line, at most
-ROWS = (  # what is printed of the summary: name, its keys for A and B, what it means
-    ("stress", None, "stress", "distances off A's, squared (Eq. 2)"),
-    ("distance error", None, "distance_error", "distances off A's, over path lengths"),
-    ("contact error", None, "contact_error", "the same of what is near in A"),
-    ("direction error", None, "direction_error", "angle of bones to A's [degrees]"),
-    ("direction p99", None, "direction_error_p99", "its 99th percentile"),
-    ("bone error", None, "bone_error", "the largest change of a bone's length in B"),
-    ("slide", "slide_a", "slide_b", "of feet on the ground [leg lengths/s]"),
-    ("foot height", "foot_height_a", "foot_height_b", "of feet on the ground [% of leg length]"),
-    ("jerk", "jerk_a", "jerk_b", "roughness [body sizes/s³]"),
-    ("turn", None, "turn", "the largest turn between frames beyond A's [degrees]"),
-)
+
+
+def _fail_over_help() -> str:
+    """The help of --fail-over, of the figures there are."""
+    ratios, differences = (
+        " and ".join(figure.key for figure in FIGURES if figure.judged == judged) for judged in ("ratio", "difference")
+    )
+    return (
+        f"Exit with status 1 if a figure is over a limit. FIGURE is one of {', '.join(BY_KEY)}. The limit is for the "
+        f"value of B; for {ratios}, for its ratio to the value of A; for {differences}, for its difference from the "
+        "value of A. May be given several times."
+    )
 
 
 @click.command("diff")
@@ -62,8 +63,7 @@ ROWS = (  # what is printed of the summary: name, its keys for A and B, what it 
     type=of_figure,
     multiple=True,
     metavar="FIGURE=LIMIT",
-    help="Exit with status 1 if a figure is over a limit: stress, distance, contact, direction, bone, turn; slide or "
-    "jerk, B's over A's; foot, how far its height is off A's. May be given several times.",
+    help=_fail_over_help(),
 )
 @click.option("--overwrite", is_flag=True, help="Replace files that exist. An input is never replaced.")
 def diff_command(
@@ -84,7 +84,7 @@ def diff_command(
     \b
     distretarget diff walk.bvh walk_hero.bvh
     distretarget diff walk.bvh walk_hero.bvh -o walk_hero.html --csv walk_hero.csv
-    distretarget diff old.bvh new.bvh --fail-over contact=0.02 --fail-over slide=1.1
+    distretarget diff old.bvh new.bvh --fail-over contact_error=0.02 --fail-over slide=1.1
     """  # noqa: D301
     check_outputs([output, json_path, csv_path], [a, b, map_path], overwrite)
     first, second = read_bvh(a), read_bvh(b)
@@ -110,7 +110,7 @@ def diff_command(
 
 
 def _account(figures: Document) -> Iterator[str]:
-    """What is printed."""
+    """The lines that are printed."""
     frames, rate = figures["frame_count"], 1 / figures["frame_time"]
     for name in ("a", "b"):
         body = figures[name]
@@ -118,36 +118,45 @@ def _account(figures: Document) -> Iterator[str]:
         yield f"{name.upper()}: {body['file']}, {body['joints']} joints{named}"
     yield f"{frames} {'frame' if frames == 1 else 'frames'} compared, {rate:.4g} a second"
     yield from figures["notes"]
-    yield from ("", *_table(figures["summary"]), "")
-    yield _worst_frames("stress", figures["frames"])
-    yield _worst_frames("contact_error", figures["frames"])
+    yield from ("", *_table(figures["figures"]["source"], figures["figures"]["result"]), "")
+    for figure in figures_at("worst clips"):
+        yield _worst_frames(figure, figures["frames"])
     yield from _worst_pairs(figures["pairs"])
     for name, other in (("b", "a"), ("a", "b")):
         if joints := figures[f"unmatched_{name}"]:
-            yield f"joints of {name.upper()} that nothing in {other.upper()} stands for: {quoted(joints, LISTED)}"
+            yield f"joints of {name.upper()} without a counterpart in {other.upper()}: {quoted(joints, LISTED)}"
 
 
-def _table(summary: Document) -> Iterator[str]:
-    """A line per figure."""
+def _table(a: Document, b: Document) -> Iterator[str]:
+    """A line per figure, of the figures of A and those of B."""
     rows = [("figure", "A", "B", "")]
-    for name, a, b, meaning in ROWS:
-        ratio = summary.get(name)
-        more = f"; B / A {ratio:.4g}" if a and ratio is not None else ""
-        rows.append((name, _number(summary[a]) if a else "", _number(summary[b]), meaning + more))
+    for figure in FIGURES:
+        own = _number(a[figure.key]) if figure.of_source else ""
+        rows.append((figure.label, own, _number(b[figure.key]), _meaning(figure, a.get(figure.key), b[figure.key])))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for name, a, b, meaning in rows:
-        yield f"{name:<{widths[0]}}  {a:>{widths[1]}}  {b:>{widths[2]}}  {meaning}".rstrip()
+    for name, of_a, of_b, meaning in rows:
+        yield f"{name:<{widths[0]}}  {of_a:>{widths[1]}}  {of_b:>{widths[2]}}  {meaning}".rstrip()
+
+
+def _meaning(figure: Figure, a: float | None, b: float | None) -> str:
+    """What a figure means, its unit, and, if it is judged by A's value, how B's compares with that."""
+    meaning = figure.meaning.format(source="A", result="B") + (f" [{figure.unit}]" if figure.unit else "")
+    judged = figure.judgement(b, a)
+    if not figure.of_source or judged is None or a is None or a <= figure.still:
+        return meaning
+    return f"{meaning}; {figure.comparison('A', 'B')} {judged:.4g}"
 
 
 def _number(value: float | None) -> str:
     return "-" if value is None else f"{value:.4g}"
 
 
-def _worst_frames(name: str, frames: list[dict[str, Any]]) -> str:
+def _worst_frames(figure: Figure, frames: list[dict[str, Any]]) -> str:
     """The worst frames by a figure, with its values."""
-    ranked = sorted((frame for frame in frames if frame[name]), key=lambda frame: -frame[name])
-    worst = ", ".join(f"{frame['frame']} ({frame[name]:.3g})" for frame in ranked[:MOST])
-    return f"worst frames by {name.replace('_', ' ')}: {worst or 'none'}"
+    key = figure.key
+    ranked = sorted((frame for frame in frames if frame[key]), key=lambda frame: -frame[key])
+    worst = ", ".join(f"{frame['frame']} ({frame[key]:.3g})" for frame in ranked[:MOST])
+    return f"worst frames by {figure.label}: {worst or 'none'}"
 
 
 def _worst_pairs(pairs: list[dict[str, Any]]) -> Iterator[str]:
@@ -161,7 +170,7 @@ def _worst_pairs(pairs: list[dict[str, Any]]) -> Iterator[str]:
 
 
 def _over(limits: list[Document]) -> Iterator[str]:
-    """What is over its limit."""
+    """The figures that are over their limits."""
     for limit in limits:
         if limit["over"]:
             yield f"{limit['figure']} is {limit['value']:.6g}, over {limit['limit']:g}"

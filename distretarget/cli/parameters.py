@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import click
 
+from distretarget.measure.figures import BY_KEY
 from distretarget.skeleton import LARGEST
-
-LIMITED = ("stress", "distance", "contact", "direction", "bone", "slide", "foot", "jerk", "turn")  # by --fail-over
 
 
 def positive(text: str) -> float:
@@ -39,10 +38,10 @@ def of_reports(text: str) -> int | None:
 
 
 def of_figure(text: str) -> tuple[str, float]:
-    """The name of a figure and its limit, a number from 0 up, in a text NAME=LIMIT."""
+    """The key of a figure and its limit, a number from 0 up, in a text FIGURE=LIMIT."""
     name, _, number = text.partition("=")
-    if name not in LIMITED:
-        raise click.BadParameter(f"expected one of {', '.join(LIMITED)}, = and a limit, found {text!r}")
+    if name not in BY_KEY:
+        raise click.BadParameter(f"expected one of {', '.join(BY_KEY)}, = and a limit, found {text!r}")
     try:
         limit = float(number)
     except ValueError:

@@ -15,7 +15,8 @@ from distretarget.distances import distance_problem, posture_stress
 from distretarget.errors import MotionError
 from distretarget.matching.matching import Matching, match
 from distretarget.matching.pairing import JointMap
-from distretarget.measure.metrics import FAR_ALONG, NEAR, Comparison, compare, jerk_of, normalised_distances, points_of
+from distretarget.measure.figures import Track, Tracks
+from distretarget.measure.metrics import FAR_ALONG, NEAR, Comparison, compare, normalised_distances, points_of
 from distretarget.motion import Motion
 from distretarget.skeleton import LARGEST
 
@@ -62,7 +63,7 @@ class Diff:
         matching: which joint of A stands for each joint of B.
         up: (3,), up in both.
         stress: (frames,), Eq. (2) of B against A's distances, over the squared height of B.
-        figures: the other figures, per frame.
+        figures: what else was measured, per frame.
         notes: what was done to compare them: resampled, cut, turned.
     """
 
@@ -77,10 +78,10 @@ class Diff:
     def __len__(self) -> int:
         return len(self.b)
 
-    @cached_property
-    def jerk_a(self) -> Array:
-        """(frames - 3,), what `figures.jerk` is of B, of A [body sizes / s^3]."""
-        return jerk_of(replace(self.a, skeleton=self.a.rigid_skeleton))
+    @property
+    def tracks(self) -> Tracks:
+        """What the figures of B are taken from."""
+        return {**self.figures.tracks, "stress": Track(self.stress)}
 
     @cached_property
     def pairs(self) -> Pairs:

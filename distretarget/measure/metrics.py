@@ -1,6 +1,6 @@
-"""How good a motion is, measured against the motion it was made from. Shares nothing with the solvers.
+"""Measure a motion against the motion it was made from, by code that shares nothing with the solvers.
 
-A pair is two joints or End Sites that both motions have, where neither motion has them coincide for good; D is their
+A pair is two joints or End Sites that both bodies have, at different places on at least one of them; D is their
 distance divided by the length of the bone path between them, |P| the number of joints on that path.
 """
 
@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.body.legs import Leg, leg_length
 from distretarget.matching.matching import Matching
+from distretarget.measure.figures import Track, Tracks
 from distretarget.motion import Motion
 from distretarget.skeleton import Skeleton
 
@@ -30,7 +31,7 @@ BLOCK = 256  # frames whose pairs are in memory at once
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """The figures of a result against its source, per frame; a clip's figure is their mean.
+    """What was measured of a result and its source, per frame; `figures` makes the figures of it.
 
     Attributes:
         distance_error: (frames,), mean |D_source - D_result| over all pairs.
@@ -39,9 +40,10 @@ class Comparison:
         direction_error: (frames, bones), angle between corresponding bones [degrees].
         bone_error: (frames,), the largest relative error of a bone's length against the target.
         stance: (frames, feet), whether each foot joint (ankles and toes) of the source is in stance.
-        source_slide, slide: (frames, feet), horizontal speed of the foot joints [leg lengths / s].
-        source_foot_height, foot_height: (frames, feet), height over the origin [% of leg length].
-        jerk: (frames - 3,), mean norm of the third difference of positions over joints [body sizes / s^3].
+        slide_source, slide: (frames, feet), horizontal speed of the foot joints [leg lengths / s].
+        foot_height_source, foot_height: (frames, feet), height over the origin [% of leg length].
+        jerk_source, jerk: (frames - 3,), mean norm of the third difference of positions over joints
+            [body sizes / s^3].
         turn: (frames - 1, joints), how much more each joint turns from one frame to the next than in the source
             [degrees].
     """
@@ -52,40 +54,36 @@ class Comparison:
     direction_error: Array
     bone_error: Array
     stance: NDArray[np.bool_]
-    source_slide: Array
+    slide_source: Array
     slide: Array
-    source_foot_height: Array
+    foot_height_source: Array
     foot_height: Array
+    jerk_source: Array
     jerk: Array
     turn: Array
 
-    def in_stance(self, figure: Array) -> float:
-        """The mean of a figure (frames, feet) over the stance of all feet; 0 where there is none."""
-        return float(figure[self.stance].mean()) if self.stance.any() else 0.0
-
-    def means(self) -> dict[str, float]:
-        """The figures of the whole clip, under the names and in the units of the attributes.
-
-        Contact error is pooled over the contact pairs of all frames; slide and foot height are taken in stance;
-        `turn` is the largest.
-        """
+    @property
+    def tracks(self) -> Tracks:
+        """What the figures of the result are taken from; its stress is known to whoever made the result."""
         return {
-            "distance_error": float(self.distance_error.mean()),
-            "contact_error": float(self.contact_error.sum() / max(self.contacts.sum(), 1)),
-            "direction_error": _mean(self.direction_error),
-            "direction_error_p99": float(np.percentile(self.direction_error, 99)) if self.direction_error.size else 0.0,
-            "bone_error": float(self.bone_error.max()),
-            "slide": self.in_stance(self.slide),
-            "source_slide": self.in_stance(self.source_slide),
-            "foot_height": self.in_stance(self.foot_height),
-            "source_foot_height": self.in_stance(self.source_foot_height),
-            "jerk": _mean(self.jerk),
-            "turn": float(self.turn.max(initial=0.0)),
+            "contact_error": Track(self.contact_error, self.contacts),
+            "direction_error": Track(self.direction_error),
+            "slide": Track(self.slide, self.stance),
+            "foot_height": Track(self.foot_height, self.stance),
+            "distance_error": Track(self.distance_error),
+            "jerk": Track(self.jerk),
+            "turn": Track(self.turn),
+            "bone_error": Track(self.bone_error),
         }
 
-
-def _mean(values: Array) -> float:
-    return float(values.mean()) if values.size else 0.0
+    @property
+    def source_tracks(self) -> Tracks:
+        """What the figures of the source are taken from."""
+        return {
+            "slide": Track(self.slide_source, self.stance),
+            "foot_height": Track(self.foot_height_source, self.stance),
+            "jerk": Track(self.jerk_source),
+        }
 
 
 def compare(source: Motion, result: Motion, matching: Matching, up: Array) -> Comparison:
@@ -102,7 +100,8 @@ def compare(source: Motion, result: Motion, matching: Matching, up: Array) -> Co
         _direction_error(source, result, drivers),
         _bone_error(result),
         *_feet(source, result, matching, up),
-        jerk_of(result),
+        _jerk(source, source.rigid_skeleton),
+        _jerk(result, result.skeleton),
         _turn(source, result, drivers),
     )
 
@@ -183,8 +182,8 @@ def _feet(
     heights = source_paths @ up
     low = heights - np.percentile(heights, LOWEST, axis=0) < LOW
     stance = low & (_speeds(source_paths, source.frame_time) < SLOW)
-    source_slide, slide = (_speeds(x - (x @ up)[..., None] * up, source.frame_time) for x in (source_paths, paths))
-    return np.asarray(stance), source_slide, slide, np.asarray(100 * heights), np.asarray(100 * (paths @ up))
+    slide_source, slide = (_speeds(x - (x @ up)[..., None] * up, source.frame_time) for x in (source_paths, paths))
+    return np.asarray(stance), slide_source, slide, np.asarray(100 * heights), np.asarray(100 * (paths @ up))
 
 
 def _foot_paths(motion: Motion, legs: tuple[Leg, Leg]) -> Array:
@@ -200,9 +199,9 @@ def _speeds(paths: Array, frame_time: float) -> Array:
     return np.asarray(np.linalg.norm(np.gradient(paths, frame_time, axis=0), axis=-1))
 
 
-def jerk_of(motion: Motion) -> Array:
+def _jerk(motion: Motion, body: Skeleton) -> Array:
     """(frames - 3,), the mean norm of the third difference of positions over joints [body sizes / s^3]."""
-    size = motion.skeleton.path_lengths.max() * motion.frame_time**3
+    size = body.path_lengths.max() * motion.frame_time**3
     third = np.diff(motion.positions, 3, axis=0) / size
     return np.asarray(np.linalg.norm(third, axis=-1).mean(axis=1))
 

@@ -1,7 +1,4 @@
-"""What a diff says, to be read: a document of numbers, and a page that shows it and plays both motions.
-
-And a page over many clips, with links to theirs.
-"""
+"""A diff as a document of numbers and as a page that shows them and plays both motions; and a page over many clips."""
 
 from distretarget.report.document import About, document
 from distretarget.report.index import index_page

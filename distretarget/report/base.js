@@ -1,5 +1,5 @@
 'use strict';
-// Elements, numbers, colours, and the loop that paints.
+// Elements, numbers, colours, and the painting loop.
 
 const $ = id => document.getElementById(id);
 
@@ -14,7 +14,7 @@ function element(tag, attributes = {}, ...children) {
   return made;
 }
 
-/** A number to read: three digits, a dash where there is none. */
+/** A number with three digits, for people to read; a dash where there is none. */
 function shown(value) {
   if (value === null || value === undefined || Number.isNaN(value)) return '–';
   if (value === 0) return '0';
@@ -28,7 +28,24 @@ function clamp(value, low, high) {
   return Math.min(high, Math.max(low, value));
 }
 
-// ---- colours: the style sheet has them, for both themes
+// ---- the figures of quality: the page has their registry as data
+
+const FIGURES = JSON.parse($('registry').textContent);
+
+function figuresAt(place) {
+  return FIGURES.filter(({places}) => places.includes(place));
+}
+
+function figureOf(key) {
+  return FIGURES.find(figure => figure.key === key);
+}
+
+/** What a figure is called, with the unit that the page shows it in. */
+function nameOf({label, symbol}) {
+  return symbol ? `${label}, ${symbol}` : label;
+}
+
+// ---- colours, which the style sheet defines for both themes
 
 const COLOURS = ['muted', 'line', 'panel', 'shadow', 'a', 'b', 'e0', 'e1', 'e2', 'e3', 'touch', 'mark', 'stance',
   'near', 'middle', 'far', 'minus', 'zero', 'plus'];
@@ -59,7 +76,7 @@ function setTheme(theme) {
 
 // ---- canvases and the loop
 
-/** The context of a canvas that has as many pixels as its box, in CSS pixels, and the size of the box. */
+/** Gives a canvas as many pixels as its box has on the screen; its context, and the size of the box [CSS pixels]. */
 function fitted(canvas) {
   const ratio = window.devicePixelRatio || 1;
   const width = canvas.clientWidth, height = canvas.clientHeight;
@@ -77,7 +94,7 @@ const seen = new IntersectionObserver(entries => {
   repaint();
 }, {rootMargin: '50px'});
 
-/** Has `paint` called for each frame and change in which the element `place` is on the screen. */
+/** Calls `paint` for each frame and each change while the element `place` is on the screen. */
 function painted(place, paint) {
   painters.push({place, paint, visible: false});
   seen.observe(place);
@@ -97,7 +114,7 @@ function paintAll() {
 
 // ---- explanations, by mouse and by keyboard
 
-/** A word that explains itself when pointed at or focused. */
+/** A word whose explanation shows when it is pointed at or focused. */
 function term(text, explanation) {
   const word = element('span', {class: 'term', tabindex: '0', 'aria-describedby': 'tip'}, text);
   const show = () => {

@@ -1,9 +1,9 @@
-// From the world to the screen. The world has y up, the floor at 0, and about a person's height as its unit.
+// The projection from the world to the screen. The world has y up, the floor at 0, and a unit of about a body's height.
 
 const DISTANCE = 6;
 const SAMPLES = 48;
 
-/** How far both bodies reach from their hips across the floor, and how high: what the view has room for. */
+/** The width and height that the view needs for both bodies, from how far their joints are from their hips. */
 function reach() {
   const wide = [], high = [];
   for (let k = 0; k < SAMPLES; k++) {
@@ -23,7 +23,7 @@ function reach() {
   return {width: clamp(2.1 * most(wide), 0.65, 2), height: clamp(1.25 * most(high), 0.5, 2.5)};
 }
 
-/** The pixels of one unit where nothing is zoomed. */
+/** How many pixels one unit takes at zoom 1. */
 function unitOf(box) {
   return Math.min(box.height / room.height, box.width / room.width);
 }
@@ -41,7 +41,7 @@ function zoomed(camera, factor) {
   camera.zoom = clamp(camera.zoom * factor, 0.2, 20);
 }
 
-/** A function (x, y, z) => [column, row, pixels of one unit there], for a box and what is in its middle. */
+/** A function (x, y, z) => [column, row, pixels of one unit there] for a box; `centre` is the point in its middle. */
 function projection(camera, box, centre) {
   const {azimuth, elevation, zoom} = camera;
   const [ca, sa, ce, se] = [Math.cos(azimuth), Math.sin(azimuth), Math.cos(elevation), Math.sin(elevation)];

@@ -1,35 +1,22 @@
-// Figures of each frame as curves that share the player's frame.
+// The figures of each frame as curves over time, marked at the frame of the player.
 
-// `least` is what the axis goes to at least: what is smaller is nothing to look at.
-const CURVES = [
-  {name: 'Stress × 1000', term: 'stress', worst: 2, lines: [['stress', 'b']], factor: 1000, least: 0.1},
-  {name: 'Contact error', term: 'contact_error', worst: 2, lines: [['contact_error', 'b']], factor: 1, least: 0.002,
-    none: 'no contacts in A'},
-  {name: 'Direction error, °', term: 'direction_error', worst: 2, lines: [['direction_error', 'b']], factor: 1,
-    least: 0.2, none: 'no bones in common'},
-  {name: 'Slide, legs/s', term: 'slide', worst: 2, lines: [['slide_a', 'a'], ['slide_b', 'b']], factor: 1,
-    least: 0.01, none: 'no feet at rest in A'},
-  {name: 'Jerk, sizes/s³', term: 'jerk', lines: [['jerk_a', 'a'], ['jerk_b', 'b']], factor: 1, least: 0.1,
-    none: 'fewer than four frames'},
-  {name: 'Bone error, %', term: 'bone_error', worst: 1, lines: [['bone_error', 'b']], factor: 100, least: 0.01},
-];
-const FLAT = 1e-9; // a bone error below this is rounding, and is drawn as 0
+const FLAT = 1e-9; // values of a figure below this are rounding errors, and are shown as 0
 
-/** A figure of the clip or of a frame in its unit on the page; null where nothing was to be measured. */
-function figureOf(row, field, factor) {
+/** A figure of the clip or of a frame, times the factor of the page; null where nothing was to be measured. */
+function valueOf(row, field, factor) {
   const value = row[field];
   return value === null ? null : Math.abs(value * factor) < FLAT ? 0 : value * factor;
 }
 
 function column(field, factor) {
-  return report.frames.map(row => figureOf(row, field, factor));
+  return report.frames.map(row => valueOf(row, field, factor));
 }
 
 function xOf(frame, width) {
   return 1 + (frameCount > 1 ? frame / (frameCount - 1) : 0.5) * (width - 2);
 }
 
-/** The curves of one figure; a value that stands alone between gaps is a dot. */
+/** Draws the curves of one figure; a single value between gaps becomes a dot. */
 function drawLines(context, width, height, columns, top) {
   const y = value => height - 2 - Math.min(value / top, 1) * (height - 8);
   columns.forEach(({values, name}) => {
@@ -53,7 +40,7 @@ function drawLines(context, width, height, columns, top) {
   context.setLineDash([]);
 }
 
-/** A canvas that is drawn anew only when its size or the colours change. */
+/** A function that draws a picture, and repeats the work only when its size or the colours change. */
 function kept(draw) {
   const store = document.createElement('canvas');
   let key = '';
@@ -71,19 +58,21 @@ function kept(draw) {
   };
 }
 
-/** Where an axis ends: at the largest value, but below a few that are far beyond all others and would flatten them. */
+/** Where an axis ends: at the largest value, or lower if a few values far above all others would flatten the curve. */
 function axisTop(values, most, least) {
   const usual = [...values].sort((p, q) => p - q)[Math.floor(0.98 * (values.length - 1))];
   return usual > least && most > 5 * usual ? 1.5 * usual : most;
 }
 
-function buildCurve(curve) {
-  const columns = curve.lines.map(([field, name]) => ({values: column(field, curve.factor), name}));
+function buildCurve(figure) {
+  const {key, factor, judged} = figure, least = figure.least * factor;
+  const lines = [...judged === 'value' ? [] : [[`${key}_source`, 'a']], [key, 'b']];
+  const columns = lines.map(([field, name]) => ({values: column(field, factor), name}));
   const known = columns.flatMap(({values}) => values).filter(value => value !== null);
-  const most = known.reduce((p, q) => Math.max(p, q), curve.least);
-  const top = axisTop(known, most, curve.least);
+  const most = known.reduce((p, q) => Math.max(p, q), least);
+  const top = axisTop(known, most, least);
   const end = top < most ? `${shown(top)}+` : shown(top);
-  const canvas = element('canvas', {role: 'img', 'aria-label': `${curve.name} over time, axis to ${end}`});
+  const canvas = element('canvas', {role: 'img', 'aria-label': `${nameOf(figure)} over time, axis to ${end}`});
   const readout = element('output', {class: 'readout'});
   const two = columns.length > 1;
   const background = kept((context, width, height) => {
@@ -109,15 +98,15 @@ function buildCurve(curve) {
     }));
   });
   dragFrames(canvas);
-  const none = known.length ? '' : element('span', {class: 'none'}, curve.none || 'nothing to measure');
+  const none = known.length ? '' : element('span', {class: 'none'}, figure.missing || 'nothing to measure');
   $('curves').append(element('figure', {class: 'curve'},
-    element('figcaption', {}, term(curve.name, TERMS[curve.term]), readout),
+    element('figcaption', {}, term(nameOf(figure), figure.explanation), readout),
     element('div', {class: 'plot'}, canvas, none),
     element('div', {class: 'axis', 'aria-hidden': 'true'},
       ...(known.length ? [end, '0'] : []).map(text => element('span', {}, text)))));
 }
 
-/** Pressing or dragging on an element as wide as the clip goes to the frame there. */
+/** Pressing or dragging on an element, whose width stands for the whole clip, goes to the frame at that place. */
 function dragFrames(target) {
   const go = event => {
     const box = target.getBoundingClientRect();

@@ -1,4 +1,4 @@
-// The document, the drawing data, what is chosen, and distances.
+// The document, the drawing data, the state of the page, and distances.
 
 const report = JSON.parse($('document').textContent);
 const scene = JSON.parse($('scene').textContent);
@@ -9,7 +9,7 @@ function bytes(text) {
   return Uint8Array.from(atob(text), character => character.charCodeAt(0)).buffer;
 }
 
-/** What all names begin with, up to a colon, as in `mixamorig:Hips`; the page leaves it out. */
+/** The namespace that all names share, with its colon, as in `mixamorig:Hips`; the page omits it. */
 function namespaceOf(names) {
   const first = names[0].slice(0, names[0].lastIndexOf(':') + 1);
   return names.every(name => name.startsWith(first)) ? first : '';
@@ -34,10 +34,10 @@ const pathSizes = new Uint8Array(bytes(scene.sizes));
 const stance = new Uint8Array(bytes(scene.stance));
 B.bones = scene.bones;
 
-/** What is chosen: `pair` is two numbers of points, or null. */
+/** The state of the page; `pair` is the chosen pair of joints as two indices of points, or null. */
 const state = {frame: 0, playing: false, speed: 1, pair: null, overlaid: false, follow: true, draws: 0};
 
-/** Puts the joints where they are at a frame, into motion.x: (joints, 3), y up. */
+/** Writes the positions of the joints at a frame to motion.x: (joints, 3), y up. */
 function place(motion, frame) {
   const drawn = Math.min(Math.floor(frame / scene.step), motion.count - 1);
   if (motion.placed === drawn) return;
@@ -62,7 +62,7 @@ function distances(motion, frame) {
   return D;
 }
 
-/** The contact pairs of A at a frame: [point, point, whether they are near in B as well]. */
+/** The pairs that touch in A at a frame: [point, point, whether they touch in B as well]. */
 function contactsAt(frame) {
   const a = distances(A, frame), b = distances(B, frame), found = [];
   for (let i = 0; i < pointCount; i++) {
@@ -76,7 +76,7 @@ function contactsAt(frame) {
   return found;
 }
 
-/** The angle between a bone of B and the one of A that stands for it [degrees]; null where none does. */
+/** The angle between a bone of B and its counterpart in A [degrees]; null if it has none. */
 function directionError([upper, lower, otherUpper, otherLower]) {
   if (otherUpper < 0) return null;
   const a = [0, 1, 2].map(i => A.x[3 * otherLower + i] - A.x[3 * otherUpper + i]);
@@ -89,7 +89,7 @@ function pairName([i, j]) {
   return `${B.names[B.points[i]]} – ${B.names[B.points[j]]}`;
 }
 
-/** A pair of points in words: what it is called in both motions, and how far apart it is at a frame. */
+/** A pair of points in words: its joints' names in both motions, and its distances at a frame. */
 function pairText([i, j], frame) {
   const k = i * pointCount + j, a = distances(A, frame)[k], b = distances(B, frame)[k];
   const other = `${A.names[A.points[i]]} – ${A.names[A.points[j]]}`;

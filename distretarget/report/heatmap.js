@@ -1,6 +1,6 @@
-// D of all pairs at the current frame: in A, in B, and B less A.
+// Matrices of D for all pairs at the current frame: in A, in B, and the difference B − A.
 
-/** 256 colours between the given ones, as 32-bit pixels. */
+/** 256 colours that blend the given ones in order, as 32-bit pixels. */
 function ramp(names) {
   const stops = names.map(name => colour[name].match(/[\d.]+/g).map(Number));
   const pixels = new Uint8ClampedArray(4 * 256);
@@ -91,7 +91,7 @@ function buildMatrices() {
     painted(canvas, () => paintMatrix(canvas, matrix, store));
     const stops = matrix.colours.map(name => `var(--${name})`).join();
     $('matrices').append(element('figure', {},
-      element('figcaption', {}, term(matrix.caption, TERMS.D)), canvas,
+      element('figcaption', {}, term(matrix.caption, D_MEANS)), canvas,
       element('div', {class: 'scale'}, element('span', {}, matrix.low),
         element('i', {style: `background: linear-gradient(to right, ${stops})`}),
         element('span', {}, matrix.high)),

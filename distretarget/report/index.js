@@ -3,48 +3,23 @@
 const batch = JSON.parse($('batch').textContent);
 const clips = batch.rows.map(values => Object.fromEntries(values.map((value, k) => [batch.fields[k], value])));
 const done = clips.filter(clip => clip.done), failures = clips.filter(clip => !clip.done);
-const PAGE = 500; // rows that are added at a time
-const FAILURES = 20; // that are listed above the table
-const LONG = 240; // letters of a reason that is cut short until it is opened
-const BARS = 24; // of a distribution
-const HIGH = 0.98; // the share of the clips that is in the bars before the last
+const PAGE = 500; // rows of the table that are added at a time
+const FAILURES = 20; // most failures that are listed above the table
+const LONG = 240; // characters of a reason from which only its beginning shows until it is opened
+const BARS = 24; // bars of a distribution
+const HIGH = 0.98; // share of the clips below which the last bar begins
 
-const TERMS = {
-  median: 'Large numbers are medians over the converted clips, and so are those beside “rotation copy” and “source”.',
-  contact: 'Mean |D in the source − D in the result| over the pairs of joints that touch in the source; D is their '
-    + 'distance over the length of the bones between them. 0 is best.',
-  direction: 'The angle between corresponding bones of source and result, mean over bones [degrees]. 0 is best.',
-  slide: 'Horizontal speed of ankles and toes while they are at rest in the source [leg lengths per second]. As the '
-    + 'source is best.',
-  stress: 'How far the distances between all joints are off those of the source, over the squared height of the '
-    + 'result (Eq. 2 of the paper). 0 is best.',
-  foot: 'How far ankles and toes at rest are off their height in the source [% of leg length]. 0 is best.',
-  jerk: 'Roughness over that of the rotation copy. 1 is as smooth, less is smoother.',
-  turn: 'The most by which a joint turns further in one frame than in the source [degrees]. 0 is best.',
-};
-// `beside` is what the value is to be compared with: a name and its value; the first stands in the table.
+const MEDIANS = 'Large numbers are medians over the converted clips, and so are the numbers beside “rotation copy” and '
+  + '“source”.';
 const COPY = 'rotation copy';
-const FIGURES = [
-  {name: 'Contact error', term: 'contact', of: clip => clip.contact, beside: [[COPY, clip => clip.contact_copy]]},
-  {name: 'Direction error, °', term: 'direction', of: clip => clip.direction,
-    beside: [[COPY, clip => clip.direction_copy]]},
-  {name: 'Slide, legs/s', term: 'slide', of: clip => clip.slide,
-    beside: [['source', clip => clip.slide_source], [COPY, clip => clip.slide_copy]]},
-  {name: 'Stress × 1000', term: 'stress', of: clip => scaled(clip.stress, 1000),
-    beside: [[COPY, clip => scaled(clip.stress_copy, 1000)]]},
-  {name: 'Foot height off, % leg', term: 'foot', of: clip => apart(clip.foot, clip.foot_source),
-    beside: [[COPY, clip => apart(clip.foot_copy, clip.foot_source)]]},
-  {name: 'Jerk / copy', term: 'jerk', of: clip => (clip.jerk_copy > 0 ? clip.jerk / clip.jerk_copy : null),
-    beside: []},
-  {name: 'Largest turn, °', term: 'turn', of: clip => clip.turn, beside: []},
-];
+const SHOWN = figuresAt('page over clips').map(columnOf);
 const COLUMNS = [
   {name: 'Clip', of: clip => clip.clip, text: true},
   ...batch.targets.length > 1 ? [{name: 'Target', of: targetOf, text: true}] : [],
   {name: 'Status', of: clip => statusOf(clip), text: true},
   {name: 'Frames', of: clip => clip.frames},
   {name: 'Seconds', of: clip => clip.seconds},
-  ...FIGURES,
+  ...SHOWN,
   {name: 'Warnings', of: clip => clip.warnings.length},
 ];
 const STATUSES = [
@@ -54,15 +29,27 @@ const STATUSES = [
   ['warned', 'With warnings', clip => clip.warnings.length],
 ];
 
-/** What of the table is shown: the column it is ordered by, downwards or not, the clips that pass, rows in the page. */
-const view = {column: COLUMNS.find(column => column.term), down: true, passing: [], rows: 0};
+/** The state of the table: the column it is ordered by, downwards or not, the clips that pass, and the rows shown. */
+const view = {column: SHOWN[0], down: true, passing: [], rows: 0};
 
-function scaled(value, factor) {
-  return value === null ? null : value * factor;
-}
-
-function apart(p, q) {
-  return p === null || q === null ? null : Math.abs(p - q);
+/**
+ * The column of a figure: its name, its explanation, `of` for its value of a clip, and `beside`, which has names and
+ * functions for the values to compare it with; the table shows the first of these. A figure that is judged by its
+ * difference from the source is shown as this difference.
+ */
+function columnOf({key, label, symbol, explanation, judged, factor}) {
+  const difference = judged === 'difference';
+  const scaled = suffix => clip => {
+    const value = clip[key + suffix], source = difference ? clip[`${key}_source`] : 0;
+    if (value === null || source === null) return null;
+    return factor * (difference ? Math.abs(value - source) : value);
+  };
+  return {
+    name: nameOf({label: difference ? `${label} off` : label, symbol}),
+    explanation: difference ? `${explanation} The number shown is the difference.` : explanation,
+    of: scaled(''),
+    beside: [...judged === 'ratio' ? [['source', scaled('_source')]] : [], [COPY, scaled('_copy')]],
+  };
 }
 
 function targetOf(clip) {
@@ -81,19 +68,19 @@ function total(values) {
   return values.reduce((sum, value) => sum + value, 0);
 }
 
-/** A time [s] in words. */
+/** A duration [s] in words. */
 function duration(seconds) {
   const minutes = Math.round(seconds / 60);
   if (seconds < 120) return `${shown(seconds)} s`;
   return minutes < 120 ? `${minutes} min` : `${Math.floor(minutes / 60).toLocaleString('en')} h ${minutes % 60} min`;
 }
 
-/** The numbers there are, in order. */
+/** The values that are not null, in ascending order. */
 function ordered(values) {
   return Float64Array.from(values.filter(value => value !== null)).sort();
 }
 
-/** The value that a share of numbers in order is below, null of none. */
+/** The quantile of ascending numbers at a share from 0 to 1; null if there are no numbers. */
 function quantile(numbers, share) {
   if (!numbers.length) return null;
   const place = share * (numbers.length - 1), low = Math.floor(place), high = Math.ceil(place);
@@ -118,10 +105,10 @@ function buildHead() {
     ['Made by', `distretarget version ${batch.version}`],
   ];
   $('facts').append(...facts.map(pair => element('div', {}, ...terms([pair]))));
-  $('terms').append(...terms([...FIGURES.map(({name, term: key}) => [name, TERMS[key]]), ['Medians', TERMS.median]]));
+  $('terms').append(...terms([...SHOWN.map(({name, explanation}) => [name, explanation]), ['Medians', MEDIANS]]));
 }
 
-/** Bars of how many clips have which value; those above most of the others are in the last, and its end has a plus. */
+/** A histogram over the clips; its last bar also counts the few values far above, and then its end has a plus. */
 function distribution(numbers) {
   const low = numbers[0], high = quantile(numbers, HIGH), most = numbers[numbers.length - 1];
   if (!(high > low)) return [];
@@ -136,7 +123,7 @@ function distribution(numbers) {
       element('span', {}, end))];
 }
 
-function buildFigure({name, term: key, of, beside}) {
+function buildFigure({name, explanation, of, beside}) {
   const numbers = ordered(done.map(of));
   const rows = [['worst', quantile(numbers, 1)]];
   for (const [other, its] of beside) {
@@ -145,7 +132,7 @@ function buildFigure({name, term: key, of, beside}) {
     if (other === COPY) rows.push(['copy’s worst', quantile(others, 1)]);
   }
   return element('div', {class: 'figure'},
-    element('h3', {}, term(name, TERMS[key])),
+    element('h3', {}, term(name, explanation)),
     element('p', {class: 'big'}, shown(quantile(numbers, 0.5)), element('small', {}, ' median')),
     element('dl', {}, ...terms(rows.map(([what, number]) => [what, shown(number)]))),
     ...distribution(numbers));
@@ -153,12 +140,12 @@ function buildFigure({name, term: key, of, beside}) {
 
 function buildFigures() {
   $('figures').hidden = !done.length;
-  $('figures').append(...FIGURES.map(buildFigure));
+  $('figures').append(...SHOWN.map(buildFigure));
 }
 
 // ---- failures
 
-/** Why a clip failed; a long reason is cut short until it is opened. */
+/** Why a clip failed; only the beginning of a long reason shows until it is opened. */
 function reasonOf({error}) {
   if (error.length <= LONG) return element('p', {class: 'reason'}, error);
   return element('details', {class: 'reason'}, element('summary', {}, element('span', {}, error)));
@@ -182,7 +169,7 @@ function buildFailures() {
 
 // ---- table
 
-/** The name, which goes on in the next line after a slash where there is no room. */
+/** The name of a clip, which may break into lines after slashes. */
 function nameCell(clip) {
   const parts = clip.clip.split(/(?<=[/\\])/).flatMap(part => [part, element('wbr')]);
   return element('th', {scope: 'row'}, ...clip.link === null ? parts : [element('a', {href: clip.link}, ...parts)]);
@@ -198,7 +185,7 @@ function figureCell({of, beside}, clip) {
   return element('td', {}, shown(of(clip)), ...other);
 }
 
-/** The number of warnings; a button, which shows them in a row below. */
+/** The number of warnings, on a button that shows them in a row below. */
 function warningsCell(clip) {
   if (!clip.warnings.length) return element('td', {}, '–');
   const texts = clip.warnings.map(k => element('li', {}, batch.warnings[k]));
@@ -214,8 +201,8 @@ function warningsCell(clip) {
 }
 
 function buildRow(clip) {
-  const figures = clip.done ? FIGURES.map(figure => figureCell(figure, clip))
-    : [element('td', {class: 'words', colspan: FIGURES.length}, reasonOf(clip))];
+  const figures = clip.done ? SHOWN.map(figure => figureCell(figure, clip))
+    : [element('td', {class: 'words', colspan: SHOWN.length}, reasonOf(clip))];
   return element('tr', {}, nameCell(clip),
     ...batch.targets.length > 1 ? [element('td', {class: 'words name'}, targetOf(clip))] : [],
     statusCell(clip),
@@ -224,7 +211,7 @@ function buildRow(clip) {
     ...figures, warningsCell(clip));
 }
 
-/** Puts the next rows under those that are there. */
+/** Adds the next rows to the table. */
 function addRows() {
   const next = view.passing.slice(view.rows, view.rows + PAGE);
   $('rows').append(...next.map(buildRow));
@@ -239,7 +226,7 @@ function addRows() {
 
 const collator = new Intl.Collator('en', {numeric: true});
 
-/** Clips in the order of the view; those without a value last in both. */
+/** Clips in the order of the view; those without a value come last in either order. */
 function sorted(some) {
   const {column, down} = view, sign = down ? -1 : 1;
   const compare = column.text ? collator.compare : (p, q) => p - q;
@@ -248,7 +235,7 @@ function sorted(some) {
   return [...there, ...keyed.filter(([value]) => value === null)].map(([, clip]) => clip);
 }
 
-/** Has the table show what the filters let through, in order, from its first row. */
+/** Shows the clips that pass the filters, in order, from the first row. */
 function refresh() {
   const words = $('filter').value.toLowerCase().split(/\s+/), target = $('target').value;
   const [, , passes] = STATUSES.find(([key]) => key === $('status').value);
@@ -265,7 +252,7 @@ function refresh() {
     clips.length ? 'No clip passes the filters.' : 'There are no clips.')));
 }
 
-/** Whether the table is as wide as there is room for: then its head stays on the screen, otherwise its first column. */
+/** Keeps the head of the table on the screen if its whole width fits, otherwise its first column. */
 function fit() {
   const whole = $('rows').offsetWidth <= $('box').clientWidth;
   $('box').classList.toggle('whole', whole);
@@ -293,7 +280,7 @@ function buildHeads() {
     const below = [...unit ? [unit] : [], ...others].join(' · ');
     const button = element('button', {type: 'button', on: {click: () => sortBy(column)}},
       element('span', {}, name), ...below ? [element('small', {}, below)] : []);
-    if (column.term) button.title = TERMS[column.term];
+    if (column.explanation) button.title = column.explanation;
     $('heads').append(element('th', {scope: 'col', class: column.text ? 'words' : 'number'}, button));
   }
   markHeads();
@@ -311,7 +298,7 @@ function buildFilters() {
 
 // ---- all of it
 
-/** The loop of base.js; nothing here is painted, and the style sheet follows the theme by itself. */
+/** What the painting loop of base.js calls; this page paints nothing. */
 function tick() {
   waiting = false;
 }

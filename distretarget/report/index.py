@@ -1,4 +1,4 @@
-"""The page over all clips of a folder of results, with links to their reports: one HTML file that needs no other."""
+"""The page over all clips of a folder of results, with links to their reports, as one HTML file that needs no other."""
 
 from __future__ import annotations
 
@@ -9,43 +9,33 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 from urllib.parse import quote
 
+from distretarget.measure.figures import SUFFIXES, Side, as_data, figures_at
 from distretarget.report.page import filled
 
 Record = Mapping[str, Any]
 
-# The columns of numbers in the page: of whom, and which figure.
-FIGURES = {
-    "contact": ("result", "contact_error"),
-    "contact_copy": ("rotation_copy", "contact_error"),
-    "direction": ("result", "direction_error"),
-    "direction_copy": ("rotation_copy", "direction_error"),
-    "slide": ("result", "slide"),
-    "slide_source": ("result", "source_slide"),
-    "slide_copy": ("rotation_copy", "slide"),
-    "stress": ("result", "stress"),
-    "stress_copy": ("rotation_copy", "stress"),
-    "foot": ("result", "foot_height"),
-    "foot_source": ("result", "source_foot_height"),
-    "foot_copy": ("rotation_copy", "foot_height"),
-    "jerk": ("result", "jerk"),
-    "jerk_copy": ("rotation_copy", "jerk"),
-    "turn": ("result", "turn"),
+# The columns of figures: for each figure of the page the source's, where it has one, the rotation copy's, the result's.
+COLUMNS: dict[str, tuple[Side, str]] = {
+    figure.key + suffix: (side, figure.key)
+    for figure in figures_at("page over clips")
+    for side, suffix in SUFFIXES.items()
+    if side != "source" or figure.of_source
 }
-FIELDS = ("clip", "link", "target", "done", "frames", "seconds", "warnings", "error", *FIGURES)
+FIELDS = ("clip", "link", "target", "done", "frames", "seconds", "warnings", "error", *COLUMNS)
 
 
 def index_page(records: Sequence[Record], links: Mapping[str, str], title: str, version: str) -> str:
     """The HTML of the page over clips.
 
-    `records` are lines of a manifest, one for each output; `links` has the path of an output's report, relative to the
-    page and not quoted, for outputs that have one; `version` is that of the program.
+    `records` are lines of a manifest, one for each output. `links` has, by output, the paths of the reports there are,
+    relative to the page and not quoted. `version` is that of the program.
     """
-    data = {"batch": {**_table(records, links), "version": version}}
+    data = {"batch": {**_table(records, links), "version": version}, "registry": as_data("the source", "the result")}
     return filled("index.html", title, ["style.css", "index.css"], ["base.js", "index.js"], data)
 
 
 def _table(records: Sequence[Record], links: Mapping[str, str]) -> dict[str, Any]:
-    """The records in few bytes: rows of FIELDS; targets and warnings as numbers in lists, names without the folder."""
+    """The records in few bytes: rows of FIELDS; targets and warnings are indices, names omit the folder they share."""
     targets = list(dict.fromkeys(record["target"] for record in records))
     folder, target_folder = _folder(record["input"] for record in records), _folder(targets)
     warnings = list(dict.fromkeys(text for record in records for text in record["warnings"]))
@@ -71,32 +61,32 @@ def _table(records: Sequence[Record], links: Mapping[str, str]) -> dict[str, Any
 
 
 def _outcome(record: Record) -> tuple[int, float | None, float | None]:
-    """Whether a clip is done; its frames and seconds, which a failed one has none of."""
+    """Whether a clip is done, its frames and its seconds; a failed clip has neither of these."""
     if record["status"] != "done":
         return 0, None, None
     return 1, _number(record["frames"]), _number(record["seconds"])
 
 
 def _figures(figures: Mapping[str, Any]) -> list[float | None]:
-    """The numbers of FIGURES, None where there is none."""
-    return [_number((figures.get(whose) or {}).get(name)) for whose, name in FIGURES.values()]
+    """The numbers of COLUMNS, None where there is none."""
+    return [_number((figures.get(side) or {}).get(key)) for side, key in COLUMNS.values()]
 
 
 def _number(value: object) -> float | None:
-    """A number as it is worth writing, to six digits if it is not whole; None for what is not one."""
+    """A number with six digits, unless it is whole; None for anything else."""
     if isinstance(value, int):
         return value
     return float(f"{value:.6g}") if isinstance(value, float) and math.isfinite(value) else None
 
 
 def _folder(paths: Iterable[str]) -> str:
-    """What all paths begin with, up to a slash of either kind, with it."""
+    """The common beginning of all paths, up to and including the last slash or backslash."""
     common = os.path.commonprefix(list(paths))  # noqa: RUF071 (by letters, as paths may be of any system)
     return common[: max(common.rfind("/"), common.rfind("\\")) + 1]
 
 
 def _reason(record: Record) -> str | None:
-    """Why a clip failed, without clip and target in front: the page has them beside."""
+    """Why a clip failed, without the names of clip and target, which the page shows beside it."""
     if record["status"] == "done":
         return None
     error = str(record["error"] or "no reason given")
@@ -106,10 +96,10 @@ def _reason(record: Record) -> str | None:
 
 
 def _url(path: str | None) -> str | None:
-    """A relative URL of a path, of the bytes that the file system has for it."""
+    """The relative URL of a path, from the bytes of its name in the file system."""
     if path is None:
         return None
     try:
         return quote(path, errors="surrogateescape")
-    except UnicodeEncodeError:  # halves of characters that are no bytes: names of Windows
+    except UnicodeEncodeError:  # half characters that stand for no byte, as in names on Windows
         return quote(path, errors="surrogatepass")

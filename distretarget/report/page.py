@@ -1,4 +1,4 @@
-"""The report as one HTML file that needs nothing else: document, drawing data, style and script in one."""
+"""The report as one HTML file that needs no other: document, drawing data, style and script."""
 
 from __future__ import annotations
 
@@ -10,22 +10,23 @@ from importlib.resources import files
 from typing import Any
 
 from distretarget.measure.diff import Diff
+from distretarget.measure.figures import as_data
 from distretarget.report.scene import scene
 
 SCRIPTS = ("base.js", "data.js", "camera.js", "skeletons.js", "player.js", "curves.js", "heatmap.js", "tables.js")
-HALVES = re.compile("[\ud800-\udfff]")  # of characters, as in file names that are not text; UTF-8 has none
+HALVES = re.compile("[\ud800-\udfff]")  # half characters, which file names may contain and UTF-8 cannot encode
 ESCAPES = {ord(character): f"\\u{ord(character):04x}" for character in "<>&\u2028\u2029"}
 
 
 def page(diff: Diff, document: Mapping[str, Any]) -> str:
-    """The HTML of the report on a diff; `document` is the diff's, and stands in the page as it is."""
+    """The HTML of the report on a diff, with the diff's `document` embedded unchanged."""
     title = f"{document['b']['file']} against {document['a']['file']}"
-    data = {"document": document, "scene": scene(diff, len(document["pairs"]))}
+    data = {"document": document, "scene": scene(diff, len(document["pairs"])), "registry": as_data("A", "B")}
     return filled("template.html", title, ["style.css"], SCRIPTS, data)
 
 
 def filled(template: str, title: str, styles: Sequence[str], scripts: Sequence[str], data: Mapping[str, object]) -> str:
-    """The HTML of a template of this package, with its title, the files of its style and script, and named data."""
+    """Fill a template of this package: its title, the files of its style and script, and named JSON data."""
     parts = {
         "title": html.escape(HALVES.sub("\ufffd", title)),
         "style": "\n".join(map(_asset, styles)),
@@ -36,7 +37,7 @@ def filled(template: str, title: str, styles: Sequence[str], scripts: Sequence[s
 
 
 def script_json(value: object) -> str:
-    """JSON that can stand in a script element: no character of it ends the element or begins a comment."""
+    """JSON for a script element: none of its characters can end the element or begin a comment."""
     text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return HALVES.sub(lambda half: f"\\u{ord(half[0]):04x}", text).translate(ESCAPES)
 

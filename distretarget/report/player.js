@@ -45,14 +45,14 @@ function buildLegend() {
   const drawn = kind => element('span', {class: `mark ${kind}`});
   const shared = scene.bones.every(([, , upper]) => upper >= 0);
   $('legend').append(
-    element('span', {class: 'group'}, term('B off A’s direction', TERMS.direction_error),
+    element('span', {class: 'group'}, term('B off A’s direction', figureOf('direction_error').explanation),
       ...[...LEVELS, ...(shared ? [] : [NOT_SHARED])].map(level => item(bone(level), level.name))),
     element('span', {class: 'group'}, item(bone(OF_A), 'A'), item(drawn('touch'), 'contact'),
       item(drawn('touch lost'), 'lost in B'), item(drawn('ring'), 'foot at rest in A')),
   );
 }
 
-// ---- pointers: one turns or moves, two zoom and move
+// ---- pointers: one pointer turns or moves the view, two zoom and move it
 
 function watchPointers(canvas) {
   const down = new Map();

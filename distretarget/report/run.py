@@ -1,4 +1,4 @@
-"""The page of a run: the result and the rotation copy against the source."""
+"""The page of a run: result and rotation copy measured against the source."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from distretarget.report.page import page
 from distretarget.run_summary import Figures
 
 
-def run_page(run: Figures, about: About) -> str:
-    """The HTML of the report on a run, with A its source and B its result; `about` says nothing of the copy."""
-    result, up = run.result, run.result.world.up_vector
-    notes = turned_note(result.world)
-    diff = Diff(result.source, result.motion, result.matching, up, result.written_stress, run.reached, notes)
-    return page(diff, document(diff, replace(about, copy=run.copied, copy_stress=result.copy_stress)))
+def run_page(figures: Figures, about: About) -> str:
+    """The HTML of the report on a run: A is its source, B its result; the rotation copy is added to `about`."""
+    run, up = figures.run, figures.run.world.up_vector
+    notes = turned_note(run.world)
+    diff = Diff(run.source, run.motion, run.matching, up, run.written_stress, figures.result, notes)
+    return page(diff, document(diff, replace(about, rotation_copy=figures.sides["rotation_copy"])))

@@ -1,4 +1,4 @@
-"""What the page draws: both motions, small enough to embed, and when which joints touch."""
+"""What the page draws: both motions, small enough to embed, and which joints touch in which frames."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from distretarget.skeleton import Skeleton
 Array = NDArray[np.float64]
 Drawing = dict[str, Any]
 
-BUDGET = 5_000_000  # bytes of quantised positions of both motions; a longer clip is thinned
-STEPS = 65_535  # of a quantised coordinate
-ROWS = 24  # of the contact timeline, at most
-SAMPLES = 64  # frames that tell the range of the differences of D
+BUDGET = 5_000_000  # [bytes] most for the quantised positions of both motions; longer clips are drawn in part
+STEPS = 65_535  # steps of a quantised coordinate across the bounding box
+ROWS = 24  # most rows of the contact timeline
+SAMPLES = 64  # frames from which the range of the differences of D is estimated
 
 
 def scene(diff: Diff, pairs: int) -> Drawing:
     """The drawing data of a diff, as JSON values.
 
-    Both motions are drawn with y up, the floor at 0 and twice the leg length as the unit, and are thinned to every
-    `step`-th frame where they would take more than `BUDGET`. Arrays are base64 of little-endian numbers. `points` are
-    the joints of the matrices: for each its joint in A and in B; pairs are of their numbers. `pairs` is how many of the
-    worst pairs are named.
+    Both motions are drawn with y up, the floor at 0 and twice the leg length as the unit. Only one frame in `step` is
+    drawn where all would take more than `BUDGET`. Arrays are base64 of little-endian numbers. `points` are the joints
+    that the matrices show, of A and of B in the same order; pairs refer to them by number. `pairs` is how many of the
+    worst pairs are included.
     """
     b_points = points_of(diff.matching)
     a_points = diff.matching.drivers[b_points]
@@ -63,14 +63,14 @@ def scene(diff: Diff, pairs: int) -> Drawing:
 
 
 def drawn_step(frames: int, joints: int) -> int:
-    """Every how manieth frame is drawn, so that the positions of so many joints, of both motions, stay in `BUDGET`."""
+    """Draw one frame in how many: so that the positions of `joints` joints, those of both motions, fit in `BUDGET`."""
     return max(1, -(-frames * joints * 3 * 2 // BUDGET))
 
 
 def quantised(positions: Array) -> tuple[NDArray[np.int16], Array, Array]:
     """Positions (frames, joints, 3) as 16-bit numbers in their bounding box: the numbers, offset (3,), scale (3,).
 
-    A position is offset + scale * number, off by at most half a `STEPS`-th of the box.
+    A position is offset + scale * number; the error is at most half a step, of which the box has `STEPS`.
     """
     low, high = positions.min(axis=(0, 1)), positions.max(axis=(0, 1))
     scale = (high - low) / STEPS
@@ -79,13 +79,13 @@ def quantised(positions: Array) -> tuple[NDArray[np.int16], Array, Array]:
 
 
 def spans(mask: NDArray[np.bool_]) -> list[list[int]]:
-    """The runs of true in (frames,): first frame of each, and the frame after its last."""
+    """The runs of true values in (frames,): the first frame of each run, and the frame after its last."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
     return [[int(first), int(end)] for first, end in edges.reshape(-1, 2)]
 
 
 def _drawing(motion: Motion, body: Skeleton, legs: Any, points: NDArray[np.intp], up: Array, step: int) -> Drawing:
-    """One motion; `body` is its skeleton with rigid bones, `points` the joints of the matrices."""
+    """The drawing data of one motion; `body` is its skeleton with rigid bones, `points` the joints of the matrices."""
     unit = (2 * leg_length(body, legs) if legs else float(body.path_lengths.max())) or 1.0
     placed = Rotation.from_quat(_upright(up)).apply(motion.positions[::step].reshape(-1, 3)) / unit
     positions = placed.reshape(-1, len(body), 3)
@@ -104,12 +104,12 @@ def _drawing(motion: Motion, body: Skeleton, legs: Any, points: NDArray[np.intp]
 
 
 def _upright(up: Array) -> Array:
-    """(4,), the rotation that brings up to y."""
+    """(4,), quaternion x y z w of the rotation that turns `up` to y."""
     return np.asarray(least_rotation(up[None], np.array([[0.0, 1.0, 0.0]]))[0])
 
 
 def _facing(diff: Diff) -> float:
-    """The angle about y, from z, to which B faces in its first frame [rad]; 0 where it has no legs."""
+    """The direction that B faces in its first frame, as the angle about y from z [rad]; 0 if it has no legs."""
     if diff.matching.legs is None:
         return 0.0
     left, right = (diff.b.positions[0, leg.hip] for leg in diff.matching.legs[1])
@@ -118,7 +118,7 @@ def _facing(diff: Diff) -> float:
 
 
 def _bones(diff: Diff) -> NDArray[np.intp]:
-    """(bones of B, 4): its upper and lower joint, and those of A that stand for them, -1 without both."""
+    """(bones of B, 4): upper and lower joint, then their counterparts in A, or -1 and -1 unless both have one."""
     body, other, drivers = diff.matching.target.skeleton, diff.matching.source.skeleton, diff.matching.drivers
     lower, upper = np.arange(1, len(body)), body.parents[1:]
     shared = (drivers[lower] >= 0) & (drivers[upper] >= 0) & (body.lengths[1:] > 0)
@@ -128,13 +128,13 @@ def _bones(diff: Diff) -> NDArray[np.intp]:
 
 
 def _most_contacts(diff: Diff) -> NDArray[np.intp]:
-    """The numbers of the pairs that are a contact in most frames, in this order."""
+    """The numbers of the pairs that touch in the most frames, in descending order of frames."""
     touching = np.flatnonzero(diff.pairs.contact_frames)
     return touching[np.argsort(-diff.pairs.contact_frames[touching], kind="stable")][:ROWS]
 
 
 def _contact_spans(diff: Diff, pairs: NDArray[np.intp]) -> tuple[list[list[list[int]]], list[list[list[int]]]]:
-    """The spans in which each of the pairs is near: in A, and in B."""
+    """The spans of frames in which each of the pairs is near: in A, and in B."""
     u, v = diff.pairs.u[pairs], diff.pairs.v[pairs]
     drivers = diff.matching.drivers
     near_a = _near(diff.a, diff.matching.source.skeleton, drivers[u], drivers[v])
@@ -143,7 +143,7 @@ def _contact_spans(diff: Diff, pairs: NDArray[np.intp]) -> tuple[list[list[list[
 
 
 def _near(motion: Motion, body: Skeleton, u: NDArray[np.intp], v: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """(frames, pairs), whether D is below `NEAR`, block by block of frames."""
+    """(frames, pairs), whether D is below `NEAR`; computed in blocks of frames."""
     near = np.zeros((len(motion), len(u)), bool)
     for first in range(0, len(motion), BLOCK):
         x = motion.positions[first : first + BLOCK]
@@ -152,7 +152,7 @@ def _near(motion: Motion, body: Skeleton, u: NDArray[np.intp], v: NDArray[np.int
 
 
 def _largest_difference(diff: Diff, a_points: NDArray[np.intp], b_points: NDArray[np.intp]) -> float:
-    """The 99.5th percentile of |D_a - D_b| over some frames."""
+    """The 99.5th percentile of |D_a - D_b| over `SAMPLES` frames."""
     tau_a = diff.matching.source.skeleton.path_lengths[np.ix_(a_points, a_points)]
     tau_b = diff.matching.target.skeleton.path_lengths[np.ix_(b_points, b_points)]
     i, j = np.nonzero((tau_a > 0) & (tau_b > 0))
@@ -167,12 +167,12 @@ def _largest_difference(diff: Diff, a_points: NDArray[np.intp], b_points: NDArra
 
 
 def _distances(x: Array, i: NDArray[np.intp], j: NDArray[np.intp]) -> Array:
-    """(pairs,), of points i and j of x, (points, 3)."""
+    """(pairs,), the distances between points i and j of x, (points, 3)."""
     return np.asarray(np.linalg.norm(x[i] - x[j], axis=-1))
 
 
 def _notes(step: int, diff: Diff) -> list[str]:
-    """What is to be known about the drawing."""
+    """What a reader should know about the drawing."""
     notes = []
     if step > 1:
         notes.append(f"long clip: player, matrices and thumbnails show one frame in {step}; figures are of all frames")

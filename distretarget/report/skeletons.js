@@ -1,6 +1,6 @@
 // Bodies, floor and contacts on a canvas.
 
-// How far a bone of B is off its direction [degrees], told by colour, by thickness and by dashes.
+// Direction error of a bone of B [degrees], shown by colour, by thickness and by dashes.
 const LEVELS = [
   {below: 3, name: 'under 3°', colour: 'e0', width: 1, dash: null},
   {below: 8, name: '3–8°', colour: 'e1', width: 1.25, dash: null},
@@ -17,7 +17,7 @@ function levelOf(degrees) {
   return degrees === null ? NOT_SHARED : LEVELS.find(level => degrees < level.below);
 }
 
-/** One bone: a halo that parts it from what is behind, its colour, and the dashes of its level. */
+/** Draws one bone: a halo that separates it from what is behind, its colour, and the dashes of its level. */
 function drawBone(context, from, to, look) {
   const thick = Math.max(1.5, BONE * look.width * (from[2] + to[2]) / 2);
   context.beginPath();
@@ -38,7 +38,7 @@ function drawBone(context, from, to, look) {
   context.setLineDash([]);
 }
 
-/** A body, farthest bones first. */
+/** Draws a body, the farthest bones first. */
 function drawBody(context, motion, project, lookOf) {
   const {x} = motion, at = [];
   for (let k = 0; k < x.length; k += 3) at.push(project(x[k], x[k + 1], x[k + 2]));
@@ -86,7 +86,7 @@ function drawShadow(context, motion, project) {
   context.stroke();
 }
 
-/** A ring on the floor about each foot joint that is at rest in A. */
+/** Draws a ring on the floor around each foot joint that rests in A. */
 function drawStance(context, motion, project, frame) {
   context.strokeStyle = colour.stance;
   context.lineWidth = 2;
@@ -102,7 +102,7 @@ function drawStance(context, motion, project, frame) {
   });
 }
 
-/** Lines between joints that touch in A; in B dashed where they no longer do. */
+/** Draws lines between joints that touch in A; in B they are dashed where the joints do not touch. */
 function drawContacts(context, motion, at, frame) {
   context.strokeStyle = colour.touch;
   for (const [i, j, kept] of contactsAt(frame)) {
@@ -117,7 +117,7 @@ function drawContacts(context, motion, at, frame) {
   context.setLineDash([]);
 }
 
-/** Rings about the two joints of the chosen pair, with their names where asked for, and a line between them. */
+/** Draws rings around the two joints of the chosen pair, a line between them, and their names if `named`. */
 function drawChosen(context, motion, at, box, named) {
   if (!state.pair) return;
   const joints = state.pair.map(point => motion.points[point]);
@@ -154,7 +154,7 @@ function hips(motion) {
   return [motion.x[3 * joint], room.height * 0.43, motion.x[3 * joint + 2]];
 }
 
-/** Where a body is looked at: its hips, or, standing still, where they are in the middle of the clip. */
+/** The centre of the view: the hips, or, if it does not follow them, their place in the middle of the clip. */
 function centreOf(motion, frame) {
   if (!state.follow && !motion.middle) {
     place(motion, frameCount >> 1);
@@ -167,7 +167,7 @@ function centreOf(motion, frame) {
 const room = {width: 1, height: 1};
 Object.assign(room, reach());
 
-/** One motion or one upon the other, at a frame in a box of the canvas; A is thinner where it lies upon B. */
+/** Draws one motion, or both overlaid, at a frame in a box of the canvas; overlaid, A is thinner. */
 function drawScene(context, box, frame, motions, camera) {
   context.save();
   context.beginPath();
@@ -175,7 +175,7 @@ function drawScene(context, box, frame, motions, camera) {
   context.clip();
   const centres = motions.map(motion => centreOf(motion, frame));
   [A, B].forEach(motion => place(motion, frame));
-  // Bodies that follow their hips stand in the same place; otherwise both are where they are in the world.
+  // A view that follows the hips puts both bodies in one place; otherwise each stands in its place in the world.
   const views = centres.map(centre => projection(camera, box, state.follow ? centre : centres[centres.length - 1]));
   drawFloor(context, views[views.length - 1], centres[centres.length - 1], box);
   motions.forEach((motion, k) => drawShadow(context, motion, views[k]));

@@ -1,40 +1,14 @@
-// What is written: head, figures, worst frames, contacts, worst pairs, explanations.
+// The texts and tables: head, figures, worst frames, contacts, worst pairs, explanations.
 
-const TERMS = {
-  stress: 'How far the distances between all joints are off those of A, over the squared height of B (Eq. 2 of the '
-    + 'paper). 0 is best.',
-  distance_error: 'Mean |D in A − D in B| over all pairs of joints. 0 is best.',
-  contact_error: `Mean |D in A − D in B| over the pairs that touch in A: D below ${scene.near}, at least `
-    + `${scene.far_along} joints along the path. 0 is best.`,
-  direction_error: 'The angle between corresponding bones of A and B, mean over bones [degrees]; p99 is exceeded by '
-    + '1 in 100. 0 is best.',
-  slide: 'Horizontal speed of ankles and toes while they are at rest in A [leg lengths per second]. As A is best.',
-  foot_height: 'Height of ankles and toes over the origin while they are at rest in A [% of leg length]. As A is best.',
-  jerk: 'Roughness: mean third difference of the positions of the joints [body sizes / s³]. As A is best.',
-  bone_error: 'The largest relative error of a bone’s length against B’s skeleton [%]. 0 is best.',
-  turn: 'The most by which a joint of B turns further in one frame than that of A [degrees].',
-  D: 'Distance of two joints divided by the length of the bones between them: 0 where they coincide, 1 where the path '
-    + 'between them is straight.',
-};
-// `limit` is the name of the figure in a limit, `limited` what of it is limited if not B's value.
-const FIGURES = [
-  {name: 'Stress × 1000', term: 'stress', field: 'stress', factor: 1000, limit: 'stress'},
-  {name: 'Distance error', term: 'distance_error', field: 'distance_error', limit: 'distance'},
-  {name: 'Contact error', term: 'contact_error', field: 'contact_error', none: 'no contacts in A', limit: 'contact'},
-  {name: 'Direction error, °', term: 'direction_error', field: 'direction_error', p99: 'direction_error_p99',
-    none: 'no bones in common', limit: 'direction'},
-  {name: 'Slide, legs/s', term: 'slide', field: 'slide_b', a: 'slide_a', none: 'no feet at rest in A',
-    limit: 'slide', limited: 'B / A'},
-  {name: 'Foot height, % leg', term: 'foot_height', field: 'foot_height_b', a: 'foot_height_a',
-    none: 'no feet at rest in A', limit: 'foot', limited: '|B − A|'},
-  {name: 'Jerk, sizes/s³', term: 'jerk', field: 'jerk_b', a: 'jerk_a', none: 'under four frames',
-    limit: 'jerk', limited: 'B / A'},
-  {name: 'Bone error, %', term: 'bone_error', field: 'bone_error', factor: 100, limit: 'bone'},
-  {name: 'Largest turn, °', term: 'turn', field: 'turn', none: 'only one frame', limit: 'turn'},
-];
+const D_MEANS = 'Distance of two joints divided by the length of the bones between them: 0 where they coincide, 1 '
+  + 'where the path between them is straight.';
+const COPY_MEANS = 'The rotation copy: what comes of giving the joints of B the rotations of A, and nothing else.';
+const TOUCHING = `Two joints touch where D is below ${scene.near} and at least ${scene.far_along} joints lie on the `
+  + 'path between them.';
 const PAIRS_SHOWN = 15;
+const WORST_SHOWN = 2; // frames by each figure
 
-/** Whether a figure is within a limit, in words and by a mark. */
+/** A line that says, in words and by a mark, whether a figure is within its limit. */
 function limitLine({limit, value, over}, factor) {
   const most = String(Number((limit * factor).toPrecision(6)));
   if (value === null) return element('p', {class: 'limit'}, `limit ${most}`);
@@ -42,20 +16,20 @@ function limitLine({limit, value, over}, factor) {
     element('span', {'aria-hidden': 'true'}, over ? '✗ ' : '✓ '), `${over ? 'over' : 'within'} limit ${most}`);
 }
 
-function buildFigure({name, term: key, field, a, p99, factor = 1, none, limit, limited}) {
-  const {summary, rotation_copy: copy} = report;
-  const value = figureOf(summary, field, factor);
+function buildFigure(figure) {
+  const {key, factor, judged, comparison, missing} = figure, inUnits = judged === 'ratio' ? 1 : factor;
+  const {source, result, rotation_copy: copy} = report.figures;
+  const value = valueOf(result, key, factor);
   const rows = [];
-  if (a) rows.push(['A', figureOf(summary, a, factor)]);
-  if (copy) rows.push(['rotation copy', figureOf(copy, field, factor)]);
-  if (p99) rows.push(['p99', figureOf(summary, p99, factor)]);
-  const limits = report.limits.filter(one => one.figure === limit);
-  if (limited && limits.length) rows.push([limited, limits[0].value]);
+  if (judged !== 'value') rows.push(['A', valueOf(source, key, factor)]);
+  if (copy) rows.push(['copy', valueOf(copy, key, factor)]);
+  const limits = report.limits.filter(one => one.figure === key);
+  if (comparison && limits.length) rows.push([comparison, valueOf(limits[0], 'value', inUnits)]);
   return element('div', {class: 'figure'},
-    element('h3', {}, term(name, TERMS[key])),
-    element('p', {class: value === null ? 'big none' : 'big'}, value === null ? none : shown(value)),
+    element('h3', {}, term(nameOf(figure), figure.explanation)),
+    element('p', {class: value === null ? 'big none' : 'big'}, value === null ? missing : shown(value)),
     element('dl', {}, ...rows.flatMap(([what, number]) => [element('dt', {}, what), element('dd', {}, shown(number))])),
-    ...limits.map(one => limitLine(one, factor)));
+    ...limits.map(one => limitLine(one, inUnits)));
 }
 
 function counted(number, what) {
@@ -76,8 +50,9 @@ function buildHead() {
   $('facts').append(element('div', {class: 'wide'}, element('dt', {}, 'Made by'),
     element('dd', {}, element('code', {}, ...words), ` version ${report.program.version}`)));
   $('figures').append(...FIGURES.map(buildFigure));
-  $('terms').append(...[...FIGURES.map(({name, term: key}) => [name, key]), ['D', 'D']].flatMap(
-    ([name, key]) => [element('dt', {}, name), element('dd', {}, TERMS[key])]));
+  const terms = [...FIGURES.map(figure => [nameOf(figure), figure.explanation]), ['D', D_MEANS], ['Contact', TOUCHING],
+    ...report.figures.rotation_copy ? [['Copy', COPY_MEANS]] : []];
+  $('terms').append(...terms.flatMap(([name, text]) => [element('dt', {}, name), element('dd', {}, text)]));
 }
 
 function buildNotes() {
@@ -95,24 +70,23 @@ function buildNotes() {
 
 // ---- worst frames
 
-/** The frames of the largest values of a curve, at least half a second apart. */
-function worstFrames({field, factor, least}, most) {
-  const order = report.frames.filter(row => row[field] * factor > least).sort((p, q) => q[field] - p[field]);
+/** The frames of the largest values of a figure, at least half a second apart. */
+function worstFrames({key, least}) {
+  const order = report.frames.filter(row => row[key] > least).sort((p, q) => q[key] - p[key]);
   const found = [];
   for (const row of order) {
     if (found.every(other => Math.abs(other.frame - row.frame) * frameTime > 0.5)) found.push(row);
-    if (found.length === most) break;
+    if (found.length === WORST_SHOWN) break;
   }
   return found;
 }
 
-/** One picture for each worst frame, with what is worst in it. */
+/** Adds one picture for each worst frame, with the figures that are worst there. */
 function buildWorst() {
   const found = new Map();
-  for (const curve of CURVES.filter(one => one.worst)) {
-    const field = curve.lines[curve.lines.length - 1][0];
-    for (const row of worstFrames({...curve, field}, curve.worst)) {
-      const reason = [curve.name.toLowerCase(), shown(row[field] * curve.factor)];
+  for (const figure of figuresAt('worst frames')) {
+    for (const row of worstFrames(figure)) {
+      const reason = [nameOf(figure).toLowerCase(), shown(row[figure.key] * figure.factor)];
       found.set(row.frame, [...found.get(row.frame) || [], reason]);
     }
   }
@@ -132,7 +106,7 @@ function buildWorst() {
       element('b', {}, `Frame ${frame}`),
       ...reasons.map(([name, value]) => element('span', {}, name, element('i', {}, value)))));
   }
-  if (!found.size) $('worst').append(element('p', {class: 'none'}, 'B does as A in every frame.'));
+  if (!found.size) $('worst').append(element('p', {class: 'none'}, 'B does the same as A in every frame.'));
 }
 
 // ---- contacts
@@ -171,7 +145,7 @@ function buildContacts() {
   }
   const swatch = name => element('i', {class: `swatch bar-${name}`});
   const legend = element('p', {class: 'note'}, swatch('a'), 'in A ', swatch('b'), 'in B; ',
-    term('touching', TERMS.contact_error), scene.contacts.length === 24 ? ': the 24 pairs that do so longest' : '');
+    term('touching', TOUCHING), scene.contacts.length === 24 ? ': the 24 pairs that touch longest' : '');
   $('contacts').append(line);
   $('contacts').before(legend);
   painted($('contacts'), () => {
@@ -201,8 +175,8 @@ function buildPairs() {
     $('pairs').append(element('p', {class: 'none'}, 'A and B have no pairs of joints in common.'));
     return;
   }
-  const heads = [['Joints', 'The joints in B, and, where they are called otherwise, in A.'],
-    ['Contact', 'In how many frames they touch in A.'], ['D in A', TERMS.D], ['D in B', TERMS.D],
+  const heads = [['Joints', 'The joints in B, and below those in A where they have other names.'],
+    ['Contact', 'In how many frames they touch in A.'], ['D in A', D_MEANS], ['D in B', D_MEANS],
     ['Error', 'Mean |D in A − D in B|, over the frames of contact where there are any.'],
     ['Worst', 'The frame of the largest error.']];
   const table = element('table', {},
@@ -239,7 +213,7 @@ function start() {
   buildHead();
   buildNotes();
   buildPlayer();
-  CURVES.forEach(buildCurve);
+  figuresAt('curve').forEach(buildCurve);
   buildWorst();
   buildMatrices();
   buildContacts();

@@ -1,0 +1,297 @@
+"""The figures of quality: what each is called, what it means, and how it is taken from a clip, shown and limited.
+
+Whatever prints, writes or draws figures takes them from `FIGURES`. To add one, add its entry there and its track to
+`metrics.Comparison`, and run `tools/make_figures.py` and `tools/make_reference.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Side = Literal["source", "rotation_copy", "result"]
+
+# What follows a key where the figures of several motions stand in one list.
+SUFFIXES: dict[Side, str] = {"source": "_source", "rotation_copy": "_copy", "result": ""}
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """What was measured over the frames of a clip.
+
+    Attributes:
+        values: (frames,) or (frames, parts); fewer rows where a value takes several frames, as a speed does.
+        counts: like values: how many measurements each value is the sum of, 0 where nothing was to be measured; None
+            where each value is one measurement.
+    """
+
+    values: Array
+    counts: NDArray[np.intp] | NDArray[np.bool_] | None = None
+
+    @property
+    def weights(self) -> NDArray[np.intp]:
+        """Like values: how many measurements each value is the sum of."""
+        if self.counts is None:
+            return np.ones(self.values.shape, np.intp)
+        return self.counts.astype(np.intp)
+
+
+Tracks = Mapping[str, Track]  # by the key of what was measured
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """One figure of quality. Texts name the two motions `{source}` and `{result}`; documents put names in.
+
+    Attributes:
+        key: its name in JSON, CSV and `--fail-over`, and that of its track.
+        label: its name in prose.
+        unit: of the number in files and limits; empty for a plain number.
+        meaning: what it measures.
+        missing: why a clip may have no value; empty if every clip has one.
+        track: the key of the track, if it is that of another figure.
+        reduction: what of the track's values is the figure: their mean, the largest (at least 0), or the one that a
+            hundredth of them exceed.
+        judged: what is good, and what a limit is for. The value itself, 0 being best; or, where the source has a value
+            too, the result's over the source's, or how far the two are apart.
+        still: where the ratio is judged, source values up to this count as nothing, and as this in limits.
+        factor, symbol: pages and the line of a run show the number times `factor`, in the unit `symbol`.
+        decimals: of the number in the line of a run.
+        least: values up to this are too small to look at.
+        places: where the figure stands besides the lists of all figures: in the line at the end of a run, as a curve
+            over time in a report, with pictures of its worst frames in a report, as a column of the page over clips,
+            as a list of the worst frames of a diff and the worst clips of a batch.
+    """
+
+    key: str
+    label: str
+    meaning: str
+    unit: str = ""
+    missing: str = ""
+    track: str = ""
+    reduction: Literal["mean", "largest", "percentile 99"] = "mean"
+    judged: Literal["value", "ratio", "difference"] = "value"
+    still: float = 0.0
+    factor: float = 1.0
+    symbol: str = ""
+    decimals: int = 2
+    least: float = 0.0
+    places: tuple[Literal["line", "curve", "worst frames", "page over clips", "worst clips"], ...] = ()
+
+    @property
+    def of_source(self) -> bool:
+        """Whether the source has a value of its own."""
+        return self.judged != "value"
+
+    @property
+    def of_frames(self) -> bool:
+        """Whether each frame has a value."""
+        return self.reduction != "percentile 99"
+
+    def of_clip(self, tracks: Tracks) -> float | None:
+        """The figure of the whole clip; None where nothing was to be measured."""
+        track = tracks[self.track or self.key]
+        weights = track.weights
+        measured = weights > 0
+        values = track.values[measured]
+        if not values.size:
+            return None
+        if self.reduction == "largest":
+            return float(values.max(initial=0.0))
+        if self.reduction == "percentile 99":
+            return float(np.percentile(values, 99))
+        return float(values.sum() / weights[measured].sum())
+
+    def over_time(self, tracks: Tracks, frames: int) -> Array:
+        """(frames,), the figure of each frame; nan where nothing was to be measured, as in rows that are missing."""
+        track = tracks[self.track or self.key]
+        values, weights = (a if a.ndim == 2 else a[:, None] for a in (track.values, track.weights))
+        column = np.full(frames, np.nan)
+        if self.reduction == "largest":
+            reduced = np.where(weights > 0, values, 0.0).max(axis=1, initial=0.0)
+        else:
+            reduced = np.where(weights > 0, values, 0.0).sum(axis=1) / np.maximum(weights.sum(axis=1), 1)
+        column[: len(values)] = np.where(weights.any(axis=1), reduced, np.nan)
+        return column
+
+    def judgement(self, value: float | None, source: float | None) -> float | None:
+        """What a limit is for, of the result's value and the source's; None where nothing was to be measured."""
+        if self.judged == "value" or value is None:
+            return value
+        if source is None:
+            return None
+        if self.judged == "difference":
+            return abs(value - source)
+        least = max(source, self.still)
+        return value / least if least > 0 else None
+
+    def explanation(self, source: str, result: str) -> str:
+        """What it measures and in which unit, and what is best, in two sentences with the names of the motions."""
+        meaning = self.meaning.format(source=source, result=result)
+        unit = f" [{self.unit}]" if self.unit else ""
+        best = f"As in {source} is best" if self.of_source else "0 is best"
+        return f"{meaning[0].upper()}{meaning[1:]}{unit}. {best}."
+
+    def comparison(self, source: str, result: str) -> str:
+        """What a limit is for, as a formula of the names of the motions; empty where it is for the value itself."""
+        formulas = {"value": "", "ratio": f"{result} / {source}", "difference": f"|{result} \N{MINUS SIGN} {source}|"}
+        return formulas[self.judged]
+
+    def brief(self, value: float | None) -> str:
+        """The number as the line of a run has it."""
+        return "-" if value is None else f"{self.factor * value:.{self.decimals}f}"
+
+
+FIGURES = (  # the most telling first
+    Figure(
+        key="contact_error",
+        label="contact error",
+        meaning="how far the distances of joints that touch in {source} are off, over the length of the bones between",
+        missing="no contacts in {source}",
+        decimals=4,
+        least=0.002,
+        places=("line", "curve", "worst frames", "page over clips", "worst clips"),
+    ),
+    Figure(
+        key="direction_error",
+        label="direction error",
+        unit="degrees",
+        meaning="mean angle between bones of {source} and {result}",
+        missing="no bones in common",
+        symbol="°",
+        decimals=1,
+        least=0.2,
+        places=("line", "curve", "worst frames", "page over clips", "worst clips"),
+    ),
+    Figure(
+        key="direction_error_p99",
+        label="direction p99",
+        unit="degrees",
+        meaning="angle between bones of {source} and {result} that 1 in 100 exceeds",
+        missing="no bones in common",
+        track="direction_error",
+        reduction="percentile 99",
+        symbol="°",
+        decimals=1,
+        least=0.2,
+    ),
+    Figure(
+        key="slide",
+        label="slide",
+        unit="leg lengths/s",
+        meaning="horizontal speed of ankles and toes while they rest in {source}",
+        missing="no feet at rest in {source}",
+        judged="ratio",
+        still=1e-3,  # [leg lengths/s]; what is left are rounding errors of the file
+        symbol="legs/s",
+        decimals=3,
+        least=0.01,
+        places=("line", "curve", "worst frames", "page over clips"),
+    ),
+    Figure(
+        key="foot_height",
+        label="foot height",
+        unit="% of leg length",
+        meaning="height of ankles and toes over the origin while they rest in {source}",
+        missing="no feet at rest in {source}",
+        judged="difference",
+        symbol="% leg",
+        least=0.1,
+        places=("page over clips",),
+    ),
+    Figure(
+        key="stress",
+        label="stress",
+        meaning="how far the distances of all joints are off, squared, over the squared height of {result} (Eq. 2)",
+        factor=1000.0,
+        symbol="\N{MULTIPLICATION SIGN} 1000",
+        least=1e-4,
+        places=("line", "curve", "worst frames", "page over clips", "worst clips"),
+    ),
+    Figure(
+        key="distance_error",
+        label="distance error",
+        meaning="how far the distances of all joints are off, over the length of the bones between",
+        decimals=4,
+        least=0.002,
+    ),
+    Figure(
+        key="jerk",
+        label="jerk",
+        unit="body sizes/s³",
+        meaning="roughness: how fast the acceleration of the joints changes",
+        missing="under four frames",
+        judged="ratio",
+        symbol="sizes/s³",
+        decimals=1,
+        least=0.1,
+        places=("line", "curve", "page over clips"),
+    ),
+    Figure(
+        key="turn",
+        label="turn",
+        unit="degrees",
+        meaning="largest angle by which a joint of {result} turns further from one frame to the next than in {source}",
+        missing="only one frame",
+        reduction="largest",
+        symbol="°",
+        decimals=1,
+        least=0.2,
+        places=("page over clips",),
+    ),
+    Figure(
+        key="bone_error",
+        label="bone error",
+        meaning="largest change of a bone's length in {result}, relative to the length in its skeleton",
+        reduction="largest",
+        factor=100.0,
+        symbol="%",
+        least=1e-4,
+        places=("curve", "worst frames"),
+    ),
+)
+BY_KEY = {figure.key: figure for figure in FIGURES}
+
+
+def figures_at(place: str) -> tuple[Figure, ...]:
+    """The figures that stand in one of the places."""
+    return tuple(figure for figure in FIGURES if place in figure.places)
+
+
+def clip_figures(tracks: Tracks) -> dict[str, float | None]:
+    """The figures of a whole clip that the tracks are there for, by key; None where nothing was to be measured."""
+    return {figure.key: figure.of_clip(tracks) for figure in FIGURES if (figure.track or figure.key) in tracks}
+
+
+def frame_figures(sides: Mapping[Side, Tracks], frames: int) -> dict[str, Array]:
+    """(frames,) for each figure of each side, by key and suffix; nan where nothing was to be measured."""
+    return {
+        figure.key + SUFFIXES[side]: figure.over_time(tracks, frames)
+        for figure in FIGURES
+        for side, tracks in sides.items()
+        if figure.of_frames and figure.key in tracks
+    }
+
+
+def as_data(source: str, result: str) -> list[dict[str, Any]]:
+    """The figures as JSON values for a page that calls the two motions by these names."""
+    return [
+        {
+            "key": figure.key,
+            "label": figure.label[0].upper() + figure.label[1:],
+            "symbol": figure.symbol,
+            "explanation": figure.explanation(source, result),
+            "missing": figure.missing.format(source=source),
+            "judged": figure.judged,
+            "comparison": figure.comparison(source, result),
+            "factor": figure.factor,
+            "least": figure.least,
+            "places": figure.places,
+        }
+        for figure in FIGURES
+    ]

@@ -1,0 +1,125 @@
+"""The registry of figures: whole, and the only place that names, explains and reduces them."""
+
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bodies import person, swaying
+
+from distretarget.measure.diff import diff
+from distretarget.measure.figures import BY_KEY, FIGURES, SUFFIXES, Figure, Track, frame_figures
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
+from make_figures import PAGE, ROOT, SCHEMA, page, schema
+
+PACKAGE = ROOT / "distretarget"
+REGISTRY = PACKAGE / "measure" / "figures.py"
+SOURCES = [path for kind in ("py", "js", "html") for path in PACKAGE.rglob(f"*.{kind}") if path != REGISTRY]
+FRAMES = 5
+
+
+def figure(**others):
+    return Figure(**{"key": "gap", "label": "gap", "meaning": "gap of {result} against {source}"} | others)
+
+
+def test_keys_are_names_that_stand_once():
+    assert len(BY_KEY) == len(FIGURES)
+    for one in FIGURES:
+        assert re.fullmatch(r"[a-z][a-z0-9_]*", one.key)
+        assert not one.key.endswith(tuple(filter(None, SUFFIXES.values())))
+
+
+def test_every_figure_has_a_track_and_every_track_a_figure():
+    found = diff(swaying(person(), 6, seed=1), swaying(person(), 6, seed=2))
+    assert set(found.tracks) == {one.track or one.key for one in FIGURES}
+    assert set(found.figures.source_tracks) == {one.key for one in FIGURES if one.of_source}
+
+
+def test_a_figure_may_be_missing_where_the_source_is_needed():
+    for one in FIGURES:
+        assert one.missing or one.judged == "value"
+
+
+def test_texts_name_the_motions_as_they_are_told():
+    for one in FIGURES:
+        text = one.explanation("A", "B") + one.missing.format(source="A") + one.comparison("A", "B")
+        assert "{" not in text
+        assert one.explanation("A", "B")[0].isupper()
+        assert text.count("source") == text.count("result") == 0
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_no_other_file_has_labels_units_or_meanings_of_its_own(path):
+    text = path.read_text("utf-8")
+    strings = [
+        found[1] for found in re.findall(r"""(["'`])((?:(?!\1)[^\n])*)\1""", re.sub(r'""".*?"""', "", text, flags=re.S))
+    ]
+    for one in FIGURES:
+        telling = [words for words in (one.label, one.unit, one.meaning.split("{")[0]) if " " in words.strip()]
+        for words in (*telling, *([one.symbol] if len(one.symbol) > 1 else [])):
+            assert not [string for string in strings if words.lower() in string.lower()], words
+
+
+def test_page_and_schema_are_up_to_date():
+    assert PAGE.read_text("utf-8") == page(), "run tools/make_figures.py"
+    assert SCHEMA.read_text("utf-8") == schema(), "run tools/make_figures.py"
+
+
+# ---- from tracks to figures
+
+
+def test_a_mean_is_pooled_over_all_measurements():
+    track = {"gap": Track(np.array([6.0, 0.0, 1.0]), np.array([3, 0, 1]))}
+    assert figure().of_clip(track) == 7 / 4
+    np.testing.assert_array_equal(figure().over_time(track, FRAMES), [2, np.nan, 1, np.nan, np.nan])
+
+
+def test_only_what_counts_is_reduced():
+    values, stance = np.array([[1.0, 9.0], [9.0, 9.0], [2.0, 3.0]]), np.array([[1, 0], [0, 0], [1, 1]], bool)
+    track = {"gap": Track(values, stance)}
+    assert figure().of_clip(track) == 2
+    np.testing.assert_array_equal(figure().over_time(track, 3), [1, np.nan, 2.5])
+    assert figure(reduction="largest").of_clip(track) == 3
+    np.testing.assert_array_equal(figure(reduction="largest").over_time(track, 3), [1, np.nan, 3])
+
+
+def test_the_largest_is_at_least_zero():
+    track = {"gap": Track(np.array([[-2.0, -1.0]]))}
+    assert figure(reduction="largest").of_clip(track) == 0
+    np.testing.assert_array_equal(figure(reduction="largest").over_time(track, 1), [0])
+
+
+def test_a_percentile_is_of_another_track_and_has_no_frames():
+    one = figure(key="gap_p99", track="gap", reduction="percentile 99")
+    values = np.random.default_rng(0).normal(size=(FRAMES, 7))
+    assert one.of_clip({"gap": Track(values)}) == np.percentile(values, 99)
+    assert not one.of_frames
+
+
+def test_frames_carry_the_suffix_of_their_side():
+    track = Track(np.arange(3.0))
+    columns = frame_figures(
+        {"source": {"slide": track}, "rotation_copy": {"slide": track}, "result": {"slide": track}}, 3
+    )
+    assert list(columns) == ["slide_source", "slide_copy", "slide"]
+
+
+@pytest.mark.parametrize("shape", [(0,), (0, 4), (FRAMES, 0)])
+def test_without_measurements_there_is_no_figure(shape):
+    track = {"gap": Track(np.zeros(shape))}
+    for reduction in ("mean", "largest", "percentile 99"):
+        assert figure(reduction=reduction).of_clip(track) is None
+    assert np.isnan(figure().over_time(track, FRAMES)).all()
+
+
+def test_what_a_limit_is_for():
+    ratio, difference = figure(judged="ratio", still=0.1), figure(judged="difference")
+    assert figure().judgement(2.0, None) == 2
+    assert ratio.judgement(2.0, 4.0) == 0.5
+    assert ratio.judgement(2.0, 0.05) == 20
+    assert figure(judged="ratio").judgement(2.0, 0.0) is None
+    assert difference.judgement(-1.0, 2.0) == 3
+    assert {one.judgement(None, 1.0) for one in (figure(), ratio, difference)} == {None}
+    assert {one.judgement(1.0, None) for one in (ratio, difference)} == {None}
