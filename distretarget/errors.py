@@ -24,10 +24,10 @@ class DistretargetError(Exception):
         self.reason = reason  # `args`, by which errors are pickled, keep all that a subclass is given
 
     def __str__(self) -> str:
-        return f"{self.place}: {self.reason}" if self.place else self.reason
+        return f"{self.location}: {self.reason}" if self.location else self.reason
 
     @property
-    def place(self) -> str:
+    def location(self) -> str:
         """Where the fault is: the file, with the place in it where one is known; empty without a file."""
         return str(self.path) if self.path else ""
 
@@ -60,7 +60,7 @@ class BvhError(DistretargetError):
         self.line = line
 
     @property
-    def place(self) -> str:
+    def location(self) -> str:
         """The file and, where one is meant, the line."""
         return f"{self.path}:{self.line}" if self.line else str(self.path)
 
@@ -68,18 +68,18 @@ class BvhError(DistretargetError):
 class SkeletonFileError(DistretargetError):
     """A target skeleton file or a map file (JSON) that breaks its format.
 
-    Attributes: `path`, `where` (as `joints[3].offset[2]`, empty for the whole file) and `reason`.
+    Attributes: `path`, `place` (as `joints[3].offset[2]`, empty for the whole file) and `reason`.
     """
 
-    def __init__(self, path: str | Path, where: str, reason: str) -> None:
+    def __init__(self, path: str | Path, place: str, reason: str) -> None:
         super().__init__(reason)
         self.path = Path(path)
-        self.where = where
+        self.place = place
 
     @property
-    def place(self) -> str:
+    def location(self) -> str:
         """The file and, where one is meant, the place in it."""
-        return f"{self.path}: {self.where}" if self.where else str(self.path)
+        return f"{self.path}: {self.place}" if self.place else str(self.path)
 
 
 class SkeletonError(DistretargetError):
@@ -98,23 +98,23 @@ class MatchingError(DistretargetError):
     """Joints of two skeletons that cannot be matched.
 
     Attributes:
-        reason: with the closest names and the names of both.
+        fault: why they cannot; `reason` has the closest names and the names of both as well.
         source, target: the names of their joints.
     """
 
-    def __init__(self, reason: str, source: Sequence[str], target: Sequence[str], advice: str = SAY_IN_A_MAP) -> None:
+    def __init__(self, fault: str, source: Sequence[str], target: Sequence[str], advice: str = SAY_IN_A_MAP) -> None:
         near = ((name, difflib.get_close_matches(name, source, n=1, cutoff=0.6)) for name in target)
         pairs = [f"{name!r} and {found[0]!r}" for name, found in near if found]
         shown = f"closest names: {', '.join(pairs[:6])}; " if pairs else ""
         names = f"the target has {quoted(target, 12)}; the source has {quoted(source, 12)}"
-        super().__init__(f"{reason}; {shown}{names}; {advice}")
+        super().__init__(f"{fault}; {shown}{names}; {advice}")
+        self.fault = fault
         self.source = tuple(source)
         self.target = tuple(target)
 
     def advised(self, advice: str) -> MatchingError:
         """The same error, with another advice at its end."""
-        reason, source, target = self.args[:3]
-        return MatchingError(reason, source, target, advice)
+        return MatchingError(self.fault, self.source, self.target, advice)
 
 
 class MapError(DistretargetError):

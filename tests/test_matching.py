@@ -335,7 +335,7 @@ def refused(source, target, reason, explicit=None):
     with pytest.raises(MatchingError, match=reason) as caught:
         matched(source, target, explicit)
     matching = find_matching(body_of(source), body_of(target), explicit)
-    assert refusal(matching) == caught.value.reason
+    assert refusal(matching) == caught.value.fault
     assert "\n" not in str(caught.value)
     for side, body in ((caught.value.target, target), (caught.value.source, source)):
         assert side == tuple(np.array(body.keys)[~body.end_sites])

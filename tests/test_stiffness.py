@@ -1,8 +1,10 @@
 """The stiffness of parts: what gives way to contacts and feet, and what does not."""
 
 import numpy as np
-from bodies import person
+from bodies import matched, person
 
+from distretarget.distances import distance_problem
+from distretarget.solve.poses import PoseProblem
 from distretarget.solve.rigid_parts import part_of_joint
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.stiffness import part_stiffness
@@ -13,7 +15,19 @@ SETTINGS = ContactSettings()
 
 def test_stiffness_grows_with_what_a_part_carries_and_feet_are_stiff():
     parts = part_of_joint(PERSON, np.arange(len(PERSON)))
-    stiffness = part_stiffness(PERSON, parts, np.arange(len(PERSON)), 2 * 0.888, SETTINGS)
+    matching = matched(PERSON, PERSON)
+    problem = PoseProblem(
+        skeleton=PERSON,
+        legs=matching.target.legs,
+        unit=matching.target.unit,
+        parts=parts,
+        distances=distance_problem(PERSON, PERSON, matching.drivers),
+        source=PERSON.rest_positions[None],
+        copy=PERSON.rest_positions[None],
+        root=np.zeros((1, 3)),
+        frame_time=1.0,
+    )
+    stiffness = part_stiffness(problem, SETTINGS)
     at = {name: stiffness[parts[PERSON.index(name)]] for name in PERSON.names}
     assert at["Hips"] > at["Chest"] > at["LeftShoulder"] > at["LeftElbow"] > at["LeftWrist"]
     assert at["LeftShoulder"] == at["RightShoulder"]
