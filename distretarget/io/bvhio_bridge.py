@@ -87,7 +87,7 @@ def to_bvhio(motion: Motion) -> bvhio.BvhContainer:
 
 
 def _bvhio() -> ModuleType:
-    """The package, which is not needed for anything else and need not be installed."""
+    """The package, imported here because everything else works without it."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", PendingDeprecationWarning)  # its pyglm announces a new name
@@ -143,7 +143,7 @@ def _skeleton(nodes: list[tuple[bvhio.BvhJoint, int, bool]]) -> Skeleton:
 
 
 def _channels(joint: bvhio.BvhJoint) -> tuple[str, ...]:
-    """The channels of a joint, of which bvhio checks nothing, and reads none in another spelling."""
+    """A joint's channels, checked, as bvhio takes any word for one."""
     channels = tuple(joint.Channels)
     wrong = sorted(set(channels) - set(POSITION_CHANNELS + ROTATION_CHANNELS))
     if wrong:
