@@ -192,7 +192,7 @@ class Body:
 
     @cached_property
     def on_all_fours(self) -> bool:
-        """Whether the body seems to walk on all fours: its trunk stays bent against its legs, at rest and in motion."""
+        """Whether the body seems to go on all fours: its trunk stays bent against its legs, at rest and in motion."""
         if self.at_rest is None or not self.at_rest.is_whole or self.at_rest.stretch > STRETCHED:
             return False
         if self.moving is None:
