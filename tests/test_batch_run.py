@@ -179,7 +179,7 @@ def test_files_that_cannot_be_read_fail_alone(folder):
     assert (sorted(seen.of("failed")), seen.of("done")) == (["a.bvh", "c.bvh"], ["deep/b.bvh"])
     errors = {record["output"]: record["error"] for record in seen.records}
     assert errors["a.bvh"].endswith("a.bvh: there is no such file")
-    assert "is no text" in errors["c.bvh"]
+    assert "is not a text file" in errors["c.bvh"]
 
 
 def test_files_that_were_not_made_here_are_left_alone(folder):
