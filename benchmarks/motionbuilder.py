@@ -32,13 +32,12 @@ def measure(folder: Path, clip: str) -> str:
     """The row of one clip."""
     source, reference = read_bvh(folder / "cmu_mb" / clip), read_bvh(folder / "cmu_daz" / clip)
     run = retarget(source, reference.skeleton)
-    compared = [
-        compare(run.source, motion, run.matching, run.world.up_vector) for motion in (run.copy, reference, run.motion)
-    ]
+    motions = (run.rotation_copy, reference, run.motion)
+    compared = [compare(run.source, motion, run.matching, run.world.up_vector) for motion in motions]
     contact = " / ".join(f"{BY_KEY['contact_error'].of_clip(one.tracks) or 0.0:.4f}" for one in compared)
     tracks = compared[2].source_tracks, compared[1].tracks, compared[2].tracks
     slide = " / ".join(f"{BY_KEY['slide'].of_clip(one) or 0.0:.3f}" for one in tracks)
-    apart = [directions(reference, motion, run.drivers).mean() for motion in (run.copy, run.motion)]
+    apart = [directions(reference, motion, run.drivers).mean() for motion in (run.rotation_copy, run.motion)]
     return f"| {clip} | {len(source)} | {apart[0]:.1f} | {apart[1]:.1f} | {contact} | {slide} |"
 
 

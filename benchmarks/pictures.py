@@ -56,7 +56,7 @@ def draw(folder: Path, corpus: Path, picture: Picture) -> None:
     turn = facing(source, picture.frames)
     rows = [
         (f"{picture.clip}", source),
-        (f"rotation copy, {picture.target}", contact.copy),
+        (f"rotation copy, {picture.target}", contact.rotation_copy),
         ("paper", paper.motion),
         ("contact", contact.motion),
     ]

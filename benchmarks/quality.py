@@ -83,7 +83,7 @@ def measure(folder: Path, clip: str, target: str, methods: tuple[str, ...], fram
     for method in methods:
         result = retarget(source, body, objective="paper" if method == "paper" else "contact")
         if not rows:
-            rows.append(Row(clip, target, "rotation copy", _figures(result, result.copy)))
+            rows.append(Row(clip, target, "rotation copy", _figures(result, result.rotation_copy)))
         figures = _figures(result, result.motion)
         figures["written_stress"] = float(result.written_stress.mean())
         figures["copy_stress"] = float(result.copy_stress.mean())

@@ -72,7 +72,7 @@ class InverseKinematics:
         self.bodies = [joint for joint in skeleton.depth_first if not skeleton.end_sites[joint]]
         self.model = mujoco.MjModel.from_xml_string(_xml(result.motion, self.unit))
         self.configuration = mink.Configuration(self.model)
-        self.postures = _postures(result.copy, self.bodies, self.unit)
+        self.postures = _postures(result.rotation_copy, self.bodies, self.unit)
         self.ends = _ends(result.matching.target)
         self.places = result.motion.positions[:, self.ends] / self.unit
         self.frames = [

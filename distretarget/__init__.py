@@ -10,7 +10,8 @@ from distretarget.errors import DistretargetError
 from distretarget.io.bvh import read_bvh, write_bvh
 from distretarget.io.skeleton_json import load_target
 from distretarget.motion import Motion
-from distretarget.retargeting import RetargetResult, retarget
+from distretarget.result import RetargetResult
+from distretarget.retargeting import retarget
 from distretarget.skeleton import Skeleton
 from distretarget.solve.settings import ContactSettings
 

@@ -1,4 +1,4 @@
-"""From the texts of files to a motion on its target: what every command that retargets does with a clip."""
+"""From the texts of files to a retargeted motion: the work on one clip, for all commands that retarget."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from distretarget.io.files import read_text, text_hash
 from distretarget.io.map_json import MapFile, joint_map
 from distretarget.io.skeleton_json import parse_target
 from distretarget.motion import Motion
-from distretarget.retargeting import Objective, RetargetResult, retarget
+from distretarget.result import RetargetResult
+from distretarget.retargeting import Objective, retarget
 from distretarget.solve.chunks import Mapper, Progress
 
 
 @dataclass(frozen=True)
 class Options:
-    """How a motion is to be carried over: the arguments of `retarget` of these names."""
+    """How to retarget a motion: the arguments of `retarget` with these names."""
 
     objective: Objective = "contact"
     hold_feet: bool = True
@@ -31,7 +32,7 @@ class Options:
 
 @dataclass(frozen=True)
 class Text:
-    """A file that was read: its text, and its path, for errors."""
+    """A file that has been read: its text, and its path for errors."""
 
     text: str
     path: str | Path
@@ -43,7 +44,7 @@ class Text:
 
 
 def load_text(path: str | Path) -> Text:
-    """Read a file; errors as in `read_text`."""
+    """Read a text file; errors as in `read_text`."""
     return Text(read_text(path), path)
 
 
@@ -57,17 +58,17 @@ def retarget_onto(
     mapper: Mapper = map,
     progress: Progress = lambda _frames: None,
 ) -> RetargetResult:
-    """Retarget the motion of the file `source` to the target in the text of another, with the pairs of a map file.
+    """Retarget a motion onto the target in a file that has been read, with the pairs of a map file.
 
-    `mapper` and `progress` are as in `retarget`.
+    `source` is the path of the motion's file, for errors; `mapper` and `progress` are as in `retarget`.
 
     Raises:
-        DistretargetError: the motion cannot be retargeted, or the target's file is no target; it names the file.
+        DistretargetError: the motion cannot be retargeted, or the target's file is not valid; the error names the file.
     """
-    whole = parse_target(target.text, target.path).for_source(motion.rigid_skeleton)
-    pairs = joint_map(motion.rigid_skeleton, whole, target.path, map_file)
+    whole_target = parse_target(target.text, target.path).for_source(motion.rigid_skeleton)
+    pairs = joint_map(motion.rigid_skeleton, whole_target, target.path, map_file)
     try:
-        return retarget(motion, whole, joint_map=pairs, mapper=mapper, progress=progress, **asdict(options))
+        return retarget(motion, whole_target, joint_map=pairs, mapper=mapper, progress=progress, **asdict(options))
     except MatchingError as error:
         raise needs_map(error, source, target.path) from error
     except DistretargetError as error:
@@ -75,7 +76,7 @@ def retarget_onto(
 
 
 def needs_map(error: MatchingError, source: str | Path, target: str | Path) -> MatchingError:
-    """The refusal of two bodies that cannot be matched, with the command that writes a map for them."""
+    """Return a matching error with the advice to write a map, and the command for that."""
     command = f"distretarget skeleton match {shlex.quote(str(source))} {shlex.quote(str(target))} -o MAP.json"
     advice = f"{SAY_IN_A_MAP}: write one with `{command}`, and give it with --map MAP.json"
     return error.advised(advice).in_file(target)

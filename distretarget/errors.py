@@ -1,4 +1,4 @@
-"""Everything that can go wrong, each as one line that names the place and what would have worked."""
+"""The errors of this package. Each is one line that names the place of the fault and what would have worked."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ class DistretargetError(Exception):
 
     Attributes:
         reason: what is wrong, without the place.
-        path: of the file that the error is about; None where it is about none.
+        path: the path of the file that is wrong; None where the error is not about a file.
     """
 
     path: Path | None = None
 
     def __init__(self, reason: str) -> None:
-        self.reason = reason  # `args`, by which errors are pickled, keep all that a subclass is given
+        self.reason = reason  # `args`, by which errors are pickled, keeps the arguments of the subclass
 
     def __str__(self) -> str:
         return f"{self.location}: {self.reason}" if self.location else self.reason
 
     @property
     def location(self) -> str:
-        """Where the fault is: the file, with the place in it where one is known; empty without a file."""
+        """Where the fault is: the file, and the place in it where that is known; empty without a file."""
         return str(self.path) if self.path else ""
 
     def in_file(self, path: str | Path) -> Self:
-        """The same error, which names the file it is about."""
+        """Return this error, after naming the file it is about."""
         self.path = Path(path)
         return self
 
@@ -40,7 +40,7 @@ class DistretargetError(Exception):
 class FileError(DistretargetError):
     """A file that cannot be read or written.
 
-    Attributes: `path`, and `reason`, a clause such as "is a folder".
+    Attributes: `path`, and `reason`, such as "is a folder".
     """
 
     def __init__(self, path: str | Path, reason: str) -> None:
@@ -49,9 +49,9 @@ class FileError(DistretargetError):
 
 
 class BvhError(DistretargetError):
-    """A BVH file that does not say what a BVH file must say.
+    """A BVH file that is not valid.
 
-    Attributes: `path`, `line` (from 1; 0 where the whole file is meant) and `reason`.
+    Attributes: `path`, `line` (from 1; 0 for the whole file) and `reason`.
     """
 
     def __init__(self, path: str | Path, line: int, reason: str) -> None:
@@ -61,14 +61,14 @@ class BvhError(DistretargetError):
 
     @property
     def location(self) -> str:
-        """The file and, where one is meant, the line."""
+        """The file and, unless the whole file is wrong, the line."""
         return f"{self.path}:{self.line}" if self.line else str(self.path)
 
 
 class SkeletonFileError(DistretargetError):
     """A target skeleton file or a map file (JSON) that breaks its format.
 
-    Attributes: `path`, `place` (as `joints[3].offset[2]`, empty for the whole file) and `reason`.
+    Attributes: `path`, `place` (such as `joints[3].offset[2]`; empty for the whole file) and `reason`.
     """
 
     def __init__(self, path: str | Path, place: str, reason: str) -> None:
@@ -78,12 +78,12 @@ class SkeletonFileError(DistretargetError):
 
     @property
     def location(self) -> str:
-        """The file and, where one is meant, the place in it."""
+        """The file and, unless the whole file is wrong, the place in it."""
         return f"{self.path}: {self.place}" if self.place else str(self.path)
 
 
 class SkeletonError(DistretargetError):
-    """A skeleton that is no tree of distinguishable joints, or has not the joint asked for."""
+    """A skeleton that is not a tree of distinguishable joints, or that lacks a joint asked for."""
 
 
 class MotionError(DistretargetError):
@@ -98,13 +98,13 @@ class MatchingError(DistretargetError):
     """Joints of two skeletons that cannot be matched.
 
     Attributes:
-        fault: why they cannot; `reason` has the closest names and the names of both as well.
-        source, target: the names of their joints.
+        fault: why they cannot be matched; `reason` also has the names of both and the closest pairs.
+        source, target: the names of the joints of each skeleton.
     """
 
     def __init__(self, fault: str, source: Sequence[str], target: Sequence[str], advice: str = SAY_IN_A_MAP) -> None:
         near = ((name, difflib.get_close_matches(name, source, n=1, cutoff=0.6)) for name in target)
-        pairs = [f"{name!r} and {found[0]!r}" for name, found in near if found]
+        pairs = [f"{name!r} and {matches[0]!r}" for name, matches in near if matches]
         shown = f"closest names: {', '.join(pairs[:6])}; " if pairs else ""
         names = f"the target has {quoted(target, 12)}; the source has {quoted(source, 12)}"
         super().__init__(f"{fault}; {shown}{names}; {advice}")
@@ -113,14 +113,14 @@ class MatchingError(DistretargetError):
         self.target = tuple(target)
 
     def advised(self, advice: str) -> MatchingError:
-        """The same error, with another advice at its end."""
+        """Return the same error with another advice at the end of its message."""
         return MatchingError(self.fault, self.source, self.target, advice)
 
 
 class MapError(DistretargetError):
-    """A map from target joints to source joints that names a joint which is not there.
+    """A map from target joints to source joints that names a joint that does not exist.
 
-    Attributes: `key`, the entry, and `fault`, what is wrong with it.
+    Attributes: `key`, the key of the wrong entry, and `fault`, what is wrong with it.
     """
 
     def __init__(self, key: str, fault: str) -> None:
@@ -138,13 +138,13 @@ class BatchError(DistretargetError):
 
 
 def quoted(names: Iterable[str], most: int = 6) -> str:
-    """The names in quotes, separated by commas, and how many more there are past `most`."""
+    """Return up to `most` names in quotes, separated by commas, and how many more there are."""
     names = list(names)
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(repr(name) for name in names[:most]) + more
 
 
 def closest(name: str, available: Sequence[str]) -> str:
-    """What would have worked in place of `name`: the nearest names, or all of them."""
+    """Return what would have worked in place of `name`: the closest available names, or all of them."""
     near = difflib.get_close_matches(name, available, n=3, cutoff=0.6)
     return f"did you mean {quoted(near)}?" if near else f"it has {quoted(available, 12)}"

@@ -1,4 +1,4 @@
-"""A motion: a skeleton, and for each frame where its joints turn."""
+"""A motion: a skeleton, and the translations and rotations of its joints in each frame."""
 
 from __future__ import annotations
 
@@ -19,14 +19,15 @@ class MotionArrays(TypedDict):
     """A motion as arrays that numpy stores and loads without pickle.
 
     Attributes:
-        names: (joints,), of the joints, unique (`Skeleton.keys`).
+        names: (joints,), the unique names of the joints (`Skeleton.keys`).
         parents: (joints,), the number of each joint's parent, -1 for the root.
-        offsets: (joints, 3), the rest pose's translations to the parents [file units].
+        offsets: (joints, 3), each joint's translation from its parent in the rest pose [file units].
         end_sites: (joints,), true for End Sites.
-        frame_time: time between frames [s].
-        root_path: (frames, 3), the root's positions in the world [file units].
-        positions: (frames, joints, 3), in the world [file units].
-        local_rotations, world_rotations: (frames, joints, 4), (frames, joints, 3, 3) or (frames, joints, 6).
+        frame_time: the time between frames [s].
+        root_path: (frames, 3), the positions of the root in the world [file units].
+        positions: (frames, joints, 3), the positions of the joints in the world [file units].
+        local_rotations, world_rotations: rotations relative to the parent and in the world, (frames, joints, 4),
+            (frames, joints, 3, 3) or (frames, joints, 6).
     """
 
     names: NDArray[np.str_]
@@ -42,17 +43,17 @@ class MotionArrays(TypedDict):
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A skeleton in motion. Right-handed; quaternions are x y z w, as in scipy.
+    """A skeleton in motion. Axes are right-handed; quaternions are x y z w, as in scipy.
 
     Attributes:
-        skeleton: the joints.
-        translations: (frames, joints, 3), each joint's translation to its parent, for the root its
-            position in the world [file units]. Equal to the offset where no channel replaces it.
-        rotations: (frames, joints, 4), local rotations as unit quaternions.
-        frame_time_text: the time between frames [s] as the file spells it, kept digit for digit.
+        skeleton: the skeleton.
+        translations: (frames, joints, 3), each joint's translation from its parent, for the root its
+            position in the world [file units]. It equals the offset where no channel replaces that.
+        rotations: (frames, joints, 4), rotations relative to the parent, as unit quaternions.
+        frame_time_text: the time between frames [s] as the file spells it, digit for digit.
 
     Raises:
-        MotionError: shapes that do not belong together.
+        MotionError: the shapes of the arrays do not fit the skeleton or each other.
     """
 
     skeleton: Skeleton
@@ -79,7 +80,7 @@ class Motion:
 
     @property
     def frame_time(self) -> float:
-        """Time between frames [s]."""
+        """The time between frames [s]."""
         return float(self.frame_time_text)
 
     @property
@@ -98,7 +99,10 @@ class Motion:
         return forward_kinematics(self.skeleton.parents, self.translations, self.world_rotations)
 
     def to_dict(self, rotations: RotationKind = "quaternion") -> MotionArrays:
-        """All of it as arrays; rotations as "quaternion" (x y z w), "matrix" or "6d" (its first two columns)."""
+        """Return the motion as arrays.
+
+        Rotations are given as "quaternion" (x y z w), "matrix", or "6d" (the first two columns of the matrix).
+        """
         return MotionArrays(
             names=np.array(self.skeleton.keys),
             parents=self.skeleton.parents,
@@ -113,8 +117,10 @@ class Motion:
 
     @cached_property
     def rigid_skeleton(self) -> Skeleton:
-        """The skeleton with the bones that the frames show: offsets where nothing replaces them, elsewhere
-        the median translation over the frames at the median length.
+        """The skeleton with rigid bones as the frames show them.
+
+        Bones whose translation is their offset in all frames keep it. The others have the direction of their median
+        translation over the frames, and their median length.
         """
         moving = np.any(self.translations != self.skeleton.offsets, axis=(0, 2))
         moving[0] = False
@@ -133,7 +139,7 @@ def rigid_motion(
     rotations: NDArray[np.float64],
     frame_time_text: str,
 ) -> Motion:
-    """The motion with these local rotations, (frames, joints, 4), and root path on bones that keep their offsets."""
+    """Return the motion with a root path, (frames, 3), and local rotations, (frames, joints, 4), on rigid bones."""
     translations = np.array(np.broadcast_to(skeleton.offsets, (len(rotations), len(skeleton), 3)))
     translations[:, 0] = root_positions
     return Motion(skeleton, translations, rotations, frame_time_text)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.root import find_root_scale, root_path
 from distretarget.baseline.rotation_copy import rotation_copy
-from distretarget.baseline.world import RootOffset, World, find_world
+from distretarget.baseline.world import RootOffset, find_world
 from distretarget.body.body import Body
 from distretarget.distances import distance_problem, posture_stress
 from distretarget.errors import MotionError
@@ -19,6 +19,7 @@ from distretarget.io.skeleton_json import SkeletonEdit, Target
 from distretarget.matching.matching import Matching, match
 from distretarget.matching.pairing import JointMap
 from distretarget.motion import Motion
+from distretarget.result import RetargetResult
 from distretarget.skeleton import LARGEST, Skeleton
 from distretarget.solve.chunks import Mapper, Progress
 from distretarget.solve.contact import solve_contact
@@ -28,54 +29,12 @@ from distretarget.solve.paper import solve_paper
 from distretarget.solve.poses import PoseProblem, Poses
 from distretarget.solve.rigid_parts import part_of_joint, posed_motion, rigid_part_roots
 from distretarget.solve.settings import ContactSettings
-from distretarget.solve.spg import Effort
-from distretarget.solve.stance import Stance, find_stance, no_stance
+from distretarget.solve.stance import find_stance, no_stance
 
 Array = NDArray[np.float64]
 Objective = Literal["contact", "paper"]
 OBJECTIVES: tuple[Objective, ...] = ("contact", "paper")
 DEFAULT_SETTINGS = ContactSettings()
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class RetargetResult:
-    """A retargeted motion and what it took.
-
-    Attributes:
-        source: the source's motion, in the target's world.
-        motion: on the target, with the source's frames and frame time.
-        copy: the rotation copy, the baseline.
-        matching: which source joint drives which target joint, and the two bodies.
-        world: the axes, and the root's OFFSET.
-        root_scale: target units per source unit of the root's path.
-        effort: what the solver took for each frame.
-        stance: the feet at rest and where they belong; no feet for the paper's objective.
-        postures: the paper's solved points; None for the contact objective, which needs none.
-        copy_stress, written_stress: (frames,), Eq. (2) divided by the squared height of the target's rest pose, of the
-            rotation copy and of `motion`.
-        free_stress: (frames,), the same of the solved points; None without them.
-    """
-
-    source: Motion
-    motion: Motion
-    copy: Motion
-    matching: Matching
-    world: World
-    root_scale: float
-    effort: Effort
-    stance: Stance
-    postures: Postures | None
-    copy_stress: Array
-    written_stress: Array
-    free_stress: Array | None
-
-    @property
-    def drivers(self) -> NDArray[np.intp]:
-        """(target joints,), the source joint that drives each target joint, -1 for none."""
-        return self.matching.drivers
-
-    def __repr__(self) -> str:
-        return f"<RetargetResult of {len(self.motion)} frames, mean stress {self.written_stress.mean():.3g}>"
 
 
 def retarget(
@@ -142,7 +101,7 @@ def retarget(
     return RetargetResult(
         source=matching.source_motion,
         motion=motion,
-        copy=copy,
+        rotation_copy=copy,
         matching=matching,
         world=world,
         root_scale=scale,

@@ -1,4 +1,4 @@
-"""The skeleton: a tree of joints as a struct of arrays, and what its paths measure."""
+"""The skeleton: a tree of joints as arrays, and the lengths of its bones and paths."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from distretarget.numerics.kinematics import forward_kinematics
 
 POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
 ROTATION_CHANNELS = ("Xrotation", "Yrotation", "Zrotation")
-LARGEST = 1e50  # coordinate of an offset or a position, so that squares and products of three stay finite
+LARGEST = 1e50  # largest coordinate of an offset or a position, so that products of three stay finite [file units]
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,16 +27,16 @@ class Skeleton:
     without channels or children, marked in `end_sites`.
 
     Attributes:
-        names: of the joints, as the file has them; not always unique, see `keys`.
-        parents: (joints,), -1 for the root.
-        offsets: (joints, 3), the rest pose's translation to the parent [file units].
-        channels: per joint, the BVH channels in file order.
+        names: the names of the joints, as in the file; not always unique, see `keys`.
+        parents: (joints,), the number of each joint's parent, -1 for the root.
+        offsets: (joints, 3), each joint's translation from its parent in the rest pose [file units].
+        channels: the BVH channels of each joint, in file order.
         end_sites: (joints,), true for End Sites.
-        units: what one unit of the offsets is ("cm", ...), where the file says.
-        up: the axis that points up ("Y", "-Z", ...), where the file says.
+        units: the unit of the offsets ("cm", ...); None where the file does not state it.
+        up: the axis that points up ("Y", "-Z", ...); None where the file does not state it.
 
     Raises:
-        SkeletonError: the arrays are no tree in that order, or two joints cannot be told apart.
+        SkeletonError: the arrays are not a tree in that order, or two joints cannot be told apart.
     """
 
     names: tuple[str, ...]
@@ -65,14 +65,15 @@ class Skeleton:
             raise SkeletonError("a skeleton needs a root as its first joint")
         if np.any(self.parents[1:] < 0) or np.any(self.parents[1:] >= np.arange(1, count)):
             raise SkeletonError("parents must come before their children, and only the root has none")
-        sound = np.abs(self.offsets) <= LARGEST
-        if not np.all(sound):
-            raise SkeletonError(f"the offset of {quoted(self._where(~sound))} is not finite, or beyond {LARGEST:g}")
+        valid = np.abs(self.offsets) <= LARGEST
+        if not np.all(valid):
+            raise SkeletonError(f"the offset of {quoted(self._where(~valid))} is not finite, or beyond {LARGEST:g}")
         twins = [key for key, times in Counter(self.keys).items() if times > 1]
         if twins:
             raise SkeletonError(f"joints that cannot be told apart: {quoted(twins)}; rename all but one of each")
 
     def _where(self, mask: NDArray[np.bool_]) -> list[str]:
+        """The names of the joints that a mask (joints, ...) marks."""
         return [name for name, hit in zip(self.names, mask, strict=True) if hit.any()]
 
     def __len__(self) -> int:
@@ -83,7 +84,7 @@ class Skeleton:
 
     @cached_property
     def keys(self) -> tuple[str, ...]:
-        """The names that tell joints apart: `name` where it is unique, else `parent/name` and so on up."""
+        """The unique names of the joints: `name` where it is unique, else `parent/name`, and so on up the tree."""
         keys = list(self.names)
         tops = [int(parent) for parent in self.parents]
         while True:
@@ -96,10 +97,10 @@ class Skeleton:
                 tops[j] = int(self.parents[tops[j]])
 
     def index(self, key: str) -> int:
-        """The number of the joint with this key.
+        """Return the number of the joint with this key.
 
         Raises:
-            SkeletonError: no joint has it; the message lists the closest ones.
+            SkeletonError: no joint has this key; the message lists the closest ones.
         """
         try:
             return self.keys.index(key)
@@ -108,7 +109,7 @@ class Skeleton:
 
     @cached_property
     def children(self) -> tuple[tuple[int, ...], ...]:
-        """Per joint, the numbers of its children in file order."""
+        """The numbers of each joint's children, in file order."""
         below: list[list[int]] = [[] for _ in self.names]
         for child, parent in enumerate(self.parents[1:], start=1):
             below[parent].append(child)
@@ -116,12 +117,12 @@ class Skeleton:
 
     @cached_property
     def joints(self) -> tuple[int, ...]:
-        """The numbers of the joints that are no End Sites."""
+        """The numbers of the joints without End Sites."""
         return tuple(np.flatnonzero(~self.end_sites).tolist())
 
     @cached_property
     def depth_first(self) -> tuple[int, ...]:
-        """The joints in the order in which a BVH file nests them."""
+        """The joints in the order in which a BVH file lists them: each before its children, children in file order."""
         order: list[int] = []
         stack = [0]
         while stack:
@@ -131,25 +132,25 @@ class Skeleton:
 
     @cached_property
     def lengths(self) -> NDArray[np.float64]:
-        """(joints,), the length of each joint's bone to its parent; 0 for the root [file units]."""
+        """(joints,), the length of the bone from each joint's parent to the joint; 0 for the root [file units]."""
         lengths = np.asarray(np.linalg.norm(self.offsets, axis=1))
         lengths[0] = 0.0
         return lengths
 
     @cached_property
     def path_lengths(self) -> NDArray[np.float64]:
-        """tau: (joints, joints), the sum of the bone lengths between two joints [file units]."""
+        """tau: (joints, joints), the sum of the bone lengths on the path between two joints [file units]."""
         return self.path_sums(self.lengths)
 
     @cached_property
     def path_sizes(self) -> NDArray[np.intp]:
-        """|P|: (joints, joints), the number of joints on the path between two, both ends counted."""
+        """|P|: (joints, joints), the number of joints on the path between two joints, both ends included."""
         return self.path_sums(np.ones(len(self))).astype(np.intp) + 1
 
     def path_sums(self, weights: ArrayLike) -> NDArray[np.float64]:
-        """(joints, joints), the sum over the bones between two joints of a weight per bone.
+        """Return the sum of weights, one per bone, over the bones between two joints, (joints, joints).
 
-        `weights`, (joints,), has a bone's weight at its lower joint; the root's is not used.
+        `weights`, (joints,), holds a bone's weight at its lower joint; the root's entry is not used.
         """
         bones = np.asarray(weights, np.float64)[1:]
         edges = (bones, (np.arange(1, len(self)), self.parents[1:]))
@@ -158,43 +159,45 @@ class Skeleton:
 
     @cached_property
     def rest_positions(self) -> NDArray[np.float64]:
-        """(joints, 3), where the joints are with all rotations zero and the root at the origin [file units]."""
+        """(joints, 3), the positions of the joints in the rest pose, with the root at the origin [file units]."""
         return self.posed(self.unturned)
 
     @property
     def unturned(self) -> NDArray[np.float64]:
-        """(joints, 4), the world rotations of the rest pose, which are all none."""
+        """(joints, 4), the world rotations of the rest pose: the identity for every joint."""
         return np.tile([0.0, 0.0, 0.0, 1.0], (len(self), 1))
 
     def posed(self, world: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(joints, 3), where the joints are in world rotations (joints, 4), the root at the origin [file units]."""
+        """Return the positions of the joints, (joints, 3), for world rotations (joints, 4), with the root at the origin
+        [file units].
+        """
         translations = np.array(self.offsets)
         translations[0] = 0.0
         return np.asarray(forward_kinematics(self.parents, translations[None], world[None])[0])
 
     def line(self, joint: int) -> list[int]:
-        """The joints from a joint up to the root, both counted."""
+        """Return the joints from a joint up to the root, both included."""
         up = [joint]
         while up[-1]:
             up.append(int(self.parents[up[-1]]))
         return up
 
     def subtree(self, joint: int) -> list[int]:
-        """A joint and all joints below it."""
+        """Return a joint and all joints below it."""
         below = [joint]
         for upper in below:
             below.extend(self.children[upper])
         return below
 
     def rotation_axes(self, joint: int) -> str:
-        """The axes of a joint's rotation channels in file order, as "ZXY"."""
+        """Return the axes of a joint's rotation channels in file order, such as "ZXY"."""
         return "".join(channel[0] for channel in self.channels[joint] if channel in ROTATION_CHANNELS)
 
     def with_offsets(self, offsets: ArrayLike) -> Skeleton:
-        """The same tree with other offsets, (joints, 3)."""
+        """Return the same tree with other offsets, (joints, 3)."""
         return replace(self, offsets=np.asarray(offsets, np.float64))
 
     def with_lengths(self, lengths: ArrayLike) -> Skeleton:
-        """The same rest directions with other bone lengths, (joints,); a zero bone keeps its offset."""
+        """Return the same tree and rest directions with other bone lengths, (joints,); bones of length 0 stay so."""
         factors = np.divide(lengths, self.lengths, out=np.ones(len(self)), where=self.lengths > 0)
         return self.with_offsets(self.offsets * factors[:, None])

@@ -21,6 +21,7 @@ FLOORS = (
     "report",
     "run_summary conversion",
     "retargeting",
+    "result",
     "measure solve",
     "baseline io",
     "matching",

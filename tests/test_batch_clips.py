@@ -127,5 +127,5 @@ def test_pipes_that_would_never_end_are_not_opened(tmp_path):
     found = find_clips([tmp_path])
     assert (found.clips, [str(error) for error in found.unread]) == (
         (),
-        [f"{tmp_path / 'pipe.bvh'}: is no regular file"],
+        [f"{tmp_path / 'pipe.bvh'}: is not a regular file"],
     )

@@ -37,11 +37,11 @@ def test_reports_have_the_places_of_outputs(tmp_path):
     path = tmp_path / "index_reports" / "a" / "b.html"
     assert own.path(work("a/b.bvh")) == path
     for text in ("one", "two"):
-        own.add(work("a/b.bvh"), Outcome("1", 0.0, bvh=text, report=f"{MARK} {text}"))
+        own.add(work("a/b.bvh"), Outcome(version="1", bvh=text, report=f"{MARK} {text}"))
     assert path.read_text() == f"{MARK}{OF.format(text_hash('two'))} two"
     assert not own.problems
     path.write_text("my own")
-    own.add(work("a/b.bvh"), Outcome("1", 0.0, report=MARK))
+    own.add(work("a/b.bvh"), Outcome(version="1", report=MARK))
     assert [str(problem) for problem in own.problems.values()] == [f"{path}: exists already; --overwrite replaces it"]
     assert path.read_text() == "my own"
 

@@ -78,7 +78,13 @@ def quick(monkeypatch):
     def convert(task, *_):
         error = "it fails" if "fail" in task.source.text else ""
         return Outcome(
-            "1", 0.5, error, f"{task.target.path}: {task.source.text}", 7, {}, ("careful",), task.about or ""
+            version="1",
+            seconds=0.5,
+            error=error,
+            bvh=f"{task.target.path}: {task.source.text}",
+            frames=7,
+            warnings=("careful",),
+            report=task.about or "",
         )
 
     monkeypatch.setattr(batch_run, "convert", convert)
@@ -175,7 +181,7 @@ def test_files_that_cannot_be_read_fail_alone(folder):
     assert (sorted(seen.of("failed")), seen.of("done")) == (["a.bvh", "c.bvh"], ["deep/b.bvh"])
     errors = {record["output"]: record["error"] for record in seen.records}
     assert errors["a.bvh"].endswith("a.bvh: there is no such file")
-    assert "is no text" in errors["c.bvh"]
+    assert "is not a text file" in errors["c.bvh"]
 
 
 def test_files_that_were_not_made_here_are_left_alone(folder):

@@ -50,8 +50,8 @@ def apart(result, expected, skeleton):
 def test_without_near_pairs_and_with_free_feet_it_is_the_rotation_copy(factors):
     source, body = clapping(np.zeros(30)), lengthened(PERSON, factors)
     result = retarget(source, body, hold_feet=False)
-    np.testing.assert_allclose(result.motion.world_rotations, result.copy.world_rotations, atol=1e-12)
-    path = root_path(result.copy, result.matching, result.root_scale)
+    np.testing.assert_allclose(result.motion.world_rotations, result.rotation_copy.world_rotations, atol=1e-12)
+    path = root_path(result.rotation_copy, result.matching, result.root_scale)
     np.testing.assert_allclose(result.motion.root_positions, path, atol=1e-12)
     np.testing.assert_array_equal(result.effort.iterations, 0)
 
@@ -64,13 +64,13 @@ def test_hands_that_meet_meet_on_other_arms(factors):
     result = retarget(source, lengthened(PERSON, factors))
     touch = np.argmax(CLAP)
     assert gap(result.motion)[touch] == pytest.approx(gap(source)[touch], rel=0.3)
-    assert gap(result.copy)[touch] > 2 * gap(source)[touch]
+    assert gap(result.rotation_copy)[touch] > 2 * gap(source)[touch]
     assert np.all(result.effort.reasons == Reason.CONVERGED)
 
 
 def test_hands_that_meet_leave_the_legs_alone():
     result = retarget(clapping(CLAP), lengthened(PERSON, {"Wrist": 1.5}), hold_feet=False)
-    turns = np.abs(np.einsum("fji,fji->fj", result.motion.world_rotations, result.copy.world_rotations))
+    turns = np.abs(np.einsum("fji,fji->fj", result.motion.world_rotations, result.rotation_copy.world_rotations))
     angles = np.degrees(2 * np.arccos(np.minimum(turns, 1))).max(axis=0)
     assert angles[[PERSON.index(name) for name in ("LeftHip", "RightHip", "LeftKnee", "Hips")]].max() < 0.5
     assert angles[PERSON.index("LeftElbow")] > 3

@@ -60,15 +60,15 @@ def timed(frames, frame_time):
 
 def test_a_forearm_turned_by_10_degrees():
     result = diff(bent(0), bent(10))
-    errors = result.figures.direction_error
+    errors = result.comparison.direction_error
     np.testing.assert_allclose(errors.max(axis=1), 10)
     np.testing.assert_allclose(errors.sum(axis=1), 10, atol=1e-5)
-    np.testing.assert_allclose(result.figures.turn, 0, atol=1e-6)
+    np.testing.assert_allclose(result.comparison.turn, 0, atol=1e-6)
     assert result.notes == ()
 
 
 def test_feet_that_slide_faster():
-    figures = diff(travelling(0.02), travelling(0.05)).figures
+    figures = diff(travelling(0.02), travelling(0.05)).comparison
     assert figures.stance.all()
     np.testing.assert_allclose(figures.slide_source, 0.02)
     np.testing.assert_allclose(figures.slide, 0.05)
@@ -91,9 +91,9 @@ def test_contact_error_of_pairs_and_of_frames_agree():
     a, b = clapping(np.sin(np.linspace(0, np.pi, 20)) ** 2), clapping(np.sin(np.linspace(0, 3, 20)) ** 2)
     result = diff(a, b)
     contact = result.pairs.contact_frames > 0
-    assert result.pairs.contact_frames.sum() == result.figures.contacts.sum() > 0
+    assert result.pairs.contact_frames.sum() == result.comparison.contacts.sum() > 0
     sums = (result.pairs.error * result.pairs.contact_frames)[contact]
-    assert sums.sum() == pytest.approx(result.figures.contact_error.sum())
+    assert sums.sum() == pytest.approx(result.comparison.contact_error.sum())
     worst = result.pairs.worst(contact.sum())
     assert contact[worst].all()
     np.testing.assert_allclose(sums.max(), (result.pairs.error * result.pairs.contact_frames)[worst[0]])
@@ -102,31 +102,33 @@ def test_contact_error_of_pairs_and_of_frames_agree():
 def test_a_motion_against_itself_is_no_different():
     motion = read_bvh(SAMPLES / "clap.bvh")
     result = diff(motion, motion)
-    figures = result.figures
+    figures = result.comparison
     for values in (figures.distance_error, figures.contact_error, figures.direction_error, figures.turn):
         assert not values.any()
     assert figures.contacts.any()
     np.testing.assert_array_equal(figures.slide, figures.slide_source)
-    np.testing.assert_array_equal(figures.jerk, result.figures.jerk_source)
+    np.testing.assert_array_equal(figures.jerk, result.comparison.jerk_source)
     assert result.stress.max() < 1e-20
 
 
 def test_what_is_symmetric_is():
     a, b = swaying(PERSON, seed=1), swaying(PERSON, seed=2)
     ab, ba = diff(a, b), diff(b, a)
-    np.testing.assert_allclose(ab.figures.distance_error, ba.figures.distance_error)
-    np.testing.assert_allclose(ab.figures.direction_error, ba.figures.direction_error)
-    np.testing.assert_allclose([ab.figures.jerk_source, ab.figures.jerk], [ba.figures.jerk, ba.figures.jerk_source])
-    assert ab.figures.distance_error.min() > 0.01
+    np.testing.assert_allclose(ab.comparison.distance_error, ba.comparison.distance_error)
+    np.testing.assert_allclose(ab.comparison.direction_error, ba.comparison.direction_error)
+    np.testing.assert_allclose(
+        [ab.comparison.jerk_source, ab.comparison.jerk], [ba.comparison.jerk, ba.comparison.jerk_source]
+    )
+    assert ab.comparison.distance_error.min() > 0.01
 
 
 def test_size_and_place_do_not_matter():
     motion = swaying(PERSON)
     larger = moved(motion, Rotation.identity(), (3, 0, 1), 2.5)
     result = diff(motion, larger)
-    for values in (result.stress, result.figures.distance_error, result.figures.direction_error):
+    for values in (result.stress, result.comparison.distance_error, result.comparison.direction_error):
         np.testing.assert_allclose(values, 0, atol=1e-5)
-    np.testing.assert_allclose(result.figures.jerk, result.figures.jerk_source)
+    np.testing.assert_allclose(result.comparison.jerk, result.comparison.jerk_source)
 
 
 @pytest.mark.parametrize(
@@ -137,36 +139,36 @@ def test_other_frame_rates(a, b):
     assert len(result) == pytest.approx(b[0], abs=2)
     assert result.a.frame_time == result.b.frame_time == float(b[1])
     assert "A was resampled from" in result.notes[0]
-    assert result.figures.distance_error.max() < 1e-4
-    assert result.figures.direction_error.max() < 0.05
+    assert result.comparison.distance_error.max() < 1e-4
+    assert result.comparison.direction_error.max() < 0.05
 
 
 def test_frame_times_that_differ_in_digits_only_are_the_same():
     result = diff(timed(20, "0.0333333"), timed(20, "0.033333"))
     assert result.notes == ()
-    assert not result.figures.distance_error.any()
+    assert not result.comparison.distance_error.any()
 
 
 def test_the_longer_one_is_cut():
     motion = swaying(PERSON)
     for a, b in ((motion, first(motion, 7)), (first(motion, 7), motion)):
         result = diff(a, b)
-        assert len(result) == len(result.a) == len(result.stress) == len(result.figures.distance_error) == 7
+        assert len(result) == len(result.a) == len(result.stress) == len(result.comparison.distance_error) == 7
         assert result.notes == (f"A has {len(a)} frames and B has {len(b)}; the first 7 were compared",)
-        assert not result.figures.distance_error.any()
+        assert not result.comparison.distance_error.any()
 
 
 @pytest.mark.parametrize("frames", [1, 2, 3])
 def test_few_frames(frames):
     result = diff(first(swaying(PERSON), frames), first(swaying(PERSON, seed=3), frames))
     assert len(result) == frames
-    assert result.figures.jerk.size == result.figures.jerk_source.size == 0
+    assert result.comparison.jerk.size == result.comparison.jerk_source.size == 0
     assert np.isfinite(result.stress).all()
 
 
 def test_no_contacts():
     result = diff(standing(), bent(5))
-    assert not result.figures.contacts.any()
+    assert not result.comparison.contacts.any()
     assert not result.pairs.contact_frames.any()
     assert result.pairs.error[result.pairs.worst(1)] == result.pairs.error.max() > 0
 
@@ -184,8 +186,8 @@ def test_z_up_against_y_up():
     result = diff(motion, turned(motion, "Y", "Z"))
     assert result.notes == ("A was turned: Y is up in A, Z in B",)
     np.testing.assert_allclose(result.up, [0, 0, 1])
-    np.testing.assert_allclose(result.figures.direction_error, 0, atol=1e-5)
-    np.testing.assert_allclose(result.figures.foot_height, result.figures.foot_height_source, atol=1e-9)
+    np.testing.assert_allclose(result.comparison.direction_error, 0, atol=1e-5)
+    np.testing.assert_allclose(result.comparison.foot_height, result.comparison.foot_height_source, atol=1e-9)
 
 
 def test_a_root_offset_that_is_added():
@@ -196,7 +198,7 @@ def test_a_root_offset_that_is_added():
     translations[:, 0] -= offsets[0]
     added = Motion(motion.skeleton.with_offsets(offsets), translations, motion.rotations, motion.frame_time_text)
     for a, b in ((motion, added), (added, motion)):
-        figures = diff(a, b).figures
+        figures = diff(a, b).comparison
         np.testing.assert_allclose(figures.foot_height, figures.foot_height_source, atol=1e-9)
 
 
@@ -207,13 +209,13 @@ def test_a_retargeted_clip_has_the_figures_of_its_run(rig):
     result = diff(source, run.motion)
     np.testing.assert_array_equal(result.matching.drivers, run.matching.drivers)
     np.testing.assert_allclose(result.stress, run.written_stress)
-    assert result.figures.direction_error.mean() < 10
+    assert result.comparison.direction_error.mean() < 10
 
 
 def test_another_body():
     result = diff(swaying(PERSON), swaying(other_lengths(PERSON)))
-    np.testing.assert_allclose(result.figures.direction_error, 0, atol=1e-5)
-    assert result.figures.distance_error.min() > 0
+    np.testing.assert_allclose(result.comparison.direction_error, 0, atol=1e-5)
+    assert result.comparison.distance_error.min() > 0
 
 
 def test_what_cannot_be_compared():
@@ -273,8 +275,8 @@ def test_a_bone_that_grows_is_an_error_of_bone():
     translations = np.array(motion.translations)
     translations[7, PERSON.index("LeftKnee")] *= 1.25
     result = diff(motion, replace(motion, translations=translations))
-    assert result.figures.bone_error.argmax() == 7
-    assert result.figures.bone_error[7] == pytest.approx(0.25)
+    assert result.comparison.bone_error.argmax() == 7
+    assert result.comparison.bone_error[7] == pytest.approx(0.25)
 
 
 def test_longer_arms_move_a_clap_apart():
@@ -283,14 +285,14 @@ def test_longer_arms_move_a_clap_apart():
     translations = np.array(np.broadcast_to(longer.skeleton.offsets, clap.translations.shape))
     translations[:, 0] = clap.translations[:, 0]
     result = diff(clap, replace(longer, translations=translations))
-    assert result.figures.contact_error.sum() > 0
-    np.testing.assert_allclose(result.figures.direction_error, 0, atol=1e-5)
+    assert result.comparison.contact_error.sum() > 0
+    np.testing.assert_allclose(result.comparison.direction_error, 0, atol=1e-5)
 
 
 def test_clips_that_drift_apart_are_resampled():
     motion = swaying(person(), frames=600)
     slow, fast = (replace(motion, frame_time_text=text) for text in ("0.0417083", "0.0416667"))
     other = resampled(slow, "0.0416667")
-    assert diff(slow, other).figures.direction_error.mean() < 0.1
+    assert diff(slow, other).comparison.direction_error.mean() < 0.1
     assert "A was resampled" in diff(slow, other).notes[0]
     assert not diff(replace(slow, translations=slow.translations[:9], rotations=slow.rotations[:9]), fast).notes[1:]

@@ -242,9 +242,17 @@ def test_pairs_have_the_names_of_both_bodies():
 def test_the_rotation_copy_stands_beside_the_result():
     run = retarget(first(CLIPS["clap"]()[0], 12), lengthened(PERSON, {"Elbow": 1.3}))
     up = run.world.up_vector
-    baseline, result = (compare(run.source, motion, run.matching, up) for motion in (run.copy, run.motion))
+    baseline, result = (compare(run.source, motion, run.matching, up) for motion in (run.rotation_copy, run.motion))
     copy = {**baseline.tracks, "stress": Track(run.copy_stress)}
-    of_run = Diff(run.source, run.motion, run.matching, up, run.written_stress, result, ())
+    of_run = Diff(
+        a=run.source,
+        b=run.motion,
+        matching=run.matching,
+        up=up,
+        stress=run.written_stress,
+        comparison=result,
+        notes=(),
+    )
     found = document(of_run, replace(ABOUT, rotation_copy=copy))
     validator().validate(found)
     figures = found["figures"]

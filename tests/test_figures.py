@@ -34,7 +34,7 @@ def test_keys_are_names_that_stand_once():
 def test_every_figure_has_a_track_and_every_track_a_figure():
     found = diff(swaying(person(), 6, seed=1), swaying(person(), 6, seed=2))
     assert set(found.tracks) == {one.track or one.key for one in FIGURES}
-    assert set(found.figures.source_tracks) == {one.key for one in FIGURES if one.of_source}
+    assert set(found.comparison.source_tracks) == {one.key for one in FIGURES if one.of_source}
 
 
 def test_a_figure_may_be_missing_where_the_source_is_needed():

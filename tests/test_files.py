@@ -41,9 +41,9 @@ def test_reading(tmp_path, content, text):
     [
         (b"", "is empty"),
         (b"\xef\xbb\xbf \n", "is empty"),
-        (b"ab\0c", "is no text: it has a NUL as character 3"),
+        (b"ab\0c", "is not a text file: character 3 is NUL"),
         (b"\xff\xfe\x00\xd8\x41\x00", "is marked as UTF-16, but is not: illegal UTF-16 surrogate"),
-        ("a".encode("utf-32"), "is no text: it has a NUL as character 1"),
+        ("a".encode("utf-32"), "is not a text file: character 1 is NUL"),
     ],
 )
 def test_what_is_no_text_is_refused(tmp_path, content, reason):
@@ -58,7 +58,7 @@ def test_reading_what_is_not_there(tmp_path):
         read_text(tmp_path / "none.bvh")
     with pytest.raises(FileError, match="is a folder"):
         read_text(tmp_path)
-    with pytest.raises(FileError, match="is no file name"):
+    with pytest.raises(FileError, match="is not a valid file name"):
         read_text("a\0b")
 
 
@@ -104,9 +104,9 @@ def test_places_that_cannot_be_written(tmp_path):
     places = {
         "is a folder": tmp_path,
         "there is no folder": tmp_path / "none" / "a",
-        "is no file name": "a\0b",
+        "is not a valid file name": "a\0b",
         "file": tmp_path / "file" / "a",
-        "is no regular file": os.devnull,
+        "is not a regular file": os.devnull,
     }
     for reason, place in places.items():
         for write in (

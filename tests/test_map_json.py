@@ -35,7 +35,7 @@ def test_a_map_file_is_an_object(written):
     ("text", "place", "reason"),
     [
         ('["Head"]', "", "expected an object, found a list of 1"),
-        ("Head: Skull", "line 1, column 1", "is no JSON: Expecting value"),
+        ("Head: Skull", "line 1, column 1", "is not valid JSON: Expecting value"),
         ('{"Head": 1}', '["Head"]', "expected a string or null, found 1"),
         ('{"Head": ["Skull"]}', '["Head"]', "expected a string or null, found a list of 1"),
         ('{"Head": "Skull", "Head": null}', '["Head"]', "expected each key once, found it twice"),

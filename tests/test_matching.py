@@ -368,7 +368,7 @@ def test_a_body_on_all_fours_is_refused():
 
 
 def test_bodies_that_share_neither_arms_nor_legs_are_refused():
-    refused(without(PERSON, "Collar"), without(MIXAMO, "UpLeg"), "they share neither arms nor legs")
+    refused(without(PERSON, "Collar"), without(MIXAMO, "UpLeg"), "source and target share neither arms nor legs")
 
 
 def test_a_body_without_legs_matches_arms_and_trunk():

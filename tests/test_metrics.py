@@ -275,7 +275,7 @@ def test_joints_that_coincide_for_good_count_once():
 @pytest.mark.parametrize("frames", [1, 2, 3])
 def test_the_shortest_motions_have_figures(frames):
     source = swaying(PERSON, frames=frames)
-    figures = compared(source, retarget(source, other_lengths(PERSON)).copy)
+    figures = compared(source, retarget(source, other_lengths(PERSON)).rotation_copy)
     assert figures.jerk.shape == (0,)
     assert figures.turn.shape == (frames - 1, len(PERSON))
     assert all(value is None or np.isfinite(value) for value in of_clip(figures).values())

@@ -30,8 +30,16 @@ def sample():
     source = read_bvh(SAMPLES / "clap.bvh")
     run = retarget(source, load_target(SAMPLES / "long_arms.json").for_source(source.rigid_skeleton).skeleton)
     up = run.world.up_vector
-    baseline, result = (compare(run.source, motion, run.matching, up) for motion in (run.copy, run.motion))
-    of_run = Diff(run.source, run.motion, run.matching, up, run.written_stress, result, ())
+    baseline, result = (compare(run.source, motion, run.matching, up) for motion in (run.rotation_copy, run.motion))
+    of_run = Diff(
+        a=run.source,
+        b=run.motion,
+        matching=run.matching,
+        up=up,
+        stress=run.written_stress,
+        comparison=result,
+        notes=(),
+    )
     copy = {**baseline.tracks, "stress": Track(run.copy_stress)}
     return of_run, document(of_run, About("clap.bvh", "clap_long_arms.bvh", "distretarget diff", "1", copy, LIMITS))
 

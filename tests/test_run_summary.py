@@ -11,7 +11,7 @@ from bodies import clapping, lengthened, other_lengths, person, swaying
 from distretarget import Skeleton, retarget
 from distretarget.measure.figures import FIGURES, Track, clip_figures, figures_at
 from distretarget.measure.metrics import compare
-from distretarget.run_summary import Figures
+from distretarget.run_summary import figures_json, summary_line
 from distretarget.solve.spg import Reason
 
 FRAMES = 40
@@ -26,8 +26,8 @@ def run(objective="contact"):
     return retarget(source, lengthened(person(), {"Wrist": 1.5, "Knee": 0.9}), objective=objective)
 
 
-def figures(objective="contact", **changes):
-    return Figures(replace(run(objective), **changes))
+def result_with(objective="contact", **changes):
+    return replace(run(objective), **changes)
 
 
 def compared(result, motion):
@@ -39,12 +39,12 @@ def refuse(constant):
 
 
 def document(made):
-    return json.loads(made.json(), parse_constant=refuse)
+    return json.loads(figures_json(made), parse_constant=refuse)
 
 
 @pytest.mark.parametrize("objective", ["contact", "paper"])
 def test_every_figure_of_a_frame_is_there_for_every_frame(objective):
-    frames = document(figures(objective))["frames"]
+    frames = document(result_with(objective))["frames"]
     expected = SOLVER | OF_FRAMES | {f"{key}_copy" for key in OF_FRAMES} | {f"{key}_source" for key in OF_SOURCE}
     assert set(frames) == expected | ({"stress_solved_points"} if objective == "paper" else set())
     assert {len(values) for values in frames.values()} == {FRAMES}
@@ -52,12 +52,12 @@ def test_every_figure_of_a_frame_is_there_for_every_frame(objective):
 
 def test_the_figures_of_the_clip_stand_beside_those_of_the_rotation_copy():
     result = run()
-    written = document(figures())
+    written = document(result_with())
     values = written["figures"]
     assert list(values["result"]) == list(values["rotation_copy"]) == [figure.key for figure in FIGURES]
     for side, motion, stress in (
         ("result", result.motion, result.written_stress),
-        ("rotation_copy", result.copy, result.copy_stress),
+        ("rotation_copy", result.rotation_copy, result.copy_stress),
     ):
         tracks = {**compared(result, motion).tracks, "stress": Track(stress)}
         assert values[side] == clip_figures(tracks)
@@ -75,7 +75,7 @@ def test_frames_without_a_contact_have_no_contact_error():
     result = run()
     contacts = compared(result, result.motion).contacts
     assert 0 < np.count_nonzero(contacts) < FRAMES
-    frames = document(figures())["frames"]
+    frames = document(result_with())["frames"]
     for name in ("contact_error", "contact_error_copy"):
         np.testing.assert_array_equal([value is not None for value in frames[name]], contacts > 0)
 
@@ -83,15 +83,15 @@ def test_frames_without_a_contact_have_no_contact_error():
 def test_contact_errors_of_frames_pool_to_that_of_the_clip():
     result = run()
     contacts = compared(result, result.motion).contacts
-    written = document(figures())
+    written = document(result_with())
     values = [value or 0.0 for value in written["frames"]["contact_error"]]
     assert np.average(values, weights=contacts) == pytest.approx(written["figures"]["result"]["contact_error"])
 
 
 def test_figures_of_a_frame_are_those_of_the_result_and_of_the_copy():
     result = run()
-    frames = document(figures())["frames"]
-    for motion, suffix in ((result.motion, ""), (result.copy, "_copy")):
+    frames = document(result_with())["frames"]
+    for motion, suffix in ((result.motion, ""), (result.rotation_copy, "_copy")):
         expected = compared(result, motion)
         assert frames[f"distance_error{suffix}"] == expected.distance_error.tolist()
         assert frames[f"bone_error{suffix}"] == expected.bone_error.tolist()
@@ -105,29 +105,29 @@ def test_frames_carry_what_the_solver_took_in_words():
     reasons = np.zeros(FRAMES, np.int64)
     reasons[3], reasons[5] = Reason.ITERATION_LIMIT, Reason.LINE_SEARCH_FAILED
     result = run()
-    frames = document(figures(effort=replace(result.effort, reasons=reasons)))["frames"]
+    frames = document(result_with(effort=replace(result.effort, reasons=reasons)))["frames"]
     assert frames["iterations"] == result.effort.iterations.tolist()
     assert frames["reason"][2:6] == ["converged", "iteration limit", "converged", "line search failed"]
 
 
 def test_json_ends_with_its_line():
-    assert figures().json().endswith("}\n")
+    assert figures_json(result_with()).endswith("}\n")
 
 
 @pytest.mark.parametrize("frame", [0, 17, FRAMES - 1])
 def test_the_line_names_the_frame_of_most_stress(frame):
     stress = np.full(FRAMES, 0.001)
     stress[frame] = 0.0625
-    line = figures(written_stress=stress).line(1.234)
+    line = summary_line(result_with(written_stress=stress), 1.234)
     assert line.startswith(f"{FRAMES} frames in 1.23 s; rotation copy / result: ")
     assert line.endswith(f"most stress in frame {frame} (62.50)")
     assert "\n" not in line
 
 
 def test_the_line_gives_each_figure_for_copy_and_result():
-    made = figures()
-    baseline, result = (made.of_clip()[side] for side in ("rotation_copy", "result"))
-    line = made.line(1.0)
+    made = result_with()
+    baseline, result = (made.figures[side] for side in ("rotation_copy", "result"))
+    line = summary_line(made, 1.0)
     assert f"contact error {baseline['contact_error']:.4f} / {result['contact_error']:.4f}" in line
     assert f"slide [legs/s] {baseline['slide']:.3f} / {result['slide']:.3f}" in line
     assert f"direction error [°] 0.0 / {result['direction_error']:.1f}" in line
@@ -137,13 +137,15 @@ def test_the_line_gives_each_figure_for_copy_and_result():
 
 def test_only_the_papers_objective_has_stress_of_solved_points():
     result = run("paper")
-    assert f"stress of the solved points {1e3 * result.free_stress.mean():.2f};" in figures("paper").line(1.0)
-    assert "solved points" not in figures().line(1.0)
+    assert f"stress of the solved points {1e3 * result.free_stress.mean():.2f};" in summary_line(
+        result_with("paper"), 1.0
+    )
+    assert "solved points" not in summary_line(result_with(), 1.0)
 
 
 def test_a_good_run_has_nothing_to_warn_of():
-    assert list(figures().warnings()) == []
-    assert list(figures("paper").warnings()) == []
+    assert list(result_with().warnings) == []
+    assert list(result_with("paper").warnings) == []
 
 
 def test_frames_that_did_not_converge_are_counted_and_the_first_is_named():
@@ -151,7 +153,7 @@ def test_frames_that_did_not_converge_are_counted_and_the_first_is_named():
     reasons[[7, 30]] = Reason.ITERATION_LIMIT
     reasons[9] = Reason.LINE_SEARCH_FAILED
     result = run()
-    warnings = list(figures(effort=replace(result.effort, reasons=reasons)).warnings())
+    warnings = list(result_with(effort=replace(result.effort, reasons=reasons)).warnings)
     assert warnings == [f"3 of {FRAMES} frames did not converge (first: frame 7; iteration limit, line search failed)"]
 
 
@@ -160,7 +162,7 @@ def test_feet_that_miss_their_place_are_told(off, told):
     result = run()
     places = np.array(result.stance.places)
     places[12:20] += [0, off, 0]
-    warnings = list(figures(stance=replace(result.stance, places=places)).warnings())
+    warnings = list(result_with(stance=replace(result.stance, places=places)).warnings)
     place = f"a resting foot does not reach its place in 8 of {FRAMES} frames (first: frame 12)"
     assert warnings == ([place] if told else [])
 
@@ -168,30 +170,30 @@ def test_feet_that_miss_their_place_are_told(off, told):
 def test_feet_in_the_air_have_no_place_to_miss():
     result = run()
     places, weights = np.array(result.stance.places) + 1.0, np.zeros_like(result.stance.weights)
-    assert list(figures(stance=replace(result.stance, places=places, weights=weights)).warnings()) == []
+    assert list(result_with(stance=replace(result.stance, places=places, weights=weights)).warnings) == []
 
 
 @pytest.mark.parametrize("frames", [1, 2])
 def test_the_shortest_clips_have_a_line_and_json(frames):
     source = swaying(person(), frames=frames)
-    made = Figures(retarget(source, other_lengths(person())))
-    assert f"{frames} frames in " in made.line(0.1)
+    made = retarget(source, other_lengths(person()))
+    assert f"{frames} frames in " in summary_line(made, 0.1)
     assert {len(values) for values in document(made)["frames"].values()} == {frames}
-    list(made.warnings())
+    list(made.warnings)
 
 
 def test_a_chain_without_legs_or_contacts_has_a_line_and_json():
     offsets = np.outer([0.0, 1, 1], [0, 1.0, 0])
     chain = Skeleton(tuple("abc"), [-1, 0, 1], offsets, (("Zrotation", "Xrotation", "Yrotation"),) * 3, [False] * 3)
     source = swaying(chain)
-    made = Figures(retarget(source, chain.with_offsets(2 * offsets)))
-    assert "contact error - / -, direction error [°] 0.0 / 0.0, slide [legs/s] - / -" in made.line(0.1)
+    made = retarget(source, chain.with_offsets(2 * offsets))
+    assert "contact error - / -, direction error [°] 0.0 / 0.0, slide [legs/s] - / -" in summary_line(made, 0.1)
     assert set(document(made)["frames"]["contact_error"]) == {None}
-    assert list(made.warnings()) == []
+    assert list(made.warnings) == []
 
 
 def test_a_still_clip_is_as_smooth_as_its_copy():
     source = clapping(np.zeros(10))
-    made = Figures(retarget(source, person()))
-    assert "jerk [sizes/s³] 0.0 / 0.0" in made.line(0.1)
-    assert "nan" not in made.line(0.1)
+    made = retarget(source, person())
+    assert "jerk [sizes/s³] 0.0 / 0.0" in summary_line(made, 0.1)
+    assert "nan" not in summary_line(made, 0.1)

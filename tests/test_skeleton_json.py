@@ -15,7 +15,7 @@ from table_one import table_one
 
 from distretarget.errors import BvhError, FileError, SkeletonError, SkeletonFileError
 from distretarget.io.skeleton_json import (
-    CHANNELS,
+    ALL_CHANNELS,
     JOINT_CHANNELS,
     ROOT_CHANNELS,
     SkeletonEdit,
@@ -196,7 +196,7 @@ def skeletons(draw):
     names = st.sampled_from(["a", "b", "Arm L", "ü", "\udce9", '"\\'])
     numbers = st.sampled_from(["", "", *range(count)])
     coordinates = st.floats(-1e9, 1e9)
-    channels = st.lists(st.sampled_from(CHANNELS), unique=True).map(tuple)
+    channels = st.lists(st.sampled_from(ALL_CHANNELS), unique=True).map(tuple)
     ends = [False] + [draw(st.booleans()) for _ in range(count - 1)]
     inner = [joint for joint in range(count) if not ends[joint]]
     try:
@@ -341,11 +341,11 @@ BAD = {
     "offset too large": (spine(offset=[0, 0, 1e60]), "joints[1].offset[2]", "at most 1e+50, found 1e+60"),
     "parent no text": (spine(parent=0), "joints[1].parent", "expected a string, found 0"),
     "unknown parent": (spine(parent="Hip"), "joints[1].parent", "no joint 'Hip'; did you mean 'Hips'?"),
-    "own parent": (spine(parent="Spine"), "joints[1].parent", "expected a joint that stands before this one"),
+    "own parent": (spine(parent="Spine"), "joints[1].parent", "expected the name of an earlier joint"),
     "later parent": (
         full(HIPS, SPINE | {"parent": "Leg"}, SPINE | {"name": "Leg"}),
         "joints[1].parent",
-        "expected a joint that stands before this one, found 'Leg', which does not",
+        "expected the name of an earlier joint, found 'Leg', which is not one",
     ),
     "ambiguous parent": (
         full(
@@ -387,7 +387,7 @@ BAD = {
     "unknown channel": (
         spine(channels=["Xrotation", "Yrotatoin"]),
         "joints[1].channels[1]",
-        "no channel 'Yrotatoin'; did you mean 'Yrotation'",
+        "unknown channel 'Yrotatoin'; did you mean 'Yrotation'",
     ),
     "channel twice": (
         spine(channels=["Xrotation", "Yrotation", "Xrotation"]),
@@ -397,8 +397,8 @@ BAD = {
     "map no object": (full(map=["Spine"]), "map", "expected an object, found a list of 1"),
     "map of no joint": (full(map={"Spin": "a"}), 'map["Spin"]', "no such joint; did you mean 'Spine'?"),
     "map to no text": (full(map={"Spine": 1}), 'map["Spine"]', "expected a string or null, found 1"),
-    "both forms": (full(scale=2), "scale", 'cannot stand beside "joints"'),
-    "map in the short form": (short(factors={}, map={}), "factors", 'cannot stand beside "map"'),
+    "both forms": (full(scale=2), "scale", 'cannot be combined with "joints"'),
+    "map in the short form": (short(factors={}, map={}), "factors", 'cannot be combined with "map"'),
     "scale zero": (short(scale=0), "scale", "expected a number above 0, found 0"),
     "scale negative": (short(scale=-1.5), "scale", "expected a number above 0, found -1.5"),
     "scale text": (short(scale="2"), "scale", "expected a number, found '2'"),
@@ -424,7 +424,7 @@ BAD = {
     "length and factor": (
         short(lengths={"Head": 1}, factors={"Head": 2}),
         'lengths["Head"]',
-        "is in factors too; give one of them",
+        "is in factors too; give only one of them",
     ),
 }
 
@@ -473,9 +473,9 @@ def test_the_schema_refuses_what_it_can(name):
         (
             '{"format": "distretarget-skeleton",\n "version" 1}',
             "line 2, column 12",
-            "is no JSON: Expecting ':'",
+            "is not valid JSON: Expecting ':'",
         ),
-        ("{", "line 1, column 2", "is no JSON"),
+        ("{", "line 1, column 2", "is not valid JSON"),
         ('{"format": "distretarget-skeleton", "version": 1, "version": 1}', "version", "found it twice"),
         (json.dumps(full())[:-2] + ', {"name": "a", "name": "b"}]}', "joints[2].name", "found it twice"),
         (

@@ -27,7 +27,7 @@ def draw_result(clip: str, target: str, frames: list[int], folder: Path) -> None
     source = read_bvh(SAMPLES / f"{clip}.bvh")
     body = load_target(SAMPLES / f"{target}.json").for_source(source.rigid_skeleton)
     result = retarget(source, body.skeleton, joint_map=body.map)
-    motions = [("source", source), ("rotation copy", result.copy), ("distretarget", result.motion)]
+    motions = [("source", source), ("rotation copy", result.rotation_copy), ("distretarget", result.motion)]
     draw_strip(motions, frames, folder / f"{clip}_{target}.png", "front", columns=True, same_scale=True)
 
 

@@ -1,1 +1,1 @@
-"""The rotation copy: the source's rotations on the target's bones, in the target's world."""
+"""The baseline, called rotation copy: the source's rotations on the target's bones, in the target's world."""

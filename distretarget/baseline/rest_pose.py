@@ -1,4 +1,4 @@
-"""Two bodies laid upon each other by their rest poses: the rotations that turn the one's joints into the other's."""
+"""Alignment of two bodies by their rest poses: the rotations between the joints of one and those of the other."""
 
 from __future__ import annotations
 
@@ -17,56 +17,56 @@ from distretarget.numerics.rotations import least, normalised
 
 Array = NDArray[np.float64]
 
-BUILD = np.radians(55)  # bones of trunk, hands and feet whose rest directions differ by less differ in build only [rad]
-LONG_BONES = ("UpperArm", "LowerArm", "UpperLeg", "LowerLeg")  # roles whose bones are always laid upon each other
-SHORT_BONES = ("hips", "head", "Shoulder", "Foot", "Toes")  # roles whose bones lie differently in every build
+BUILD_ANGLE = np.radians(55)  # rest directions of bones that differ by less show another build, not another pose [rad]
+LONG_BONES = ("UpperArm", "LowerArm", "UpperLeg", "LowerLeg")  # roles whose bones are always aligned bone by bone
+SHORT_BONES = ("hips", "head", "Shoulder", "Foot", "Toes")  # roles whose bones point differently in every build
 
 
 def rest_alignment(matching: Matching) -> Array:
-    """A: (target joints, 2, 4), the rotations that take a target joint's rest pose onto that of the source joints whose
-    rotations it follows (`Matching.rotation_sources`), so that R A is the target's world rotation for the source's R.
+    """Return A: (target joints, 2, 4), the rotation of each target joint relative to its two rotation sources
+    (`Matching.rotation_sources`): R A is the target's world rotation for the world rotation R of a source joint.
 
-    Trunk, hands and feet, whose bones lie differently in every build, are aligned as what they hang from, and in the
-    end as the bodies are, axis by axis; arms and legs bone by bone, by least rotations from the part above, which leave
-    the roll to it. Where a frame of motion stands in for a rest pose, the axes about which elbows and knees bend in the
-    motion tell the roll.
+    Arms and legs are aligned bone by bone, by the least rotation relative to the part above, from which they take their
+    roll. Bones of trunk, hands and feet point differently in every build, so these parts keep the alignment of the part
+    above, which begins with that of the bodies as a whole, axis by axis. Where a frame of the motion replaces a rest
+    pose, the axes about which elbows and knees bend in the motion give the roll.
     """
     bodies = _Bodies(matching)
-    onto = Rotation.from_quat(_laid_upon(bodies))
+    alignment = Rotation.from_quat(_joint_alignments(bodies))
     source_pose, target_pose = (Rotation.from_quat(pose) for pose in bodies.poses)
     drivers = np.maximum(matching.rotation_sources, 0)
-    return np.stack([(source_pose[drivers[:, k]].inv() * onto * target_pose).as_quat() for k in (0, 1)], axis=1)
+    return np.stack([(source_pose[drivers[:, k]].inv() * alignment * target_pose).as_quat() for k in (0, 1)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
 class _Bodies:
-    """How a target's body is to be laid upon a source's.
+    """The poses, axes and joint sets by which two bodies are aligned.
 
     Attributes:
-        matching: of the two.
+        matching: the matching of the two bodies.
     """
 
     matching: Matching
 
     @cached_property
     def human(self) -> bool:
-        """Whether both have an anatomy."""
+        """Whether both bodies have an anatomy."""
         return self.matching.source.anatomy is not None and self.matching.target.anatomy is not None
 
     @cached_property
     def alike(self) -> bool:
-        """Whether all bones of both rest poses point the same way, so that neither needs a reference pose."""
+        """Whether all bones of both rest poses point about the same way, so that the rest poses can be compared."""
         matching = self.matching
         x, y = matching.source.skeleton.rest_positions, matching.target.skeleton.rest_positions
         for joint, below in enumerate(_driven_below(matching, x, y)):
             a, b = _bones(matching, x, y, joint, below)
-            if ((a * b).sum(axis=1) < np.cos(BUILD)).any():
+            if ((a * b).sum(axis=1) < np.cos(BUILD_ANGLE)).any():
                 return False
         return True
 
     @cached_property
     def poses(self) -> tuple[Array, Array]:
-        """(joints, 4) of source and target, the world rotations in which they are laid upon each other."""
+        """(joints, 4) of source and target, the world rotations of the poses that are aligned with each other."""
         source, target = self.matching.source, self.matching.target
         if self.human and not self.alike:
             return source.reference_pose, target.reference_pose
@@ -74,26 +74,26 @@ class _Bodies:
 
     @cached_property
     def positions(self) -> tuple[Array, Array]:
-        """(joints, 3) of source and target in these poses, the roots at the origin [file units of each]."""
+        """(joints, 3) of source and target, the positions in these poses, roots at the origin [file units of each]."""
         source, target = self.matching.source, self.matching.target
         return source.skeleton.posed(self.poses[0]), target.skeleton.posed(self.poses[1])
 
     @cached_property
     def bends(self) -> tuple[dict[str, Array], dict[str, Array]]:
-        """The axes about which the limbs of source and target bend in these poses, by role."""
+        """The axes, (3,) by role, about which the limbs of source and target bend in these poses."""
         if not self.human or self.alike:
             return {}, {}
         return self.matching.source.bend_axes, self.matching.target.bend_axes
 
     @cached_property
     def axes(self) -> tuple[Array, Array]:
-        """(3, 3) of source and target, their left, up and forward in these poses."""
+        """(3, 3) of source and target, the axes of the bodies in these poses, columns left, up and forward."""
         source, target = self.matching.source, self.matching.target
         return _axes_of(source, self.positions[0]), _axes_of(target, self.positions[1])
 
     @cached_property
     def turn(self) -> Rotation:
-        """The rotation that lays the target's body as a whole upon the source's."""
+        """The rotation from the target's axes to the source's."""
         if not self.human or self.alike:
             return Rotation.identity()
         source_axes, target_axes = self.axes
@@ -101,8 +101,9 @@ class _Bodies:
 
     @cached_property
     def outwards(self) -> dict[int, Array]:
-        """Per target joint of an upper arm the direction, (3,), out to the source's side, through which it is turned:
-        so a target in A-pose is laid like the same in T-pose.
+        """For the target's upper arms, the direction (3,) straight out to the source's side.
+
+        Upper arms turn by way of this direction, so that a target in A-pose is aligned like the same target in T-pose.
         """
         roles = self._target_roles
         left = self.axes[0][:, 0] if roles else np.zeros(3)
@@ -111,8 +112,9 @@ class _Bodies:
 
     @cached_property
     def hinges(self) -> dict[int, tuple[str, Array]]:
-        """Per target joint of an upper arm or thigh its role, and the axis, (3,), about which a body that stands like
-        the source, arms out, bends the limb: elbows forwards, knees backwards.
+        """For the target's upper arms and thighs, their role and the usual axis, (3,), about which the limb bends.
+
+        It is the axis of a body that stands like the source with arms out: forearms bend forwards, shins backwards.
         """
         roles = self._target_roles
         if not roles:
@@ -123,14 +125,14 @@ class _Bodies:
 
     @cached_property
     def ankles(self) -> set[int]:
-        """The target's ankles, which are laid as the body is and not as the leg."""
+        """The target's ankles, which are aligned like the body as a whole, not like the leg."""
         return {joint for role, joint in self._target_roles.items() if role.endswith("Foot")}
 
     @cached_property
     def built_differently(self) -> set[int]:
-        """The target's joints of trunk, shoulders, hands and feet, whose bones lie differently in every build.
+        """The target's joints of trunk, shoulders, hands and feet, whose bones point differently in every build.
 
-        Where a body stands in a frame of its motion, spine and hands are not among them: there they may be bent.
+        Spine and hands are left out where the pose of a body is a frame of its motion, in which they may be bent.
         """
         roles, target = self._target_roles, self.matching.target
         if not roles or target.anatomy is None:
@@ -144,7 +146,7 @@ class _Bodies:
 
     @property
     def _posed_by_motion(self) -> bool:
-        """Whether the pose of one of the bodies is not its rest pose, and may be a frame of its motion."""
+        """Whether the pose of one of the bodies may be a frame of its motion instead of its rest pose."""
         if not self.human or self.alike:
             return False
         source, target = self.matching.source, self.matching.target
@@ -152,25 +154,25 @@ class _Bodies:
 
     @property
     def _target_roles(self) -> dict[str, int]:
-        """The target's joint of each role; none unless both bodies have an anatomy."""
+        """The target's joint of each role; empty unless both bodies have an anatomy."""
         return dict(self.matching.target.anatomy.roles) if self.human and self.matching.target.anatomy else {}
 
 
 def _axes_of(body: Body, positions: Array) -> Array:
-    """(3, 3), left, up and forward of a body that stands at `positions`, squared with the file's axes."""
+    """(3, 3), the axes of a body at `positions`, columns left, up and forward, snapped to near axes of the file."""
     if body.anatomy is None:
         return np.eye(3)
     axes = Directions(body.anatomy, positions).axes
     return squared(axes) if body.stands_at_rest else upright(axes)
 
 
-def _laid_upon(bodies: _Bodies) -> Array:
-    """M: (target joints, 4), the rotations that lay each target joint upon the source, both standing in their poses."""
+def _joint_alignments(bodies: _Bodies) -> Array:
+    """(target joints, 4), the rotations that align each target joint with the source, both bodies in their poses."""
     matching, (x, y) = bodies.matching, bodies.positions
-    laid: list[Rotation] = []
+    alignments: list[Rotation] = []
     for joint, below in enumerate(_driven_below(matching, x, y)):
         root_like = not joint or joint in bodies.ankles
-        turn = bodies.turn if root_like else laid[matching.target.skeleton.parents[joint]]
+        turn = bodies.turn if root_like else alignments[matching.target.skeleton.parents[joint]]
         if below:
             b, a = _bones(matching, x, y, joint, below)
             if joint in bodies.outwards:
@@ -178,31 +180,33 @@ def _laid_upon(bodies: _Bodies) -> Array:
             onto = least(turn.apply(a), b)
             if joint in bodies.hinges:
                 onto = _with_roll(bodies, joint, b[0], onto, turn) * onto
-            if joint not in bodies.built_differently or (len(below) == 1 and onto.magnitude() > BUILD):
+            if joint not in bodies.built_differently or (len(below) == 1 and onto.magnitude() > BUILD_ANGLE):
                 turn = onto * turn
-        laid.append(turn)
-    return np.array([turn.as_quat() for turn in laid])
+        alignments.append(turn)
+    return np.array([turn.as_quat() for turn in alignments])
 
 
 def _with_roll(bodies: _Bodies, joint: int, bone: Array, onto: Rotation, turn: Rotation) -> Rotation:
-    """The rotation about a bone, (3,), that takes the axis about which the target bends the limb to the source's."""
+    """The rotation about a bone, (3,), from the target's bend axis, turned by `onto * turn`, to the source's."""
     role, usual = bodies.hinges[joint]
     source_bends, target_bends = bodies.bends
-    wanted = source_bends.get(role, onto.apply(usual))
-    found = (onto * turn).apply(target_bends[role]) if role in target_bends else onto.apply(usual)
-    across, goal = (vector - (vector @ bone) * bone for vector in (found, wanted))
+    source_axis = source_bends.get(role, onto.apply(usual))
+    target_axis = (onto * turn).apply(target_bends[role]) if role in target_bends else onto.apply(usual)
+    across, goal = (vector - (vector @ bone) * bone for vector in (target_axis, source_axis))
     angle = np.arctan2(np.cross(across, goal) @ bone, across @ goal)
     return Rotation.from_rotvec(angle * bone)
 
 
 def _bones(matching: Matching, x: Array, y: Array, joint: int, below: list[int]) -> tuple[Array, Array]:
-    """(joints below, 3), the directions from a target joint to joints below it: of the source, and of the target."""
+    """(joints below, 3) of source and target, the directions from a target joint to joints below it."""
     drivers = matching.drivers
     return normalised(x[drivers[below]] - x[drivers[joint]]), normalised(y[below] - y[joint])
 
 
 def _driven_below(matching: Matching, x: Array, y: Array) -> list[list[int]]:
-    """Per target joint with a driver, the nearest driven joints below it that are apart from it on both bodies."""
+    """For each target joint with a driver, the nearest driven joints below it that do not coincide with it on either
+    body.
+    """
     drivers, parents = matching.drivers, matching.target.skeleton.parents
     below: list[list[int]] = [[] for _ in drivers]
     for joint in range(1, len(below)):

@@ -1,4 +1,4 @@
-"""The root's path on the target: its scale, and where it runs."""
+"""The root's path on the target, and its scale."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ Array = NDArray[np.float64]
 
 
 def find_root_scale(matching: Matching) -> float:
-    """How many target units the root travels for each source unit: the ratio of leg lengths, which keeps stride and
-    height in proportion; for bodies without legs the ratio of their longest paths.
+    """Return how many target units the root travels for each source unit.
+
+    It is the ratio of leg lengths, which keeps stride and height in proportion to the body; for bodies without legs the
+    ratio of their longest paths.
     """
     source, target = matching.source.skeleton, matching.target.skeleton
     if matching.legs:
@@ -30,10 +32,11 @@ def find_root_scale(matching: Matching) -> float:
 
 
 def root_path(baseline: Motion, matching: Matching, scale: float) -> Array:
-    """(frames, 3), the root's path that brings the middle between the hip joints to the scaled place of the source's:
-    legs hang from there, whatever lies between them and the root [target file units].
+    """Return the root's path, (frames, 3) [target file units], that puts the middle between the hip joints where the
+    source has it, scaled.
 
-    `baseline` is the rotation copy; without legs its own root path is returned.
+    The hip joints decide, not the root, because legs hang from them. `baseline` is the rotation copy; without legs its
+    root path is returned.
     """
     if matching.legs is None:
         return np.ascontiguousarray(baseline.root_positions)

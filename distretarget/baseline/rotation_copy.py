@@ -1,4 +1,4 @@
-"""The rotation copy: the source's rotations on the target's bones. The baseline, and where everything starts."""
+"""The rotation copy: the source's rotations on the target's bones. It is the baseline and the start of all solving."""
 
 from __future__ import annotations
 
@@ -15,11 +15,10 @@ Array = NDArray[np.float64]
 
 
 def rotation_copy(matching: Matching, scale: float) -> Motion:
-    """The motion whose world rotations are R_src(t) A: those of the source, relative to the target's rest pose.
+    """Return the motion with the world rotations R_src(t) A, where A is the alignment of the rest poses.
 
-    Joints with two rotation sources turn between the two, joints without one with their parents. The pelvis, from which
-    the legs part, goes where the source's goes, times `scale` [target units per source unit]; without legs the topmost
-    joint that has a driver.
+    Joints with two rotation sources blend both; joints without one follow their parents. The pelvis joint (`pelvis` of
+    the matching) takes the path of its driver, times `scale` [target units per source unit].
     """
     source, skeleton, blend = matching.source_motion, matching.target.skeleton, matching.blend
     alignment = rest_alignment(matching)
@@ -28,8 +27,8 @@ def rotation_copy(matching: Matching, scale: float) -> Motion:
     world[:, driven] = _aligned(matching, alignment, driven, 0).as_quat()
     if len(between):
         first, second = (_aligned(matching, alignment, between, k) for k in (0, 1))
-        ways = (first.inv() * second).as_rotvec() * blend[between, None]
-        world[:, between] = (first * Rotation.from_rotvec(ways)).as_quat()
+        steps = (first.inv() * second).as_rotvec() * blend[between, None]
+        world[:, between] = (first * Rotation.from_rotvec(steps)).as_quat()
     for joint in range(1, len(skeleton)):
         if matching.rotation_sources[joint, 0] < 0:
             world[:, joint] = world[:, skeleton.parents[joint]]
@@ -41,7 +40,7 @@ def rotation_copy(matching: Matching, scale: float) -> Motion:
 
 
 def _aligned(matching: Matching, alignment: Array, joints: NDArray[np.intp], k: int) -> Rotation:
-    """(frames, joints), the world rotations of some target joints by their first or second rotation source."""
+    """(frames, joints), the world rotations of target joints by their first (k = 0) or second (k = 1) source."""
     sources = matching.rotation_sources[joints, k]
     return Rotation.from_quat(matching.source_motion.world_rotations[:, sources]) * Rotation.from_quat(
         alignment[joints, k]

@@ -1,4 +1,4 @@
-"""From the source's world to the target's: which axis points up, and what the root's OFFSET means."""
+"""From the source's world to the target's: which axis points up in each, and what the root's OFFSET means."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from distretarget.skeleton import POSITION_CHANNELS
 Array = NDArray[np.float64]
 RootOffset = Literal["replaced", "added"]
 
-ON_FLOOR = 0.1  # feet so near to height 0 are on the floor [leg lengths]
+ON_FLOOR = 0.1  # feet nearer than this to height 0 are on the floor [leg lengths]
 
 
 @dataclass(frozen=True)
 class World:
-    """How a source's world becomes the target's.
+    """How the source's world is taken into the target's.
 
     Attributes:
         source_up, up: which of `AXES` points up in the source's file, and in the target's.
-        root_offset: what the position channels of the source's root do to its OFFSET.
+        root_offset: whether the OFFSET of the source's root is replaced by its position channels, or added to them.
     """
 
     source_up: str
@@ -36,11 +36,11 @@ class World:
 
     @property
     def up_vector(self) -> Array:
-        """(3,), up in the target's world."""
+        """(3,), the unit vector up in the target's world."""
         return axis_vector(self.up)
 
     def to_target_axes(self, source: Body) -> Body:
-        """The source in the target's world."""
+        """Return the source's body in the target's world."""
         motion = source.motion
         if motion is None:
             return source.with_up(self.up)
@@ -56,22 +56,28 @@ def find_world(
     target_up: str | None = None,
     root_offset: RootOffset | None = None,
 ) -> World:
-    """The world of source and target, as far as it is not given.
+    """Return the worlds of source and target; arguments that are given overrule what the files show.
 
-    Up in the source is as its motion tells. Up in the target is what its file says; else as its motion tells, unless
-    no body is recognised in it and one is in the source; else, if both rest poses stand along the same axis, as in the
-    source; else the axis along which the target's rest pose stands. Where nothing tells, Y is up.
+    Up in the source is the axis that its motion shows. Up in the target is the first of these that is known:
+
+    - the axis that the target's file states;
+    - the axis that its motion shows, unless a human body is recognised in the source only;
+    - the source's axis, if both rest poses stand along the same axis, or the target's shows none;
+    - the axis along which the target's rest pose stands.
+
+    Where nothing shows an axis, Y is up.
     """
     source_up = source_up or source.up
-    tells = target.anatomy is not None or source.anatomy is None
-    up = target_up or target.skeleton.up or (target.found_up if tells else None)
+    motion_counts = target.anatomy is not None or source.anatomy is None
+    up = target_up or target.skeleton.up or (target.found_up if motion_counts else None)
     up = up or (source_up if target.up_at_rest in (None, source.up_at_rest) else target.up_at_rest)
     return World(source_up, up, root_offset or find_root_offset(source, axis_vector(source_up)))
 
 
 def turned(motion: Motion, up: str, onto: str) -> Motion:
-    """The motion in a world where the axis `onto` points up instead of `up`, turned there by the least rotation: what
-    faces Z with Y up faces -Y with Z up.
+    """Return the motion in a world where the axis `onto` points up instead of `up`.
+
+    The world turns by the least rotation: a body that faces Z with Y up faces -Y with Z up.
     """
     if up == onto:
         return motion
@@ -83,10 +89,10 @@ def turned(motion: Motion, up: str, onto: str) -> Motion:
 
 
 def find_root_offset(body: Body, up: Array) -> RootOffset:
-    """Whether the root's position channels replace its OFFSET or are added to it, which nothing in a file says.
+    """Return whether the root's position channels replace its OFFSET or are added to it; a file does not say which.
 
-    They are added if that puts the feet on the floor, at height 0, and replacing leaves them clearly off it. `up` is
-    (3,).
+    They are added if adding puts the feet on the floor, at height 0, and replacing leaves them clearly off it. `up`,
+    (3,), is the unit vector up.
     """
     motion, length = body.motion, body.leg_length
     if motion is None or not length or not set(POSITION_CHANNELS) <= set(motion.skeleton.channels[0]):
@@ -97,7 +103,7 @@ def find_root_offset(body: Body, up: Array) -> RootOffset:
 
 
 def with_root_offset(motion: Motion) -> Motion:
-    """The motion with the root's OFFSET added to its positions."""
+    """Return the motion with the root's OFFSET added to the root's positions."""
     translations = np.array(motion.translations)
     translations[:, 0] += motion.skeleton.offsets[0]
     return replace(motion, translations=translations)

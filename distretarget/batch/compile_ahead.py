@@ -7,7 +7,6 @@ import numpy as np
 from distretarget.io.bvh import format_bvh, parse_bvh
 from distretarget.motion import Motion
 from distretarget.retargeting import Objective, retarget
-from distretarget.run_summary import Figures
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 
 CHANNELS = ("Zrotation", "Xrotation", "Yrotation")
@@ -23,5 +22,6 @@ def warm(objective: Objective) -> None:
     bent = np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, np.sin(0.6), np.cos(0.6)]])
     motion = Motion(body, np.tile(offsets, (2, 1, 1)), np.tile(bent[:, None], (1, BONES, 1)), "0.01")
     source = parse_bvh(format_bvh(motion), "joints")
-    figures = Figures(retarget(source, body.with_offsets(1.5 * offsets), objective=objective))
-    format_bvh(figures.run.motion)
+    result = retarget(source, body.with_offsets(1.5 * offsets), objective=objective)
+    result.figures  # noqa: B018 - what it needs is compiled
+    format_bvh(result.motion)

@@ -141,14 +141,14 @@ class Run:
             except CancelledError as error:
                 raise BatchError("the workers are gone; run this again to go on") from error
             except Exception as error:  # of the cluster: whatever it is, it is this clip's
-                outcome = Outcome(self.recipe.version, 0.0, f"{running.work.clip.path}: {_said(error)}")
+                outcome = Outcome(version=self.recipe.version, error=f"{running.work.clip.path}: {_said(error)}")
             self._finish(running, outcome)
 
     def _suspect(self, running: _Running) -> None:
         """Deal with a clip that was with a worker, or on its way to one, when a worker died."""
         if running.alone:
             reason = "the process that converted it died, perhaps out of memory"
-            self._finish(running, Outcome(self.recipe.version, 0.0, f"{running.work.clip.path}: {reason}"))
+            self._finish(running, Outcome(version=self.recipe.version, error=f"{running.work.clip.path}: {reason}"))
         else:
             self._suspects.append(running)
 

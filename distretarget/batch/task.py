@@ -16,7 +16,7 @@ from distretarget.io.files import text_hash
 from distretarget.io.map_json import MapFile
 from distretarget.measure.figures import Side
 from distretarget.report import About, run_page
-from distretarget.run_summary import Figures
+from distretarget.run_summary import unmatched
 from distretarget.solve.chunks import Mapper
 
 
@@ -31,7 +31,7 @@ class Task:
     about: About | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Outcome:
     """What became of a task.
 
@@ -47,7 +47,7 @@ class Outcome:
     """
 
     version: str
-    seconds: float
+    seconds: float = 0.0
     error: str = ""
     bvh: str = ""
     frames: int = 0
@@ -78,7 +78,7 @@ def convert(task: Task, mapper: Mapper = map) -> Outcome:
 
 
 def _failed(error: str) -> Outcome:
-    return Outcome(version("distretarget"), 0.0, " ".join(error.split()))
+    return Outcome(version=version("distretarget"), error=" ".join(error.split()))
 
 
 def _converted(task: Task, mapper: Mapper) -> Outcome:
@@ -86,8 +86,11 @@ def _converted(task: Task, mapper: Mapper) -> Outcome:
     motion = parse_bvh(task.source.text, path)
     result = retarget_onto(task.target, motion, path, task.map, task.options, mapper=mapper)
     parts = bvh_parts(result.motion, mapper)  # made while the figures are, where there are others to do it
-    figures = Figures(result)
-    report = run_page(figures, task.about) if task.about else ""
-    warnings = (*figures.unmatched(), *figures.warnings())
-    bvh, frames, of_clip = "".join(parts), len(result.motion), figures.of_clip()
-    return Outcome(version("distretarget"), 0.0, "", bvh, frames, of_clip, warnings, report)
+    return Outcome(
+        version=version("distretarget"),
+        report=run_page(result, task.about) if task.about else "",
+        warnings=(*unmatched(result.matching), *result.warnings),
+        figures=result.figures,
+        frames=len(result.motion),
+        bvh="".join(parts),
+    )

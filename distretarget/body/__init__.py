@@ -1,1 +1,1 @@
-"""A body: its skeleton, which joint plays which part, its legs and axes, and a posture in which it stands."""
+"""A body: its skeleton, the parts that its joints play, its legs and axes, and its reference pose."""

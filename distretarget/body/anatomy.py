@@ -1,4 +1,4 @@
-"""The parts of a human body, and which joint of a skeleton plays which."""
+"""The parts of a human body, and which joint of a skeleton plays which part."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ class Anatomy:
 
     Attributes:
         roles: the joint of each role. Roles are those of the VRM humanoid 1.0 ("hips", "leftUpperArm", ...; "Shoulder"
-            is the collar bone), and for fingers "leftIndex1" to "leftIndex3" from the knuckle on, "leftIndex0" for the
-            bone in the palm.
-        spine: the joints above the hips up to the one from which arms and neck leave, from below.
-        neck: the joints from there up to below the head, from below.
-        convention: whose names the joints have, as "Mixamo"; empty where no convention is recognised.
-        method: what told the roles.
+            is the collar bone). Fingers have "leftIndex1" to "leftIndex3" from the knuckle to the tip, and
+            "leftIndex0" for the bone in the palm.
+        spine: the joints above the hips up to the one where arms and neck branch off, lowest first.
+        neck: the joints above the spine and below the head, lowest first.
+        convention: the naming convention of the joints, such as "Mixamo"; empty where none is recognised.
+        method: whether the roles were recognised by the joints' names or by the shape of the skeleton.
     """
 
     roles: Mapping[str, int]
@@ -35,7 +35,7 @@ class Anatomy:
 
     @property
     def mirrored(self) -> Anatomy:
-        """The same with left and right exchanged."""
+        """The same anatomy with left and right exchanged."""
         other = {"left": "right", "right": "left"}
         sides = {role: next((side for side in SIDES if role.startswith(side)), "") for role in self.roles}
         roles = {other.get(side, "") + role.removeprefix(side): self.roles[role] for role, side in sides.items()}
@@ -43,8 +43,10 @@ class Anatomy:
 
 
 def spine_roles(spine: Sequence[int]) -> dict[str, int]:
-    """The roles in a spine of any number of joints: "spine" below, "upperChest" on top, "chest" between, a little
-    lower where there are two; of two joints the upper one, and a single one, is the chest.
+    """Return the role of each spine joint that has one; `spine` lists the joints from below.
+
+    Three or more joints: the lowest is "spine", the highest "upperChest", the middle one (of two, the lower) "chest".
+    Two joints: "spine" and "chest". One joint: "chest".
     """
     if len(spine) < 3:
         return dict(zip(("chest", "spine"), reversed(spine), strict=False))

@@ -1,4 +1,4 @@
-"""Which way a body points in its postures: up its trunk, down its legs, to its left; and the axes of a file."""
+"""Directions of a body in its postures (up the trunk, down the legs, to the left), and the axes of a file."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ from distretarget.numerics.rotations import normalised
 Array = NDArray[np.float64]
 
 AXES = ("X", "Y", "Z", "-X", "-Y", "-Z")
-STRETCHED = 125.0  # angle between trunk and legs that people reach and animals on four legs rarely do [degrees]
-FOLDED = 45.0  # a rest pose with a smaller angle between trunk and legs tells nothing of how the body stands [degrees]
-SQUARE = np.cos(np.radians(25))  # a body within this angle of an axis of the file stands along that axis [cosine]
+STRETCHED = 125.0  # least angle between trunk and legs of an upright body, rarely reached on four legs [degrees]
+FOLDED = 45.0  # a rest pose with a smaller angle between trunk and legs does not show how the body stands [degrees]
+SQUARE = np.cos(np.radians(25))  # a direction within this angle of an axis of the file counts as that axis [cosine]
 
 
 def axis_vector(axis: str) -> Array:
-    """(3,), the unit vector of one of `AXES`."""
+    """Return the unit vector, (3,), of one of `AXES`."""
     vector = np.zeros(3)
     vector["XYZ".index(axis[-1])] = -1.0 if axis.startswith("-") else 1.0
     return vector
 
 
 def nearest_axis(direction: Array) -> tuple[str, float]:
-    """Which of `AXES` is nearest to a direction (3,), and the direction's component along it."""
+    """Return which of `AXES` is nearest to a direction (3,), and the direction's component along it."""
     signed = np.concatenate([direction, -direction])
     return AXES[int(np.argmax(signed))], float(signed.max())
 
 
 @dataclass(frozen=True, eq=False)
 class Directions:
-    """Which way a body points in one posture or many.
+    """The directions of a body in one posture or many.
 
     Attributes:
         anatomy: which joint plays which part.
-        positions: (..., joints, 3), of the joints.
+        positions: (..., joints, 3), the positions of the joints.
     """
 
     anatomy: Anatomy
@@ -46,24 +46,28 @@ class Directions:
 
     @cached_property
     def trunk(self) -> Array:
-        """(..., 3), unit vectors from the hip joints up to the shoulders or the top of the spine; zero without."""
+        """(..., 3), unit vectors from the hip joints up to the shoulders, or to the top of the spine in a body without
+        arms; zero where the body has neither.
+        """
         return self._between(self._base, self._top)
 
     @cached_property
     def legs(self) -> Array:
-        """(..., 3), unit vectors from the hip joints down to the ankles; zero for a body without."""
+        """(..., 3), unit vectors from the hip joints down to the ankles, or to the knees in a body without feet; zero
+        where the body has neither.
+        """
         feet = self._joints("leftFoot", "rightFoot") or self._joints("leftLowerLeg", "rightLowerLeg")
         return self._between(self._base, feet)
 
     @cached_property
     def up(self) -> Array:
-        """(..., 3), the mean of the directions up the trunk and up the legs, or the one of them that the body has."""
-        ways = [way for way in (self.trunk, -self.legs) if way.any()]
-        return np.asarray(np.mean(ways, axis=0)) if ways else np.zeros((*self.positions.shape[:-2], 3))
+        """(..., 3), the mean of the directions up the trunk and up the legs; of those, the ones that the body has."""
+        directions = [direction for direction in (self.trunk, -self.legs) if direction.any()]
+        return np.asarray(np.mean(directions, axis=0)) if directions else np.zeros((*self.positions.shape[:-2], 3))
 
     @cached_property
     def left(self) -> Array:
-        """(..., 3), unit vectors from the joints named right to those named left: hip and shoulder joints together."""
+        """(..., 3), unit vectors to the body's left: from right to left across hip and shoulder joints together."""
         across = np.zeros((*self.positions.shape[:-2], 3))
         for role in ("UpperLeg", "UpperArm"):
             pair = self._joints(*(side + role for side in SIDES))
@@ -91,26 +95,27 @@ class Directions:
         return bool(self._top and self._joints(*(side + part for side in SIDES for part in LEG[:2])))
 
     def bone(self, upper: str, lower: str) -> Array | None:
-        """(..., 3), unit vectors from the joint of one role to that of another; None where the body lacks one."""
+        """(..., 3), unit vectors from the joint of one role to that of another; None where the body lacks either."""
         ends = self._joints(upper, lower)
         return normalised(self.positions[..., ends[1], :] - self.positions[..., ends[0], :]) if ends else None
 
     @property
     def _top(self) -> list[int]:
-        """The joints at the upper end of the trunk: the shoulders, or the top of the spine."""
+        """The joints at the upper end of the trunk: the shoulders, else the topmost joint of spine and neck."""
         return self._joints("leftUpperArm", "rightUpperArm") or [*self.anatomy.spine, *self.anatomy.neck][-1:]
 
     @property
     def _base(self) -> list[int]:
+        """The joints at the lower end of the trunk: the hip joints, else the hips."""
         return self._joints("leftUpperLeg", "rightUpperLeg") or self._joints("hips")
 
     def _joints(self, *roles: str) -> list[int]:
-        """The joints of the roles, if the body has them all."""
+        """The joints of the roles; none unless the body has them all."""
         joints = [self.anatomy.roles[role] for role in roles if role in self.anatomy.roles]
         return joints if len(joints) == len(roles) else []
 
     def _between(self, start: list[int], end: list[int]) -> Array:
-        """(..., 3), unit vectors from the middle of some joints to that of others; zero where there are none."""
+        """(..., 3), unit vectors from the middle of some joints to that of others; zero where either list is empty."""
         x = self.positions
         if not start or not end:
             return np.zeros((*x.shape[:-2], 3))
@@ -118,14 +123,14 @@ class Directions:
 
 
 def upright(axes: Array) -> Array:
-    """Left, up and forward of a body, the columns of (3, 3), with up along an axis of the file if it is near one."""
+    """Return a body's axes, (3, 3) with columns left, up and forward, with up snapped to a near axis of the file."""
     up = _squared_direction(axes[:, 1])
     left = normalised(axes[:, 0] - (axes[:, 0] @ up) * up)
     return np.stack([left, up, np.cross(left, up)], axis=-1)
 
 
 def squared(axes: Array) -> Array:
-    """The same with left, too, along an axis of the file if it is near one."""
+    """Return a body's axes as `upright` does, with left snapped to a near axis of the file as well."""
     left, up, _ = upright(axes).T
     left = _squared_direction(left)
     left = normalised(left - (left @ up) * up)
@@ -133,7 +138,7 @@ def squared(axes: Array) -> Array:
 
 
 def _squared_direction(direction: Array) -> Array:
-    """The axis of the file nearest to a direction, (3,), if it is within `SQUARE`; else the direction."""
+    """The axis of the file, (3,), within the angle `SQUARE` of a direction; else the direction itself."""
     nearest = np.argmax(np.abs(direction))
     axis = np.sign(direction[nearest]) * np.eye(3)[nearest]
     return axis if axis @ direction > SQUARE else direction

@@ -1,4 +1,4 @@
-"""A body: a skeleton, which joint plays which part, a motion of it if there is one, and all that follows from them."""
+"""A body: a skeleton, which joint plays which part, a motion if there is one, and everything derived from them."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 
-STANDS_IN_MOTION = 0.7  # mean cosine between an axis and a body that stands along it in motion
-TELLS_UP = 0.3  # the same cosine, from which a motion tells the axis where the rest pose does not
-OFF_FLOOR = 0.25  # lowest joints farther than this from height 0 are not on the floor [leg lengths]
-LOWEST_FRAMES = 2.0  # percentile of the lowest joint's heights that counts as the floor under the body
-CLEAR_FEET = 0.3  # mean cosine between feet and the body's front, from which feet tell left from right
+STANDS_IN_MOTION = 0.7  # a body stands along an axis if the mean cosine between both is larger than this [cosine]
+UP_FROM_MOTION = 0.3  # the same, enough where the rest pose does not show which axis is up [cosine]
+OFF_FLOOR = 0.25  # a body whose lowest joint is farther than this from height 0 is not on the floor [leg lengths]
+LOWEST_FRAMES = 2.0  # height of the floor under the body: this percentile of the lowest joint's heights [%]
+CLEAR_FEET = 0.3  # feet show the body's front if their mean cosine with it is larger than this [cosine]
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """One side of a retargeting, source or target.
+    """The source or the target of a retargeting.
 
     Attributes:
-        skeleton: its joints and the bones that its motion shows, rigid.
+        skeleton: the joints, with rigid bones as its motion shows them.
         anatomy: which joint plays which part; None where no human body is recognised.
-        motion: any motion of the body, with one frame at least; None where there is none.
-        known_up: which of `AXES` points up, where that is decided; else None, and `found_up` tells.
+        motion: any motion of the body, with at least one frame; None where there is none.
+        known_up: which of `AXES` points up, where the caller has decided that; else None, and `up` finds it.
     """
 
     skeleton: Skeleton
@@ -49,9 +49,9 @@ class Body:
 
     @classmethod
     def of(cls, skeleton: Skeleton, motion: Motion | None = None) -> Body:
-        """The body of a skeleton, recognised by the names of its joints or else by its shape.
+        """Return the body of a skeleton, recognised by the names of its joints or else by its shape.
 
-        `motion`, any of the same joints, tells what the rest pose does not: the shape, the axes, how limbs bend.
+        `motion`, any motion of these joints, shows what the rest pose may not: shape, axes and how limbs bend.
         """
         moving = motion if motion is not None and len(motion) else None
         positions = None if moving is None else moving.positions
@@ -59,7 +59,7 @@ class Body:
 
     @classmethod
     def of_motion(cls, motion: Motion) -> Body:
-        """The body that moves in a motion, with the bones that its frames show."""
+        """Return the body that moves in a motion, with the bone lengths that its frames show."""
         return cls.of(motion.rigid_skeleton, motion)
 
     # ---- legs and size
@@ -71,21 +71,17 @@ class Body:
 
     @cached_property
     def leg_length(self) -> float:
-        """Thigh and shin, the mean of both legs [file units]; 0 without legs."""
+        """Length of thigh and shin, the mean of both legs [file units]; 0 without legs."""
         return leg_length(self.skeleton, self.legs) if self.legs else 0.0
 
     @cached_property
     def unit(self) -> float:
-        """The body unit: twice the leg length, which is about the height of a person; without legs the longest path
-        [file units].
-        """
+        """The body unit [file units]: twice the leg length, about a person's height; without legs the longest path."""
         return 2.0 * self.leg_length if self.legs else float(self.skeleton.path_lengths.max())
 
     @cached_property
     def height(self) -> float:
-        """How tall the rest pose stands: its extent along the axis of its legs, without legs its largest extent
-        [file units].
-        """
+        """Height of the rest pose [file units]: its extent along the axis of the legs, without legs its largest one."""
         rest = self.skeleton.rest_positions
         if self.legs is None:
             return float(np.ptp(rest, axis=0).max())
@@ -93,19 +89,19 @@ class Body:
 
     @cached_property
     def pelvis_joint(self) -> int | None:
-        """The joint from which the legs part; None without legs."""
+        """The joint where the legs branch off; None without legs."""
         return pelvis_joint(self.skeleton, self.legs) if self.legs else None
 
     # ---- how the body stands
 
     @cached_property
     def at_rest(self) -> Directions | None:
-        """Which way the rest pose points; None without an anatomy."""
+        """The directions of the rest pose; None without an anatomy."""
         return Directions(self.anatomy, self.skeleton.rest_positions) if self.anatomy else None
 
     @cached_property
     def moving(self) -> Directions | None:
-        """Which way the body points in each frame of its motion; None without an anatomy or a motion."""
+        """The directions of the body in each frame of its motion; None without an anatomy or a motion."""
         return Directions(self.anatomy, self.motion.positions) if self.anatomy and self.motion else None
 
     @cached_property
@@ -115,30 +111,31 @@ class Body:
 
     @cached_property
     def up_at_rest(self) -> str | None:
-        """Which of `AXES` points up in the rest pose; None where no person can stand so."""
+        """Which of `AXES` points up in the rest pose; None where a person cannot stand in it."""
         return nearest_axis(self.at_rest.up)[0] if self.at_rest and self.stands_at_rest else None
 
     @cached_property
     def found_up(self) -> str | None:
-        """Which of `AXES` points up in the motion: the one along which the body stands in it, or in its rest pose; None
-        where nothing tells.
+        """Which of `AXES` points up in the motion; None where neither the motion nor the rest pose shows it.
 
-        Where the two differ, the rest pose is right about a body that lies on the floor. The motion is right if its
-        feet are at height 0 along its axis: then the file's world is another than its rest pose's.
+        Normally that is the axis along which the rest pose stands, also when the body lies down in the motion. If the
+        body stands along another axis in the motion, with its feet at height 0 there, the motion's axis wins.
         """
         if self.motion is None:
             return None
         if self.moving is None:
             return _axis_of_legs(self.legs, self.motion.positions) if self.legs else None
         axis, cosine = nearest_axis(self.moving.up.mean(axis=0))
-        if self.up_at_rest is None and cosine < TELLS_UP:
+        if self.up_at_rest is None and cosine < UP_FROM_MOTION:
             return None
         on_floor = abs(self.lowest(axis_vector(axis))) < OFF_FLOOR * self.leg_length
         return axis if self.up_at_rest is None or (cosine > STANDS_IN_MOTION and on_floor) else self.up_at_rest
 
     @cached_property
     def up(self) -> str:
-        """Which of `AXES` points up: as decided, as the file says, as the body stands, else Y."""
+        """Which of `AXES` points up: `known_up`, else what the file says, else the axis along which the body stands in
+        its motion or its rest pose, else Y.
+        """
         return self.known_up or self.skeleton.up or self.found_up or self.up_at_rest or "Y"
 
     @cached_property
@@ -147,15 +144,19 @@ class Body:
         return axis_vector(self.up)
 
     def lowest(self, up: Array) -> float:
-        """The height along `up`, (3,), of the lowest joint in the lowest frames of the motion [file units]."""
+        """Return the height of the floor under the body along `up`, (3,) [file units]: that of the lowest joint in the
+        lowest frames of the motion; 0 without a motion.
+        """
         if self.motion is None:
             return 0.0
         return float(np.percentile((self.motion.positions @ up).min(axis=1), LOWEST_FRAMES))
 
     @cached_property
     def reference_pose(self) -> Array:
-        """(joints, 4), world rotations in which the body stands, to lay it upon another: those of the rest pose where a
-        person can stand so; else of the frame of its motion in which it stands best; else of a synthetic T-pose.
+        """(joints, 4), world rotations of the standing pose in which the body is aligned with another.
+
+        It is the rest pose if a person can stand in it; else the frame of the motion in which the body stands best;
+        else a synthetic T-pose.
         """
         if self.at_rest is None or self.stands_at_rest:
             return self.skeleton.unturned
@@ -166,8 +167,8 @@ class Body:
 
     @cached_property
     def bend_axes(self) -> dict[str, Array]:
-        """The axes about which elbows and knees bend, (3,) vectors in the reference pose by the roles of upper arms and
-        thighs; none where the rest pose tells the roll of the limbs, or no motion does.
+        """The axes about which elbows and knees bend in the motion, (3,) unit vectors in the reference pose, by the
+        roles of upper arms and thighs. Empty where the rest pose is the reference pose, or without a motion.
         """
         if self.anatomy is None or self.motion is None or self.stands_at_rest:
             return {}
@@ -177,21 +178,21 @@ class Body:
 
     @cached_property
     def left_is_left(self) -> bool | None:
-        """Whether the joints named left are on the body's left, as its feet tell; None where they do not tell."""
+        """Whether the joints named left are on the body's left, judged by its feet; None where those do not show it."""
         if self.anatomy is None:
             return None
-        seen = self.at_rest if self.stands_at_rest else self.moving
+        directions = self.at_rest if self.stands_at_rest else self.moving
         feet = [foot_bone(self.skeleton, self.anatomy, side) for side in SIDES]
-        if seen is None or None in feet:
+        if directions is None or None in feet:
             return None
-        x = seen.positions
+        x = directions.positions
         forward = sum(normalised(x[..., foot[1], :] - x[..., foot[0], :]) for foot in feet if foot)
-        cosine = float(np.mean((seen.axes[..., 2] * forward).sum(axis=-1)) / 2)
+        cosine = float(np.mean((directions.axes[..., 2] * forward).sum(axis=-1)) / 2)
         return cosine > 0 if abs(cosine) > CLEAR_FEET else None
 
     @cached_property
     def on_all_fours(self) -> bool:
-        """Whether this seems to be no person: trunk and legs stretch neither in the rest pose nor in motion."""
+        """Whether the body seems to go on all fours: its trunk stays bent against its legs, at rest and in motion."""
         if self.at_rest is None or not self.at_rest.is_whole or self.at_rest.stretch > STRETCHED:
             return False
         if self.moving is None:
@@ -206,16 +207,16 @@ class Body:
         return replace(self, anatomy=self.anatomy.mirrored if self.anatomy else None)
 
     def with_motion(self, motion: Motion, up: str) -> Body:
-        """The same body in another motion, in which the axis `up` points up."""
+        """Return the same body in another motion, in which the axis `up` points up."""
         return self.with_up(up) if motion is self.motion else replace(self, motion=motion, known_up=up)
 
     def with_up(self, up: str) -> Body:
-        """The same body, in whose world the axis `up` is known to point up."""
+        """Return the same body with the axis `up` known to point up."""
         return self if up == self.up else replace(self, known_up=up)
 
 
 def _axis_of_legs(legs: Legs, positions: Array) -> str:
-    """Which of `AXES` points most from ankles to hips, over positions (frames, joints, 3)."""
+    """Which of `AXES` is nearest to the mean direction from ankles to hips, over positions (frames, joints, 3)."""
     hips = positions[:, [leg.hip for leg in legs]]
     ankles = positions[:, [leg.ankle for leg in legs]]
     legs_up = (hips - ankles).mean(axis=(0, 1))

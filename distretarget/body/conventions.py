@@ -1,8 +1,8 @@
-"""Which joint plays which part of a human body, told from the joints' names and the tree.
+"""The anatomy of a skeleton, recognised by the names and the tree of its joints.
 
-The words of many naming conventions stand in `conventions.json`. An entry has a readable title; the names of the hips,
-of spine and neck from below, and of the head; those of the four parts of arm and leg (`ARM`, `LEG`) without side; and
-where there are such, a prefix of all names, and other names that may occur.
+`conventions.json` lists the words of many naming conventions. An entry has a readable title; the names of the hips, of
+spine and neck from below, and of the head; those of the four parts of arm and leg (`ARM`, `LEG`) without side; and, if
+the convention has them, the prefix of all names, and other names that may occur.
 """
 
 from __future__ import annotations
@@ -17,55 +17,55 @@ from importlib.resources import files
 from typing import NamedTuple
 
 from distretarget.body.anatomy import ARM, FINGERS, LEG, SIDES, Anatomy, spine_roles
-from distretarget.body.joint_names import JointName, Words, joint_names, stem_and_side, without_digits, words
+from distretarget.body.joint_names import JointName, NameWords, joint_names, stem_and_side, without_digits, words
 from distretarget.skeleton import Skeleton
 
-# What a part adds to a chain that has it: the bones of a limb count more than collar bone and toes. The convention's
-# fit, 0 to 1, halved, comes on top and decides between readings of the same word.
-WORTH = dict.fromkeys(ARM + LEG, 2.0) | {"Shoulder": 1.0, "Toes": 1.0}
-FIT_WORTH = 0.5
+# Points for each part that a chain of joints has: the bones of a limb count more than collar bone and toes.
+PART_POINTS = dict.fromkeys(ARM + LEG, 2.0) | {"Shoulder": 1.0, "Toes": 1.0}
+# Points for a convention that fits fully; less fit, fewer points. They decide between several meanings of a word.
+FIT_POINTS = 0.5
 
-# What the names of the parts that have a long bone begin with.
-LONG_BONES = ("Upper", "Lower")
+# The parts with these first words have a long bone.
+LONG_BONE_WORDS = ("Upper", "Lower")
 
-# How well the names must fit a convention for it to be named, and what its prefix adds.
+# A convention is recognised from this fit on [0 to 1], to which its prefix adds the second number.
 RECOGNISED = 0.75
 PREFIX_FIT = 1.0
 
-# A name of the hips where legs and trunk hang from it; anywhere above it is only what carries the body.
+# The hips may have this name only where legs and trunk branch off; a joint above them with it just carries the body.
 CARRIER = "root"
 
-# A finger's number in a name, and the number of a finger's last bone that has a role.
+# A finger's number in a joint's name, and the number of a finger's last bone that has a role.
 FINGER_NUMBER = re.compile(r"finger(\d)")
 LAST_BONE = 3
 
-Word = tuple[str, bool]
-"""A stem, and whether it has a side."""
+Term = tuple[str, bool]
+"""The stem of a joint's name, and whether the name has a side."""
 
 
 @dataclass(frozen=True)
 class Convention:
-    """A naming convention: which words mean which part.
+    """A naming convention: which terms mean which part.
 
     Attributes:
-        title: its readable name.
-        prefix: what all its names begin with; mostly nothing.
-        parts: the part that each word means.
-        also: other words that it may have.
+        title: the readable name.
+        prefix: the words with which all names begin; empty for most conventions.
+        parts: the part that each term means.
+        also: other terms that may occur.
     """
 
     title: str
-    prefix: Words
-    parts: Mapping[Word, str]
-    also: frozenset[Word]
+    prefix: NameWords
+    parts: Mapping[Term, str]
+    also: frozenset[Term]
 
 
 @dataclass(frozen=True)
 class Vocabulary:
-    """All conventions, and the words of fingers.
+    """All conventions, and the words for fingers.
 
     Attributes:
-        conventions: in the order in which they are preferred where names fit several.
+        conventions: all conventions, the preferred one first where names fit several.
         fingers: per finger, the words for it.
         palm: the words for a bone in the palm.
         necks: the words for joints of the neck, without digits at the end.
@@ -78,22 +78,22 @@ class Vocabulary:
 
 
 def by_names(skeleton: Skeleton) -> Anatomy | None:
-    """The anatomy that the joints' names and the tree tell, offsets apart; None where they tell too little.
+    """Return the anatomy that names and tree show, whatever the offsets; None where they show too little.
 
-    Enough are the two long bones of both arms or of both legs, hips, and something above them, if there is more than
-    legs. A part without a joint of a known name has no role; the joints of spine and neck need no known names.
+    The names must show the two long bones of both arms or of both legs, hips and, unless the body is legs alone, a
+    trunk above them. A part has a role only if a joint has a known name for it; spine and neck need no known names.
     """
     return _read(skeleton).anatomy()
 
 
 def convention_of(skeleton: Skeleton) -> str:
-    """The title of the convention whose names the joints have; empty where none is recognised."""
+    """Return the title of the convention that the joints' names follow; empty where none is recognised."""
     return _read(skeleton).convention
 
 
 @cache
 def vocabulary() -> Vocabulary:
-    """The words of `conventions.json`."""
+    """Return the vocabulary in `conventions.json`."""
     data = json.loads(files(__package__).joinpath("conventions.json").read_text("utf-8"))
     conventions = tuple(_convention(**entry) for entry in data["conventions"])
     return Vocabulary(
@@ -129,14 +129,14 @@ def _convention(
 
 
 class _Chain(NamedTuple):
-    """Joints from above for parts of a limb, and what they are worth."""
+    """The joints of parts of a limb, from above, and their points."""
 
-    worth: float
+    points: float
     joints: tuple[tuple[str, int], ...]
 
 
 class _Trunk(NamedTuple):
-    """The joints between the limbs; `head` is None where no joint is named so."""
+    """The joints between the limbs; `head` is None where no joint has a name of the head."""
 
     hips: int
     spine: tuple[int, ...]
@@ -146,21 +146,22 @@ class _Trunk(NamedTuple):
 
 @dataclass(frozen=True)
 class _Rig:
-    """A tree with its names read.
+    """A tree of joints with the meanings of their names.
 
     Attributes:
-        parents: per joint, -1 for the root.
-        names: per joint.
-        readings: per word, the parts that conventions give it, each with the best fit of those that do, 0 to 1.
-        convention: the title of the one recognised; empty without.
+        parents: the parent of each joint, -1 for the root.
+        names: the name of each joint.
+        readings: per term, the parts that it means, each with the best fit of the conventions in which it does, 0 to 1.
+        convention: the title of the recognised convention; empty where none is.
     """
 
     parents: tuple[int, ...]
     names: tuple[JointName, ...]
-    readings: Mapping[Word, Mapping[str, float]]
+    readings: Mapping[Term, Mapping[str, float]]
     convention: str
 
     def anatomy(self) -> Anatomy | None:
+        """The anatomy; None where the names show too little."""
         arms = {side: self._limb(ARM, side) for side in SIDES}
         legs = {side: self._limb(LEG, side) for side in SIDES}
         if not (all(arms.values()) or all(legs.values())):
@@ -177,22 +178,22 @@ class _Rig:
         return Anatomy(roles, trunk.spine, trunk.neck, self.convention, "names")
 
     def _limb(self, limb: Sequence[str], side: str) -> dict[str, int]:
-        """The joints of the chain of a side that is worth most as this limb; none unless both long bones are named.
+        """The joints of the chain on a side with the most points for this limb; empty unless both long bones are named.
 
-        Per joint, `chains` has the best chains that end there or above, by how many of the parts they may use.
+        `chains` has, per joint, the best chains that end there or above, by the number of parts they may use.
         """
         chains: list[tuple[_Chain, ...]] = []
         for joint, parent in enumerate(self.parents):
             above = chains[parent] if parent >= 0 else (_Chain(0.0, ()),) * (len(limb) + 1)
             named = self._readings(joint) if self.names[joint].side == side else {}
             chains.append(_extended(above, joint, limb, named))
-        joints = dict(max((best[-1] for best in chains), key=_worth).joints)
-        return joints if all(part in joints for part in limb if part.startswith(LONG_BONES)) else {}
+        joints = dict(max((best[-1] for best in chains), key=_points).joints)
+        return joints if all(part in joints for part in limb if part.startswith(LONG_BONE_WORDS)) else {}
 
     def _trunk(self, arms: Sequence[int], legs: Sequence[int]) -> _Trunk | None:
         """The trunk between the first joints of arms and legs; None where it has no upper end or no hips.
 
-        The neck begins with the first joint named so, or else where the arms leave.
+        The neck begins with the first joint that has a name of the neck, else where the arms branch off.
         """
         head = self._head()
         crown = head if head is not None else self._last_neck()
@@ -213,17 +214,19 @@ class _Rig:
         return _Trunk(hips, tuple(joints[:first]), tuple(joints[first:]), head)
 
     def _hips_alone(self, legs: Sequence[int]) -> _Trunk | None:
-        """The trunk of a body that is nothing but legs."""
-        ways = [set(self._path(joint)) for joint in range(len(self.parents))]
-        above = set().union(*(ways[leg] for leg in legs))
+        """The trunk of a body that has legs only; None if it has more than legs."""
+        paths = [set(self._path(joint)) for joint in range(len(self.parents))]
+        above = set().union(*(paths[leg] for leg in legs))
         hips = self._hips(self._branching(self.parents[leg] for leg in legs), legs)
-        if hips is None or any(joint not in above and way.isdisjoint(legs) for joint, way in enumerate(ways)):
+        if hips is None or any(joint not in above and path.isdisjoint(legs) for joint, path in enumerate(paths)):
             return None
         return _Trunk(hips, (), (), None)
 
     def _hips(self, center: int, legs: Sequence[int]) -> int | None:
-        """The joint named hips at or above the one from which legs and trunk leave, else between this and the legs,
-        else this one itself; without legs only a named one. `center` is -1 where there is none.
+        """The hips: the joint with their name at or above `center`, where legs and trunk branch off, else between
+        `center` and the legs, else `center` itself. Without legs only a joint with their name counts.
+
+        `center` is -1 where there is no such joint.
         """
         if center < 0:
             return None
@@ -234,15 +237,16 @@ class _Rig:
         return named[0]
 
     def _head(self) -> int | None:
-        """The lowest in the tree of the joints named head."""
+        """The joint with a name of the head that is deepest in the tree; None without one."""
         heads = [joint for joint in range(len(self.parents)) if self._means(joint, "head")]
         return max(heads, key=lambda joint: len(self._path(joint)), default=None)
 
     def _last_neck(self) -> int | None:
+        """The last joint with a name of the neck; None without one."""
         return max(filter(self._is_neck, range(len(self.parents))), default=None)
 
     def _fingers(self, hand: int) -> dict[str, int]:
-        """The joints of the fingers below a hand by role without side, as "Index1"."""
+        """The joints of the fingers below a hand, by role without side, such as "Index1"."""
         below = {hand}
         for joint in range(hand + 1, len(self.parents)):
             if self.parents[joint] in below:
@@ -265,10 +269,11 @@ class _Rig:
         }
 
     def _readings(self, joint: int) -> Mapping[str, float]:
-        return self.readings.get(_word(self.names[joint]), {})
+        """The parts that the joint's name may mean, with the fit of each."""
+        return self.readings.get(_term(self.names[joint]), {})
 
     def _means(self, joint: int, part: str) -> bool:
-        """All conventions that know the joint's word give it this part."""
+        """Whether the joint's name means this part in all conventions that know it."""
         return self._readings(joint).keys() == {part}
 
     def _is_neck(self, joint: int) -> bool:
@@ -276,11 +281,11 @@ class _Rig:
         return name.side is None and without_digits(name.stem) in vocabulary().necks and not self._is_helper(joint)
 
     def _is_helper(self, joint: int) -> bool:
-        """No joint of the body; some conventions have known parts with a helper's word, as "NeckTwist01"."""
+        """Whether the joint is not part of the body. Names with a helper's word may be, such as "NeckTwist01"."""
         return self.names[joint].helper and not self._readings(joint)
 
     def _path(self, joint: int) -> list[int]:
-        """The joints from the root to this one; none for -1."""
+        """The joints from the root down to this one; empty for -1."""
         path = []
         while joint >= 0:
             path.append(joint)
@@ -288,7 +293,7 @@ class _Rig:
         return path[::-1]
 
     def _branching(self, joints: Iterable[int]) -> int:
-        """The lowest joint that is an ancestor of all these, or one of them; -1 where there is none."""
+        """The lowest common ancestor of joints, which may be one of them; -1 where there is none."""
         common = -1
         for level in zip(*map(self._path, joints), strict=False):
             if len(set(level)) > 1:
@@ -298,64 +303,69 @@ class _Rig:
 
 
 def _read(skeleton: Skeleton) -> _Rig:
-    """The skeleton's tree with its names read."""
+    """The skeleton's tree with the meanings of its names."""
     conventions = vocabulary().conventions
     names = joint_names(skeleton, {convention.prefix for convention in conventions} - {()})
     fits = _fits(names)
-    readings: dict[Word, dict[str, float]] = defaultdict(dict)
+    readings: dict[Term, dict[str, float]] = defaultdict(dict)
     for convention, (fit, _) in zip(conventions, fits, strict=True):
-        for word, part in convention.parts.items():
-            readings[word][part] = max(readings[word].get(part, 0.0), min(fit, 1.0))
+        for term, part in convention.parts.items():
+            readings[term][part] = max(readings[term].get(part, 0.0), min(fit, 1.0))
     best = max(range(len(fits)), key=fits.__getitem__)
     title = conventions[best].title if fits[best][0] >= RECOGNISED else ""
     return _Rig(tuple(skeleton.parents.tolist()), names, readings, title)
 
 
 def _fits(names: Sequence[JointName]) -> list[tuple[float, int]]:
-    """How well the names fit each convention: which part of its words and of all known words they have is common to
-    both, and one more for its prefix; then, how many of its other words they have.
+    """How well the names fit each convention, and how many of its other terms they have.
+
+    The fit is the number of terms that names and convention share, over the number of terms that either has. Terms that
+    no convention knows and the convention's other terms are left out. The convention's prefix adds `PREFIX_FIT`.
     """
     conventions = vocabulary().conventions
-    known = {word for convention in conventions for word in convention.parts}
-    found = set(map(_word, names))
+    known = {term for convention in conventions for term in convention.parts}
+    terms = set(map(_term, names))
     prefixes = Counter(name.prefix for name in names if name.stem)
     prefix = max(prefixes, key=prefixes.__getitem__, default=())
     fits = []
     for convention in conventions:
         own = convention.parts.keys()
-        fit = len(own & found) / len(own | ((known & found) - convention.also))
-        fits.append((fit + PREFIX_FIT * (prefix != () and prefix == convention.prefix), len(convention.also & found)))
+        fit = len(own & terms) / len(own | ((known & terms) - convention.also))
+        fits.append((fit + PREFIX_FIT * (prefix != () and prefix == convention.prefix), len(convention.also & terms)))
     return fits
 
 
-def _word(name: JointName) -> Word:
+def _term(name: JointName) -> Term:
     return name.stem, name.side is not None
 
 
-def _worth(chain: _Chain) -> float:
-    return chain.worth
+def _points(chain: _Chain) -> float:
+    return chain.points
 
 
 def _extended(
     above: tuple[_Chain, ...], joint: int, limb: Sequence[str], fits: Mapping[str, float]
 ) -> tuple[_Chain, ...]:
-    """The best chains with a joint that can be the parts in `fits`, from those above it; the upper of equals."""
+    """The best chains that end at a joint or above it, from those above it; of equal ones those that end higher up.
+
+    `fits` has the parts that the joint can be, with the fit of each.
+    """
     best = list(above)
     for rank, part in enumerate(limb):
         if part in fits:
-            worth = above[rank].worth + WORTH[part] + FIT_WORTH * fits[part]
-            longer = _Chain(worth, (*above[rank].joints, (part, joint)))
-            best[rank + 1 :] = [max(chain, longer, key=_worth) for chain in best[rank + 1 :]]
+            points = above[rank].points + PART_POINTS[part] + FIT_POINTS * fits[part]
+            longer = _Chain(points, (*above[rank].joints, (part, joint)))
+            best[rank + 1 :] = [max(chain, longer, key=_points) for chain in best[rank + 1 :]]
     return tuple(best)
 
 
 def _starts(limbs: Mapping[str, Mapping[str, int]]) -> list[int]:
-    """The first joints of the limbs found."""
+    """The first joint of each limb that was found."""
     return [min(limb.values()) for limb in limbs.values() if limb]
 
 
 def _finger_of(stem: str, from_zero: bool) -> str | None:
-    """The finger that a name tells by a word or, from the thumb on, a number."""
+    """The finger that a stem names by a word, or by a number that counts from the thumb; None without either."""
     for finger, own_words in vocabulary().fingers.items():
         if any(word in stem for word in own_words):
             return finger
@@ -368,8 +378,10 @@ def _in_palm(stem: str) -> bool:
 
 
 def _first_number(finger: str, stems: Sequence[str]) -> int:
-    """The number of a finger's first bone: 0 in the palm, where its name says so or where it comes before three others
-    and is not numbered 1; else 1. A thumb of three bones starts in the palm and with 1.
+    """The number of a finger's first bone: 0 for a bone in the palm, else 1.
+
+    A bone is in the palm if its name says so, or if three others follow it and its number is not 1. A thumb of three
+    bones begins in the palm, but with 1.
     """
     if not stems:
         return 1

@@ -1,4 +1,4 @@
-"""The two legs of a body: by the parts of its anatomy, or by the tree of its joints alone."""
+"""The two legs of a body, found by its anatomy or, without one, by the tree of its joints."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from distretarget.body.anatomy import SIDES, Anatomy
 from distretarget.skeleton import Skeleton
 
-LIKENESS = 0.15  # the bone lengths of two like limbs differ by at most this part of their sum
-LIMB = 0.4  # a leg is at least this part of the longest pair of like limbs
-BEND = np.radians(30)  # hip and thigh, shin and foot of most rest poses meet at a larger angle [rad]
-HIP, KNEE = 0.3, 0.6  # the hip joint lies above the one, the ankle below the other [part of the chain's length]
+LIKENESS = 0.15  # largest difference between the bone lengths of two like limbs [sum of the lengths of both]
+SHORTEST_LIMB = 0.4  # shorter limbs are no arms or legs [length of the longest pair of like limbs; of a leg, for arms]
+JOINT_BEND = np.radians(30)  # the rest pose bends by more than this at most hip joints and ankles [rad]
+LOWEST_HIP = 0.3  # the hip joint is above this place [length of the leg's chain, from its top]
+HIGHEST_ANKLE = 0.6  # the ankle is below this place [length of the leg's chain, from its top]
 
 
 @dataclass(frozen=True)
@@ -23,9 +24,9 @@ class Leg:
     """The joints of a leg.
 
     Attributes:
-        hip: where the thigh begins.
-        ankle: where the shin ends.
-        toe: where the foot's first bone ends; the ankle where there is no foot.
+        hip: the upper end of the thigh.
+        ankle: the lower end of the shin.
+        toe: the end of the foot's first bone; the ankle where there is no foot.
     """
 
     hip: int
@@ -42,9 +43,9 @@ Legs = tuple[Leg, Leg]
 
 
 def find_legs(skeleton: Skeleton, anatomy: Anatomy | None) -> Legs | None:
-    """The two legs of a body, left before right where sides are known; None where it has none.
+    """Return the two legs of a body, left before right where sides are known; None where it has none.
 
-    The anatomy decides where there is one, else the tree.
+    They are found by the anatomy, and by the tree of joints where there is no anatomy.
     """
     return tree_legs(skeleton) if anatomy is None else _legs_of_anatomy(skeleton, anatomy)
 
@@ -64,7 +65,9 @@ def _leg_of_anatomy(skeleton: Skeleton, anatomy: Anatomy, side: str) -> Leg:
 
 
 def foot_bone(skeleton: Skeleton, anatomy: Anatomy, side: str) -> tuple[int, int] | None:
-    """The joints from which to which a foot points: the ankle, and the toes or what ends the foot; None without."""
+    """Return the ankle, and the joint towards which the foot points from there: the toes, else the nearest child of the
+    ankle with a bone of some length; None without either.
+    """
     foot = anatomy.roles.get(f"{side}Foot")
     if foot is None:
         return None
@@ -74,35 +77,36 @@ def foot_bone(skeleton: Skeleton, anatomy: Anatomy, side: str) -> tuple[int, int
 
 
 def tree_legs(skeleton: Skeleton) -> Legs | None:
-    """The two legs as the tree and its bone lengths show them; None where they show none. Names play no part.
+    """Return the two legs that the tree and its bone lengths show, whatever the names; None where they show none.
 
-    Of all pairs of like limbs the legs part nearest to the root. A limb is the longest chain below a child of the joint
-    where the pair parts. Of pairs that part at the same place the longest counts, and pairs much shorter than the
-    longest (eyes, toes) do not.
+    Of all pairs of like limbs, the legs are the pair that branches off nearest to the root, and of several that branch
+    off there, the longest. A limb is the longest chain below a child of the joint where the pair branches off. Pairs
+    much shorter than the longest one (eyes, toes) are left out.
     """
     pairs = [pair for joint in range(len(skeleton)) for pair in _like_limbs(skeleton, joint)]
     if not pairs:
         return None
     longest = max(_length(skeleton, pair[0]) for pair in pairs)
-    limbs = [pair for pair in pairs if _length(skeleton, pair[0]) >= LIMB * longest]
+    limbs = [pair for pair in pairs if _length(skeleton, pair[0]) >= SHORTEST_LIMB * longest]
     from_root = skeleton.path_lengths[0]
     a, b = min(limbs, key=lambda pair: (from_root[skeleton.parents[pair[0][0]]], -_length(skeleton, pair[0])))
     return _leg(skeleton, a), _leg(skeleton, b)
 
 
 def _like_limbs(skeleton: Skeleton, joint: int) -> list[tuple[list[int], list[int]]]:
+    """The pairs of chains below a joint that have about equal bone lengths."""
     chains = [_longest_chain(skeleton, child) for child in skeleton.children[joint]]
     chains = [chain for chain in chains if leg_length(skeleton, (_leg(skeleton, chain),)) > 0]
     return [(a, b) for a, b in combinations(chains, 2) if alike(skeleton.lengths[a], skeleton.lengths[b])]
 
 
 def alike(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
-    """Whether the bones of two chains have about equal lengths, (bones,) each."""
+    """Return whether the bone lengths of two chains, (bones,) each, are about equal."""
     return len(a) == len(b) and bool(2 * np.abs(a - b).sum() <= LIKENESS * (a + b).sum())
 
 
 def _longest_chain(skeleton: Skeleton, top: int) -> list[int]:
-    """The joints from `top` down to the leaf farthest from it."""
+    """The joints from `top` down to the leaf that is farthest from it along the bones."""
     leaf = max(skeleton.subtree(top), key=lambda joint: skeleton.path_lengths[top, joint])
     chain = [leaf]
     while chain[-1] != top:
@@ -115,9 +119,9 @@ def _length(skeleton: Skeleton, chain: list[int]) -> float:
 
 
 def _leg(skeleton: Skeleton, chain: list[int]) -> Leg:
-    """The leg in a chain: from the bend at the hip to the bend at the ankle.
+    """The leg in a chain of joints: from the bend at the hip to the bend at the ankle.
 
-    Where the rest pose does not bend there, from the start of the first long bone to the end of the last.
+    Where the rest pose does not bend there, it is from the start of the first long bone to the end of the last one.
     """
     lengths = skeleton.lengths[chain]
     along = np.cumsum(lengths) / max(lengths.sum(), 1e-300)
@@ -125,22 +129,23 @@ def _leg(skeleton: Skeleton, chain: list[int]) -> Leg:
     if not len(long):
         return Leg(chain[0], chain[-1], chain[-1])
     bent = [k for k in range(1, len(chain) - 1) if _bends(skeleton, chain, k)]
-    first = max([k for k in bent if along[k] < HIP], default=long[0] - 1)
-    last = min([k for k in bent if along[k] > KNEE], default=long[-1])
+    first = max([k for k in bent if along[k] < LOWEST_HIP], default=long[0] - 1)
+    last = min([k for k in bent if along[k] > HIGHEST_ANKLE], default=long[-1])
     return Leg(chain[first], chain[last], chain[min(last + 1, len(chain) - 1)])
 
 
 def _bends(skeleton: Skeleton, chain: list[int], k: int) -> bool:
+    """Whether the rest pose bends at joint k of a chain."""
     a, b = skeleton.offsets[chain[k]], skeleton.offsets[chain[k + 1]]
-    return bool(a @ b < np.cos(BEND) * np.linalg.norm(a) * np.linalg.norm(b))
+    return bool(a @ b < np.cos(JOINT_BEND) * np.linalg.norm(a) * np.linalg.norm(b))
 
 
 def pelvis_joint(skeleton: Skeleton, legs: Legs) -> int:
-    """The joint from which the legs part."""
+    """Return the joint where the legs branch off."""
     a, b = (set(skeleton.line(leg.hip)) for leg in legs)
     return max(a & b)
 
 
 def leg_length(skeleton: Skeleton, legs: Sequence[Leg]) -> float:
-    """Thigh and shin, the mean of the legs [file units]."""
+    """Return the length of thigh and shin, the mean of the legs [file units]."""
     return float(np.mean([skeleton.path_lengths[leg.hip, leg.ankle] for leg in legs]))

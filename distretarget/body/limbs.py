@@ -1,7 +1,4 @@
-"""The legs and arms of a tree of joints, by bone lengths.
-
-Nothing here looks at names.
-"""
+"""The legs and arms of a tree of joints, found by bone lengths and the rest pose; names play no part."""
 
 from __future__ import annotations
 
@@ -12,20 +9,23 @@ from itertools import combinations, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.body.legs import LIMB, Leg, alike, tree_legs
+from distretarget.body.legs import SHORTEST_LIMB, Leg, alike, tree_legs
 from distretarget.skeleton import Skeleton
 
-FORK = 0.5  # a chain ends where another at least this part as long leaves it: fingers, toes, the face
-LONG = 0.5  # the forearm is at least this part of the longest bone of an arm
-FOREARM = 0.9  # of the upper arm's length; real bodies have 0.55 to 1.2
-ARM_LENGTH = 0.6  # of the leg's length, from shoulder to wrist; real bodies have 0.53 to 0.67
-TWIST = 0.05  # what a joint within the upper arm or the forearm adds to the logarithms of these ratios,
-BENT = 0.3  # what one adds at which the rest pose bends,
-BARE = 0.3  # what an arm adds that leaves no joint of its chain to the collar bone,
-UNLIKE = 1.2  # and their sum from which a limb is no arm
-ARM_JOINTS = 3  # at least: shoulder, elbow, wrist
-STRAIGHT = np.radians(10)  # bones of one thigh meet at a smaller angle
-SHIN = 0.1  # of the leg's length; a shorter bone above the ankle is part of the foot
+FORK = 0.5  # a chain ends where a branch of this length leaves it: fingers, toes, face [lengths of the longest branch]
+SHORTEST_FOREARM = 0.5  # the last bone of an arm with at least this length is the forearm [length of its longest bone]
+FOREARM_RATIO = 0.9  # typical length of the forearm; real bodies have 0.55 to 1.2 [lengths of the upper arm]
+ARM_RATIO = 0.6  # typical length from shoulder to wrist; real bodies have 0.53 to 0.67 [leg lengths]
+
+# How unlike a human arm a limb is: the deviations of both ratios, as natural logarithms, plus these penalties.
+TWIST_PENALTY = 0.05  # for a joint inside the upper arm or forearm
+BEND_PENALTY = 0.3  # for a joint there at which the rest pose bends
+NO_COLLAR_PENALTY = 0.3  # for an arm without a collar bone, if it has joints enough for one
+UNLIKE = 1.2  # from this sum on a limb is no arm
+
+ARM_JOINTS = 3  # least number of joints of an arm: shoulder, elbow, wrist
+STRAIGHT = np.radians(10)  # the rest pose bends by less than this at joints inside a bone of the body [rad]
+SHORTEST_SHIN = 0.1  # a shorter bone above the end of the leg is part of the foot [leg lengths]
 
 
 @dataclass(frozen=True)
@@ -33,11 +33,11 @@ class Limb:
     """The joints of an arm or a leg.
 
     Attributes:
-        collar: the joints between trunk and upper arm, from the trunk on; none for a leg.
-        upper: where upper arm or thigh begins.
-        lower: where forearm or shin begins.
-        end: where it ends.
-        length: from `upper` to `end` [file units].
+        collar: the joints between trunk and upper arm, from the trunk outwards; empty for a leg.
+        upper: the upper end of the upper arm or thigh.
+        lower: the elbow or knee.
+        end: the wrist or ankle.
+        length: length from `upper` to `end` [file units].
     """
 
     collar: tuple[int, ...]
@@ -47,11 +47,11 @@ class Limb:
     length: float
 
 
-Pair = tuple[Limb, Limb]
+LimbPair = tuple[Limb, Limb]
 
 
-def find_limbs(skeleton: Skeleton) -> tuple[Pair, Pair] | None:
-    """The two legs and the two arms; None where there are no such pairs."""
+def find_limbs(skeleton: Skeleton) -> tuple[LimbPair, LimbPair] | None:
+    """Return the two legs and the two arms; None unless the skeleton has both."""
     legs = tree_legs(skeleton)
     if legs is None:
         return None
@@ -61,9 +61,9 @@ def find_limbs(skeleton: Skeleton) -> tuple[Pair, Pair] | None:
 
 
 def like_chains(skeleton: Skeleton, tops: Sequence[int]) -> list[tuple[list[int], list[int]]]:
-    """The pairs among the chains below some joints whose bones have about equal lengths, one by one.
+    """Return the pairs of chains, each from one of the joints `tops` down, whose bones have about equal lengths.
 
-    A chain may go on longer than its like, as an arm does that holds a sword; what it has more is left out.
+    One chain of a pair may be longer, as an arm that holds a sword; the joints that only it has are left out.
     """
     chains = [chain for top in tops if (chain := _chain(skeleton, top))]
     pairs = [
@@ -75,19 +75,19 @@ def like_chains(skeleton: Skeleton, tops: Sequence[int]) -> list[tuple[list[int]
 
 
 def forks(skeleton: Skeleton, joint: int) -> bool:
-    """Whether two chains of about equal length leave a joint."""
+    """Return whether two branches of comparable length leave a joint."""
     *_, second, longest = sorted([0.0, 0.0, *(_reach(skeleton, child) for child in skeleton.children[joint])])
     return second > 0 and second >= FORK * longest
 
 
 def _leg(skeleton: Skeleton, leg: Leg, other: Leg) -> Limb | None:
-    """The leg with its knee, the joint nearest to its middle; None for a leg of one bone."""
+    """The leg with its knee, which is the joint nearest to the middle of the leg; None for a leg of one bone."""
     hip = _hip(skeleton, leg, other)
     up = skeleton.line(leg.ankle)
     joints = up[up.index(hip) :: -1]
     from_hip = skeleton.path_lengths[hip]
     while len(joints) > 3 and (
-        skeleton.end_sites[joints[-1]] or skeleton.lengths[joints[-1]] < SHIN * from_hip[joints[-1]]
+        skeleton.end_sites[joints[-1]] or skeleton.lengths[joints[-1]] < SHORTEST_SHIN * from_hip[joints[-1]]
     ):
         joints.pop()
     if len(joints) < 3:
@@ -98,7 +98,7 @@ def _leg(skeleton: Skeleton, leg: Leg, other: Leg) -> Limb | None:
 
 
 def _hip(skeleton: Skeleton, leg: Leg, other: Leg) -> int:
-    """Where the thigh begins: above twist joints, at the first bend upwards, where the rest pose has one."""
+    """The upper end of the thigh: from `leg.hip` up past twist joints, the first joint at which the rest pose bends."""
     trunk = skeleton.line(other.hip)
     for joint in skeleton.line(leg.hip):
         if joint in trunk or not skeleton.lengths[joint]:
@@ -109,43 +109,46 @@ def _hip(skeleton: Skeleton, leg: Leg, other: Leg) -> int:
 
 
 def _bends(skeleton: Skeleton, joint: int, below: int) -> bool:
-    """Whether the rest pose bends at a joint, on the way to one below it."""
-    bone, on = skeleton.offsets[joint], skeleton.rest_positions[below] - skeleton.rest_positions[joint]
-    return bool(bone @ on < np.cos(STRAIGHT) * np.linalg.norm(bone) * np.linalg.norm(on))
+    """Whether the rest pose bends at a joint, between its own bone and the line to a joint below it."""
+    bone, onward = skeleton.offsets[joint], skeleton.rest_positions[below] - skeleton.rest_positions[joint]
+    return bool(bone @ onward < np.cos(STRAIGHT) * np.linalg.norm(bone) * np.linalg.norm(onward))
 
 
-def _find_arms(skeleton: Skeleton, legs: Pair) -> Pair | None:
-    """Of the pairs of like limbs that part above the legs, the one most like human arms in its proportions."""
+def _find_arms(skeleton: Skeleton, legs: LimbPair) -> LimbPair | None:
+    """The pair of like limbs above the legs with the most arm-like proportions; None where no pair is arm-like."""
     leg = (legs[0].length + legs[1].length) / 2
     barred = {j for hip in legs for j in (*skeleton.line(hip.upper), *skeleton.subtree(hip.upper))}
     joints = [joint for joint in range(len(skeleton)) if joint not in barred]
     pairs = [pair for joint in joints for pair in like_chains(skeleton, skeleton.children[joint])]
-    long = [(a, b) for a, b in pairs if len(a) >= ARM_JOINTS and skeleton.lengths[a].sum() >= LIMB * leg]
+    long = [(a, b) for a, b in pairs if len(a) >= ARM_JOINTS and skeleton.lengths[a].sum() >= SHORTEST_LIMB * leg]
     unlike, parts, a, b = min(((*_best_arm(skeleton, a, leg), a, b) for a, b in long), default=(np.inf, (), [], []))
     return (_arm(skeleton, a, *parts), _arm(skeleton, b, *parts)) if unlike < UNLIKE else None
 
 
 def _best_arm(skeleton: Skeleton, chain: list[int], leg: float) -> tuple[float, tuple[int, ...]]:
-    """How unlike a human arm a chain is at best, and where in it shoulder, elbow and wrist are then."""
+    """The places of shoulder, elbow and wrist in a chain that make it most like a human arm, after how unlike it is."""
     along = skeleton.path_lengths[chain[0], chain]
     bones = np.diff(along)
-    last_long = int(np.flatnonzero(bones >= LONG * bones.max())[-1]) + 1
+    last_long = int(np.flatnonzero(bones >= SHORTEST_FOREARM * bones.max())[-1]) + 1
     wrist = len(chain) - 1 if forks(skeleton, chain[-1]) else max(last_long, ARM_JOINTS - 1)
-    inner = np.array([BENT if _bends(skeleton, a, b) else TWIST for a, b in pairwise(chain)])
+    inner = np.array([BEND_PENALTY if _bends(skeleton, a, b) else TWIST_PENALTY for a, b in pairwise(chain)])
     best = (np.inf, (0, 1, wrist))
     for upper, lower in combinations(range(wrist), 2):
         unlike = _unlikeness(along[[upper, lower, wrist]], leg) + inner[upper + 1 : wrist].sum() - inner[lower]
-        bare = BARE if upper == 0 and wrist >= ARM_JOINTS else 0.0
-        best = min(best, (unlike + bare, (upper, lower, wrist)))
+        no_collar = NO_COLLAR_PENALTY if upper == 0 and wrist >= ARM_JOINTS else 0.0
+        best = min(best, (unlike + no_collar, (upper, lower, wrist)))
     return best
 
 
 def _unlikeness(along: NDArray[np.float64], leg: float) -> float:
-    """Of an arm whose shoulder, elbow and wrist are so far along it to a human one, from 0 on."""
+    """How far the proportions of an arm are from human ones, 0 or more, on a body with legs of length `leg`.
+
+    `along` has the distances of shoulder, elbow and wrist from the arm's first joint, along the bones [file units].
+    """
     upper, fore = np.diff(along)
     if min(upper, fore) <= 0:
         return np.inf
-    return float(abs(np.log(fore / (FOREARM * upper))) + abs(np.log((upper + fore) / (ARM_LENGTH * leg))))
+    return float(abs(np.log(fore / (FOREARM_RATIO * upper))) + abs(np.log((upper + fore) / (ARM_RATIO * leg))))
 
 
 def _arm(skeleton: Skeleton, chain: list[int], upper: int, lower: int, end: int) -> Limb:
@@ -154,7 +157,7 @@ def _arm(skeleton: Skeleton, chain: list[int], upper: int, lower: int, end: int)
 
 
 def _chain(skeleton: Skeleton, top: int) -> list[int]:
-    """The joints from `top` down the longest way, as far as it does not fork; End Sites are left out."""
+    """The joints from `top` down the longest branch to where it forks or ends, without End Sites."""
     chain: list[int] = []
     below: int | None = top
     while below is not None and not skeleton.end_sites[below]:
@@ -165,5 +168,5 @@ def _chain(skeleton: Skeleton, top: int) -> list[int]:
 
 
 def _reach(skeleton: Skeleton, joint: int) -> float:
-    """How far the leaves below a joint are from its parent, along the bones."""
+    """The distance from a joint's parent to the farthest leaf below the joint, along the bones [file units]."""
     return float(skeleton.lengths[joint] + skeleton.path_lengths[joint, skeleton.subtree(joint)].max())

@@ -1,7 +1,8 @@
-"""Postures in which a body stands, to compare it with another.
+"""The reference pose of a body: a standing pose in which it can be aligned with another body.
 
-A rest pose in which a person can stand (T, A, arms down) is its own reference. Some rest poses are not (all bones along
-one axis); a frame of the body's motion in which it stands replaces them, or else a synthetic T-pose.
+A rest pose in which a person can stand (T, A, arms down) is the reference pose. A rest pose in which nobody can stand,
+with all bones along one axis for example, is replaced by a frame of the motion in which the body stands, or else by a
+synthetic T-pose.
 """
 
 from __future__ import annotations
@@ -21,49 +22,52 @@ from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 
-STANDS = 100.0  # angle between trunk and legs of a rest pose in which a person can stand, at least [degrees]
-RAISED = np.cos(np.radians(30))  # and its arms point farther than this from the direction of the trunk [cosine]
-PITCH = np.radians(25)  # by which the foot of a synthetic T-pose points below the floor's plane [rad]
-OPPOSITE = -0.9  # cosine below which a bone is turned half round about the axis from side to side
-BENT_ARM = 0.25  # weight of each arm bone in the choice of a frame; trunk and legs have 1
-RAISED_FOOT = 5.0  # weight of an ankle's height over its low heights in that choice [1 / body unit]
-LOW_ANKLE = 20.0  # percentile of an ankle's heights at which the foot is down
-TWISTED = 5.0  # weight of shoulders turned against the hips in that choice
-LEANING = 0.8  # sum over trunk and legs of 1 - cosine to the vertical, above which nobody stands
-BENDING = 0.1  # mean sine of a joint's bend, from which its plane is known
+STANDING_ANGLE = 100.0  # a person can stand in a rest pose with a larger angle between trunk and legs [degrees] ...
+RAISED_ARM = np.cos(np.radians(30))  # ... if its arms are farther than this angle from the trunk's direction [cosine]
+FOOT_PITCH = np.radians(25)  # how far the feet of the synthetic T-pose point downwards [rad]
+OPPOSITE = -0.9  # a bone with a smaller cosine to its goal first turns half round about the sideways axis [cosine]
+
+# The choice of the frame in which the body stands best: weights against those of trunk and legs, which are 1.
+ARM_WEIGHT = 0.25  # of each arm bone's deviation from hanging or pointing sideways
+FOOT_WEIGHT = 5.0  # of an ankle's height over its low place [1 / body unit]
+LOW_ANKLE = 20.0  # the low place of an ankle: this percentile of its heights [%]
+TWIST_WEIGHT = 5.0  # of the twist between shoulders and hips
+LEANING = 0.8  # no frame is a standing one if the lean of trunk plus legs is always more than this [1 - cosine, summed]
+
+CLEAR_BEND = 0.1  # the axis about which a limb bends is known if its bend is larger than this on average [sine]
 
 
 def stands_at_rest(rest: Directions) -> bool:
-    """Whether a person can stand in the rest pose: legs down, trunk up, arms not along it."""
-    stands = not rest.is_whole or rest.stretch > STANDS
+    """Return whether a person can stand in the rest pose: legs down, trunk up, arms not raised along the trunk."""
+    stands = not rest.is_whole or rest.stretch > STANDING_ANGLE
     arms = [rest.bone(f"{side}UpperArm", f"{side}Hand") for side in SIDES]
-    return bool(stands and all(arm @ rest.trunk < RAISED for arm in arms if arm is not None))
+    return bool(stands and all(arm @ rest.trunk < RAISED_ARM for arm in arms if arm is not None))
 
 
 def standing_frame(moving: Directions, up: Array, unit: float) -> int | None:
-    """The frame of a motion in which the body stands most like a rest pose: upright, legs straight, feet down, arms
-    hanging or out to the sides; None where it never stands.
+    """Return the frame of a motion that is most like a rest pose: upright, legs straight, feet down, arms hanging or
+    out to the sides; None where the body never stands.
 
-    `up`, (3,), points up; `unit` is the body unit [file units].
+    `up`, (3,), is the unit vector up; `unit` is the body unit [file units].
     """
     anatomy, x = moving.anatomy, moving.positions
     lean = (1.0 - moving.trunk @ up) + (1.0 + moving.legs @ up)
     if lean.min() > LEANING:
         return None
-    unlike = lean + TWISTED * _twist(moving)
+    unlike = lean + TWIST_WEIGHT * _twist(moving)
     for ankle in (anatomy.roles[role] for role in ("leftFoot", "rightFoot") if role in anatomy.roles):
         height = x[:, ankle] @ up
-        unlike += RAISED_FOOT * np.abs(height - np.percentile(height, LOW_ANKLE)) / unit
+        unlike += FOOT_WEIGHT * np.abs(height - np.percentile(height, LOW_ANKLE)) / unit
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         outwards = sign * moving.axes[..., 0]
         for upper, lower in _bones(anatomy, side, ARM[1:]):
             bone = normalised(x[:, lower] - x[:, upper])
-            unlike += BENT_ARM * (1.0 - np.maximum((bone * outwards).sum(axis=-1), -(bone @ up)))
+            unlike += ARM_WEIGHT * (1.0 - np.maximum((bone * outwards).sum(axis=-1), -(bone @ up)))
     return int(np.argmin(unlike))
 
 
 def _twist(moving: Directions) -> Array:
-    """(frames,), one less the cosine between the lines across the hip joints and across the shoulders."""
+    """(frames,), the twist of the trunk: 1 - cosine between the lines across the hip joints and the shoulders."""
     roles, x = moving.anatomy.roles, moving.positions
     pairs = [[roles.get(side + part, -1) for side in SIDES] for part in ("UpperLeg", "UpperArm")]
     if -1 in (*pairs[0], *pairs[1]):
@@ -73,9 +77,10 @@ def _twist(moving: Directions) -> Array:
 
 
 def bend_axes(anatomy: Anatomy, motion: Motion, world: Array) -> dict[str, Array]:
-    """The axes about which elbows and knees bend in a motion, (3,) unit vectors by the roles of upper arms and thighs.
+    """Return the axes about which elbows and knees bend in a motion, (3,) unit vectors, by the roles of upper arms and
+    thighs.
 
-    They are given for a body that stands in the world rotations `world`, (joints, 4). Limbs that hardly bend have none.
+    The axes are those in the pose of the world rotations `world`, (joints, 4). Limbs that hardly bend have none.
     """
     axes: dict[str, Array] = {}
     for side in SIDES:
@@ -84,18 +89,18 @@ def bend_axes(anatomy: Anatomy, motion: Motion, world: Array) -> dict[str, Array
             if len(bones) == 2:
                 joint = bones[0][0]
                 upper, lower = (normalised(motion.positions[:, b] - motion.positions[:, a]) for a, b in bones)
-                turned = Rotation.from_quat(motion.world_rotations[:, joint]).inv()
-                axis = turned.apply(np.cross(upper, lower)).mean(axis=0)
-                if np.linalg.norm(axis) > BENDING:
+                to_joint = Rotation.from_quat(motion.world_rotations[:, joint]).inv()
+                axis = to_joint.apply(np.cross(upper, lower)).mean(axis=0)
+                if np.linalg.norm(axis) > CLEAR_BEND:
                     axes[side + limb[0]] = np.asarray(Rotation.from_quat(world[joint]).apply(normalised(axis)))
     return axes
 
 
 def synthetic_t_pose(skeleton: Skeleton, rest: Directions) -> Array:
-    """(joints, 4), world rotations of a T-pose, Y up, facing Z: the hips by their own axes, the spine straight above.
+    """Return the world rotations, (joints, 4), of a T-pose with Y up, facing Z: hips by their own axes, spine upright.
 
-    Each joint turns against the one above by the least rotation; where that is nearly half a turn, it turns about the
-    axis from side to side, as knees bend.
+    Each joint turns relative to its parent by the least rotation. Where that is nearly half a turn, it turns about the
+    sideways axis, as knees do.
     """
     goals = dict(_goals(rest.anatomy))
     x = skeleton.rest_positions
@@ -114,7 +119,10 @@ def synthetic_t_pose(skeleton: Skeleton, rest: Directions) -> Array:
 
 
 def _hip_axes(rest: Directions) -> Array:
-    """(3, 3), left, up and forward of the hips at rest: across the hip joints, and along the spine's first bone."""
+    """(3, 3), the axes of the hips at rest, columns left, up and forward.
+
+    Left is the direction across the hip joints, up that of the spine's first bone.
+    """
     x, roles = rest.positions, rest.anatomy.roles
     hips = [roles.get(f"{side}UpperLeg") for side in SIDES]
     left = rest.left if None in hips else normalised(x[hips[0]] - x[hips[1]])
@@ -131,7 +139,7 @@ def _spine_to_head(anatomy: Anatomy) -> list[int]:
 
 
 def _goals(anatomy: Anatomy) -> Iterator[tuple[int, tuple[int, Array]]]:
-    """For joints of a T-pose the joint at the end of their bone, and where the bone points."""
+    """Joints, each with the joint at the end of its bone and the direction of that bone in a T-pose, (3,)."""
     for lower, upper in pairwise(_spine_to_head(anatomy)):
         yield lower, (upper, np.array([0.0, 1.0, 0.0]))
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
@@ -140,9 +148,9 @@ def _goals(anatomy: Anatomy) -> Iterator[tuple[int, tuple[int, Array]]]:
         for upper, lower in _bones(anatomy, side, LEG[:3]):
             yield upper, (lower, np.array([0.0, -1.0, 0.0]))
         for upper, lower in _bones(anatomy, side, LEG[2:]):
-            yield upper, (lower, np.array([0.0, -np.sin(PITCH), np.cos(PITCH)]))
+            yield upper, (lower, np.array([0.0, -np.sin(FOOT_PITCH), np.cos(FOOT_PITCH)]))
 
 
 def _bones(anatomy: Anatomy, side: str, limb: tuple[str, ...]) -> Iterator[tuple[int, int]]:
-    """The joints at both ends of each bone of a limb that the body has."""
+    """The joints at the upper and lower end of each bone of a limb; parts that the body lacks are skipped."""
     return pairwise(anatomy.roles[side + role] for role in limb if side + role in anatomy.roles)

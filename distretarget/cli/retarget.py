@@ -20,8 +20,8 @@ from distretarget.io.bvh import format_bvh, read_bvh
 from distretarget.io.files import write_whole
 from distretarget.io.map_json import load_map
 from distretarget.report import run_page
-from distretarget.retargeting import RetargetResult
-from distretarget.run_summary import Figures
+from distretarget.result import RetargetResult
+from distretarget.run_summary import figures_json, summary_line, unmatched
 
 LISTED = 12  # joints in a line of --verbose, at most
 
@@ -73,16 +73,16 @@ def retarget_command(
         result = retarget_onto(goal, motion, source, own, options, progress=bar.update)
     texts = {output: format_bvh(result.motion)}
     seconds = time.perf_counter() - started
-    run = Figures(result)
-    texts |= {figures: run.json()} if figures else {}
-    texts |= {report: run_page(run, about(source, output))} if report else {}
+    texts |= {figures: figures_json(result)} if figures else {}
+    texts |= {report: run_page(result, about(source, output))} if report else {}
     for path, text in texts.items():
         write_whole(path, text, overwrite=overwrite)
-    for line in _account(result) if verbose else (f"warning: {joints}; see -v" for joints in run.unmatched()):
+    short = (f"warning: {joints}; see -v" for joints in unmatched(result.matching))
+    for line in _account(result) if verbose else short:
         say(line, err=True)
-    for warning in run.warnings():
+    for warning in result.warnings:
         click.echo(f"warning: {warning}", err=True)
-    click.echo(run.line(seconds))
+    click.echo(summary_line(result, seconds))
 
 
 def _account(result: RetargetResult) -> Iterator[str]:

@@ -1,1 +1,1 @@
-"""Files: BVH, target skeletons and joint maps, read with their faults named and written whole or not at all."""
+"""Files: BVH, target skeletons and joint maps. Errors name the place of a fault; files are written whole or not."""

@@ -1,4 +1,4 @@
-"""Text files: read with their faults named, written whole or not at all."""
+"""Text files: reading with clear errors, and writing that leaves a whole file or none."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ REASONS = {
 
 
 def read_text(path: str | Path) -> str:
-    """The text of a file, without byte order mark and final Ctrl-Z; line ends stay as they are.
+    """Return the text of a file, without byte order mark and final Ctrl-Z; line ends stay as they are.
 
-    UTF-8, or UTF-16 where a mark says so; bytes that are neither become lone surrogates, which
-    `write_whole` turns back into the same bytes.
+    The encoding is UTF-8, or UTF-16 if a byte order mark says so. Bytes that are not valid UTF-8 become lone
+    surrogates, which `write_whole` turns back into the same bytes.
 
     Raises:
         FileError: the file is missing, a folder, not readable, empty or binary.
@@ -38,12 +38,12 @@ def read_text(path: str | Path) -> str:
 
 
 def is_folder(path: str | Path) -> bool:
-    """Whether a folder can be seen there; False, too, where nobody may look."""
+    """Return whether a path leads to a folder; False also where permissions do not allow to see that."""
     return os.path.isdir(path)  # noqa: PTH112 - the method raises instead
 
 
 def read_bytes(path: str | Path) -> bytes:
-    """The content of a file.
+    """Return the content of a file.
 
     Raises:
         FileError: the file is missing, a folder or not readable.
@@ -55,10 +55,10 @@ def read_bytes(path: str | Path) -> bytes:
 
 
 def text_of(content: bytes, path: str | Path) -> str:
-    """The text in the content of a file, whose path is for errors; as `read_text`."""
+    """Return the text in the content of a file as `read_text` does; `path` is for errors."""
     text = _decoded(path, content)
     if "\0" in text:
-        raise FileError(path, f"is no text: it has a NUL as character {text.index(chr(0)) + 1}")
+        raise FileError(path, f"is not a text file: character {text.index(chr(0)) + 1} is NUL")
     text = text.removesuffix(CTRL_Z)
     if not text.strip():
         raise FileError(path, "is empty")
@@ -70,17 +70,17 @@ def _decoded(path: str | Path, content: bytes) -> str:
         try:
             return content.decode("utf-16")
         except UnicodeDecodeError as error:
-            raise FileError(path, f"is marked as UTF-16, but is not: {error.reason}") from error
+            raise FileError(path, f"begins with a UTF-16 mark, but is not valid UTF-16: {error.reason}") from error
     return content.removeprefix(codecs.BOM_UTF8).decode("utf-8", "surrogateescape")
 
 
 def hash_of(content: bytes) -> str:
-    """The SHA-256 of a content, after the name of the method."""
+    """Return the SHA-256 of a content, as "sha256:" and hexadecimal digits."""
     return f"sha256:{hashlib.sha256(content).hexdigest()}"
 
 
 def hash_of_file(path: Path) -> str | None:
-    """The hash of what is in a file; None where there is none that can be read."""
+    """Return the hash of a file's content; None if the file does not exist or cannot be read."""
     try:
         return hash_of(path.read_bytes())
     except OSError:
@@ -88,17 +88,17 @@ def hash_of_file(path: Path) -> str | None:
 
 
 def text_hash(text: str) -> str:
-    """The hash of the file that `write_whole` makes of a text."""
+    """Return the hash of the file that `write_whole` would write for a text."""
     return hash_of(encoded(text))
 
 
 def encoded(text: str) -> bytes:
-    """The content of the file that `write_whole` makes of a text."""
+    """Return the content of the file that `write_whole` would write for a text."""
     return text.encode("utf-8", "surrogateescape")
 
 
 def check_writable(path: str | Path, overwrite: bool = False) -> None:
-    """Find out, without writing, whether `write_whole` could write this file.
+    """Check, without writing, that `write_whole` could write this file.
 
     Raises:
         FileError: the file exists and may not be replaced, or its folder is missing or not writable.
@@ -119,7 +119,7 @@ def check_writable(path: str | Path, overwrite: bool = False) -> None:
 
 def _check_replaceable(path: str | Path, place: Path, overwrite: bool) -> None:
     if not place.is_file():
-        raise FileError(path, "is no regular file")
+        raise FileError(path, "is not a regular file")
     if not overwrite:
         raise FileError(path, "exists already; --overwrite replaces it")
     if not os.access(place, os.W_OK):
@@ -129,12 +129,13 @@ def _check_replaceable(path: str | Path, place: Path, overwrite: bool) -> None:
 def write_whole(
     path: str | Path, content: str | bytes, overwrite: bool = False, complete: Callable[[], None] = lambda: None
 ) -> None:
-    """Write a file beside its place and move it there when it is complete; a text as UTF-8, line ends as given.
+    """Write a file under a temporary name in its folder, and rename it when it is complete.
 
-    `complete` is called when it is complete and on the disk, before it is moved; if it raises, nothing is moved.
+    Text is written as UTF-8, with line ends as given. `complete` is called when the file is complete and on the disk,
+    before it is renamed; if `complete` raises an error, the file is not put in place.
 
     Raises:
-        FileError: the file exists and `overwrite` is false, or it cannot be written; then nothing changed.
+        FileError: the file exists and `overwrite` is false, or it cannot be written; then nothing has changed.
     """
     check_writable(path, overwrite)
     place = Path(path).resolve()
@@ -163,22 +164,23 @@ def _write_to_disk(path: Path, content: bytes) -> None:
 
 
 def _move_to_new(beside: Path, place: Path) -> None:
-    """Move a file to a place where nothing is, even if another process tries the same.
+    """Rename a file to a name that does not exist yet, even if another process tries the same.
 
-    Raises: FileExistsError: something came to be there.
+    Raises:
+        FileExistsError: another process was faster.
     """
     try:
         place.hardlink_to(beside)
     except FileExistsError:
         raise
-    except OSError:  # a file system without links
+    except OSError:  # a file system without hard links
         beside.replace(place)
 
 
 def reason_of(error: Exception) -> str:
-    """Why the operating system or the encoding refused, as a clause."""
+    """Return why the operating system or the encoding refused, as a clause for an error message."""
     if isinstance(error, UnicodeEncodeError):
-        return f"the text has a character that no file can hold: {error.object[error.start]!r}"
+        return f"the text has a character that UTF-8 cannot encode: {error.object[error.start]!r}"
     if isinstance(error, OSError):
         return REASONS.get(error.errno or 0, error.strerror or str(error))
-    return f"is no file name: {error}"
+    return f"is not a valid file name: {error}"

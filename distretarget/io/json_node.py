@@ -1,4 +1,4 @@
-"""JSON values that know their place in the file, and say what they are and what was expected."""
+"""JSON values with their place in the file, for errors that say what was expected there and what was found."""
 
 from __future__ import annotations
 
@@ -13,47 +13,52 @@ from distretarget.errors import SkeletonFileError, closest, quoted
 from distretarget.io.bvh_parser import is_name
 from distretarget.skeleton import LARGEST
 
-NO_CHARACTER = re.compile(r"[\ud800-\udc7f\udd00-\udfff]")
-"""The surrogates that stand for nothing; the others are bytes that were found to be no UTF-8."""
+INVALID_SURROGATES = re.compile(r"[\ud800-\udc7f\udd00-\udfff]")
+"""Surrogates that stand for nothing; the other surrogates stand for bytes that are not valid UTF-8."""
 
 
 def parse_json(path: str | Path, text: str) -> object:
-    """The JSON in the text, all numbers as floats, so that none is too long for Python's int."""
+    """Return the JSON value in a text, objects as tuples of (key, value).
+
+    All numbers become floats, since Python refuses to read integers of too many digits.
+    """
     try:
         return json.loads(text, object_pairs_hook=tuple, parse_int=float)
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
-        raise SkeletonFileError(path, place, f"is no JSON: {error.msg}") from None
+        raise SkeletonFileError(path, place, f"is not valid JSON: {error.msg}") from None
     except RecursionError:
         raise SkeletonFileError(path, "", "is nested too deeply; the format has four levels") from None
 
 
 def entry_place(place: str, key: str) -> str:
-    """The place of an entry under a free key, on one line and printable."""
+    """Return the place of an entry whose key the user chooses, in printable characters."""
     return f"{place}[{json.dumps(key, ensure_ascii=not key.isprintable())}]"
 
 
 def field_place(place: str, key: str) -> str:
-    """The place of an entry under a key that the format sets."""
+    """Return the place of an entry whose key the format defines."""
     return f"{place}.{key}".lstrip(".") if key.isidentifier() else entry_place(place, key)
 
 
 @dataclass(frozen=True)
 class Node:
-    """A JSON value and its place in the file. Objects are tuples of (key, value), lists are lists."""
+    """A JSON value and its place in the file; objects are tuples of (key, value), lists are lists."""
 
     path: str | Path
     place: str
     value: object
 
     def fail(self, reason: str) -> NoReturn:
+        """Raise a SkeletonFileError that names this place."""
         raise SkeletonFileError(self.path, self.place, reason)
 
     def expected(self, what: str) -> NoReturn:
-        self.fail(f"expected {what}, found {found(self.value)}")
+        """Raise a SkeletonFileError that says what was expected at this place, and what was found."""
+        self.fail(f"expected {what}, found {described(self.value)}")
 
     def entries(self, place_of: Callable[[str, str], str] = entry_place) -> dict[str, Node]:
-        """The values of an object, each under its key and at `place_of(self.place, key)`."""
+        """Return the values of an object by key, each with the place `place_of(self.place, key)`."""
         if not isinstance(self.value, tuple):
             self.expected("an object")
         nodes: dict[str, Node] = {}
@@ -65,7 +70,7 @@ class Node:
         return nodes
 
     def fields(self, required: Sequence[str], optional: Sequence[str]) -> dict[str, Node]:
-        """The values of an object with known keys."""
+        """Return the values of an object by key; other keys than these are errors."""
         fields = self.entries(field_place)
         for key, node in fields.items():
             if key not in (*required, *optional):
@@ -76,7 +81,7 @@ class Node:
         return fields
 
     def items(self) -> list[Node]:
-        """The values of a list."""
+        """Return the values of a list."""
         if not isinstance(self.value, list):
             self.expected("a list")
         return [Node(self.path, f"{self.place}[{i}]", value) for i, value in enumerate(self.value)]
@@ -92,9 +97,9 @@ class Node:
         return self.value
 
     def name(self) -> str:
-        """A string that a BVH file can hold as a name."""
+        """Return a string that can be a joint's name in a BVH file."""
         name = self.text()
-        if not is_name(name) or NO_CHARACTER.search(name):
+        if not is_name(name) or INVALID_SURROGATES.search(name):
             self.expected("a name without braces, line breaks and blanks at its ends")
         return name
 
@@ -121,8 +126,8 @@ class Node:
         return self.value
 
 
-def found(value: object) -> str:
-    """What a value is, in a few words."""
+def described(value: object) -> str:
+    """Return what a value is, in a few words."""
     match value:
         case tuple():
             return "an object"

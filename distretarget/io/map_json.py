@@ -1,4 +1,4 @@
-"""Map files: which source joint drives which target joint, as JSON to read, write and edit."""
+"""Map files: JSON that says which source joint drives which target joint."""
 
 from __future__ import annotations
 
@@ -18,31 +18,33 @@ from distretarget.skeleton import Skeleton
 
 @dataclass(frozen=True)
 class MapFile:
-    """The pairs of a map file, {target key: source key or None}, and its path, for errors."""
+    """The pairs of a map file, {target key: source key or None}, and the path of the file, for errors."""
 
     pairs: JointMap
     path: str | Path
 
 
 def load_map(path: str | Path | None) -> MapFile:
-    """The map in a file; no pairs without a file.
+    """Return the map in a file; a map without pairs if `path` is None.
 
     Raises:
         FileError: the file cannot be read.
-        SkeletonFileError: it is no object {"target joint": "source joint" or null}.
+        SkeletonFileError: the file is not an object {"target joint": "source joint" or null}.
     """
     return parse_map(read_text(path), path) if path else MapFile({}, "")
 
 
 def parse_map(text: str, path: str | Path) -> MapFile:
-    """The map in the text of a file, whose path is for errors; as `load_map`."""
+    """Return the map in the text of a file as `load_map` does; `path` is for errors."""
     entries = Node(path, "", parse_json(path, text)).entries()
     return MapFile({key: node.text_or_null() for key, node in entries.items()}, path)
 
 
 def map_to_json(matching: Matching) -> str:
-    """The text of a map file that gives this matching again: a pair for each joint of the target, in the order of its
-    tree. Left out are joints without a driver that bend with a spine or neck, and End Sites that no map drives.
+    """Return the text of a map file that gives this matching again.
+
+    It has a pair for each joint of the target, in the order of its tree, without joints that have no driver and blend
+    the rotations of a spine or neck, and without End Sites that were matched automatically.
     """
     source, target, drivers = matching.source.skeleton, matching.target.skeleton, matching.drivers
     bending = (drivers < 0) & (matching.rotation_sources[:, 0] >= 0)
@@ -55,16 +57,16 @@ def map_to_json(matching: Matching) -> str:
     return f"{pairs_to_json(pairs)}\n"
 
 
-def joint_map(source: Skeleton, goal: Target, path: str | Path, own: MapFile) -> JointMap:
-    """The map in the target's file, `path`, with the pairs of a map file before its own.
+def joint_map(source: Skeleton, target: Target, path: str | Path, map_file: MapFile) -> JointMap:
+    """Return the map in the target's file, `path`, overruled by the pairs of a map file.
 
     Raises:
-        SkeletonFileError: one of the two files names joints that are not there.
+        SkeletonFileError: one of the two files names joints that do not exist.
     """
-    pairs = {**goal.map, **own.pairs}
+    pairs = {**target.map, **map_file.pairs}
     try:
-        pairs_of_map(source, goal.skeleton, pairs)
+        pairs_of_map(source, target.skeleton, pairs)
     except MapError as error:
-        file, place = (own.path, "") if error.key in own.pairs else (path, "map")
+        file, place = (map_file.path, "") if error.key in map_file.pairs else (path, "map")
         raise SkeletonFileError(file, entry_place(place, error.key), error.fault) from error
     return pairs

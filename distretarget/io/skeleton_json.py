@@ -1,4 +1,4 @@
-"""Target skeleton files: a whole skeleton as JSON or BVH, or other lengths on the source's own skeleton."""
+"""Target skeleton files: a whole skeleton as JSON or BVH, or other bone lengths for the source's own skeleton."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from distretarget.body.axes import AXES
 from distretarget.errors import BvhError, SkeletonError, SkeletonFileError, closest, quoted
 from distretarget.io.bvh import parse_bvh, parse_bvh_skeleton
 from distretarget.io.files import read_text
-from distretarget.io.json_node import Node, entry_place, field_place, found, parse_json
+from distretarget.io.json_node import Node, described, entry_place, field_place, parse_json
 from distretarget.matching.pairing import JointMap
 from distretarget.motion import Motion
 from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
@@ -22,14 +22,14 @@ from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
 FORMAT = "distretarget-skeleton"
 VERSION = 1
 UNITS = ("mm", "cm", "m", "dm", "in", "ft")
-CHANNELS = POSITION_CHANNELS + ROTATION_CHANNELS
-JOINT_CHANNELS = ("Zrotation", "Xrotation", "Yrotation")
-ROOT_CHANNELS = POSITION_CHANNELS + JOINT_CHANNELS
+ALL_CHANNELS = POSITION_CHANNELS + ROTATION_CHANNELS
+JOINT_CHANNELS = ("Zrotation", "Xrotation", "Yrotation")  # of a joint for which the file states none
+ROOT_CHANNELS = POSITION_CHANNELS + JOINT_CHANNELS  # of a root for which the file states none
 
-PARSED = 4  # targets that are kept, for the next clip
-HEAD = ("format", "version", "name")
-FULL = ("joints", "units", "up", "map")
-SHORT = ("scale", "lengths", "factors")
+CACHED_TARGETS = 4  # parsed BVH targets that are kept for the next clip [files]
+HEADER_KEYS = ("format", "version", "name")
+FULL_KEYS = ("joints", "units", "up", "map")
+SHORT_KEYS = ("scale", "lengths", "factors")
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,10 +37,10 @@ class Target:
     """The skeleton to retarget to.
 
     Attributes:
-        skeleton: the target's.
-        map: source joint for target joint, by key, where the file has an explicit map; else empty.
-        name: what the file calls the skeleton; empty where it says nothing.
-        motion: of a BVH file that has a whole one; it may tell more of the rig than its rest pose.
+        skeleton: the skeleton, with rigid bones.
+        map: the map in the file, source key by target key; empty where the file has none.
+        name: the name of the skeleton in the file; empty where it has none.
+        motion: the motion of a BVH file, if it has a valid one; it can show what the rest pose does not.
     """
 
     skeleton: Skeleton
@@ -49,19 +49,19 @@ class Target:
     motion: Motion | None = None
 
     def for_source(self, source: Skeleton) -> Target:  # noqa: ARG002
-        """Itself: a whole skeleton is the same for every source."""
+        """Return the target itself: a whole skeleton is the same for every source."""
         return self
 
 
 @dataclass(frozen=True)
 class SkeletonEdit:
-    """Other bone lengths for a skeleton that is not in the file; a bone is named by its lower joint.
+    """Other bone lengths for the skeleton of a source; a bone is named by its lower joint.
 
     Attributes:
-        scale: of all bones.
-        lengths: per joint key, the final length of its bone, whatever the scale [file units].
-        factors: per joint key, what its bone's length is multiplied by, besides the scale.
-        path: of the file, for errors.
+        scale: the factor for all bone lengths and the root's offset.
+        lengths: by joint key, the final length of the joint's bone, whatever the scale [file units].
+        factors: by joint key, an additional factor for the length of the joint's bone.
+        path: the path of the file, for errors.
     """
 
     scale: float
@@ -70,15 +70,15 @@ class SkeletonEdit:
     path: str | Path
 
     def for_source(self, source: Skeleton) -> Target:
-        """The target for a source: the source's skeleton with these lengths; errors as in `apply`."""
+        """Return the target for a source: the source's skeleton with these lengths; errors as in `apply`."""
         return Target(self.apply(source), {}, "")
 
     def apply(self, source: Skeleton) -> Skeleton:
-        """The source's skeleton with these lengths and its own rest directions.
+        """Return the source's skeleton with these bone lengths and its own rest directions.
 
         Raises:
-            SkeletonFileError: a joint that the source does not have, whose bone has no length to change,
-                or which is in both `lengths` and `factors`; or no bone has a length in the end.
+            SkeletonFileError: a named joint does not exist in the source, has a bone of length 0, or is in both
+                `lengths` and `factors`; or all bones of the source have length 0.
         """
         lengths = self.scale * source.lengths
         for key, factor in self.factors.items():
@@ -86,7 +86,7 @@ class SkeletonEdit:
         for key, length in self.lengths.items():
             lengths[self._bone("lengths", key, source)] = length
         if both := [entry_place("lengths", key) for key in self.lengths if key in self.factors]:
-            raise SkeletonFileError(self.path, both[0], "is in factors too; give one of them")
+            raise SkeletonFileError(self.path, both[0], "is in factors too; give only one of them")
         offsets = source.with_lengths(lengths).offsets.copy()
         offsets[0] *= self.scale
         return _with_bones(source.with_offsets(offsets), self.path)
@@ -100,42 +100,43 @@ class SkeletonEdit:
         if not joint:
             raise SkeletonFileError(self.path, place, "the root has no bone; expected a joint with a parent")
         if source.lengths[joint] == 0:
-            raise SkeletonFileError(self.path, place, "the bone has length 0 in the source, so no direction")
+            raise SkeletonFileError(self.path, place, "the bone has length 0 in the source, so it has no direction")
         return joint
 
 
 def load_target(path: str | Path) -> Target | SkeletonEdit:
-    """The target in a skeleton file (full or short form) or a BVH file, told apart by their content.
+    """Return the target in a skeleton file (full or short form) or a BVH file; the content decides which it is.
 
-    `retarget` takes it as it is. Its `for_source` gives the skeleton for a certain source.
+    `retarget` takes the result as it is; its method `for_source` gives the whole skeleton for a source.
 
     Raises:
         FileError: the file cannot be read.
-        SkeletonFileError: JSON that breaks the format.
-        BvhError: anything else that is no BVH.
+        SkeletonFileError: the file is JSON that breaks the format.
+        BvhError: the file is anything else than JSON or BVH.
     """
     return parse_target(read_text(path), path)
 
 
 def parse_target(text: str, path: str | Path) -> Target | SkeletonEdit:
-    """The target in the text of a file, whose path is for errors; as `load_target`."""
+    """Return the target in the text of a file as `load_target` does; `path` is for errors."""
     if not is_json(text):
         return _bvh_target(text, path)
     document = Node(path, "", parse_json(path, text))
-    _check_head(document)
-    fields = document.fields(HEAD[:2], (*HEAD[2:], *FULL, *SHORT))
-    full = [key for key in FULL if key in fields]
-    short = [key for key in SHORT if key in fields]
+    _check_header(document)
+    fields = document.fields(HEADER_KEYS[:2], (*HEADER_KEYS[2:], *FULL_KEYS, *SHORT_KEYS))
+    full = [key for key in FULL_KEYS if key in fields]
+    short = [key for key in SHORT_KEYS if key in fields]
     if full and short:
-        fields[short[0]].fail(f'cannot stand beside "{full[0]}"; expected {quoted(FULL)} or {quoted(SHORT)}')
+        both_forms = f"{quoted(FULL_KEYS)} or {quoted(SHORT_KEYS)}"
+        fields[short[0]].fail(f'cannot be combined with "{full[0]}"; expected {both_forms}')
     return _full(document, fields) if full else _edit(document, fields)
 
 
 def load_full_target(path: str | Path) -> Target:
-    """The target in a skeleton file of the full form or a BVH file; errors as in `load_target`.
+    """Return the target in a BVH file or a skeleton file of the full form; errors as in `load_target`.
 
     Raises:
-        SkeletonFileError: also for the short form, which is no skeleton without a source.
+        SkeletonFileError: also for the short form, which needs a source to be a skeleton.
     """
     target = load_target(path)
     if isinstance(target, SkeletonEdit):
@@ -144,16 +145,17 @@ def load_full_target(path: str | Path) -> Target:
 
 
 def is_json(text: str) -> bool:
-    """Whether the text of a file is meant as JSON; else it is BVH."""
+    """Return whether the text of a file is to be read as JSON; any other text is to be read as BVH."""
     return text.lstrip().startswith(("{", "["))
 
 
 def skeleton_to_json(skeleton: Skeleton, name: str, joint_map: JointMap | None = None) -> str:
-    """The text of a skeleton file (full form) with everything in `skeleton` and the map, if it has entries; one joint
-    and one pair per line.
+    """Return the text of a skeleton file (full form) with the skeleton and, if it has entries, the map.
+
+    Each joint and each pair of the map has a line of its own.
 
     Raises:
-        SkeletonError: a "/" in joint names leaves open which joint is a parent.
+        SkeletonError: because of a "/" in joint names it is not clear which joint is a parent.
     """
     head = {"format": FORMAT, "version": VERSION, "name": name, "units": skeleton.units, "up": skeleton.up}
     lines = [f"  {_dump(key)}: {_dump(value)},\n" for key, value in head.items() if value is not None]
@@ -163,18 +165,18 @@ def skeleton_to_json(skeleton: Skeleton, name: str, joint_map: JointMap | None =
 
 
 def pairs_to_json(joint_map: JointMap, indent: str = "") -> str:
-    """The JSON object of a map, one pair per line, the lines below the first indented."""
+    """Return the JSON object of a map, one pair per line; the lines after the first begin with `indent`."""
     pairs = ",\n".join(f"{indent}  {_dump(key)}: {_dump(driver)}" for key, driver in joint_map.items())
     return f"{{\n{pairs}\n{indent}}}"
 
 
 def _dump(value: object) -> str:
-    """The JSON of a value on one line, with escapes only where UTF-8 has no character."""
+    """The JSON of a value on one line; only characters that UTF-8 cannot encode are escaped."""
     return json.dumps(value, ensure_ascii=False).encode("utf-8", "backslashreplace").decode()
 
 
 def _joint(skeleton: Skeleton, joint: int) -> dict[str, object]:
-    """The joint as the full form has it."""
+    """The entry of a joint in the full form."""
     parent = int(skeleton.parents[joint])
     entry: dict[str, object] = {"name": skeleton.names[joint], "parent": None}
     if joint:
@@ -186,9 +188,9 @@ def _joint(skeleton: Skeleton, joint: int) -> dict[str, object]:
     return entry | last
 
 
-@lru_cache(maxsize=PARSED)
+@lru_cache(maxsize=CACHED_TARGETS)
 def _bvh_target(text: str, path: str | Path) -> Target:
-    """The target in the text of a BVH file, whose MOTION may be missing or broken."""
+    """The target in the text of a BVH file; its MOTION may be missing or invalid."""
     try:
         motion = parse_bvh(text, path)
     except BvhError:
@@ -196,8 +198,8 @@ def _bvh_target(text: str, path: str | Path) -> Target:
     return Target(motion.rigid_skeleton, {}, "", motion if len(motion) else None)
 
 
-def _check_head(document: Node) -> None:
-    """Raise unless the file names this format and version, and the name is a string."""
+def _check_header(document: Node) -> None:
+    """Check that the file states this format and version, and that the name is a string."""
     fields = document.entries(field_place)
     for key, known in (("format", FORMAT), ("version", VERSION)):
         if key not in fields:
@@ -209,22 +211,23 @@ def _check_head(document: Node) -> None:
 
 
 def _edit(document: Node, fields: Mapping[str, Node]) -> SkeletonEdit:
-    """The short form."""
+    """The target of a file in the short form."""
     scale = fields["scale"].positive() if "scale" in fields else 1.0
     return SkeletonEdit(scale, _positives(fields, "lengths"), _positives(fields, "factors"), document.path)
 
 
 def _positives(fields: Mapping[str, Node], key: str) -> dict[str, float]:
+    """The numbers above 0 in an optional object."""
     return {name: node.positive() for name, node in fields[key].entries().items()} if key in fields else {}
 
 
 def _full(document: Node, fields: Mapping[str, Node]) -> Target:
-    """The full form."""
+    """The target of a file in the full form."""
     if "joints" not in fields:
         document.fail('has no "joints"')
     joints = [node.fields(("name", "parent", "offset"), ("channels", "end")) for node in fields["joints"].items()]
     if not joints:
-        fields["joints"].expected("at least a root and one bone")
+        fields["joints"].expected("at least a root and one more joint")
     units = fields["units"].one_of(UNITS) if "units" in fields else None
     up = fields["up"].one_of(AXES) if "up" in fields else None
     try:
@@ -254,7 +257,7 @@ def _offset(node: Node) -> list[float]:
 
 
 def _channels(joint: Mapping[str, Node], end: bool) -> tuple[str, ...]:
-    """The joint's channels, those given or the usual ones."""
+    """The channels of a joint: those that the file states, else the usual ones."""
     if "channels" not in joint:
         usual = JOINT_CHANNELS if joint["parent"].value is not None else ROOT_CHANNELS
         return () if end else usual
@@ -262,16 +265,16 @@ def _channels(joint: Mapping[str, Node], end: bool) -> tuple[str, ...]:
     for node in joint["channels"].items():
         if end:
             joint["channels"].fail("an End Site has no channels")
-        if node.text() not in CHANNELS:
-            node.fail(f"no channel {found(node.value)}; {closest(node.text(), CHANNELS)}")
+        if node.text() not in ALL_CHANNELS:
+            node.fail(f"unknown channel {described(node.value)}; {closest(node.text(), ALL_CHANNELS)}")
         if node.text() in channels:
-            node.fail(f"expected each channel once, found {found(node.value)} again")
+            node.fail(f"expected each channel once, found {described(node.value)} again")
         channels.append(node.text())
     return tuple(channels)
 
 
 def _parents(nodes: Sequence[Node], names: Sequence[str], ends: Sequence[bool]) -> list[int]:
-    """(joints,), the parent's number of each joint, -1 for the root."""
+    """(joints,), the number of each joint's parent, -1 for the root."""
     roots = [node for node in nodes if node.value is None]
     if not roots:
         nodes[0].expected("null, since the first joint is the root")
@@ -288,23 +291,23 @@ def _parents(nodes: Sequence[Node], names: Sequence[str], ends: Sequence[bool]) 
 
 
 def _parent(node: Node, names: Sequence[str], parents: Sequence[int]) -> int:
-    """The joint that the node names, one of the first `len(parents)`."""
+    """The number of the joint that a node names; it must be one of the first `len(parents)` joints."""
     meant = _meant(node.text(), names, parents)
     if not meant and node.text() in names:
-        node.fail(f"expected a joint that stands before this one, found {node.text()!r}, which does not")
+        node.fail(f"expected the name of an earlier joint, found {node.text()!r}, which is not one")
     if not meant:
         node.fail(f"no joint {node.text()!r}; {closest(node.text(), names)}")
     if len(meant) > 1:
         paths = quoted(f"{names[parents[joint]]}/{names[joint]}" for joint in meant)
-        node.fail(f"{node.text()!r} may be {paths}; name the parents too, as in these")
+        node.fail(f"{node.text()!r} may be {paths}; write the parents too, as in these")
     return meant[0]
 
 
 def _meant(reference: str, names: Sequence[str], parents: Sequence[int]) -> list[int]:
-    """The joints before the `len(parents)`th which `name`, `parent/name` and so on up may mean.
+    """The joints among the first `len(parents)` that a reference `name`, `parent/name` and so on may mean.
 
-    One that is named all the way up from the root is meant before others. So each of `Skeleton.keys`
-    means its joint, as long as the names themselves are without "/".
+    If it names the whole path from the root to a joint, it means that joint. So each of `Skeleton.keys` means its own
+    joint, as long as no name contains "/".
     """
     tops = {joint: _top(reference, joint, names, parents) for joint in range(len(parents))}
     whole = [joint for joint, top in tops.items() if top == 0]
@@ -312,7 +315,7 @@ def _meant(reference: str, names: Sequence[str], parents: Sequence[int]) -> list
 
 
 def _top(reference: str, joint: int, names: Sequence[str], parents: Sequence[int]) -> int:
-    """The ancestor (or joint itself) at which the reference, read upwards from the joint, begins; else -1."""
+    """The joint or ancestor at which a reference begins that ends at the joint; -1 if the reference does not fit."""
     end = len(reference)
     while joint >= 0 and reference.endswith(names[joint], 0, end):
         end -= len(names[joint]) + 1
@@ -323,13 +326,14 @@ def _top(reference: str, joint: int, names: Sequence[str], parents: Sequence[int
 
 
 def _with_bones(skeleton: Skeleton, path: str | Path, place: str = "") -> Skeleton:
-    """The skeleton itself, if it has bones that have a length."""
+    """The skeleton itself; raises an error if all its bones have length 0."""
     if not skeleton.lengths.any():
-        raise SkeletonFileError(path, place, "all bones have length 0; expected one or more that have not")
+        raise SkeletonFileError(path, place, "all bones have length 0; expected at least one longer bone")
     return skeleton
 
 
 def _map(fields: Mapping[str, Node], skeleton: Skeleton) -> JointMap:
+    """The map in the file, whose keys must be joints of the skeleton."""
     sources = fields["map"].entries() if "map" in fields else {}
     for key, node in sources.items():
         if key not in skeleton.keys:

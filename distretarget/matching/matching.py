@@ -1,4 +1,4 @@
-"""Which source joint drives which target joint: by an explicit map, equal names, the parts of the body."""
+"""Which source joint drives which target joint: by an explicit map, equal names, or the parts of the body."""
 
 from __future__ import annotations
 
@@ -15,25 +15,24 @@ from distretarget.matching.pairing import JointMap, find_pairs, pairs_of_map, ti
 from distretarget.matching.spine import spine_blend
 from distretarget.motion import Motion
 
-ENOUGH = 0.5  # part of the target's joints that need the names of source joints, where no human body is recognised
-LANDMARKS = ("hips", "head", "leftHand", "rightHand", "leftFoot", "rightFoot")
-CONFIDENCE = {"map": 1.0, "name": 1.0, "names": 0.95, "shape": 0.8, "tip": 0.9, "": 0.0}  # by method, 0 to 1
-LIMBS = ("leftUpperArm", "rightUpperArm", "leftUpperLeg", "rightUpperLeg")  # two bodies must share one of these
+NAMED_SHARE = 0.5  # least share of target joints matched by name if no human body is recognised [0 to 1]
+LANDMARKS = ("hips", "head", "leftHand", "rightHand", "leftFoot", "rightFoot")  # the places of joints count from these
+CONFIDENCE = {"map": 1.0, "name": 1.0, "names": 0.95, "shape": 0.8, "tip": 0.9, "": 0.0}  # by method [0 to 1]
+LIMB_ROLES = ("leftUpperArm", "rightUpperArm", "leftUpperLeg", "rightUpperLeg")  # two bodies must share one of these
 
 
 @dataclass(frozen=True, eq=False)
 class Matching:
-    """Which source joint drives which target joint, and how that was found.
+    """Which source joint drives which target joint, and by which method each pair was matched.
 
     Attributes:
-        source, target: the bodies, with left and right as their bodies show them where both do.
-        drivers: (target joints,), the source joint that stands in each target joint's place; -1 for none.
-        rotation_sources: (target joints, 2), the source joints whose rotations each target joint follows, the same
-            twice where it is one; -1 where it follows its parent. In a spine or neck of another number of joints they
-            are neighbours.
-        blend: (target joints,), the share of the second rotation source, 0 to 1.
-        method: per target joint "map", "name" (equal names), "names" (names of the parts of a body), "shape", "tip"
-            (what ends a matched joint), or "" where it has no driver.
+        source, target: the bodies; if the feet of both show which side is left, left and right follow them, not names.
+        drivers: (target joints,), the source joint that corresponds to each target joint; -1 for none.
+        rotation_sources: (target joints, 2), the source joints whose rotations each target joint follows: its driver
+            twice, or two neighbours in a spine or neck of another number of joints; -1 where it follows its parent.
+        blend: (target joints,), the weight of the second rotation source [0 to 1].
+        method: per target joint "map", "name" (equal names), "names" (parts of the body by name), "shape" (parts by
+            shape), "tip" (the end of a matched joint), or "" where it has no driver.
     """
 
     source: Body
@@ -53,7 +52,7 @@ class Matching:
         """The motion of the source.
 
         Raises:
-            MotionError: it has none.
+            MotionError: the source has no motion.
         """
         if self.source.motion is None:
             raise MotionError("the source has no frames; there is nothing to retarget")
@@ -61,8 +60,8 @@ class Matching:
 
     @property
     def confidence(self) -> NDArray[np.float64]:
-        """(target joints,), 0 to 1, how far to trust each pair: by how it was found, times how alike the places of the
-        two joints are between hips, head, hands and feet, in path lengths.
+        """(target joints,), how far to trust each pair [0 to 1]: the confidence in the method, times how similar the
+        path lengths of both joints to hips, head, hands and feet are.
         """
         by_method = np.array([CONFIDENCE[method] for method in self.method])
         bodies = [body for body in (self.source, self.target) if body.anatomy]
@@ -79,21 +78,21 @@ class Matching:
 
     @property
     def without_driver(self) -> list[str]:
-        """The target's joints, by key, that follow no joint of the source; End Sites apart."""
+        """The keys of the target's joints that follow no joint of the source, without End Sites."""
         alone = (self.rotation_sources[:, 0] < 0) & (self.drivers < 0)
         return [self.target.skeleton.keys[joint] for joint in self.target.skeleton.joints if alone[joint]]
 
     @property
     def followers(self) -> list[str]:
-        """Those of them that follow their parents, which the root has not."""
+        """The keys of the joints without driver that follow their parents: all but the root."""
         return [key for key in self.without_driver if key != self.target.skeleton.keys[0]]
 
     @cached_property
     def legs(self) -> tuple[Legs, Legs] | None:
-        """The legs of the source and those of the target, joint by joint: the target's own legs, and the source joints
-        that drive them. None unless hips and ankles are driven and the source's legs have a length.
+        """The legs of source and target, joint by joint: the source joints that drive the target's legs, and those.
 
-        What ends a foot is the toe if it has a driver; else the ankle stands for it.
+        None unless the target's hips and ankles have drivers and the source's legs have a length. A toe without a
+        driver is replaced by its ankle.
         """
         if self.target.legs is None:
             return None
@@ -104,18 +103,18 @@ class Matching:
 
     @cached_property
     def pelvis(self) -> int:
-        """The target joint from which its legs part, if it has a driver; else the first that has."""
+        """The target joint where its legs branch off, if it has a driver; else the first joint that has one."""
         first = int(np.argmax(self.drivers >= 0))
         joint = self.target.pelvis_joint if self.legs else None
         return first if joint is None or self.drivers[joint] < 0 else joint
 
 
 def match(source: Body, target: Body, joint_map: JointMap | None = None) -> Matching:
-    """The matching of `find_matching`, if a motion can be retargeted by it.
+    """Match the joints of two bodies as `find_matching` does, and check that a motion can be retargeted that way.
 
     Raises:
-        MatchingError: it cannot; the message has the names of both and the closest ones.
-        MapError: `joint_map` names joints that are not there.
+        MatchingError: it cannot; the message lists joints of both bodies, and those with the closest names.
+        MapError: `joint_map` names joints that do not exist.
     """
     matching = find_matching(source, target, joint_map)
     if reason := refusal(matching):
@@ -125,35 +124,35 @@ def match(source: Body, target: Body, joint_map: JointMap | None = None) -> Matc
 
 
 def find_matching(source: Body, target: Body, joint_map: JointMap | None = None) -> Matching:
-    """Match the joints of two bodies, as far as that goes.
+    """Match as many joints of two bodies as possible.
 
-    `joint_map` has a source key for target keys, None for joints that nothing shall drive; the other joints are matched
-    by names or by shape.
+    `joint_map` gives the driver of target joints, source key by target key, with None for joints that nothing drives.
+    The other joints are matched by names or by shape.
 
     Raises:
-        MapError: `joint_map` names joints that are not there.
+        MapError: `joint_map` names joints that do not exist.
     """
     source, target, crossed = _sided(source, target)
-    found = find_pairs(source, target, crossed)
-    wanted = pairs_of_map(source.skeleton, target.skeleton, joint_map or {})
-    pairs = found | wanted
+    found_pairs = find_pairs(source, target, crossed)
+    map_pairs = pairs_of_map(source.skeleton, target.skeleton, joint_map or {})
+    pairs = found_pairs | map_pairs
     pairs |= tips(source.skeleton, target.skeleton, pairs)
     joints = range(len(target.skeleton))
     drivers = np.array([pairs.get(joint, (-1, ""))[0] for joint in joints], np.intp)
     method = tuple(pairs[joint][1] if drivers[joint] >= 0 else "" for joint in joints)
     rotation_sources, blend = np.stack([drivers, drivers], axis=1), np.zeros(len(drivers))
-    overruled = {joint for joint in wanted if wanted[joint][0] != found.get(joint, (None, ""))[0]}
-    for joint, neighbours, share in spine_blend(source, target):
+    overruled = {joint for joint in map_pairs if map_pairs[joint][0] != found_pairs.get(joint, (None, ""))[0]}
+    for joint, neighbours, weight in spine_blend(source, target):
         if joint not in overruled:
-            rotation_sources[joint], blend[joint] = neighbours, share
+            rotation_sources[joint], blend[joint] = neighbours, weight
     return Matching(source, target, drivers, rotation_sources, blend, method)
 
 
 def refusal(matching: Matching) -> str:
-    """Why a motion cannot be retargeted by this matching; empty where it can."""
+    """Return why a motion cannot be retargeted by this matching; empty where it can."""
     joints = matching.target.skeleton.joints
     named = sum(matching.method[joint] in ("name", "map") for joint in joints)
-    if named >= ENOUGH * len(joints) or "map" in matching.method:
+    if named >= NAMED_SHARE * len(joints) or "map" in matching.method:
         return ""
     s, t = matching.source.anatomy, matching.target.anatomy
     if not (s and t):
@@ -165,14 +164,14 @@ def refusal(matching: Matching) -> str:
     for name, side in (("source", matching.source), ("target", matching.target)):
         if side.on_all_fours:
             return f"the {name} seems to go on all fours: its trunk lies across its legs"
-    if not any(role in s.roles and role in t.roles for role in LIMBS):
-        return "they share neither arms nor legs"
+    if not any(role in s.roles and role in t.roles for role in LIMB_ROLES):
+        return "source and target share neither arms nor legs"
     return "" if (matching.drivers >= 0).any() else "no joint of the target has a driver"
 
 
 def _sided(source: Body, target: Body) -> tuple[Body, Body, bool]:
-    """Both bodies, with left on the body's left as far as that is known of both, and whether the names of one say left
-    for right and those of the other do not.
+    """Both bodies, with joints of the left side called left if the feet of both bodies show their sides; and whether
+    exactly one of the two had left and right exchanged in its names.
     """
     if source.left_is_left is None or target.left_is_left is None:
         return source, target, False

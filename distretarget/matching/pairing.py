@@ -1,4 +1,4 @@
-"""Ways in which the joints of two skeletons pair up."""
+"""The ways to pair the joints of two skeletons: by a map, by names, by parts of the body, by position in the tree."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from distretarget.body.body import Body
 from distretarget.errors import MapError, closest
 from distretarget.skeleton import Skeleton
 
-MOST = 3  # fingers that two hands must share, if the target has others
+SHARED_FINGERS = 3  # least number of fingers that two hands must share if the source lacks some of the target's
 
 JointPairs = dict[int, tuple[int, str]]
-"""Per target joint the source joint that drives it, and how that was found."""
+"""For target joints, the source joint that drives each, and the method by which it was matched."""
 
 JointMap = Mapping[str, str | None]
-"""Per target joint's key the source joint's key; None where nothing drives it."""
+"""For keys of target joints, the key of the source joint that drives each; None where nothing does."""
 
 
 def find_pairs(source: Body, target: Body, crossed: bool) -> JointPairs:
-    """The pairs that names and the parts of the bodies tell.
+    """Return the pairs that equal names and the parts of the bodies give.
 
-    Equal names, if no body is recognised, or every joint of the target has one and no other convention. Else parts, and
-    equal names for what is left; where both follow one convention, equal names come first, but for spine and neck,
-    whose joints count from below or from above. `crossed` says that the names of one body, and not of the other, say
-    left for right.
+    Equal names alone count if a body is not recognised, or if every target joint has the name of a source joint and
+    both follow the same convention. Otherwise parts of the body come first, and equal names pair the rest; if both
+    follow one known convention, equal names come first, except in spine and neck, whose joints may be numbered from
+    below or from above. `crossed` says that left and right are exchanged in the names of one of the bodies.
     """
     names = same_names(source.skeleton, target.skeleton)
     s, t = source.anatomy, target.anatomy
@@ -34,17 +34,17 @@ def find_pairs(source: Body, target: Body, crossed: bool) -> JointPairs:
     alike = s.convention == t.convention and not crossed
     if alike and len(names) == len(target.skeleton.joints):
         return names
-    firm = alike and s.convention
-    pairs = {joint: pair for joint, pair in names.items() if firm and joint not in (*t.spine, *t.neck)}
+    names_first = alike and s.convention
+    pairs = {joint: pair for joint, pair in names.items() if names_first and joint not in (*t.spine, *t.neck)}
     pairs |= unused(same_parts(s, t), pairs)
     return same_others(source.skeleton, target.skeleton, pairs)
 
 
 def pairs_of_map(source: Skeleton, target: Skeleton, joint_map: JointMap) -> JointPairs:
-    """The pairs of a map; -1 where nothing shall drive the joint.
+    """Return the pairs of a map, with the driver -1 for joints that nothing drives.
 
     Raises:
-        MapError: a joint is not there.
+        MapError: the map names a joint that does not exist.
     """
     pairs: JointPairs = {}
     for key, driver in joint_map.items():
@@ -57,7 +57,7 @@ def pairs_of_map(source: Skeleton, target: Skeleton, joint_map: JointMap) -> Joi
 
 
 def same_names(source: Skeleton, target: Skeleton) -> JointPairs:
-    """The joints with equal keys, as they are or else but for namespaces and case; End Sites apart."""
+    """Return the joints with equal keys, then those with names equal up to namespace and case, without End Sites."""
     exact = {source.keys[joint]: joint for joint in source.joints}
     pairs: JointPairs = {}
     for joint in target.joints:
@@ -72,23 +72,23 @@ def same_names(source: Skeleton, target: Skeleton) -> JointPairs:
 
 
 def _plain(skeleton: Skeleton) -> dict[str, int]:
-    """The joint of each name without namespace and case, where that is still unique."""
+    """The joint of each name in lower case without namespace, where that is still unique."""
     names = {joint: skeleton.names[joint].rpartition(":")[2].lower() for joint in skeleton.joints}
     times = Counter(names.values())
     return {name: joint for joint, name in names.items() if times[name] == 1}
 
 
 def same_parts(s: Anatomy, t: Anatomy) -> JointPairs:
-    """The joints that play the same part; a spine or neck of as many joints pairs up joint by joint.
+    """Return the joints that play the same part; spines and necks with equal numbers of joints pair joint by joint.
 
-    A hand's fingers pair up if the source has all that the target has, or most: one that stands for all (CMU) would
-    move alone on a hand of five.
+    The fingers of a hand pair if the source has all fingers of the target, or at least `SHARED_FINGERS` of them: a
+    single finger that stands for all four (CMU) would move one finger of five.
     """
     method = "names" if s.method == t.method == "names" else "shape"
     shared = [role for role in t.roles if role in s.roles]
     for side in SIDES:
         fingers = [{finger for finger in FINGERS if f"{side}{finger}1" in body.roles} for body in (s, t)]
-        if not fingers[1] <= fingers[0] and len(fingers[0] & fingers[1]) < MOST:
+        if not fingers[1] <= fingers[0] and len(fingers[0] & fingers[1]) < SHARED_FINGERS:
             shared = [role for role in shared if not role.startswith(tuple(side + finger for finger in FINGERS))]
     pairs = {joint: (s.roles[role], method) for role, joint in t.roles.items() if role in shared}
     for drivers, joints in ((s.spine, t.spine), (s.neck, t.neck)):
@@ -98,13 +98,13 @@ def same_parts(s: Anatomy, t: Anatomy) -> JointPairs:
 
 
 def unused(pairs: JointPairs, known: JointPairs) -> JointPairs:
-    """The pairs of joints of which neither is in a pair that is known."""
+    """Return the pairs of which neither joint is in a known pair."""
     drivers = {driver for driver, _ in known.values()}
     return {joint: pair for joint, pair in pairs.items() if joint not in known and pair[0] not in drivers}
 
 
 def same_others(source: Skeleton, target: Skeleton, pairs: JointPairs) -> JointPairs:
-    """The pairs, and with them joints with equal names in no pair yet that hang from joints that pair up."""
+    """Return the pairs, and in addition joints with equal names whose nearest paired ancestors are a pair."""
     known = dict(pairs)
     for joint, (driver, method) in unused(same_names(source, target), pairs).items():
         above = _nearest(target, joint, set(known))
@@ -115,26 +115,29 @@ def same_others(source: Skeleton, target: Skeleton, pairs: JointPairs) -> JointP
 
 
 def _nearest(skeleton: Skeleton, joint: int, known: set[int]) -> int:
-    """The nearest ancestor among the known joints; -1 without."""
+    """The nearest ancestor among the known joints; -1 without one."""
     return next((above for above in skeleton.line(joint)[1:] if above in known), -1)
 
 
 def tips(source: Skeleton, target: Skeleton, pairs: JointPairs) -> JointPairs:
-    """What ends matched joints: an only child where nothing below is matched, else End Sites in order."""
+    """Return the pairs of joints that end matched joints: only children with nothing matched below, else End Sites in
+    order.
+    """
     found: JointPairs = {}
     above = _above(source, {driver for driver, _ in pairs.values()}), _above(target, set(pairs))
     for joint in range(len(target)):
         driver = (pairs | found).get(joint, (-1, ""))[0]
         if driver < 0:
             continue
-        ends, children = _free(source, driver, above[0]), _free(target, joint, above[1])
+        ends, children = _others(source, driver, above[0]), _others(target, joint, above[1])
         if not len(source.children[driver]) == len(target.children[joint]) == 1:
             ends, children = [j for j in ends if source.end_sites[j]], [j for j in children if target.end_sites[j]]
         found |= {child: (end, "tip") for end, child in zip(ends, children, strict=False)}
     return found
 
 
-def _free(skeleton: Skeleton, joint: int, above: set[int]) -> list[int]:
+def _others(skeleton: Skeleton, joint: int, above: set[int]) -> list[int]:
+    """The children of a joint that are not in `above`."""
     return [child for child in skeleton.children[joint] if child not in above]
 
 

@@ -1,4 +1,4 @@
-"""Spines and necks of different numbers of joints: the bend of the source's blended smoothly along the target's."""
+"""Spines and necks with different numbers of joints: the bend of the source is spread smoothly along the target."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ Chain = tuple[int, ...]
 
 
 def spine_blend(source: Body, target: Body) -> Iterator[tuple[int, tuple[int, int], float]]:
-    """What the joints of the target's spine and neck follow where the source's have other numbers of joints: each
-    joint of the target, the two source joints that it turns between, and the share of the second, 0 to 1.
+    """Yield the blend of each joint in a spine or neck that has more or fewer joints in the target than in the source.
 
-    The turn along a chain is taken as known in the middle of each source bone, and as changing evenly between. Each
-    target joint follows the two source joints beside the middle of its own bone, along the chain's length.
+    An item is the target joint, the two source joints whose rotations it blends, and the weight of the second [0 to 1].
+    The rotation along the source's chain is known in the middle of each bone and interpolated between the middles; a
+    target joint takes the rotation at the middle of its own bone. Places are shares of the chain's length.
     """
     if source.anatomy is None or target.anatomy is None:
         return
@@ -28,9 +28,9 @@ def spine_blend(source: Body, target: Body) -> Iterator[tuple[int, tuple[int, in
     ):
         if not source_chain or not target_chain or len(source_chain) == len(target_chain):
             continue
-        known = _middles(source.skeleton, source_chain, source_top)
-        wanted = _middles(target.skeleton, target_chain, target_top)
-        places = np.interp(wanted, known, np.arange(len(known)))
+        source_middles = _middles(source.skeleton, source_chain, source_top)
+        target_middles = _middles(target.skeleton, target_chain, target_top)
+        places = np.interp(target_middles, source_middles, np.arange(len(source_middles)))
         for joint, place in zip(target_chain, places, strict=True):
             first = min(int(place), len(source_chain) - 1)
             second = min(first + 1, len(source_chain) - 1)
@@ -38,15 +38,15 @@ def spine_blend(source: Body, target: Body) -> Iterator[tuple[int, tuple[int, in
 
 
 def _chains(anatomy: Anatomy) -> tuple[tuple[Chain, int], tuple[Chain, int]]:
-    """Spine and neck, each with the joint above it; -1 where there is none."""
+    """Spine and neck, each with the joint above its last one; -1 where there is none."""
     head = anatomy.roles.get("head", -1)
     return (anatomy.spine, next(iter(anatomy.neck), head)), (anatomy.neck, head)
 
 
 def _middles(skeleton: Skeleton, chain: Chain, top: int) -> NDArray[np.float64]:
-    """(joints,), where the middles of a chain's bones are, from 0 at its lowest joint to 1 at the joint above it.
+    """(joints,), the places of the middles of a chain's bones, from 0 at its lowest joint to 1 at the joint above it.
 
-    A chain without length counts evenly.
+    In a chain without length all bones count as equally long.
     """
     ends = [*chain, top if top >= 0 else chain[-1]]
     along = skeleton.path_lengths[chain[0], ends]

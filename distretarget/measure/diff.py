@@ -15,7 +15,7 @@ from distretarget.distances import distance_problem, posture_stress
 from distretarget.errors import MotionError
 from distretarget.matching.matching import Matching, match
 from distretarget.matching.pairing import JointMap
-from distretarget.measure.figures import Track, Tracks
+from distretarget.measure.figures import Side, Track, Tracks, clip_figures
 from distretarget.measure.metrics import FAR_ALONG, NEAR, Comparison, compare, normalised_distances, points_of
 from distretarget.motion import Motion
 from distretarget.skeleton import LARGEST
@@ -26,7 +26,7 @@ SAME_TIME = 1e-3  # relative difference of frame times from which motions are re
 LATE = 0.25  # ... or frames by which one lags behind the other in the end
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Pairs:
     """What became of each pair of joints that both motions have; |P| >= 5 makes a pair far along the tree.
 
@@ -54,7 +54,7 @@ class Pairs:
         return np.lexsort((-weight, self.contact_frames == 0))[:most]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Diff:
     """Motion B measured against motion A.
 
@@ -63,7 +63,7 @@ class Diff:
         matching: which joint of A stands for each joint of B.
         up: (3,), up in both.
         stress: (frames,), Eq. (2) of B against A's distances, over the squared height of B.
-        figures: what else was measured, per frame.
+        comparison: what else was measured, per frame.
         notes: what was done to compare them: resampled, cut, turned.
     """
 
@@ -72,7 +72,7 @@ class Diff:
     matching: Matching
     up: Array
     stress: Array
-    figures: Comparison
+    comparison: Comparison
     notes: tuple[str, ...]
 
     def __len__(self) -> int:
@@ -81,7 +81,14 @@ class Diff:
     @property
     def tracks(self) -> Tracks:
         """What the figures of B are taken from."""
-        return {**self.figures.tracks, "stress": Track(self.stress)}
+        return {**self.comparison.tracks, "stress": Track(self.stress)}
+
+    @cached_property
+    def figures(self) -> dict[Side, dict[str, float | None]]:
+        """The figures of quality of the whole clip, by key (`measure.figures.FIGURES`), of A, the source, and of B, the
+        result; None where nothing was to be measured.
+        """
+        return {"source": clip_figures(self.comparison.source_tracks), "result": clip_figures(self.tracks)}
 
     @cached_property
     def pairs(self) -> Pairs:
@@ -122,7 +129,15 @@ def diff(a: Motion, b: Motion, joint_map: JointMap | None = None) -> Diff:
     problem = distance_problem(source.skeleton, target.skeleton, matching.drivers)
     relative = (problem.body_size / target.height) ** 2
     stress = relative * posture_stress(problem, a.positions, b.positions)
-    return Diff(a, b, matching, world.up_vector, stress, compare(a, b, matching, world.up_vector), tuple(notes))
+    return Diff(
+        a=a,
+        b=b,
+        matching=matching,
+        up=world.up_vector,
+        stress=stress,
+        comparison=compare(a, b, matching, world.up_vector),
+        notes=tuple(notes),
+    )
 
 
 def resampled(motion: Motion, frame_time_text: str) -> Motion:
@@ -190,4 +205,13 @@ def _pairs(a: Motion, b: Motion, matching: Matching) -> Pairs:
     frames = np.where(which, contacts, len(a))
     pick = np.arange(count)
     means = {name: values[which, pick] / frames for name, values in sums.items()}
-    return Pairs(joints[u], joints[v], far, contacts, means["a"], means["b"], means["error"], worst[which, pick])
+    return Pairs(
+        u=joints[u],
+        v=joints[v],
+        far=far,
+        contact_frames=contacts,
+        distance_a=means["a"],
+        distance_b=means["b"],
+        error=means["error"],
+        worst_frame=worst[which, pick],
+    )

@@ -47,7 +47,7 @@ class About:
 
 def document(diff: Diff, about: About) -> Document:
     """The diff as JSON values that follow `diff.schema.json`; None where nothing was to be measured."""
-    sides: dict[Side, Tracks] = {"source": diff.figures.source_tracks, "result": diff.tracks}
+    sides: dict[Side, Tracks] = {"source": diff.comparison.source_tracks, "result": diff.tracks}
     frames = _frames(diff, sides)
     a, b, drivers = diff.matching.source.skeleton, diff.matching.target.skeleton, diff.matching.drivers
     source, result = _of_clip(sides["source"]), _of_clip(sides["result"])
@@ -62,7 +62,7 @@ def document(diff: Diff, about: About) -> Document:
         "frame_count": len(diff),
         "unmatched_b": [b.keys[joint] for joint in b.joints if drivers[joint] < 0],
         "unmatched_a": [a.keys[joint] for joint in a.joints if joint not in drivers],
-        "contact_frames": int(np.count_nonzero(diff.figures.contacts)),
+        "contact_frames": int(np.count_nonzero(diff.comparison.contacts)),
         "figures": {
             "source": source,
             "rotation_copy": None if about.rotation_copy is None else _of_clip(about.rotation_copy),
@@ -111,8 +111,8 @@ def _frames(diff: Diff, sides: Mapping[Side, Tracks]) -> dict[str, list[Any]]:
     return {
         "frame": count.tolist(),
         "time": _column(np.multiply(count, diff.b.frame_time)),
-        "contacts": diff.figures.contacts.tolist(),
-        "stance": diff.figures.stance.sum(axis=1).tolist(),
+        "contacts": diff.comparison.contacts.tolist(),
+        "stance": diff.comparison.stance.sum(axis=1).tolist(),
         **{key: _column(values) for key, values in frame_figures(sides, len(diff)).items()},
     }
 

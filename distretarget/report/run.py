@@ -7,12 +7,19 @@ from dataclasses import replace
 from distretarget.measure.diff import Diff, turned_note
 from distretarget.report.document import About, document
 from distretarget.report.page import page
-from distretarget.run_summary import Figures
+from distretarget.result import RetargetResult
 
 
-def run_page(figures: Figures, about: About) -> str:
+def run_page(result: RetargetResult, about: About) -> str:
     """The HTML of the report on a run: A is its source, B its result; the rotation copy is added to `about`."""
-    run, up = figures.run, figures.run.world.up_vector
-    notes = turned_note(run.world)
-    diff = Diff(run.source, run.motion, run.matching, up, run.written_stress, figures.result, notes)
-    return page(diff, document(diff, replace(about, rotation_copy=figures.sides["rotation_copy"])))
+    up, notes = result.world.up_vector, turned_note(result.world)
+    diff = Diff(
+        a=result.source,
+        b=result.motion,
+        matching=result.matching,
+        up=up,
+        stress=result.written_stress,
+        comparison=result.comparison,
+        notes=notes,
+    )
+    return page(diff, document(diff, replace(about, rotation_copy=result.tracks["rotation_copy"])))

@@ -39,7 +39,7 @@ def scene(diff: Diff, pairs: int) -> Drawing:
     legs = diff.matching.legs or (None, None)
     number = {int(joint): k for k, joint in enumerate(b_points)}
     worst = diff.pairs.worst(pairs)
-    near = _most_contacts(diff)
+    near, stance = _most_contacts(diff), diff.comparison.stance
     sizes = np.minimum(diff.matching.target.skeleton.path_sizes[np.ix_(b_points, b_points)], 255)
     return {
         "step": step,
@@ -52,7 +52,7 @@ def scene(diff: Diff, pairs: int) -> Drawing:
         "bones": _bones(diff).tolist(),
         "pelvis": [int(diff.matching.drivers[diff.matching.pelvis]), diff.matching.pelvis],
         "sizes": _base64(sizes, "<u1"),
-        "stance": _base64((diff.figures.stance * 2 ** np.arange(diff.figures.stance.shape[1])).sum(axis=1), "<u1"),
+        "stance": _base64((stance * 2 ** np.arange(stance.shape[1])).sum(axis=1), "<u1"),
         "largest_difference": _largest_difference(diff, a_points, b_points),
         "pairs": [[number[int(diff.pairs.u[k])], number[int(diff.pairs.v[k])]] for k in worst],
         "contacts": [

@@ -73,6 +73,11 @@ class Effort:
         """The frames that did not converge."""
         return np.flatnonzero(self.reasons != Reason.CONVERGED)
 
+    @property
+    def reason_names(self) -> list[str]:
+        """Why the solver stopped, in words for each frame."""
+        return [Reason(reason).name.lower().replace("_", " ") for reason in self.reasons.tolist()]
+
 
 @njit(cache=True)
 def record(minimum: Minimum, log: NDArray[np.float64], frame: int) -> None:

@@ -1,0 +1,109 @@
+"""The result of a retargeting: the motion, how it came about, how good it is, and what needs a look."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.baseline.world import World
+from distretarget.matching.matching import Matching
+from distretarget.measure.figures import Side, Track, Tracks, clip_figures
+from distretarget.measure.metrics import Comparison, compare
+from distretarget.motion import Motion
+from distretarget.solve.free_points import Postures
+from distretarget.solve.spg import Effort
+from distretarget.solve.stance import Stance
+
+Array = NDArray[np.float64]
+
+FOOT_REACH = 0.005  # a resting foot farther than this from its place is worth a warning [body units]
+RESTS = 0.99  # stance weight from which a foot rests
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RetargetResult:
+    """A retargeted motion, and how it came about.
+
+    Attributes:
+        source: the source's motion, in the target's world.
+        motion: on the target, with the source's frames and frame time.
+        rotation_copy: the baseline, the source's rotations on the target's bones.
+        matching: which source joint drives which target joint, and the two bodies.
+        world: the axes, and the root's OFFSET.
+        root_scale: target units per source unit of the root's path.
+        effort: what the solver spent on each frame.
+        stance: the feet at rest and where they belong; no feet for the paper's objective.
+        postures: the paper's solved points; None for the contact objective, which needs none.
+        copy_stress, written_stress: (frames,), Eq. (2) divided by the squared height of the target's rest pose, of the
+            rotation copy and of `motion`.
+        free_stress: (frames,), the same of the solved points; None without them.
+    """
+
+    source: Motion
+    motion: Motion
+    rotation_copy: Motion
+    matching: Matching
+    world: World
+    root_scale: float
+    effort: Effort
+    stance: Stance
+    postures: Postures | None
+    copy_stress: Array
+    written_stress: Array
+    free_stress: Array | None
+
+    def __repr__(self) -> str:
+        return f"<RetargetResult of {len(self.motion)} frames, mean stress {self.written_stress.mean():.3g}>"
+
+    @property
+    def drivers(self) -> NDArray[np.intp]:
+        """(target joints,), the source joint that drives each target joint, -1 for none."""
+        return self.matching.drivers
+
+    @cached_property
+    def comparison(self) -> Comparison:
+        """The result measured against the source, frame by frame."""
+        return compare(self.source, self.motion, self.matching, self.world.up_vector)
+
+    @cached_property
+    def tracks(self) -> dict[Side, Tracks]:
+        """What the figures of source, rotation copy and result are taken from, frame by frame."""
+        baseline = compare(self.source, self.rotation_copy, self.matching, self.world.up_vector)
+        return {
+            "source": self.comparison.source_tracks,
+            "rotation_copy": {**baseline.tracks, "stress": Track(self.copy_stress)},
+            "result": {**self.comparison.tracks, "stress": Track(self.written_stress)},
+        }
+
+    @cached_property
+    def figures(self) -> dict[Side, dict[str, float | None]]:
+        """The figures of quality of the whole clip, by key (`measure.figures.FIGURES`), of source, rotation copy and
+        result; None where nothing was to be measured.
+        """
+        return {side: clip_figures(tracks) for side, tracks in self.tracks.items()}
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What needs a look, a line each: frames that did not converge, and feet that do not reach their place."""
+        return tuple(self._warnings())
+
+    def _warnings(self) -> Iterator[str]:
+        frames, unsolved = len(self.motion), self.effort.unsolved
+        if len(unsolved):
+            names = self.effort.reason_names
+            reasons = ", ".join(sorted({names[frame] for frame in unsolved}))
+            yield f"{len(unsolved)} of {frames} frames did not converge (first: frame {unsolved[0]}; {reasons})"
+        short = np.flatnonzero(self._feet_off_their_place())
+        if len(short):
+            missed = f"in {len(short)} of {frames} frames (first: frame {short[0]})"
+            yield f"a resting foot does not reach its place {missed}"
+
+    def _feet_off_their_place(self) -> NDArray[np.bool_]:
+        """(frames,), whether a resting foot is away from its place."""
+        away = np.linalg.norm(self.motion.positions[:, self.stance.joints] - self.stance.places, axis=-1)
+        limit = FOOT_REACH * self.matching.target.unit
+        return np.asarray(((away > limit) & (self.stance.weights > RESTS)).any(axis=1))
