@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from distretarget import read_bvh, retarget
 from distretarget.body.axes import Directions
 from distretarget.body.body import Body
-from distretarget.body.reference_pose import PITCH, bend_axes, standing_frame, synthetic_t_pose
+from distretarget.body.reference_pose import FOOT_PITCH, bend_axes, standing_frame, synthetic_t_pose
 from distretarget.numerics.rotations import normalised
 
 UP = np.array([0.0, 1.0, 0.0])
@@ -58,7 +58,7 @@ def assert_t_pose(body, world):
             np.testing.assert_allclose(way.bone(upper, lower), sign * left, atol=1e-9)
         for upper, lower in itertools.pairwise((f"{side}UpperLeg", f"{side}LowerLeg", f"{side}Foot")):
             np.testing.assert_allclose(way.bone(upper, lower), -up, atol=1e-9)
-        foot = np.cos(PITCH) * forward - np.sin(PITCH) * up
+        foot = np.cos(FOOT_PITCH) * forward - np.sin(FOOT_PITCH) * up
         np.testing.assert_allclose(way.bone(f"{side}Foot", f"{side}Toes"), foot, atol=1e-9)
 
 
