@@ -155,7 +155,7 @@ def test_a_dry_run_writes_nothing(folder):
         (["body.json"], 2, "no sources"),
         (["in", "body.json", "in"], 2, "in is a folder; the last argument is the target"),
         (["in", "body.json", "--jobs", "0"], 2, "--jobs"),
-        (["in", "body.json", "--jobs", "2", "--dask", "x"], 2, "--jobs is for processes here"),
+        (["in", "body.json", "--jobs", "2", "--dask", "x"], 2, "give either --jobs or --dask"),
         (["in", "body.json", "--objective", "paper", "--feet", "hold"], 2, "--feet hold"),
         (["in", "none.json"], 1, "none.json: there is no such file"),
         (["in/a.bvh", "more/a.bvh", "body.json"], 2, "would be the result of both"),
@@ -283,7 +283,7 @@ def test_a_run_that_was_stopped_goes_on(folder, name):
     if name != "SIGKILL":
         assert process.returncode == 130
         assert " left" in out.splitlines()[0]
-        assert err == "distretarget: interrupted; run this again to go on\n"
+        assert err == "distretarget: interrupted; run this again to continue\n"
         assert not list((folder / "out").glob(".*"))
     deadline = time.monotonic() + 20
     while workers_of(process.pid) and time.monotonic() < deadline:
