@@ -7,7 +7,7 @@ from pathlib import PurePath
 import pytest
 
 from distretarget.batch.clips import Clip
-from distretarget.batch.manifest import KEYS, Manifest, Recipe, read_records, record_of
+from distretarget.batch.manifest import RECORD_KEYS, Manifest, Recipe, read_records, record_of
 from distretarget.batch.plan import MANIFEST, Work
 from distretarget.conversion import Options, Text
 from distretarget.errors import FileError
@@ -109,7 +109,7 @@ def test_the_result_of_other_files_is_left_alone(manifest, tmp_path, other):
 def test_a_line_has_every_key(manifest):
     manifest.add(done(work()))
     (record,) = read_records(manifest.path)
-    assert record.keys() == KEYS
+    assert record.keys() == RECORD_KEYS
     assert record["input"] == "a.bvh"
     assert record["options"]["objective"] == "contact"
 
@@ -141,7 +141,7 @@ def test_a_first_line_cut_short_is_no_obstacle(tmp_path):
 
 def test_a_manifest_of_another_program_is_left_alone(tmp_path):
     (tmp_path / MANIFEST).write_text('{"name": "my own"}\n')
-    with pytest.raises(FileError, match="no manifest of a batch"):
+    with pytest.raises(FileError, match="not the manifest of a batch"):
         Manifest(tmp_path)
     assert json.loads((tmp_path / MANIFEST).read_text()) == {"name": "my own"}
 

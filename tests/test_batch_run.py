@@ -294,7 +294,7 @@ def test_what_a_cluster_raises_is_its_clips_failure(folder):
 
 def test_a_clip_that_would_keep_one_worker_busy_at_the_end_is_cut(folder, monkeypatch):
     cut = []
-    monkeypatch.setattr(batch_run, "CUT", 4)
+    monkeypatch.setattr(batch_run, "SPLIT_SIZE", 4)
     monkeypatch.setattr(
         batch_run, "_in_thread", lambda function, task, _: cut.append(task) or Inline().submit(function, task)
     )
@@ -341,7 +341,7 @@ def test_a_worker_that_dies_unnoticed_costs_a_retry(folder, monkeypatch):
             super().renew()
             self.executor.lost = False
 
-    monkeypatch.setattr(batch_run, "PATIENCE", 0.01)
+    monkeypatch.setattr(batch_run, "CHECK_INTERVAL", 0.01)
     pool = Seeing(Silent())
     seen = go(folder, pool)
     assert sorted(seen.of("done")) == ["a.bvh", "c.bvh", "deep/b.bvh"]

@@ -181,7 +181,7 @@ def test_verbose_says_what_was_matched_with_what():
         "joints of the target that follow their parents: none",
         "joints of the source not used: none",
         "up: Y in the source, the same in the target",
-        "the source's root has OFFSET 0: replaced or added to, it is the same",
+        "the source's root has OFFSET 0, so replacing it and adding to it are the same",
         "root scale: 1.5 target units per source unit",
     ]
     assert done.stdout.startswith("20 frames in ")

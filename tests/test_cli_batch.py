@@ -144,7 +144,7 @@ def test_a_dry_run_writes_nothing(folder):
         (["body.json"], 2, "no sources"),
         (["in", "body.json", "in"], 2, "in is a folder; the last argument is the target"),
         (["in", "body.json", "--jobs", "0"], 2, "--jobs"),
-        (["in", "body.json", "--jobs", "2", "--dask", "x"], 2, "--jobs is for processes here"),
+        (["in", "body.json", "--jobs", "2", "--dask", "x"], 2, "give either --jobs or --dask"),
         (["in", "body.json", "--objective", "paper", "--feet", "hold"], 2, "--feet hold"),
         (["in", "none.json"], 1, "none.json: there is no such file"),
         (["in/a.bvh", "more/a.bvh", "body.json"], 2, "would be the result of both"),
@@ -154,8 +154,8 @@ def test_a_dry_run_writes_nothing(folder):
         (["in", "typo", "body.json"], 2, "typo: there is no such file or folder"),
         (["in", "body.json", "--report", "in/a.bvh", "--overwrite"], 1, "in/a.bvh: is an input"),
         (["in", "body.json", "--report", "body.json", "--overwrite"], 1, "body.json: is an input"),
-        (["in", "body.json", "--report", "out/a.bvh", "--overwrite"], 1, "has a place that results take"),
-        (["in", "body.json", "--report", "out/manifest.jsonl"], 1, "has a place that results take"),
+        (["in", "body.json", "--report", "out/a.bvh", "--overwrite"], 1, "the place of a result"),
+        (["in", "body.json", "--report", "out/manifest.jsonl"], 1, "the place of a result"),
     ],
 )
 def test_wrong_usage_is_one_line(folder, arguments, status, says):
@@ -268,7 +268,7 @@ def test_a_run_that_was_stopped_goes_on(work, tmp_path, name):
     if name != "SIGKILL":
         assert process.returncode == 130
         assert " left" in out.splitlines()[0]
-        assert err == "distretarget: interrupted; run this again to go on\n"
+        assert err == "distretarget: interrupted; run this again to continue\n"
         assert not list(tmp_path.glob(".*"))
     assert batch(work / "in", work / "body.json", "-o", tmp_path).returncode == 0
     assert not list(tmp_path.glob(".*"))
@@ -313,7 +313,7 @@ def test_dask_gives_the_same_and_survives_a_dying_worker(work, tmp_path):
 
 def test_a_scheduler_that_does_not_answer_gives_one_line(folder, monkeypatch):
     pytest.importorskip("distributed", reason="needs distributed")
-    monkeypatch.setattr("distretarget.batch.pools.ANSWER", "100ms")
+    monkeypatch.setattr("distretarget.batch.pools.CONNECT_TIMEOUT", "100ms")
     done = batch("in", "body.json", "-o", "out", "--dask", "tcp://127.0.0.1:9")
     assert done.returncode == 1
     assert done.stderr.startswith("distretarget: no Dask scheduler answers at tcp://127.0.0.1:9: ")

@@ -79,7 +79,7 @@ def test_match_prints_a_table_in_the_order_of_the_tree():
     assert [line.split()[0] for line in table[1:]] == names
     column = table[0].index("source joint")
     assert all(line[column - 2 : column] == "  " and line[column] != " " for line in table)
-    assert any("turns between Chest" in line for line in table)
+    assert any("rotation between Chest" in line for line in table)
     assert lines[-2:] == ["joints of the target without a counterpart: none", "joints of the source not used: none"]
 
 

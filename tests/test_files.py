@@ -42,7 +42,7 @@ def test_reading(tmp_path, content, text):
         (b"", "is empty"),
         (b"\xef\xbb\xbf \n", "is empty"),
         (b"ab\0c", "is not a text file: character 3 is NUL"),
-        (b"\xff\xfe\x00\xd8\x41\x00", "is marked as UTF-16, but is not: illegal UTF-16 surrogate"),
+        (b"\xff\xfe\x00\xd8\x41\x00", "begins with a UTF-16 mark, but is not valid UTF-16: illegal UTF-16 surrogate"),
         ("a".encode("utf-32"), "is not a text file: character 1 is NUL"),
     ],
 )

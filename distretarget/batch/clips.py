@@ -12,8 +12,8 @@ from pathlib import Path, PurePath
 from distretarget.errors import FileError
 from distretarget.io.files import is_folder, reason_of
 
-ENDING = ".bvh"
-WILD = frozenset("*?[")
+SUFFIX = ".bvh"
+WILDCARDS = frozenset("*?[")
 
 
 @dataclass(frozen=True)
@@ -21,9 +21,9 @@ class Clip:
     """A clip to convert.
 
     Attributes:
-        path: of the file.
-        place: of its result in the folder of results.
-        size: of the file [bytes]; 0 where it cannot be read.
+        path: the path of the file.
+        place: the path of its result, relative to the folder of results.
+        size: the size of the file [bytes]; 0 where it cannot be read.
     """
 
     path: Path
@@ -32,8 +32,8 @@ class Clip:
 
 
 @dataclass(frozen=True)
-class Found:
-    """The clips in some files and folders, and what could not be looked into."""
+class FoundClips:
+    """The clips in some files and folders, and the errors of what could not be read."""
 
     clips: tuple[Clip, ...]
     unread: tuple[FileError, ...]
@@ -41,15 +41,16 @@ class Found:
 
 def find_clips(
     sources: Sequence[Path], listed: Sequence[Path] = (), include: Sequence[str] = (), exclude: Sequence[str] = ()
-) -> Found:
-    """The clips in files and folders.
+) -> FoundClips:
+    """Find the clips in files and folders.
 
-    A folder alone gives its tree; of several each gives its tree below its own name. In folders, files named *.bvh
-    count, unless a name or a folder on the way to it begins with a dot; links are followed, but
-    not in circles. Files given as `sources` go to the top, those `listed` to their places below the folder they share.
+    Results keep the tree of a folder; with several sources, each folder's tree goes below the folder's name. In
+    folders, files named *.bvh are clips, unless their name or that of a folder on their path begins with a dot. Links
+    are followed, but not in circles. The results of files in `sources` go to the top, those of `listed` files to their
+    places below the deepest folder that contains them all.
 
-    `include` and `exclude` are shell patterns for the names of files in folders, or for their paths in the folder;
-    those that end in / or have no wildcards also for names and paths of folders.
+    `include` and `exclude` are shell patterns for the names of files in folders, or for their paths in the folder.
+    Patterns that end in / or have no wildcards match names and paths of folders as well.
     """
     unread: list[FileError] = []
     folders = [source for source in sources if is_folder(source)]
@@ -64,30 +65,32 @@ def find_clips(
         ]
     shared = _shared_folder(listed)
     clips += [_clip(path, PurePath(os.path.relpath(_absolute(path), shared))) for path in listed]
-    return Found(tuple(clips), tuple(unread))
+    return FoundClips(tuple(clips), tuple(unread))
 
 
 def _clip(path: Path, place: PurePath) -> Clip:
+    """The clip in a file; its result has the suffix .bvh in lower case."""
     try:
         size = path.stat().st_size
     except (OSError, ValueError):
-        size = 0  # reading it will tell
-    return Clip(path, place.with_name(place.name.removesuffix(place.suffix if _is_bvh(place) else "") + ENDING), size)
+        size = 0  # reading the clip will report the error
+    return Clip(path, place.with_name(place.name.removesuffix(place.suffix if _is_bvh(place) else "") + SUFFIX), size)
 
 
 def _is_bvh(place: PurePath) -> bool:
-    return place.suffix.lower() == ENDING
+    return place.suffix.lower() == SUFFIX
 
 
 def _wanted(place: PurePath, patterns: Iterable[str]) -> bool:
-    return any(_is_like(place, pattern) for pattern in patterns)
+    return any(_matches(place, pattern) for pattern in patterns)
 
 
-def _is_like(place: PurePath, pattern: str) -> bool:
-    """Whether a path or its name is like a shell pattern, or, where this ends in / or has no wildcards, a folder on the
-    way is.
+def _matches(place: PurePath, pattern: str) -> bool:
+    """Whether a shell pattern matches a path or its name.
+
+    A pattern that ends in / or has no wildcards may also match a folder on the path.
     """
-    names_folder = pattern.endswith("/") or not WILD.intersection(pattern)
+    names_folder = pattern.endswith("/") or not WILDCARDS.intersection(pattern)
     pattern = pattern.removeprefix("**/").rstrip("/")
     paths = [place, *(place.parents[:-1] if names_folder else ())]
     return any(fnmatchcase(path.name, pattern) or fnmatchcase(path.as_posix(), pattern) for path in paths)
@@ -96,9 +99,9 @@ def _is_like(place: PurePath, pattern: str) -> bool:
 def _files_below(
     folder: Path, place: PurePath, unread: list[FileError], above: frozenset[str] = frozenset()
 ) -> Iterator[PurePath]:
-    """The paths, from the folder, of the BVH files in its tree below `place`, in order.
+    """The paths, relative to a folder, of the BVH files in its tree below `place`, in order.
 
-    `above` has the folders on the way, to which a link may lead back.
+    `above` has the folders on the path to `place`, which are left out if a link leads back to one of them.
     """
     real = os.path.realpath(folder / place)
     if real in above:
@@ -112,9 +115,9 @@ def _files_below(
     for entry in inside:
         try:
             mode = entry.stat().st_mode
-        except OSError as error:  # a link to nothing, to itself, or to where nobody may look
+        except OSError as error:  # a link to nothing, to itself, or to a folder without permission
             if _is_bvh(PurePath(entry.name)):
-                yield place / entry.name  # reading it will tell
+                yield place / entry.name  # reading the clip will report the error
             elif not isinstance(error, FileNotFoundError):
                 unread.append(FileError(folder / place / entry.name, reason_of(error)))
             continue
@@ -124,7 +127,7 @@ def _files_below(
             if stat.S_ISREG(mode):
                 yield place / entry.name
             else:
-                unread.append(FileError(folder / place / entry.name, "is no regular file"))
+                unread.append(FileError(folder / place / entry.name, "is not a regular file"))
 
 
 def _absolute(path: Path) -> str:
@@ -132,5 +135,5 @@ def _absolute(path: Path) -> str:
 
 
 def _shared_folder(paths: Sequence[Path]) -> str:
-    """The deepest folder that has all of the files in it."""
+    """The deepest folder that contains all files."""
     return os.path.commonpath([os.path.dirname(_absolute(path)) for path in paths]) if paths else ""  # noqa: PTH120

@@ -1,7 +1,7 @@
-"""The manifest of a folder of results: a line of JSON for each clip, written before its output is put in place.
+"""The manifest of a folder of results: a line of JSON for each clip, written just before its output is put in place.
 
-So an output that is there and has the hash of its line is whole and is known to be made here; a line whose output is
-missing was cut short, and its clip is converted again.
+An output that has the hash of its line is whole and was made by a batch. If the output of a line is missing, the run
+was interrupted between the two, and the clip is converted again.
 """
 
 from __future__ import annotations
@@ -34,51 +34,54 @@ Record = dict[str, Any]
 
 @dataclass(frozen=True)
 class Recipe:
-    """What decides an output besides the clip and the target: options, map, and the version of the program."""
+    """What determines an output besides the clip and the target: options, map, and the version of the program."""
 
     options: Options
     map: MapFile
     version: str
 
     def as_json(self) -> Record:
-        """The options as a line of the manifest has them."""
+        """Return the options and the map as a line of the manifest has them."""
         return {**asdict(self.options), "map": dict(self.map.pairs) or None}
 
 
-class Past:
-    """What the manifest in a folder of results tells of earlier runs."""
+class History:
+    """The earlier runs into a folder of results, read from its manifest."""
 
     def __init__(self, folder: Path) -> None:
         """Read the manifest of a folder, if there is one.
 
         Raises:
-            FileError: it is something else, or cannot be read.
+            FileError: the file is not a manifest, or cannot be read.
         """
         self.path = folder / MANIFEST
         self._last: dict[str, tuple[bytes, str]] = {}
         self._makers: dict[str, dict[str, tuple[str, str]]] = {}
         try:
-            _check_ours(self.path)
+            _check_is_manifest(self.path)
             for record in read_records(self.path):
-                self._learn(record)
+                self._remember(record)
         except OSError as error:
             raise FileError(self.path, reason_of(error)) from error
 
     def is_done(self, work: Work, input_hash: str, recipe: Recipe, folder: Path) -> bool:
-        """Whether the output of a clip is there, as it was made from the same files in the same way."""
-        known = self._last.get(work.place.as_posix())
-        return known is not None and known == (
+        """Return whether the output of a clip exists as a batch made it from the same files in the same way."""
+        last = self._last.get(work.place.as_posix())
+        return last is not None and last == (
             _digest_of(input_hash, work.target.hash, recipe.as_json(), recipe.version),
             hash_of_file(folder / work.place),
         )
 
-    def check_replaceable(self, work: Work, path: Path, standing: str | None) -> None:
-        """Whether what stands at `path`, the place of a clip's output, was made here of the same files; `standing` is
-        its hash, None where nothing does or it cannot be read.
+    def check_replaceable(self, work: Work, path: Path, existing_hash: str | None) -> None:
+        """Check that the file at `path`, if there is one, may be replaced by a clip's output without --overwrite.
 
-        Raises: FileError: it was not, and so is not to be replaced unasked.
+        It may if a batch made it from the same clip and target. `existing_hash` is the hash of the file, None where it
+        does not exist or cannot be read.
+
+        Raises:
+            FileError: the file must not be replaced.
         """
-        maker = self._makers.get(work.place.as_posix(), {}).get(standing or "")
+        maker = self._makers.get(work.place.as_posix(), {}).get(existing_hash or "")
         if maker is None:
             if path.exists():
                 check_writable(path)
@@ -86,16 +89,17 @@ class Past:
             raise FileError(path, f"is the result of {maker[0]} onto {maker[1]}; --overwrite replaces it")
 
     def latest(self, works: Iterable[Work]) -> list[Record]:
-        """The last line of each of the clips that has one, with the newest last."""
+        """Return the last record of each clip that has one, the newest last."""
         wanted = {work.place.as_posix() for work in works}
-        found: dict[str, Record] = {}
+        records: dict[str, Record] = {}
         for record in read_records(self.path):
             if record["output"] in wanted:
-                found.pop(record["output"], None)
-                found[record["output"]] = record
-        return list(found.values())
+                records.pop(record["output"], None)
+                records[record["output"]] = record
+        return list(records.values())
 
-    def _learn(self, record: Record) -> None:
+    def _remember(self, record: Record) -> None:
+        """Keep what decides whether a clip is done and whether its output may be replaced."""
         place = record["output"]
         self._last.pop(place, None)
         if record["status"] == "done":
@@ -105,14 +109,14 @@ class Past:
             self._makers.setdefault(place, {})[record["output_hash"]] = files
 
 
-class Manifest(Past):
+class Manifest(History):
     """The manifest in a folder of results, open for adding lines. Several runs may add to it at the same time."""
 
     def __init__(self, folder: Path) -> None:
-        """Open the manifest of a folder, which is made if it is not there.
+        """Open the manifest of a folder; create both if they do not exist.
 
         Raises:
-            FileError: it cannot be, or is something else.
+            FileError: the file is not a manifest, or one of the two cannot be created or opened.
         """
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -121,25 +125,25 @@ class Manifest(Past):
         except OSError as error:
             raise FileError(folder, reason_of(error)) from error
         super().__init__(folder)
-        begun = self.path.exists()
+        existed = self.path.exists()
         try:
             self._file = self.path.open("ab", buffering=0)
         except OSError as error:
             raise FileError(self.path, reason_of(error)) from error
-        self._enter(folder, sweep=begun)
+        self._register(folder, clean_up=existed)
 
     def close(self) -> None:
-        """Close the file, and let go of the folder."""
+        """Close the file, which also ends the registration of this run."""
         self._file.close()
 
     def add(self, record: Record) -> None:
-        """Add a line, at once and for good.
+        """Add a line and flush it to the disk.
 
         Raises:
-            FileError: there is no room for it; then the file is as before.
+            FileError: the line cannot be written, if the disk is full for example; then the file is as before.
         """
         line = json.dumps(record, allow_nan=False).encode() + b"\n"
-        with self._alone():
+        with self._locked():
             size = self._file.seek(0, io.SEEK_END)
             try:
                 self._append(line if self._ends_whole(size) else b"\n" + line)
@@ -147,7 +151,7 @@ class Manifest(Past):
                 with contextlib.suppress(OSError):
                     self._file.truncate(size)
                 raise FileError(self.path, reason_of(error)) from error
-        self._learn(record)
+        self._remember(record)
 
     def _append(self, line: bytes) -> None:
         while line:
@@ -155,7 +159,7 @@ class Manifest(Past):
         os.fsync(self._file.fileno())
 
     def _ends_whole(self, size: int) -> bool:
-        """Whether the last line was not cut short."""
+        """Whether the last line of a manifest of `size` bytes is complete."""
         if not size:
             return True
         with self.path.open("rb") as file:
@@ -163,12 +167,12 @@ class Manifest(Past):
             return file.read(1) == b"\n"
 
     @contextlib.contextmanager
-    def _alone(self) -> Iterator[None]:
-        """Hold other runs off the end of the file."""
+    def _locked(self) -> Iterator[None]:
+        """Lock the file against other runs that add lines."""
         if fcntl is None:
             yield
             return
-        with contextlib.suppress(OSError):  # not all file systems can
+        with contextlib.suppress(OSError):  # not all file systems have locks
             fcntl.lockf(self._file, fcntl.LOCK_EX)
         try:
             yield
@@ -176,15 +180,15 @@ class Manifest(Past):
             with contextlib.suppress(OSError):
                 fcntl.lockf(self._file, fcntl.LOCK_UN)
 
-    def _enter(self, folder: Path, sweep: bool) -> None:
-        """Show other runs that one is at work in the folder; if none was, remove what one that was killed left."""
+    def _register(self, folder: Path, clean_up: bool) -> None:
+        """Show other runs that this one uses the folder; if no other does, remove temporary files of killed runs."""
         if fcntl is None:
             return
         with contextlib.suppress(OSError):
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            for place, folders, files in os.walk(folder) if sweep else ():
+            for place, folders, files in os.walk(folder) if clean_up else ():
                 if Path(place) != folder and MANIFEST in files:
-                    folders.clear()  # the results of other runs
+                    folders.clear()  # a folder of results inside this one, which belongs to other runs
                     continue
                 for name in fnmatch.filter(files, ".distretarget-*.tmp"):
                     Path(place, name).unlink()
@@ -192,34 +196,34 @@ class Manifest(Past):
             fcntl.flock(self._file, fcntl.LOCK_SH)
 
 
-def _check_ours(path: Path) -> None:
-    """Leave alone a file of this name that somebody else wrote; a first line that was cut short is none."""
+def _check_is_manifest(path: Path) -> None:
+    """Check that a file with the manifest's name, if there is one, is a manifest; an incomplete first line may be."""
     if path.exists():
         with path.open("rb") as file:
             first = file.readline()
         if first.endswith(b"\n") and first.strip() and _record(first) is None:
-            raise FileError(path, "is no manifest of a batch; give the results another folder")
+            raise FileError(path, "is not the manifest of a batch; choose another folder for the results")
 
 
-def _is_other(known: str, path: str | Path) -> bool:
-    """Whether a path that the manifest has leads to another file than one of now; not if it leads nowhere any more."""
+def _is_other(recorded: str, path: str | Path) -> bool:
+    """Whether a path in the manifest leads to another file than `path`; False if the recorded file no longer exists."""
     try:
-        return known != str(path) and not Path(known).samefile(path)
+        return recorded != str(path) and not Path(recorded).samefile(path)
     except (OSError, ValueError):
         return False
 
 
 def _record(line: bytes) -> Record | None:
-    """The record in a line, if it is whole."""
+    """The record in a line; None if the line is not a whole record."""
     try:
         record = json.loads(line)
     except ValueError:
         return None
-    return record if isinstance(record, dict) and record.keys() >= KEYS else None
+    return record if isinstance(record, dict) and record.keys() >= RECORD_KEYS else None
 
 
 def read_records(path: Path) -> Iterator[Record]:
-    """The lines of a manifest that are whole, in order; none where there is no manifest."""
+    """Yield the whole records of a manifest in order; none where there is no manifest."""
     if not path.exists():
         return
     with path.open("rb") as file:
@@ -228,7 +232,7 @@ def read_records(path: Path) -> Iterator[Record]:
                 yield record
 
 
-KEYS = {
+RECORD_KEYS = {
     "input",
     "input_hash",
     "output",
@@ -247,7 +251,7 @@ KEYS = {
 
 
 def record_of(work: Work, input_hash: str | None, recipe: Recipe, **outcome: Any) -> Record:
-    """The line for a clip; `outcome` has what came of it."""
+    """Return the record of a clip, by default of one that failed; `outcome` overrules its values."""
     return {
         "input": str(work.clip.path),
         "input_hash": input_hash,
@@ -268,6 +272,6 @@ def record_of(work: Work, input_hash: str | None, recipe: Recipe, **outcome: Any
 
 
 def _digest_of(input_hash: str, target_hash: str, options: Mapping[str, Any], version: str) -> bytes:
-    """What decides an output, in few bytes."""
+    """A hash of everything that determines an output, 16 bytes."""
     text = json.dumps([input_hash, target_hash, options, version], sort_keys=True)
     return hashlib.sha256(text.encode()).digest()[:16]

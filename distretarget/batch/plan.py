@@ -1,4 +1,4 @@
-"""What a batch has to do: each clip onto each target, and where to."""
+"""The plan of a batch: each clip onto each target, and the places of the results."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from distretarget.conversion import Text
 from distretarget.errors import BatchError
 from distretarget.io.files import is_folder
 
-MANIFEST = "manifest.jsonl"  # in the folder of results
+MANIFEST = "manifest.jsonl"  # the name of the manifest in the folder of results
 
 
 @dataclass(frozen=True)
 class Work:
-    """One clip to be converted onto one target.
+    """One clip to convert onto one target.
 
     Attributes:
-        clip: it.
+        clip: the clip.
         target: the target's file.
-        place: of the output in the folder of results.
+        place: the path of the output, relative to the folder of results.
     """
 
     clip: Clip
@@ -31,11 +31,13 @@ class Work:
 
 
 def plan(clips: Sequence[Clip], targets: Sequence[Text], folder: Path, sources: Sequence[Path]) -> list[Work]:
-    """Every clip onto every target, the largest clips first; of several targets each has a folder of its own.
+    """Plan the conversion of every clip onto every target into `folder`, the largest clips first.
+
+    With several targets, the results of each go to a folder of their own.
 
     Raises:
-        BatchError: two results would have one place, a result would replace a clip or a target, or `folder`, that of
-            the results, is inside one of `sources`.
+        BatchError: two results would have the same path, a result would replace a clip or a target, or `folder` is
+            inside one of `sources`.
     """
     _check_folder(folder, sources)
     names = [PurePath()] if len(targets) == 1 else [PurePath(Path(target.path).stem) for target in targets]
@@ -50,7 +52,7 @@ def _check_folder(folder: Path, sources: Sequence[Path]) -> None:
     for source in sources:
         if is_folder(source) and folder.resolve().is_relative_to(source.resolve()):
             raise BatchError(
-                f"{folder}: is inside {source}, whose clips are to be converted; give the results a folder elsewhere"
+                f"{folder}: is inside {source}, whose clips are to be converted; choose a folder elsewhere with -o"
             )
 
 
@@ -61,29 +63,30 @@ def _check_places(works: Sequence[Work], folder: Path) -> None:
         if other is not work:
             raise BatchError(
                 f"{folder / work.place} would be the result of both {_named(other)} and {_named(work)}; "
-                "convert one of them into another folder, and leave it out here with --exclude"
+                "leave one of them out with --exclude, and convert it into another folder"
             )
     inputs = {_file(path) for work in works for path in (work.clip.path, work.target.path)} - {None}
     for work in works:
         if _file(folder / work.place) in inputs:
-            raise BatchError(f"{folder / work.place} is an input, and would be a result; name another folder with -o")
+            raise BatchError(f"{folder / work.place} is an input and would be replaced; choose another folder with -o")
 
 
 def check_page(page: Path, works: Sequence[Work], folder: Path, map_path: Path | None) -> None:
-    """Refuse a page over all clips in the place of a file that the batch reads or of one that it writes to `folder`.
+    """Check that the page over all clips replaces neither an input nor a file that the batch writes to `folder`.
 
-    Raises: BatchError: it would be.
+    Raises:
+        BatchError: it would replace one.
     """
     read = {path for work in works for path in (work.clip.path, work.target.path)} | {map_path}
-    standing = _file(page)
-    is_input = standing is not None and standing in {_file(path) for path in read if path}
+    existing = _file(page)
+    is_input = existing is not None and existing in {_file(path) for path in read if path}
     written = {folder.resolve() / place for place in (PurePath(MANIFEST), *(work.place for work in works))}
     if is_input or page.resolve() in written:
-        raise BatchError(f"{page}: is an input, or has a place that results take; give the page another name")
+        raise BatchError(f"{page}: is an input, or the place of a result; give the page another name")
 
 
 def _file(path: str | Path) -> tuple[int, int] | None:
-    """What tells a file from all others, by whatever name it is reached; None where there is none."""
+    """What identifies a file, whichever path leads to it: device and inode; None where there is no file."""
     try:
         status = os.stat(path)  # noqa: PTH116 - of many thousand paths
     except (OSError, ValueError):

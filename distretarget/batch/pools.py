@@ -1,4 +1,4 @@
-"""Who does the work: processes of this machine, or a Dask cluster. Both are executors of `concurrent.futures`."""
+"""The workers: processes of this machine, or a Dask cluster. Both are executors of `concurrent.futures`."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from distretarget.batch.compile_ahead import warm
 from distretarget.errors import BatchError
 from distretarget.retargeting import OBJECTIVES, Objective
 
-# A worker of one thread: there are as many workers as cores.
-SINGLE = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-ANSWER = "10s"  # for a scheduler to answer
+# The variables that set the threads of a process. Workers have one thread each, as there is a worker for each core.
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+CONNECT_TIMEOUT = "10s"  # time for a scheduler to answer, as Dask writes it
 
 
 class Pool(Protocol):
@@ -36,26 +36,26 @@ class Pool(Protocol):
 
     @property
     def executor(self) -> Executor:
-        """Takes their tasks."""
+        """The executor that hands tasks to the workers."""
 
     def lost(self) -> bool:
-        """Whether a worker has died."""
+        """Return whether a worker has died."""
 
     def renew(self) -> None:
-        """Get new workers, after one has died and the executor with it."""
+        """Replace the workers after one has died, which breaks the executor."""
 
     def close(self) -> None:
-        """Let go of the workers, whatever they do."""
+        """Release the workers at once, even if they are busy."""
 
 
 class Processes:
     """Processes on this machine."""
 
     def __init__(self, workers: int, objective: Objective) -> None:
-        """Make ready to start so many, for an objective."""
+        """Prepare to start this many processes, for an objective."""
         self.workers = workers
         self._objective = objective
-        # Not "fork": a process with threads, as numerical libraries have, must not be forked.
+        # Not "fork": a process with threads, which numerical libraries start, must not be forked.
         methods = multiprocessing.get_all_start_methods()
         self._context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
         self._forks = "forkserver" in methods
@@ -64,29 +64,29 @@ class Processes:
 
     @cached_property
     def executor(self) -> ProcessPoolExecutor:
-        """The processes, started when they are needed.
+        """The processes, which start when they are first needed.
 
-        What is to be compiled is compiled once: by the process that forks the others, or, where none does or for
-        another objective than the default, here, so that they find it in the cache.
+        Code is compiled only once: by the process from which the others are forked; or by this process, into the cache
+        that the others read, if they are not forked or the objective is not the default one.
         """
         if not self._forks or self._objective != OBJECTIVES[0]:
             warm(self._objective)
         reader, self._writer = self._context.Pipe(duplex=False)
-        with _surroundings():
-            pool = ProcessPoolExecutor(self.workers, self._context, _begin, (reader,))
+        with _worker_environment():
+            pool = ProcessPoolExecutor(self.workers, self._context, _start_worker, (reader,))
             if self._forks:
-                forkserver.ensure_running()  # begun, not waited for
+                forkserver.ensure_running()  # starts the server without waiting for it
             else:
-                pool.submit(os.getpid)  # begins the processes
+                pool.submit(os.getpid)  # starts the processes
         return pool
 
     def lost(self) -> bool:
-        """Whether a process has ended, which the executor does not see if it ends while it sends a result."""
+        """Return whether a process has ended; the executor does not notice one that ends while it sends a result."""
         processes = self.executor._processes or {}
         return any(process.exitcode is not None for process in processes.values())
 
     def renew(self) -> None:
-        """Have new processes started."""
+        """Replace the processes by new ones."""
         self.close()
         del self.executor
 
@@ -101,17 +101,17 @@ class Cluster:
     """A Dask cluster."""
 
     def __init__(self, address: str) -> None:
-        """Join the cluster whose scheduler is at an address.
+        """Connect to the cluster whose scheduler is at an address.
 
         Raises:
-            BatchError: Dask is not installed, or nobody answers there.
+            BatchError: Dask is not installed, no scheduler answers, or the cluster has no workers.
         """
         try:
             from distributed import Client
         except ImportError as error:
             raise BatchError("--dask needs the package distributed: pip install 'distretarget[dask]'") from error
         try:
-            self._client = Client(address, timeout=ANSWER, set_as_default=False)
+            self._client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as error:
             raise BatchError(f"no Dask scheduler answers at {address}: {error}") from error
         self.workers = sum(self._client.ncores().values())
@@ -121,7 +121,7 @@ class Cluster:
         self.executor: Executor = self._client.get_executor(pure=False)
 
     def lost(self) -> bool:
-        """The scheduler sees to that."""
+        """Return False: the scheduler itself replaces workers that die."""
         return False
 
     def renew(self) -> None:
@@ -134,36 +134,37 @@ class Cluster:
 
 
 def cores() -> int:
-    """How many cores this process may use."""
+    """Return how many cores this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
-def _begin(life: Connection) -> None:
-    """What a worker does first: it leaves Ctrl-C to the process that started it, and sees to its end with that.
+def _start_worker(parent: Connection) -> None:
+    """Make a worker ignore Ctrl-C, which its parent process handles, and end when the parent ends.
 
-    `life` becomes readable when the other process closes its end of it, if only by dying.
+    `parent` becomes readable when the parent process closes its end of the connection or dies.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with, args=(life,), daemon=True).start()
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
 
 
-def _end_with(life: Connection) -> None:
-    life.poll(None)
+def _end_with(parent: Connection) -> None:
+    """End this process when the parent ends."""
+    parent.poll(None)
     os._exit(1)
 
 
 @contextlib.contextmanager
-def _surroundings() -> Iterator[None]:
-    """For a while, the environment variables of workers.
+def _worker_environment() -> Iterator[None]:
+    """Set the environment variables of workers while they are started.
 
-    They import from where this process does, and not from the folder they happen to be started in, which may hold
+    Workers import from the same folders as this process. They do not import from the working directory, which may hold
     another copy of this program.
     """
     before = dict(os.environ)
     path = os.pathsep.join(str(Path(folder).absolute()) for folder in sys.path)
-    os.environ.update(dict.fromkeys(SINGLE, "1") | before | {"PYTHONSAFEPATH": "1", "PYTHONPATH": path})
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1") | before | {"PYTHONSAFEPATH": "1", "PYTHONPATH": path})
     try:
         yield
     finally:

@@ -1,4 +1,4 @@
-"""The run over a plan: clips go to workers, what comes back is written, and the manifest tells of it."""
+"""The run over a plan: clips go to workers, their results are written, and the manifest records what was done."""
 
 from __future__ import annotations
 
@@ -20,30 +20,30 @@ from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import hash_of, hash_of_file, read_bytes, text_of, write_whole
 from distretarget.report import About
 
-PATIENCE = 5.0  # seconds without a result after which workers are looked after
-AHEAD = 2  # tasks for each worker that are read and handed over before there is a worker for them
-CUT = 1 << 20  # bytes from which a clip may be cut into pieces, if it would keep one worker busy when all else is done
+CHECK_INTERVAL = 5.0  # time without a result after which the run checks that all workers are alive [s]
+QUEUED = 2  # tasks that are submitted at a time, running or waiting [tasks per worker]
+SPLIT_SIZE = 1 << 20  # smallest clip that is split into chunks if it would keep one worker busy at the end [bytes]
 
 
 class Watcher(Protocol):
-    """Sees a run go on."""
+    """Receives the progress of a run."""
 
     def clip(self, record: Record | None) -> None:
-        """A clip is dealt with: its line, or None where there was nothing to do."""
+        """Take note that a clip is done or has failed; `record` is None if there was nothing to do."""
 
     def report(self, work: Work, outcome: Outcome) -> None:
-        """The report on a clip is there, of its outcome."""
+        """Take the report on a clip, which is in its outcome."""
 
 
 @dataclass
 class _Running:
-    """A clip that is with a worker.
+    """A clip that has been submitted to a worker.
 
     Attributes:
         work: the clip.
-        content_hash: of the file.
-        task: what the worker has.
-        alone: whether no other clip is with a worker, for one that has seen a worker die.
+        content_hash: the hash of the clip's file.
+        task: the task of the worker.
+        alone: whether it is the only submitted clip, after an earlier try in which a worker died.
     """
 
     work: Work
@@ -54,17 +54,17 @@ class _Running:
 
 @dataclass
 class Run:
-    """A run.
+    """A run over a plan.
 
     Attributes:
-        folder: of the results.
-        recipe: what decides an output besides clip and target.
-        manifest: of the folder.
+        folder: the folder of results.
+        recipe: what determines an output besides clip and target.
+        manifest: the manifest of the folder.
         pool: the workers.
-        watcher: sees it go on.
-        overwrite: whether outputs are replaced that were not made here, and made anew that are done.
+        watcher: receives the progress.
+        overwrite: whether to convert again what is done, and to replace files that no batch made.
         fail_fast: whether the first failure ends the run.
-        about: what the report on a clip says of it; None for no report.
+        about: returns what the report on a clip says of it; None for no reports.
     """
 
     folder: Path
@@ -79,13 +79,13 @@ class Run:
     _suspects: list[_Running] = field(default_factory=list)
 
     def go(self, works: Iterable[Work], left: int) -> None:
-        """Convert the clips of a plan, the largest first, of `left` bytes altogether.
+        """Convert the clips of a plan, the largest first; `left` is their total size [bytes].
 
         Raises:
             BatchError: the workers are gone, or a clip failed and `fail_fast` is set.
         """
         for work in works:
-            while len(self._running) >= AHEAD * self.pool.workers:
+            while len(self._running) >= QUEUED * self.pool.workers:
                 self._finish_some()
             self._begin(work, left)
             left -= work.clip.size
@@ -93,14 +93,14 @@ class Run:
             self._finish_some()
         for suspect in self._suspects:
             suspect.alone = True
-            self._submit(suspect, cut=False)
+            self._submit(suspect, split=False)
             while self._running:
                 self._finish_some()
 
     # ---- a clip begins
 
     def _begin(self, work: Work, left: int) -> None:
-        """Read a clip and hand it to a worker, if there is anything to do."""
+        """Read a clip and submit it to a worker, unless it is done already."""
         try:
             content = read_bytes(work.clip.path)
             content_hash = hash_of(content)
@@ -109,27 +109,28 @@ class Run:
                 return
             text = Text(text_of(content, work.clip.path), work.clip.path)
         except FileError as error:
-            self._tell(record_of(work, None, self.recipe, error=str(error)))
+            self._record_failure(record_of(work, None, self.recipe, error=str(error)))
             return
         about = self.about(work) if self.about else None
         task = Task(text, work.target, self.recipe.map, self.recipe.options, about)
-        cut = work.clip.size > CUT and work.clip.size > left / self.pool.workers
-        self._submit(_Running(work, content_hash, task), cut)
+        split = work.clip.size > SPLIT_SIZE and work.clip.size > left / self.pool.workers
+        self._submit(_Running(work, content_hash, task), split)
 
-    def _submit(self, running: _Running, cut: bool) -> None:
+    def _submit(self, running: _Running, split: bool) -> None:
+        """Submit a clip to one worker, or split it into chunks for all workers."""
         task, pool = running.task, self.pool
-        future = _in_thread(convert, task, pool.executor.map) if cut else _handed(task, pool)
+        future = _in_thread(convert, task, pool.executor.map) if split else _submitted(task, pool)
         self._running[future] = running
 
     # ---- a clip ends
 
     def _finish_some(self) -> None:
-        """Wait for workers, and deal with what they are done with."""
-        done, _ = wait(self._running, PATIENCE, FIRST_COMPLETED)
+        """Wait until at least one clip is converted, and write the results of those that are."""
+        done, _ = wait(self._running, CHECK_INTERVAL, FIRST_COMPLETED)
         if not done and self.pool.lost():
-            unheard, self._running = self._running, {}
+            unfinished, self._running = self._running, {}
             self.pool.renew()
-            for each in unheard.values():
+            for each in unfinished.values():
                 self._suspect(each)
         for future in done:
             running = self._running.pop(future)
@@ -139,13 +140,13 @@ class Run:
                 self._suspect(running)
                 continue
             except CancelledError as error:
-                raise BatchError("the workers are gone; run this again to go on") from error
-            except Exception as error:  # of the cluster: whatever it is, it is this clip's
-                outcome = Outcome(version=self.recipe.version, error=f"{running.work.clip.path}: {_said(error)}")
+                raise BatchError("the workers are gone; run this again to continue") from error
+            except Exception as error:  # of the cluster; it concerns this clip only
+                outcome = Outcome(version=self.recipe.version, error=f"{running.work.clip.path}: {_described(error)}")
             self._finish(running, outcome)
 
     def _suspect(self, running: _Running) -> None:
-        """Deal with a clip that was with a worker, or on its way to one, when a worker died."""
+        """Keep a clip for another try after a worker died; if the clip was the only one submitted, it fails."""
         if running.alone:
             reason = "the process that converted it died, perhaps out of memory"
             self._finish(running, Outcome(version=self.recipe.version, error=f"{running.work.clip.path}: {reason}"))
@@ -153,7 +154,7 @@ class Run:
             self._suspects.append(running)
 
     def _finish(self, running: _Running, outcome: Outcome) -> None:
-        """Write what came of a clip."""
+        """Write the result of a clip, or record that it failed."""
         work, error = running.work, outcome.error
         if outcome.version != self.recipe.version:
             error = f"{work.clip.path}: a worker runs version {outcome.version}, this is {self.recipe.version}"
@@ -178,24 +179,25 @@ class Run:
                 if outcome.report:
                     self.watcher.report(work, outcome)
                 return
-        self._tell(record)
+        self._record_failure(record)
 
     def _write(self, work: Work, text: str, record: Record) -> None:
+        """Write an output, with its record just before it is put in place."""
         path = self.folder / work.place
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise FileError(path.parent, "the folder cannot be made: " + (error.strerror or str(error))) from error
-        standing = hash_of_file(path)
-        if standing == record["output_hash"]:  # another run was faster
+        existing_hash = hash_of_file(path)
+        if existing_hash == record["output_hash"]:  # another run was faster
             self.manifest.add(record)
             return
         if not self.overwrite:
-            self.manifest.check_replaceable(work, path, standing)
+            self.manifest.check_replaceable(work, path, existing_hash)
         write_whole(path, text, self.overwrite or path.exists(), lambda: self.manifest.add(record))
 
-    def _tell(self, record: Record) -> None:
-        """Note that a clip failed."""
+    def _record_failure(self, record: Record) -> None:
+        """Record that a clip failed."""
         try:
             self.manifest.add(record)
         except FileError as error:
@@ -208,24 +210,25 @@ class Run:
 def reports(
     works: Iterable[Work], recipe: Recipe, about: Callable[[Work], About], pool: Pool
 ) -> Iterator[tuple[Work, Outcome]]:
-    """The clips that were converted once more, for their reports; without those of which none can be made."""
+    """Convert clips again for their reports, and yield those for which a report could be made."""
     pending: deque[tuple[Work, Task, Future[Outcome]]] = deque()
     for work in works:
-        if len(pending) >= AHEAD * pool.workers:
+        if len(pending) >= QUEUED * pool.workers:
             yield from _reported(*pending.popleft(), pool)
         with contextlib.suppress(FileError):
             text = Text(text_of(read_bytes(work.clip.path), work.clip.path), work.clip.path)
             task = Task(text, work.target, recipe.map, recipe.options, about(work))
-            pending.append((work, task, _handed(task, pool)))
+            pending.append((work, task, _submitted(task, pool)))
     while pending:
         yield from _reported(*pending.popleft(), pool)
 
 
 def _reported(work: Work, task: Task, future: Future[Outcome], pool: Pool) -> Iterator[tuple[Work, Outcome]]:
+    """The clip with its outcome, if that has a report; after a worker died, the clip is tried once more."""
     try:
         outcome = future.result()
-    except BrokenExecutor:  # this clip's fault, or that of another
-        future = _handed(task, pool)
+    except BrokenExecutor:  # this clip or another one killed a worker
+        future = _submitted(task, pool)
         try:
             outcome = future.result()
         except (BrokenExecutor, CancelledError):
@@ -236,8 +239,8 @@ def _reported(work: Work, task: Task, future: Future[Outcome], pool: Pool) -> It
         yield work, outcome
 
 
-def _handed(task: Task, pool: Pool) -> Future[Outcome]:
-    """A task that was handed to the workers, to new ones if those there are gone."""
+def _submitted(task: Task, pool: Pool) -> Future[Outcome]:
+    """The future of a task submitted to the workers, which are replaced first if one of them has died."""
     try:
         return pool.executor.submit(convert, task)
     except BrokenExecutor:
@@ -245,12 +248,12 @@ def _handed(task: Task, pool: Pool) -> Future[Outcome]:
         return pool.executor.submit(convert, task)
 
 
-def _said(error: BaseException) -> str:
+def _described(error: BaseException) -> str:
     return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
 def _in_thread(function: Callable[..., Outcome], *arguments: Any) -> Future[Outcome]:
-    """What a function returns, from a thread that the end of the program does not wait for."""
+    """The future of a function that runs in a thread, for which the end of the program does not wait."""
     future: Future[Outcome] = Future()
 
     def run() -> None:

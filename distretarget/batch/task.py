@@ -1,4 +1,4 @@
-"""The conversion of one clip, as a worker does it: texts in, texts and figures out, no file touched."""
+"""The conversion of one clip by a worker: texts in, texts and figures out, without access to files."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from distretarget.solve.chunks import Mapper
 
 @dataclass(frozen=True)
 class Task:
-    """A clip to convert: the files it takes, as texts, and what a report is to say, if one is wanted."""
+    """A clip to convert: the texts of all files it needs, the options, and what its report is to say, if any."""
 
     source: Text
     target: Text
@@ -33,17 +33,17 @@ class Task:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What became of a task.
+    """The outcome of a task.
 
     Attributes:
-        version: of the program that did it.
-        seconds: it took.
-        error: why it failed, a line; empty if it did not.
+        version: the version of the program that did the task.
+        seconds: how long it took [s].
+        error: why it failed, one line; empty if it did not.
         bvh: the text of the output.
-        frames: of it.
-        figures: of source, rotation copy and result.
-        warnings: a line each.
-        report: HTML; empty if none was wanted.
+        frames: the number of frames of the output.
+        figures: the figures of source, rotation copy and result.
+        warnings: the warnings, a line each.
+        report: the HTML of the report; empty if none was wanted.
     """
 
     version: str
@@ -57,18 +57,18 @@ class Outcome:
 
     @cached_property
     def bvh_hash(self) -> str:
-        """The hash of the output."""
+        """The hash of the output file."""
         return text_hash(self.bvh)
 
 
 def convert(task: Task, mapper: Mapper = map) -> Outcome:
-    """Convert a clip; whatever goes wrong is told in the outcome. `mapper` is as in `retarget`."""
+    """Convert a clip; the outcome says what went wrong, if anything did. `mapper` is as in `retarget`."""
     started = time.perf_counter()
     try:
         outcome = _converted(task, mapper)
     except DistretargetError as error:
         outcome = _failed(str(error))
-    except (BrokenExecutor, CancelledError):  # of the mapper: the clip is not to blame
+    except (BrokenExecutor, CancelledError):  # raised by the mapper: the clip is not to blame
         raise
     except MemoryError:
         outcome = _failed(f"{task.source.path}: out of memory")
@@ -85,7 +85,7 @@ def _converted(task: Task, mapper: Mapper) -> Outcome:
     path = task.source.path
     motion = parse_bvh(task.source.text, path)
     result = retarget_onto(task.target, motion, path, task.map, task.options, mapper=mapper)
-    parts = bvh_parts(result.motion, mapper)  # made while the figures are, where there are others to do it
+    parts = bvh_parts(result.motion, mapper)  # other workers, if the mapper has any, make them while figures are made
     return Outcome(
         version=version("distretarget"),
         report=run_page(result, task.about) if task.about else "",

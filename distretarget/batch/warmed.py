@@ -1,4 +1,4 @@
-"""Imported by the process from which workers are forked: they have all compiled before their first clip."""
+"""Imported by the process from which workers are forked, so that workers have all code compiled from the start."""
 
 from distretarget.batch import task as task
 from distretarget.batch.compile_ahead import warm

@@ -1,4 +1,4 @@
-"""The command line: plumbing only, one file per command."""
+"""The command line: one file per command, with no mathematics in it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from distretarget.cli.skeleton import skeleton_group
 from distretarget.errors import DistretargetError
 from distretarget.io.files import reason_of
 
-PATIENCE = 5.0  # seconds in which threads that are about to end do so
+THREAD_TIMEOUT = 5.0  # time that each remaining thread has to end before the program ends without it [s]
 
 
 @click.group(cls=DefaultGroup, default="retarget", context_settings={"help_option_names": ["-h", "--help"]})
@@ -27,11 +27,11 @@ def cli() -> None:
     """Retarget BVH motion to another body by normalised joint distances.
 
     \b
-    distretarget SOURCE.bvh TARGET -o OUT.bvh       the same as: distretarget retarget ...
+    distretarget SOURCE.bvh TARGET -o OUT.bvh       one clip; the same as: distretarget retarget ...
     distretarget batch FOLDER TARGET -o FOLDER      a folder of clips
     distretarget diff A.bvh B.bvh -o REPORT.html    how far B is from A
     distretarget skeleton match SOURCE.bvh TARGET   which joint drives which
-    distretarget skeleton show FILE
+    distretarget skeleton show FILE                 the joints of a file and their bone lengths
     """  # noqa: D301
 
 
@@ -42,19 +42,19 @@ cli.add_command(skeleton_group)
 
 
 def main() -> None:
-    """Run the command line. Exit status: 0 done, 1 failed, 2 wrong usage, 130 interrupted; errors are one line."""
+    """Run the command line. Exit status: 0 done, 1 failed, 2 wrong usage, 130 interrupted; an error is one line."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     try:
         _leave(_run())
-    except OSError as error:  # of standard output, if no file has a part in it
-        sys.stdout = None  # or it would be tried once more
+    except OSError as error:  # of standard output, if the error names no file
+        sys.stdout = None  # so that Python does not flush it again at exit
         sys.exit(_complain(f"{error.filename or 'standard output'}: {reason_of(error)}", 1))
 
 
 def _run() -> int:
-    """Run the command; its exit status."""
+    """Run the command and return its exit status."""
     try:
         status: int | None = cli.main(prog_name="distretarget", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as error:
@@ -77,18 +77,19 @@ def _run() -> int:
 
 
 def _leave(status: int) -> NoReturn:
-    """End the program, even if a thread of a pool waits for ever for a worker that died while it was heard."""
+    """End the program, even if a thread of a pool waits forever for a worker that died while it sent a result."""
     sys.stdout.flush()
     sys.stderr.flush()
     others = [thread for thread in threading.enumerate() if thread is not threading.main_thread() and not thread.daemon]
     for thread in others:
-        thread.join(PATIENCE)
+        thread.join(THREAD_TIMEOUT)
     if any(thread.is_alive() for thread in others):
         os._exit(status)
     sys.exit(status)
 
 
 def _complain(message: str, status: int) -> int:
+    """Print an error on one line, and return the exit status."""
     line = " ".join(message.split("\n"))
     click.echo(f"distretarget: {line}".encode("utf-8", "backslashreplace").decode(), err=True)
     return status

@@ -1,4 +1,4 @@
-"""A command group that runs one of its commands when none is named."""
+"""A command group that runs a default command when none is named."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import click
 
 
 class DefaultGroup(click.Group):
-    """A group in which arguments that do not begin with a command's name go to the `default` command."""
+    """A group that passes arguments to the `default` command if they do not begin with the name of a command."""
 
     def __init__(self, *args: Any, default: str, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)

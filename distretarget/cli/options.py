@@ -1,4 +1,4 @@
-"""The options of every command that retargets."""
+"""The options shared by all commands that retarget."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ OPTIONS = (
         "map_path",
         type=click.Path(path_type=Path),
         metavar="FILE",
-        help='A JSON file with {"target joint": "source joint"}, null for joints that nothing drives. Its pairs count '
-        "before those in the target's file; joints in neither are matched by names or shape.",
+        help='A JSON file with {"target joint": "source joint"}, null for joints that nothing drives. Its pairs '
+        "overrule those in the target's file; joints in neither are matched by names or shape.",
     ),
     click.option(
         "--root-scale",
         type=positive,
         metavar="FACTOR",
-        help="Target units per source unit of the root's path. Default: the ratio of leg lengths.",
+        help="The scale of the root's path [target units per source unit]. Default: the ratio of leg lengths.",
     ),
-    click.option("--source-up", type=click.Choice(AXES), help="The axis that points up in SOURCE. Default: found."),
+    click.option("--source-up", type=click.Choice(AXES), help="The axis that points up in SOURCE. Default: detected."),
     click.option(
         "--target-up",
         type=click.Choice(AXES),
-        help="The axis that points up in TARGET and in the output. Default: what the target's file says; else found.",
+        help="The axis that points up in TARGET and in the output. Default: what TARGET says, else detected.",
     ),
     click.option(
         "--root-offset",
@@ -47,19 +47,20 @@ OPTIONS = (
         type=click.Choice(OBJECTIVES),
         default=OBJECTIVES[0],
         show_default=True,
-        help="contact: what is near stays near, the rest as it was. paper: the distances and priorities of the paper.",
+        help="contact: keep what is near in the source near, and the rest as in the source. "
+        "paper: use the distances and priorities of the paper.",
     ),
     click.option(
         "--feet",
         type=click.Choice(["hold", "free"]),
-        help="hold: feet at rest keep their place and height; the contact objective does unless told otherwise. "
-        "free: feet follow the legs, as they do with the paper's objective.",
+        help="hold: feet at rest keep their place and height; the default with the contact objective. "
+        "free: feet follow the legs; always so with the paper's objective.",
     ),
 )
 
 
 def retargeting(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command the options of retargeting; it gets `map_path`, and the others as `options`."""
+    """Add the options of retargeting to a command, which receives `map_path`, and all others as `options`."""
 
     @functools.wraps(command)
     def with_options(
@@ -73,7 +74,7 @@ def retargeting(command: Callable[..., None]) -> Callable[..., None]:
         **others: Any,
     ) -> None:
         if feet == "hold" and objective == "paper":
-            raise click.UsageError("--feet hold: the paper's objective knows no feet; use --objective contact.")
+            raise click.UsageError("--feet hold: the paper's objective cannot hold feet; use --objective contact.")
         options = Options(objective, feet != "free", root_scale, source_up, target_up, root_offset)
         command(options=options, **others)
 

@@ -1,4 +1,4 @@
-"""`distretarget retarget`: one clip."""
+"""`distretarget retarget`: retarget one clip."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from distretarget.report import run_page
 from distretarget.result import RetargetResult
 from distretarget.run_summary import figures_json, summary_line, unmatched
 
-LISTED = 12  # joints in a line of --verbose, at most
+LISTED = 12  # largest number of joints in a line of --verbose
 
 
 @click.command("retarget")
@@ -38,10 +38,10 @@ LISTED = 12  # joints in a line of --verbose, at most
 @click.option(
     "--report",
     type=click.Path(path_type=Path),
-    help="Write an HTML report to this file: the result, and the rotation copy, measured against the source.",
+    help="Write an HTML report to this file: the result and the rotation copy, measured against the source.",
 )
 @click.option(
-    "-v", "--verbose", is_flag=True, help="Tell what was recognised and matched, and how the source's world was taken."
+    "-v", "--verbose", is_flag=True, help="Print what was recognised and matched, and the axes, OFFSET and scale used."
 )
 def retarget_command(
     source: Path,
@@ -54,10 +54,10 @@ def retarget_command(
     report: Path | None,
     verbose: bool,
 ) -> None:
-    """Carry the motion of SOURCE, a BVH file, over to the body of TARGET.
+    """Retarget the motion of SOURCE, a BVH file, to the body of TARGET.
 
-    TARGET is a skeleton file (.json) or any BVH file with the body wanted. Its joints may have other names, another
-    rest pose and other axes than those of SOURCE; 'distretarget skeleton match' shows which joint drives which.
+    TARGET is a skeleton file (.json) or any BVH file of that body. Names, rest pose and axes may differ from those of
+    SOURCE; 'distretarget skeleton match' shows which joint drives which.
 
     \b
     distretarget walk.bvh child.json -o walk_child.bvh
@@ -68,9 +68,9 @@ def retarget_command(
     check_outputs([output, figures, report], [source, target, map_path], overwrite)
     started = time.perf_counter()
     motion = read_bvh(source)
-    own, goal = load_map(map_path), load_text(target)
+    map_file, target_text = load_map(map_path), load_text(target)
     with tqdm(total=len(motion), unit=" frames", desc=source.name, disable=None, leave=False) as bar:
-        result = retarget_onto(goal, motion, source, own, options, progress=bar.update)
+        result = retarget_onto(target_text, motion, source, map_file, options, progress=bar.update)
     texts = {output: format_bvh(result.motion)}
     seconds = time.perf_counter() - started
     texts |= {figures: figures_json(result)} if figures else {}
@@ -86,7 +86,7 @@ def retarget_command(
 
 
 def _account(result: RetargetResult) -> Iterator[str]:
-    """What was recognised and matched, and how the source's world was taken."""
+    """The lines of --verbose: what was recognised and matched, and the axes, OFFSET and scale used."""
     yield from headline(result.matching)
     for what, joints in (
         ("joints of the target that follow their parents", result.matching.followers),
@@ -94,20 +94,20 @@ def _account(result: RetargetResult) -> Iterator[str]:
     ):
         yield f"{what}: {quoted(joints, LISTED) or 'none'}"
     world = result.world
-    turned = (
+    target_up = (
         "the same in the target" if world.up == world.source_up else f"{world.up} in the target: the world is turned"
     )
-    yield f"up: {world.source_up} in the source, {turned}"
+    yield f"up: {world.source_up} in the source, {target_up}"
     yield _root_offset(result)
     yield f"root scale: {result.root_scale:.6g} target units per source unit"
 
 
 def _root_offset(result: RetargetResult) -> str:
-    """What the root's OFFSET does."""
+    """The line of --verbose on the OFFSET of the source's root."""
     offset = result.source.skeleton.offsets[0]
     if not offset.any():
-        return "the source's root has OFFSET 0: replaced or added to, it is the same"
+        return "the source's root has OFFSET 0, so replacing it and adding to it are the same"
     other = next(choice for choice in get_args(RootOffset) if choice != result.world.root_offset)
-    does = {"replaced": "replaces it", "added": "is added to it"}[result.world.root_offset]
+    effect = {"replaced": "replaces it", "added": "is added to it"}[result.world.root_offset]
     numbers = " ".join(f"{number:.6g}" for number in offset)
-    return f"the source's root has OFFSET {numbers}: its position {does}; --root-offset {other} for the other reading"
+    return f"the source's root has OFFSET {numbers}: its position {effect}; --root-offset {other} for the other reading"

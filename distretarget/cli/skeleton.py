@@ -1,4 +1,4 @@
-"""`distretarget skeleton`: look at skeletons, change and match them, and turn them into files to edit."""
+"""`distretarget skeleton`: show, edit and match skeletons, and write them as files to edit."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from distretarget.skeleton import Skeleton
 
 @click.group("skeleton")
 def skeleton_group() -> None:
-    """Look at skeletons, match them, and write skeleton files."""
+    """Show, edit and match skeletons, and write skeleton files."""
 
 
 @skeleton_group.command("show")
@@ -52,18 +52,18 @@ def show_command(file: Path) -> None:
     "-o",
     "--output",
     type=click.Path(path_type=Path),
-    help="The skeleton file to write; else standard output.",
+    help="The skeleton file to write. Default: standard output.",
 )
 @click.option("--overwrite", is_flag=True, help="Replace the output if it exists.")
 def export_command(file: Path, output: Path | None, overwrite: bool) -> None:
-    """Write the skeleton of FILE as a target skeleton file, to edit and retarget to.
+    """Write the skeleton of FILE as a target skeleton file, to edit it or to retarget to it.
 
     \b
     distretarget skeleton export hero.bvh -o hero.json
     """  # noqa: D301
     check_outputs([output], [file], overwrite)
-    body = load_full_target(file)
-    text = skeleton_to_json(body.skeleton, body.name or file.stem, body.map)
+    target = load_full_target(file)
+    text = skeleton_to_json(target.skeleton, target.name or file.stem, target.map)
     if output:
         write_whole(output, text, overwrite=overwrite)
     else:
@@ -72,16 +72,14 @@ def export_command(file: Path, output: Path | None, overwrite: bool) -> None:
 
 @skeleton_group.command("edit")
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option(
-    "--scale", type=positive, metavar="FACTOR", help="What all bones and the root's offset are multiplied by."
-)
+@click.option("--scale", type=positive, metavar="FACTOR", help="The factor for all bones and the root's offset.")
 @click.option(
     "--length",
     "lengths",
     type=of_bone,
     multiple=True,
     metavar="BONE=LENGTH",
-    help="The final length of a bone, in the file's units, whatever the scale. May be given several times.",
+    help="The final length of a bone [file units], whatever the scale. May be given several times.",
 )
 @click.option(
     "--factor",
@@ -89,7 +87,7 @@ def export_command(file: Path, output: Path | None, overwrite: bool) -> None:
     type=of_bone,
     multiple=True,
     metavar="BONE=FACTOR",
-    help="What a bone is multiplied by, besides the scale. May be given several times.",
+    help="An additional factor for a bone. May be given several times.",
 )
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="The skeleton file to write.")
 @click.option("--overwrite", is_flag=True, help="Replace the output if it exists.")
@@ -103,8 +101,8 @@ def edit_command(
 ) -> None:
     """Write the skeleton of FILE with other bone lengths as a target skeleton file.
 
-    A BONE is named by its lower joint, or several by a pattern with * and ?: 'Left*' is every bone whose name begins
-    with Left and that has a length. Each bone may be named once.
+    BONE is the name of a bone's lower joint, or a pattern with * and ? for several bones: 'Left*' is every bone whose
+    name begins with Left and whose length is not 0. Each bone may be named only once.
 
     \b
     distretarget skeleton edit hero.bvh --scale 1.1 -o tall_hero.json
@@ -113,23 +111,23 @@ def edit_command(
     if scale is None and not lengths and not factors:
         raise click.UsageError("nothing to change; give --scale, --length or --factor.")
     check_outputs([output], [file], overwrite)
-    body = load_full_target(file)
+    target = load_full_target(file)
     options = [
         *(("--length", name, number) for name, number in lengths),
         *(("--factor", name, number) for name, number in factors),
     ]
-    chosen = _bones(file, body.skeleton, options)
+    chosen = _bones(file, target.skeleton, options)
     per_option = {
         option: {key: number for key, (by, _, number) in chosen.items() if by == option}
         for option in ("--length", "--factor")
     }
     edit = SkeletonEdit(1.0 if scale is None else scale, per_option["--length"], per_option["--factor"], file)
-    edited = edit.apply(body.skeleton)
-    write_whole(output, skeleton_to_json(edited, body.name or file.stem, body.map), overwrite=overwrite)
-    changed = int(np.sum(edited.lengths != body.skeleton.lengths))
+    edited = edit.apply(target.skeleton)
+    write_whole(output, skeleton_to_json(edited, target.name or file.stem, target.map), overwrite=overwrite)
+    changed = int(np.sum(edited.lengths != target.skeleton.lengths))
     unit = f" {edited.units}" if edited.units else ""
     bones = "1 bone" if changed == 1 else f"{changed} bones"
-    click.echo(f"{bones} changed; height {Body.of(body.skeleton).height:.6g} -> {Body.of(edited).height:.6g}{unit}")
+    click.echo(f"{bones} changed; height {Body.of(target.skeleton).height:.6g} -> {Body.of(edited).height:.6g}{unit}")
 
 
 @skeleton_group.command("match")
@@ -140,28 +138,28 @@ def edit_command(
     "map_path",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="A map file whose pairs count before all others.",
+    help="A map file whose pairs overrule all others.",
 )
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="The map file to write.")
 @click.option("--overwrite", is_flag=True, help="Replace the output if it exists.")
 def match_command(source: Path, target: Path, map_path: Path | None, output: Path | None, overwrite: bool) -> None:
     """Print which joint of SOURCE drives which joint of TARGET, and write it as a map to edit.
 
-    Both are BVH or skeleton files. A joint is found by a map, an equal name, names of parts of the body, its shape, or
-    as the tip of a matched joint. Joints of a spine or neck that has more or fewer joints in the other body turn
-    between two of its joints.
+    Both are BVH or skeleton files. The method of a pair is a map, an equal name, names or shape (both joints are the
+    same part of the body, by their names or by their place in it), or tip (both end matched joints). Where source and
+    target have different numbers of joints in the spine or neck, a target joint may blend two source joints.
 
-    A map is given to 'distretarget retarget' with --map; it has null for joints that nothing drives.
+    Give the map to 'distretarget retarget' with --map. It has null for joints that nothing drives.
 
     \b
     distretarget skeleton match walk.bvh robot.bvh
     distretarget skeleton match walk.bvh robot.bvh -o walk_robot.map.json
     """  # noqa: D301
     check_outputs([output], [source, target, map_path], overwrite)
-    body = _load_body(source)
-    goal = load_target(target).for_source(body.skeleton)
-    pairs = joint_map(body.skeleton, goal, target, load_map(map_path))
-    matching = find_matching(body, Body.of(goal.skeleton, goal.motion), pairs)
+    source_body = _load_body(source)
+    whole_target = load_target(target).for_source(source_body.skeleton)
+    pairs = joint_map(source_body.skeleton, whole_target, target, load_map(map_path))
+    matching = find_matching(source_body, Body.of(whole_target.skeleton, whole_target.motion), pairs)
     lines = [
         *headline(matching),
         "",
@@ -175,11 +173,8 @@ def match_command(source: Path, target: Path, map_path: Path | None, output: Pat
     if output:
         write_whole(output, map_to_json(matching), overwrite=overwrite)
     if reason := refusal(matching):
-        raise FileError(target, f"{reason}; fill in {_the_map(output)} and give it with --map")
-
-
-def _the_map(output: Path | None) -> str:
-    return str(output) if output else "a map, which -o MAP.json writes,"
+        map_name = str(output) if output else "a map, which -o MAP.json writes,"
+        raise FileError(target, f"{reason}; fill in {map_name} and give it with --map")
 
 
 def _load_body(path: Path) -> Body:
@@ -190,10 +185,10 @@ def _load_body(path: Path) -> Body:
 def _bones(
     file: Path, skeleton: Skeleton, options: Iterable[tuple[str, str, float]]
 ) -> dict[str, tuple[str, str, float]]:
-    """Per bone the option that names it: (option, name or pattern, number).
+    """For each bone named by an option: the option, the name or pattern, and the number.
 
     Raises:
-        FileError: an option names no bone, or two name the same.
+        FileError: an option names no bone, or two options name the same bone.
     """
     chosen: dict[str, tuple[str, str, float]] = {}
     for option, name, number in options:
@@ -205,12 +200,13 @@ def _bones(
             if key in chosen:
                 other, pattern, _ = chosen[key]
                 both = f"{other} {pattern} and {option} {name}"
-                raise FileError(file, f"{both} are both for the bone {key!r}; each bone may be named once")
+                raise FileError(file, f"{both} are both for the bone {key!r}; each bone may be named only once")
             chosen[key] = option, name, number
     return chosen
 
 
 def _headline(skeleton: Skeleton) -> str:
+    """One line with the numbers of joints, the size of the body and how it was recognised."""
     unit = f" {skeleton.units}" if skeleton.units else ""
     ends = int(skeleton.end_sites.sum())
     body = Body.of(skeleton)
@@ -220,7 +216,7 @@ def _headline(skeleton: Skeleton) -> str:
 
 
 def _tree(skeleton: Skeleton) -> list[str]:
-    """One line per joint: branches, name, length of its bone."""
+    """The lines of the tree, one per joint: branches, name, length of its bone."""
     lines = [(skeleton.names[0], "")]
     _branches(skeleton, lines)
     width = max(len(name) for name, _ in lines) + 2
@@ -228,6 +224,7 @@ def _tree(skeleton: Skeleton) -> list[str]:
 
 
 def _branches(skeleton: Skeleton, lines: list[tuple[str, str]]) -> None:
+    """Add the lines of all joints below the root."""
     indents = {0: ""}
     for joint in skeleton.depth_first[1:]:
         parent = int(skeleton.parents[joint])
