@@ -188,13 +188,17 @@ class Run:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise FileError(path.parent, "the folder cannot be made: " + (error.strerror or str(error))) from error
-        existing_hash = hash_of_file(path)
-        if existing_hash == record["output_hash"]:  # another run was faster
-            self.manifest.add(record)
-            return
-        if not self.overwrite:
-            self.manifest.check_replaceable(work, path, existing_hash)
-        write_whole(path, text, self.overwrite or path.exists(), lambda: self.manifest.add(record))
+        try:
+            existing_hash = hash_of_file(path)
+            if existing_hash != record["output_hash"]:
+                if not self.overwrite:
+                    self.manifest.check_replaceable(work, path, existing_hash)
+                write_whole(path, text, self.overwrite or path.exists(), lambda: self.manifest.add(record))
+                return
+        except FileError:
+            if hash_of_file(path) != record["output_hash"]:
+                raise
+        self.manifest.add(record)  # another run was faster
 
     def _record_failure(self, record: Record) -> None:
         """Record that a clip failed."""
