@@ -106,9 +106,9 @@ def batch_command(
     reports: int | None,
     dry_run: bool,
 ) -> None:
-    """Convert many clips. SOURCES are BVH files and folders; the folder of results has the same tree.
+    """Convert many clips to one or several targets.
 
-    Clips that are done and unchanged are skipped, so an interrupted run continues where it stopped; clips that failed
+    SOURCES are BVH files and folders; results keep the tree of each folder. Clips that are done and unchanged are skipped, so an interrupted run continues where it stopped; clips that failed
     are tried again. manifest.jsonl in the folder of results has a line for each clip.
 
     \b
