@@ -108,8 +108,9 @@ def batch_command(
 ) -> None:
     """Convert many clips to one or several targets.
 
-    SOURCES are BVH files and folders; results keep the tree of each folder. Clips that are done and unchanged are skipped, so an interrupted run continues where it stopped; clips that failed
-    are tried again. manifest.jsonl in the folder of results has a line for each clip.
+    SOURCES are BVH files and folders; results keep the tree of each folder. Clips that are done and unchanged are
+    skipped, so an interrupted run continues where it stopped; clips that failed are tried again. manifest.jsonl in the
+    folder of results has a line for each clip.
 
     \b
     distretarget batch mocap hero.json -o mocap_hero
