@@ -283,7 +283,7 @@ def test_a_run_that_was_stopped_goes_on(folder, name):
     if name != "SIGKILL":
         assert process.returncode == 130
         assert " left" in out.splitlines()[0]
-        assert err == "distretarget: interrupted; run this again to continue\n"
+        assert err == "distretarget: interrupted; run this again to go on\n"
         assert not list((folder / "out").glob(".*"))
     deadline = time.monotonic() + 20
     while workers_of(process.pid) and time.monotonic() < deadline:

@@ -186,7 +186,7 @@ def _convert(run: Run, works: Sequence[Work], pages: Pages | None) -> tuple[str,
                 pages.finish(run, works, run.manifest.latest(works))
         except KeyboardInterrupt:
             signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the summary is left to print
-            return "interrupted; run this again to continue", INTERRUPTED
+            return "interrupted; run this again to go on", INTERRUPTED
         except (BatchError, FileError) as error:
             return str(error), 1
     return "", 0
