@@ -268,7 +268,7 @@ def test_a_run_that_was_stopped_goes_on(work, tmp_path, name):
     if name != "SIGKILL":
         assert process.returncode == 130
         assert " left" in out.splitlines()[0]
-        assert err == "distretarget: interrupted; run this again to continue\n"
+        assert err == "distretarget: interrupted; run this again to go on\n"
         assert not list(tmp_path.glob(".*"))
     assert batch(work / "in", work / "body.json", "-o", tmp_path).returncode == 0
     assert not list(tmp_path.glob(".*"))

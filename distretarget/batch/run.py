@@ -140,7 +140,7 @@ class Run:
                 self._suspect(running)
                 continue
             except CancelledError as error:
-                raise BatchError("the workers are gone; run this again to continue") from error
+                raise BatchError("the workers are gone; run this again to go on") from error
             except Exception as error:  # of the cluster; it concerns this clip only
                 outcome = Outcome(version=self.recipe.version, error=f"{running.work.clip.path}: {_described(error)}")
             self._finish(running, outcome)

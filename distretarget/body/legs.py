@@ -13,7 +13,7 @@ from distretarget.body.anatomy import SIDES, Anatomy
 from distretarget.skeleton import Skeleton
 
 LIKENESS = 0.15  # largest difference between the bone lengths of two like limbs [sum of the lengths of both]
-SHORTEST_LIMB = 0.4  # shorter limbs are no arms or legs [length of the longest pair of like limbs; of a leg, for arms]
+SHORTEST_LIMB = 0.4  # least length of a limb [lengths of the longest pair of like limbs; for arms, of a leg]
 JOINT_BEND = np.radians(30)  # the rest pose bends by more than this at most hip joints and ankles [rad]
 LOWEST_HIP = 0.3  # the hip joint is above this place [length of the leg's chain, from its top]
 HIGHEST_ANKLE = 0.6  # the ankle is below this place [length of the leg's chain, from its top]

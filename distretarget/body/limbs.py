@@ -21,7 +21,7 @@ ARM_RATIO = 0.6  # typical length from shoulder to wrist; real bodies have 0.53 
 TWIST_PENALTY = 0.05  # for a joint inside the upper arm or forearm
 BEND_PENALTY = 0.3  # for a joint there at which the rest pose bends
 NO_COLLAR_PENALTY = 0.3  # for an arm without a collar bone, if it has joints enough for one
-UNLIKE = 1.2  # from this sum on a limb is no arm
+UNLIKE = 1.2  # a limb with this sum or a larger one is not an arm
 
 ARM_JOINTS = 3  # least number of joints of an arm: shoulder, elbow, wrist
 STRAIGHT = np.radians(10)  # the rest pose bends by less than this at joints inside a bone of the body [rad]

@@ -32,7 +32,7 @@ ARM_WEIGHT = 0.25  # of each arm bone's deviation from hanging or pointing sidew
 FOOT_WEIGHT = 5.0  # of an ankle's height over its low place [1 / body unit]
 LOW_ANKLE = 20.0  # the low place of an ankle: this percentile of its heights [%]
 TWIST_WEIGHT = 5.0  # of the twist between shoulders and hips
-LEANING = 0.8  # no frame is a standing one if the lean of trunk plus legs is always more than this [1 - cosine, summed]
+LEANING = 0.8  # a body stands in a motion if in some frame its trunk and legs lean by less [sum of 1 - cosine]
 
 CLEAR_BEND = 0.1  # the axis about which a limb bends is known if its bend is larger than this on average [sine]
 

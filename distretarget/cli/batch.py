@@ -106,10 +106,11 @@ def batch_command(
     reports: int | None,
     dry_run: bool,
 ) -> None:
-    """Convert many clips. SOURCES are BVH files and folders; the folder of results has the same tree.
+    """Convert many clips to one or several targets.
 
-    Clips that are done and unchanged are skipped, so an interrupted run continues where it stopped; clips that failed
-    are tried again. manifest.jsonl in the folder of results has a line for each clip.
+    SOURCES are BVH files and folders; results keep the tree of each folder. Clips that are done and unchanged are
+    skipped, so an interrupted run continues where it stopped; clips that failed are tried again. manifest.jsonl in the
+    folder of results has a line for each clip.
 
     \b
     distretarget batch mocap hero.json -o mocap_hero
@@ -182,7 +183,7 @@ def _convert(batch: Batch, manifest: Manifest, pool: Pool, progress: Progress) -
             batch.convert(manifest, pool, progress.tally, progress.show)
         except KeyboardInterrupt:
             signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the summary is left to print
-            return "interrupted; run this again to continue", INTERRUPTED
+            return "interrupted; run this again to go on", INTERRUPTED
         except (BatchError, FileError) as error:
             return str(error), 1
     return "", 0

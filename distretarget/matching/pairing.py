@@ -123,17 +123,17 @@ def tips(source: Skeleton, target: Skeleton, pairs: JointPairs) -> JointPairs:
     """Return the pairs of joints that end matched joints: only children with nothing matched below, else End Sites in
     order.
     """
-    found: JointPairs = {}
+    tip_pairs: JointPairs = {}
     above = _above(source, {driver for driver, _ in pairs.values()}), _above(target, set(pairs))
     for joint in range(len(target)):
-        driver = (pairs | found).get(joint, (-1, ""))[0]
+        driver = (pairs | tip_pairs).get(joint, (-1, ""))[0]
         if driver < 0:
             continue
         ends, children = _others(source, driver, above[0]), _others(target, joint, above[1])
         if not len(source.children[driver]) == len(target.children[joint]) == 1:
             ends, children = [j for j in ends if source.end_sites[j]], [j for j in children if target.end_sites[j]]
-        found |= {child: (end, "tip") for end, child in zip(ends, children, strict=False)}
-    return found
+        tip_pairs |= {child: (end, "tip") for end, child in zip(ends, children, strict=False)}
+    return tip_pairs
 
 
 def _others(skeleton: Skeleton, joint: int, above: set[int]) -> list[int]:
