@@ -13,7 +13,7 @@ from distretarget.conversion import Options, Text
 from distretarget.io.bvh import format_bvh, parse_bvh
 from distretarget.io.map_json import MapFile
 from distretarget.io.skeleton_json import skeleton_to_json
-from distretarget.report import About
+from distretarget.report.document import About
 
 TARGET = Text(skeleton_to_json(other_lengths(person()), "body"), "body.json")
 

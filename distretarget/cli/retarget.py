@@ -19,7 +19,7 @@ from distretarget.errors import quoted
 from distretarget.io.bvh import format_bvh, read_bvh
 from distretarget.io.files import write_whole
 from distretarget.io.map_json import load_map
-from distretarget.report import run_page
+from distretarget.report.report import run_page
 from distretarget.result import RetargetResult
 from distretarget.run_summary import figures_json, summary_line, unmatched
 
