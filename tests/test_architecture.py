@@ -76,6 +76,15 @@ def test_only_the_command_line_prints_and_only_the_bridge_knows_bvhio(path):
         assert "bvhio" not in imported
 
 
+def test_the_table_of_rooms_is_in_the_order_of_the_floors():
+    text = (ROOT / "CONTRIBUTING.md").read_text()
+    rooms = re.findall(r"`(\w+)(?:/|\.py)`", "".join(re.findall(r"^\| (`[^|]*) \|", text, re.M)))
+    named = {room for room in " ".join(FLOORS).split() if not room.startswith("__")}
+    assert set(rooms) == named
+    floors = [floor_of(room) for room in rooms]
+    assert floors == sorted(floors, reverse=True)
+
+
 def test_no_name_hides_a_module():
     packages = [path.parent for path in FILES if path.name == "__init__.py"]
     for package in packages:
