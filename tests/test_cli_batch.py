@@ -165,8 +165,8 @@ def test_a_dry_run_writes_nothing(folder):
         (["in", "typo", "body.json"], 2, "typo: there is no such file or folder"),
         (["in", "body.json", "--report", "in/a.bvh", "--overwrite"], 1, "in/a.bvh: is an input"),
         (["in", "body.json", "--report", "body.json", "--overwrite"], 1, "body.json: is an input"),
-        (["in", "body.json", "--report", "out/a.bvh", "--overwrite"], 1, "has a place that results take"),
-        (["in", "body.json", "--report", "out/manifest.jsonl"], 1, "has a place that results take"),
+        (["in", "body.json", "--report", "out/a.bvh", "--overwrite"], 1, "the place of a result"),
+        (["in", "body.json", "--report", "out/manifest.jsonl"], 1, "the place of a result"),
     ],
 )
 def test_wrong_usage_is_one_line(folder, arguments, status, says):
@@ -345,7 +345,7 @@ def test_dask_gives_the_same_and_survives_a_dying_worker(folder):
 
 def test_a_scheduler_that_is_not_there(folder, monkeypatch):
     pytest.importorskip("distributed", reason="needs distributed")
-    monkeypatch.setattr("distretarget.batch.pools.ANSWER", "1s")
+    monkeypatch.setattr("distretarget.batch.pools.CONNECT_TIMEOUT", "1s")
     monkeypatch.chdir(folder)
     arguments = ["batch", "in", "body.json", "-o", "out", "--dask", "tcp://127.0.0.1:9"]
     error = CliRunner().invoke(cli, arguments).exception
