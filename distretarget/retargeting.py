@@ -52,11 +52,11 @@ def retarget(
     mapper: Mapper = map,
     progress: Progress = lambda _frames: None,
 ) -> RetargetResult:
-    """Carry a motion over to another body.
+    """Retarget a motion to another body.
 
     Args:
-        source: the motion to carry over.
-        target: the body to carry it to, with whatever names, rest pose and axes: what `load_target` returns, with the
+        source: the motion to retarget.
+        target: the body to retarget it to, with any names, rest pose and axes: what `load_target` returns, with the
             joint map of its file; a skeleton; or any motion of the body, which tells its axes, and how its limbs bend
             where its rest pose does not.
         objective: "contact" keeps what is near near and the rest as it was; "paper" minimises Eq. (2) of
