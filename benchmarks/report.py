@@ -98,7 +98,7 @@ def lengthened(motion: Motion, frames: int) -> Motion:
 def html(a: Motion, b: Motion) -> str:
     """The report."""
     difference = diff(a, b)
-    return page(difference, document(difference, About("a.bvh", "b.bvh", "", "")))
+    return page(difference, document(difference, About(a="a.bvh", b="b.bvh", command="", version="")))
 
 
 def drawings(tab: Page) -> float:

@@ -30,7 +30,7 @@ def test_a_task_does_what_retargeting_does():
     source = parse_bvh(text, "in.bvh")
     assert outcome.bvh == format_bvh(retarget(source, other_lengths(person())).motion)
     assert outcome.figures["result"]["bone_error"] < 1e-9
-    assert "<title>" in convert(task_of(text, about=About("a", "b", "", "1"))).report
+    assert "<title>" in convert(task_of(text, about=About(a="a", b="b", command="", version="1"))).report
     with ThreadPoolExecutor(2) as pool:
         assert convert(task_of(text), pool.map).bvh == outcome.bvh
 

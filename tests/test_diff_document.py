@@ -17,9 +17,10 @@ from distretarget.measure.diff import Diff, diff
 from distretarget.measure.figures import BY_KEY, FIGURES, Track
 from distretarget.measure.metrics import compare
 from distretarget.report.document import PAIRS, About, csv_text, document, json_text
+from distretarget.report.document_types import DiffBody, DiffDocument, DiffFigures, DiffLimit, DiffPair, Program
 
 PERSON = person()
-ABOUT = About("a.bvh", "b.bvh", "distretarget diff a.bvh b.bvh", "1.2.3")
+ABOUT = About(a="a.bvh", b="b.bvh", command="distretarget diff a.bvh b.bvh", version="1.2.3")
 ERRORS = [figure.key for figure in FIGURES if figure.judged == "value"]
 OF_SOURCE = [figure.key for figure in FIGURES if figure.of_source]
 COLUMNS = [
@@ -89,6 +90,21 @@ def test_a_document_follows_the_schema_and_says_the_same_as_json(name):
     assert len(found["frames"]) == found["frame_count"]
     assert column("frame", found) == list(range(found["frame_count"]))
     assert len(found["pairs"]) <= PAIRS
+
+
+def test_the_types_have_the_keys_of_the_schema():
+    schema = json.loads(files("distretarget.report").joinpath("diff.schema.json").read_text("utf-8"))
+    definitions = schema["$defs"]
+    for type_, described in (
+        (DiffDocument, schema),
+        (Program, schema["properties"]["program"]),
+        (DiffFigures, schema["properties"]["figures"]),
+        (DiffBody, definitions["body"]),
+        (DiffLimit, definitions["limit"]),
+        (DiffPair, definitions["pair"]),
+    ):
+        assert type_.__required_keys__ == set(described["properties"]), type_
+        assert not type_.__optional_keys__, type_
 
 
 @pytest.mark.parametrize("name", CLIPS)

@@ -41,7 +41,17 @@ def sample():
         notes=(),
     )
     copy = {**baseline.tracks, "stress": Track(run.copy_stress)}
-    return of_run, document(of_run, About("clap.bvh", "clap_long_arms.bvh", "distretarget diff", "1", copy, LIMITS))
+    return of_run, document(
+        of_run,
+        About(
+            a="clap.bvh",
+            b="clap_long_arms.bvh",
+            command="distretarget diff",
+            version="1",
+            rotation_copy=copy,
+            limits=LIMITS,
+        ),
+    )
 
 
 def still(frames, body=PERSON):
@@ -51,7 +61,7 @@ def still(frames, body=PERSON):
 
 def compared(a, b, name="a.bvh"):
     result = diff(a, b)
-    return result, document(result, About(name, name, name, "1"))
+    return result, document(result, About(a=name, b=name, command=name, version="1"))
 
 
 def renamed(motion, names):

@@ -159,4 +159,4 @@ def _listed(paths: Paths) -> list[Path]:
 
 def _about(work: Work) -> About:
     """What a report says of a clip where no command line made it."""
-    return About(work.clip.path.name, work.place.name, "", version("distretarget"))
+    return About(a=work.clip.path.name, b=work.place.name, command="", version=version("distretarget"))
