@@ -10,8 +10,9 @@ from bodies import other_lengths, person
 
 from distretarget.batch import run as batch_run
 from distretarget.batch.clips import find_clips
-from distretarget.batch.manifest import Manifest, Recipe, read_records
+from distretarget.batch.manifest import Manifest
 from distretarget.batch.plan import plan
+from distretarget.batch.record import Recipe, read_records
 from distretarget.batch.run import Run, reports
 from distretarget.batch.task import Outcome
 from distretarget.conversion import Options, Text

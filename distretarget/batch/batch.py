@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from distretarget.batch.clips import find_clips
-from distretarget.batch.manifest import Manifest, Recipe, Record
+from distretarget.batch.manifest import Manifest
 from distretarget.batch.plan import Work, check_page, plan
 from distretarget.batch.pools import Pool, Processes, cores
+from distretarget.batch.record import ManifestRecord, Recipe
 from distretarget.batch.reports import Pages
 from distretarget.batch.run import Run
 from distretarget.batch.summary import Tally
@@ -24,11 +25,11 @@ from distretarget.io.skeleton_json import parse_target
 from distretarget.report import About
 
 Paths = str | Path | Sequence[str | Path]
-Progress = Callable[[Record | None], Any]
+Progress = Callable[[ManifestRecord | None], Any]
 DEFAULT_OPTIONS = Options()
 
 
-def _ignore(_record: Record | None) -> None:
+def _ignore(_record: ManifestRecord | None) -> None:
     """Show no progress."""
 
 
@@ -79,7 +80,7 @@ class _Counted:
     pages: Pages | None
     progress: Progress
 
-    def clip(self, record: Record | None) -> None:
+    def clip(self, record: ManifestRecord | None) -> None:
         self.tally.add(record)
         self.progress(record)
 

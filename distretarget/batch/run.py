@@ -11,9 +11,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
-from distretarget.batch.manifest import Manifest, Recipe, Record, record_of
+from distretarget.batch.manifest import Manifest
 from distretarget.batch.plan import Work
 from distretarget.batch.pools import Pool
+from distretarget.batch.record import ManifestRecord, Recipe, failed_record
 from distretarget.batch.task import Outcome, Task, convert
 from distretarget.conversion import Text
 from distretarget.errors import BatchError, DistretargetError, FileError
@@ -28,7 +29,7 @@ SPLIT_SIZE = 1 << 20  # smallest clip that is split into chunks if it would keep
 class Watcher(Protocol):
     """Receives the progress of a run."""
 
-    def clip(self, record: Record | None) -> None:
+    def clip(self, record: ManifestRecord | None) -> None:
         """Take note that a clip is done or has failed; `record` is None if there was nothing to do."""
 
     def report(self, work: Work, outcome: Outcome) -> None:
@@ -109,7 +110,7 @@ class Run:
                 return
             text = Text(text_of(content, work.clip.path), work.clip.path)
         except FileError as error:
-            self._record_failure(record_of(work, None, self.recipe, error=str(error)))
+            self._record_failure(failed_record(work, None, self.recipe) | {"error": str(error)})
             return
         about = self.about(work) if self.about else None
         task = Task(text, work.target, self.recipe.map, self.recipe.options, about)
@@ -158,16 +159,13 @@ class Run:
         work, error = running.work, outcome.error
         if outcome.version != self.recipe.version:
             error = f"{work.clip.path}: a worker runs version {outcome.version}, this is {self.recipe.version}"
-        record = record_of(
-            work,
-            running.content_hash,
-            self.recipe,
-            seconds=round(outcome.seconds, 3),
-            frames=outcome.frames,
-            figures=outcome.figures,
-            warnings=list(outcome.warnings),
-            error=error or None,
-        )
+        record = failed_record(work, running.content_hash, self.recipe) | {
+            "seconds": round(outcome.seconds, 3),
+            "frames": outcome.frames,
+            "figures": outcome.figures,
+            "warnings": list(outcome.warnings),
+            "error": error or None,
+        }
         if not error:
             record |= {"status": "done", "output_hash": outcome.bvh_hash}
             try:
@@ -181,7 +179,7 @@ class Run:
                 return
         self._record_failure(record)
 
-    def _write(self, work: Work, text: str, record: Record) -> None:
+    def _write(self, work: Work, text: str, record: ManifestRecord) -> None:
         """Write an output, with its record just before it is put in place."""
         path = self.folder / work.place
         try:
@@ -200,7 +198,7 @@ class Run:
                 raise
         self.manifest.add(record)  # another run was faster
 
-    def _record_failure(self, record: Record) -> None:
+    def _record_failure(self, record: ManifestRecord) -> None:
         """Record that a clip failed."""
         try:
             self.manifest.add(record)

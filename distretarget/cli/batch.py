@@ -17,9 +17,10 @@ from tqdm import tqdm
 
 from distretarget.batch.batch import Batch
 from distretarget.batch.clips import FoundClips, find_clips
-from distretarget.batch.manifest import History, Manifest, Recipe, Record
+from distretarget.batch.manifest import History, Manifest
 from distretarget.batch.plan import Work, check_page, plan
 from distretarget.batch.pools import Cluster, Pool, Processes, cores
+from distretarget.batch.record import ManifestRecord, Recipe
 from distretarget.batch.reports import Pages
 from distretarget.batch.summary import Tally
 from distretarget.cli.options import retargeting
@@ -210,7 +211,7 @@ class Progress:
         self._frames.close()
         self._clips.close()
 
-    def show(self, record: Record | None) -> None:
+    def show(self, record: ManifestRecord | None) -> None:
         """Show that a clip is done or has failed."""
         self._frames.update(record["frames"] if record else 0)
         self._clips.set_postfix(failed=self.tally.failed, refresh=False)
