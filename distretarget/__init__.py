@@ -7,8 +7,9 @@ write_bvh("walk_hero.bvh", result.motion)
 """
 
 from distretarget.errors import DistretargetError
-from distretarget.io.bvh import read_bvh, write_bvh
-from distretarget.io.skeleton_json import load_target
+from distretarget.io.bvh import read_bvh
+from distretarget.io.bvh_writer import write_bvh
+from distretarget.io.target_file import load_target
 from distretarget.motion import Motion
 from distretarget.result import RetargetResult
 from distretarget.retargeting import retarget

@@ -11,7 +11,7 @@ from distretarget.baseline.world import RootOffset
 from distretarget.errors import SAY_IN_A_MAP, DistretargetError, MatchingError
 from distretarget.io.files import read_text, text_hash
 from distretarget.io.map_json import MapFile, joint_map
-from distretarget.io.skeleton_json import parse_target
+from distretarget.io.target_file import parse_target
 from distretarget.motion import Motion
 from distretarget.result import RetargetResult
 from distretarget.retargeting import Objective, retarget

@@ -15,7 +15,7 @@ from distretarget.baseline.world import RootOffset, find_world
 from distretarget.body.body import Body
 from distretarget.distances import distance_problem, posture_stress
 from distretarget.errors import MotionError
-from distretarget.io.skeleton_json import SkeletonEdit, Target
+from distretarget.io.target import SkeletonEdit, Target
 from distretarget.matching.matching import Matching, match
 from distretarget.matching.pairing import JointMap
 from distretarget.motion import Motion

@@ -9,7 +9,7 @@ from bodies import CORPUS, SAMPLES, needs_corpus, other_lengths, person
 from distretarget import DistretargetError, Skeleton, read_bvh
 from distretarget.body.body import Body
 from distretarget.body.legs import find_legs, foot_bone, leg_length, pelvis_joint, tree_legs
-from distretarget.io.skeleton_json import load_full_target
+from distretarget.io.target_file import load_full_target
 
 RIGS = sorted((SAMPLES / "rigs").glob("*.json"))
 FIVE_TOES = ("makehuman-benchmark", "makehuman-face-poseunits", "makehuman-tpose")  # the tree takes one, names another

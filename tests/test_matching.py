@@ -10,7 +10,7 @@ from bodies import SAMPLES, body_of, matched, person, posed, with_bone
 from distretarget import Skeleton
 from distretarget.body.body import Body
 from distretarget.errors import MapError, MatchingError
-from distretarget.io.skeleton_json import load_full_target
+from distretarget.io.target_file import load_full_target
 from distretarget.matching.matching import find_matching, match, refusal
 
 PERSON = person()

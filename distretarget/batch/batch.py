@@ -21,7 +21,7 @@ from distretarget.batch.task import Outcome
 from distretarget.conversion import Options, load_text
 from distretarget.errors import BatchError
 from distretarget.io.map_json import load_map
-from distretarget.io.skeleton_json import parse_target
+from distretarget.io.target_file import parse_target
 from distretarget.report import About
 
 Paths = str | Path | Sequence[str | Path]

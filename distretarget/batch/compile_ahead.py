@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from distretarget.io.bvh import format_bvh, parse_bvh
+from distretarget.io.bvh import parse_bvh
+from distretarget.io.bvh_writer import format_bvh
 from distretarget.motion import Motion
 from distretarget.retargeting import Objective, retarget
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton

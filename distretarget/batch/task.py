@@ -11,7 +11,8 @@ from importlib.metadata import version
 
 from distretarget.conversion import Options, Text, retarget_onto
 from distretarget.errors import DistretargetError
-from distretarget.io.bvh import bvh_parts, parse_bvh
+from distretarget.io.bvh import parse_bvh
+from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import text_hash
 from distretarget.io.map_json import MapFile
 from distretarget.measure.figures import Side

@@ -30,7 +30,7 @@ from distretarget.conversion import Options, Text, load_text
 from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import hash_of, hash_of_file, is_folder, read_bytes
 from distretarget.io.map_json import load_map
-from distretarget.io.skeleton_json import parse_target
+from distretarget.io.target_file import parse_target
 from distretarget.measure.figures import FIGURES
 
 INTERRUPTED = 130  # exit status

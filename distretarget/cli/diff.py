@@ -15,7 +15,7 @@ from distretarget.errors import DistretargetError, FileError, MatchingError, quo
 from distretarget.io.bvh import read_bvh
 from distretarget.io.files import write_whole
 from distretarget.io.map_json import joint_map, load_map
-from distretarget.io.skeleton_json import Target
+from distretarget.io.target import Target
 from distretarget.measure.diff import diff
 from distretarget.measure.figures import BY_KEY, FIGURES, Figure, figures_at
 from distretarget.report.document import csv_text, document, json_text

@@ -16,7 +16,8 @@ from distretarget.cli.options import retargeting
 from distretarget.cli.outputs import about, check_outputs, say
 from distretarget.conversion import Options, load_text, retarget_onto
 from distretarget.errors import quoted
-from distretarget.io.bvh import format_bvh, read_bvh
+from distretarget.io.bvh import read_bvh
+from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.files import write_whole
 from distretarget.io.map_json import load_map
 from distretarget.report import run_page
