@@ -89,7 +89,7 @@ BAD = {
     "joints empty": (
         full() | {"joints": []},
         "joints",
-        "expected at least a root and one bone, found a list of 0",
+        "expected at least a root and one more joint, found a list of 0",
     ),
     "root only": (full(HIPS), "joints", "all bones have length 0"),
     "zero bones": (spine(offset=[0, 0, 0]), "joints", "all bones have length 0"),
