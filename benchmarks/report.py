@@ -23,7 +23,8 @@ from playwright.sync_api import Page, sync_playwright
 
 from distretarget import Motion, Skeleton, read_bvh, retarget
 from distretarget.measure.diff import diff
-from distretarget.report import About, document, page
+from distretarget.report.document import About, document
+from distretarget.report.page import page
 
 SAMPLE = Path(__file__).resolve().parents[1] / "sample_bvh" / "clap.bvh"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")

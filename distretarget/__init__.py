@@ -6,24 +6,86 @@ result = retarget(read_bvh("walk.bvh"), load_target("hero.json"))
 write_bvh("walk_hero.bvh", result.motion)
 """
 
-from distretarget.errors import DistretargetError
+from distretarget.baseline.world import World
+from distretarget.batch.batch import convert_folder
+from distretarget.batch.summary import Tally
+from distretarget.body.anatomy import Anatomy
+from distretarget.body.body import Body
+from distretarget.conversion import Options
+from distretarget.errors import (
+    BatchError,
+    BvhError,
+    DistretargetError,
+    FileError,
+    MapError,
+    MatchingError,
+    MissingPackageError,
+    MotionError,
+    SettingsError,
+    SkeletonError,
+    SkeletonFileError,
+)
 from distretarget.io.bvh import read_bvh
 from distretarget.io.bvh_writer import write_bvh
+from distretarget.io.bvhio_bridge import from_bvhio, to_bvhio
+from distretarget.io.npz import write_npz
+from distretarget.io.target import SkeletonEdit, Target
 from distretarget.io.target_file import load_target
-from distretarget.motion import Motion
+from distretarget.matching.matching import Matching, match
+from distretarget.measure.diff import Diff, diff
+from distretarget.measure.figures import FIGURES, Figure
+from distretarget.measure.metrics import Comparison
+from distretarget.motion import Motion, MotionArrays
+from distretarget.numerics.kinematics import forward_kinematics
+from distretarget.report.report import write_report
 from distretarget.result import RetargetResult
 from distretarget.retargeting import retarget
 from distretarget.skeleton import Skeleton
 from distretarget.solve.settings import ContactSettings
+from distretarget.solve.spg import Effort
+from distretarget.solve.stance import Stance
 
 __all__ = [
+    "FIGURES",
+    "Anatomy",
+    "BatchError",
+    "Body",
+    "BvhError",
+    "Comparison",
     "ContactSettings",
+    "Diff",
     "DistretargetError",
+    "Effort",
+    "Figure",
+    "FileError",
+    "MapError",
+    "Matching",
+    "MatchingError",
+    "MissingPackageError",
     "Motion",
+    "MotionArrays",
+    "MotionError",
+    "Options",
     "RetargetResult",
+    "SettingsError",
     "Skeleton",
+    "SkeletonEdit",
+    "SkeletonError",
+    "SkeletonFileError",
+    "Stance",
+    "Tally",
+    "Target",
+    "World",
+    "convert_folder",
+    "diff",
+    "forward_kinematics",
+    "from_bvhio",
     "load_target",
+    "match",
     "read_bvh",
     "retarget",
+    "to_bvhio",
     "write_bvh",
+    "write_npz",
+    "write_report",
 ]

@@ -1,6 +1,8 @@
 """The layout: imports point downwards, public names are documented, the front page tells the truth."""
 
 import ast
+import functools
+import importlib
 import inspect
 import re
 from pathlib import Path
@@ -74,13 +76,33 @@ def test_only_the_command_line_prints_and_only_the_bridge_knows_bvhio(path):
         assert "bvhio" not in imported
 
 
+def test_the_table_of_rooms_is_in_the_order_of_the_floors():
+    text = (ROOT / "CONTRIBUTING.md").read_text()
+    rooms = re.findall(r"`(\w+)(?:/|\.py)`", "".join(re.findall(r"^\| (`[^|]*) \|", text, re.M)))
+    named = {room for room in " ".join(FLOORS).split() if not room.startswith("__")}
+    assert set(rooms) == named
+    floors = [floor_of(room) for room in rooms]
+    assert floors == sorted(floors, reverse=True)
+
+
+def test_no_name_hides_a_module():
+    packages = [path.parent for path in FILES if path.name == "__init__.py"]
+    for package in packages:
+        face = importlib.import_module(".".join(package.relative_to(ROOT).parts))
+        modules = {path.stem for path in package.iterdir() if path.suffix == ".py" or (path / "__init__.py").exists()}
+        hidden = [name for name in modules & vars(face).keys() if not inspect.ismodule(getattr(face, name))]
+        assert not hidden, f"{package.name}: {hidden}"
+
+
 @pytest.mark.parametrize("name", distretarget.__all__)
 def test_public_names_exist_and_are_documented(name):
     thing = getattr(distretarget, name)
     assert inspect.getdoc(thing)
     if inspect.isclass(thing):
         for member, value in vars(thing).items():
-            if not member.startswith("_") and (callable(value) or isinstance(value, property)):
+            if not member.startswith("_") and (
+                callable(value) or isinstance(value, property | functools.cached_property)
+            ):
                 assert inspect.getdoc(value), f"{name}.{member}"
 
 

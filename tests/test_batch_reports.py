@@ -11,7 +11,7 @@ from distretarget.batch.task import Outcome
 from distretarget.conversion import Text
 from distretarget.errors import FileError
 from distretarget.io.files import text_hash
-from distretarget.report import About
+from distretarget.report.document import About
 
 
 def work(name):

@@ -14,7 +14,7 @@ from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.map_json import MapFile
 from distretarget.io.skeleton_writer import skeleton_to_json
-from distretarget.report import About
+from distretarget.report.document import About
 
 TARGET = Text(skeleton_to_json(other_lengths(person()), "body"), "body.json")
 

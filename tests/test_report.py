@@ -11,8 +11,8 @@ from bodies import SAMPLES, clapping, lengthened, person, posed, swaying
 
 from distretarget import Skeleton, read_bvh
 from distretarget.measure.diff import diff
-from distretarget.report import About, document, page
-from distretarget.report.page import SCRIPTS, script_json
+from distretarget.report.document import About, document
+from distretarget.report.page import SCRIPTS, page, script_json
 from distretarget.report.scene import BUDGET, ROWS, STEPS, drawn_step, quantised, scene, spans
 
 PERSON = person()

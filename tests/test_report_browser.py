@@ -12,7 +12,8 @@ from distretarget import load_target, read_bvh, retarget
 from distretarget.measure.diff import Diff, diff
 from distretarget.measure.figures import FIGURES, Track
 from distretarget.measure.metrics import compare
-from distretarget.report import About, document, page
+from distretarget.report.document import About, document
+from distretarget.report.page import page
 
 NASTY = "</script><b>&amp; \"q' " + 60 * "ü"
 PERSON = person()

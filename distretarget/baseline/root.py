@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.body.legs import leg_length
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 
@@ -18,16 +17,13 @@ def find_root_scale(matching: Matching) -> float:
     It is the ratio of leg lengths, which keeps stride and height in proportion to the body; for bodies without legs the
     ratio of their longest paths.
     """
-    source, target = matching.source.skeleton, matching.target.skeleton
     if matching.legs:
-        from_length, to_length = (
-            leg_length(skeleton, legs) for skeleton, legs in zip((source, target), matching.legs, strict=True)
-        )
+        from_length, to_length = matching.leg_lengths
     else:
         shared = np.flatnonzero(matching.drivers >= 0)
         drivers = matching.drivers[shared]
-        from_length = source.path_lengths[np.ix_(drivers, drivers)].max()
-        to_length = target.path_lengths[np.ix_(shared, shared)].max()
+        from_length = matching.source.skeleton.path_lengths[np.ix_(drivers, drivers)].max()
+        to_length = matching.target.skeleton.path_lengths[np.ix_(shared, shared)].max()
     return float(to_length / from_length) if from_length > 0 else 1.0
 
 

@@ -22,7 +22,7 @@ from distretarget.conversion import Options, load_text
 from distretarget.errors import BatchError
 from distretarget.io.map_json import load_map
 from distretarget.io.target_file import parse_target
-from distretarget.report import About
+from distretarget.report.document import About
 
 Paths = str | Path | Sequence[str | Path]
 Progress = Callable[[ManifestRecord | None], Any]

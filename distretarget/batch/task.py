@@ -16,7 +16,8 @@ from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import text_hash
 from distretarget.io.map_json import MapFile
 from distretarget.measure.figures import Side
-from distretarget.report import About, run_page
+from distretarget.report.document import About
+from distretarget.report.report import run_page
 from distretarget.run_summary import unmatched
 from distretarget.solve.chunks import Mapper
 

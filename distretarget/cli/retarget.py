@@ -20,7 +20,7 @@ from distretarget.io.bvh import read_bvh
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.files import write_whole
 from distretarget.io.map_json import load_map
-from distretarget.report import run_page
+from distretarget.report.report import run_page
 from distretarget.result import RetargetResult
 from distretarget.run_summary import figures_json, summary_line, unmatched
 

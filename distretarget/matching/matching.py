@@ -102,6 +102,11 @@ class Matching:
         return ((a, b), (left, right)) if driven and leg_length(self.source.skeleton, (a, b)) > 0 else None
 
     @cached_property
+    def leg_lengths(self) -> tuple[float, float]:
+        """The length of these legs, thigh and shin, in source and target [file units of each]; 0 without them."""
+        return (leg_length(self.source.skeleton, self.legs[0]), self.target.leg_length) if self.legs else (0.0, 0.0)
+
+    @cached_property
     def pelvis(self) -> int:
         """The target joint where its legs branch off, if it has a driver; else the first joint that has one."""
         first = int(np.argmax(self.drivers >= 0))

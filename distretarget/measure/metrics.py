@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.body.legs import Leg, leg_length
+from distretarget.body.legs import Leg
 from distretarget.matching.matching import Matching
 from distretarget.measure.figures import Track, Tracks
 from distretarget.motion import Motion
@@ -178,7 +178,10 @@ def _feet(
     if legs is None:
         nothing = np.zeros((len(source), 0))
         return nothing.astype(bool), nothing, nothing, nothing, nothing
-    source_paths, paths = _foot_paths(source, legs[0]), _foot_paths(result, legs[1])
+    source_paths, paths = (
+        _foot_paths(motion, pair, length)
+        for motion, pair, length in zip((source, result), legs, matching.leg_lengths, strict=True)
+    )
     heights = source_paths @ up
     low = heights - np.percentile(heights, LOWEST, axis=0) < LOW
     stance = low & (_speeds(source_paths, source.frame_time) < SLOW)
@@ -186,10 +189,10 @@ def _feet(
     return np.asarray(stance), slide_source, slide, np.asarray(100 * heights), np.asarray(100 * (paths @ up))
 
 
-def _foot_paths(motion: Motion, legs: tuple[Leg, Leg]) -> Array:
-    """(frames, feet, 3), where the foot joints are [leg lengths]."""
+def _foot_paths(motion: Motion, legs: tuple[Leg, Leg], length: float) -> Array:
+    """(frames, feet, 3), where the foot joints are [leg lengths]; `length` is the length of the legs [file units]."""
     feet = [joint for leg in legs for joint in (leg.ankle, leg.toe)]
-    return motion.positions[:, feet] / leg_length(motion.rigid_skeleton, legs)
+    return motion.positions[:, feet] / length
 
 
 def _speeds(paths: Array, frame_time: float) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.body.legs import Leg, leg_length
+from distretarget.body.legs import Leg
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.smoothing import widened
@@ -48,7 +48,7 @@ def find_stance(matching: Matching, scale: float, settings: ContactSettings) -> 
     source, legs = matching.source_motion, matching.legs
     if legs is None:
         return no_stance(len(source))
-    up, length = matching.source.up_vector, leg_length(matching.source.skeleton, legs[0])
+    up, length = matching.source.up_vector, matching.leg_lengths[0]
     joints, weights, places = [], [], []
     for driver, leg in zip(*legs, strict=True):
         rest = _at_rest(source, driver, up, length, settings)
