@@ -18,7 +18,7 @@ from distretarget.retargeting import Objective, retarget
 from distretarget.solve.chunks import Mapper, Progress
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Options:
     """How to retarget a motion: the arguments of `retarget` with these names."""
 
@@ -49,12 +49,12 @@ def load_text(path: str | Path) -> Text:
 
 
 def retarget_onto(
-    target: Text,
     motion: Motion,
+    target: Text,
+    *,
     source: str | Path,
     map_file: MapFile,
     options: Options,
-    *,
     mapper: Mapper = map,
     progress: Progress = lambda _frames: None,
 ) -> RetargetResult:

@@ -49,7 +49,13 @@ ROLES = {
 def skeleton(names, parents, end_sites=None):
     count = len(names)
     ends = np.zeros(count, bool) if end_sites is None else end_sites
-    return Skeleton(tuple(names), np.array(parents), np.zeros((count, 3)), ((),) * count, ends)
+    return Skeleton(
+        names=tuple(names),
+        parents=np.array(parents),
+        offsets=np.zeros((count, 3)),
+        channels=((),) * count,
+        end_sites=ends,
+    )
 
 
 def tree(text):

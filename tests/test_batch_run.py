@@ -106,7 +106,9 @@ def works_in(folder):
 def go(folder, pool=None, recipe=RECIPE, works=None, **others):
     seen, manifest = Seen(), Manifest(folder / "out")
     try:
-        Run(folder / "out", recipe, manifest, pool or Pool(), seen, **others).go(works or works_in(folder), 100)
+        Run(folder=folder / "out", recipe=recipe, manifest=manifest, pool=pool or Pool(), watcher=seen, **others).go(
+            works or works_in(folder), 100
+        )
     finally:
         manifest.close()
     return seen
@@ -302,7 +304,7 @@ def test_a_clip_that_would_keep_one_worker_busy_at_the_end_is_cut(folder, monkey
     works = works_in(folder)  # of 10, 5 and 3 bytes
     seen = Seen()
     manifest = Manifest(folder / "out")
-    Run(folder / "out", RECIPE, manifest, Pool(), seen).go(works, 18)
+    Run(folder=folder / "out", recipe=RECIPE, manifest=manifest, pool=Pool(), watcher=seen).go(works, 18)
     manifest.close()
     assert [Path(task.source.path).name for task in cut] == ["c.bvh", "b.bvh"]
     assert len(seen.of("done")) == 3

@@ -20,7 +20,7 @@ TARGET = Text(skeleton_to_json(other_lengths(person()), "body"), "body.json")
 
 
 def task_of(text, target=TARGET, **others):
-    return Task(Text(text, "in.bvh"), target, MapFile({}, ""), Options(), **others)
+    return Task(source=Text(text, "in.bvh"), target=target, map=MapFile({}, ""), options=Options(), **others)
 
 
 def test_a_task_does_what_retargeting_does():

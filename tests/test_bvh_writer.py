@@ -115,7 +115,13 @@ def skeletons(draw):
         names.append(f"{names[parent]}_End{number}" if end_sites[joint] else f"joint {joint}")
     channels = [() if end else tuple(draw(st.permutations(CHANNELS))[: draw(st.integers(1, 6))]) for end in end_sites]
     offsets = 10.0 ** draw(st.integers(-2, 3)) * chance.normal(size=(count, 3))
-    return Skeleton(tuple(names), np.array(parents), offsets, tuple(channels), np.array(end_sites))
+    return Skeleton(
+        names=tuple(names),
+        parents=np.array(parents),
+        offsets=offsets,
+        channels=tuple(channels),
+        end_sites=np.array(end_sites),
+    )
 
 
 @st.composite
@@ -151,7 +157,9 @@ def test_what_is_written_reads_back_the_same(motion):
 def test_joints_are_written_depth_first_whatever_their_numbers():
     parents, channels = [-1, 0, 0, 1], tuple((f"{axis}rotation",) for axis in "XYZX")
     offsets = np.arange(12.0).reshape(4, 3)
-    skeleton = Skeleton(("a", "b", "c", "d"), parents, offsets, channels, np.zeros(4, bool))
+    skeleton = Skeleton(
+        names=("a", "b", "c", "d"), parents=parents, offsets=offsets, channels=channels, end_sites=np.zeros(4, bool)
+    )
     rotations = np.array([Rotation.from_euler(axis, 0.1).as_quat() for axis in "XYZX"])
     motion = Motion(skeleton, offsets[None], rotations[None], "1")
     again = read(format_bvh(motion))
@@ -161,7 +169,7 @@ def test_joints_are_written_depth_first_whatever_their_numbers():
 
 @pytest.mark.parametrize("name", ["", " a", "a\t", "a\nb", "a{b", "a\0"])
 def test_names_that_bvh_cannot_hold_are_refused(name):
-    skeleton = Skeleton((name,), [-1], np.zeros((1, 3)), ((),), [False])
+    skeleton = Skeleton(names=(name,), parents=[-1], offsets=np.zeros((1, 3)), channels=((),), end_sites=[False])
     with pytest.raises(SkeletonError, match=re.escape(repr(name))):
         format_bvh(Motion(skeleton, np.zeros((0, 1, 3)), np.zeros((0, 1, 4)), "1"))
 
@@ -187,6 +195,12 @@ def test_a_file_is_replaced_only_when_asked(tmp_path):
 def test_angles_turn_on_over_the_frames_and_through_the_lock():
     angles = np.stack([np.linspace(0, 720, 100), np.linspace(0, 180, 100), np.linspace(0, -360, 100)], axis=1)
     rotations = Rotation.from_euler("ZXY", angles, degrees=True).as_quat()[:, None]
-    skeleton = Skeleton(("a",), [-1], np.zeros((1, 3)), (("Zrotation", "Xrotation", "Yrotation"),), [False])
+    skeleton = Skeleton(
+        names=("a",),
+        parents=[-1],
+        offsets=np.zeros((1, 3)),
+        channels=(("Zrotation", "Xrotation", "Yrotation"),),
+        end_sites=[False],
+    )
     text = format_bvh(Motion(skeleton, np.zeros((100, 1, 3)), rotations, "1"))
     np.testing.assert_allclose(np.loadtxt(text.splitlines()[-100:]), angles, atol=1e-6)

@@ -56,7 +56,13 @@ def test_legs_of_real_rigs(file, legs):
 
 
 def test_a_chain_has_no_legs():
-    chain = Skeleton(("a", "b", "c"), [-1, 0, 1], [[0, 0, 0], [0, 2, 0], [1, 0, 0]], ((),) * 3, [False] * 3)
+    chain = Skeleton(
+        names=("a", "b", "c"),
+        parents=[-1, 0, 1],
+        offsets=[[0, 0, 0], [0, 2, 0], [1, 0, 0]],
+        channels=((),) * 3,
+        end_sites=[False] * 3,
+    )
     assert tree_legs(chain) is None
     assert find_legs(chain, None) is None
 

@@ -35,7 +35,13 @@ def published(convention):
     names = [joint["name"] for joint in joints]
     parents = [names.index(joint["parent"]) if joint["parent"] else -1 for joint in joints]
     count = len(names)
-    return Skeleton(tuple(names), np.array(parents), np.zeros((count, 3)), ((),) * count, np.zeros(count, bool))
+    return Skeleton(
+        names=tuple(names),
+        parents=np.array(parents),
+        offsets=np.zeros((count, 3)),
+        channels=((),) * count,
+        end_sites=np.zeros(count, bool),
+    )
 
 
 @cache

@@ -294,6 +294,8 @@ def test_the_manual_has_both_forms():
 @pytest.mark.parametrize("example", manual_examples())
 def test_examples_of_the_manual(written, example):
     names = ("Hips", "LeftLeg", "RightLeg", "LeftForeArm")
-    source = Skeleton(names, [-1, 0, 0, 0], np.ones((4, 3)), ((),) * 4, [False] * 4)
+    source = Skeleton(
+        names=names, parents=[-1, 0, 0, 0], offsets=np.ones((4, 3)), channels=((),) * 4, end_sites=[False] * 4
+    )
     load_target(written(example)).for_source(source)
     assert valid(json.loads(example))

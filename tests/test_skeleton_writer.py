@@ -78,9 +78,17 @@ def test_name_and_map_are_kept(written):
 
 
 def test_slashes_in_names_are_kept_or_refused():
-    plain = Skeleton(("a", "b/c", "d"), [-1, 0, 1], np.ones((3, 3)), ((), (), ()), [False] * 3)
+    plain = Skeleton(
+        names=("a", "b/c", "d"),
+        parents=[-1, 0, 1],
+        offsets=np.ones((3, 3)),
+        channels=((), (), ()),
+        end_sites=[False] * 3,
+    )
     assert_same(load_json(skeleton_to_json(plain, "")), plain)
     names = ("a", "b", "c", "b/c", "d")
-    mixed = Skeleton(names, [-1, 0, 1, 0, 3], np.ones((5, 3)), ((),) * 5, [False] * 5)
+    mixed = Skeleton(
+        names=names, parents=[-1, 0, 1, 0, 3], offsets=np.ones((5, 3)), channels=((),) * 5, end_sites=[False] * 5
+    )
     with pytest.raises(SkeletonError, match="'b/c' may mean several joints"):
         skeleton_to_json(mixed, "")

@@ -66,7 +66,16 @@ class Batch:
         pages = self.pages
         every_clip = pages.about if pages and pages.most is None else None
         watcher = _Counted(tally, pages, progress)
-        run = Run(self.folder, self.recipe, manifest, pool, watcher, self.overwrite, self.fail_fast, every_clip)
+        run = Run(
+            folder=self.folder,
+            recipe=self.recipe,
+            manifest=manifest,
+            pool=pool,
+            watcher=watcher,
+            overwrite=self.overwrite,
+            fail_fast=self.fail_fast,
+            about=every_clip,
+        )
         run.go(self.works, sum(work.clip.size for work in self.works))
         if pages:
             pages.finish(run, self.works, manifest.latest(self.works))
@@ -141,7 +150,7 @@ def convert_folder(
     if not works:
         raise BatchError("there are no clips to convert")
     recipe = Recipe(options, load_map(map_file), version("distretarget"))
-    pages = Pages(Path(report), reports, overwrite, _about) if report else None
+    pages = Pages(index=Path(report), most=reports, overwrite=overwrite, about=_about) if report else None
     if pages:
         check_page(pages.index, works, Path(folder), Path(map_file) if map_file else None)
         pages.check()

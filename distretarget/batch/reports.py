@@ -24,7 +24,7 @@ OF = '<meta name="output" content="{}">'  # the hash of the output that a report
 HEAD = 4096  # characters at the beginning of a page, in which MARK and OF are looked for
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Pages:
     """Where the pages of a batch go.
 

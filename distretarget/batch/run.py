@@ -53,7 +53,7 @@ class _Running:
     alone: bool = False
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Run:
     """A run over a plan.
 
@@ -113,7 +113,7 @@ class Run:
             self._record_failure(failed_record(work, None, self.recipe) | {"error": str(error)})
             return
         about = self.about(work) if self.about else None
-        task = Task(text, work.target, self.recipe.map, self.recipe.options, about)
+        task = Task(source=text, target=work.target, map=self.recipe.map, options=self.recipe.options, about=about)
         split = work.clip.size > SPLIT_SIZE and work.clip.size > left / self.pool.workers
         self._submit(_Running(work, content_hash, task), split)
 
@@ -219,7 +219,7 @@ def reports(
             yield from _reported(*pending.popleft(), pool)
         with contextlib.suppress(FileError):
             text = Text(text_of(read_bytes(work.clip.path), work.clip.path), work.clip.path)
-            task = Task(text, work.target, recipe.map, recipe.options, about(work))
+            task = Task(source=text, target=work.target, map=recipe.map, options=recipe.options, about=about(work))
             pending.append((work, task, _submitted(task, pool)))
     while pending:
         yield from _reported(*pending.popleft(), pool)

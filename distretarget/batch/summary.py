@@ -13,7 +13,7 @@ WORST = 3  # most clips that are listed as the worst by a figure
 LEAST = 1e-6  # a clip with a figure up to this is not listed among the worst
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Tally:
     """Counts the clips of a run by outcome, and remembers the worst and the failures.
 

@@ -75,7 +75,9 @@ class _Rig:
         for side in SIDES:
             fingers = fingers_of(arms[side]["Hand"], self.parents, self.meanings.names) if "Hand" in arms[side] else {}
             roles |= {side + part: joint for part, joint in (arms[side] | legs[side] | fingers).items()}
-        return Anatomy(roles, trunk.spine, trunk.neck, self.meanings.convention, "names")
+        return Anatomy(
+            roles=roles, spine=trunk.spine, neck=trunk.neck, convention=self.meanings.convention, method="names"
+        )
 
     def _limb(self, limb: Sequence[str], side: str) -> dict[str, int]:
         """The joints of the chain on a side with the most points for this limb; empty unless both long bones are named.

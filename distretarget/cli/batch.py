@@ -137,7 +137,11 @@ def batch_command(
     if not works:
         _print_unread(found)
         raise BatchError("there are no clips to convert")
-    pages = Pages(index, reports, overwrite, lambda work: about(work.clip.path, work.place)) if index else None
+    pages = (
+        Pages(index=index, most=reports, overwrite=overwrite, about=lambda work: about(work.clip.path, work.place))
+        if index
+        else None
+    )
     if pages:
         check_page(pages.index, works, folder, map_path)
         pages.check()

@@ -93,7 +93,15 @@ def _skeleton(joints: Sequence[Mapping[str, Node]], units: str | None, up: str |
     parents = _parents([joint["parent"] for joint in joints], names, ends)
     offsets = [_offset(joint["offset"]) for joint in joints]
     channels = tuple(map(_channels, joints, ends))
-    return Skeleton(names, np.array(parents), np.array(offsets), channels, np.array(ends), units, up)
+    return Skeleton(
+        names=names,
+        parents=np.array(parents),
+        offsets=np.array(offsets),
+        channels=channels,
+        end_sites=np.array(ends),
+        units=units,
+        up=up,
+    )
 
 
 def _offset(node: Node) -> list[float]:

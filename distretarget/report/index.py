@@ -74,7 +74,7 @@ def index_page(records: Sequence[ClipRecord], links: Mapping[str, str], title: s
     relative to the page and not quoted. `version` is that of the program.
     """
     data = {"batch": {**_table(records, links), "version": version}, "registry": as_data("the source", "the result")}
-    return filled("index.html", title, ["style.css", "index.css"], ["base.js", "index.js"], data)
+    return filled("index.html", title, styles=["style.css", "index.css"], scripts=["base.js", "index.js"], data=data)
 
 
 def _table(records: Sequence[ClipRecord], links: Mapping[str, str]) -> _Table:

@@ -22,10 +22,12 @@ def page(diff: Diff, document: DiffDocument) -> str:
     """The HTML of the report on a diff, with the diff's `document` embedded unchanged."""
     title = f"{document['b']['file']} against {document['a']['file']}"
     data = {"document": document, "scene": scene(diff, len(document["pairs"])), "registry": as_data("A", "B")}
-    return filled("template.html", title, ["style.css"], SCRIPTS, data)
+    return filled("template.html", title, styles=["style.css"], scripts=SCRIPTS, data=data)
 
 
-def filled(template: str, title: str, styles: Sequence[str], scripts: Sequence[str], data: Mapping[str, object]) -> str:
+def filled(
+    template: str, title: str, *, styles: Sequence[str], scripts: Sequence[str], data: Mapping[str, object]
+) -> str:
     """Fill a template of this package: its title, the files of its style and script, and named JSON data."""
     parts = {
         "title": html.escape(HALVES.sub("\ufffd", title)),
