@@ -108,12 +108,10 @@ class Run:
             if not self.overwrite and self.manifest.is_done(work, content_hash, self.recipe, self.folder):
                 self.watcher.clip(None)
                 return
-            text = Text(text_of(content, work.clip.path), work.clip.path)
+            task = _task_of(work, content, self.recipe, self.about)
         except FileError as error:
             self._record_failure(failed_record(work, None, self.recipe) | {"error": str(error)})
             return
-        about = self.about(work) if self.about else None
-        task = Task(source=text, target=work.target, map=self.recipe.map, options=self.recipe.options, about=about)
         split = work.clip.size > SPLIT_SIZE and work.clip.size > left / self.pool.workers
         self._submit(_Running(work, content_hash, task), split)
 
@@ -218,11 +216,24 @@ def reports(
         if len(pending) >= QUEUED * pool.workers:
             yield from _reported(*pending.popleft(), pool)
         with contextlib.suppress(FileError):
-            text = Text(text_of(read_bytes(work.clip.path), work.clip.path), work.clip.path)
-            task = Task(source=text, target=work.target, map=recipe.map, options=recipe.options, about=about(work))
+            task = _task_of(work, read_bytes(work.clip.path), recipe, about)
             pending.append((work, task, _submitted(task, pool)))
     while pending:
         yield from _reported(*pending.popleft(), pool)
+
+
+def _task_of(work: Work, content: bytes, recipe: Recipe, about: Callable[[Work], About] | None) -> Task:
+    """The task for a clip whose file has this content.
+
+    Raises: FileError: the content is not text.
+    """
+    return Task(
+        source=Text(text_of(content, work.clip.path), work.clip.path),
+        target=work.target,
+        map=recipe.map,
+        options=recipe.options,
+        about=about(work) if about else None,
+    )
 
 
 def _reported(work: Work, task: Task, future: Future[Outcome], pool: Pool) -> Iterator[tuple[Work, Outcome]]:
