@@ -28,7 +28,7 @@ ROOT = Path(__file__).resolve().parents[1]
 from draw import draw_strip  # noqa: E402
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Picture:
     """Frames of a clip on a target."""
 
@@ -40,11 +40,23 @@ class Picture:
 
 
 PICTURES = (
-    Picture("clap_long_forearms", "clap.bvh", "forearm and hand +50 %", (0, 93, 120, 140), "front"),
-    Picture("hands_on_hips_long_spine", "hands_on_hips.bvh", "spine +60 %", (0, 40, 150, 290), "front"),
-    Picture("walk_on_h", "cmu_mb/02_01.bvh", "H", (30, 90, 210, 270)),
-    Picture("worst_direction", "cmu_daz/13_11.bvh", "H", (5, 139, 250, 316)),
-    Picture("worst_contact", "squat.bvh", "H", (0, 72, 130, 330)),
+    Picture(
+        name="clap_long_forearms",
+        clip="clap.bvh",
+        target="forearm and hand +50 %",
+        frames=(0, 93, 120, 140),
+        view="front",
+    ),
+    Picture(
+        name="hands_on_hips_long_spine",
+        clip="hands_on_hips.bvh",
+        target="spine +60 %",
+        frames=(0, 40, 150, 290),
+        view="front",
+    ),
+    Picture(name="walk_on_h", clip="cmu_mb/02_01.bvh", target="H", frames=(30, 90, 210, 270)),
+    Picture(name="worst_direction", clip="cmu_daz/13_11.bvh", target="H", frames=(5, 139, 250, 316)),
+    Picture(name="worst_contact", clip="squat.bvh", target="H", frames=(0, 72, 130, 330)),
 )
 
 
@@ -61,7 +73,9 @@ def draw(folder: Path, corpus: Path, picture: Picture) -> None:
         ("contact", contact.motion),
     ]
     turned_rows = [(label, turned(motion, turn)) for label, motion in rows]
-    draw_strip(turned_rows, list(picture.frames), folder / f"{picture.name}.png", picture.view, up="Y", same_scale=True)
+    draw_strip(
+        turned_rows, list(picture.frames), folder / f"{picture.name}.png", view=picture.view, up="Y", same_scale=True
+    )
 
 
 def facing(motion: Motion, frames: tuple[int, ...]) -> Rotation:
@@ -100,7 +114,9 @@ def main() -> None:
     if arguments.clip:
         name = f"{Path(arguments.clip).with_suffix('').as_posix()}_{arguments.target}".replace("/", "_")
         frames = tuple(int(frame) for frame in arguments.frames.split(","))
-        pictures = [Picture(name, arguments.clip, arguments.target, frames, arguments.view)]
+        pictures = [
+            Picture(name=name, clip=arguments.clip, target=arguments.target, frames=frames, view=arguments.view)
+        ]
     for picture in pictures:
         if "/" in picture.clip and not (arguments.corpus / picture.clip).is_file():
             print("left out, not in the corpus:", picture.clip)

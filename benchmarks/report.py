@@ -41,7 +41,7 @@ WATCH = """window.drawn = new Promise(done => {
 });"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Measured:
     """One report: its size [MB], seconds to the first drawing, drawings per second side by side and overlaid."""
 
@@ -73,11 +73,11 @@ def with_helpers(motion: Motion, joints: int) -> Motion:
     hosts = np.flatnonzero(~body.end_sites)[added % (len(body) - ends)]
     offsets = np.tile(0.02 * body.offsets[1:].std(), (len(added), 3))
     skeleton = Skeleton(
-        body.names + tuple(f"Helper{k}" for k in added),
-        np.concatenate([body.parents, hosts]),
-        np.concatenate([body.offsets, offsets]),
-        body.channels + (("Zrotation", "Xrotation", "Yrotation"),) * len(added),
-        np.concatenate([body.end_sites, np.zeros(len(added), bool)]),
+        names=body.names + tuple(f"Helper{k}" for k in added),
+        parents=np.concatenate([body.parents, hosts]),
+        offsets=np.concatenate([body.offsets, offsets]),
+        channels=body.channels + (("Zrotation", "Xrotation", "Yrotation"),) * len(added),
+        end_sites=np.concatenate([body.end_sites, np.zeros(len(added), bool)]),
     )
     still = np.broadcast_to([0.0, 0, 0, 1], (len(motion), len(added), 4))
     return replace(
@@ -99,7 +99,7 @@ def lengthened(motion: Motion, frames: int) -> Motion:
 def html(a: Motion, b: Motion) -> str:
     """The report."""
     difference = diff(a, b)
-    return page(difference, document(difference, About("a.bvh", "b.bvh", "", "")))
+    return page(difference, document(difference, About(a="a.bvh", b="b.bvh", command="", version="")))
 
 
 def drawings(tab: Page) -> float:
@@ -128,7 +128,9 @@ def measure(name: str, text: str, browser: str) -> Measured:
         opening = tab.evaluate("drawn") / 1000
         beside = drawings(tab)
         tab.click("#overlaid")
-        measured = Measured(name, len(text.encode()) / 1e6, opening, beside, drawings(tab))
+        measured = Measured(
+            name=name, size=len(text.encode()) / 1e6, opening=opening, beside=beside, overlaid=drawings(tab)
+        )
         program.close()
     return measured
 

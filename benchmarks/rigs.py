@@ -61,7 +61,7 @@ class CheckError(Exception):
     """A result that cannot be measured, and why."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Run:
     """A clip on a target, and what became of it.
 
@@ -96,7 +96,7 @@ def run(clip: str, source: Motion, name: str, target: Skeleton) -> Run:
         f"{seconds:5.1f} s",
         *faults,
     ]
-    return Run(clip, name, "  ".join(words), result, bool(faults))
+    return Run(clip=clip, target=name, line="  ".join(words), result=result, failed=bool(faults))
 
 
 def in_words(figures: dict[str, float]) -> list[str]:
@@ -218,7 +218,7 @@ def draw_sheet(path: Path, sources: dict[str, Motion], runs: list[Run]) -> None:
         scenes.append(scene)
         titles.append(f"{clip}, frame {frame}")
         labels.append(["source", *(f"{run.target} FAILED" if run.failed else run.target for run in own)])
-    write_picture(scenes, titles, labels, Camera(*VIEWS["three-quarter"]), path, dpi=75)
+    write_picture(scenes, titles, labels, path, camera=Camera(*VIEWS["three-quarter"]), dpi=75)
 
 
 def articulated(motion: Motion) -> int:

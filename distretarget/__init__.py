@@ -25,10 +25,12 @@ from distretarget.errors import (
     SkeletonError,
     SkeletonFileError,
 )
-from distretarget.io.bvh import read_bvh, write_bvh
+from distretarget.io.bvh import read_bvh
+from distretarget.io.bvh_writer import write_bvh
 from distretarget.io.bvhio_bridge import from_bvhio, to_bvhio
 from distretarget.io.npz import write_npz
-from distretarget.io.skeleton_json import SkeletonEdit, Target, load_target
+from distretarget.io.target import SkeletonEdit, Target
+from distretarget.io.target_file import load_target
 from distretarget.matching.matching import Matching, match
 from distretarget.measure.diff import Diff, diff
 from distretarget.measure.figures import FIGURES, Figure

@@ -11,14 +11,14 @@ from distretarget.baseline.world import RootOffset
 from distretarget.errors import SAY_IN_A_MAP, DistretargetError, MatchingError
 from distretarget.io.files import read_text, text_hash
 from distretarget.io.map_json import MapFile, joint_map
-from distretarget.io.skeleton_json import parse_target
+from distretarget.io.target_file import parse_target
 from distretarget.motion import Motion
 from distretarget.result import RetargetResult
 from distretarget.retargeting import Objective, retarget
 from distretarget.solve.chunks import Mapper, Progress
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Options:
     """How to retarget a motion: the arguments of `retarget` with these names."""
 
@@ -49,12 +49,12 @@ def load_text(path: str | Path) -> Text:
 
 
 def retarget_onto(
-    target: Text,
     motion: Motion,
+    target: Text,
+    *,
     source: str | Path,
     map_file: MapFile,
     options: Options,
-    *,
     mapper: Mapper = map,
     progress: Progress = lambda _frames: None,
 ) -> RetargetResult:

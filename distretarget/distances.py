@@ -13,7 +13,7 @@ from distretarget.numerics.stress import stress_and_gradient, target_distances
 from distretarget.skeleton import Skeleton
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class DistanceProblem:
     """The part of the problem that all frames share.
 

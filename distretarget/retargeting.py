@@ -15,7 +15,7 @@ from distretarget.baseline.world import RootOffset, find_world
 from distretarget.body.body import Body
 from distretarget.distances import distance_problem, posture_stress
 from distretarget.errors import MotionError
-from distretarget.io.skeleton_json import SkeletonEdit, Target
+from distretarget.io.target import SkeletonEdit, Target
 from distretarget.matching.matching import Matching, match
 from distretarget.matching.pairing import JointMap
 from distretarget.motion import Motion
@@ -82,7 +82,7 @@ def retarget(
     goal = _target_for(source, target)
     _check(source, goal.skeleton)
     bodies = Body.of_motion(source), Body.of(goal.skeleton, goal.motion)
-    world = find_world(*bodies, source_up, target_up, root_offset)
+    world = find_world(*bodies, source_up=source_up, target_up=target_up, root_offset=root_offset)
     source_body, target_body = world.to_target_axes(bodies[0]), bodies[1].with_up(world.up)
     matching = match(source_body, target_body, {**goal.map, **(joint_map or {})})
     scale = find_root_scale(matching) if root_scale is None else root_scale
@@ -95,7 +95,7 @@ def retarget(
     else:
         if hold_feet:
             stance = find_stance(matching, scale, settings)
-        poses = solve_contact(problem, stance, settings, mapper, progress)
+        poses = solve_contact(problem, stance, settings, mapper=mapper, progress=progress)
     motion = _posed(copy, poses, problem)
     relative = (problem.distances.body_size / target_body.height) ** 2
     return RetargetResult(

@@ -4,15 +4,38 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Literal, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.errors import quoted
 from distretarget.matching.matching import Matching
-from distretarget.measure.figures import BY_KEY, Figure, figures_at, frame_figures
+from distretarget.measure.figures import BY_KEY, Figure, Side, figures_at, frame_figures
 from distretarget.result import RetargetResult
+
+
+class RunFiguresDocument(TypedDict):
+    """The figures of a run. The keys of figures, with their units, are those in `measure.figures.FIGURES`.
+
+    Attributes:
+        format, version: the name and the version of this format.
+        frame_time: the time between frames [s].
+        root_scale: target units per source unit of the root's path.
+        figures: by key, the figures of the whole clip, of source, rotation copy and result; None where nothing was to
+            be measured.
+        frames: columns with an entry for each frame. Those of figures are named by key, with `_source` or `_copy`
+            after it for source and rotation copy. `iterations` and `evaluations` are the solver's effort, `reason` is
+            why it stopped, `stress_solved_points` the stress of the solved points (only with the paper's objective).
+    """
+
+    format: Literal["distretarget-figures"]
+    version: Literal[1]
+    frame_time: float
+    root_scale: float
+    figures: Mapping[Side, Mapping[str, float | None]]
+    frames: Mapping[str, Sequence[float | str | None]]
 
 
 def summary_line(result: RetargetResult, seconds: float) -> str:
@@ -40,18 +63,18 @@ def unmatched(matching: Matching) -> Iterator[str]:
         yield f"{one if len(joints) == 1 else many}: {quoted(joints)}"
 
 
-def figures_json(result: RetargetResult) -> str:
-    """The figures as JSON: those of the clip, then one list per figure with an entry per frame."""
+def figures_document(result: RetargetResult) -> RunFiguresDocument:
+    """The figures of a run as JSON values: those of the whole clip, and those of each frame."""
     effort = result.effort
-    frames: dict[str, list[object]] = {
+    frames: dict[str, Sequence[float | str | None]] = {
         **_columns(frame_figures(result.tracks, len(result.motion))),
         "iterations": effort.iterations.tolist(),
         "evaluations": effort.evaluations.tolist(),
-        "reason": list[object](effort.reason_names),
+        "reason": effort.reason_names,
     }
     if result.free_stress is not None:
         frames["stress_solved_points"] = result.free_stress.tolist()
-    document = {
+    return {
         "format": "distretarget-figures",
         "version": 1,
         "frame_time": result.motion.frame_time,
@@ -59,13 +82,17 @@ def figures_json(result: RetargetResult) -> str:
         "figures": result.figures,
         "frames": frames,
     }
-    return json.dumps(document, indent=1, allow_nan=False) + "\n"
+
+
+def figures_json(result: RetargetResult) -> str:
+    """The text of `figures_document` as JSON."""
+    return json.dumps(figures_document(result), indent=1, allow_nan=False) + "\n"
 
 
 def _named(figure: Figure) -> str:
     return f"{figure.label} [{figure.symbol}]" if figure.symbol else figure.label
 
 
-def _columns(values: Mapping[str, NDArray[np.float64]]) -> dict[str, list[object]]:
+def _columns(values: Mapping[str, NDArray[np.float64]]) -> dict[str, list[float | None]]:
     """Lists of JSON values, null for nan."""
     return {key: [value if math.isfinite(value) else None for value in row.tolist()] for key, row in values.items()}

@@ -19,7 +19,7 @@ ROTATION_CHANNELS = ("Xrotation", "Yrotation", "Zrotation")
 LARGEST = 1e50  # largest coordinate of an offset or a position, so that products of three stay finite [file units]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Skeleton:
     """A tree of joints with the offsets of its rest pose.
 

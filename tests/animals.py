@@ -67,11 +67,11 @@ def rig_of(joints: Joints) -> Skeleton:
     names = tuple(joints)
     ends = [name.endswith("_End") for name in names]
     return Skeleton(
-        names,
-        np.array([names.index(parent) if parent else -1 for parent, _ in joints.values()]),
-        np.array([offset for _, offset in joints.values()], float),
-        (POSITION_CHANNELS + ROTATION_CHANNELS, *(() if end else ROTATION_CHANNELS for end in ends[1:])),
-        np.array(ends),
+        names=names,
+        parents=np.array([names.index(parent) if parent else -1 for parent, _ in joints.values()]),
+        offsets=np.array([offset for _, offset in joints.values()], float),
+        channels=(POSITION_CHANNELS + ROTATION_CHANNELS, *(() if end else ROTATION_CHANNELS for end in ends[1:])),
+        end_sites=np.array(ends),
     )
 
 
@@ -102,11 +102,11 @@ def on_a_root(motion: Motion, name: str) -> Motion:
     """The motion below one more joint that stays at the origin; its root's positions become those of a joint."""
     body = motion.skeleton
     skeleton = Skeleton(
-        (name, *body.names),
-        np.concatenate([[-1], body.parents + 1]),
-        np.concatenate([np.zeros((1, 3)), body.offsets]),
-        (POSITION_CHANNELS + ROTATION_CHANNELS, *body.channels),
-        np.concatenate([[False], body.end_sites]),
+        names=(name, *body.names),
+        parents=np.concatenate([[-1], body.parents + 1]),
+        offsets=np.concatenate([np.zeros((1, 3)), body.offsets]),
+        channels=(POSITION_CHANNELS + ROTATION_CHANNELS, *body.channels),
+        end_sites=np.concatenate([[False], body.end_sites]),
     )
     still = np.tile([0.0, 0.0, 0.0, 1.0], (len(motion), 1, 1))
     return Motion(

@@ -78,11 +78,11 @@ def person() -> Skeleton:
     leaves = [joint for joint in range(len(body)) if not body.children[joint]]
     ends = {"Head": (0, 0.12, 0), "RightWrist": (-0.17, 0, 0), "LeftWrist": (0.17, 0, 0)}
     return Skeleton(
-        body.names + tuple(f"{body.names[leaf]}_End" for leaf in leaves),
-        np.concatenate([body.parents, leaves]),
-        np.concatenate([body.offsets, [ends.get(body.names[leaf], (0, 0, 0.06)) for leaf in leaves]]),
-        body.channels + ((),) * len(leaves),
-        np.concatenate([body.end_sites, np.ones(len(leaves), bool)]),
+        names=body.names + tuple(f"{body.names[leaf]}_End" for leaf in leaves),
+        parents=np.concatenate([body.parents, leaves]),
+        offsets=np.concatenate([body.offsets, [ends.get(body.names[leaf], (0, 0, 0.06)) for leaf in leaves]]),
+        channels=body.channels + ((),) * len(leaves),
+        end_sites=np.concatenate([body.end_sites, np.ones(len(leaves), bool)]),
     )
 
 

@@ -1,5 +1,6 @@
 """Fixtures that several test files share."""
 
+import json
 import shutil
 
 import pytest
@@ -46,3 +47,16 @@ def open_page(browser):
     assert not problems
     assert len(asked) == len(tabs)
     assert all(url.startswith("file:") for url in asked)
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Write a document, or text, to a file."""
+
+    def write(document):
+        path = tmp_path / "target.json"
+        text = document if isinstance(document, str) else json.dumps(document)
+        path.write_text(text, encoding="utf-8", errors="surrogateescape")
+        return path
+
+    return write

@@ -42,7 +42,13 @@ class Case:
         parents = [-1] + [int(draw.integers(max(0, joint - 3), joint)) for joint in range(1, joints)]
         names = tuple(f"j{joint}" for joint in range(joints))
         channels = (("Zrotation", "Xrotation", "Yrotation"),) * joints
-        skeleton = Skeleton(names, parents, 0.4 * draw.normal(size=(joints, 3)), channels, [False] * joints)
+        skeleton = Skeleton(
+            names=names,
+            parents=parents,
+            offsets=0.4 * draw.normal(size=(joints, 3)),
+            channels=channels,
+            end_sites=[False] * joints,
+        )
         copy = swaying(skeleton, frames, seed=seed)
         self.parts = part_of_joint(skeleton, np.arange(joints))
         self.stiffness = draw.uniform(0.3, 1.0, self.parts.max() + 2)

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, read_bvh, retarget
 from distretarget.body.body import Body
-from distretarget.body.conventions import by_names
+from distretarget.body.named_anatomy import by_names
 from distretarget.errors import MatchingError
 from distretarget.matching.matching import find_matching
 from distretarget.numerics.rotations import normalised
@@ -230,7 +230,13 @@ def part(motion, top="Hips", without=()):
     channels = body.channels[:1] + tuple(body.channels[joint] for joint in kept[1:])
     parents = [-1, *(kept.index(body.parents[joint]) for joint in kept[1:])]
     names = tuple(body.names[joint] for joint in kept)
-    left = Skeleton(names, np.array(parents), body.offsets[kept], channels, body.end_sites[kept])
+    left = Skeleton(
+        names=names,
+        parents=np.array(parents),
+        offsets=body.offsets[kept],
+        channels=channels,
+        end_sites=body.end_sites[kept],
+    )
     translations, rotations = motion.translations[:, kept], motion.rotations[:, kept]
     translations[:, 0], rotations[:, 0] = motion.positions[:, kept[0]], motion.world_rotations[:, kept[0]]
     return Motion(left, translations, rotations, motion.frame_time_text)

@@ -19,7 +19,12 @@ def work(name):
 
 
 def pages(folder, most=None, overwrite=False):
-    return Pages(folder / "index.html", most, overwrite, lambda _: About("a", "b", "", "1"))
+    return Pages(
+        index=folder / "index.html",
+        most=most,
+        overwrite=overwrite,
+        about=lambda _: About(a="a", b="b", command="", version="1"),
+    )
 
 
 def test_only_pages_of_a_batch_are_replaced(tmp_path):

@@ -10,14 +10,15 @@ from bodies import other_lengths, person
 
 from distretarget.batch import run as batch_run
 from distretarget.batch.clips import find_clips
-from distretarget.batch.manifest import Manifest, Recipe, read_records
+from distretarget.batch.manifest import Manifest
 from distretarget.batch.plan import plan
+from distretarget.batch.record import Recipe, read_records
 from distretarget.batch.run import Run, reports
 from distretarget.batch.task import Outcome
 from distretarget.conversion import Options, Text
 from distretarget.errors import BatchError, FileError
 from distretarget.io.map_json import MapFile
-from distretarget.io.skeleton_json import skeleton_to_json
+from distretarget.io.skeleton_writer import skeleton_to_json
 
 TARGET = Text(skeleton_to_json(other_lengths(person()), "body"), "body.json")
 RECIPE = Recipe(Options(), MapFile({}, ""), "1")
@@ -105,7 +106,9 @@ def works_in(folder):
 def go(folder, pool=None, recipe=RECIPE, works=None, **others):
     seen, manifest = Seen(), Manifest(folder / "out")
     try:
-        Run(folder / "out", recipe, manifest, pool or Pool(), seen, **others).go(works or works_in(folder), 100)
+        Run(folder=folder / "out", recipe=recipe, manifest=manifest, pool=pool or Pool(), watcher=seen, **others).go(
+            works or works_in(folder), 100
+        )
     finally:
         manifest.close()
     return seen
@@ -301,7 +304,7 @@ def test_a_clip_that_would_keep_one_worker_busy_at_the_end_is_cut(folder, monkey
     works = works_in(folder)  # of 10, 5 and 3 bytes
     seen = Seen()
     manifest = Manifest(folder / "out")
-    Run(folder / "out", RECIPE, manifest, Pool(), seen).go(works, 18)
+    Run(folder=folder / "out", recipe=RECIPE, manifest=manifest, pool=Pool(), watcher=seen).go(works, 18)
     manifest.close()
     assert [Path(task.source.path).name for task in cut] == ["c.bvh", "b.bvh"]
     assert len(seen.of("done")) == 3

@@ -3,8 +3,8 @@
 from pathlib import Path, PurePath
 
 from distretarget.batch.clips import Clip
-from distretarget.batch.manifest import Recipe, record_of
 from distretarget.batch.plan import Work
+from distretarget.batch.record import Recipe, failed_record
 from distretarget.batch.summary import Tally
 from distretarget.conversion import Options, Text
 from distretarget.io.map_json import MapFile
@@ -21,11 +21,12 @@ def done(name, contact):
         of: {"contact_error": contact, "direction_error": 0.0, "stress": 1 - contact}
         for of in ("result", "rotation_copy")
     }
-    return record_of(work(name), "in", RECIPE, status="done", output_hash="out", frames=100, figures=figures)
+    outcome = {"status": "done", "output_hash": "out", "frames": 100, "figures": figures}
+    return failed_record(work(name), "in", RECIPE) | outcome
 
 
 def failed(name, error):
-    return record_of(work(name), "in", RECIPE, error=error)
+    return failed_record(work(name), "in", RECIPE) | {"error": error}
 
 
 def summary(records, clips=None):

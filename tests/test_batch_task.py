@@ -10,16 +10,17 @@ from distretarget import retarget
 from distretarget.batch import task as batch_task
 from distretarget.batch.task import Task, convert
 from distretarget.conversion import Options, Text
-from distretarget.io.bvh import format_bvh, parse_bvh
+from distretarget.io.bvh import parse_bvh
+from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.map_json import MapFile
-from distretarget.io.skeleton_json import skeleton_to_json
+from distretarget.io.skeleton_writer import skeleton_to_json
 from distretarget.report.document import About
 
 TARGET = Text(skeleton_to_json(other_lengths(person()), "body"), "body.json")
 
 
 def task_of(text, target=TARGET, **others):
-    return Task(Text(text, "in.bvh"), target, MapFile({}, ""), Options(), **others)
+    return Task(source=Text(text, "in.bvh"), target=target, map=MapFile({}, ""), options=Options(), **others)
 
 
 def test_a_task_does_what_retargeting_does():
@@ -30,7 +31,7 @@ def test_a_task_does_what_retargeting_does():
     source = parse_bvh(text, "in.bvh")
     assert outcome.bvh == format_bvh(retarget(source, other_lengths(person())).motion)
     assert outcome.figures["result"]["bone_error"] < 1e-9
-    assert "<title>" in convert(task_of(text, about=About("a", "b", "", "1"))).report
+    assert "<title>" in convert(task_of(text, about=About(a="a", b="b", command="", version="1"))).report
     with ThreadPoolExecutor(2) as pool:
         assert convert(task_of(text), pool.map).bvh == outcome.bvh
 

@@ -291,7 +291,13 @@ def test_size_of_the_papers_skeleton():
 
 
 def test_bodies_without_legs_have_a_size():
-    chain = Skeleton(("a", "b", "c"), [-1, 0, 1], [[0, 0, 0], [0, 2, 0], [1, 0, 0]], ((),) * 3, [False] * 3)
+    chain = Skeleton(
+        names=("a", "b", "c"),
+        parents=[-1, 0, 1],
+        offsets=[[0, 0, 0], [0, 2, 0], [1, 0, 0]],
+        channels=((),) * 3,
+        end_sites=[False] * 3,
+    )
     body = Body.of(chain)
     assert (body.legs, body.leg_length, body.pelvis_joint) == (None, 0.0, None)
     assert (body.height, body.unit) == (2.0, 3.0)

@@ -130,7 +130,13 @@ def test_joints_with_fewer_channels(axes, bvhio, tmp_path):
     angles = np.linspace(0, 1, 5 * len(axes)).reshape(5, len(axes))
     rotations = Rotation.from_euler(axes, angles).as_quat()
     names, channels = ("a", "b", "b_End"), ((), tuple(f"{axis}rotation" for axis in axes), ())
-    skeleton = Skeleton(names, [-1, 0, 1], [[0, 0, 0], [1, 2, 3], [3, 2, 1]], channels, [False, False, True])
+    skeleton = Skeleton(
+        names=names,
+        parents=[-1, 0, 1],
+        offsets=[[0, 0, 0], [1, 2, 3], [3, 2, 1]],
+        channels=channels,
+        end_sites=[False, False, True],
+    )
     still = np.tile([0.0, 0.0, 0.0, 1.0], (5, 1))
     motion = Motion(skeleton, np.tile(skeleton.offsets, (5, 1, 1)), np.stack([still, rotations, still], axis=1), "0.01")
     assert_same(from_bvhio(to_bvhio(motion)), motion)
@@ -141,14 +147,20 @@ def test_joints_with_fewer_channels(axes, bvhio, tmp_path):
 @pytest.mark.usefixtures("bvhio")
 def test_joints_in_any_order_come_back_depth_first():
     skeleton = Skeleton(
-        ("a", "b", "c", "d"), [-1, 0, 0, 1], np.arange(12.0).reshape(4, 3), ((),) * 4, np.zeros(4, bool)
+        names=("a", "b", "c", "d"),
+        parents=[-1, 0, 0, 1],
+        offsets=np.arange(12.0).reshape(4, 3),
+        channels=((),) * 4,
+        end_sites=np.zeros(4, bool),
     )
     again = from_bvhio(to_bvhio(swaying(skeleton))).skeleton
     assert [name for name, end_site in zip(again.names, again.end_sites, strict=True) if not end_site] == list("abdc")
 
 
 def test_a_joint_without_end_site_gets_one(bvhio):
-    skeleton = Skeleton(("a", "b"), [-1, 0], [[0, 0, 0], [1, 2, 3]], ((), ()), [False, False])
+    skeleton = Skeleton(
+        names=("a", "b"), parents=[-1, 0], offsets=[[0, 0, 0], [1, 2, 3]], channels=((), ()), end_sites=[False, False]
+    )
     again = from_bvhio(to_bvhio(swaying(skeleton))).skeleton
     assert again.names == ("a", "b", "b_End")
     assert again.offsets[2].tolist() == [0, 0, 0]
@@ -217,7 +229,9 @@ def test_containers_that_are_no_motion_are_refused(change, error, message):
 @pytest.mark.parametrize("end_sites", [[False, True, True], [False, True, False]])
 @pytest.mark.usefixtures("bvhio")
 def test_end_sites_that_bvhio_would_drop_are_refused(end_sites):
-    skeleton = Skeleton(("a", "b", "c"), [-1, 0, 0], np.eye(3), ((),) * 3, end_sites)
+    skeleton = Skeleton(
+        names=("a", "b", "c"), parents=[-1, 0, 0], offsets=np.eye(3), channels=((),) * 3, end_sites=end_sites
+    )
     with pytest.raises(SkeletonError, match="only where a joint has nothing else; 'a' has 'b', 'c'"):
         to_bvhio(swaying(skeleton))
 

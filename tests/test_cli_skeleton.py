@@ -9,7 +9,8 @@ from bodies import SAMPLES, person, swaying
 from program import run
 
 from distretarget import write_bvh
-from distretarget.io.skeleton_json import load_full_target, skeleton_to_json
+from distretarget.io.skeleton_writer import skeleton_to_json
+from distretarget.io.target_file import load_full_target
 from distretarget.skeleton import Skeleton
 
 RIGS = SAMPLES / "rigs"
@@ -17,7 +18,13 @@ RIGS = SAMPLES / "rigs"
 
 def renamed(skeleton, rename):
     names = tuple(map(rename, skeleton.names))
-    return Skeleton(names, skeleton.parents, skeleton.offsets, skeleton.channels, skeleton.end_sites)
+    return Skeleton(
+        names=names,
+        parents=skeleton.parents,
+        offsets=skeleton.offsets,
+        channels=skeleton.channels,
+        end_sites=skeleton.end_sites,
+    )
 
 
 @pytest.fixture
@@ -29,7 +36,13 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "body.json").write_text(skeleton_to_json(body, "somebody", {"Head": "Head", "Neck": None}))
     numbers = {name: f"j{number}" for number, name in enumerate(body.names)}
     (tmp_path / "numbers.json").write_text(skeleton_to_json(renamed(body, numbers.get), "numbers"))
-    blocks = Skeleton(("Block", "Lid"), [-1, 0], [[0, 0, 0], [0, 1, 0]], ((), ()), [False] * 2)
+    blocks = Skeleton(
+        names=("Block", "Lid"),
+        parents=[-1, 0],
+        offsets=[[0, 0, 0], [0, 1, 0]],
+        channels=((), ()),
+        end_sites=[False] * 2,
+    )
     (tmp_path / "blocks.json").write_text(skeleton_to_json(blocks, "blocks"))
     return tmp_path
 

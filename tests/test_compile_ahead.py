@@ -20,7 +20,8 @@ compile, late = Dispatcher.compile, []
 Dispatcher.compile = lambda self, signature: late.append(self.py_func.__name__) or compile(self, signature)
 for target in sys.argv[2:4]:
     for clip in sys.argv[4:]:
-        task = Task(load_text(clip), load_text(target), MapFile({}, ""), Options(sys.argv[1]))
+        options = Options(objective=sys.argv[1])
+        task = Task(source=load_text(clip), target=load_text(target), map=MapFile({}, ""), options=options)
         assert not convert(task).error
 print(late)
 """

@@ -31,7 +31,7 @@ def copied(source):
 def springs_of(source, block, lead):
     copy = copied(source) / UNIT
     points = source.positions[:, PROBLEM.sources], copy[:, PROBLEM.targets]
-    return pair_springs(PAIRS, PROBLEM, *points, block, lead, SETTINGS)
+    return pair_springs(PAIRS, PROBLEM, *points, block=block, lead=lead, settings=SETTINGS)
 
 
 def by_pair(springs):
@@ -63,7 +63,13 @@ def test_path_lengths_are_the_sources_in_its_units_and_the_targets_in_body_units
 
 
 def test_joints_that_coincide_by_their_bones_are_no_pair():
-    chain = Skeleton(tuple("abcdef"), np.arange(6) - 1, np.outer(np.arange(6) == 5, [0, 1, 0]), ((),) * 6, [False] * 6)
+    chain = Skeleton(
+        names=tuple("abcdef"),
+        parents=np.arange(6) - 1,
+        offsets=np.outer(np.arange(6) == 5, [0, 1, 0]),
+        channels=((),) * 6,
+        end_sites=[False] * 6,
+    )
     longer = chain.with_offsets(np.tile([0, 1.0, 0], (6, 1)))
     pairs = candidate_pairs(distance_problem(chain, longer, np.arange(6)), 1.0, SETTINGS.least_path)
     assert set(zip(pairs.u.tolist(), pairs.v.tolist(), strict=True)) == {(0, 5), (1, 5)}
@@ -182,17 +188,17 @@ def lone_and_cluster(count):
     """Weight of every pair where `count` points stand near `count` others, all at the distance `close`."""
     points = 2 * count
     chain = Skeleton(
-        tuple(f"p{i}" for i in range(points)),
-        np.arange(points) - 1,
-        np.tile([0, 1.0, 0], (points, 1)),
-        ((),) * points,
-        [False] * points,
+        names=tuple(f"p{i}" for i in range(points)),
+        parents=np.arange(points) - 1,
+        offsets=np.tile([0, 1.0, 0], (points, 1)),
+        channels=((),) * points,
+        end_sites=[False] * points,
     )
     problem = distance_problem(chain, chain, np.arange(points))
     u, v = (ends.ravel() for ends in np.meshgrid(np.arange(count), np.arange(count, points), indexing="ij"))
     pairs = CandidatePairs(u, v, np.full(len(u), 1 / SETTINGS.close), np.full(len(u), 1 / SETTINGS.close))
     x = np.tile(np.where(np.arange(points) < count, 0.0, 1.0)[:, None] * [1.0, 0, 0], (3, 1, 1))
-    return pair_springs(pairs, problem, x, x, slice(0, 3), 0.0, SETTINGS).w[1]
+    return pair_springs(pairs, problem, x, x, block=slice(0, 3), lead=0.0, settings=SETTINGS).w[1]
 
 
 def test_a_point_near_a_cluster_is_pulled_about_as_much_as_one_near_a_single_point():

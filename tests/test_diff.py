@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from distretarget import Motion, read_bvh, retarget
 from distretarget.baseline.world import turned
 from distretarget.errors import MapError, MatchingError, MotionError
-from distretarget.io.skeleton_json import load_full_target
+from distretarget.io.target_file import load_full_target
 from distretarget.measure.diff import diff, resampled
 
 LEG = 0.435 + 0.453

@@ -13,13 +13,14 @@ import pytest
 from bodies import SAMPLES, clapping, lengthened, person, posed, swaying, with_bone
 
 from distretarget import read_bvh, retarget
-from distretarget.measure.diff import Diff, diff
-from distretarget.measure.figures import BY_KEY, FIGURES, Track
-from distretarget.measure.metrics import compare
+from distretarget.measure.diff import diff
+from distretarget.measure.figures import BY_KEY, FIGURES
 from distretarget.report.document import PAIRS, About, csv_text, document, json_text
+from distretarget.report.document_types import DiffBody, DiffDocument, DiffFigures, DiffLimit, DiffPair, Program
+from distretarget.report.report import run_diff
 
 PERSON = person()
-ABOUT = About("a.bvh", "b.bvh", "distretarget diff a.bvh b.bvh", "1.2.3")
+ABOUT = About(a="a.bvh", b="b.bvh", command="distretarget diff a.bvh b.bvh", version="1.2.3")
 ERRORS = [figure.key for figure in FIGURES if figure.judged == "value"]
 OF_SOURCE = [figure.key for figure in FIGURES if figure.of_source]
 COLUMNS = [
@@ -89,6 +90,21 @@ def test_a_document_follows_the_schema_and_says_the_same_as_json(name):
     assert len(found["frames"]) == found["frame_count"]
     assert column("frame", found) == list(range(found["frame_count"]))
     assert len(found["pairs"]) <= PAIRS
+
+
+def test_the_types_have_the_keys_of_the_schema():
+    schema = json.loads(files("distretarget.report").joinpath("diff.schema.json").read_text("utf-8"))
+    definitions = schema["$defs"]
+    for type_, described in (
+        (DiffDocument, schema),
+        (Program, schema["properties"]["program"]),
+        (DiffFigures, schema["properties"]["figures"]),
+        (DiffBody, definitions["body"]),
+        (DiffLimit, definitions["limit"]),
+        (DiffPair, definitions["pair"]),
+    ):
+        assert type_.__required_keys__ == set(described["properties"]), type_
+        assert not type_.__optional_keys__, type_
 
 
 @pytest.mark.parametrize("name", CLIPS)
@@ -241,19 +257,7 @@ def test_pairs_have_the_names_of_both_bodies():
 
 def test_the_rotation_copy_stands_beside_the_result():
     run = retarget(first(CLIPS["clap"]()[0], 12), lengthened(PERSON, {"Elbow": 1.3}))
-    up = run.world.up_vector
-    baseline, result = (compare(run.source, motion, run.matching, up) for motion in (run.rotation_copy, run.motion))
-    copy = {**baseline.tracks, "stress": Track(run.copy_stress)}
-    of_run = Diff(
-        a=run.source,
-        b=run.motion,
-        matching=run.matching,
-        up=up,
-        stress=run.written_stress,
-        comparison=result,
-        notes=(),
-    )
-    found = document(of_run, replace(ABOUT, rotation_copy=copy))
+    found = document(run_diff(run), replace(ABOUT, rotation_copy=run.tracks["rotation_copy"]))
     validator().validate(found)
     figures = found["figures"]
     assert figures["rotation_copy"].keys() == figures["result"].keys()

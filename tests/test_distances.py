@@ -80,7 +80,9 @@ def test_unmatched_joints_are_no_points():
 
 
 def test_two_joints_are_enough():
-    body = Skeleton(("a", "b"), [-1, 0], [[0, 0, 0], [0, 2, 0]], ((), ()), [False, False])
+    body = Skeleton(
+        names=("a", "b"), parents=[-1, 0], offsets=[[0, 0, 0], [0, 2, 0]], channels=((), ()), end_sites=[False, False]
+    )
     problem = problem_of(body, body)
     np.testing.assert_array_equal(problem.priorities, [[0, 1], [1, 0]])
     np.testing.assert_allclose(problem.ratio, [[0, 0.5], [0.5, 0]])

@@ -9,7 +9,7 @@ from bodies import CORPUS, SAMPLES, needs_corpus, other_lengths, person
 from distretarget import DistretargetError, Skeleton, read_bvh
 from distretarget.body.body import Body
 from distretarget.body.legs import find_legs, foot_bone, leg_length, pelvis_joint, tree_legs
-from distretarget.io.skeleton_json import load_full_target
+from distretarget.io.target_file import load_full_target
 
 RIGS = sorted((SAMPLES / "rigs").glob("*.json"))
 FIVE_TOES = ("makehuman-benchmark", "makehuman-face-poseunits", "makehuman-tpose")  # the tree takes one, names another
@@ -56,7 +56,13 @@ def test_legs_of_real_rigs(file, legs):
 
 
 def test_a_chain_has_no_legs():
-    chain = Skeleton(("a", "b", "c"), [-1, 0, 1], [[0, 0, 0], [0, 2, 0], [1, 0, 0]], ((),) * 3, [False] * 3)
+    chain = Skeleton(
+        names=("a", "b", "c"),
+        parents=[-1, 0, 1],
+        offsets=[[0, 0, 0], [0, 2, 0], [1, 0, 0]],
+        channels=((),) * 3,
+        end_sites=[False] * 3,
+    )
     assert tree_legs(chain) is None
     assert find_legs(chain, None) is None
 

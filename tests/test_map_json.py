@@ -5,13 +5,14 @@ import re
 
 import pytest
 from bodies import CORPUS, SAMPLES, body_of, matched, needs_corpus, person, swaying
-from test_skeleton_json import MANUAL
+from skeleton_files import MANUAL
 
 from distretarget import read_bvh, retarget
 from distretarget.errors import FileError, MatchingError, SkeletonFileError
-from distretarget.io.bvh import format_bvh
+from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.map_json import joint_map, load_map, map_to_json
-from distretarget.io.skeleton_json import Target, load_full_target
+from distretarget.io.target import Target
+from distretarget.io.target_file import load_full_target
 from distretarget.matching.matching import find_matching
 
 

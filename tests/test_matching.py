@@ -10,7 +10,7 @@ from bodies import SAMPLES, body_of, matched, person, posed, with_bone
 from distretarget import Skeleton
 from distretarget.body.body import Body
 from distretarget.errors import MapError, MatchingError
-from distretarget.io.skeleton_json import load_full_target
+from distretarget.io.target_file import load_full_target
 from distretarget.matching.matching import find_matching, match, refusal
 
 PERSON = person()
@@ -42,7 +42,13 @@ def chain(*names, parents=None, ends=()):
     """A rope, which is no human body; joints named in `ends` are End Sites."""
     parents = range(-1, len(names) - 1) if parents is None else parents
     offsets = np.outer(np.arange(len(names)) > 0, [0, 1.0, 0])
-    return Skeleton(names, list(parents), offsets, ((),) * len(names), [name in ends for name in names])
+    return Skeleton(
+        names=names,
+        parents=list(parents),
+        offsets=offsets,
+        channels=((),) * len(names),
+        end_sites=[name in ends for name in names],
+    )
 
 
 def taken(skeleton, joints):

@@ -23,7 +23,11 @@ def chain(lengths):
     joints = len(lengths) + 1
     offsets = np.outer([0, *lengths], [1.0, 0, 0])
     return Skeleton(
-        tuple("abcdefgh"[:joints]), np.arange(joints) - 1, offsets, (("Zrotation",),) * joints, [False] * joints
+        names=tuple("abcdefgh"[:joints]),
+        parents=np.arange(joints) - 1,
+        offsets=offsets,
+        channels=(("Zrotation",),) * joints,
+        end_sites=[False] * joints,
     )
 
 
@@ -241,11 +245,11 @@ def test_joints_without_a_driver_count_for_nothing_but_smoothness_and_bones():
     expected = of_clip(compared(source, result.motion))
     body = result.motion.skeleton
     tail = Skeleton(
-        (*body.names, "Tail", "Tail_End"),
-        [*body.parents, 0, len(body)],
-        [*body.offsets, (0, 0, -0.2), (0, 0, -0.2)],
-        (*body.channels, ("Zrotation", "Xrotation", "Yrotation"), ()),
-        [*body.end_sites, False, True],
+        names=(*body.names, "Tail", "Tail_End"),
+        parents=[*body.parents, 0, len(body)],
+        offsets=[*body.offsets, (0, 0, -0.2), (0, 0, -0.2)],
+        channels=(*body.channels, ("Zrotation", "Xrotation", "Yrotation"), ()),
+        end_sites=[*body.end_sites, False, True],
     )
     wagging = np.zeros((40, 2, 3))
     wagging[:, 0, 1] = np.sin(np.arange(40))

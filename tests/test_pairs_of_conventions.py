@@ -13,7 +13,7 @@ from make_rigs import CONVENTIONS, rig
 from distretarget import DistretargetError, Skeleton, read_bvh
 from distretarget.body.anatomy import ARM, LEG, SIDES
 from distretarget.body.body import Body
-from distretarget.body.conventions import by_names
+from distretarget.body.named_anatomy import by_names
 from distretarget.matching.matching import find_matching, refusal
 
 NAMES = Path(__file__).resolve().parents[2] / "shared" / "joint_names.json"
@@ -35,7 +35,13 @@ def published(convention):
     names = [joint["name"] for joint in joints]
     parents = [names.index(joint["parent"]) if joint["parent"] else -1 for joint in joints]
     count = len(names)
-    return Skeleton(tuple(names), np.array(parents), np.zeros((count, 3)), ((),) * count, np.zeros(count, bool))
+    return Skeleton(
+        names=tuple(names),
+        parents=np.array(parents),
+        offsets=np.zeros((count, 3)),
+        channels=((),) * count,
+        end_sites=np.zeros(count, bool),
+    )
 
 
 @cache

@@ -51,7 +51,9 @@ def chain(joints):
     offsets = np.tile([[0.0, 1.0, 0.0]], (joints, 1))
     channels = (("Zrotation", "Xrotation", "Yrotation"),) * joints
     names = tuple(f"joint_{k}" for k in range(joints))
-    return Skeleton(names, np.arange(joints) - 1, offsets, channels, np.zeros(joints, bool))
+    return Skeleton(
+        names=names, parents=np.arange(joints) - 1, offsets=offsets, channels=channels, end_sites=np.zeros(joints, bool)
+    )
 
 
 def test_names_of_all_kinds_stay_text():

@@ -9,11 +9,11 @@ from bodies import SAMPLES, person, posed, swaying, with_bone
 from pages import CONTRASTS, settle
 
 from distretarget import load_target, read_bvh, retarget
-from distretarget.measure.diff import Diff, diff
-from distretarget.measure.figures import FIGURES, Track
-from distretarget.measure.metrics import compare
+from distretarget.measure.diff import diff
+from distretarget.measure.figures import FIGURES
 from distretarget.report.document import About, document
 from distretarget.report.page import page
+from distretarget.report.report import run_diff
 
 NASTY = "</script><b>&amp; \"q' " + 60 * "ü"
 PERSON = person()
@@ -30,19 +30,18 @@ def sample():
     """A real run, with the rotation copy and limits: the difference, and its document."""
     source = read_bvh(SAMPLES / "clap.bvh")
     run = retarget(source, load_target(SAMPLES / "long_arms.json").for_source(source.rigid_skeleton).skeleton)
-    up = run.world.up_vector
-    baseline, result = (compare(run.source, motion, run.matching, up) for motion in (run.rotation_copy, run.motion))
-    of_run = Diff(
-        a=run.source,
-        b=run.motion,
-        matching=run.matching,
-        up=up,
-        stress=run.written_stress,
-        comparison=result,
-        notes=(),
+    of_run = run_diff(run)
+    return of_run, document(
+        of_run,
+        About(
+            a="clap.bvh",
+            b="clap_long_arms.bvh",
+            command="distretarget diff",
+            version="1",
+            rotation_copy=run.tracks["rotation_copy"],
+            limits=LIMITS,
+        ),
     )
-    copy = {**baseline.tracks, "stress": Track(run.copy_stress)}
-    return of_run, document(of_run, About("clap.bvh", "clap_long_arms.bvh", "distretarget diff", "1", copy, LIMITS))
 
 
 def still(frames, body=PERSON):
@@ -52,7 +51,7 @@ def still(frames, body=PERSON):
 
 def compared(a, b, name="a.bvh"):
     result = diff(a, b)
-    return result, document(result, About(name, name, name, "1"))
+    return result, document(result, About(a=name, b=name, command=name, version="1"))
 
 
 def renamed(motion, names):

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from distretarget import Motion, read_bvh, retarget
 from distretarget.baseline.world import axis_vector
 from distretarget.body.body import Body
-from distretarget.body.conventions import by_names
-from distretarget.io.skeleton_json import load_target
+from distretarget.body.named_anatomy import by_names
+from distretarget.io.target_file import load_target
 from distretarget.numerics.kinematics import local_rotations
 from distretarget.numerics.rotations import least_rotation
 

@@ -126,11 +126,11 @@ def test_the_shortest_motions(frames):
 def test_the_smallest_skeletons():
     for joints in (2, 3):
         chain = Skeleton(
-            tuple("abc"[:joints]),
-            np.arange(joints) - 1,
-            [[0, i > 0, 0] for i in range(joints)],
-            (("Zrotation",),) * joints,
-            [False] * joints,
+            names=tuple("abc"[:joints]),
+            parents=np.arange(joints) - 1,
+            offsets=[[0, i > 0, 0] for i in range(joints)],
+            channels=(("Zrotation",),) * joints,
+            end_sites=[False] * joints,
         )
         result = retarget(swaying(chain), chain.with_offsets(2 * chain.offsets))
         np.testing.assert_allclose(result.motion.skeleton.lengths[1:], 2.0)
@@ -158,7 +158,13 @@ def test_joints_without_a_driver_follow_their_parents():
 
 
 def test_bodies_that_cannot_be_matched_are_refused():
-    rope = Skeleton(tuple("abc"), [-1, 0, 1], np.tile([0.0, 1, 0], (3, 1)), (("Zrotation",),) * 3, [False] * 3)
+    rope = Skeleton(
+        names=tuple("abc"),
+        parents=[-1, 0, 1],
+        offsets=np.tile([0.0, 1, 0], (3, 1)),
+        channels=(("Zrotation",),) * 3,
+        end_sites=[False] * 3,
+    )
     with pytest.raises(MatchingError, match="the target has 'a', 'b', 'c'; the source has 'Hips'"):
         retarget(swaying(BODY), rope)
     with pytest.raises(MapError, match="no joint 'Nose'"):

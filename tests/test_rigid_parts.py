@@ -98,7 +98,7 @@ def test_as_many_parts_as_joints_that_turn_and_carry_bones():
 
 
 def test_a_lone_root_is_one_part():
-    point = Skeleton(("a",), [-1], [[0, 0, 0]], (("Zrotation",),), [False])
+    point = Skeleton(names=("a",), parents=[-1], offsets=[[0, 0, 0]], channels=(("Zrotation",),), end_sites=[False])
     np.testing.assert_array_equal(part_of_joint(point, np.arange(1)), [0])
     still = Motion(point, np.zeros((3, 1, 3)), np.tile([0.0, 0, 0, 1], (3, 1, 1)), "1")
     np.testing.assert_array_equal(rigid_part_roots(still), [0])

@@ -11,7 +11,7 @@ from bodies import SAMPLES
 from make_rigs import CONVENTIONS, POSES, rig
 
 from distretarget.body.body import Body
-from distretarget.io.skeleton_json import load_full_target
+from distretarget.io.target_file import load_full_target
 
 RIGS = SAMPLES / "rigs"
 JOINTS = {"mixamo": 65, "xsens": 23, "lafan1": 22, "unreal": 68}

@@ -15,7 +15,9 @@ SIDES = ("Left", "Right")
 
 def chain():
     """Three joints in a row, without legs."""
-    return Skeleton(tuple("abc"), [-1, 0, 1], np.eye(3), (("Zrotation",),) * 3, [False] * 3)
+    return Skeleton(
+        names=tuple("abc"), parents=[-1, 0, 1], offsets=np.eye(3), channels=(("Zrotation",),) * 3, end_sites=[False] * 3
+    )
 
 
 def test_root_scale_is_the_ratio_of_leg_lengths():

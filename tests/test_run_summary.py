@@ -184,7 +184,13 @@ def test_the_shortest_clips_have_a_line_and_json(frames):
 
 def test_a_chain_without_legs_or_contacts_has_a_line_and_json():
     offsets = np.outer([0.0, 1, 1], [0, 1.0, 0])
-    chain = Skeleton(tuple("abc"), [-1, 0, 1], offsets, (("Zrotation", "Xrotation", "Yrotation"),) * 3, [False] * 3)
+    chain = Skeleton(
+        names=tuple("abc"),
+        parents=[-1, 0, 1],
+        offsets=offsets,
+        channels=(("Zrotation", "Xrotation", "Yrotation"),) * 3,
+        end_sites=[False] * 3,
+    )
     source = swaying(chain)
     made = retarget(source, chain.with_offsets(2 * offsets))
     assert "contact error - / -, direction error [°] 0.0 / 0.0, slide [legs/s] - / -" in summary_line(made, 0.1)

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from table_one import table_one
 
 from distretarget import load_target, read_bvh, retarget
-from distretarget.io.skeleton_json import load_full_target
+from distretarget.io.target_file import load_full_target
 
 CLIPS = sorted(SAMPLES.glob("*.bvh"))
 HEEL = (0.0, -6.5, -5.0)  # from the ankle of a foot that stands [cm]

@@ -32,11 +32,11 @@ def rig(bones):
     """A skeleton from {name: (parent, offset)}; names that end in _End are End Sites."""
     names = tuple(bones)
     return Skeleton(
-        names,
-        np.array([names.index(parent) if parent else -1 for parent, _ in bones.values()]),
-        np.array([offset for _, offset in bones.values()], float),
-        ((),) * len(names),
-        np.array([name.endswith("_End") for name in names]),
+        names=names,
+        parents=np.array([names.index(parent) if parent else -1 for parent, _ in bones.values()]),
+        offsets=np.array([offset for _, offset in bones.values()], float),
+        channels=((),) * len(names),
+        end_sites=np.array([name.endswith("_End") for name in names]),
     )
 
 
@@ -85,11 +85,11 @@ def renumbered(skeleton, seed):
         ready.extend(skeleton.children[order[-1]])
     parents = [order.index(skeleton.parents[joint]) if joint else -1 for joint in order]
     return Skeleton(
-        tuple(f"j{joint}" for joint in range(len(order))),
-        np.array(parents),
-        skeleton.offsets[order],
-        tuple(skeleton.channels[joint] for joint in order),
-        skeleton.end_sites[order],
+        names=tuple(f"j{joint}" for joint in range(len(order))),
+        parents=np.array(parents),
+        offsets=skeleton.offsets[order],
+        channels=tuple(skeleton.channels[joint] for joint in order),
+        end_sites=skeleton.end_sites[order],
     ), order
 
 
@@ -361,7 +361,11 @@ def test_random_trees_are_no_human_bodies():
         count = int(draw.integers(2, 40))
         parents = np.array([-1, *(draw.integers(max(0, k - 4), k) for k in range(1, count))])
         tree = Skeleton(
-            tuple(map(str, range(count))), parents, draw.normal(size=(count, 3)), ((),) * count, np.zeros(count, bool)
+            names=tuple(map(str, range(count))),
+            parents=parents,
+            offsets=draw.normal(size=(count, 3)),
+            channels=((),) * count,
+            end_sites=np.zeros(count, bool),
         )
         assert by_shape(tree) is None
 

@@ -1,64 +1,19 @@
-"""Target skeleton files: what they say, round trips, every refusal with its place, and the schema."""
+"""Skeleton files: what they say, every refusal with its place, and the schema."""
 
 import json
 import re
-from dataclasses import replace
 from importlib.resources import files
-from pathlib import Path
 
 import jsonschema
 import numpy as np
 import pytest
-from hypothesis import assume, given, reject, settings
-from hypothesis import strategies as st
+from skeleton_files import HEAD_END, HIPS, MANUAL, SPINE, full, short, valid
 from table_one import table_one
 
-from distretarget.errors import BvhError, FileError, SkeletonError, SkeletonFileError
-from distretarget.io.skeleton_json import (
-    ALL_CHANNELS,
-    JOINT_CHANNELS,
-    ROOT_CHANNELS,
-    SkeletonEdit,
-    is_json,
-    load_full_target,
-    load_target,
-    skeleton_to_json,
-)
+from distretarget.errors import SkeletonFileError
+from distretarget.io.skeleton_json import JOINT_CHANNELS, ROOT_CHANNELS
+from distretarget.io.target_file import load_target
 from distretarget.skeleton import Skeleton
-
-HEAD = {"format": "distretarget-skeleton", "version": 1}
-HIPS = {"name": "Hips", "parent": None, "offset": [0, 96.4, 0]}
-SPINE = {"name": "Spine", "parent": "Hips", "offset": [0, 24, 0]}
-HEAD_END = {"name": "Spine_End", "parent": "Spine", "offset": [0, 18, 0], "end": True}
-MANUAL = Path(__file__).parent.parent / "docs" / "formats.md"
-BVH = """HIERARCHY
-ROOT Hips
-{
-  OFFSET 0 0 0
-  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
-  JOINT Spine
-  {
-    OFFSET 0 24 0
-    CHANNELS 3 Zrotation Xrotation Yrotation
-    End Site
-    {
-      OFFSET 0 18 0
-    }
-  }
-}
-MOTION
-Frames: 1
-Frame Time: 0.01
-0 0 0 0 0 0 0 0 0
-"""
-
-
-def full(*joints, **others):
-    return HEAD | {"joints": list(joints or (HIPS, SPINE))} | others
-
-
-def short(**others):
-    return HEAD | others
 
 
 def spine(**changes):
@@ -67,38 +22,6 @@ def spine(**changes):
 
 def without(key, document):
     return {name: value for name, value in document.items() if name != key}
-
-
-@pytest.fixture
-def written(tmp_path):
-    """Write a document, or text, to a file."""
-
-    def write(document):
-        path = tmp_path / "target.json"
-        text = document if isinstance(document, str) else json.dumps(document)
-        path.write_text(text, encoding="utf-8", errors="surrogateescape")
-        return path
-
-    return write
-
-
-def load_json(text):
-    """The skeleton in a text, without a file of its own for each of many."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("distretarget.io.skeleton_json.read_text", lambda _: text)
-        return load_full_target("given.json").skeleton
-
-
-def assert_same(one, other):
-    """Identical to the bit, signs of zeros included."""
-    assert (one.names, one.channels, one.units, one.up) == (
-        other.names,
-        other.channels,
-        other.units,
-        other.up,
-    )
-    for name in ("parents", "offsets", "end_sites"):
-        assert getattr(one, name).tobytes() == getattr(other, name).tobytes()
 
 
 def test_full_form(written):
@@ -115,141 +38,6 @@ def test_full_form(written):
     assert target.map == {"Spine": "Chest"}
     assert target.name == "hero"
 
-
-def test_load_full_target_reads_the_full_form(written):
-    assert load_full_target(written(full())).skeleton.names == ("Hips", "Spine")
-
-
-def test_short_form_edits_the_source(written):
-    source = table_one()
-    document = short(scale=2, lengths={"LeftKnee": 0.5}, factors={"LeftElbow": 1.5})
-    target = load_target(written(document)).for_source(source)
-    expected = 2 * source.lengths
-    expected[source.index("LeftElbow")] *= 1.5
-    expected[source.index("LeftKnee")] = 0.5
-    np.testing.assert_allclose(target.skeleton.lengths, expected, rtol=1e-14)
-    assert target.skeleton.names == source.names
-    assert target.map == {}
-
-
-def test_short_form_without_edits_is_the_source(written):
-    assert_same(load_target(written(short())).for_source(table_one()).skeleton, table_one())
-
-
-def test_scale_takes_the_root_offset_along():
-    source = table_one().with_offsets(table_one().offsets + 1)
-    np.testing.assert_array_equal(SkeletonEdit(2, {}, {}, "").apply(source).offsets, 2 * source.offsets)
-
-
-def test_edits_name_end_sites():
-    source = load_json(json.dumps(full(HIPS, SPINE, HEAD_END)))
-    edited = SkeletonEdit(1, {"Spine_End": 9}, {}, "").apply(source)
-    np.testing.assert_allclose(edited.lengths, [0, 24, 9])
-
-
-def test_load_full_target_refuses_the_short_form(written):
-    with pytest.raises(SkeletonFileError, match="short form needs a source"):
-        load_full_target(written(short(scale=2)))
-
-
-def test_content_decides_between_json_and_bvh(tmp_path):
-    (tmp_path / "bvh.json").write_text(BVH)
-    (tmp_path / "json.bvh").write_text(f"\ufeff\r\n  {json.dumps(full(HIPS, SPINE, HEAD_END))}", "utf-8")
-    bvh = load_target(tmp_path / "bvh.json").for_source(table_one())
-    assert bvh.map == {}
-    np.testing.assert_array_equal(bvh.skeleton.lengths, load_full_target(tmp_path / "json.bvh").skeleton.lengths)
-    assert_same(load_full_target(tmp_path / "bvh.json").skeleton, bvh.skeleton)
-
-
-def test_neither_json_nor_bvh(written):
-    with pytest.raises(BvhError):
-        load_full_target(written("name: hero"))
-
-
-def test_missing_file(tmp_path):
-    with pytest.raises(FileError, match="no such file"):
-        load_target(tmp_path / "none.json").for_source(table_one())
-
-
-# Round trips
-
-
-def test_table_one_round_trip():
-    assert_same(load_json(skeleton_to_json(table_one(), "table one")), table_one())
-
-
-def test_written_text():
-    skeleton = load_json(json.dumps(full(HIPS, SPINE | {"name": "Rücken"}, units="cm")))
-    skeleton = replace(skeleton, end_sites=[False, True], channels=(("Xrotation",), ()))
-    assert skeleton_to_json(skeleton, "a") == (
-        '{\n  "format": "distretarget-skeleton",\n  "version": 1,\n  "name": "a",\n  "units": "cm",\n'
-        '  "joints": [\n'
-        '    {"name": "Hips", "parent": null, "offset": [0.0, 96.4, 0.0], "channels": ["Xrotation"]},\n'
-        '    {"name": "Rücken", "parent": "Hips", "offset": [0.0, 24.0, 0.0], "end": true}\n  ]\n}\n'
-    )
-
-
-@st.composite
-def skeletons(draw):
-    """Random skeletons with End Sites, any channels, and names that often repeat."""
-    count = draw(st.integers(2, 10))
-    names = st.sampled_from(["a", "b", "Arm L", "ü", "\udce9", '"\\'])
-    numbers = st.sampled_from(["", "", *range(count)])
-    coordinates = st.floats(-1e9, 1e9)
-    channels = st.lists(st.sampled_from(ALL_CHANNELS), unique=True).map(tuple)
-    ends = [False] + [draw(st.booleans()) for _ in range(count - 1)]
-    inner = [joint for joint in range(count) if not ends[joint]]
-    try:
-        return Skeleton(
-            names=tuple(f"{draw(names)}{draw(numbers)}" for _ in range(count)),
-            parents=[-1] + [draw(st.sampled_from([i for i in inner if i < j])) for j in range(1, count)],
-            offsets=[[draw(coordinates) for _ in "xyz"] for _ in range(count)],
-            channels=tuple(() if end else draw(channels) for end in ends),
-            end_sites=ends,
-            units=draw(st.sampled_from([None, "cm"])),
-            up=draw(st.sampled_from([None, "-Z"])),
-        )
-    except SkeletonError:
-        reject()
-
-
-@settings(deadline=None)
-@given(skeletons(), st.text())
-def test_round_trip(skeleton, name):
-    assume(skeleton.lengths.any())
-    text = skeleton_to_json(skeleton, name)
-    assert_same(load_json(text), skeleton)
-    assert json.loads(text)["name"] == name
-    assert valid(json.loads(text))
-
-
-def test_name_and_map_are_kept(written):
-    joint_map = {"Spine": "Chest", "Hips": None}
-    text = skeleton_to_json(load_json(json.dumps(full())), "hero", joint_map)
-    body = load_full_target(written(text))
-    assert (body.name, body.map) == ("hero", joint_map)
-    assert list(body.map) == list(joint_map)
-    assert skeleton_to_json(body.skeleton, body.name, body.map) == text
-    assert text.endswith('  ],\n  "map": {\n    "Spine": "Chest",\n    "Hips": null\n  }\n}\n')
-    assert valid(json.loads(text))
-
-
-def test_what_is_meant_as_json():
-    assert is_json(" \n{}")
-    assert is_json("[")
-    assert not is_json(BVH)
-
-
-def test_slashes_in_names_are_kept_or_refused():
-    plain = Skeleton(("a", "b/c", "d"), [-1, 0, 1], np.ones((3, 3)), ((), (), ()), [False] * 3)
-    assert_same(load_json(skeleton_to_json(plain, "")), plain)
-    names = ("a", "b", "c", "b/c", "d")
-    mixed = Skeleton(names, [-1, 0, 1, 0, 3], np.ones((5, 3)), ((),) * 5, [False] * 5)
-    with pytest.raises(SkeletonError, match="'b/c' may mean several joints"):
-        skeleton_to_json(mixed, "")
-
-
-# Documents that are right or wrong: the loader and the schema agree
 
 GOOD = {
     "plain": full(),
@@ -273,7 +61,6 @@ GOOD = {
     "lengths": short(lengths={"LeftKnee": 0.4}),
     "factors": short(factors={"LeftKnee": 2}, lengths={}),
 }
-
 BAD = {
     "a list": ([full()], "", "expected an object, found a list of 1"),
     "no format": (
@@ -302,7 +89,7 @@ BAD = {
     "joints empty": (
         full() | {"joints": []},
         "joints",
-        "expected at least a root and one bone, found a list of 0",
+        "expected at least a root and one more joint, found a list of 0",
     ),
     "root only": (full(HIPS), "joints", "all bones have length 0"),
     "zero bones": (spine(offset=[0, 0, 0]), "joints", "all bones have length 0"),
@@ -427,17 +214,11 @@ BAD = {
         "is in factors too; give only one of them",
     ),
 }
-
 BEYOND_THE_SCHEMA = {
     *("unknown parent", "own parent", "later parent", "ambiguous parent", "end with a child", "twins"),
     *("zero bones", "offset NaN", "map of no joint"),
     *("length of no joint", "factor of no joint", "length of the root", "length and factor"),
 }
-
-
-def valid(document):
-    schema = json.loads(files("distretarget.io").joinpath("skeleton.schema.json").read_text("utf-8"))
-    return jsonschema.Draft202012Validator(schema).is_valid(document)
 
 
 def test_the_schema_is_one():
@@ -501,22 +282,6 @@ def test_bad_texts(written, text, place, reason):
     assert caught.value.place == place
 
 
-def test_bones_without_length_cannot_be_edited():
-    offsets = table_one().offsets.copy()
-    offsets[2] = 0
-    for edit in (SkeletonEdit(1, {"Chest2": 1}, {}, "a.json"), SkeletonEdit(1, {}, {"Chest2": 2}, "a.json")):
-        with pytest.raises(SkeletonFileError, match="the bone has length 0 in the source"):
-            edit.apply(table_one().with_offsets(offsets))
-
-
-def test_a_source_without_bones_gives_no_target(written):
-    with pytest.raises(SkeletonFileError, match="all bones have length 0"):
-        load_target(written(short(scale=2))).for_source(table_one().with_offsets(np.zeros((22, 3))))
-
-
-# The manual
-
-
 def manual_examples():
     examples = re.findall(r"```json\n(.*?)```", MANUAL.read_text("utf-8"), re.DOTALL)
     return [example for example in examples if '"format"' in example]
@@ -529,6 +294,8 @@ def test_the_manual_has_both_forms():
 @pytest.mark.parametrize("example", manual_examples())
 def test_examples_of_the_manual(written, example):
     names = ("Hips", "LeftLeg", "RightLeg", "LeftForeArm")
-    source = Skeleton(names, [-1, 0, 0, 0], np.ones((4, 3)), ((),) * 4, [False] * 4)
+    source = Skeleton(
+        names=names, parents=[-1, 0, 0, 0], offsets=np.ones((4, 3)), channels=((),) * 4, end_sites=[False] * 4
+    )
     load_target(written(example)).for_source(source)
     assert valid(json.loads(example))

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bodies import body_of, posed
+from named_bodies import tree
 from scipy.spatial.transform import Rotation
-from test_conventions import tree
 
 from distretarget import retarget
 from distretarget.matching.matching import find_matching

@@ -41,7 +41,9 @@ def places_of(stance, target, name):
 
 
 def test_a_body_without_legs_stands_nowhere():
-    chain = Skeleton(tuple("abc"), [-1, 0, 1], np.eye(3), (("Zrotation",),) * 3, [False] * 3)
+    chain = Skeleton(
+        names=tuple("abc"), parents=[-1, 0, 1], offsets=np.eye(3), channels=(("Zrotation",),) * 3, end_sites=[False] * 3
+    )
     stance = stance_of(swaying(chain), chain, 2.0)
     assert (stance.joints.shape, stance.weights.shape, stance.places.shape) == ((0,), (20, 0), (20, 0, 3))
     assert no_stance(20).weights.shape == (20, 0)

@@ -229,6 +229,7 @@ def draw_strip(
     rows: list[tuple[str, Motion]],
     frames: list[int],
     path: str | Path,
+    *,
     view: str = "three-quarter",
     up: str | None = None,
     columns: bool = False,
@@ -252,15 +253,16 @@ def draw_strip(
     if columns:
         scenes = [list(scene) for scene in zip(*scenes, strict=True)]
         titles, labels = [f"frame {frame}" for frame in frames], [titles] * len(frames)
-    write_picture(scenes, titles, labels, camera, path)
+    write_picture(scenes, titles, labels, path, camera=camera)
 
 
 def write_picture(
     scenes: Sequence[Sequence[Cell]],
     titles: Sequence[str],
     labels: Sequence[Sequence[str]],
-    camera: Camera,
     path: str | Path,
+    *,
+    camera: Camera,
     dpi: int = 150,
 ) -> None:
     """Draw scenes below each other, all with the same spacing: a title each, and a label for each of their cells."""
@@ -292,7 +294,7 @@ def main() -> None:
     args = parser.parse_args()
     rows = [(file.stem, read_bvh(file)) for file in args.files]
     frames = [int(frame) for frame in args.frames.split(",")]
-    draw_strip(rows, frames, args.output, args.view, args.up, args.columns, args.same_scale)
+    draw_strip(rows, frames, args.output, view=args.view, up=args.up, columns=args.columns, same_scale=args.same_scale)
 
 
 if __name__ == "__main__":

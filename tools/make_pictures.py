@@ -28,7 +28,7 @@ def draw_result(clip: str, target: str, frames: list[int], folder: Path) -> None
     body = load_target(SAMPLES / f"{target}.json").for_source(source.rigid_skeleton)
     result = retarget(source, body.skeleton, joint_map=body.map)
     motions = [("source", source), ("rotation copy", result.rotation_copy), ("distretarget", result.motion)]
-    draw_strip(motions, frames, folder / f"{clip}_{target}.png", "front", columns=True, same_scale=True)
+    draw_strip(motions, frames, folder / f"{clip}_{target}.png", view="front", columns=True, same_scale=True)
 
 
 def main() -> None:

@@ -16,8 +16,9 @@ from pathlib import Path
 from sample_body import SKELETON
 from sample_motions import CLIPS
 
-from distretarget.io.bvh import write_bvh
-from distretarget.io.skeleton_json import FORMAT, VERSION, skeleton_to_json
+from distretarget.io.bvh_writer import write_bvh
+from distretarget.io.skeleton_json import FORMAT, VERSION
+from distretarget.io.skeleton_writer import skeleton_to_json
 from distretarget.skeleton import Skeleton
 
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"

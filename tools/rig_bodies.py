@@ -24,7 +24,7 @@ FINGERS: Mapping[str, tuple[Offset, Offset, Offset]] = {
 """Per finger, the knuckle from the wrist, the direction and how long the three bones are."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Body:
     """A body in the names of a convention.
 

@@ -202,6 +202,7 @@ class Arm:
 
 
 def swung_arm(
+    *,
     flexion: ArrayLike,
     abduction: ArrayLike,
     elbow: ArrayLike,

@@ -52,6 +52,7 @@ class World:
 def find_world(
     source: Body,
     target: Body,
+    *,
     source_up: str | None = None,
     target_up: str | None = None,
     root_offset: RootOffset | None = None,

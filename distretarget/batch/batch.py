@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from distretarget.batch.clips import find_clips
-from distretarget.batch.manifest import Manifest, Recipe, Record
+from distretarget.batch.manifest import Manifest
 from distretarget.batch.plan import Work, check_page, plan
 from distretarget.batch.pools import Pool, Processes, cores
+from distretarget.batch.record import ManifestRecord, Recipe
 from distretarget.batch.reports import Pages
 from distretarget.batch.run import Run
 from distretarget.batch.summary import Tally
@@ -20,15 +21,15 @@ from distretarget.batch.task import Outcome
 from distretarget.conversion import Options, load_text
 from distretarget.errors import BatchError
 from distretarget.io.map_json import load_map
-from distretarget.io.skeleton_json import parse_target
+from distretarget.io.target_file import parse_target
 from distretarget.report.document import About
 
 Paths = str | Path | Sequence[str | Path]
-Progress = Callable[[Record | None], Any]
+Progress = Callable[[ManifestRecord | None], Any]
 DEFAULT_OPTIONS = Options()
 
 
-def _ignore(_record: Record | None) -> None:
+def _ignore(_record: ManifestRecord | None) -> None:
     """Show no progress."""
 
 
@@ -65,7 +66,16 @@ class Batch:
         pages = self.pages
         every_clip = pages.about if pages and pages.most is None else None
         watcher = _Counted(tally, pages, progress)
-        run = Run(self.folder, self.recipe, manifest, pool, watcher, self.overwrite, self.fail_fast, every_clip)
+        run = Run(
+            folder=self.folder,
+            recipe=self.recipe,
+            manifest=manifest,
+            pool=pool,
+            watcher=watcher,
+            overwrite=self.overwrite,
+            fail_fast=self.fail_fast,
+            about=every_clip,
+        )
         run.go(self.works, sum(work.clip.size for work in self.works))
         if pages:
             pages.finish(run, self.works, manifest.latest(self.works))
@@ -79,7 +89,7 @@ class _Counted:
     pages: Pages | None
     progress: Progress
 
-    def clip(self, record: Record | None) -> None:
+    def clip(self, record: ManifestRecord | None) -> None:
         self.tally.add(record)
         self.progress(record)
 
@@ -140,7 +150,7 @@ def convert_folder(
     if not works:
         raise BatchError("there are no clips to convert")
     recipe = Recipe(options, load_map(map_file), version("distretarget"))
-    pages = Pages(Path(report), reports, overwrite, _about) if report else None
+    pages = Pages(index=Path(report), most=reports, overwrite=overwrite, about=_about) if report else None
     if pages:
         check_page(pages.index, works, Path(folder), Path(map_file) if map_file else None)
         pages.check()
@@ -159,4 +169,4 @@ def _listed(paths: Paths) -> list[Path]:
 
 def _about(work: Work) -> About:
     """What a report says of a clip where no command line made it."""
-    return About(work.clip.path.name, work.place.name, "", version("distretarget"))
+    return About(a=work.clip.path.name, b=work.place.name, command="", version=version("distretarget"))

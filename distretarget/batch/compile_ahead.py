@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from distretarget.io.bvh import format_bvh, parse_bvh
+from distretarget.io.bvh import parse_bvh
+from distretarget.io.bvh_writer import format_bvh
 from distretarget.motion import Motion
 from distretarget.retargeting import Objective, retarget
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
@@ -18,7 +19,9 @@ def warm(objective: Objective) -> None:
     names = tuple(f"joint{number}" for number in range(JOINTS))
     offsets = np.array([[0.0, 0.0, 0.0], *([[0.0, 1.0, 0.0]] * (JOINTS - 1))])
     channels = (POSITION_CHANNELS + ROTATIONS, *((ROTATIONS,) * (JOINTS - 1)))
-    body = Skeleton(names, np.arange(JOINTS) - 1, offsets, channels, np.zeros(JOINTS, bool))
+    body = Skeleton(
+        names=names, parents=np.arange(JOINTS) - 1, offsets=offsets, channels=channels, end_sites=np.zeros(JOINTS, bool)
+    )
     bent = np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, np.sin(0.6), np.cos(0.6)]])
     motion = Motion(body, np.tile(offsets, (2, 1, 1)), np.tile(bent[:, None], (1, JOINTS, 1)), "0.01")
     source = parse_bvh(format_bvh(motion), "joints")

@@ -13,36 +13,18 @@ import io
 import json
 import os
 import sys
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
 
 from distretarget.batch.plan import MANIFEST, Work
-from distretarget.conversion import Options
+from distretarget.batch.record import ManifestRecord, Recipe, RecordedOptions, parse_record, read_records
 from distretarget.errors import FileError
 from distretarget.io.files import check_writable, hash_of_file, reason_of
-from distretarget.io.map_json import MapFile
 
 try:
     import fcntl
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
-
-Record = dict[str, Any]
-
-
-@dataclass(frozen=True)
-class Recipe:
-    """What determines an output besides the clip and the target: options, map, and the version of the program."""
-
-    options: Options
-    map: MapFile
-    version: str
-
-    def as_json(self) -> Record:
-        """Return the options and the map as a line of the manifest has them."""
-        return {**asdict(self.options), "map": dict(self.map.pairs) or None}
 
 
 class History:
@@ -68,7 +50,7 @@ class History:
         """Return whether the output of a clip exists as a batch made it from the same files in the same way."""
         last = self._last.get(work.place.as_posix())
         return last is not None and last == (
-            _digest_of(input_hash, work.target.hash, recipe.as_json(), recipe.version),
+            _digest_of(input_hash, work.target.hash, recipe.recorded(), recipe.version),
             hash_of_file(folder / work.place),
         )
 
@@ -88,25 +70,25 @@ class History:
         elif _is_other(maker[0], work.clip.path) or _is_other(maker[1], work.target.path):
             raise FileError(path, f"is the result of {maker[0]} onto {maker[1]}; --overwrite replaces it")
 
-    def latest(self, works: Iterable[Work]) -> list[Record]:
+    def latest(self, works: Iterable[Work]) -> list[ManifestRecord]:
         """Return the last record of each clip that has one, the newest last."""
         wanted = {work.place.as_posix() for work in works}
-        records: dict[str, Record] = {}
+        records: dict[str, ManifestRecord] = {}
         for record in read_records(self.path):
             if record["output"] in wanted:
                 records.pop(record["output"], None)
                 records[record["output"]] = record
         return list(records.values())
 
-    def _remember(self, record: Record) -> None:
+    def _remember(self, record: ManifestRecord) -> None:
         """Keep what decides whether a clip is done and whether its output may be replaced."""
         place = record["output"]
         self._last.pop(place, None)
-        if record["status"] == "done":
-            digest = _digest_of(*(record[name] for name in ("input_hash", "target_hash", "options", "version")))
-            self._last[place] = (digest, record["output_hash"])
+        if record["status"] == "done" and (output_hash := record["output_hash"]):
+            made_from = record["input_hash"], record["target_hash"], record["options"], record["version"]
+            self._last[place] = (_digest_of(*made_from), output_hash)
             files = record["input"], sys.intern(record["target"])
-            self._makers.setdefault(place, {})[record["output_hash"]] = files
+            self._makers.setdefault(place, {})[output_hash] = files
 
 
 class Manifest(History):
@@ -136,7 +118,7 @@ class Manifest(History):
         """Close the file, which also ends the registration of this run."""
         self._file.close()
 
-    def add(self, record: Record) -> None:
+    def add(self, record: ManifestRecord) -> None:
         """Add a line and flush it to the disk.
 
         Raises:
@@ -201,7 +183,7 @@ def _check_is_manifest(path: Path) -> None:
     if path.exists():
         with path.open("rb") as file:
             first = file.readline()
-        if first.endswith(b"\n") and first.strip() and _record(first) is None:
+        if first.endswith(b"\n") and first.strip() and parse_record(first) is None:
             raise FileError(path, "is not the manifest of a batch; choose another folder for the results")
 
 
@@ -213,65 +195,7 @@ def _is_other(recorded: str, path: str | Path) -> bool:
         return False
 
 
-def _record(line: bytes) -> Record | None:
-    """The record in a line; None if the line is not a whole record."""
-    try:
-        record = json.loads(line)
-    except ValueError:
-        return None
-    return record if isinstance(record, dict) and record.keys() >= RECORD_KEYS else None
-
-
-def read_records(path: Path) -> Iterator[Record]:
-    """Yield the whole records of a manifest in order; none where there is no manifest."""
-    if not path.exists():
-        return
-    with path.open("rb") as file:
-        for line in file:
-            if (record := _record(line)) is not None:
-                yield record
-
-
-RECORD_KEYS = {
-    "input",
-    "input_hash",
-    "output",
-    "output_hash",
-    "target",
-    "target_hash",
-    "options",
-    "version",
-    "frames",
-    "seconds",
-    "figures",
-    "warnings",
-    "status",
-    "error",
-}
-
-
-def record_of(work: Work, input_hash: str | None, recipe: Recipe, **outcome: Any) -> Record:
-    """Return the record of a clip, by default of one that failed; `outcome` overrules its values."""
-    return {
-        "input": str(work.clip.path),
-        "input_hash": input_hash,
-        "output": work.place.as_posix(),
-        "output_hash": None,
-        "target": str(work.target.path),
-        "target_hash": work.target.hash,
-        "options": recipe.as_json(),
-        "version": recipe.version,
-        "frames": 0,
-        "seconds": 0.0,
-        "figures": {},
-        "warnings": [],
-        "status": "failed",
-        "error": None,
-        **outcome,
-    }
-
-
-def _digest_of(input_hash: str, target_hash: str, options: Mapping[str, Any], version: str) -> bytes:
+def _digest_of(input_hash: str | None, target_hash: str, options: RecordedOptions, version: str) -> bytes:
     """A hash of everything that determines an output, 16 bytes."""
     text = json.dumps([input_hash, target_hash, options, version], sort_keys=True)
     return hashlib.sha256(text.encode()).digest()[:16]

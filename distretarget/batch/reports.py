@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from distretarget.batch.manifest import Record
 from distretarget.batch.plan import Work
+from distretarget.batch.record import ManifestRecord
 from distretarget.batch.run import Run, reports
 from distretarget.batch.summary import worst
 from distretarget.batch.task import Outcome
@@ -24,7 +24,7 @@ OF = '<meta name="output" content="{}">'  # the hash of the output that a report
 HEAD = 4096  # characters at the beginning of a page, in which MARK and OF are looked for
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Pages:
     """Where the pages of a batch go.
 
@@ -69,7 +69,7 @@ class Pages:
         except FileError as error:
             self.problems[self.path(work)] = error
 
-    def finish(self, run: Run, works: Sequence[Work], records: Iterable[Record]) -> None:
+    def finish(self, run: Run, works: Sequence[Work], records: Iterable[ManifestRecord]) -> None:
         """Make the reports that are missing, and write the page over all clips.
 
         `records` are the last lines of the manifest for each clip.
@@ -81,7 +81,7 @@ class Pages:
         title = f"{len(lines)} clips in {run.folder.resolve().name}"
         self._write(self.index, index_page(list(lines.values()), links, title, run.recipe.version))
 
-    def _missing(self, works: Sequence[Work], lines: dict[str, Record]) -> Iterator[Work]:
+    def _missing(self, works: Sequence[Work], lines: dict[str, ManifestRecord]) -> Iterator[Work]:
         """The clips that should have a report and have none."""
         done = [record for record in lines.values() if record["status"] == "done"]
         chosen = {record["output"] for record in worst(done, FIGURES[0])[: self.most]}
@@ -90,7 +90,7 @@ class Pages:
             if work.place.as_posix() in chosen and not tried and not self._is_there(work, lines):
                 yield work
 
-    def _is_there(self, work: Work, lines: Mapping[str, Record]) -> bool:
+    def _is_there(self, work: Work, lines: Mapping[str, ManifestRecord]) -> bool:
         """Whether there is a report on the output that a clip has now, rather than on an earlier one."""
         record = lines.get(work.place.as_posix())
         try:

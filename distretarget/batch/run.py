@@ -11,9 +11,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
-from distretarget.batch.manifest import Manifest, Recipe, Record, record_of
+from distretarget.batch.manifest import Manifest
 from distretarget.batch.plan import Work
 from distretarget.batch.pools import Pool
+from distretarget.batch.record import ManifestRecord, Recipe, failed_record
 from distretarget.batch.task import Outcome, Task, convert
 from distretarget.conversion import Text
 from distretarget.errors import BatchError, DistretargetError, FileError
@@ -28,7 +29,7 @@ SPLIT_SIZE = 1 << 20  # smallest clip that is split into chunks if it would keep
 class Watcher(Protocol):
     """Receives the progress of a run."""
 
-    def clip(self, record: Record | None) -> None:
+    def clip(self, record: ManifestRecord | None) -> None:
         """Take note that a clip is done or has failed; `record` is None if there was nothing to do."""
 
     def report(self, work: Work, outcome: Outcome) -> None:
@@ -52,7 +53,7 @@ class _Running:
     alone: bool = False
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Run:
     """A run over a plan.
 
@@ -107,12 +108,10 @@ class Run:
             if not self.overwrite and self.manifest.is_done(work, content_hash, self.recipe, self.folder):
                 self.watcher.clip(None)
                 return
-            text = Text(text_of(content, work.clip.path), work.clip.path)
+            task = _task_of(work, content, self.recipe, self.about)
         except FileError as error:
-            self._record_failure(record_of(work, None, self.recipe, error=str(error)))
+            self._record_failure(failed_record(work, None, self.recipe) | {"error": str(error)})
             return
-        about = self.about(work) if self.about else None
-        task = Task(text, work.target, self.recipe.map, self.recipe.options, about)
         split = work.clip.size > SPLIT_SIZE and work.clip.size > left / self.pool.workers
         self._submit(_Running(work, content_hash, task), split)
 
@@ -158,16 +157,13 @@ class Run:
         work, error = running.work, outcome.error
         if outcome.version != self.recipe.version:
             error = f"{work.clip.path}: a worker runs version {outcome.version}, this is {self.recipe.version}"
-        record = record_of(
-            work,
-            running.content_hash,
-            self.recipe,
-            seconds=round(outcome.seconds, 3),
-            frames=outcome.frames,
-            figures=outcome.figures,
-            warnings=list(outcome.warnings),
-            error=error or None,
-        )
+        record = failed_record(work, running.content_hash, self.recipe) | {
+            "seconds": round(outcome.seconds, 3),
+            "frames": outcome.frames,
+            "figures": outcome.figures,
+            "warnings": list(outcome.warnings),
+            "error": error or None,
+        }
         if not error:
             record |= {"status": "done", "output_hash": outcome.bvh_hash}
             try:
@@ -181,7 +177,7 @@ class Run:
                 return
         self._record_failure(record)
 
-    def _write(self, work: Work, text: str, record: Record) -> None:
+    def _write(self, work: Work, text: str, record: ManifestRecord) -> None:
         """Write an output, with its record just before it is put in place."""
         path = self.folder / work.place
         try:
@@ -200,7 +196,7 @@ class Run:
                 raise
         self.manifest.add(record)  # another run was faster
 
-    def _record_failure(self, record: Record) -> None:
+    def _record_failure(self, record: ManifestRecord) -> None:
         """Record that a clip failed."""
         try:
             self.manifest.add(record)
@@ -220,11 +216,24 @@ def reports(
         if len(pending) >= QUEUED * pool.workers:
             yield from _reported(*pending.popleft(), pool)
         with contextlib.suppress(FileError):
-            text = Text(text_of(read_bytes(work.clip.path), work.clip.path), work.clip.path)
-            task = Task(text, work.target, recipe.map, recipe.options, about(work))
+            task = _task_of(work, read_bytes(work.clip.path), recipe, about)
             pending.append((work, task, _submitted(task, pool)))
     while pending:
         yield from _reported(*pending.popleft(), pool)
+
+
+def _task_of(work: Work, content: bytes, recipe: Recipe, about: Callable[[Work], About] | None) -> Task:
+    """The task for a clip whose file has this content.
+
+    Raises: FileError: the content is not text.
+    """
+    return Task(
+        source=Text(text_of(content, work.clip.path), work.clip.path),
+        target=work.target,
+        map=recipe.map,
+        options=recipe.options,
+        about=about(work) if about else None,
+    )
 
 
 def _reported(work: Work, task: Task, future: Future[Outcome], pool: Pool) -> Iterator[tuple[Work, Outcome]]:

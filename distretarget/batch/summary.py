@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-from distretarget.batch.manifest import Record
+from distretarget.batch.record import ManifestRecord
 from distretarget.measure.figures import Figure, figures_at
 
 FAILURES = 20  # most failures that are listed
@@ -13,7 +13,7 @@ WORST = 3  # most clips that are listed as the worst by a figure
 LEAST = 1e-6  # a clip with a figure up to this is not listed among the worst
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Tally:
     """Counts the clips of a run by outcome, and remembers the worst and the failures.
 
@@ -28,10 +28,10 @@ class Tally:
     skipped: int = 0
     failed: int = 0
     frames: int = 0
-    _worst: dict[Figure, list[Record]] = field(default_factory=dict)
+    _worst: dict[Figure, list[ManifestRecord]] = field(default_factory=dict)
     _failures: list[str] = field(default_factory=list)
 
-    def add(self, record: Record | None) -> None:
+    def add(self, record: ManifestRecord | None) -> None:
         """Count a clip by its line of the manifest; None stands for a clip that an earlier run converted."""
         if record is None:
             self.skipped += 1
@@ -63,21 +63,21 @@ class Tally:
             yield f"  and {self.failed - FAILURES} more; the manifest has them all"
 
 
-def worst(records: Iterable[Record], figure: Figure) -> list[Record]:
+def worst(records: Iterable[ManifestRecord], figure: Figure) -> list[ManifestRecord]:
     """The lines of converted clips, those with the largest figure first."""
     return sorted(records, key=lambda record: -_of_result(record, figure))
 
 
-def _of_result(record: Record, figure: Figure) -> float:
+def _of_result(record: ManifestRecord, figure: Figure) -> float:
     """The figure of the result, 0 where nothing was to be measured."""
     return record["figures"]["result"][figure.key] or 0.0
 
 
-def _failure(record: Record) -> str:
-    clip, error = record["input"], record["error"]
-    return str(error if error.startswith(clip) else f"{clip}: {error}")
+def _failure(record: ManifestRecord) -> str:
+    clip, error = record["input"], record["error"] or "no reason given"
+    return error if error.startswith(clip) else f"{clip}: {error}"
 
 
-def _value(record: Record, figure: Figure) -> str:
+def _value(record: ManifestRecord, figure: Figure) -> str:
     value, copy = (record["figures"][side][figure.key] for side in ("result", "rotation_copy"))
     return f"{record['output']} ({value:.3g}, rotation copy {copy:.3g})"

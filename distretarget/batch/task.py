@@ -11,7 +11,8 @@ from importlib.metadata import version
 
 from distretarget.conversion import Options, Text, retarget_onto
 from distretarget.errors import DistretargetError
-from distretarget.io.bvh import bvh_parts, parse_bvh
+from distretarget.io.bvh import parse_bvh
+from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import text_hash
 from distretarget.io.map_json import MapFile
 from distretarget.measure.figures import Side
@@ -21,7 +22,7 @@ from distretarget.run_summary import unmatched
 from distretarget.solve.chunks import Mapper
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Task:
     """A clip to convert: the texts of all files it needs, the options, and what its report is to say, if any."""
 
@@ -85,7 +86,7 @@ def _failed(error: str) -> Outcome:
 def _converted(task: Task, mapper: Mapper) -> Outcome:
     path = task.source.path
     motion = parse_bvh(task.source.text, path)
-    result = retarget_onto(task.target, motion, path, task.map, task.options, mapper=mapper)
+    result = retarget_onto(motion, task.target, source=path, map_file=task.map, options=task.options, mapper=mapper)
     parts = bvh_parts(result.motion, mapper)  # other workers, if the mapper has any, make them while figures are made
     return Outcome(
         version=version("distretarget"),

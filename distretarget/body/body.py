@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from distretarget.body.anatomy import SIDES, Anatomy
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, nearest_axis
-from distretarget.body.conventions import by_names
 from distretarget.body.legs import Legs, find_legs, foot_bone, leg_length, pelvis_joint
+from distretarget.body.named_anatomy import by_names
 from distretarget.body.reference_pose import bend_axes, standing_frame, stands_at_rest, synthetic_t_pose
 from distretarget.body.shape import by_shape
 from distretarget.motion import Motion

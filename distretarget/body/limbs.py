@@ -28,7 +28,7 @@ STRAIGHT = np.radians(10)  # the rest pose bends by less than this at joints ins
 SHORTEST_SHIN = 0.1  # a shorter bone above the end of the leg is part of the foot [leg lengths]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Limb:
     """The joints of an arm or a leg.
 
@@ -94,7 +94,7 @@ def _leg(skeleton: Skeleton, leg: Leg, other: Leg) -> Limb | None:
         return None
     length = float(from_hip[joints[-1]])
     knee = min(joints[1:-1], key=lambda joint: abs(2 * from_hip[joint] - length))
-    return Limb((), hip, knee, joints[-1], length)
+    return Limb(collar=(), upper=hip, lower=knee, end=joints[-1], length=length)
 
 
 def _hip(skeleton: Skeleton, leg: Leg, other: Leg) -> int:
@@ -153,7 +153,7 @@ def _unlikeness(along: NDArray[np.float64], leg: float) -> float:
 
 def _arm(skeleton: Skeleton, chain: list[int], upper: int, lower: int, end: int) -> Limb:
     length = float(skeleton.path_lengths[chain[upper], chain[end]])
-    return Limb(tuple(chain[:upper]), chain[upper], chain[lower], chain[end], length)
+    return Limb(collar=tuple(chain[:upper]), upper=chain[upper], lower=chain[lower], end=chain[end], length=length)
 
 
 def _chain(skeleton: Skeleton, top: int) -> list[int]:

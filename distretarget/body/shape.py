@@ -48,7 +48,7 @@ def by_shape(skeleton: Skeleton, positions: Array | None = None) -> Anatomy | No
         roles |= {f"{side}Shoulder": joint for joint in _collar(skeleton, arms, arm, posture)}
     if any(skeleton.end_sites[joint] for joint in roles.values()):
         return None
-    return Anatomy(roles, trunk.spine, trunk.neck, "", "shape")
+    return Anatomy(roles=roles, spine=trunk.spine, neck=trunk.neck, convention="", method="shape")
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,10 @@ from tqdm import tqdm
 
 from distretarget.batch.batch import Batch
 from distretarget.batch.clips import FoundClips, find_clips
-from distretarget.batch.manifest import History, Manifest, Recipe, Record
+from distretarget.batch.manifest import History, Manifest
 from distretarget.batch.plan import Work, check_page, plan
 from distretarget.batch.pools import Cluster, Pool, Processes, cores
+from distretarget.batch.record import ManifestRecord, Recipe
 from distretarget.batch.reports import Pages
 from distretarget.batch.summary import Tally
 from distretarget.cli.options import retargeting
@@ -29,7 +30,7 @@ from distretarget.conversion import Options, Text, load_text
 from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import hash_of, hash_of_file, is_folder, read_bytes
 from distretarget.io.map_json import load_map
-from distretarget.io.skeleton_json import parse_target
+from distretarget.io.target_file import parse_target
 from distretarget.measure.figures import FIGURES
 
 INTERRUPTED = 130  # exit status
@@ -136,7 +137,11 @@ def batch_command(
     if not works:
         _print_unread(found)
         raise BatchError("there are no clips to convert")
-    pages = Pages(index, reports, overwrite, lambda work: about(work.clip.path, work.place)) if index else None
+    pages = (
+        Pages(index=index, most=reports, overwrite=overwrite, about=lambda work: about(work.clip.path, work.place))
+        if index
+        else None
+    )
     if pages:
         check_page(pages.index, works, folder, map_path)
         pages.check()
@@ -210,7 +215,7 @@ class Progress:
         self._frames.close()
         self._clips.close()
 
-    def show(self, record: Record | None) -> None:
+    def show(self, record: ManifestRecord | None) -> None:
         """Show that a clip is done or has failed."""
         self._frames.update(record["frames"] if record else 0)
         self._clips.set_postfix(failed=self.tally.failed, refresh=False)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -16,10 +15,11 @@ from distretarget.errors import DistretargetError, FileError, MatchingError, quo
 from distretarget.io.bvh import read_bvh
 from distretarget.io.files import write_whole
 from distretarget.io.map_json import joint_map, load_map
-from distretarget.io.skeleton_json import Target
+from distretarget.io.target import Target
 from distretarget.measure.diff import diff
 from distretarget.measure.figures import BY_KEY, FIGURES, Figure, figures_at
-from distretarget.report.document import Document, csv_text, document, json_text
+from distretarget.report.document import csv_text, document, json_text
+from distretarget.report.document_types import DiffDocument, DiffLimit, DiffPair, FigureValues
 from distretarget.report.page import page
 
 MOST = 5  # frames and pairs that are printed
@@ -109,25 +109,24 @@ def diff_command(
         raise click.ClickException(f"{b}: {'; '.join(over)}")
 
 
-def _account(figures: Document) -> Iterator[str]:
+def _account(figures: DiffDocument) -> Iterator[str]:
     """The lines that are printed."""
     frames, rate = figures["frame_count"], 1 / figures["frame_time"]
-    for name in ("a", "b"):
-        body = figures[name]
+    for name, body in (("A", figures["a"]), ("B", figures["b"])):
         named = f", named as in {body['convention']}" if body["convention"] else ""
-        yield f"{name.upper()}: {body['file']}, {body['joints']} joints{named}"
+        yield f"{name}: {body['file']}, {body['joints']} joints{named}"
     yield f"{frames} {'frame' if frames == 1 else 'frames'} compared, {rate:.4g} a second"
     yield from figures["notes"]
     yield from ("", *_table(figures["figures"]["source"], figures["figures"]["result"]), "")
     for figure in figures_at("worst clips"):
         yield _worst_frames(figure, figures["frames"])
     yield from _worst_pairs(figures["pairs"])
-    for name, other in (("b", "a"), ("a", "b")):
-        if joints := figures[f"unmatched_{name}"]:
-            yield f"joints of {name.upper()} without a counterpart in {other.upper()}: {quoted(joints, LISTED)}"
+    for name, other, joints in (("B", "A", figures["unmatched_b"]), ("A", "B", figures["unmatched_a"])):
+        if joints:
+            yield f"joints of {name} without a counterpart in {other}: {quoted(joints, LISTED)}"
 
 
-def _table(a: Document, b: Document) -> Iterator[str]:
+def _table(a: FigureValues, b: FigureValues) -> Iterator[str]:
     """A line per figure, of the figures of A and those of B."""
     rows = [("figure", "A", "B", "")]
     for figure in FIGURES:
@@ -151,15 +150,15 @@ def _number(value: float | None) -> str:
     return "-" if value is None else f"{value:.4g}"
 
 
-def _worst_frames(figure: Figure, frames: list[dict[str, Any]]) -> str:
+def _worst_frames(figure: Figure, frames: Sequence[FigureValues]) -> str:
     """The worst frames by a figure, with its values."""
     key = figure.key
-    ranked = sorted((frame for frame in frames if frame[key]), key=lambda frame: -frame[key])
+    ranked = sorted((frame for frame in frames if frame[key]), key=lambda frame: -(frame[key] or 0.0))
     worst = ", ".join(f"{frame['frame']} ({frame[key]:.3g})" for frame in ranked[:MOST])
     return f"worst frames by {figure.label}: {worst or 'none'}"
 
 
-def _worst_pairs(pairs: list[dict[str, Any]]) -> Iterator[str]:
+def _worst_pairs(pairs: Sequence[DiffPair]) -> Iterator[str]:
     """A line per pair."""
     worst = [pair for pair in pairs if pair["error"]][:MOST]
     yield "worst pairs (distance over path length in A, in B):" if worst else "worst pairs: none"
@@ -169,7 +168,7 @@ def _worst_pairs(pairs: list[dict[str, Any]]) -> Iterator[str]:
         yield f"  {' - '.join(pair['joints_b'])}: {distances}; most in frame {pair['worst_frame']}"
 
 
-def _over(limits: list[Document]) -> Iterator[str]:
+def _over(limits: Sequence[DiffLimit]) -> Iterator[str]:
     """The figures that are over their limits."""
     for limit in limits:
         if limit["over"]:

@@ -75,7 +75,14 @@ def retargeting(command: Callable[..., None]) -> Callable[..., None]:
     ) -> None:
         if feet == "hold" and objective == "paper":
             raise click.UsageError("--feet hold: the paper's objective cannot hold feet; use --objective contact.")
-        options = Options(objective, feet != "free", root_scale, source_up, target_up, root_offset)
+        options = Options(
+            objective=objective,
+            hold_feet=feet != "free",
+            root_scale=root_scale,
+            source_up=source_up,
+            target_up=target_up,
+            root_offset=root_offset,
+        )
         command(options=options, **others)
 
     for option in reversed(OPTIONS):

@@ -41,4 +41,6 @@ def say(line: str, err: bool = False) -> None:
 
 def about(a: PurePath, b: PurePath) -> About:
     """Return what a report says of this run: the names of the two clips, the command, the version of the program."""
-    return About(a.name, b.name, shlex.join(["distretarget", *sys.argv[1:]]), version("distretarget"))
+    return About(
+        a=a.name, b=b.name, command=shlex.join(["distretarget", *sys.argv[1:]]), version=version("distretarget")
+    )

@@ -16,7 +16,8 @@ from distretarget.cli.options import retargeting
 from distretarget.cli.outputs import about, check_outputs, say
 from distretarget.conversion import Options, load_text, retarget_onto
 from distretarget.errors import quoted
-from distretarget.io.bvh import format_bvh, read_bvh
+from distretarget.io.bvh import read_bvh
+from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.files import write_whole
 from distretarget.io.map_json import load_map
 from distretarget.report.report import run_page
@@ -70,7 +71,9 @@ def retarget_command(
     motion = read_bvh(source)
     map_file, target_text = load_map(map_path), load_text(target)
     with tqdm(total=len(motion), unit=" frames", desc=source.name, disable=None, leave=False) as bar:
-        result = retarget_onto(target_text, motion, source, map_file, options, progress=bar.update)
+        result = retarget_onto(
+            motion, target_text, source=source, map_file=map_file, options=options, progress=bar.update
+        )
     texts = {output: format_bvh(result.motion)}
     seconds = time.perf_counter() - started
     texts |= {figures: figures_json(result)} if figures else {}

@@ -17,13 +17,9 @@ from distretarget.errors import FileError, closest
 from distretarget.io.bvh import read_bvh
 from distretarget.io.files import read_text, write_whole
 from distretarget.io.map_json import joint_map, load_map, map_to_json
-from distretarget.io.skeleton_json import (
-    SkeletonEdit,
-    is_json,
-    load_full_target,
-    load_target,
-    skeleton_to_json,
-)
+from distretarget.io.skeleton_writer import skeleton_to_json
+from distretarget.io.target import SkeletonEdit
+from distretarget.io.target_file import is_json, load_full_target, load_target
 from distretarget.matching.matching import find_matching, refusal
 from distretarget.skeleton import Skeleton
 

@@ -114,7 +114,7 @@ def is_name(word: str) -> bool:
     return bool(word) and NAME.fullmatch(word) is not None and word == word.strip(BLANKS)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class JointText:
     """A joint as its text has it.
 
@@ -168,7 +168,14 @@ def _take_joint(words: Words, parent: int, end_site: bool = False) -> JointText:
     words.keyword("{")
     words.keyword("OFFSET")
     offset = (words.number("the x offset"), words.number("the y offset"), words.number("the z offset"))
-    return JointText(name, parent, offset, () if end_site else _take_channels(words), end_site, at)
+    return JointText(
+        name=name,
+        parent=parent,
+        offset=offset,
+        channels=() if end_site else _take_channels(words),
+        end_site=end_site,
+        at=at,
+    )
 
 
 def _take_channels(words: Words) -> tuple[str, ...]:

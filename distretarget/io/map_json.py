@@ -10,7 +10,8 @@ import numpy as np
 from distretarget.errors import MapError, SkeletonFileError
 from distretarget.io.files import read_text
 from distretarget.io.json_node import Node, entry_place, parse_json
-from distretarget.io.skeleton_json import Target, pairs_to_json
+from distretarget.io.skeleton_writer import pairs_to_json
+from distretarget.io.target import Target
 from distretarget.matching.matching import Matching
 from distretarget.matching.pairing import JointMap, pairs_of_map
 from distretarget.skeleton import Skeleton

@@ -1,22 +1,19 @@
-"""Target skeleton files: a whole skeleton as JSON or BVH, or other bone lengths for the source's own skeleton."""
+"""Skeleton files in JSON: a whole skeleton (full form), or bone lengths to change on the source's own (short form)."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from distretarget.body.axes import AXES
-from distretarget.errors import BvhError, SkeletonError, SkeletonFileError, closest, quoted
-from distretarget.io.bvh import parse_bvh, parse_bvh_skeleton
-from distretarget.io.files import read_text
-from distretarget.io.json_node import Node, described, entry_place, field_place, parse_json
+from distretarget.errors import SkeletonError, closest, quoted
+from distretarget.io.joint_reference import joints_meant
+from distretarget.io.json_node import Node, described, field_place, parse_json
+from distretarget.io.target import SkeletonEdit, Target, with_bones
 from distretarget.matching.pairing import JointMap
-from distretarget.motion import Motion
 from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
 
 FORMAT = "distretarget-skeleton"
@@ -26,101 +23,17 @@ ALL_CHANNELS = POSITION_CHANNELS + ROTATION_CHANNELS
 JOINT_CHANNELS = ("Zrotation", "Xrotation", "Yrotation")  # of a joint for which the file states none
 ROOT_CHANNELS = POSITION_CHANNELS + JOINT_CHANNELS  # of a root for which the file states none
 
-CACHED_TARGETS = 4  # parsed BVH targets that are kept for the next clip [files]
 HEADER_KEYS = ("format", "version", "name")
 FULL_KEYS = ("joints", "units", "up", "map")
 SHORT_KEYS = ("scale", "lengths", "factors")
 
 
-@dataclass(frozen=True, eq=False)
-class Target:
-    """The skeleton to retarget to.
-
-    Attributes:
-        skeleton: the skeleton, with rigid bones.
-        map: the map in the file, source key by target key; empty where the file has none.
-        name: the name of the skeleton in the file; empty where it has none.
-        motion: the motion of a BVH file, if it has a valid one; it can show what the rest pose does not.
-    """
-
-    skeleton: Skeleton
-    map: JointMap
-    name: str
-    motion: Motion | None = None
-
-    def for_source(self, source: Skeleton) -> Target:  # noqa: ARG002
-        """Return the target itself: a whole skeleton is the same for every source."""
-        return self
-
-
-@dataclass(frozen=True)
-class SkeletonEdit:
-    """Other bone lengths for the skeleton of a source; a bone is named by its lower joint.
-
-    Attributes:
-        scale: the factor for all bone lengths and the root's offset.
-        lengths: by joint key, the final length of the joint's bone, whatever the scale [file units].
-        factors: by joint key, an additional factor for the length of the joint's bone.
-        path: the path of the file, for errors.
-    """
-
-    scale: float
-    lengths: Mapping[str, float]
-    factors: Mapping[str, float]
-    path: str | Path
-
-    def for_source(self, source: Skeleton) -> Target:
-        """Return the target for a source: the source's skeleton with these lengths; errors as in `apply`."""
-        return Target(self.apply(source), {}, "")
-
-    def apply(self, source: Skeleton) -> Skeleton:
-        """Return the source's skeleton with these bone lengths and its own rest directions.
-
-        Raises:
-            SkeletonFileError: a named joint does not exist in the source, has a bone of length 0, or is in both
-                `lengths` and `factors`; or all bones of the source have length 0.
-        """
-        lengths = self.scale * source.lengths
-        for key, factor in self.factors.items():
-            lengths[self._bone("factors", key, source)] *= factor
-        for key, length in self.lengths.items():
-            lengths[self._bone("lengths", key, source)] = length
-        if both := [entry_place("lengths", key) for key in self.lengths if key in self.factors]:
-            raise SkeletonFileError(self.path, both[0], "is in factors too; give only one of them")
-        offsets = source.with_lengths(lengths).offsets.copy()
-        offsets[0] *= self.scale
-        return _with_bones(source.with_offsets(offsets), self.path)
-
-    def _bone(self, field: str, key: str, source: Skeleton) -> int:
-        """The number of the joint with this key, which must have a bone to change."""
-        place = entry_place(field, key)
-        if key not in source.keys:
-            raise SkeletonFileError(self.path, place, f"no such joint; {closest(key, source.keys)}")
-        joint = source.index(key)
-        if not joint:
-            raise SkeletonFileError(self.path, place, "the root has no bone; expected a joint with a parent")
-        if source.lengths[joint] == 0:
-            raise SkeletonFileError(self.path, place, "the bone has length 0 in the source, so it has no direction")
-        return joint
-
-
-def load_target(path: str | Path) -> Target | SkeletonEdit:
-    """Return the target in a skeleton file (full or short form) or a BVH file; the content decides which it is.
-
-    `retarget` takes the result as it is; its method `for_source` gives the whole skeleton for a source.
+def parse_skeleton_json(text: str, path: str | Path) -> Target | SkeletonEdit:
+    """Return the target in the text of a skeleton file; `path` is for errors.
 
     Raises:
-        FileError: the file cannot be read.
-        SkeletonFileError: the file is JSON that breaks the format.
-        BvhError: the file is anything else than JSON or BVH.
+        SkeletonFileError: the text is not JSON, or breaks the format.
     """
-    return parse_target(read_text(path), path)
-
-
-def parse_target(text: str, path: str | Path) -> Target | SkeletonEdit:
-    """Return the target in the text of a file as `load_target` does; `path` is for errors."""
-    if not is_json(text):
-        return _bvh_target(text, path)
     document = Node(path, "", parse_json(path, text))
     _check_header(document)
     fields = document.fields(HEADER_KEYS[:2], (*HEADER_KEYS[2:], *FULL_KEYS, *SHORT_KEYS))
@@ -132,80 +45,14 @@ def parse_target(text: str, path: str | Path) -> Target | SkeletonEdit:
     return _full(document, fields) if full else _edit(document, fields)
 
 
-def load_full_target(path: str | Path) -> Target:
-    """Return the target in a BVH file or a skeleton file of the full form; errors as in `load_target`.
-
-    Raises:
-        SkeletonFileError: also for the short form, which needs a source to be a skeleton.
-    """
-    target = load_target(path)
-    if isinstance(target, SkeletonEdit):
-        raise SkeletonFileError(path, "", 'has no "joints"; this short form needs a source to change')
-    return target
-
-
-def is_json(text: str) -> bool:
-    """Return whether the text of a file is to be read as JSON; any other text is to be read as BVH."""
-    return text.lstrip().startswith(("{", "["))
-
-
-def skeleton_to_json(skeleton: Skeleton, name: str, joint_map: JointMap | None = None) -> str:
-    """Return the text of a skeleton file (full form) with the skeleton and, if it has entries, the map.
-
-    Each joint and each pair of the map has a line of its own.
-
-    Raises:
-        SkeletonError: because of a "/" in joint names it is not clear which joint is a parent.
-    """
-    head = {"format": FORMAT, "version": VERSION, "name": name, "units": skeleton.units, "up": skeleton.up}
-    lines = [f"  {_dump(key)}: {_dump(value)},\n" for key, value in head.items() if value is not None]
-    joints = ",\n".join(f"    {_dump(_joint(skeleton, joint))}" for joint in range(len(skeleton)))
-    pairs = f',\n  "map": {pairs_to_json(joint_map, "  ")}' if joint_map else ""
-    return "{\n" + "".join(lines) + f'  "joints": [\n{joints}\n  ]{pairs}\n}}\n'
-
-
-def pairs_to_json(joint_map: JointMap, indent: str = "") -> str:
-    """Return the JSON object of a map, one pair per line; the lines after the first begin with `indent`."""
-    pairs = ",\n".join(f"{indent}  {_dump(key)}: {_dump(driver)}" for key, driver in joint_map.items())
-    return f"{{\n{pairs}\n{indent}}}"
-
-
-def _dump(value: object) -> str:
-    """The JSON of a value on one line; only characters that UTF-8 cannot encode are escaped."""
-    return json.dumps(value, ensure_ascii=False).encode("utf-8", "backslashreplace").decode()
-
-
-def _joint(skeleton: Skeleton, joint: int) -> dict[str, object]:
-    """The entry of a joint in the full form."""
-    parent = int(skeleton.parents[joint])
-    entry: dict[str, object] = {"name": skeleton.names[joint], "parent": None}
-    if joint:
-        entry["parent"] = key = skeleton.keys[parent]
-        if _meant(key, skeleton.names, skeleton.parents[:joint].tolist()) != [parent]:
-            raise SkeletonError(f"{key!r} may mean several joints because of the '/' in names; rename one")
-    entry["offset"] = skeleton.offsets[joint].tolist()
-    last = {"end": True} if skeleton.end_sites[joint] else {"channels": skeleton.channels[joint]}
-    return entry | last
-
-
-@lru_cache(maxsize=CACHED_TARGETS)
-def _bvh_target(text: str, path: str | Path) -> Target:
-    """The target in the text of a BVH file; its MOTION may be missing or invalid."""
-    try:
-        motion = parse_bvh(text, path)
-    except BvhError:
-        return Target(parse_bvh_skeleton(text, path), {}, "")
-    return Target(motion.rigid_skeleton, {}, "", motion if len(motion) else None)
-
-
 def _check_header(document: Node) -> None:
     """Check that the file states this format and version, and that the name is a string."""
     fields = document.entries(field_place)
     for key, known in (("format", FORMAT), ("version", VERSION)):
         if key not in fields:
-            document.fail(f'has no "{key}"; expected "{key}": {_dump(known)}')
+            document.fail(f'has no "{key}"; expected "{key}": {json.dumps(known)}')
         if isinstance(fields[key].value, bool) or fields[key].value != known:
-            fields[key].expected(_dump(known))
+            fields[key].expected(json.dumps(known))
     if "name" in fields:
         fields["name"].text()
 
@@ -235,7 +82,7 @@ def _full(document: Node, fields: Mapping[str, Node]) -> Target:
     except SkeletonError as error:
         fields["joints"].fail(str(error))
     name = fields["name"].text() if "name" in fields else ""
-    return Target(_with_bones(skeleton, document.path, "joints"), _map(fields, skeleton), name)
+    return Target(with_bones(skeleton, document.path, "joints"), _map(fields, skeleton), name)
 
 
 def _skeleton(joints: Sequence[Mapping[str, Node]], units: str | None, up: str | None) -> Skeleton:
@@ -246,7 +93,15 @@ def _skeleton(joints: Sequence[Mapping[str, Node]], units: str | None, up: str |
     parents = _parents([joint["parent"] for joint in joints], names, ends)
     offsets = [_offset(joint["offset"]) for joint in joints]
     channels = tuple(map(_channels, joints, ends))
-    return Skeleton(names, np.array(parents), np.array(offsets), channels, np.array(ends), units, up)
+    return Skeleton(
+        names=names,
+        parents=np.array(parents),
+        offsets=np.array(offsets),
+        channels=channels,
+        end_sites=np.array(ends),
+        units=units,
+        up=up,
+    )
 
 
 def _offset(node: Node) -> list[float]:
@@ -292,7 +147,7 @@ def _parents(nodes: Sequence[Node], names: Sequence[str], ends: Sequence[bool]) 
 
 def _parent(node: Node, names: Sequence[str], parents: Sequence[int]) -> int:
     """The number of the joint that a node names; it must be one of the first `len(parents)` joints."""
-    meant = _meant(node.text(), names, parents)
+    meant = joints_meant(node.text(), names, parents)
     if not meant and node.text() in names:
         node.fail(f"expected the name of an earlier joint, found {node.text()!r}, which is not one")
     if not meant:
@@ -301,35 +156,6 @@ def _parent(node: Node, names: Sequence[str], parents: Sequence[int]) -> int:
         paths = quoted(f"{names[parents[joint]]}/{names[joint]}" for joint in meant)
         node.fail(f"{node.text()!r} may be {paths}; write the parents too, as in these")
     return meant[0]
-
-
-def _meant(reference: str, names: Sequence[str], parents: Sequence[int]) -> list[int]:
-    """The joints among the first `len(parents)` that a reference `name`, `parent/name` and so on may mean.
-
-    If it names the whole path from the root to a joint, it means that joint. So each of `Skeleton.keys` means its own
-    joint, as long as no name contains "/".
-    """
-    tops = {joint: _top(reference, joint, names, parents) for joint in range(len(parents))}
-    whole = [joint for joint, top in tops.items() if top == 0]
-    return whole if len(whole) == 1 else [joint for joint, top in tops.items() if top >= 0]
-
-
-def _top(reference: str, joint: int, names: Sequence[str], parents: Sequence[int]) -> int:
-    """The joint or ancestor at which a reference begins that ends at the joint; -1 if the reference does not fit."""
-    end = len(reference)
-    while joint >= 0 and reference.endswith(names[joint], 0, end):
-        end -= len(names[joint]) + 1
-        if end < 0:
-            return joint
-        joint = parents[joint] if reference[end] == "/" else -1
-    return -1
-
-
-def _with_bones(skeleton: Skeleton, path: str | Path, place: str = "") -> Skeleton:
-    """The skeleton itself; raises an error if all its bones have length 0."""
-    if not skeleton.lengths.any():
-        raise SkeletonFileError(path, place, "all bones have length 0; expected at least one longer bone")
-    return skeleton
 
 
 def _map(fields: Mapping[str, Node], skeleton: Skeleton) -> JointMap:

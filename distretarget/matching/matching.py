@@ -21,7 +21,7 @@ CONFIDENCE = {"map": 1.0, "name": 1.0, "names": 0.95, "shape": 0.8, "tip": 0.9, 
 LIMB_ROLES = ("leftUpperArm", "rightUpperArm", "leftUpperLeg", "rightUpperLeg")  # two bodies must share one of these
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Matching:
     """Which source joint drives which target joint, and by which method each pair was matched.
 
@@ -150,7 +150,9 @@ def find_matching(source: Body, target: Body, joint_map: JointMap | None = None)
     for joint, neighbours, weight in spine_blend(source, target):
         if joint not in overruled:
             rotation_sources[joint], blend[joint] = neighbours, weight
-    return Matching(source, target, drivers, rotation_sources, blend, method)
+    return Matching(
+        source=source, target=target, drivers=drivers, rotation_sources=rotation_sources, blend=blend, method=method
+    )
 
 
 def refusal(matching: Matching) -> str:

@@ -29,7 +29,7 @@ LOWEST = 2.0  # which is this percentile of them
 BLOCK = 256  # frames whose pairs are in memory at once
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Comparison:
     """What was measured of a result and its source, per frame; `figures` makes the figures of it.
 
@@ -93,16 +93,21 @@ def compare(source: Motion, result: Motion, matching: Matching, up: Array) -> Co
     """
     drivers = matching.drivers
     distance_error, contact_error, contacts = _distance_errors(source, result, matching)
+    stance, slide_source, slide, foot_height_source, foot_height = _feet(source, result, matching, up)
     return Comparison(
-        distance_error,
-        contact_error,
-        contacts,
-        _direction_error(source, result, drivers),
-        _bone_error(result),
-        *_feet(source, result, matching, up),
-        _jerk(source, source.rigid_skeleton),
-        _jerk(result, result.skeleton),
-        _turn(source, result, drivers),
+        distance_error=distance_error,
+        contact_error=contact_error,
+        contacts=contacts,
+        direction_error=_direction_error(source, result, drivers),
+        bone_error=_bone_error(result),
+        stance=stance,
+        slide_source=slide_source,
+        slide=slide,
+        foot_height_source=foot_height_source,
+        foot_height=foot_height,
+        jerk_source=_jerk(source, source.rigid_skeleton),
+        jerk=_jerk(result, result.skeleton),
+        turn=_turn(source, result, drivers),
     )
 
 

@@ -74,6 +74,28 @@ function setTheme(theme) {
   repaint();
 }
 
+/** Sets the theme, and follows the button, the system and the printer from then on. */
+function followTheme() {
+  setTheme();
+  $('theme').addEventListener('click', () => setTheme(isDark() ? 'light' : 'dark'));
+  matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => setTheme());
+  addEventListener('beforeprint', () => printing(true));
+  addEventListener('afterprint', () => printing(false));
+}
+
+/** Makes the page light and opens its glossary for the printer; afterwards it is as before. */
+function printing(on) {
+  const root = document.documentElement;
+  if (on) {
+    Object.assign(printing, {theme: root.dataset.theme, open: $('glossary').open});
+    root.dataset.theme = 'light';
+  } else if (printing.theme) root.dataset.theme = printing.theme;
+  else delete root.dataset.theme;
+  $('glossary').open = on || printing.open;
+  readColours();
+  paintAll();
+}
+
 // ---- canvases and the loop
 
 /** Gives a canvas as many pixels as its box has on the screen; its context, and the size of the box [CSS pixels]. */

@@ -8,7 +8,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, SupportsFloat
+from typing import SupportsFloat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,16 +16,16 @@ from numpy.typing import NDArray
 from distretarget.body.conventions import convention_of
 from distretarget.measure.diff import Diff
 from distretarget.measure.figures import BY_KEY, Side, Tracks, clip_figures, figures_at, frame_figures
+from distretarget.report.document_types import DiffBody, DiffDocument, DiffLimit, DiffPair, FigureValues
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
-Document = dict[str, Any]
 
 DECIMALS = 12  # that a number is rounded to, so that rounding errors vanish
 PAIRS = 100  # most pairs of joints in a document
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class About:
     """What a document says besides the numbers of its diff.
 
@@ -45,7 +45,7 @@ class About:
     limits: tuple[tuple[str, float], ...] = ()
 
 
-def document(diff: Diff, about: About) -> Document:
+def document(diff: Diff, about: About) -> DiffDocument:
     """The diff as JSON values that follow `diff.schema.json`; None where nothing was to be measured."""
     sides: dict[Side, Tracks] = {"source": diff.comparison.source_tracks, "result": diff.tracks}
     frames = _frames(diff, sides)
@@ -75,12 +75,12 @@ def document(diff: Diff, about: About) -> Document:
     }
 
 
-def json_text(document: Mapping[str, Any]) -> str:
+def json_text(document: DiffDocument) -> str:
     """The document as JSON."""
     return json.dumps(document, indent=1, allow_nan=False) + "\n"
 
 
-def csv_text(document: Mapping[str, Any]) -> str:
+def csv_text(document: DiffDocument) -> str:
     """The frames of the document as CSV: a row of keys, then a row per frame, with an empty cell for None."""
     text = io.StringIO()
     table = csv.DictWriter(text, list(document["frames"][0]), lineterminator="\n")
@@ -89,23 +89,23 @@ def csv_text(document: Mapping[str, Any]) -> str:
     return text.getvalue()
 
 
-def _body(file: str, skeleton: Skeleton) -> Document:
+def _body(file: str, skeleton: Skeleton) -> DiffBody:
     return {"file": file, "joints": len(skeleton.joints), "convention": convention_of(skeleton)}
 
 
-def _of_clip(tracks: Tracks) -> dict[str, float | None]:
+def _of_clip(tracks: Tracks) -> FigureValues:
     """The figures of the whole clip, by key."""
     return {key: None if value is None else _rounded(value) for key, value in clip_figures(tracks).items()}
 
 
-def _limit(key: str, limit: float, value: float | None, source: float | None) -> Document:
+def _limit(key: str, limit: float, value: float | None, source: float | None) -> DiffLimit:
     """A limit of a figure, the number that it is for, and whether that is over it."""
     judged = BY_KEY[key].judgement(value, source)
     number = None if judged is None else _rounded(judged)
     return {"figure": key, "limit": limit, "value": number, "over": number is not None and number > limit}
 
 
-def _frames(diff: Diff, sides: Mapping[Side, Tracks]) -> dict[str, list[Any]]:
+def _frames(diff: Diff, sides: Mapping[Side, Tracks]) -> dict[str, list[float | None]]:
     """The columns of the frames, each with a value or None for every frame."""
     count = np.arange(len(diff))
     return {
@@ -127,7 +127,7 @@ def _worst(column: list[float | None]) -> int | None:
     return -max(known)[1] if known else None
 
 
-def _pairs(diff: Diff) -> list[Document]:
+def _pairs(diff: Diff) -> list[DiffPair]:
     pairs, drivers = diff.pairs, diff.matching.drivers
     a, b = diff.matching.source.skeleton.keys, diff.matching.target.skeleton.keys
     return [
@@ -135,9 +135,9 @@ def _pairs(diff: Diff) -> list[Document]:
             "joints_a": [a[drivers[pairs.u[k]]], a[drivers[pairs.v[k]]]],
             "joints_b": [b[pairs.u[k]], b[pairs.v[k]]],
             "contact_frames": int(pairs.contact_frames[k]),
-            "distance_a": _rounded(pairs.distance_a[k]),
-            "distance_b": _rounded(pairs.distance_b[k]),
-            "error": _rounded(pairs.error[k]),
+            "distance_a": _round(pairs.distance_a[k]),
+            "distance_b": _round(pairs.distance_b[k]),
+            "error": _round(pairs.error[k]),
             "worst_frame": int(pairs.worst_frame[k]),
         }
         for k in pairs.worst(PAIRS)
@@ -145,6 +145,10 @@ def _pairs(diff: Diff) -> list[Document]:
 
 
 def _rounded(value: SupportsFloat) -> float | None:
-    """The number rounded to `DECIMALS`, 0 without a sign; None for nan and infinity."""
-    number = float(value)
-    return round(number, DECIMALS) + 0.0 if math.isfinite(number) else None
+    """The number rounded; None for nan and infinity."""
+    return _round(value) if math.isfinite(value) else None
+
+
+def _round(value: SupportsFloat) -> float:
+    """The number rounded to `DECIMALS`, 0 without a sign."""
+    return round(float(value), DECIMALS) + 0.0

@@ -303,16 +303,6 @@ function tick() {
   waiting = false;
 }
 
-function printing(on) {
-  const root = document.documentElement;
-  if (on) {
-    Object.assign(printing, {theme: root.dataset.theme, open: $('glossary').open});
-    root.dataset.theme = 'light';
-  } else if (printing.theme) root.dataset.theme = printing.theme;
-  else delete root.dataset.theme;
-  $('glossary').open = on || printing.open;
-}
-
 function start() {
   buildHead();
   buildFigures();
@@ -320,12 +310,8 @@ function start() {
   buildFilters();
   buildHeads();
   refresh();
-  setTheme();
+  followTheme();
   [$('box'), $('rows')].forEach(place => new ResizeObserver(fit).observe(place));
-  $('theme').addEventListener('click', () => setTheme(isDark() ? 'light' : 'dark'));
-  matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => setTheme());
-  addEventListener('beforeprint', () => printing(true));
-  addEventListener('afterprint', () => printing(false));
 }
 
 start();

@@ -6,13 +6,11 @@ import math
 import os.path
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Literal, TypedDict
 from urllib.parse import quote
 
 from distretarget.measure.figures import SUFFIXES, Side, as_data, figures_at
 from distretarget.report.page import filled
-
-Record = Mapping[str, Any]
 
 # The columns of figures: for each figure of the page the source's, where it has one, the rotation copy's, the result's.
 COLUMNS: dict[str, tuple[Side, str]] = {
@@ -24,18 +22,63 @@ COLUMNS: dict[str, tuple[Side, str]] = {
 FIELDS = ("clip", "link", "target", "done", "frames", "seconds", "warnings", "error", *COLUMNS)
 
 
-def index_page(records: Sequence[Record], links: Mapping[str, str], title: str, version: str) -> str:
+class ClipRecord(TypedDict):
+    """What the page reads of a line of a manifest.
+
+    Attributes:
+        input: the path of the clip.
+        output: the path of the output, relative to the folder of results, with slashes.
+        target: the path of the target's file.
+        frames: the number of frames converted.
+        seconds: how long the conversion took [s].
+        figures: by key (`measure.figures.FIGURES`), the figures of quality of source, rotation copy and result, None
+            where nothing was to be measured; empty if the clip failed.
+        warnings: what needs a look, a line each.
+        status: whether the clip is converted.
+        error: why the clip failed; None if it did not.
+    """
+
+    input: str
+    output: str
+    target: str
+    frames: int
+    seconds: float
+    figures: Mapping[Side, Mapping[str, float | None]]
+    warnings: list[str]
+    status: Literal["done", "failed"]
+    error: str | None
+
+
+class _Table(TypedDict):
+    """The records in few bytes.
+
+    Attributes:
+        folder: the folder that all clips share; the names of clips omit it.
+        targets: the targets' paths, without the folder that they share.
+        warnings: each warning once.
+        fields: what the entries of a row are.
+        rows: per clip, the values of `fields`; target and warnings as indices into the lists of these.
+    """
+
+    folder: str
+    targets: list[str]
+    warnings: list[str]
+    fields: tuple[str, ...]
+    rows: list[list[object]]
+
+
+def index_page(records: Sequence[ClipRecord], links: Mapping[str, str], title: str, version: str) -> str:
     """The HTML of the page over clips.
 
     `records` are lines of a manifest, one for each output. `links` has, by output, the paths of the reports there are,
     relative to the page and not quoted. `version` is that of the program.
     """
     data = {"batch": {**_table(records, links), "version": version}, "registry": as_data("the source", "the result")}
-    return filled("index.html", title, ["style.css", "index.css"], ["base.js", "index.js"], data)
+    return filled("index.html", title, styles=["style.css", "index.css"], scripts=["base.js", "index.js"], data=data)
 
 
-def _table(records: Sequence[Record], links: Mapping[str, str]) -> dict[str, Any]:
-    """The records in few bytes: rows of FIELDS; targets and warnings are indices, names omit the folder they share."""
+def _table(records: Sequence[ClipRecord], links: Mapping[str, str]) -> _Table:
+    """The records as the page has them."""
     targets = list(dict.fromkeys(record["target"] for record in records))
     folder, target_folder = _folder(record["input"] for record in records), _folder(targets)
     warnings = list(dict.fromkeys(text for record in records for text in record["warnings"]))
@@ -60,14 +103,14 @@ def _table(records: Sequence[Record], links: Mapping[str, str]) -> dict[str, Any
     }
 
 
-def _outcome(record: Record) -> tuple[int, float | None, float | None]:
+def _outcome(record: ClipRecord) -> tuple[int, float | None, float | None]:
     """Whether a clip is done, its frames and its seconds; a failed clip has neither of these."""
     if record["status"] != "done":
         return 0, None, None
     return 1, _number(record["frames"]), _number(record["seconds"])
 
 
-def _figures(figures: Mapping[str, Any]) -> list[float | None]:
+def _figures(figures: Mapping[Side, Mapping[str, float | None]]) -> list[float | None]:
     """The numbers of COLUMNS, None where there is none."""
     return [_number((figures.get(side) or {}).get(key)) for side, key in COLUMNS.values()]
 
@@ -85,7 +128,7 @@ def _folder(paths: Iterable[str]) -> str:
     return common[: max(common.rfind("/"), common.rfind("\\")) + 1]
 
 
-def _reason(record: Record) -> str | None:
+def _reason(record: ClipRecord) -> str | None:
     """Why a clip failed, without the names of clip and target, which the page shows beside it."""
     if record["status"] == "done":
         return None

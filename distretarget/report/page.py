@@ -7,10 +7,10 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
-from typing import Any
 
 from distretarget.measure.diff import Diff
 from distretarget.measure.figures import as_data
+from distretarget.report.document_types import DiffDocument
 from distretarget.report.scene import scene
 
 SCRIPTS = ("base.js", "data.js", "camera.js", "skeletons.js", "player.js", "curves.js", "heatmap.js", "tables.js")
@@ -18,14 +18,16 @@ HALVES = re.compile("[\ud800-\udfff]")  # half characters, which file names may 
 ESCAPES = {ord(character): f"\\u{ord(character):04x}" for character in "<>&\u2028\u2029"}
 
 
-def page(diff: Diff, document: Mapping[str, Any]) -> str:
+def page(diff: Diff, document: DiffDocument) -> str:
     """The HTML of the report on a diff, with the diff's `document` embedded unchanged."""
     title = f"{document['b']['file']} against {document['a']['file']}"
     data = {"document": document, "scene": scene(diff, len(document["pairs"])), "registry": as_data("A", "B")}
-    return filled("template.html", title, ["style.css"], SCRIPTS, data)
+    return filled("template.html", title, styles=["style.css"], scripts=SCRIPTS, data=data)
 
 
-def filled(template: str, title: str, styles: Sequence[str], scripts: Sequence[str], data: Mapping[str, object]) -> str:
+def filled(
+    template: str, title: str, *, styles: Sequence[str], scripts: Sequence[str], data: Mapping[str, object]
+) -> str:
     """Fill a template of this package: its title, the files of its style and script, and named JSON data."""
     parts = {
         "title": html.escape(HALVES.sub("\ufffd", title)),

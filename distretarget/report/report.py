@@ -28,7 +28,7 @@ def write_report(
     Raises:
         FileError: the file exists and `overwrite` is false, or it cannot be written.
     """
-    about = About(source_name, result_name, "", version("distretarget"))
+    about = About(a=source_name, b=result_name, command="", version=version("distretarget"))
     match compared:
         case RetargetResult():
             html = run_page(compared, about)
@@ -39,7 +39,13 @@ def write_report(
 
 def run_page(result: RetargetResult, about: About) -> str:
     """The HTML of the report on a run: A is its source, B its result; the rotation copy is added to `about`."""
-    diff = Diff(
+    diff = run_diff(result)
+    return page(diff, document(diff, replace(about, rotation_copy=result.tracks["rotation_copy"])))
+
+
+def run_diff(result: RetargetResult) -> Diff:
+    """The result of a run, B, measured against its source, A."""
+    return Diff(
         a=result.source,
         b=result.motion,
         matching=result.matching,
@@ -48,4 +54,3 @@ def run_page(result: RetargetResult, about: About) -> str:
         comparison=result.comparison,
         notes=turned_note(result.world),
     )
-    return page(diff, document(diff, replace(about, rotation_copy=result.tracks["rotation_copy"])))

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from base64 import b64encode
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.body.legs import leg_length
+from distretarget.body.legs import Leg, leg_length
 from distretarget.measure.diff import Diff
 from distretarget.measure.metrics import BLOCK, FAR_ALONG, LOWEST, NEAR, points_of
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import least_rotation
+from distretarget.report.scene_types import Drawing, Scene
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
-Drawing = dict[str, Any]
 
 BUDGET = 5_000_000  # [bytes] most for the quantised positions of both motions; longer clips are drawn in part
 STEPS = 65_535  # steps of a quantised coordinate across the bounding box
@@ -25,13 +26,10 @@ ROWS = 24  # most rows of the contact timeline
 SAMPLES = 64  # frames from which the range of the differences of D is estimated
 
 
-def scene(diff: Diff, pairs: int) -> Drawing:
-    """The drawing data of a diff, as JSON values.
+def scene(diff: Diff, pairs: int) -> Scene:
+    """The drawing data of a diff; `pairs` is how many of the worst pairs are included.
 
-    Both motions are drawn with y up, the floor at 0 and twice the leg length as the unit. Only one frame in `step` is
-    drawn where all would take more than `BUDGET`. Arrays are base64 of little-endian numbers. `points` are the joints
-    that the matrices show, of A and of B in the same order; pairs refer to them by number. `pairs` is how many of the
-    worst pairs are included.
+    Only one frame in several is drawn where all would take more than `BUDGET`.
     """
     b_points = points_of(diff.matching)
     a_points = diff.matching.drivers[b_points]
@@ -84,7 +82,9 @@ def spans(mask: NDArray[np.bool_]) -> list[list[int]]:
     return [[int(first), int(end)] for first, end in edges.reshape(-1, 2)]
 
 
-def _drawing(motion: Motion, body: Skeleton, legs: Any, points: NDArray[np.intp], up: Array, step: int) -> Drawing:
+def _drawing(
+    motion: Motion, body: Skeleton, legs: Sequence[Leg] | None, points: NDArray[np.intp], up: Array, step: int
+) -> Drawing:
     """The drawing data of one motion; `body` is its skeleton with rigid bones, `points` the joints of the matrices."""
     unit = (2 * leg_length(body, legs) if legs else float(body.path_lengths.max())) or 1.0
     placed = Rotation.from_quat(_upright(up)).apply(motion.positions[::step].reshape(-1, 3)) / unit

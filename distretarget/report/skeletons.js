@@ -17,12 +17,17 @@ function levelOf(degrees) {
   return degrees === null ? NOT_SHARED : LEVELS.find(level => degrees < level.below);
 }
 
-/** Draws one bone: a halo that separates it from what is behind, its colour, and the dashes of its level. */
-function drawBone(context, from, to, look) {
-  const thick = Math.max(1.5, BONE * look.width * (from[2] + to[2]) / 2);
+/** Makes the straight line between two points on the screen the path of a context. */
+function traceLine(context, from, to) {
   context.beginPath();
   context.moveTo(from[0], from[1]);
   context.lineTo(to[0], to[1]);
+}
+
+/** Draws one bone: a halo that separates it from what is behind, its colour, and the dashes of its level. */
+function drawBone(context, from, to, look) {
+  const thick = Math.max(1.5, BONE * look.width * (from[2] + to[2]) / 2);
+  traceLine(context, from, to);
   for (const [style, width, dash] of [
     [colour.panel, thick + Math.min(2.5, thick * 0.5), []],
     [colour[look.colour], thick, []],
@@ -109,9 +114,7 @@ function drawContacts(context, motion, at, frame) {
     const from = at[motion.points[i]], to = at[motion.points[j]];
     context.setLineDash(motion === A || kept ? [] : [4, 3]);
     context.lineWidth = 1.25;
-    context.beginPath();
-    context.moveTo(from[0], from[1]);
-    context.lineTo(to[0], to[1]);
+    traceLine(context, from, to);
     context.stroke();
   }
   context.setLineDash([]);
@@ -125,9 +128,7 @@ function drawChosen(context, motion, at, box, named) {
   context.strokeStyle = context.fillStyle = colour.mark;
   context.lineWidth = 2;
   context.setLineDash([2, 3]);
-  context.beginPath();
-  context.moveTo(from[0], from[1]);
-  context.lineTo(to[0], to[1]);
+  traceLine(context, from, to);
   context.stroke();
   context.setLineDash([]);
   context.font = '600 12px system-ui, sans-serif';

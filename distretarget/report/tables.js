@@ -196,19 +196,6 @@ function buildPairs() {
 
 // ---- all of it
 
-function printing(on) {
-  const root = document.documentElement;
-  if (on) {
-    setPlaying(false);
-    Object.assign(printing, {theme: root.dataset.theme, open: $('glossary').open});
-    root.dataset.theme = 'light';
-  } else if (printing.theme) root.dataset.theme = printing.theme;
-  else delete root.dataset.theme;
-  $('glossary').open = on || printing.open;
-  readColours();
-  paintAll();
-}
-
 function start() {
   buildHead();
   buildNotes();
@@ -218,11 +205,8 @@ function start() {
   buildMatrices();
   buildContacts();
   buildPairs();
-  setTheme();
-  $('theme').addEventListener('click', () => setTheme(isDark() ? 'light' : 'dark'));
-  matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => setTheme());
-  addEventListener('beforeprint', () => printing(true));
-  addEventListener('afterprint', () => printing(false));
+  addEventListener('beforeprint', () => setPlaying(false));
+  followTheme();
 }
 
 start();

@@ -61,6 +61,7 @@ def solve_in_chunks(
     solve: Callable[[PoseProblem, Any, slice], Poses],
     problem: PoseProblem,
     more: Any,
+    *,
     margin: int,
     mapper: Mapper,
     progress: Progress,

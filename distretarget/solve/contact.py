@@ -42,6 +42,7 @@ def solve_contact(
     problem: PoseProblem,
     stance: Stance,
     settings: ContactSettings,
+    *,
     mapper: Mapper = map,
     progress: Progress = lambda _frames: None,
 ) -> Poses:
@@ -51,7 +52,7 @@ def solve_contact(
     """
     margin = activation_window(settings.lead / problem.frame_time)
     solve = partial(_solve_frames, settings=settings)
-    poses = solve_in_chunks(solve, problem, stance, margin, mapper, progress)
+    poses = solve_in_chunks(solve, problem, stance, margin=margin, mapper=mapper, progress=progress)
     return replace(poses, v=smooth_jumps(poses.v, problem.frame_time, settings))
 
 
@@ -69,7 +70,7 @@ def _solve_frames(problem: PoseProblem, stance: Stance, frames: slice, settings:
     log = np.zeros((4, count))
     for solved in blocks_of(count):
         block = slice(frames.start + solved.start, frames.start + solved.stop)
-        near = pair_springs(pairs, distances, source, copy, block, lead, settings)
+        near = pair_springs(pairs, distances, source, copy, block=block, lead=lead, settings=settings)
         springs = joined(near, _foot_springs(stance[block], unit, settings.stance_stiffness))
         _solve(body, bones[block], root[block], springs, settings.tolerance, v, solved.start, log)
     v[:, -1] *= unit

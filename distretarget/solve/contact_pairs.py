@@ -61,6 +61,7 @@ def pair_springs(
     distances: DistanceProblem,
     source: Array,
     copy: Array,
+    *,
     block: slice,
     lead: float,
     settings: ContactSettings,

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from distretarget.errors import SettingsError
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ContactSettings:
     """The settings of the contact objective; the default values serve every clip and body.
 

@@ -1,0 +1,104 @@
+"""The lines of a manifest: what is recorded of each clip, and which recipe its output was made by."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TypedDict, cast
+
+from distretarget.baseline.world import RootOffset
+from distretarget.batch.plan import Work
+from distretarget.conversion import Options
+from distretarget.io.map_json import MapFile
+from distretarget.report.index import ClipRecord
+from distretarget.retargeting import Objective
+
+
+class RecordedOptions(TypedDict):
+    """How a clip was retargeted.
+
+    Attributes:
+        objective, hold_feet, root_scale, source_up, target_up, root_offset: the arguments of `retarget`.
+        map: the key of the source joint by that of the target joint; None for no map.
+    """
+
+    objective: Objective
+    hold_feet: bool
+    root_scale: float | None
+    source_up: str | None
+    target_up: str | None
+    root_offset: RootOffset | None
+    map: Mapping[str, str | None] | None
+
+
+class ManifestRecord(ClipRecord):
+    """A line of a manifest. Hashes of files are "sha256:" and hexadecimal digits.
+
+    Attributes:
+        input_hash: the hash of the clip's file; None if it could not be read.
+        output_hash: the hash of the output; None if there is none.
+        target_hash: the hash of the target's file.
+        options: how the clip was retargeted.
+        version: the version of the program.
+    """
+
+    input_hash: str | None
+    output_hash: str | None
+    target_hash: str
+    options: RecordedOptions
+    version: str
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What determines an output besides the clip and the target: options, map, and the version of the program."""
+
+    options: Options
+    map: MapFile
+    version: str
+
+    def recorded(self) -> RecordedOptions:
+        """Return the options and the map as a line of the manifest has them."""
+        return cast(RecordedOptions, asdict(self.options) | {"map": dict(self.map.pairs) or None})
+
+
+def failed_record(work: Work, input_hash: str | None, recipe: Recipe) -> ManifestRecord:
+    """Return the record of a clip that failed, yet without a reason."""
+    return {
+        "input": str(work.clip.path),
+        "input_hash": input_hash,
+        "output": work.place.as_posix(),
+        "output_hash": None,
+        "target": str(work.target.path),
+        "target_hash": work.target.hash,
+        "options": recipe.recorded(),
+        "version": recipe.version,
+        "frames": 0,
+        "seconds": 0.0,
+        "figures": {},
+        "warnings": [],
+        "status": "failed",
+        "error": None,
+    }
+
+
+def read_records(path: Path) -> Iterator[ManifestRecord]:
+    """Yield the whole records of a manifest in order; none where there is no manifest."""
+    if not path.exists():
+        return
+    with path.open("rb") as file:
+        for line in file:
+            if (record := parse_record(line)) is not None:
+                yield record
+
+
+def parse_record(line: bytes) -> ManifestRecord | None:
+    """Return the record in a line; None if the line is not a whole record."""
+    try:
+        record = json.loads(line)
+    except ValueError:
+        return None
+    whole = isinstance(record, dict) and record.keys() >= ManifestRecord.__required_keys__
+    return cast(ManifestRecord, record) if whole else None

@@ -1,0 +1,193 @@
+"""The anatomy of a skeleton, recognised by the names and the tree of its joints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from distretarget.body.anatomy import ARM, LEG, SIDES, Anatomy, spine_roles
+from distretarget.body.conventions import NameMeanings, name_meanings
+from distretarget.body.fingers import fingers_of
+from distretarget.skeleton import Skeleton
+
+# Points for each part that a chain of joints has: the bones of a limb count more than collar bone and toes.
+PART_POINTS = dict.fromkeys(ARM + LEG, 2.0) | {"Shoulder": 1.0, "Toes": 1.0}
+# Points for a convention that fits fully; less fit, fewer points. They decide between several meanings of a word.
+FIT_POINTS = 0.5
+
+# The parts with these first words have a long bone.
+LONG_BONE_WORDS = ("Upper", "Lower")
+
+# The hips may have this name only where legs and trunk branch off; a joint above them with it just carries the body.
+CARRIER = "root"
+
+
+def by_names(skeleton: Skeleton) -> Anatomy | None:
+    """Return the anatomy that names and tree show, whatever the offsets; None where they show too little.
+
+    The names must show the two long bones of both arms or of both legs, hips and, unless the body is legs alone, a
+    trunk above them. A part has a role only if a joint has a known name for it; spine and neck need no known names.
+    """
+    return _Rig(tuple(skeleton.parents.tolist()), name_meanings(skeleton)).anatomy()
+
+
+class _Chain(NamedTuple):
+    """The joints of parts of a limb, from above, and their points."""
+
+    points: float
+    joints: tuple[tuple[str, int], ...]
+
+
+class _Trunk(NamedTuple):
+    """The joints between the limbs; `head` is None where no joint has a name of the head."""
+
+    hips: int
+    spine: tuple[int, ...]
+    neck: tuple[int, ...]
+    head: int | None
+
+
+@dataclass(frozen=True)
+class _Rig:
+    """A tree of joints with the meanings of their names.
+
+    Attributes:
+        parents: the parent of each joint, -1 for the root.
+        meanings: what the names of the joints mean.
+    """
+
+    parents: tuple[int, ...]
+    meanings: NameMeanings
+
+    def anatomy(self) -> Anatomy | None:
+        """The anatomy; None where the names show too little."""
+        arms = {side: self._limb(ARM, side) for side in SIDES}
+        legs = {side: self._limb(LEG, side) for side in SIDES}
+        if not (all(arms.values()) or all(legs.values())):
+            return None
+        trunk = self._trunk(_starts(arms), _starts(legs))
+        if trunk is None:
+            return None
+        roles = {"hips": trunk.hips} | spine_roles(trunk.spine)
+        roles |= {"neck": trunk.neck[0]} if trunk.neck else {}
+        roles |= {"head": trunk.head} if trunk.head is not None else {}
+        for side in SIDES:
+            fingers = fingers_of(arms[side]["Hand"], self.parents, self.meanings.names) if "Hand" in arms[side] else {}
+            roles |= {side + part: joint for part, joint in (arms[side] | legs[side] | fingers).items()}
+        return Anatomy(
+            roles=roles, spine=trunk.spine, neck=trunk.neck, convention=self.meanings.convention, method="names"
+        )
+
+    def _limb(self, limb: Sequence[str], side: str) -> dict[str, int]:
+        """The joints of the chain on a side with the most points for this limb; empty unless both long bones are named.
+
+        `chains` has, per joint, the best chains that end there or above, by the number of parts they may use.
+        """
+        chains: list[tuple[_Chain, ...]] = []
+        for joint, parent in enumerate(self.parents):
+            above = chains[parent] if parent >= 0 else (_Chain(0.0, ()),) * (len(limb) + 1)
+            named = self.meanings.parts(joint) if self.meanings.names[joint].side == side else {}
+            chains.append(_extended(above, joint, limb, named))
+        joints = dict(max((best[-1] for best in chains), key=_points).joints)
+        return joints if all(part in joints for part in limb if part.startswith(LONG_BONE_WORDS)) else {}
+
+    def _trunk(self, arms: Sequence[int], legs: Sequence[int]) -> _Trunk | None:
+        """The trunk between the first joints of arms and legs; None where it has no upper end or no hips.
+
+        The neck begins with the first joint that has a name of the neck, else where the arms branch off.
+        """
+        head = self._head()
+        crown = head if head is not None else self._last_neck()
+        uppers = [*arms] if len(arms) == len(SIDES) or crown is None else [*arms, crown]
+        if not uppers:
+            return self._hips_alone(legs)
+        top = self._branching(self.parents[joint] for joint in uppers)
+        center = self._branching([top, *(self.parents[joint] for joint in legs)])
+        hips = self._hips(center, legs)
+        if hips is None:
+            return None
+        line = self._path(top)
+        spine = line[line.index(hips if hips in line else center) + 1 :]
+        neck = [] if crown is None else [joint for joint in self._path(crown) if joint not in line and joint != head]
+        joints = [joint for joint in spine + neck if not self.meanings.is_helper(joint) and not self._is_hips(joint)]
+        past_top = sum(joint in line for joint in joints)
+        first = next((place for place, joint in enumerate(joints) if self.meanings.is_neck(joint)), past_top)
+        return _Trunk(hips, tuple(joints[:first]), tuple(joints[first:]), head)
+
+    def _hips_alone(self, legs: Sequence[int]) -> _Trunk | None:
+        """The trunk of a body that has legs only; None if it has more than legs."""
+        paths = [set(self._path(joint)) for joint in range(len(self.parents))]
+        above = set().union(*(paths[leg] for leg in legs))
+        hips = self._hips(self._branching(self.parents[leg] for leg in legs), legs)
+        if hips is None or any(joint not in above and path.isdisjoint(legs) for joint, path in enumerate(paths)):
+            return None
+        return _Trunk(hips, (), (), None)
+
+    def _hips(self, center: int, legs: Sequence[int]) -> int | None:
+        """The hips: the joint with their name at or above `center`, where legs and trunk branch off, else between
+        `center` and the legs, else `center` itself. Without legs only a joint with their name counts.
+
+        `center` is -1 where there is no such joint.
+        """
+        if center < 0:
+            return None
+        others = [*self._path(self._branching(legs))[-1:], *reversed(self._path(center)[:-1])]
+        named = [joint for joint in others if self._is_hips(joint) and self.meanings.names[joint].stem != CARRIER]
+        if self._is_hips(center) or not named:
+            return center if legs or self._is_hips(center) else None
+        return named[0]
+
+    def _is_hips(self, joint: int) -> bool:
+        return self.meanings.means(joint, "hips")
+
+    def _head(self) -> int | None:
+        """The joint with a name of the head that is deepest in the tree; None without one."""
+        heads = [joint for joint in range(len(self.parents)) if self.meanings.means(joint, "head")]
+        return max(heads, key=lambda joint: len(self._path(joint)), default=None)
+
+    def _last_neck(self) -> int | None:
+        """The last joint with a name of the neck; None without one."""
+        return max(filter(self.meanings.is_neck, range(len(self.parents))), default=None)
+
+    def _path(self, joint: int) -> list[int]:
+        """The joints from the root down to this one; empty for -1."""
+        path = []
+        while joint >= 0:
+            path.append(joint)
+            joint = self.parents[joint]
+        return path[::-1]
+
+    def _branching(self, joints: Iterable[int]) -> int:
+        """The lowest common ancestor of joints, which may be one of them; -1 where there is none."""
+        common = -1
+        for level in zip(*map(self._path, joints), strict=False):
+            if len(set(level)) > 1:
+                break
+            common = level[0]
+        return common
+
+
+def _points(chain: _Chain) -> float:
+    return chain.points
+
+
+def _extended(
+    above: tuple[_Chain, ...], joint: int, limb: Sequence[str], fits: Mapping[str, float]
+) -> tuple[_Chain, ...]:
+    """The best chains that end at a joint or above it, from those above it; of equal ones those that end higher up.
+
+    `fits` has the parts that the joint can be, with the fit of each.
+    """
+    best = list(above)
+    for rank, part in enumerate(limb):
+        if part in fits:
+            points = above[rank].points + PART_POINTS[part] + FIT_POINTS * fits[part]
+            longer = _Chain(points, (*above[rank].joints, (part, joint)))
+            best[rank + 1 :] = [max(chain, longer, key=_points) for chain in best[rank + 1 :]]
+    return tuple(best)
+
+
+def _starts(limbs: Mapping[str, Mapping[str, int]]) -> list[int]:
+    """The first joint of each limb that was found."""
+    return [min(limb.values()) for limb in limbs.values() if limb]

@@ -1,0 +1,92 @@
+"""Targets: a whole skeleton, or other bone lengths for the source's own skeleton."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from distretarget.errors import SkeletonFileError, closest
+from distretarget.io.json_node import entry_place
+from distretarget.matching.pairing import JointMap
+from distretarget.motion import Motion
+from distretarget.skeleton import Skeleton
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """The skeleton to retarget to.
+
+    Attributes:
+        skeleton: the skeleton, with rigid bones.
+        map: the map in the file, source key by target key; empty where the file has none.
+        name: the name of the skeleton in the file; empty where it has none.
+        motion: the motion of a BVH file, if it has a valid one; it can show what the rest pose does not.
+    """
+
+    skeleton: Skeleton
+    map: JointMap
+    name: str
+    motion: Motion | None = None
+
+    def for_source(self, source: Skeleton) -> Target:  # noqa: ARG002
+        """Return the target itself: a whole skeleton is the same for every source."""
+        return self
+
+
+@dataclass(frozen=True)
+class SkeletonEdit:
+    """Other bone lengths for the skeleton of a source; a bone is named by its lower joint.
+
+    Attributes:
+        scale: the factor for all bone lengths and the root's offset.
+        lengths: by joint key, the final length of the joint's bone, whatever the scale [file units].
+        factors: by joint key, an additional factor for the length of the joint's bone.
+        path: the path of the file, for errors.
+    """
+
+    scale: float
+    lengths: Mapping[str, float]
+    factors: Mapping[str, float]
+    path: str | Path
+
+    def for_source(self, source: Skeleton) -> Target:
+        """Return the target for a source: the source's skeleton with these lengths; errors as in `apply`."""
+        return Target(self.apply(source), {}, "")
+
+    def apply(self, source: Skeleton) -> Skeleton:
+        """Return the source's skeleton with these bone lengths and its own rest directions.
+
+        Raises:
+            SkeletonFileError: a named joint does not exist in the source, has a bone of length 0, or is in both
+                `lengths` and `factors`; or all bones of the source have length 0.
+        """
+        lengths = self.scale * source.lengths
+        for key, factor in self.factors.items():
+            lengths[self._bone("factors", key, source)] *= factor
+        for key, length in self.lengths.items():
+            lengths[self._bone("lengths", key, source)] = length
+        if both := [entry_place("lengths", key) for key in self.lengths if key in self.factors]:
+            raise SkeletonFileError(self.path, both[0], "is in factors too; give only one of them")
+        offsets = source.with_lengths(lengths).offsets.copy()
+        offsets[0] *= self.scale
+        return with_bones(source.with_offsets(offsets), self.path)
+
+    def _bone(self, field: str, key: str, source: Skeleton) -> int:
+        """The number of the joint with this key, which must have a bone to change."""
+        place = entry_place(field, key)
+        if key not in source.keys:
+            raise SkeletonFileError(self.path, place, f"no such joint; {closest(key, source.keys)}")
+        joint = source.index(key)
+        if not joint:
+            raise SkeletonFileError(self.path, place, "the root has no bone; expected a joint with a parent")
+        if source.lengths[joint] == 0:
+            raise SkeletonFileError(self.path, place, "the bone has length 0 in the source, so it has no direction")
+        return joint
+
+
+def with_bones(skeleton: Skeleton, path: str | Path, place: str = "") -> Skeleton:
+    """The skeleton itself; raises an error if all its bones have length 0."""
+    if not skeleton.lengths.any():
+        raise SkeletonFileError(path, place, "all bones have length 0; expected at least one longer bone")
+    return skeleton

@@ -1,0 +1,85 @@
+"""Bodies given by the names and the tree of their joints, and the published names of conventions."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from distretarget.body.named_anatomy import by_names
+from distretarget.skeleton import Skeleton
+
+NAMES = Path(__file__).resolve().parents[2] / "shared" / "joint_names.json"
+DATA = json.loads(NAMES.read_text("utf-8")) if NAMES.is_file() else {"_roles": {}}
+needs_names = pytest.mark.skipif(not NAMES.is_file(), reason="the published names are not here")
+
+# Joints are nested by parentheses, follow each other down with ">" and stand side by side with "|".
+BODY = (
+    "Hips(Spine>Spine1>Spine2(Neck>Head|LeftShoulder>LeftArm>LeftForeArm>LeftHand|"
+    "RightShoulder>RightArm>RightForeArm>RightHand)|"
+    "LeftUpLeg>LeftLeg>LeftFoot>LeftToeBase|RightUpLeg>RightLeg>RightFoot>RightToeBase)"
+)
+ROLES = {
+    "hips": "Hips",
+    "spine": "Spine",
+    "chest": "Spine1",
+    "upperChest": "Spine2",
+    "neck": "Neck",
+    "head": "Head",
+    "leftShoulder": "LeftShoulder",
+    "leftUpperArm": "LeftArm",
+    "leftLowerArm": "LeftForeArm",
+    "leftHand": "LeftHand",
+    "leftUpperLeg": "LeftUpLeg",
+    "leftLowerLeg": "LeftLeg",
+    "leftFoot": "LeftFoot",
+    "leftToes": "LeftToeBase",
+    "rightShoulder": "RightShoulder",
+    "rightUpperArm": "RightArm",
+    "rightLowerArm": "RightForeArm",
+    "rightHand": "RightHand",
+    "rightUpperLeg": "RightUpLeg",
+    "rightLowerLeg": "RightLeg",
+    "rightFoot": "RightFoot",
+    "rightToes": "RightToeBase",
+}
+
+
+def skeleton(names, parents, end_sites=None):
+    count = len(names)
+    ends = np.zeros(count, bool) if end_sites is None else end_sites
+    return Skeleton(
+        names=tuple(names),
+        parents=np.array(parents),
+        offsets=np.zeros((count, 3)),
+        channels=((),) * count,
+        end_sites=ends,
+    )
+
+
+def tree(text):
+    names, parents, above, joint = [], [], [], -1
+    for token in re.findall(r"[()|]|[^()|>]+", text):
+        if token == "(":
+            above.append(joint)
+        elif token == ")":
+            joint = above.pop()
+        elif token == "|":
+            joint = above[-1]
+        else:
+            parents.append(joint)
+            joint = len(names)
+            names.append(token)
+    return skeleton(names, parents)
+
+
+def roles(body):
+    anatomy = by_names(body)
+    return {role: body.keys[joint] for role, joint in anatomy.roles.items()}
+
+
+def published(convention):
+    joints = DATA[convention]
+    names = [joint["name"] for joint in joints]
+    return skeleton(names, [names.index(joint["parent"]) if joint["parent"] else -1 for joint in joints])

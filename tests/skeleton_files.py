@@ -1,0 +1,48 @@
+"""Documents of skeleton files, and what is asked of them."""
+
+import json
+from importlib.resources import files
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from distretarget.io.target_file import load_full_target
+
+HEAD = {"format": "distretarget-skeleton", "version": 1}
+HIPS = {"name": "Hips", "parent": None, "offset": [0, 96.4, 0]}
+SPINE = {"name": "Spine", "parent": "Hips", "offset": [0, 24, 0]}
+HEAD_END = {"name": "Spine_End", "parent": "Spine", "offset": [0, 18, 0], "end": True}
+MANUAL = Path(__file__).parent.parent / "docs" / "formats.md"
+
+
+def full(*joints, **others):
+    return HEAD | {"joints": list(joints or (HIPS, SPINE))} | others
+
+
+def short(**others):
+    return HEAD | others
+
+
+def load_json(text):
+    """The skeleton in a text, without a file of its own for each of many."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("distretarget.io.target_file.read_text", lambda _: text)
+        return load_full_target("given.json").skeleton
+
+
+def assert_same(one, other):
+    """Identical to the bit, signs of zeros included."""
+    assert (one.names, one.channels, one.units, one.up) == (
+        other.names,
+        other.channels,
+        other.units,
+        other.up,
+    )
+    for name in ("parents", "offsets", "end_sites"):
+        assert getattr(one, name).tobytes() == getattr(other, name).tobytes()
+
+
+def valid(document):
+    schema = json.loads(files("distretarget.io").joinpath("skeleton.schema.json").read_text("utf-8"))
+    return jsonschema.Draft202012Validator(schema).is_valid(document)

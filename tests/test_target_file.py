@@ -1,0 +1,66 @@
+"""Target files: whether they are JSON or BVH, and which of them are whole skeletons."""
+
+import json
+
+import numpy as np
+import pytest
+from skeleton_files import HEAD_END, HIPS, SPINE, assert_same, full, short
+from table_one import table_one
+
+from distretarget.errors import BvhError, FileError, SkeletonFileError
+from distretarget.io.target_file import is_json, load_full_target, load_target
+
+BVH = """HIERARCHY
+ROOT Hips
+{
+  OFFSET 0 0 0
+  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+  JOINT Spine
+  {
+    OFFSET 0 24 0
+    CHANNELS 3 Zrotation Xrotation Yrotation
+    End Site
+    {
+      OFFSET 0 18 0
+    }
+  }
+}
+MOTION
+Frames: 1
+Frame Time: 0.01
+0 0 0 0 0 0 0 0 0
+"""
+
+
+def test_load_full_target_reads_the_full_form(written):
+    assert load_full_target(written(full())).skeleton.names == ("Hips", "Spine")
+
+
+def test_load_full_target_refuses_the_short_form(written):
+    with pytest.raises(SkeletonFileError, match="short form needs a source"):
+        load_full_target(written(short(scale=2)))
+
+
+def test_content_decides_between_json_and_bvh(tmp_path):
+    (tmp_path / "bvh.json").write_text(BVH)
+    (tmp_path / "json.bvh").write_text(f"\ufeff\r\n  {json.dumps(full(HIPS, SPINE, HEAD_END))}", "utf-8")
+    bvh = load_target(tmp_path / "bvh.json").for_source(table_one())
+    assert bvh.map == {}
+    np.testing.assert_array_equal(bvh.skeleton.lengths, load_full_target(tmp_path / "json.bvh").skeleton.lengths)
+    assert_same(load_full_target(tmp_path / "bvh.json").skeleton, bvh.skeleton)
+
+
+def test_neither_json_nor_bvh(written):
+    with pytest.raises(BvhError):
+        load_full_target(written("name: hero"))
+
+
+def test_missing_file(tmp_path):
+    with pytest.raises(FileError, match="no such file"):
+        load_target(tmp_path / "none.json").for_source(table_one())
+
+
+def test_what_is_meant_as_json():
+    assert is_json(" \n{}")
+    assert is_json("[")
+    assert not is_json(BVH)

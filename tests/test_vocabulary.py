@@ -1,0 +1,10 @@
+"""The words of the naming conventions."""
+
+from distretarget.body.anatomy import ARM, LEG
+from distretarget.body.vocabulary import vocabulary
+
+
+def test_words_of_the_data_make_no_convention_twice():
+    conventions = vocabulary().conventions
+    assert len({convention.title for convention in conventions}) == len(conventions)
+    assert all({"hips", "head", *ARM[1:], *LEG[:3]} <= set(convention.parts.values()) for convention in conventions)
