@@ -74,7 +74,7 @@ def _full(document: Node, fields: Mapping[str, Node]) -> Target:
         document.fail('has no "joints"')
     joints = [node.fields(("name", "parent", "offset"), ("channels", "end")) for node in fields["joints"].items()]
     if not joints:
-        fields["joints"].expected("at least a root and one bone")
+        fields["joints"].expected("at least a root and one more joint")
     units = fields["units"].one_of(UNITS) if "units" in fields else None
     up = fields["up"].one_of(AXES) if "up" in fields else None
     try:
