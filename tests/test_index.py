@@ -11,7 +11,7 @@ import pytest
 
 import distretarget.report
 from distretarget.measure.figures import BY_KEY, FIGURES
-from distretarget.report.index import COLUMNS, FIELDS, index_page
+from distretarget.report.index import FIELDS, FIGURE_COLUMNS, index_page
 
 FOLDER = Path(distretarget.report.__file__).parent
 TEMPLATE, STYLE, BASE, SCRIPT = (
@@ -108,7 +108,7 @@ def test_a_failed_clip_has_a_reason_and_no_numbers():
     (row,) = rows_of(failed(error="there is nothing to retarget"))
     assert row["done"] == 0
     assert row["error"] == "there is nothing to retarget"
-    assert all(row[name] is None for name in ("frames", "seconds", *COLUMNS))
+    assert all(row[name] is None for name in ("frames", "seconds", *FIGURE_COLUMNS))
 
 
 @pytest.mark.parametrize(
@@ -130,8 +130,8 @@ def test_figures_that_are_missing_or_no_numbers_are_none():
     values = {**figures(), "rotation_copy": None}
     values["result"] |= {"jerk": float("nan"), "turn": None}
     (row,) = rows_of(record(figures=values))
-    missing = {"jerk", "turn", *(name for name, (side, _) in COLUMNS.items() if side == "rotation_copy")}
-    assert {name for name in COLUMNS if row[name] is None} == missing
+    missing = {"jerk", "turn", *(name for name, (side, _) in FIGURE_COLUMNS.items() if side == "rotation_copy")}
+    assert {name for name in FIGURE_COLUMNS if row[name] is None} == missing
     assert row["contact_error"] == 0.123457
 
 

@@ -39,7 +39,7 @@ class _Chain(NamedTuple):
     joints: tuple[tuple[str, int], ...]
 
 
-class _Trunk(NamedTuple):
+class _NamedTrunk(NamedTuple):
     """The joints between the limbs; `head` is None where no joint has a name of the head."""
 
     hips: int
@@ -92,7 +92,7 @@ class _Rig:
         joints = dict(max((best[-1] for best in chains), key=_points).joints)
         return joints if all(part in joints for part in limb if part.startswith(LONG_BONE_WORDS)) else {}
 
-    def _trunk(self, arms: Sequence[int], legs: Sequence[int]) -> _Trunk | None:
+    def _trunk(self, arms: Sequence[int], legs: Sequence[int]) -> _NamedTrunk | None:
         """The trunk between the first joints of arms and legs; None where it has no upper end or no hips.
 
         The neck begins with the first joint that has a name of the neck, else where the arms branch off.
@@ -113,16 +113,16 @@ class _Rig:
         joints = [joint for joint in spine + neck if not self.meanings.is_helper(joint) and not self._is_hips(joint)]
         past_top = sum(joint in line for joint in joints)
         first = next((place for place, joint in enumerate(joints) if self.meanings.is_neck(joint)), past_top)
-        return _Trunk(hips, tuple(joints[:first]), tuple(joints[first:]), head)
+        return _NamedTrunk(hips, tuple(joints[:first]), tuple(joints[first:]), head)
 
-    def _hips_alone(self, legs: Sequence[int]) -> _Trunk | None:
+    def _hips_alone(self, legs: Sequence[int]) -> _NamedTrunk | None:
         """The trunk of a body that has legs only; None if it has more than legs."""
         paths = [set(self._path(joint)) for joint in range(len(self.parents))]
         above = set().union(*(paths[leg] for leg in legs))
         hips = self._hips(self._branching(self.parents[leg] for leg in legs), legs)
         if hips is None or any(joint not in above and path.isdisjoint(legs) for joint, path in enumerate(paths)):
             return None
-        return _Trunk(hips, (), (), None)
+        return _NamedTrunk(hips, (), (), None)
 
     def _hips(self, center: int, legs: Sequence[int]) -> int | None:
         """The hips: the joint with their name at or above `center`, where legs and trunk branch off, else between

@@ -52,14 +52,14 @@ def by_shape(skeleton: Skeleton, positions: Array | None = None) -> Anatomy | No
 
 
 @dataclass(frozen=True)
-class _Trunk:
+class _TrunkShape:
     hips: int
     spine: tuple[int, ...]
     neck: tuple[int, ...]
     head: int
 
 
-def _trunk(skeleton: Skeleton, legs: LimbPair, arms: LimbPair, heights: Array) -> _Trunk | None:
+def _trunk(skeleton: Skeleton, legs: LimbPair, arms: LimbPair, heights: Array) -> _TrunkShape | None:
     """The trunk, from the joint where legs and spine part up to the head; None without spine or head.
 
     The head's branch leaves the spine at or below the joint where the arms do, and is not one of a pair of like chains.
@@ -78,7 +78,7 @@ def _trunk(skeleton: Skeleton, legs: LimbPair, arms: LimbPair, heights: Array) -
             spine = up[k : up.index(hips)][::-1]
             if not neck and len(spine) > 1 and skeleton.lengths[head] < COLLAR_TO_HEAD * legs[0].length:
                 neck = [spine.pop()]
-            return _Trunk(hips, tuple(spine), tuple(neck), head)
+            return _TrunkShape(hips, tuple(spine), tuple(neck), head)
         taken = {joint}
     return None
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import click
 
-from distretarget.cli.outputs import about, check_outputs, say
+from distretarget.cli.outputs import LISTED, about, check_outputs, say
 from distretarget.cli.parameters import of_figure
 from distretarget.conversion import needs_map
-from distretarget.errors import DistretargetError, FileError, MatchingError, quoted
+from distretarget.errors import DistretargetError, MatchingError, quoted
 from distretarget.io.bvh import read_bvh
 from distretarget.io.files import write_whole
 from distretarget.io.map_json import joint_map, load_map
@@ -23,7 +23,6 @@ from distretarget.report.document_types import DiffDocument, DiffLimit, DiffPair
 from distretarget.report.page import page
 
 MOST = 5  # frames and pairs that are printed
-LISTED = 12  # joints in a line, at most
 
 
 def _fail_over_help() -> str:
@@ -95,7 +94,7 @@ def diff_command(
     except MatchingError as error:
         raise needs_map(error, a, b) from error
     except DistretargetError as error:
-        raise FileError(b, f"cannot be compared with {a}: {error}") from error
+        raise error.in_file(b) from None
     figures = document(result, replace(about(a, b), limits=limits))
     if output:
         write_whole(output, page(result, figures), overwrite=overwrite)

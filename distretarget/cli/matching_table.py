@@ -10,7 +10,7 @@ from distretarget.body.conventions import convention_of
 from distretarget.matching.matching import Matching
 
 METHODS = {"map": "map", "name": "equal name", "names": "names", "shape": "shape", "tip": "tip"}  # in words
-COLUMNS = ("target joint", "source joint", "confidence", "method")
+MATCHING_COLUMNS = ("target joint", "source joint", "confidence", "method")
 
 
 def recognised(body: Body) -> str:
@@ -33,7 +33,7 @@ def headline(matching: Matching) -> Iterator[str]:
 def rows(matching: Matching) -> list[str]:
     """Return the lines of a table with each joint of the target, in the order of its tree, without End Sites."""
     target, joints = matching.target.skeleton, set(matching.target.skeleton.joints)
-    table = [COLUMNS, *(_row(matching, joint) for joint in target.depth_first if joint in joints)]
+    table = [MATCHING_COLUMNS, *(_row(matching, joint) for joint in target.depth_first if joint in joints)]
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     return ["  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in table]
 

@@ -14,6 +14,8 @@ from distretarget.errors import FileError
 from distretarget.io.files import check_writable
 from distretarget.report.document import About
 
+LISTED = 12  # most joints that are named in a line
+
 
 def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None], overwrite: bool) -> None:
     """Check, before any work, that outputs can be written and are neither inputs nor each other; skips None."""

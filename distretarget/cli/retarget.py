@@ -13,7 +13,7 @@ from tqdm import tqdm
 from distretarget.baseline.world import RootOffset
 from distretarget.cli.matching_table import headline, unused
 from distretarget.cli.options import retargeting
-from distretarget.cli.outputs import about, check_outputs, say
+from distretarget.cli.outputs import LISTED, about, check_outputs, say
 from distretarget.conversion import Options, load_text, retarget_onto
 from distretarget.errors import quoted
 from distretarget.io.bvh import read_bvh
@@ -23,8 +23,6 @@ from distretarget.io.map_json import load_map
 from distretarget.report.report import run_page
 from distretarget.result import RetargetResult
 from distretarget.run_summary import figures_json, summary_line, unmatched
-
-LISTED = 12  # largest number of joints in a line of --verbose
 
 
 @click.command("retarget")

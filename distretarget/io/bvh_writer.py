@@ -21,7 +21,7 @@ from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 Array = NDArray[np.float64]
 
 ANGLE_DECIMALS = 6  # decimals of an angle in degrees
-BLOCK = 1024  # length of each part of the text [frames]
+TEXT_FRAMES = 1024  # length of each part of the text [frames]
 
 
 def write_bvh(path: str | Path, motion: Motion, overwrite: bool = False) -> None:
@@ -56,7 +56,7 @@ def bvh_parts(motion: Motion, mapper: Callable[..., Iterable[str]] = map) -> Ite
     head = [f"Frames: {len(motion)}", f"Frame Time: {motion.frame_time_text}"]
     lines = [*_hierarchy_lines(motion.skeleton), "MOTION", *head]
     values, words = _channel_values(motion), _frame_words(motion.skeleton)
-    blocks = [values[first : first + BLOCK] for first in range(0, len(values), BLOCK)]
+    blocks = [values[first : first + TEXT_FRAMES] for first in range(0, len(values), TEXT_FRAMES)]
     return itertools.chain(["\n".join([*lines, ""])], mapper(_frames_text, blocks, itertools.repeat(words)))
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-LARGEST = float(np.finfo(np.float32).max)
+LARGEST_FLOAT32 = float(np.finfo(np.float32).max)
 """The largest coordinate that bvhio holds [file units]."""
 
 
@@ -193,5 +193,7 @@ def _check_end_sites(skeleton: Skeleton) -> None:
 def _check_range(motion: Motion) -> None:
     """Raise MotionError unless float32 holds all numbers."""
     arrays = (motion.skeleton.offsets, motion.translations, motion.rotations)
-    if not all(np.all(np.abs(array) <= LARGEST) for array in arrays):
-        raise MotionError(f"a position or rotation is not finite, or beyond {LARGEST:.3g}, the most that bvhio holds")
+    if not all(np.all(np.abs(array) <= LARGEST_FLOAT32) for array in arrays):
+        raise MotionError(
+            f"a position or rotation is not finite, or beyond {LARGEST_FLOAT32:.3g}, the most that bvhio holds"
+        )

@@ -26,7 +26,7 @@ FAR_ALONG = 5  # ... and at least so many joints on its path
 SLOW = 0.35  # a foot in stance is slower than this [leg lengths / s] ...
 LOW = 0.06  # ... and within this [leg lengths] of its lowest heights,
 LOWEST = 2.0  # which is this percentile of them
-BLOCK = 256  # frames whose pairs are in memory at once
+PAIR_FRAMES = 256  # frames whose pairs are in memory at a time
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -118,8 +118,8 @@ def normalised_distances(motion: Motion, joints: NDArray[np.intp]) -> Iterator[t
     u, v = np.triu_indices(len(joints), 1)
     tau = motion.rigid_skeleton.path_lengths[joints[u], joints[v]]
     tau = np.where(tau > 0, tau, np.nan)
-    for first in range(0, len(motion), BLOCK):
-        block = slice(first, min(first + BLOCK, len(motion)))
+    for first in range(0, len(motion), PAIR_FRAMES):
+        block = slice(first, min(first + PAIR_FRAMES, len(motion)))
         x = motion.positions[block][:, joints]
         yield block, np.linalg.norm(x[:, u] - x[:, v], axis=-1) / tau
 

@@ -13,13 +13,13 @@ from distretarget.measure.figures import SUFFIXES, Side, as_data, figures_at
 from distretarget.report.page import filled
 
 # The columns of figures: for each figure of the page the source's, where it has one, the rotation copy's, the result's.
-COLUMNS: dict[str, tuple[Side, str]] = {
+FIGURE_COLUMNS: dict[str, tuple[Side, str]] = {
     figure.key + suffix: (side, figure.key)
     for figure in figures_at("page over clips")
     for side, suffix in SUFFIXES.items()
     if side != "source" or figure.of_source
 }
-FIELDS = ("clip", "link", "target", "done", "frames", "seconds", "warnings", "error", *COLUMNS)
+FIELDS = ("clip", "link", "target", "done", "frames", "seconds", "warnings", "error", *FIGURE_COLUMNS)
 
 
 class ClipRecord(TypedDict):
@@ -111,8 +111,8 @@ def _outcome(record: ClipRecord) -> tuple[int, float | None, float | None]:
 
 
 def _figures(figures: Mapping[Side, Mapping[str, float | None]]) -> list[float | None]:
-    """The numbers of COLUMNS, None where there is none."""
-    return [_number((figures.get(side) or {}).get(key)) for side, key in COLUMNS.values()]
+    """The numbers of FIGURE_COLUMNS, None where there is none."""
+    return [_number((figures.get(side) or {}).get(key)) for side, key in FIGURE_COLUMNS.values()]
 
 
 def _number(value: object) -> float | None:

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.body.legs import Leg, leg_length
 from distretarget.measure.diff import Diff
-from distretarget.measure.metrics import BLOCK, FAR_ALONG, LOWEST, NEAR, points_of
+from distretarget.measure.metrics import FAR_ALONG, LOWEST, NEAR, PAIR_FRAMES, points_of
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import least_rotation
 from distretarget.report.scene_types import Drawing, Scene
@@ -145,9 +145,9 @@ def _contact_spans(diff: Diff, pairs: NDArray[np.intp]) -> tuple[list[list[list[
 def _near(motion: Motion, body: Skeleton, u: NDArray[np.intp], v: NDArray[np.intp]) -> NDArray[np.bool_]:
     """(frames, pairs), whether D is below `NEAR`; computed in blocks of frames."""
     near = np.zeros((len(motion), len(u)), bool)
-    for first in range(0, len(motion), BLOCK):
-        x = motion.positions[first : first + BLOCK]
-        near[first : first + BLOCK] = np.linalg.norm(x[:, u] - x[:, v], axis=-1) < NEAR * body.path_lengths[u, v]
+    for first in range(0, len(motion), PAIR_FRAMES):
+        x = motion.positions[first : first + PAIR_FRAMES]
+        near[first : first + PAIR_FRAMES] = np.linalg.norm(x[:, u] - x[:, v], axis=-1) < NEAR * body.path_lengths[u, v]
     return near
 
 
