@@ -1,4 +1,4 @@
-"""BVH files: what is accepted, what is refused and where, and that what is written reads back the same."""
+"""BVH files: what is accepted, what is refused with which line, and round trips."""
 
 import itertools
 import re
@@ -82,7 +82,7 @@ def read(text):
 
 
 def edit(*changes, text=TEXT):
-    """The text with each (old, new) replaced once; it fails where `old` is not there."""
+    """The text with each (old, new) replaced once; fails if `old` is missing."""
     for old, new in changes:
         assert old in text
         text = text.replace(old, new, 1)
@@ -345,7 +345,7 @@ def test_deep_nesting_up_to_the_limit():
 
 def test_reading_needs_no_temporary_file(monkeypatch):
     path = put(TEXT)
-    monkeypatch.setattr(tempfile, "tempdir", str(path))  # a file: nothing can be made in it
+    monkeypatch.setattr(tempfile, "tempdir", str(path))  # a file, so that nothing can be created below it
     assert read_bvh(path).skeleton.names == JOINTS
 
 

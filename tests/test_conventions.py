@@ -1,4 +1,4 @@
-"""Parts of the body by names: published conventions exactly, and what names may differ in."""
+"""Parts of the body by names: published conventions exactly, and variations of names."""
 
 import json
 import re
@@ -18,7 +18,7 @@ NAMES = Path(__file__).resolve().parents[2] / "shared" / "joint_names.json"
 DATA = json.loads(NAMES.read_text("utf-8")) if NAMES.is_file() else {"_roles": {}}
 needs_names = pytest.mark.skipif(not NAMES.is_file(), reason="the published names are not here")
 
-# Joints are nested by parentheses, follow each other down with ">" and stand side by side with "|".
+# A tree of joints: "a>b" makes b the child of a, parentheses hold several children, "|" separates siblings.
 BODY = (
     "Hips(Spine>Spine1>Spine2(Neck>Head|LeftShoulder>LeftArm>LeftForeArm>LeftHand|"
     "RightShoulder>RightArm>RightForeArm>RightHand)|"
@@ -82,7 +82,7 @@ def roles(body):
 
 
 def sided(*parts, left="left"):
-    """What the roles of one side are played by, as "left" says."""
+    """The joints of arm and leg on one side, by role."""
     return dict(zip([left + part for part in (*ARM, *LEG)], parts, strict=True))
 
 
@@ -136,7 +136,7 @@ def test_the_convention_is_recognised(convention, title):
 
 
 @needs_names
-def test_makehuman_with_its_spine_counted_downwards_and_bones_in_two():
+def test_makehuman_numbers_its_spine_downwards_and_splits_bones():
     body = published("makehuman_default")
     found, anatomy = roles(body), by_names(body)
     arm, leg = ("clavicle.L", "upperarm01.L", "lowerarm01.L", "wrist.L"), ("upperleg01.L", "lowerleg01.L", "foot.L")
@@ -176,7 +176,7 @@ def test_palms_that_carry_two_fingers_and_a_forefoot():
     assert found["leftThumb1"] == "LeftHandThumb1"
 
 
-def test_words_of_the_data_make_no_convention_twice():
+def test_conventions_differ_and_have_the_main_parts():
     conventions = vocabulary().conventions
     assert len({convention.title for convention in conventions}) == len(conventions)
     assert all({"hips", "head", *ARM[1:], *LEG[:3]} <= set(convention.parts.values()) for convention in conventions)
@@ -288,7 +288,7 @@ def test_known_words_in_other_combinations(text, expected):
         ("{}Scapula>{}Shoulder>{}LowerArm", ("Scapula", "Shoulder", "LowerArm", None)),
     ],
 )
-def test_shoulder_is_what_the_rest_of_the_arm_leaves_for_it(arm, expected):
+def test_shoulder_takes_the_role_that_the_rest_of_the_arm_leaves_open(arm, expected):
     arms = "|".join(arm.format(*[side] * 4) for side in ("Left", "Right"))
     text = f"Hips(Spine(Neck>Head|{arms})|LeftHip>LeftKnee>LeftAnkle|RightHip>RightKnee>RightAnkle)"
     found = roles(tree(text))
@@ -418,13 +418,13 @@ def test_hips_and_spine_by_name_and_tree(text, hips, spine):
         "ü>ß>позвоночник",
     ],
 )
-def test_none_where_names_tell_too_little(text):
+def test_no_roles_from_too_few_known_names(text):
     assert by_names(tree(text)) is None
     assert convention_of(tree(text)) == ""
 
 
 def calls(function, *arguments):
-    """How many functions are called in the course of one call."""
+    """How many functions one call calls, directly and indirectly."""
     seen = []
     sys.setprofile(lambda _frame, event, _argument: seen.append(event))
     try:

@@ -1,4 +1,4 @@
-"""The target skeletons of four conventions are what the script makes, and plausible bodies."""
+"""The target skeletons of four conventions: equal to the script's output, and plausible bodies."""
 
 import re
 import subprocess
@@ -26,7 +26,7 @@ poses = pytest.mark.parametrize("pose", POSES)
 
 
 def standing(skeleton):
-    """Per joint, where it stands in the rest pose: Y up, facing +Z, the left side at +X."""
+    """Positions of the joints in the rest pose, by name: Y up, facing +Z, the left side at +X."""
     points = skeleton.rest_positions + skeleton.offsets[0]
     if skeleton.up == "Z":
         points = points[:, [0, 2, 1]] * (1, 1, -1)

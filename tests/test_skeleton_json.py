@@ -1,4 +1,4 @@
-"""Target skeleton files: what they say, round trips, every refusal with its place, and the schema."""
+"""Target skeleton files: their meaning, round trips, every refusal with its place, and the schema."""
 
 import json
 import re
@@ -83,7 +83,7 @@ def written(tmp_path):
 
 
 def load_json(text):
-    """The skeleton in a text, without a file of its own for each of many."""
+    """The skeleton in a text, without writing a file."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("distretarget.io.skeleton_json.read_text", lambda _: text)
         return load_full_target("given.json").skeleton
