@@ -144,7 +144,7 @@ def test_a_lying_person_has_the_up_of_the_rest_pose(up, axis, bends):
 
 @pytest.mark.parametrize("facing", [90, 180, 270])
 def test_the_heading_is_kept_where_up_is_the_same(facing):
-    """The target's rest pose may face either way."""
+    """The target's rest pose may face any way."""
     body = replace(rig("lafan1", "T"), up=None)
     turn = Rotation.from_euler("Y", facing, degrees=True)
     plain, other = (retarget(walk(), b).motion for b in (body, body.with_offsets(spun(turn, body.offsets))))
