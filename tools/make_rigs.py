@@ -34,9 +34,9 @@ LOWERED = 45.0  # how far the arms of an A-pose hang below the horizontal [degre
 def rig(convention: Convention, pose: Pose) -> Skeleton:
     """The skeleton of a convention with a rest pose [cm]; the root's OFFSET puts its feet on the floor.
 
-    In "T" the arms point sideways, in "A" 45 degrees below the horizontal. "X" is the rest pose of LAFAN1's files, in
-    which nobody could stand: every bone lies along +X of its parent. Only joints with siblings (thighs, lower spine,
-    collar bones, neck) have their true offsets, in axes that point up, forward and left.
+    In "T" the arms point sideways, in "A" 45 degrees below the horizontal. "X" is the rest pose of LAFAN1's files, not
+    a standing pose: every bone lies along +X of its parent. Only joints with siblings (thighs, lower spine, collar
+    bones, neck) have their true offsets, in axes that point up, forward and left.
 
     Raises:
         ValueError: pose "X" for another convention than lafan1.

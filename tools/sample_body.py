@@ -258,12 +258,12 @@ def reaching_arm(chest: Place, collar: Rotation, wrist: Points, pole: Points, ha
     world. The forearm takes the whole roll of the hand.
     """
     position, rotation = chest
-    carried = rotation * collar
-    shoulder = position + rotation.apply(OFFSET["LeftCollar"]) + carried.apply(OFFSET["LeftShoulder"])
+    collar_world = rotation * collar
+    shoulder = position + rotation.apply(OFFSET["LeftCollar"]) + collar_world.apply(OFFSET["LeftShoulder"])
     u, f, axis = two_bones(shoulder, wrist, pole, UPPER_ARM, FOREARM)
     upper, fore = from_axes(u, -axis), from_axes(f, -axis)
     fore = fore * _roll_about_x(fore.inv() * hand_world)
-    return Arm(collar, carried.inv() * upper, upper.inv() * fore, fore.inv() * hand_world)
+    return Arm(collar, collar_world.inv() * upper, upper.inv() * fore, fore.inv() * hand_world)
 
 
 def _roll_about_x(rotation: Rotation) -> Rotation:
