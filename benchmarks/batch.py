@@ -1,18 +1,18 @@
-"""What `distretarget batch` does under load, when killed, and what it costs; each measurement is a command of its own.
+"""Measure `distretarget batch` under load, after kills, and per clip; each measurement is a command.
 
     python benchmarks/batch.py jobs [--clips 40] [--frames 4000] [--rounds 3]
     python benchmarks/batch.py long [--clip walk] [--frames 30000] [--rounds 3]
     python benchmarks/batch.py kill FOLDER [--times 10]
     python benchmarks/batch.py tiny [--clips 2000]
 
-jobs: clips of one length, with 1 and with 2 processes by turns; the ratio of their times, the time until the first clip
-is there, and until workers are ready.
-long: the same for one clip, which is cut, and the memory it takes.
-kill: a run over FOLDER is killed at random moments, after up to a tenth of the clips, and started again; in the end all
-outputs must be those of a run nobody killed, and no clip may have been made twice.
-tiny: clips of one frame; the cost of a clip besides its frames, on time, disk and memory.
+jobs: converts clips of one length with 1 process and with 2, alternately; prints the ratio of the times, and the time
+until the first clip is done and until workers are ready.
+long: does the same with one long clip, which is cut into pieces, and prints the memory it takes.
+kill: kills a run over FOLDER at random moments, each time after up to a tenth of the clips, and starts it again. All
+outputs must be equal to those of an undisturbed run, and no clip may be converted twice.
+tiny: converts clips of one frame; prints the time, disk space and memory that a clip takes besides its frames.
 
-The exit status is 1 if something is not as it must be.
+The exit status is 1 if 2 processes are too slow, or outputs are wrong or missing.
 """
 
 from __future__ import annotations
@@ -30,24 +30,22 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+from clips import SAMPLES, back_and_forth
 
 from distretarget import Motion, read_bvh, write_bvh
 from distretarget.batch.plan import MANIFEST
 from distretarget.batch.pools import Processes
 
-SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"
 CLIPS = ("walk", "clap", "wave", "turn", "hands_on_hips")
 TARGET = SAMPLES / "rigs" / "mixamo_t.json"
-LEAST = 1.7  # the throughput of 2 processes over that of 1
+LEAST_RATIO = 1.7  # least throughput of 2 processes over that of 1
 
 
 def main() -> None:
-    """Run the measurement that is asked for."""
+    """Run the measurement named on the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     which = parser.add_subparsers(required=True)
     for name, measure, options in (
@@ -71,17 +69,17 @@ def main() -> None:
 
 
 def jobs(arguments: argparse.Namespace, scratch: Path) -> bool:
-    """Throughput of 2 processes against 1."""
+    """Convert many clips of one length: throughput of 2 processes relative to 1."""
     for number in range(arguments.clips):
-        write_bvh(folder(scratch / "in") / f"{number}.bvh", repeated(CLIPS[number % len(CLIPS)], arguments.frames))
-    ratio, first = by_turns(scratch, arguments.rounds)
+        write_bvh(folder(scratch / "in") / f"{number}.bvh", sample(CLIPS[number % len(CLIPS)], arguments.frames))
+    ratio, first = alternately(scratch, arguments.rounds)
     print(f"{arguments.clips} clips of {arguments.frames} frames: 2 jobs have {ratio:.2f} times the throughput of 1")
-    print(f"first clip done after {first:.2f} s; {starting()}")
-    return ratio < LEAST
+    print(f"first clip done after {first:.2f} s; {start_times()}")
+    return ratio < LEAST_RATIO
 
 
-def starting() -> str:
-    """How long workers take to be ready: the first, with what it is forked from, and one more."""
+def start_times() -> str:
+    """How long workers take to be ready: the first, including the process it is forked from, and a second one."""
     pool = Processes(1, "contact")
     seconds = []
     for _ in range(2):
@@ -89,20 +87,22 @@ def starting() -> str:
         pool.executor.submit(os.getpid).result()
         seconds.append(time.perf_counter() - started)
         pool.renew()
-    return f"the first worker is ready after {seconds[0]:.2f} s, one more after {seconds[1]:.3f} s"
+    return f"the first worker is ready after {seconds[0]:.2f} s, another one after {seconds[1]:.3f} s"
 
 
 def long(arguments: argparse.Namespace, scratch: Path) -> bool:
-    """One clip, cut into pieces for 2 processes, against 1."""
-    write_bvh(folder(scratch / "in") / "long.bvh", repeated(arguments.clip, arguments.frames))
-    ratio, _ = by_turns(scratch, arguments.rounds)
+    """Convert one clip, cut into pieces: throughput of 2 processes relative to 1."""
+    write_bvh(folder(scratch / "in") / "long.bvh", sample(arguments.clip, arguments.frames))
+    ratio, _ = alternately(scratch, arguments.rounds)
     print(f"{arguments.clip}, {arguments.frames} frames in one clip: 2 jobs have {ratio:.2f} times the throughput of 1")
     print(f"memory of the largest process: {memory():.0f} MB")
     return not same(scratch / "1", scratch / "2")
 
 
-def by_turns(scratch: Path, rounds: int) -> tuple[float, float]:
-    """How much faster 2 processes are than 1, and the seconds until the first clip is done; medians."""
+def alternately(scratch: Path, rounds: int) -> tuple[float, float]:
+    """Run with 1 process and with 2, alternately; the ratio of their times, and the seconds until the first clip is
+    done with 2 processes; medians over the rounds.
+    """
     ratios, firsts = [], []
     for _ in range(rounds):
         seconds = {}
@@ -123,7 +123,7 @@ def by_turns(scratch: Path, rounds: int) -> tuple[float, float]:
 
 
 def kill(arguments: argparse.Namespace, scratch: Path) -> bool:
-    """Kill a run at random moments, and compare what comes out in the end."""
+    """Kill and restart a run at random moments; compare its outputs with those of an undisturbed run."""
     with run(arguments.folder, scratch / "whole") as process:
         process.wait()
     share = len(done(scratch / "whole")) // arguments.times
@@ -140,21 +140,21 @@ def kill(arguments: argparse.Namespace, scratch: Path) -> bool:
     outputs = Counter(record["output"] for record in done(scratch / "killed"))
     twice = sum(count > 1 for count in outputs.values())
     equal = same(scratch / "killed", scratch / "whole")
-    print(f"{len(outputs)} clips, {twice} made twice, outputs {'the same' if equal else 'DIFFERENT'}")
+    print(f"{len(outputs)} clips, {twice} converted twice, outputs {'the same' if equal else 'DIFFERENT'}")
     return bool(twice) or not equal
 
 
 def tiny(arguments: argparse.Namespace, scratch: Path) -> bool:
-    """What a clip costs that has next to nothing in it."""
-    clip = repeated("walk", 1)
+    """Time, disk space and memory of a clip of one frame."""
+    clip = sample("walk", 1)
     for number in range(arguments.clips):
         write_bvh(folder(scratch / "in") / f"{number}.bvh", clip)
     started = time.perf_counter()
-    for what in ("made", "skipped"):
+    for outcome in ("converted", "skipped"):
         with run(scratch / "in", scratch / "out") as process:
             status = process.wait()
         seconds = time.perf_counter() - started
-        print(f"{arguments.clips} clips {what} in {seconds:.1f} s, {1e3 * seconds / arguments.clips:.1f} ms each")
+        print(f"{arguments.clips} clips {outcome} in {seconds:.1f} s, {1e3 * seconds / arguments.clips:.1f} ms each")
         started = time.perf_counter()
     size = (scratch / "out" / MANIFEST).stat().st_size / arguments.clips
     print(f"manifest: {size:.0f} bytes a clip; memory of the largest process: {memory():.0f} MB")
@@ -162,43 +162,40 @@ def tiny(arguments: argparse.Namespace, scratch: Path) -> bool:
 
 
 def memory() -> float:
-    """The largest memory of a process that has been waited for [MB]."""
+    """The largest memory that any finished process took [MB]."""
     return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
 
 
-def repeated(name: str, frames: int) -> Motion:
-    """A sample to and fro, until it has so many frames."""
-    clip = read_bvh(SAMPLES / f"{name}.bvh")
-    order = np.concatenate([np.arange(len(clip)), np.arange(len(clip))[::-1]])
-    order = np.resize(order, frames)
-    return replace(clip, translations=clip.translations[order], rotations=clip.rotations[order])
+def sample(name: str, frames: int) -> Motion:
+    """A sample clip played forwards and backwards until it has this many frames."""
+    return back_and_forth(read_bvh(SAMPLES / f"{name}.bvh"), frames)
 
 
 def folder(path: Path) -> Path:
-    """The folder, made if it is not there."""
+    """Create the folder if it does not exist."""
     path.mkdir(exist_ok=True)
     return path
 
 
 def run(source: Path, out: Path, *options: Any) -> subprocess.Popen[bytes]:
-    """A batch, under way."""
+    """Start a batch."""
     command = [sys.executable, "-m", "distretarget", "batch", source, TARGET, "-o", out, *options]
     return subprocess.Popen([str(word) for word in command], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 def done(out: Path) -> list[dict[str, Any]]:
-    """The lines of clips that are done."""
+    """The manifest's records of clips that are done."""
     return [record for record in records(out / MANIFEST) if record["status"] == "done"]
 
 
 def records(path: Path) -> Iterator[dict[str, Any]]:
-    """The whole lines of a manifest."""
+    """The records of a manifest, without a last line that is incomplete."""
     lines = path.read_text().split("\n")[:-1] if path.exists() else []
     return (json.loads(line) for line in lines if line.endswith("}"))
 
 
 def same(one: Path, other: Path) -> bool:
-    """Whether two folders have the same outputs."""
+    """Whether two folders have the same BVH files, byte for byte."""
     trees = [{path.relative_to(out): path.read_bytes() for path in out.rglob("*.bvh")} for out in (one, other)]
     return trees[0] == trees[1]
 

@@ -1,10 +1,10 @@
-"""Every BVH file below a folder, retargeted to its own body with long arms and short legs, or refused.
+"""Retarget every BVH file below a folder to its own body with longer arms and shorter legs.
 
     python benchmarks/corpus.py FOLDER [--only GLOB]
 
-One line per file: `ok`, frames, seconds with start-up, mean stress x 1000 of the rotation copy and of the
-written file, and the file; or `refused` and the reason; or `FAILED`, for anything else: then the exit
-status is 1.
+Prints a line per file: `ok`, number of frames, seconds including start-up, mean stress x 1000 of the rotation copy and
+of the result, and the file's name; or `refused`, if the program refuses the file in one line, and that line; or
+`FAILED` for anything else. The exit status is 1 if a file failed.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ VERDICTS = ("ok", "refused", "FAILED")
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a file: a verdict, and what to say of it."""
+    """The verdict on a file, and the text printed after it."""
 
     verdict: str
     text: str
@@ -41,7 +41,7 @@ class Outcome:
 
 
 def outcome(path: Path, name: str) -> Outcome:
-    """Run the command line on a file and look at everything it gives back."""
+    """Run the command line on a file; judge its exit status, messages and output."""
     motion = _motion(path)
     with tempfile.TemporaryDirectory(prefix="corpus-") as scratch:
         target, output, figures = (Path(scratch, name) for name in ("target.json", "out.bvh", "out.json"))
@@ -58,7 +58,7 @@ def outcome(path: Path, name: str) -> Outcome:
 
 
 def _motion(path: Path) -> Motion | None:
-    """The motion, if the file can be read."""
+    """The motion; None if the file cannot be read."""
     try:
         return read_bvh(path)
     except DistretargetError:
@@ -71,7 +71,7 @@ def _run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 
 
 def _fault(source: Motion | None, output: Path) -> str:
-    """What is wrong with a written file; empty if nothing is."""
+    """What is wrong with the written file; empty if nothing is."""
     if source is None:
         return "retargeted, but cannot be read"
     try:
@@ -92,7 +92,7 @@ def _ok(figures: Path, seconds: float, name: str) -> Outcome:
 
 
 def _refusal(done: subprocess.CompletedProcess[str], output: Path, path: Path, name: str) -> Outcome:
-    """A refusal is exit status 1, one line of error that names the file, and no output."""
+    """Judge a run that failed: a refusal has exit status 1, one error line that names the file, and no output."""
     line = done.stderr.strip()
     one_line = "\n" not in line and line.startswith(f"distretarget: {path}:")
     if done.returncode == 1 and one_line and not done.stdout and not output.exists():
@@ -101,10 +101,12 @@ def _refusal(done: subprocess.CompletedProcess[str], output: Path, path: Path, n
 
 
 def main() -> int:
-    """Print the outcome of every file and their counts; 1 if a file gave neither a motion nor a refusal."""
+    """Print the outcome of every file, then the counts; return 1 if a file failed or there is none."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, metavar="FOLDER")
-    parser.add_argument("--only", default="*", metavar="GLOB", help="only files whose path ends like this")
+    parser.add_argument(
+        "--only", default="*", metavar="GLOB", help="only files whose paths match, compared from the end"
+    )
     args = parser.parse_args()
     counts: Counter[str] = Counter()
     for path in sorted(args.folder.rglob("*.bvh")):

@@ -1,4 +1,4 @@
-"""Other bodies made from a skeleton by the names of its joints: the targets of the measurements."""
+"""Target bodies for the benchmarks: a clip's own skeleton with some bones scaled, chosen by the names of the joints."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from distretarget import Skeleton
 
-# The part of the body a bone belongs to, by the name of its lower joint; the first pattern that fits counts.
+# The part of the body that a bone belongs to, by the name of its lower joint; the first pattern that matches counts.
 PARTS = {
     "hand": r"finger|thumb|index|mid|ring|pinky|metacarp|(hand|wrist)_?end",
     "foot": r"toe|metatars|(foot|ankle)_?end",
@@ -23,6 +23,7 @@ PARTS = {
 LEGS = ("thigh", "shin", "foot")
 ARMS = ("upper arm", "forearm", "hand")
 
+# Factors on the lengths of the bones of each part; other bones keep their lengths.
 TARGETS: dict[str, dict[str, float]] = {
     "spine +60 %": {"trunk": 1.6},
     "forearm and hand +50 %": {"forearm": 1.5, "hand": 1.5},
@@ -42,7 +43,7 @@ ARMS_AND_LEGS = {**dict.fromkeys(ARMS, 1.3), **dict.fromkeys(LEGS, 0.8)}
 
 
 def part_of(name: str) -> str | None:
-    """The part of the body to which the bone above the joint of this name belongs; None for unknown names."""
+    """The part of the body that the bone above a joint belongs to, by the joint's name; None for an unknown name."""
     return next((part for part, pattern in PARTS.items() if re.search(pattern, name.lower())), None)
 
 

@@ -1,10 +1,11 @@
-"""Real motion onto another rig, beside what MotionBuilder made of the same motion.
+"""Retarget real motion to another rig, and compare with what MotionBuilder made of it.
 
     python benchmarks/motionbuilder.py CORPUS [--markdown FILE] [--only GLOB]
 
 The CMU clips exist in two conversions: on the performers' own skeletons (folder cmu_mb), and retargeted by
-MotionBuilder to the Daz figure Aiko 3 (folder cmu_daz), frame for frame. Each clip of the first is retargeted to the
-skeleton of the second, with nothing said about joints, rest poses or axes. FILE's place for the table is filled.
+MotionBuilder to the Daz figure Aiko 3 (folder cmu_daz), frame for frame. This script retargets each clip of cmu_mb to
+the skeleton of the same clip in cmu_daz, without a joint map or any option. It writes the table into FILE, between the
+lines `<!-- motionbuilder -->` and `<!-- end -->`.
 """
 
 from __future__ import annotations
@@ -14,8 +15,9 @@ from fnmatch import fnmatch
 from pathlib import Path
 
 import numpy as np
+from angles import angles
 from numpy.typing import NDArray
-from quality import insert
+from tables import insert
 
 from distretarget import Motion, read_bvh, retarget
 from distretarget.measure.figures import BY_KEY
@@ -29,7 +31,7 @@ HEAD = (
 
 
 def measure(folder: Path, clip: str) -> str:
-    """The row of one clip."""
+    """The row of one clip in the table."""
     source, reference = read_bvh(folder / "cmu_mb" / clip), read_bvh(folder / "cmu_daz" / clip)
     run = retarget(source, reference.skeleton)
     motions = (run.rotation_copy, reference, run.motion)
@@ -42,24 +44,23 @@ def measure(folder: Path, clip: str) -> str:
 
 
 def directions(a: Motion, b: Motion, drivers: NDArray[np.intp]) -> NDArray[np.float64]:
-    """(frames, bones), the angle between the bones of two motions on one skeleton [degrees], where both ends of the
-    bone have a driver.
+    """(frames, bones), the angles between the bones of two motions on one skeleton [degrees]; only bones whose both
+    joints have a driver.
     """
     skeleton = a.skeleton
     lower = np.arange(1, len(skeleton))
     upper = skeleton.parents[1:]
-    told = (drivers[lower] >= 0) & (drivers[upper] >= 0) & (skeleton.lengths[1:] > 0)
-    bones = [motion.positions[:, lower[told]] - motion.positions[:, upper[told]] for motion in (a, b)]
-    sine = np.linalg.norm(np.cross(*bones), axis=-1)
-    return np.asarray(np.degrees(np.arctan2(sine, (bones[0] * bones[1]).sum(axis=-1))))
+    driven = (drivers[lower] >= 0) & (drivers[upper] >= 0) & (skeleton.lengths[1:] > 0)
+    one, other = (motion.positions[:, lower[driven]] - motion.positions[:, upper[driven]] for motion in (a, b))
+    return angles(one, other)
 
 
 def main() -> None:
-    """Print the table, and write it to its place."""
+    """Print the table; write it into the page if one is given."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("corpus", type=Path)
-    parser.add_argument("--markdown", type=Path, help="write the table into its place in this file")
-    parser.add_argument("--only", default="*", help="clips whose names match this")
+    parser.add_argument("--markdown", type=Path, help="write the table into this page")
+    parser.add_argument("--only", default="*", help="only clips whose names match")
     arguments = parser.parse_args()
     clips = sorted({path.name for path in (arguments.corpus / "cmu_mb").glob("*.bvh")})
     both = [clip for clip in clips if (arguments.corpus / "cmu_daz" / clip).exists()]

@@ -3,21 +3,22 @@
     python benchmarks/pictures.py CORPUS [FOLDER] [--only GLOB]
     python benchmarks/pictures.py CORPUS FOLDER --clip cmu_mb/05_03.bvh --target H --frames 100,200,300
 
-CORPUS is a folder with the real clips; pictures of clips that are absent are left out and said. FOLDER is
-`docs/pictures` of this project unless another one is given. It needs matplotlib, the extra `docs`.
+CORPUS is a folder with the real clips; the script names and skips those that it lacks. FOLDER, where the pictures are
+written, is `docs/pictures` by default. Needs matplotlib (the extra `docs`).
 """
 
 from __future__ import annotations
 
 import argparse
 import re
+import sys
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from pathlib import Path
 
 import numpy as np
+from clips import SAMPLES
 from edits import TARGETS, edited
-from quality import SAMPLES
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, read_bvh, retarget
@@ -25,12 +26,13 @@ from distretarget.body.body import Body
 from distretarget.numerics.rotations import normalised
 
 ROOT = Path(__file__).resolve().parents[1]
+sys.path.append(str(ROOT / "tools"))
 from draw import draw_strip  # noqa: E402
 
 
 @dataclass(frozen=True, kw_only=True)
 class Picture:
-    """Frames of a clip on a target."""
+    """Which frames to draw of a clip on a target, and from where; `name` is the file's."""
 
     name: str
     clip: str
@@ -61,7 +63,7 @@ PICTURES = (
 
 
 def draw(folder: Path, corpus: Path, picture: Picture) -> None:
-    """Draw a picture: its four motions, each turned to face the same way, as `name.png`."""
+    """Draw source, rotation copy, paper and contact, all turned to face the same way, into `name.png`."""
     source = read_bvh((corpus if "/" in picture.clip else SAMPLES) / picture.clip)
     body = edited(source.rigid_skeleton, TARGETS[picture.target])
     paper, contact = (retarget(source, body, objective=objective) for objective in ("paper", "contact"))
@@ -79,7 +81,7 @@ def draw(folder: Path, corpus: Path, picture: Picture) -> None:
 
 
 def facing(motion: Motion, frames: tuple[int, ...]) -> Rotation:
-    """The rotation that stands a motion upright, Y up, and lets its first frame shown face +Z."""
+    """The rotation after which Y is up, and the body in the first of the frames faces +Z."""
     body = Body.of_motion(motion)
     if body.legs is None:
         return Rotation.identity()
@@ -90,7 +92,7 @@ def facing(motion: Motion, frames: tuple[int, ...]) -> Rotation:
 
 
 def turned(motion: Motion, turn: Rotation) -> Motion:
-    """The motion, turned as a whole, its names such that the drawing tells left from right (lHand, rHand)."""
+    """The motion turned as a whole; lHand and rHand become l_Hand and r_Hand, which the drawing tells apart."""
     names = [re.sub(r"^([lr])(?=[A-Z])", r"\1_", name) for name in motion.skeleton.names]
     translations, rotations = np.array(motion.translations), np.array(motion.rotations)
     translations[:, 0] = turn.apply(translations[:, 0])
@@ -100,15 +102,15 @@ def turned(motion: Motion, turn: Rotation) -> Motion:
 
 
 def main() -> None:
-    """Draw the pictures asked for."""
+    """Draw the pictures that the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("corpus", type=Path)
     parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "docs" / "pictures")
     parser.add_argument("--only", default="*", help="only pictures whose names match")
-    parser.add_argument("--clip", help="another clip, not those of the page")
-    parser.add_argument("--target", choices=TARGETS, help="its target")
-    parser.add_argument("--frames", help="its frames, as 0,30,60")
-    parser.add_argument("--view", default="three-quarter", help="front, side or three-quarter")
+    parser.add_argument("--clip", help="draw this clip instead of those of the page")
+    parser.add_argument("--target", choices=TARGETS, help="target of --clip")
+    parser.add_argument("--frames", help="frames of --clip, as 0,30,60")
+    parser.add_argument("--view", default="three-quarter", help="of --clip: front, side or three-quarter")
     arguments = parser.parse_args()
     pictures = [picture for picture in PICTURES if fnmatch(picture.name, arguments.only)]
     if arguments.clip:
@@ -119,7 +121,7 @@ def main() -> None:
         ]
     for picture in pictures:
         if "/" in picture.clip and not (arguments.corpus / picture.clip).is_file():
-            print("left out, not in the corpus:", picture.clip)
+            print("skipped, not in the corpus:", picture.clip)
             continue
         draw(arguments.folder, arguments.corpus, picture)
 

@@ -1,9 +1,9 @@
-"""Every figure of quality for rotation copy, paper and contact, over the samples and a folder of real clips.
+"""Measure the quality of rotation copy, paper and contact on the samples and a folder of real clips.
 
     python benchmarks/quality.py CORPUS [--markdown FILE] [--clips GLOB] [--methods contact] [--frames N]
 
-CORPUS is a folder with the real clips named in `CLIPS`; those that are absent are left out and said. Figures are
-defined in docs/results.md.
+CORPUS is a folder with the real clips named in `CLIPS`; the script names and skips those that it lacks.
+docs/results.md defines the figures.
 """
 
 from __future__ import annotations
@@ -18,27 +18,29 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
+from clips import SAMPLES
 from edits import TARGETS, edited, part_of
 from numpy.typing import NDArray
+from tables import insert
 
 from distretarget import Motion, RetargetResult, read_bvh, retarget
 from distretarget.measure.figures import clip_figures
 from distretarget.measure.metrics import compare
 
-SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"
 CLIPS = [
     *(f"cmu_mb/{clip}.bvh" for clip in ("02_01", "02_05", "02_10", "05_03", "05_12", "12_01")),
     *(f"cmu_daz/{clip}.bvh" for clip in ("05_03", "13_11", "14_04", "14_30")),
     *(f"animated_drawings/{clip}.bvh" for clip in ("jesse_dance", "zombie")),
 ]
 METHODS = ("rotation copy", "paper", "contact")
-NEAR = 0.15
-SMALL = 0.002  # contact errors below this [D] are as good as none
-NO_CONTACT = ("walk.bvh", "02_01.bvh")  # clips in which no hand comes near anything
+NEAR = 0.15  # joints at a smaller distance D count as near each other
+SMALL = 0.002  # contact errors up to this [D] do not count
+NO_CONTACT = ("walk.bvh", "02_01.bvh")  # clips in which the hands touch nothing
+PROCESSES = 2
 
-WANTED = {  # by the name of the figure: what the contact objective is to reach, or the paper's where it says so
+GOALS = {  # by the name of the figure: the goal of the contact objective, or of the paper's where it says so
     "contact error, pooled over pairs, against rotation copy's": "<= 0.25",
-    "runs with more contact error than rotation copy and over 0.002": "0",
+    "runs with a contact error over 0.002 and over rotation copy's": "0",
     "clap on long forearms, wrist gap, % of arm": "<= 6 (source: 4.0)",
     "hands on hips, gap against source's, mean / largest": "<= 1.2",
     "hand to hip, all clips, gap against source's, mean / largest": "<= 1.2",
@@ -48,10 +50,10 @@ WANTED = {  # by the name of the figure: what the contact objective is to reach,
     "direction error on clips without hand contacts": "<= 1.5",
     "bone error, largest": "<= 1e-6",
     "slide in stance, leg lengths/s (source's)": "ratio <= 1.05",
-    "foot height in stance off the source's, % of leg, mean / largest": "<= 0.5",
+    "foot height in stance, difference from source's, % of leg, mean / largest": "<= 0.5",
     "jerk against rotation copy's, captured clips, mean / largest": "<= 1.1",
     "jerk against rotation copy's, samples, mean / largest": "<= 2",
-    "turn beyond the source's from frame to frame at 60 fps, largest, degrees": "<= 30",
+    "turn beyond source's from frame to frame at 60 fps, largest, degrees": "<= 30",
     "written stress / free stress, mean / largest": "paper: <= 1.25",
     "written stress / rotation copy's, largest": "paper: <= 1",
     "frames that did not converge": "0",
@@ -60,7 +62,7 @@ WANTED = {  # by the name of the figure: what the contact objective is to reach,
 
 @dataclass(frozen=True)
 class Row:
-    """One clip on one target by one method."""
+    """The figures of one clip on one target by one method."""
 
     clip: str
     target: str
@@ -74,7 +76,7 @@ class Row:
 
 
 def measure(folder: Path, clip: str, target: str, methods: tuple[str, ...], frames: int | None) -> list[Row]:
-    """The rows of a clip on a target."""
+    """The rows of a clip on a target: the rotation copy, then each method."""
     source = read_bvh((folder if "/" in clip else SAMPLES) / clip)
     if frames:
         source = replace(source, translations=source.translations[:frames], rotations=source.rotations[:frames])
@@ -95,7 +97,7 @@ def measure(folder: Path, clip: str, target: str, methods: tuple[str, ...], fram
 
 
 def _figures(run: RetargetResult, result: Motion) -> dict[str, float]:
-    """The figures of one of the motions of a run against its source."""
+    """The figures of one motion of a run, compared with its source."""
     source, drivers = run.source, run.drivers
     comparison = compare(source, result, run.matching, run.world.up_vector)
     values = {
@@ -104,7 +106,7 @@ def _figures(run: RetargetResult, result: Motion) -> dict[str, float]:
     }
     figures = {key: value or 0.0 for key, value in values.items()}
     figures["contacts"] = float(comparison.contacts.sum())
-    figures["turn"] *= 1.0 / (60.0 * source.frame_time)
+    figures["turn"] /= 60.0 * source.frame_time  # as at 60 frames/s
     wrists = [j for j, name in enumerate(result.skeleton.names) if part_of(name) == "forearm"]
     hips = [leg.hip for leg in run.matching.target.legs or ()]
     heads = [j for j, name in enumerate(result.skeleton.names) if name.lower() == "head"]
@@ -117,9 +119,9 @@ def _figures(run: RetargetResult, result: Motion) -> dict[str, float]:
 def _gap(
     source: Motion, result: Motion, drivers: NDArray[np.intp], ones: Iterable[int], others: Iterable[int]
 ) -> float:
-    """Mean D of the result over mean D of the source, over the frames and pairs in which the source's is near.
+    """Mean D of the result over mean D of the source, over the frames and pairs whose D in the source is below `NEAR`.
 
-    nan where none is.
+    nan if there are none.
     """
     near_source, near_result = [], []
     for a, b in product(ones, others):
@@ -131,12 +133,13 @@ def _gap(
 
 
 def _distance(motion: Motion, a: int, b: int) -> NDArray[np.float64]:
+    """(frames,), D of two joints: their distance over the length of the bones between."""
     apart = np.linalg.norm(motion.positions[:, a] - motion.positions[:, b], axis=-1)
     return np.asarray(apart / motion.rigid_skeleton.path_lengths[a, b])
 
 
 def _wrist_gap(source: Motion, result: Motion, drivers: NDArray[np.intp], wrists: list[int]) -> float:
-    """The mean distance between the wrists while the source's hands are together, in % of the arm."""
+    """Mean distance of the wrists [% of the arm], over the frames in which the source's is within 1.2 of its least."""
     if len(wrists) != 2:
         return float("nan")
     together = _wrist_distance(source, drivers[wrists])
@@ -144,18 +147,18 @@ def _wrist_gap(source: Motion, result: Motion, drivers: NDArray[np.intp], wrists
 
 
 def _wrist_distance(motion: Motion, wrists: NDArray[np.intp]) -> NDArray[np.float64]:
-    """(frames,), the distance between the wrists, in % of the arm from shoulder to wrist."""
+    """(frames,), the distance of the wrists [% of the arm from shoulder to wrist]."""
     skeleton = motion.rigid_skeleton
     arm = skeleton.lengths[wrists].sum() / 2 + skeleton.lengths[skeleton.parents[wrists]].sum() / 2
     return np.asarray(100 * np.linalg.norm(np.diff(motion.positions[:, wrists], axis=1)[:, 0], axis=-1) / arm)
 
 
-def run(folder: Path, clips: list[str], methods: tuple[str, ...], frames: int | None, jobs: int = 2) -> list[Row]:
-    """All rows, a process per core, with a line of progress for each clip."""
+def run(folder: Path, clips: list[str], methods: tuple[str, ...], frames: int | None) -> list[Row]:
+    """The rows of all clips on all targets, measured in `PROCESSES` processes."""
     tasks = list(product(clips, TARGETS))
-    measured = partial(_measure_task, folder, methods, frames)
-    with ProcessPoolExecutor(jobs) as pool:
-        return [row for rows in pool.map(measured, tasks) for row in rows]
+    measure_task = partial(_measure_task, folder, methods, frames)
+    with ProcessPoolExecutor(PROCESSES) as pool:
+        return [row for rows in pool.map(measure_task, tasks) for row in rows]
 
 
 def _measure_task(folder: Path, methods: tuple[str, ...], frames: int | None, task: tuple[str, str]) -> list[Row]:
@@ -170,70 +173,66 @@ class Summary:
     copies: list[Row]
 
     def all(self, name: str, rows: list[Row] | None = None) -> NDArray[np.float64]:
-        """A figure of all rows that have it."""
+        """(rows,), a figure of all rows; nan where a row does not have it."""
         return np.array([row.figures.get(name, np.nan) for row in (self.rows if rows is None else rows)])
 
     def lines(self) -> Iterator[tuple[str, str]]:
         """Names and values of the figures, as text."""
-        error, copied, pairs = (
-            self.all("contact_error"),
-            self.all("contact_error", self.copies),
-            self.all("contacts"),
-        )
+        error, copy_error = self.all("contact_error"), self.all("contact_error", self.copies)
+        pairs = self.all("contacts")
         worse = [
             f"{row.clip} on {row.target}"
-            for row, of_result, of_copy in zip(self.rows, error, copied, strict=True)
+            for row, of_result, of_copy in zip(self.rows, error, copy_error, strict=True)
             if of_result > max(of_copy, SMALL)
         ]
         yield (
             "contact error, pooled over pairs, against rotation copy's",
-            f"{(error @ pairs) / (copied @ pairs):.3f}",
+            f"{(error @ pairs) / (copy_error @ pairs):.3f}",
         )
-        yield "contact error, mean over clips, against rotation copy's", f"{error.mean() / copied.mean():.3f}"
+        yield "contact error, mean over clips, against rotation copy's", f"{error.mean() / copy_error.mean():.3f}"
         yield (
-            "runs with more contact error than rotation copy and over 0.002",
+            "runs with a contact error over 0.002 and over rotation copy's",
             ": ".join([str(len(worse)), *filter(None, ["; ".join(worse)])]),
         )
         yield (
             "clap on long forearms, wrist gap, % of arm",
-            _two(self._pick("wrist_gap", "clap.bvh", "forearm")),
+            _mean_and_largest(self._pick("wrist_gap", "clap.bvh", "forearm")),
         )
         yield (
             "hands on hips, gap against source's, mean / largest",
-            _two(self._pick("hand_hip", "hands_on_hips.bvh")),
+            _mean_and_largest(self._pick("hand_hip", "hands_on_hips.bvh")),
         )
-        yield "hand to hip, all clips, gap against source's, mean / largest", _two(self.all("hand_hip"))
-        yield "hand to head, all clips, gap against source's, mean / largest", _two(self.all("hand_head"))
-        yield "direction error, mean, degrees", _one(self.all("direction_error").mean())
-        yield "direction error, 99th percentile, mean / largest", _two(self.all("direction_error_p99"))
-        still = [row for row in self.rows if row.clip.endswith(NO_CONTACT)]
-        yield (
-            "direction error on clips without hand contacts",
-            _one(self.all("direction_error", still).mean()),
-        )
+        yield "hand to hip, all clips, gap against source's, mean / largest", _mean_and_largest(self.all("hand_hip"))
+        yield "hand to head, all clips, gap against source's, mean / largest", _mean_and_largest(self.all("hand_head"))
+        yield "direction error, mean, degrees", _two_digits(self.all("direction_error").mean())
+        yield "direction error, 99th percentile, mean / largest", _mean_and_largest(self.all("direction_error_p99"))
+        free = [row for row in self.rows if row.clip.endswith(NO_CONTACT)]
+        if free:
+            value = self.all("direction_error", free).mean()
+            yield "direction error on clips without hand contacts", _two_digits(value)
         yield "bone error, largest", f"{self.all('bone_error').max():.1e}"
         slide, source = self.all("slide").mean(), self.all("slide_source").mean()
         yield (
             "slide in stance, leg lengths/s (source's)",
             f"{slide:.4f} ({source:.4f}), ratio {slide / source:.3f}",
         )
-        off = np.abs(self.all("foot_height") - self.all("foot_height_source"))
-        yield "foot height in stance off the source's, % of leg, mean / largest", _two(off)
+        difference = np.abs(self.all("foot_height") - self.all("foot_height_source"))
+        yield "foot height in stance, difference from source's, % of leg, mean / largest", _mean_and_largest(difference)
         jerk = self.all("jerk") / self.all("jerk", self.copies)
         captured = np.array([row.captured for row in self.rows])
         for name, rows in (("captured clips", captured), ("samples", ~captured)):
             if rows.any():
-                yield f"jerk against rotation copy's, {name}, mean / largest", _two(jerk[rows])
+                yield f"jerk against rotation copy's, {name}, mean / largest", _mean_and_largest(jerk[rows])
         yield (
-            "turn beyond the source's from frame to frame at 60 fps, largest, degrees",
-            _one(self.all("turn").max()),
+            "turn beyond source's from frame to frame at 60 fps, largest, degrees",
+            _two_digits(self.all("turn").max()),
         )
         if "free_stress" in self.rows[0].figures:
             ratio = self.all("written_stress") / self.all("free_stress")
-            yield "written stress / free stress, mean / largest", _two(ratio)
+            yield "written stress / free stress, mean / largest", _mean_and_largest(ratio)
             yield (
                 "written stress / rotation copy's, largest",
-                _one((self.all("written_stress") / self.all("copy_stress")).max()),
+                _two_digits((self.all("written_stress") / self.all("copy_stress")).max()),
             )
         if "unsolved" in self.rows[0].figures:
             yield "frames that did not converge", f"{self.all('unsolved').sum():.0f}"
@@ -242,11 +241,11 @@ class Summary:
         return self.all(name, [row for row in self.rows if row.clip == clip and row.target.startswith(target)])
 
 
-def _one(value: NDArray[np.float64] | float) -> str:
-    return f"{float(np.squeeze(value)):.2f}"
+def _two_digits(value: float) -> str:
+    return f"{value:.2f}"
 
 
-def _two(values: NDArray[np.float64]) -> str:
+def _mean_and_largest(values: NDArray[np.float64]) -> str:
     values = values[np.isfinite(values)]
     if not values.size:
         return "-"
@@ -260,18 +259,18 @@ def summaries(rows: list[Row]) -> dict[str, Summary]:
 
 
 def summary_table(rows: list[Row]) -> str:
-    """The summary of each method as a table, with what was wanted."""
+    """The summary of each method as a table, with the goals."""
     columns = {method: dict(summary.lines()) for method, summary in summaries(rows).items()}
     names = list(dict.fromkeys(name for column in columns.values() for name in column))
-    lines = [f"| figure | {' | '.join(columns)} | wanted |", "|---" * (len(columns) + 2) + "|"]
+    lines = [f"| figure | {' | '.join(columns)} | goal |", "|---" * (len(columns) + 2) + "|"]
     for name in names:
         values = [column.get(name, "-") for column in columns.values()]
-        lines.append(f"| {name} | {' | '.join(values)} | {WANTED.get(name, '')} |")
+        lines.append(f"| {name} | {' | '.join(values)} | {GOALS.get(name, '')} |")
     return "\n".join(lines) + "\n"
 
 
 def clip_table(rows: list[Row]) -> str:
-    """A line for each clip and target."""
+    """A table with a line for each clip and target."""
     methods = list(dict.fromkeys(row.method for row in rows))
     lines = [
         f"Contact error (D), direction error (degrees) and jerk: {' / '.join(methods)}.",
@@ -296,26 +295,11 @@ def _line(group: list[Row]) -> str:
     return f"| {copy.clip} | {copy.target} | {errors} | {jerk} | {stress} |"
 
 
-def insert(page: Path, tables: dict[str, str]) -> None:
-    """Put tables into a page, each between the lines `<!-- its name -->` and `<!-- end -->`; a page that has no such
-    lines is written anew.
-    """
-    text = page.read_text("utf-8") if page.exists() else ""
-    for name, table in tables.items():
-        before, begin, rest = text.partition(f"<!-- {name} -->\n")
-        _, end, after = rest.partition("<!-- end -->")
-        if not end:
-            text = "\n".join(tables.values())
-            break
-        text = f"{before}{begin}\n{table}\n{end}{after}"
-    page.write_text(text, "utf-8")
-
-
 def main() -> None:
-    """Measure, print, and write the tables where asked."""
+    """Measure, print, and write the tables if a page is given."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("corpus", type=Path)
-    parser.add_argument("--markdown", type=Path, help="write the tables to this file, or into their places in it")
+    parser.add_argument("--markdown", type=Path, help="write the tables into this page")
     parser.add_argument("--clips", default="*", help="only clips whose names match")
     parser.add_argument("--methods", default="paper,contact", help="paper, contact or both")
     parser.add_argument("--frames", type=int, help="only the first frames of each clip")
@@ -325,7 +309,7 @@ def main() -> None:
     ]
     absent = [clip for clip in clips if "/" in clip and not (arguments.corpus / clip).is_file()]
     if absent:
-        print("left out, not in the corpus:", *absent)
+        print("skipped, not in the corpus:", *absent)
     rows = run(
         arguments.corpus,
         [clip for clip in clips if clip not in absent],
@@ -335,7 +319,7 @@ def main() -> None:
     for method, summary in summaries(rows).items():
         print(f"\n{method}")
         for name, value in summary.lines():
-            print(f"  {name:72s} {value}")
+            print(f"  {name:74s} {value}")
     if arguments.markdown:
         insert(arguments.markdown, {"summary": summary_table(rows), "clips": clip_table(rows)})
 

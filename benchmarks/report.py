@@ -1,11 +1,11 @@
-"""Size and speed of the report of a diff: a clip of 5,000 frames on bodies of 60 joints, and a sample.
+"""Measure size and speed of the report of a diff: of a sample, and of a clip of 5,000 frames on bodies of 60 joints.
 
     python benchmarks/report.py [--frames 5000] [--joints 60] [--browser /usr/bin/chromium]
 
-The long clip is a sample, again and again, on bodies with helper joints. A line per report: its size in MB, seconds
-from opening to the first drawing, and drawings per second while it plays at 1x, side by side and overlaid, on a page of
-1440 x 1000. The exit status is 1 if a report is over 8 MB or 2 s, or under 30 drawings a second. It needs the extra
-`test` and Chromium or Chrome, which runs without a window and without a graphics card.
+The long clip is the sample, played forwards and backwards, on bodies with added helper joints. Prints per report: its
+size in MB, seconds from opening to the first drawing, and drawings per second while it plays at 1x, side by side and
+overlaid, in a window of 1440 x 1000 pixels. The exit status is 1 if a report is over 8 MB or 2 s, or under 30 drawings
+a second. Needs the extra `test` and Chromium or Chrome, which runs headless and without a graphics card.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from clips import SAMPLES, back_and_forth
 from edits import TARGETS, edited
 from playwright.sync_api import Page, sync_playwright
 
@@ -26,12 +27,12 @@ from distretarget.measure.diff import diff
 from distretarget.report.document import About, document
 from distretarget.report.page import page
 
-SAMPLE = Path(__file__).resolve().parents[1] / "sample_bvh" / "clap.bvh"
+SAMPLE = SAMPLES / "clap.bvh"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
-SIZE = {"width": 1440, "height": 1000}
-LIMITS = (8.0, 2.0, 30.0)  # MB at most, s at most, drawings per second at least
-PLAYING = 5.0  # seconds measured
-# When the readout beside the slider was written, which is at the end of a drawing [ms from opening].
+SIZE = {"width": 1440, "height": 1000}  # of the window [pixels]
+LIMITS = (8.0, 2.0, 30.0)  # largest size [MB], longest time to the first drawing [s], fewest drawings per second
+PLAYING = 5.0  # for how long drawings are counted [s]
+# A script that notes when the frame number beside the slider first appears, at the end of a drawing [ms from opening].
 WATCH = """window.drawn = new Promise(done => {
     const look = () => {
         if (document.getElementById('now')?.textContent) done(performance.now());
@@ -58,7 +59,7 @@ class Measured:
 
     @property
     def line(self) -> str:
-        """As it is printed."""
+        """The line to print."""
         return (
             f"{self.name:<34} {self.size:6.2f} MB   first drawing {self.opening:5.2f} s   "
             f"drawings/s {self.beside:5.1f} side by side, {self.overlaid:5.1f} overlaid{'   MISSED' * self.failed}"
@@ -66,7 +67,7 @@ class Measured:
 
 
 def with_helpers(motion: Motion, joints: int) -> Motion:
-    """The motion on a body with as many joints, End Sites left out: the new ones hang one by one on the old."""
+    """The motion on a body with this many joints, not counting End Sites; each added joint is a child of an old one."""
     body = motion.skeleton
     ends = int(body.end_sites.sum())
     added = np.arange(max(0, joints + ends - len(body)))
@@ -90,21 +91,15 @@ def with_helpers(motion: Motion, joints: int) -> Motion:
     )
 
 
-def lengthened(motion: Motion, frames: int) -> Motion:
-    """The motion forwards and backwards until it has as many frames."""
-    order = np.abs((np.arange(frames) + len(motion) - 1) % (2 * len(motion) - 2) - (len(motion) - 1))
-    return replace(motion, translations=motion.translations[order], rotations=motion.rotations[order])
-
-
 def html(a: Motion, b: Motion) -> str:
-    """The report."""
+    """The report of the diff of two motions."""
     difference = diff(a, b)
     return page(difference, document(difference, About(a="a.bvh", b="b.bvh", command="", version="")))
 
 
 def drawings(tab: Page) -> float:
     """Drawings per second while it plays."""
-    counted = """async seconds => {
+    script = """async seconds => {
         setPlaying(true);
         await new Promise(done => setTimeout(done, 500));
         const [count, start] = [state.draws, performance.now()];
@@ -113,11 +108,11 @@ def drawings(tab: Page) -> float:
         setPlaying(false);
         return rate;
     }"""
-    return float(tab.evaluate(counted, PLAYING))
+    return float(tab.evaluate(script, PLAYING))
 
 
 def measure(name: str, text: str, browser: str) -> Measured:
-    """Open the report in a browser of its own."""
+    """Open a report in a new browser and measure it."""
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         path = Path(folder) / "report.html"
         path.write_text(text, encoding="utf-8")
@@ -136,17 +131,17 @@ def measure(name: str, text: str, browser: str) -> Measured:
 
 
 def main() -> int:
-    """Print a line per report; 1 if any misses a limit."""
+    """Print a line per report; return 1 if one misses a limit."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--frames", type=int, default=5000)
     parser.add_argument("--joints", type=int, default=60)
     parser.add_argument("--browser", default=next(filter(None, map(shutil.which, BROWSERS)), None))
     arguments = parser.parse_args()
     if not arguments.browser:
-        parser.error("expected Chromium or Chrome, found none; give its path with --browser")
+        parser.error("found no Chromium or Chrome; give its path with --browser")
     a = read_bvh(SAMPLE)
     b = retarget(a, edited(a.rigid_skeleton, TARGETS["forearm and hand +50 %"])).motion
-    long = [lengthened(with_helpers(motion, arguments.joints), arguments.frames) for motion in (a, b)]
+    long = [back_and_forth(with_helpers(motion, arguments.joints), arguments.frames) for motion in (a, b)]
     failed = False
     for name, pair in ((f"{SAMPLE.name}, {len(a)} frames", (a, b)), (f"{len(long[0])} frames", long)):
         joints = int((~pair[0].skeleton.end_sites).sum())

@@ -1,10 +1,10 @@
-"""Frames per second of `retarget`, beside inverse kinematics by mink on the same body in the same run.
+"""Measure frames per second of `retarget`, and of mink's inverse kinematics on the same body.
 
     python benchmarks/speed.py CLIP.bvh [--target H] [--rounds 7] [--markdown FILE]
 
-Each has a process and a thread of its own, in which processor time is measured, so that neither more cores nor other
-programs count. They take turns; medians over the rounds are told, compiling and reading left out. It needs the extra
-`bench`; without mink it measures the rest and says so.
+Each contestant runs in a separate process with one thread. Processor time is measured there, so that neither more cores
+nor other programs matter; compiling and reading are not counted. The contestants run alternately, and the table has
+medians over the rounds. Needs the extra `bench`; without mink the script says so and measures the rest.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from edits import TARGETS, edited
 from numpy.typing import NDArray
-from quality import insert
+from tables import insert
 
 from distretarget import Motion, RetargetResult, read_bvh, retarget
 from distretarget.body.body import Body
@@ -37,33 +37,34 @@ except ImportError:
 
 SOLVER = "daqp"
 STEPS = {"1 step a frame": 1, "3 steps a frame": 3}
-POSTURE = 1e-2  # cost of leaving the rotation copy's posture, against 1 for the place of hands, feet and hips
-DAMPING = 1e-3
+POSTURE = 1e-2  # mink's cost of leaving the rotation copy's posture; that of missing a place of an end is 1
+DAMPING = 1e-3  # of mink's solver
 WRISTS = {"lefthand", "righthand", "lhand", "rhand", "leftwrist", "rightwrist"}
-ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # before numpy is imported
-TIMESTEP = 1.0  # [s], of which the inverse kinematics makes steps out of velocities
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # set to 1 before numpy is imported
+TIMESTEP = 1.0  # mink solves for velocities; a step moves along them for so long [s]
 
 
 class Contestant(NamedTuple):
-    """Something that makes all frames.
+    """A way of posing all frames of a clip.
 
     Attributes:
-        run: makes them; returns positions, (frames, joints, 3) [file units].
-        miss: how far the ends are off in such positions, where they have places to be in [% of leg length].
+        run: poses them; returns positions, (frames, joints, 3) [file units].
+        miss: from such positions, how far the ends are from their given places [% of leg length]; None if the
+            contestant is given no places.
     """
 
     run: Callable[[], NDArray[np.float64]]
     miss: Callable[[NDArray[np.float64]], float] | None = None
 
 
-_worker: dict[str, Contestant] = {}
+_worker: dict[str, Contestant] = {}  # the one contestant of this process, by its name
 
 
 class InverseKinematics:
-    """The target in MuJoCo, ball joints on a free root, and mink's tasks on it.
+    """The target as a MuJoCo model with ball joints and a free root, and mink's tasks on it.
 
-    Hands, feet and hips are to be where the contact objective brought them, and all joints as the rotation copy has
-    them: what the contact objective balances, with its answer for the ends given.
+    The tasks: hands, feet and hips are where the contact objective put them, and joints turn as in the rotation copy.
+    So mink balances what the contact objective balances, and is given its result for the ends.
     """
 
     def __init__(self, result: RetargetResult) -> None:
@@ -82,7 +83,7 @@ class InverseKinematics:
         self.tasks = [*self.frames, self.posture]
 
     def solve(self, steps: int) -> NDArray[np.float64]:
-        """Positions of the bodies in every frame, (frames, bodies, 3) [file units], each from the frame before."""
+        """(frames, bodies, 3), positions of the bodies [file units]; each frame is solved from the one before."""
         positions = np.empty((len(self.postures), len(self.bodies), 3))
         for t, posture in enumerate(self.postures):
             if t == 0:
@@ -97,7 +98,7 @@ class InverseKinematics:
         return positions * self.unit
 
     def miss(self, positions: NDArray[np.float64]) -> float:
-        """How far hands, feet and hips are from their places, mean [% of leg length]."""
+        """Mean distance of hands, feet and hips from their given places [% of leg length]."""
         ends = positions[:, [self.bodies.index(end) for end in self.ends]] / self.unit
         return float(200 * np.linalg.norm(ends - self.places, axis=-1).mean())
 
@@ -119,7 +120,7 @@ def _xml(motion: Motion, unit: float) -> str:
 
 
 def _postures(copy: Motion, bodies: list[int], unit: float) -> NDArray[np.float64]:
-    """The copy in MuJoCo's coordinates, (frames, 3 + 4 bodies): the root's place, each body's quaternion w x y z."""
+    """(frames, 3 + 4 bodies), the copy in MuJoCo's coordinates: the root's position, each body's quaternion w x y z."""
     quaternions = copy.rotations[:, bodies][..., [3, 0, 1, 2]]
     return np.concatenate([copy.root_positions / unit, quaternions.reshape(len(copy), -1)], axis=1)
 
@@ -131,7 +132,7 @@ def _ends(body: Body) -> list[int]:
 
 
 def contestant(clip: Path, target: str, name: str) -> Contestant:
-    """The contestant of a name, ready to run."""
+    """The contestant with this name, ready to run: an objective, or one of `STEPS`."""
     source = read_bvh(clip)
     body = edited(source.rigid_skeleton, TARGETS[target])
     if name in OBJECTIVES:
@@ -141,12 +142,12 @@ def contestant(clip: Path, target: str, name: str) -> Contestant:
 
 
 def _prepare(clip: Path, target: str, name: str) -> None:
-    """Make a worker ready for a contestant."""
+    """Prepare a contestant in its process."""
     _worker[name] = contestant(clip, target, name)
 
 
 def _seconds(name: str) -> float:
-    """Processor seconds of a run, the second in a row."""
+    """Processor seconds of a run that follows another one."""
     _worker[name].run()
     started = time.process_time()
     _worker[name].run()
@@ -154,14 +155,14 @@ def _seconds(name: str) -> float:
 
 
 def _miss(name: str) -> str:
-    own = _worker[name]
-    return f"{own.miss(own.run()):.2f}" if own.miss else ""
+    contestant = _worker[name]
+    return f"{contestant.miss(contestant.run()):.2f}" if contestant.miss else ""
 
 
 def measure(clip: Path, target: str, rounds: int) -> tuple[dict[str, NDArray[np.float64]], dict[str, str]]:
-    """Processor seconds of each round, and how far the ends are off, for each contestant.
+    """For each contestant, processor seconds of each round, and the mean miss of its ends.
 
-    Each has a process of its own with one thread, since what one leaves behind slows the next; they take turns.
+    Each runs in a separate process: in a shared one, each run slows the next.
     """
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     names = [*OBJECTIVES, *(STEPS if mink else ())]
@@ -176,14 +177,14 @@ def measure(clip: Path, target: str, rounds: int) -> tuple[dict[str, NDArray[np.
 
 
 def table(frames: int, seconds: dict[str, NDArray[np.float64]], misses: dict[str, str]) -> str:
-    """The figures as a table."""
+    """The table, in Markdown."""
     lines = [
-        "| | frames/s, median | slowest to fastest | time against contact's | hands, feet and hips off, % of leg |",
+        "| | frames/s, median | slowest to fastest | time over contact's | miss of hands, feet and hips, % of leg |",
         "|---|---|---|---|---|",
     ]
-    for name, own in seconds.items():
-        speed = frames / own
-        ratio = np.median(own / seconds["contact"])
+    for name, times in seconds.items():
+        speed = frames / times
+        ratio = np.median(times / seconds["contact"])
         lines.append(
             f"| {_title(name)} | {np.median(speed):,.0f} | {speed.min():,.0f} to {speed.max():,.0f} "
             f"| {ratio:.2f} | {misses[name]} |"
@@ -196,12 +197,12 @@ def _title(name: str) -> str:
 
 
 def main() -> None:
-    """Measure, print, and write the table where asked."""
+    """Measure, print, and write the table if a page is given."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("clip", type=Path, metavar="CLIP.bvh")
     parser.add_argument("--target", choices=TARGETS, default="H")
     parser.add_argument("--rounds", type=int, default=7)
-    parser.add_argument("--markdown", type=Path, help="write the table to this file, or into its place in it")
+    parser.add_argument("--markdown", type=Path, help="write the table into this page")
     arguments = parser.parse_args()
     source = read_bvh(arguments.clip)
     if mink is None:

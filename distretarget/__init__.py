@@ -8,6 +8,7 @@ write_bvh("walk_hero.bvh", result.motion)
 
 from distretarget.baseline.world import World
 from distretarget.batch.batch import convert_folder
+from distretarget.batch.record import ManifestRecord
 from distretarget.batch.summary import Tally
 from distretarget.body.anatomy import Anatomy
 from distretarget.body.body import Body
@@ -37,9 +38,11 @@ from distretarget.measure.figures import FIGURES, Figure
 from distretarget.measure.metrics import Comparison
 from distretarget.motion import Motion, MotionArrays
 from distretarget.numerics.kinematics import forward_kinematics
+from distretarget.report.document_types import DiffDocument
 from distretarget.report.report import write_report
 from distretarget.result import RetargetResult
 from distretarget.retargeting import retarget
+from distretarget.run_summary import RunFiguresDocument
 from distretarget.skeleton import Skeleton
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.spg import Effort
@@ -54,10 +57,12 @@ __all__ = [
     "Comparison",
     "ContactSettings",
     "Diff",
+    "DiffDocument",
     "DistretargetError",
     "Effort",
     "Figure",
     "FileError",
+    "ManifestRecord",
     "MapError",
     "Matching",
     "MatchingError",
@@ -67,6 +72,7 @@ __all__ = [
     "MotionError",
     "Options",
     "RetargetResult",
+    "RunFiguresDocument",
     "SettingsError",
     "Skeleton",
     "SkeletonEdit",

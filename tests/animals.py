@@ -1,4 +1,4 @@
-"""Animals and things, and rigs in which a person hangs from another joint."""
+"""Animals, things, and rigs in which a person is a child of another joint."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def rig_of(joints: Joints) -> Skeleton:
 
 
 def dog(*, own_names: bool = True) -> Skeleton:
-    """A dog on its four legs, with names of its own or those of HumanIK."""
+    """A dog on its four legs, with names for dogs or those of HumanIK."""
     body = rig_of(DOG)
     return replace(body, names=tuple(map(_dogs, body.names))) if own_names else body
 

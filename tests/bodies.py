@@ -39,7 +39,7 @@ def matched(source: Motion | Skeleton, target: Motion | Skeleton, joint_map: Joi
 
 
 def swaying(skeleton: Skeleton, frames: int = 20, angle: float = 0.6, seed: int = 0) -> Motion:
-    """Every joint turns smoothly by up to about `angle` [rad] about axes of its own, and the root travels."""
+    """Every joint turns smoothly by up to about `angle` [rad], each about other axes, and the root moves along."""
     draw = np.random.default_rng(seed)
     phases = np.linspace(0, 2, frames)[:, None, None] + draw.uniform(0, 6, (len(skeleton), 3))
     vectors = angle * np.sin(phases) * draw.uniform(-1, 1, (len(skeleton), 3))
@@ -102,12 +102,12 @@ def spun(turn: Rotation, x: np.ndarray) -> np.ndarray:
 
 
 def onto(up: str, before: str = "Y") -> Rotation:
-    """The least rotation that turns one axis up instead of another."""
+    """The smallest rotation that turns one up axis to another."""
     return Rotation.from_quat(least_rotation(axis_vector(before)[None], axis_vector(up)[None])[0])
 
 
 def in_world(motion: Motion, turn: Rotation, scale: float = 1.0) -> Motion:
-    """The motion of a body whose rest pose, too, stands in a turned world."""
+    """The motion with body, rest pose and world all turned."""
     rotations = (turn * Rotation.from_quat(motion.rotations) * turn.inv()).as_quat()
     skeleton = motion.skeleton.with_offsets(scale * spun(turn, motion.skeleton.offsets))
     return replace(motion, skeleton=skeleton, translations=scale * spun(turn, motion.translations), rotations=rotations)
@@ -133,7 +133,7 @@ def posed(skeleton: Skeleton, turns: dict[str, np.ndarray], root: np.ndarray, fr
 
 
 def lengthened(skeleton: Skeleton, factors: dict[str, float]) -> Skeleton:
-    """The body with the bones above the joints whose names end in a word of `factors` so many times as long."""
+    """The body with bones scaled by `factors`, by the word in which the name of the lower joint ends."""
     lengths = np.array(skeleton.lengths)
     for ending, factor in factors.items():
         lengths[[name.endswith(ending) for name in skeleton.names]] *= factor

@@ -1,4 +1,4 @@
-"""What tests of pages in a browser share."""
+"""Helpers for tests of pages in a browser."""
 
 # A script: the contrast to its background of each text on a page, as WCAG 2 defines it, with the element's HTML.
 CONTRASTS = """() => {
@@ -25,5 +25,5 @@ CONTRASTS = """() => {
 
 
 def settle(tab):
-    """Wait until what was asked for has been laid out and drawn."""
+    """Wait until pending changes of the page have been laid out and drawn."""
     tab.evaluate("async () => { for (let k = 0; k < 3; k++) await new Promise(requestAnimationFrame); }")

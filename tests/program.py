@@ -1,4 +1,4 @@
-"""Run the program as its users do: in this process, which is fast, or in a process of its own."""
+"""Run the program as users do: in this process, which is fast, or in a separate one."""
 
 import subprocess
 import sys
@@ -9,8 +9,8 @@ from click.testing import CliRunner
 
 from distretarget.cli import main
 
-LOOK = 0.02  # time from one look at a running process to the next [s]
-LOOKS = 15_000  # after so many a test fails
+LOOK = 0.02  # time between two checks of a running process [s]
+LOOKS = 15_000  # after this many seconds a test fails
 
 
 def run(*arguments, given=""):
@@ -24,17 +24,17 @@ def run(*arguments, given=""):
 
 
 def command(*arguments):
-    """The words that start the program in a process of its own."""
+    """The command line that starts the program in a separate process."""
     return [sys.executable, "-m", "distretarget", *map(str, arguments)]
 
 
 def run_process(*arguments, **options):
-    """Run the program in a process of its own, with options of `subprocess.run`."""
+    """Run the program in a separate process, with options of `subprocess.run`."""
     return subprocess.run(command(*arguments), capture_output=True, text=True, **options)
 
 
 def start_process(*arguments):
-    """Start the program in a process and a session of its own."""
+    """Start the program in a separate process and session."""
     pipe = subprocess.PIPE
     return subprocess.Popen(command(*arguments), stdout=pipe, stderr=pipe, text=True, start_new_session=True)
 

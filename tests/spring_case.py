@@ -78,7 +78,7 @@ class Case:
         return value + pose_gradient(v, self.body, self.scratch, gradient), gradient.ravel()
 
     def without_residual(self):
-        """The same with springs at rest in the copy's posture."""
+        """The same body with springs at rest in the copy's posture."""
         for frame in range(len(self.root)):
             x, b = self.positions(np.zeros(self.shape), frame), self.springs.b
             self.springs.rest[frame] = x[self.springs.a] - np.where(b[:, None] >= 0, x[b], 0.0)

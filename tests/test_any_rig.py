@@ -18,7 +18,7 @@ from distretarget.matching.matching import find_matching
 from distretarget.numerics.rotations import normalised
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 
-# The sample's joints as Bandai Namco's files call them.
+# The names of the sample's joints in Bandai Namco's files.
 BANDAI = {
     "Chest": "Spine",
     "Chest2": "Spine1",
@@ -255,7 +255,7 @@ LACKS = {
 
 @conventions
 @pytest.mark.parametrize("lacks", LACKS)
-def test_what_is_there_of_a_body_moves_another(convention, lacks):
+def test_an_incomplete_body_moves_a_whole_one(convention, lacks):
     whole, body = retarget(walk(), rig(convention, "A")), rig(convention, "A")
     result = retarget(part(walk(), without=LACKS[lacks]), body)
     assert result.world.up == whole.world.up
@@ -268,8 +268,8 @@ def test_what_is_there_of_a_body_moves_another(convention, lacks):
 
 
 @pytest.mark.parametrize("top", ["Chest3", "LeftHip", "RightCollar"])
-def test_a_person_moves_what_is_there_of_a_body(top):
-    clap = read_bvh(SAMPLES / "clap.bvh")  # hands in front: arms are no legs, and do not point down
+def test_a_whole_person_moves_an_incomplete_body(top):
+    clap = read_bvh(SAMPLES / "clap.bvh")  # hands in front, so that arms do not point down like legs
     body = part(clap, top)
     result = retarget(clap, body)
     assert result.world.up == "Y"
@@ -277,7 +277,7 @@ def test_a_person_moves_what_is_there_of_a_body(top):
     assert_near(found, expected)
 
 
-def test_legs_alone_tell_left_from_right():
+def test_legs_alone_show_left_and_right():
     body = part(walk(), without=("Chest",)).skeleton
     other = {"Left": "Right", "Righ": "Left"}
     names = (other[name[:4]] + name.removeprefix("Left").removeprefix("Right") for name in body.names[1:])

@@ -1,4 +1,4 @@
-"""Which way a body points, and the axes of a file."""
+"""The directions of a body, and the axes of a file."""
 
 import itertools
 from dataclasses import replace

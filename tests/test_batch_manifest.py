@@ -75,7 +75,7 @@ def check(manifest, work, folder):
 
 def test_only_what_was_made_here_may_be_replaced(manifest, tmp_path):
     out = tmp_path / "out"
-    check(manifest, work(), out)  # nothing there
+    check(manifest, work(), out)  # no output
     (out / "a.bvh").write_text(OUTPUT)
     with pytest.raises(FileError, match="exists already; --overwrite replaces it"):
         check(manifest, work(), out)
@@ -103,7 +103,7 @@ def test_the_result_of_other_files_is_left_alone(manifest, tmp_path, other):
     now = Work(Clip(paths["a.bvh"], PurePath("a.bvh"), 1), Text("{}", paths["hero.json"]), PurePath("a.bvh"))
     with pytest.raises(FileError, match=f"is the result of .*{known}.*--overwrite replaces it"):
         check(manifest, now, tmp_path / "out")
-    known.unlink()  # moved, as it seems
+    known.unlink()  # looks as if it was moved
     check(manifest, now, tmp_path / "out")
 
 

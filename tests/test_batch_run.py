@@ -1,4 +1,4 @@
-"""A run over a plan: what is written and skipped, and what failures, dying workers and stops do."""
+"""Running a plan: what is written and skipped, and the effects of failures, dying workers and stops."""
 
 from concurrent.futures import Executor, Future
 from concurrent.futures.process import BrokenProcessPool
@@ -25,7 +25,7 @@ RECIPE = Recipe(Options(), MapFile({}, ""), "1")
 
 
 class Inline(Executor):
-    """Does a task as soon as it is submitted."""
+    """An executor that runs a task as soon as it is submitted."""
 
     def submit(self, function, *arguments):
         future = Future()
@@ -37,7 +37,7 @@ class Inline(Executor):
 
 
 class Pool:
-    """Workers that do a task as soon as it is submitted."""
+    """A pool that runs a task as soon as it is submitted."""
 
     workers = 2
 
@@ -53,7 +53,7 @@ class Pool:
 
 
 class Seen:
-    """Keeps what a run reports."""
+    """A listener that keeps what a run reports."""
 
     def __init__(self):
         self.records, self.htmls = [], {}
@@ -232,7 +232,7 @@ def test_a_worker_of_another_version_is_reported(folder):
 
 
 class Dying(Inline):
-    """Dies when it is given some clips, and then does nothing until it is renewed."""
+    """A pool that dies when it is given certain clips, and does nothing more until it is renewed."""
 
     def __init__(self, deadly, always):
         self.deadly, self.always, self.dead = deadly, always, False

@@ -1,4 +1,4 @@
-"""What follows from a skeleton, its parts and a motion: size, up, which way it stands, and whether it is a person."""
+"""What a body derives from skeleton, parts and motion: size, up, posture, and whether it is a person."""
 
 import itertools
 from dataclasses import replace
@@ -116,7 +116,7 @@ def test_a_mirrored_body_has_its_names_on_the_wrong_sides(body):
     assert Body.of(crossed(flipped)).left_is_left is True
 
 
-def test_the_motion_tells_left_from_right_where_the_rest_pose_does_not():
+def test_the_motion_shows_left_and_right_where_the_rest_pose_does_not():
     body = rig("lafan1", "X")
     assert Body.of(body).left_is_left is None
     motion = posed(body, {}, np.zeros((3, 3)))
@@ -127,7 +127,7 @@ def test_the_motion_tells_left_from_right_where_the_rest_pose_does_not():
         assert Body.of(named, walk).left_is_left is agree
 
 
-def test_feet_without_toes_tell_nothing():
+def test_feet_without_toes_do_not_show_left_from_right():
     body = rig("xsens", "T")
     offsets = np.array(body.offsets)
     offsets[[joint for joint, name in enumerate(body.names) if "Toe" in name]] = 0.0
@@ -172,7 +172,7 @@ def test_a_dog_with_the_names_of_people_is_taken_for_one_but_for_its_legs():
 
 
 @ways
-def test_people_do_not_go_on_all_fours_by_their_rest_poses(way):
+def test_rest_poses_of_people_are_not_on_all_fours(way):
     for body in PEOPLE:
         standing = turned(body, way)
         assert not Body.of(standing).on_all_fours
@@ -181,12 +181,12 @@ def test_people_do_not_go_on_all_fours_by_their_rest_poses(way):
 @pytest.mark.parametrize(
     "motion", [CRAWLING, ON_HANDS_AND_FEET, SITTING], ids=["crawling", "on hands and feet", "sitting"]
 )
-def test_people_who_crawl_or_sit_do_not_where_their_rest_pose_stands(motion):
+def test_people_who_crawl_or_sit_are_not_on_all_fours_if_their_rest_pose_stands(motion):
     body = motion.skeleton
     assert not Body.of(body, motion).on_all_fours
 
 
-def test_people_who_get_up_once_do_not_whatever_their_rest_pose():
+def test_people_who_stand_up_are_not_on_all_fours_whatever_their_rest_pose():
     crawl = folded(ON_HANDS_AND_FEET)
     body = crawl.skeleton
     assert Body.of(body, crawl).on_all_fours
@@ -194,14 +194,14 @@ def test_people_who_get_up_once_do_not_whatever_their_rest_pose():
     assert not Body.of(body, with_joints_at(body, upright)).on_all_fours
 
 
-def test_a_rest_pose_that_is_none_tells_nothing_of_legs():
+def test_a_rest_pose_along_one_axis_does_not_put_a_body_on_all_fours():
     body = rig("lafan1", "X")
     assert not Body.of(body).on_all_fours
 
 
 @needs_corpus
 @pytest.mark.parametrize("name", ["cmu_daz/02_01", "cmu_mb/05_03", "makehuman/walk1", "pybvh/bvh_test2"])
-def test_recorded_people_are_people_who_know_left_from_right(name):
+def test_captured_people_are_recognised_with_left_and_right(name):
     motion = read_bvh(CORPUS / f"{name}.bvh")
     body = Body.of_motion(motion)
     assert body.anatomy.method == "names"
@@ -220,11 +220,11 @@ def test_up_is_found_by_how_the_body_stands_in_motion(up, facing):
     for motion in (in_world(sample("walk"), turn), moved(sample("walk"), turn)):
         assert Body.of_motion(motion).found_up == up
         assert Body(motion.rigid_skeleton, None, motion).found_up == up
-    assert Body.of_motion(moved(sample("walk"), turn)).found_up == up  # though its rest pose stands along Y
+    assert Body.of_motion(moved(sample("walk"), turn)).found_up == up  # although the rest pose stands along Y
     assert Body.of(in_world(sample("walk"), turn).skeleton).up_at_rest == up
 
 
-def test_who_lies_without_a_rest_pose_seems_to_stand_along_the_body():
+def test_a_lying_person_without_a_rest_pose_has_up_along_the_body():
     body = rig("lafan1", "X")
     assert Body.of(body).up_at_rest is None
     motion = retarget(sample("walk"), body).motion
@@ -232,7 +232,7 @@ def test_who_lies_without_a_rest_pose_seems_to_stand_along_the_body():
     assert Body.of_motion(moved(motion, Rotation.from_euler("x", 90, degrees=True))).found_up == "Z"
 
 
-def test_nothing_is_known_of_what_has_no_body():
+def test_without_anatomy_or_motion_no_up_is_found():
     body = person()
     bare = body.with_offsets(np.where(np.arange(len(body))[:, None] > 6, 0.0, body.offsets))
     assert Body(bare, None, posed(bare, {}, np.zeros((1, 3)))).found_up is None
@@ -246,20 +246,20 @@ def test_nothing_is_known_of_what_has_no_body():
     ("file", "up"),
     [("cmu_mb/02_01.bvh", "Y"), ("animated_drawings/dab.bvh", "Z"), ("animated_drawings/jesse_dance.bvh", "Y")],
 )
-def test_the_legs_of_real_clips_tell_up(file, up):
+def test_the_legs_of_real_clips_show_up(file, up):
     motion = read_bvh(CORPUS / file)
     assert Body(motion.rigid_skeleton, None, motion).found_up == up
     assert Body.of_motion(motion).found_up == up
 
 
-def test_the_legs_of_a_body_of_any_proportion_tell_up():
+def test_the_legs_of_a_body_of_any_proportion_show_up():
     for seed in range(10):
         body = symmetric(other_lengths(person(), seed))
         assert Body(body, None, swaying(body, angle=0.2)).found_up == "Y"
 
 
 @ups
-def test_up_is_what_is_known_then_what_the_file_says_then_what_is_found(up):
+def test_a_given_up_comes_before_the_files_and_that_before_the_one_found(up):
     walk = sample("walk")
     assert Body.of_motion(walk).up == "Y"
     assert Body.of(walk.skeleton).up == "Y"
@@ -269,7 +269,7 @@ def test_up_is_what_is_known_then_what_the_file_says_then_what_is_found(up):
     np.testing.assert_array_equal(Body.of(walk.skeleton).with_up(up).up_vector, axis_vector(up))
 
 
-def test_a_body_with_up_as_it_is_known_is_the_same_body():
+def test_a_body_given_its_up_is_the_same_body():
     body = Body.of_motion(sample("walk"))
     assert body.with_up("Y") is body
     assert body.with_motion(sample("walk"), "Y") is body
@@ -321,15 +321,15 @@ def test_a_mirrored_body_has_its_parts_on_the_other_side():
     assert nothing.mirrored.anatomy is None
 
 
-def test_a_motion_without_frames_is_none():
+def test_a_motion_without_frames_counts_as_none():
     assert Body.of(person(), posed(person(), {}, np.zeros((0, 3)))).motion is None
 
 
-# ---- each thing is found once
+# ---- values that are computed once
 
 
 def counted(monkeypatch, owner, name):
-    """The arguments of each call of a function, which a module or class still does."""
+    """Record the arguments of each call of a function, which still runs."""
     calls, function = [], getattr(owner, name)
 
     def calling(*args):

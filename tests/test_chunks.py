@@ -1,4 +1,4 @@
-"""A clip in chunks: every frame once, no seam, the same whoever solves them."""
+"""Solving a clip in chunks: every frame once, no seam, the same result by every executor."""
 
 from concurrent.futures import ThreadPoolExecutor
 
@@ -10,7 +10,7 @@ from distretarget import load_target, read_bvh, retarget
 from distretarget.body.body import Body
 from distretarget.solve.chunks import CHUNK_FRAMES, LEAD_IN, chunks_of
 
-SHORT = 90  # frames of a chunk, where a test has only short clips
+SHORT = 90  # frames per chunk, small because the clips of the tests are short
 
 
 @pytest.mark.parametrize(

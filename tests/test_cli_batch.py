@@ -17,10 +17,10 @@ from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.skeleton_writer import skeleton_to_json
 
 CLIPS = 5  # of the length LONG
-LONG = 600  # frames, which take a moment
-LONGER = 6000  # frames, which take longer than all other clips
+LONG = 600  # frames, which take a moment to convert
+LONGER = 6000  # frames, which take longer to convert than all other clips
 TINY = 150  # clips of one frame
-HANGS = 300  # after so long, a process is taken to hang [s]
+HANGS = 300  # after this time a process counts as hanging [s]
 
 
 def batch(*arguments, **options):
@@ -231,7 +231,7 @@ def test_a_page_of_other_origin_is_left_alone(folder):
 
 @pytest.fixture(scope="module")
 def work(tmp_path_factory):
-    """A folder with clips that take a moment, a target, and in `out` the results of a run that nothing stops."""
+    """A folder with clips that take a moment, a target, and in `out` the results of an undisturbed run."""
     folder = tmp_path_factory.mktemp("work")
     (folder / "in").mkdir()
     for seed, name in enumerate(("longer", *range(CLIPS))):
@@ -248,7 +248,7 @@ def short(folder):
 
 
 def started(work, output, *options, finished=0):
-    """A process that converts the clips of a folder, once it has finished so many."""
+    """A process that converts the clips of a folder, returned when it has finished this many."""
     process = start_process("batch", work / "in", work / "body.json", "-o", output, *options)
     manifest = output / "manifest.jsonl"
     wait_until(lambda: (manifest.read_bytes() if manifest.exists() else b"").count(b"\n") >= finished, process)
@@ -260,10 +260,10 @@ def started(work, output, *options, finished=0):
 def test_a_run_that_was_stopped_goes_on(work, tmp_path, name):
     process = started(work, tmp_path, "--jobs", 2, finished=2)
     if name == "SIGINT":
-        os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal sends it
     else:
         process.send_signal(getattr(signal, name))
-    out, err = process.communicate(timeout=HANGS)  # until the last of its workers has ended, too
+    out, err = process.communicate(timeout=HANGS)  # until its last worker has ended, too
     before = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.bvh")}
     if name != "SIGKILL":
         assert process.returncode == 130
@@ -287,7 +287,7 @@ def test_two_runs_may_write_into_one_folder(work, tmp_path):
 # ---- workers
 
 
-def test_one_long_clip_in_pieces_is_the_same(folder):
+def test_a_long_clip_converted_in_pieces_is_the_same(folder):
     write_bvh(folder / "long.bvh", swaying(person(), frames=3000))
     assert (folder / "long.bvh").stat().st_size > 1 << 20  # so that it is cut
     one = batch("long.bvh", "body.json", "-o", "one", "--jobs", 1)
@@ -296,7 +296,7 @@ def test_one_long_clip_in_pieces_is_the_same(folder):
     assert tree(folder / "one") == tree(folder / "two")
 
 
-def test_dask_gives_the_same_and_survives_a_dying_worker(work, tmp_path):
+def test_dask_gives_the_same_results_and_survives_a_dying_worker(work, tmp_path):
     distributed = pytest.importorskip("distributed", reason="needs distributed")
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         options = ("--exclude", "longer.bvh", "--dask", cluster.scheduler_address)

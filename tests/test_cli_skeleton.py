@@ -29,7 +29,7 @@ def renamed(skeleton, rename):
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A clip, the same body as a skeleton file, one whose names say nothing, and one that is not a body."""
+    """A clip, its body as a skeleton file, one with meaningless names, and one that is not a body."""
     monkeypatch.chdir(tmp_path)
     body = person()
     write_bvh("in.bvh", swaying(body))

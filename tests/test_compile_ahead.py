@@ -1,4 +1,4 @@
-"""Warming up compiles what clips need: after it, nothing is compiled."""
+"""Warming up compiles everything that clips need; nothing is compiled after it."""
 
 import subprocess
 import sys

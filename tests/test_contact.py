@@ -1,4 +1,4 @@
-"""The contact objective, through a whole clip: what is near stays near, what is not is left alone, nothing spreads."""
+"""The contact objective on whole clips: near joints stay near, others do not change, errors do not spread."""
 
 from dataclasses import replace
 from functools import cache

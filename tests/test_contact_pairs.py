@@ -1,4 +1,4 @@
-"""Pairs that come near: when their springs set in, how stiff they are, and what they draw to."""
+"""Pairs of joints that come near: when their springs start, how stiff they are, and where they pull."""
 
 import numpy as np
 import pytest

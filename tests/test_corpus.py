@@ -1,4 +1,4 @@
-"""Whole clips, from file to file: the samples, and real files of many makers where they are at hand."""
+"""Whole clips, from file to file: the samples, and real files from many sources if the corpus is there."""
 
 from pathlib import Path
 
@@ -47,7 +47,7 @@ def through_a_file(motion: Motion, folder: Path) -> Motion:
 
 
 def assert_near(positions, expected, skeleton):
-    """Equal to 1e-5 of the body's height."""
+    """Assert that positions are equal to 1e-5 of the body's height."""
     np.testing.assert_allclose(positions, expected, rtol=0, atol=1e-5 * Body.of(skeleton).height)
 
 

@@ -26,7 +26,7 @@ def test_the_curvature_of_springs_at_rest_is_the_hessian_of_the_energy(seed, kin
     np.testing.assert_allclose(U.T @ U, np.array(slopes) / (2 * h), atol=1e-7)
 
 
-def test_arms_are_made_anew_with_the_curvature():
+def test_lever_arms_are_updated_with_the_curvature():
     case = Case(0)
     U = np.zeros((3 * len(case.stiffness),) * 2)
     case.positions(np.ones(case.shape))

@@ -31,7 +31,7 @@ def travelling(speed, frames=30):
 
 
 def bent(degrees, frames=30):
-    """The left forearm turned, the hand kept."""
+    """A person whose left forearm turns while the hand keeps its rotation."""
     turn = np.radians(degrees) * UP
     return standing(frames, turns={"LeftElbow": turn, "LeftWrist": -turn})
 
@@ -111,7 +111,7 @@ def test_a_motion_against_itself_is_no_different():
     assert result.stress.max() < 1e-20
 
 
-def test_what_is_symmetric_is():
+def test_symmetric_figures_do_not_change_when_a_and_b_are_exchanged():
     a, b = swaying(PERSON, seed=1), swaying(PERSON, seed=2)
     ab, ba = diff(a, b), diff(b, a)
     np.testing.assert_allclose(ab.comparison.distance_error, ba.comparison.distance_error)

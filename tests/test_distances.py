@@ -59,7 +59,7 @@ def test_joints_that_coincide_on_both_bodies_are_one_point():
     assert problem.priorities[knees[0], knees[1]] == pytest.approx((largest - 3 + 2) / largest)
 
 
-def test_a_bone_that_only_the_target_has_says_nothing():
+def test_a_bone_that_only_the_target_has_gets_no_priority():
     target = table_one()
     source = with_zero_bones(target, ["LeftHip"])
     problem = problem_of(source, target)

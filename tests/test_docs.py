@@ -1,4 +1,4 @@
-"""The manual: the reference is up to date, links lead somewhere, and every example runs."""
+"""The manual: the reference is up to date, links lead to files, and every example runs."""
 
 import re
 import shlex
@@ -26,7 +26,7 @@ def each(pages):
 
 
 def run_line(line):
-    """Run what a line of shell asks of the program; a line that asks for the tests is one of the checks."""
+    """Run a shell line of an example if it calls the program; any other line has to be in `.ci/run`."""
     found = PROGRAM.search(line)
     if not found:
         assert line in (ROOT / ".ci" / "run").read_text().splitlines()

@@ -1,4 +1,4 @@
-"""Angles of rotations: exact everywhere, continuous, and the nearest where axes are missing."""
+"""Euler angles of rotations: exact everywhere, continuous, and nearest if axes are missing."""
 
 from itertools import permutations
 
@@ -26,7 +26,7 @@ def error(rotations, axes, angles):
 
 
 def walk(rng, frames=300):
-    """Angles (frames, 3) that wander by less than 0.2 rad a frame, past all locks."""
+    """Angles (frames, 3) that change by less than 0.2 rad per frame and pass every gimbal lock."""
     return np.cumsum(rng.uniform(-0.2, 0.2, (frames, 3)), axis=0)
 
 
@@ -48,7 +48,7 @@ def test_angles_come_back_as_they_went_in_when_they_move_slowly(axes):
 
 @pytest.mark.parametrize("axes", ORDERS)
 @pytest.mark.parametrize("middle", [np.pi / 2, -np.pi / 2])
-def test_at_lock_the_first_angle_carries_on(axes, middle):
+def test_at_gimbal_lock_the_first_angle_stays_continuous(axes, middle):
     angles = np.array([[0.3, middle - 0.1, 0.2], [0.5, middle, -0.4], [2.5, middle, 0.1], [0.35, middle - 0.1, 0.2]])
     rotations = Rotation.from_euler(axes, angles).as_quat()
     found = euler_angles(rotations, axes)

@@ -1,4 +1,4 @@
-"""The scripts in `examples/` run as they stand, and are typed as a user's own code would be checked."""
+"""The scripts in `examples/` run unchanged, and pass a type check as a user's code would."""
 
 import runpy
 import subprocess
@@ -54,7 +54,7 @@ def test_the_example_of_a_data_set_is_ten_lines():
 
 
 def test_the_examples_are_typed_strictly_from_outside_the_package(tmp_path):
-    """As in a user's own project: another folder, none of this project's settings."""
+    """Checked as in a user's project: in another folder, without this project's settings."""
     pytest.importorskip("mypy")
     for example in EXAMPLES.glob("*.py"):
         (tmp_path / example.name).write_text(example.read_text())

@@ -1,4 +1,4 @@
-"""The registry of figures: whole, and the only place that names, explains and reduces them."""
+"""The registry of figures: complete, and the only place that names, explains and reduces them."""
 
 import re
 import sys
@@ -42,7 +42,7 @@ def test_a_figure_may_be_missing_where_the_source_is_needed():
         assert one.missing or one.judged == "value"
 
 
-def test_texts_name_the_motions_as_they_are_told():
+def test_texts_use_the_given_names_of_the_motions():
     for one in FIGURES:
         text = one.explanation("A", "B") + one.missing.format(source="A") + one.comparison("A", "B")
         assert "{" not in text

@@ -1,4 +1,4 @@
-"""Files are read with their faults named, and written whole or not at all."""
+"""Reading files names their faults; writing writes a file completely or not at all."""
 
 import errno
 import os

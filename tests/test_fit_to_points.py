@@ -125,7 +125,7 @@ def test_the_targets_rest_pose_does_not_show_in_the_posture(angle):
     np.testing.assert_allclose(copy.positions, motion.positions, atol=1e-9)
 
 
-def test_one_zero_vector_of_points_does_no_harm():
+def test_points_that_all_coincide_give_finite_rotations():
     copy = copy_of(swaying(BODY), other_lengths(BODY))
     result = fit_rotations(copy, np.zeros_like(copy.positions), ALL)
     assert isinstance(result, Motion)

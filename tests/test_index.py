@@ -1,4 +1,4 @@
-"""The page over clips without a browser: what stands in the file, how large it is, whether its parts fit together."""
+"""The page over clips, without a browser: its content, its size, and whether its parts fit together."""
 
 import html
 import json
@@ -21,7 +21,7 @@ IDS = re.findall(r'\bid="([\w-]+)"', TEMPLATE)
 NASTY = "</script><!--<b>&amp; \"q' ü \u2028\u2029 \ud800 {{batch}}"
 
 
-MADE = ("rotation_copy", "result")  # the motions that have all figures
+MADE = ("rotation_copy", "result")  # motions whose figures are all in a record
 
 
 def figures(value=0.123456789):

@@ -17,7 +17,7 @@ CONTACT = "Contact error"
 
 
 def clip(k, contact, **others):
-    """A done clip with a contact error of its own, that of its copy 0.1 more."""
+    """A record of a done clip with this contact error; the copy's is larger by 0.1."""
     values = figures(0.5)
     values["result"]["contact_error"], values["rotation_copy"]["contact_error"] = contact, contact + 0.1
     return record(f"clip_{k}.bvh", **{"figures": values, "frames": 100 + k, "target": TARGETS[k % 2], **others})

@@ -1,4 +1,4 @@
-"""Jumps from one solution to another: found by their speed, made smooth, spikes left alone."""
+"""Jumps between solutions: found by their speed and smoothed; single-frame spikes stay."""
 
 import numpy as np
 import pytest

@@ -28,7 +28,7 @@ def translations(joints):
 
 
 def assert_same_rotations(found, expected):
-    """Equal as rotations; a quaternion and its negative are the same."""
+    """Assert equality as rotations; a quaternion and its negative are equal."""
     np.testing.assert_allclose(np.abs((found * expected).sum(axis=-1)), 1.0, atol=1e-12)
 
 

@@ -12,7 +12,11 @@ from distretarget.body.legs import find_legs, foot_bone, leg_length, pelvis_join
 from distretarget.io.target_file import load_full_target
 
 RIGS = sorted((SAMPLES / "rigs").glob("*.json"))
-FIVE_TOES = ("makehuman-benchmark", "makehuman-face-poseunits", "makehuman-tpose")  # the tree takes one, names another
+FIVE_TOES = (
+    "makehuman-benchmark",
+    "makehuman-face-poseunits",
+    "makehuman-tpose",
+)  # tree and names take different joints
 ANKLE_IN_FOOT = "pybvh-bvh_test3"  # RightForeFoot is the ankle by the tree
 
 
@@ -87,7 +91,7 @@ def by_anatomy(skeleton):
 
 
 def joints_by_side(legs, parts=("hip", "ankle", "toe")):
-    """The joints of both legs, whichever comes first."""
+    """The joints of both legs, in either order."""
     return {tuple(getattr(leg, part) for part in parts) for leg in legs}
 
 

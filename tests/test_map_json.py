@@ -1,4 +1,4 @@
-"""Map files: what they say, every refusal with its place, and that a map as written changes nothing."""
+"""Map files: their meaning, every refusal with its place, and that a written map changes nothing when used."""
 
 import json
 import re

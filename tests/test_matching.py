@@ -1,4 +1,4 @@
-"""Which joint drives which: maps, equal names, the parts of bodies, and what is refused."""
+"""Which joint drives which: maps, equal names, parts of bodies, and refusals."""
 
 import re
 from dataclasses import replace
@@ -29,7 +29,7 @@ rigs = pytest.mark.parametrize("body", [PERSON, *RIGS.values()], ids=["person", 
 
 
 def renamed(skeleton, rename):
-    """With names that a function or {old: new} gives."""
+    """The skeleton with names given by a function or {old: new}."""
     rename = rename if callable(rename) else lambda name, names=rename: names.get(name, name)
     return replace(skeleton, names=tuple(map(rename, skeleton.names)))
 
@@ -77,7 +77,7 @@ def without(skeleton, pattern):
 
 
 def seated(skeleton):
-    """With legs forward, across the trunk."""
+    """The skeleton with its legs pointing forward, at right angles to the trunk."""
     legs = [bool(re.search("Knee|Ankle", name)) for name in skeleton.names]
     return skeleton.with_offsets(
         np.where(np.array(legs)[:, None], skeleton.offsets[:, [0, 2, 1]] * (1, 1, -1), skeleton.offsets)
@@ -125,7 +125,7 @@ def test_exact_names_come_before_those_that_differ_in_namespace_or_case():
     assert named(matched(source, target)) == {"base": "base", "Top": "Top", "mid": "b:mid"}
 
 
-def test_names_that_only_a_namespace_tells_apart_do_not_match_others():
+def test_names_that_differ_only_in_namespace_match_no_others():
     source = chain("base", "mid", "a:hand", "b:hand", parents=[-1, 0, 1, 1])
     target = chain("base", "mid", "hand")
     assert named(matched(source, target)) == {"base": "base", "mid": "mid"}
@@ -168,7 +168,7 @@ def test_an_end_site_without_counterpart_has_no_driver():
     np.testing.assert_array_equal(matched(PERSON, bare).drivers, np.arange(22))
 
 
-def test_what_ends_a_joint_may_be_a_joint_on_one_body_and_an_end_site_on_the_other():
+def test_the_end_of_a_limb_may_be_a_joint_on_one_body_and_an_end_site_on_the_other():
     source, target = chain("a", "b", "tip"), chain("a", "b", "End", ends=["End"])
     for one, other in ((source, target), (target, source)):
         matching = matched(one, other)
@@ -242,7 +242,7 @@ def test_limbs_drive_the_same_limbs_whatever_the_convention_and_the_pose(source,
     assert np.all(matching.confidence[~known] == 0)
 
 
-def test_pairs_of_equal_names_are_surer_than_those_of_parts_and_these_than_those_of_shapes():
+def test_equal_names_rank_above_parts_and_parts_above_shapes():
     others = {"Collar": "Clavicle", "Shoulder": "UpperArm", "Elbow": "LowerArm", "Wrist": "Hand", "Hip": "UpperLeg"}
     others |= {"Knee": "LowerLeg", "Ankle": "Foot", "Toe": "Toes", "Hips": "Pelvis", "Chest": "Spine", "Neck": "Neck01"}
     words = {f"{side}{word}": f"{side}{other}" for side in ("", "Left", "Right") for word, other in others.items()}
@@ -326,7 +326,7 @@ def test_left_drives_left_though_the_names_of_one_body_are_crossed():
     assert named(matched(crossed, MIXAMO))["mixamorig:LeftArm"] == "RightShoulder"
 
 
-def test_a_motion_tells_left_from_right_where_the_rest_pose_does_not():
+def test_a_motion_shows_left_and_right_where_the_rest_pose_does_not():
     walk = posed(PERSON, {"LeftKnee": np.array([0.3, 0, 0])}, np.linspace([0, 1, 0], [0, 1, 2], 8))
     lying = PERSON.with_offsets(PERSON.lengths[:, None] * [1.0, 0, 0])
     for rename, expected in ((str, PERSON.names), (swapped, tuple(map(swapped, PERSON.names)))):
@@ -370,7 +370,7 @@ def test_a_refusal_names_the_closest_pairs():
 def test_a_body_on_all_fours_is_refused():
     refused(seated(PERSON), MIXAMO, "the source seems to go on all fours")
     refused(MIXAMO, seated(PERSON), "the target seems to go on all fours")
-    matched(seated(PERSON), PERSON)  # equal names need no such guess
+    matched(seated(PERSON), PERSON)  # equal names need no guess by parts
 
 
 def test_bodies_that_share_neither_arms_nor_legs_are_refused():

@@ -1,4 +1,4 @@
-"""Quality figures of clips whose figures are known by construction."""
+"""Figures of quality, on clips whose figures are known by construction."""
 
 from dataclasses import replace
 
@@ -32,7 +32,7 @@ def chain(lengths):
 
 
 def squared(last, frames=4):
-    """Four bones of a square, the last of its own length: e comes back to a where that is 1."""
+    """Four bones of a square; the last has the given length, and e coincides with a if that is 1."""
     quarter = np.array([0.0, 0.0, np.pi / 2])
     return posed(chain([1, 1, 1, last]), dict.fromkeys("bcd", quarter), np.zeros((frames, 3)))
 

@@ -1,4 +1,4 @@
-"""Every convention onto every other: the joints of each part, whatever they are called."""
+"""Matching every convention to every other: joints of the same part, whatever their names."""
 
 import json
 from dataclasses import replace
@@ -21,8 +21,8 @@ DATA = json.loads(NAMES.read_text("utf-8")) if NAMES.is_file() else {"_roles": {
 PUBLISHED = tuple(DATA["_roles"])
 
 LIMBS = ("hips", "head", *(side + part for side in SIDES for part in (*ARM, *LEG)))
-FIVE_TOES = {"benchmark.bvh", "face-poseunits.bvh", "tpose.bvh"}  # none of which is known as the foot's end
-NO_BODY = {"full_precision_frame_time.bvh", "rotation_first_root.bvh"}  # of a few joints
+FIVE_TOES = {"benchmark.bvh", "face-poseunits.bvh", "tpose.bvh"}  # none of these names is known as the end of a foot
+NO_BODY = {"full_precision_frame_time.bvh", "rotation_first_root.bvh"}  # with few joints
 
 needs_names = pytest.mark.skipif(not NAMES.is_file(), reason="the published names are not here")
 rigs = pytest.mark.parametrize("pose", ["T", "A"])
@@ -57,7 +57,7 @@ def roles(convention):
 
 
 def assert_roles_meet(source, source_roles, target, target_roles):
-    """Each role goes to the same role, and none to another; `source_roles` and `target_roles` are names by role."""
+    """Assert that each role drives the same role and no other; `source_roles`, `target_roles` are names by role."""
     drivers = find_matching(body_of(source), body_of(target)).drivers
     expected = {target.index(name): source_roles.get(role) for role, name in target_roles.items()}
     for joint, name in expected.items():

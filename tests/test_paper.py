@@ -48,7 +48,7 @@ class Solved:
         self.motion = posed_motion(self.copy, self.poses.v, self.parts, root)
 
     def first(self, frames):
-        """The first frames of it."""
+        """The first frames of that motion."""
         source, copy = self.source.positions[:frames], self.copy.positions[:frames]
         body = self.matching.target
         return PoseProblem(

@@ -1,4 +1,4 @@
-"""Poses of least energy: against another solver from the same start, and what the starts, units and weights do."""
+"""Poses of least energy: compared with another solver, and the effect of starts, units and weights."""
 
 import numpy as np
 import pytest
@@ -50,7 +50,7 @@ def test_a_start_worse_than_the_copy_is_not_used():
 
 
 def test_the_two_poses_before_are_continued():
-    """Where the deviation grows evenly, the continued pose is the minimum."""
+    """If the deviation grows at constant speed, extrapolation starts at the minimum."""
     case = Case(4, frames=3)
     case.stiffness[:], springs = 1e-9, case.springs
     springs.w[:] = 0.0

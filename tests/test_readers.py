@@ -58,7 +58,7 @@ def test_pybvh(path, tmp_path):
 
     file, motion = written(path, 100, tmp_path)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # it guesses which way is up, and says so
+        warnings.simplefilter("ignore")  # pybvh warns that it guesses the up axis
         expected = pybvh.read_bvh_file(file).node_positions()
     atol = 1e-6 * Body.of(motion.skeleton).height
     np.testing.assert_allclose(motion.positions, expected, rtol=0, atol=atol)

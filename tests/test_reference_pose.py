@@ -20,7 +20,7 @@ UP = np.array([0.0, 1.0, 0.0])
 SIDES = {"left": 1.0, "right": -1.0}
 STANDING, SITTING, CROUCHING = {"LeftShoulder": (0, 0, -1.0), "RightShoulder": (0, 0, 1.0)}, {}, {}
 for side in ("Left", "Right"):
-    SITTING |= {f"{side}Hip": (-1.5, 0, 0)}  # legs stretched ahead
+    SITTING |= {f"{side}Hip": (-1.5, 0, 0)}  # legs stretched forward
     CROUCHING |= {f"{side}Hip": (-0.6, 0, 0), f"{side}Knee": (1.2, 0, 0), f"{side}Ankle": (-0.6, 0, 0)}
 
 ways = pytest.mark.parametrize("way", WAYS, ids=[f"way{k}" for k in range(len(WAYS))])
@@ -69,11 +69,11 @@ def test_a_rest_pose_in_which_a_person_stands_is_its_own_reference(convention, p
     np.testing.assert_array_equal(Body.of(body).reference_pose, body.unturned)
 
 
-def test_what_is_no_person_is_taken_as_it_rests():
+def test_a_body_that_is_no_person_keeps_its_rest_pose():
     np.testing.assert_array_equal(Body(person(), None).reference_pose, person().unturned)
 
 
-def test_without_a_motion_bones_along_one_axis_are_put_together_as_a_t_pose():
+def test_without_a_motion_bones_along_one_axis_become_a_t_pose():
     body = Body.of(rig("lafan1", "X"))
     assert_t_pose(body, body.reference_pose)
 
@@ -85,7 +85,7 @@ def test_a_t_pose_faces_along_z_however_the_rest_pose_lies(convention, way):
     assert_t_pose(body, synthetic_t_pose(body.skeleton, body.at_rest))
 
 
-def test_a_frame_of_the_motion_stands_in_for_a_rest_pose_that_is_none():
+def test_a_frame_of_the_motion_replaces_a_rest_pose_along_one_axis():
     motion = without_a_rest_pose()
     body = Body.of_motion(motion)
     frame = standing_frame(body.moving, body.up_vector, body.unit)
@@ -101,18 +101,18 @@ def test_the_frame_in_which_the_body_stands_is_taken():
 
 
 @pytest.mark.parametrize("raised", [{"LeftHip": (-0.3, 0, 0)}, {"LeftShoulder": (0, 0, 1.5)}, {"Chest": (0, 0.8, 0)}])
-def test_a_lifted_foot_a_raised_arm_or_a_turned_trunk_stands_less(raised):
+def test_a_lifted_foot_a_raised_arm_or_a_turned_trunk_makes_a_worse_reference(raised):
     assert stood_in(postures(STANDING | raised, *[STANDING] * 3)) == 1
 
 
-def test_who_never_stands_has_no_such_frame():
+def test_a_person_who_never_stands_has_no_standing_frame():
     assert stood_in(postures(SITTING, SITTING)) is None
     lying = in_world(postures(STANDING), Rotation.from_euler("x", 90, degrees=True))
     assert stood_in(lying) is None
     assert stood_in(lying, np.array([0.0, 0.0, 1.0])) == 0
 
 
-def test_who_never_stands_and_has_no_rest_pose_is_put_together():
+def test_without_a_standing_frame_or_rest_pose_a_t_pose_is_built():
     motion = without_a_rest_pose()
     down = np.array(motion.rotations)
     down[:, 0] = (Rotation.from_euler("x", 90, degrees=True) * Rotation.from_quat(down[:, 0])).as_quat()

@@ -1,4 +1,4 @@
-"""The report page without a browser: what stands in the file, how large it is, how true the drawing."""
+"""The report, without a browser: its content, its size, and how accurate the drawing is."""
 
 import json
 import re

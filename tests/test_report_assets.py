@@ -1,4 +1,4 @@
-"""Template, style and scripts of the report: whole, without leftovers, and of a length of line to read."""
+"""Template, style and scripts of the report: complete, without unused parts, with short lines."""
 
 import re
 import shutil

@@ -1,4 +1,4 @@
-"""The report in a browser: it loads nothing else, it plays, and every control does what it says."""
+"""The report in a browser: it loads nothing else, it plays, and every control works."""
 
 import re
 from dataclasses import replace
@@ -69,7 +69,7 @@ def fast(seed):
 
 
 def jolted(motion):
-    """One frame far off its place, and with it a jerk far beyond all others."""
+    """A motion with one frame out of place, and so with a very large jerk there."""
     translations = np.array(motion.translations)
     translations[60, 0] += 100
     return replace(motion, translations=translations)
@@ -113,7 +113,7 @@ def opened(open_page, reports):
 
 
 def frame(tab):
-    """The frame that is shown, as the readout beside the slider has it."""
+    """The number of the frame shown, from the text beside the slider."""
     settle(tab)
     return int(tab.inner_text("#now").split(" / ")[0])
 

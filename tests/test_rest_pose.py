@@ -1,4 +1,4 @@
-"""Whatever the rest pose, the motion is the same, and no limb is twisted."""
+"""The motion is the same for every rest pose, and no limb is twisted."""
 
 from dataclasses import replace
 from functools import cache
@@ -25,7 +25,10 @@ RECORDED = [
     if CORPUS.is_dir()
 ]
 LIMBS = (("UpperArm", "LowerArm", "Hand"), ("UpperLeg", "LowerLeg", "Foot"))
-FREE = ("ik_", "root")  # what begins so nothing drives: handles, which hang from the root, and a root on the floor
+FREE = (
+    "ik_",
+    "root",
+)  # names of joints without a driver begin like this: handles below the root, and a root on the floor
 
 conventions = pytest.mark.parametrize("convention", CONVENTIONS)
 clips = pytest.mark.parametrize("clip", CLIPS, ids=lambda path: path.stem)
@@ -46,7 +49,7 @@ def carried(path, convention, pose):
 
 
 def below(body, tops):
-    """All joints that hang from some joints, apart from these."""
+    """All joints below the given ones, without these."""
     found = set(tops)
     for joint in range(len(body)):
         if body.parents[joint] in found:
@@ -65,7 +68,7 @@ def lowered(body, angle):
 
 
 def apart(one, other):
-    """The largest distance between joints of two motions, in heights; those that nothing drives are left out."""
+    """The largest distance between joints of two motions [heights], without joints that have no driver."""
     body = [joint for joint, name in enumerate(one.skeleton.names) if not name.startswith(FREE)]
     return np.linalg.norm(one.positions - other.positions, axis=-1)[:, body].max() / Body.of(one.skeleton).height
 
@@ -84,8 +87,8 @@ def bones(motion, limb, side):
 
 
 def rolls_and_directions(one, other):
-    """Per bone of arms and legs how far `other` has it rolled about itself and how far it points elsewhere [degrees],
-    by a vector that points forward in the rest pose of both.
+    """Per bone of arms and legs, by how much its roll and its direction differ between two motions [degrees]; the roll
+    is that of a vector that points forward in both rest poses.
     """
     for limb in LIMBS:
         for side in ("left", "right"):
@@ -114,7 +117,7 @@ def test_t_pose_and_a_pose_give_the_same_positions(convention, clip):
 @needs_corpus
 @pytest.mark.parametrize("clip", RECORDED, ids=lambda path: f"{path.parent.name}-{path.stem}")
 @conventions
-def test_so_they_do_for_recorded_motions(convention, clip):
+def test_t_pose_and_a_pose_give_the_same_positions_for_captured_motions(convention, clip):
     assert apart(carried(clip, convention, "T"), carried(clip, convention, "A")) < 1e-4
 
 
@@ -142,7 +145,7 @@ def test_a_source_in_a_pose_is_the_same_motion(convention):
 def test_a_target_may_stand_along_any_axis_and_face_anywhere(convention, pose, axes, angles):
     body = replace(rig(convention, pose), up=None)
     plain = retarget(read(CLIPS[4]), body)
-    if convention == "unreal":  # along Z where the others stand along Y
+    if convention == "unreal":  # Z up where the others have Y up
         axes = axes.translate(str.maketrans("yz", "zy"))
     turn = Rotation.from_euler(axes, angles, degrees=True)
     result = retarget(read(CLIPS[4]), body.with_offsets(turn.apply(np.array(body.offsets))))
@@ -158,7 +161,7 @@ def test_a_target_may_stand_along_any_axis_and_face_anywhere(convention, pose, a
 @pytest.mark.parametrize("convention", ["mixamo", "xsens", "lafan1"])
 def test_no_limb_is_twisted_by_a_target_in_t_or_a_pose(convention, pose, clip):
     for name, roll, _ in rolls_and_directions(read(clip), carried(clip, convention, pose)):
-        assert roll.max() < (3 if name.endswith("Foot") else 0.2), name  # feet lie differently in every build
+        assert roll.max() < (3 if name.endswith("Foot") else 0.2), name  # the directions of feet differ between bodies
 
 
 @pytest.mark.parametrize("convention", ["mixamo", "xsens", "lafan1"])
@@ -172,8 +175,8 @@ def test_no_limb_is_twisted_onto_the_same_names_in_another_pose(convention):
 
 @cache
 def there_and_back(clip, standing=False):
-    """A clip, and what comes of it by way of a body whose bones all lie along one axis at rest; the clip begins with a
-    T-pose if it is `standing`.
+    """A clip, and the clip retargeted to a body with all bones along one axis at rest and back; the clip begins with
+    a T-pose if `standing`.
     """
     motion = read(clip)
     if standing:
@@ -187,7 +190,7 @@ def there_and_back(clip, standing=False):
 
 
 @clips
-def test_limbs_point_as_before_by_way_of_a_rest_pose_that_is_none(clip):
+def test_limbs_keep_directions_through_a_rest_pose_along_one_axis(clip):
     for name, _, turn in rolls_and_directions(*there_and_back(clip)):
         if not name.endswith(("Hand", "Foot")):
             assert turn.mean() < 4, name
@@ -195,7 +198,7 @@ def test_limbs_point_as_before_by_way_of_a_rest_pose_that_is_none(clip):
 
 
 @clips
-def test_feet_point_as_before_by_way_of_a_rest_pose_that_is_none(clip):
+def test_feet_keep_directions_through_a_rest_pose_along_one_axis(clip):
     motion, back = there_and_back(clip)
     for side in ("Left", "Right"):
         ankle, toe = (motion.skeleton.index(f"{side}{part}") for part in ("Ankle", "Toe"))
@@ -205,8 +208,8 @@ def test_feet_point_as_before_by_way_of_a_rest_pose_that_is_none(clip):
 
 
 @clips
-def test_limbs_roll_little_by_way_of_a_rest_pose_that_is_none(clip):
-    """The planes in which elbows and knees bend tell the roll."""
+def test_limbs_roll_little_through_a_rest_pose_along_one_axis(clip):
+    """The planes in which elbows and knees bend show the roll."""
     for name, roll, _ in rolls_and_directions(*there_and_back(clip)):
         assert roll.max() < (6 if name.endswith(LIMBS[1]) else 10), name
 
@@ -218,7 +221,7 @@ def test_limbs_roll_less_where_the_clip_shows_a_t_pose():
 
 
 @clips
-def test_bones_along_one_axis_are_put_together_as_a_t_pose(clip):
+def test_bones_along_one_axis_become_a_t_pose(clip):
     motion = retarget(read(clip), rig("lafan1", "X")).motion
     for limb in LIMBS:
         for side in ("left", "right"):
@@ -240,7 +243,7 @@ def test_joints_without_a_driver_stay_as_they_are_at_rest(convention, pose, clip
     assert not [str(name) for name, turn in zip(names, turns, strict=True) if turn > 1e-3]
 
 
-def test_fingers_are_such_joints():
+def test_fingers_without_a_driver_stay_as_they_are_at_rest():
     result = retarget(read(CLIPS[5]), rig("mixamo", "T"))
     names = np.array(result.motion.skeleton.names)[result.drivers < 0]
     assert sum("Hand" in name and name[-1].isdigit() for name in names) == 40
@@ -275,8 +278,8 @@ def divided(body, name, middle):
 
 @pytest.mark.parametrize("angle", [90, 180])
 @clips
-def test_a_motion_of_the_target_tells_the_roll_that_its_rest_pose_does_not(clip, angle):
-    """Arms along X whose joints are rolled about X look the same at rest; only how they move tells them apart."""
+def test_a_motion_of_the_target_shows_a_roll_that_its_rest_pose_hides(clip, angle):
+    """Arms along X whose joints are rolled about X look the same at rest; only their motion differs."""
     plain = carried(clip, "lafan1", "X")
     arm = [plain.skeleton.index(f"Right{part}") for part in ("Arm", "ForeArm", "Hand")]
     world = np.array(plain.world_rotations)

@@ -1,4 +1,4 @@
-"""One clip through all of it: what must come out whatever the motion."""
+"""Retargeting whole clips: properties that hold for every motion."""
 
 from dataclasses import replace
 
@@ -185,14 +185,14 @@ def test_a_source_with_another_axis_up_gives_the_same_result(source_up):
     np.testing.assert_allclose(result.motion.positions, expected.motion.positions, atol=1e-5 * size(target))
 
 
-def test_the_result_stands_up_as_it_is_told():
+def test_a_given_up_axis_of_the_target_is_used():
     motion, target = swaying(BODY), other_lengths(BODY)
     upright, lying = retarget(motion, target), retarget(motion, target, target_up="Z")
     expected = upright.motion.positions[..., [0, 2, 1]] * [1, -1, 1]
     np.testing.assert_allclose(lying.motion.positions, expected, atol=1e-5 * size(target))
 
 
-def test_an_offset_of_the_root_is_added_where_that_is_told_and_else_replaced():
+def test_a_root_offset_is_replaced_or_added_as_given():
     raised = replace(swaying(BODY), skeleton=BODY.with_offsets(BODY.offsets + 3 * (np.arange(len(BODY)) == 0)[:, None]))
     plain, added = (retarget(raised, BODY, root_offset=how) for how in ("replaced", "added"))
     np.testing.assert_allclose(plain.source.positions, raised.positions, atol=1e-12)

@@ -1,4 +1,4 @@
-"""The target skeletons of four conventions are what the script makes, and plausible bodies."""
+"""The target skeletons of four conventions: equal to the script's output, and plausible bodies."""
 
 import re
 import subprocess
@@ -26,7 +26,7 @@ poses = pytest.mark.parametrize("pose", POSES)
 
 
 def standing(skeleton):
-    """Per joint, where it stands in the rest pose: Y up, facing +Z, the left side at +X."""
+    """Positions of the joints in the rest pose, by name: Y up, facing +Z, the left side at +X."""
     points = skeleton.rest_positions + skeleton.offsets[0]
     if skeleton.up == "Z":
         points = points[:, [0, 2, 1]] * (1, 1, -1)
@@ -134,5 +134,5 @@ def test_bones_lie_along_x_as_in_lafan1():
     thighs = skeleton.offsets[[skeleton.index("LeftUpLeg"), skeleton.index("RightUpLeg")]]
     np.testing.assert_allclose(thighs[0], thighs[1] * (1, 1, -1))
     assert thighs[0, 2] > 5
-    with pytest.raises(ValueError, match="pose X is one of lafan1, not of mixamo"):
+    with pytest.raises(ValueError, match="only lafan1 has pose X, not mixamo"):
         rig("mixamo", "X")

@@ -1,4 +1,4 @@
-"""What a run reports."""
+"""What a run reports: its line and its JSON."""
 
 import json
 from dataclasses import replace
@@ -157,14 +157,14 @@ def test_frames_that_did_not_converge_are_counted_and_the_first_is_named():
     assert warnings == [f"3 of {FRAMES} frames did not converge (first: frame 7; iteration limit, line search failed)"]
 
 
-@pytest.mark.parametrize(("off", "told"), [(0.001, False), (0.05, True)])
-def test_feet_that_miss_their_place_are_told(off, told):
+@pytest.mark.parametrize(("off", "warned"), [(0.001, False), (0.05, True)])
+def test_feet_that_miss_their_places_give_a_warning(off, warned):
     result = run()
     places = np.array(result.stance.places)
     places[12:20] += [0, off, 0]
     warnings = list(result_with(stance=replace(result.stance, places=places)).warnings)
     place = f"a resting foot does not reach its place in 8 of {FRAMES} frames (first: frame 12)"
-    assert warnings == ([place] if told else [])
+    assert warnings == ([place] if warned else [])
 
 
 def test_feet_in_the_air_have_no_place_to_miss():

@@ -1,4 +1,4 @@
-"""The sample clips and targets are what the script makes, and move as their names say."""
+"""The sample clips and targets: equal to the script's output, and moving as their names say."""
 
 import re
 import subprocess
@@ -23,7 +23,7 @@ clips = pytest.mark.parametrize("path", CLIPS, ids=lambda path: path.stem)
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """The samples, made anew."""
+    """The samples, freshly written."""
     folder = tmp_path_factory.mktemp("made")
     make_samples.write_samples(folder)
     return folder
@@ -41,7 +41,7 @@ def heading(motion):
 
 
 def test_the_script_makes_these_samples(made):
-    """The same words, and numbers to the last decimal, which another machine may round otherwise."""
+    """Assert equal words, and equal numbers up to the last decimal, which machines may round differently."""
     assert {path.name for path in made.iterdir()} == {path.name for path in SAMPLES.iterdir() if path.is_file()}
     for path in made.iterdir():
         text, kept = path.read_text(), (SAMPLES / path.name).read_text()

@@ -59,7 +59,7 @@ def person_with(bones):
 
 
 def without(*words):
-    """A person's bones but for those with one of the words in their names."""
+    """A person's bones without those whose names contain one of the words."""
     return {name: bone for name, bone in bones_of(person()).items() if not any(word in name for word in words)}
 
 
@@ -77,7 +77,7 @@ def named(skeleton, anatomy):
 
 
 def renumbered(skeleton, seed):
-    """The skeleton with children in another order and names that say nothing, and the old number of each joint."""
+    """The skeleton with children in another order and meaningless names, and the old number of each joint."""
     draw = np.random.default_rng(seed)
     order, ready = [0], list(skeleton.children[0])
     while ready:
@@ -160,7 +160,7 @@ STRAIGHT_FEET = sided({"LeftToe": ("LeftAnkle", (0, -0.1, 0)), "LeftToe_End": ("
 
 
 @pytest.mark.parametrize("front", [1, -1])
-def test_knees_tell_the_sides_where_feet_do_not(front):
+def test_knees_show_the_sides_where_feet_do_not(front):
     turns = {f"{side}Hip": np.array([-front * 0.6, 0, 0]) for side in ("Left", "Right")}
     turns |= {f"{side}Knee": np.array([front * 0.6, 0, 0]) for side in ("Left", "Right")}
     motion = posed(person_with(STRAIGHT_FEET), turns, np.zeros((3, 3)))
@@ -170,7 +170,7 @@ def test_knees_tell_the_sides_where_feet_do_not(front):
 
 
 @pytest.mark.parametrize("front", [1, -1])
-def test_the_course_tells_the_sides_where_legs_do_not(front):
+def test_the_direction_of_walking_shows_the_sides_where_legs_do_not(front):
     motion = posed(person_with(STRAIGHT_FEET), {}, np.linspace([0, 1, 0], [0, 1, 3.0 * front], 10))
     names = named(motion.skeleton, by_shape(motion.skeleton, motion.positions))
     assert names["leftUpperLeg"] == ("LeftHip" if front > 0 else "RightHip")
@@ -303,7 +303,7 @@ def test_without_end_sites():
     assert named(body, by_shape(body)) == PERSON
 
 
-# What is no human body
+# Bodies that are not human
 
 
 def chain(name, parent, *offsets):
@@ -446,7 +446,7 @@ RIGS = {  # hips, spine, neck, head, limbs in the order of LIMBS, left and right
 
 
 def parts(skeleton, anatomy):
-    """What RIGS has: hips, spine, neck and head, and per side the limbs, by names."""
+    """The parts as listed in `RIGS`: names of hips, spine, neck and head, and of the limbs per side."""
     names = named(skeleton, anatomy)
     spine, neck = (" ".join(skeleton.names[joint] for joint in joints) for joints in (anatomy.spine, anatomy.neck))
     limbs = tuple(" ".join(names.get(side + role, "-") for role in LIMBS) for side in SIDES)

@@ -1,4 +1,4 @@
-"""Values over time, widened and averaged: bounds, widths, and what stays as it is."""
+"""Values over time, widened and averaged: bounds, widths, and what does not change."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Spines and necks of different numbers of joints follow one another smoothly."""
+"""Spines and necks with different numbers of joints drive each other smoothly."""
 
 from dataclasses import replace
 
@@ -23,14 +23,16 @@ LIMBS = {
     "Foot": (0, -41, -2),
     "ToeBase": (0, -6, 14),
 }
-TRUNK, NAPE = 50.0, 12.0  # how long spine and neck are, whatever joints they have [cm]
+TRUNK, NAPE = 50.0, 12.0  # lengths of spine and neck, whatever their joints [cm]
 
 numbers = pytest.mark.parametrize("source_joints", NUMBERS)
 others = pytest.mark.parametrize("target_joints", NUMBERS)
 
 
 def person(joints, neck=1, uneven=0.0, spine="Spine", nape="Neck"):
-    """A person with so many joints in spine and neck, whose spine's bones grow upwards by a part `uneven` each."""
+    """A person with this many joints in spine and neck; each bone of the spine is longer than the one below by the
+    factor 1 + `uneven`.
+    """
     spine = [f"{spine}{k}" for k in range(joints)]
     necks = [f"{nape}{k}" for k in range(neck)]
     arms = "|".join(">".join(f"{side}{part}" for part in list(LIMBS)[:4]) for side in ("Left", "Right"))
@@ -59,7 +61,7 @@ def found_matching(source, target, joint_map=None):
 
 
 def places(matching, joints, drivers):
-    """(joints,), where along the source's chain each joint's turn is taken, from 0 for its first joint."""
+    """(joints,), from where on the source's chain each joint takes its rotation; 0 is the first joint."""
     turns = [[drivers.index(driver) for driver in pair] for pair in matching.rotation_sources[joints]]
     return np.array([a + share * (b - a) for (a, b), share in zip(turns, matching.blend[joints], strict=True)])
 
@@ -76,7 +78,7 @@ def line_turns(motion, lower, upper):
 
 
 def bent(body, name, degrees):
-    """The chain bent forwards by so many degrees in all, evenly over its joints."""
+    """The chain bent forwards by this angle in total [degrees], spread evenly over its joints."""
     joints = chain(body, name)
     turns = {body.names[joint]: np.radians([[0, 0, 0], [degrees / len(joints), 0, 0]]) for joint in joints}
     return posed(body, turns, np.tile(body.offsets[0], (2, 1)))

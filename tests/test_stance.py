@@ -1,4 +1,4 @@
-"""Where the target stands: which feet rest, and where they belong."""
+"""Stance of the target: which feet rest, and their places."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ UP = np.array([0.0, 1.0, 0.0])
 
 
 def pitched_feet(sine):
-    """The person with toes below the ankles: the sine of the flat foot's pitch is given."""
+    """The person with toes below the ankles, by the sine of the flat foot's pitch."""
     body = person()
     offsets = np.array(body.offsets)
     for side in SIDES:

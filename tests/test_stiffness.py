@@ -1,4 +1,4 @@
-"""The stiffness of parts: what gives way to contacts and feet, and what does not."""
+"""The stiffness of parts: which give way to contacts and feet, and which do not."""
 
 import numpy as np
 from bodies import matched, person

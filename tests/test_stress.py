@@ -1,4 +1,4 @@
-"""Eq. (1) and (2): against a naive version, finite differences and what they must not see."""
+"""Eq. (1) and (2): compared with a naive version and finite differences, and their invariances."""
 
 import numpy as np
 import pytest

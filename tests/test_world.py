@@ -30,7 +30,7 @@ def walk():
 
 
 def heading(motion):
-    """(3,), from the first place of the root to the last, level and of length 1."""
+    """(3,), the horizontal unit vector from the root's first position to its last."""
     way = motion.root_positions[-1] - motion.root_positions[0]
     return way / np.linalg.norm(way)
 
@@ -135,7 +135,7 @@ def lying(axis, **bends):
     [{}, {"LeftHip": -100, "RightHip": -100, "LeftKnee": 90, "RightKnee": 90}, {"LeftHip": -90, "RightHip": -90}],
     ids=["straight", "knees up", "legs up"],
 )
-def test_who_lies_has_up_where_the_rest_pose_stands(up, axis, bends):
+def test_a_lying_person_has_the_up_of_the_rest_pose(up, axis, bends):
     motion = lying(axis, **bends)
     source = in_world(motion, onto(up))
     assert Body.of_motion(source).found_up == up
@@ -144,7 +144,7 @@ def test_who_lies_has_up_where_the_rest_pose_stands(up, axis, bends):
 
 @pytest.mark.parametrize("facing", [90, 180, 270])
 def test_the_heading_is_kept_where_up_is_the_same(facing):
-    """Whichever way the target's rest pose faces."""
+    """The target's rest pose may face any way."""
     body = replace(rig("lafan1", "T"), up=None)
     turn = Rotation.from_euler("Y", facing, degrees=True)
     plain, other = (retarget(walk(), b).motion for b in (body, body.with_offsets(spun(turn, body.offsets))))
@@ -171,7 +171,7 @@ def with_offset(motion, rise, *, added):
 
 @ups
 @pytest.mark.parametrize("added", [True, False])
-def test_the_feet_tell_what_the_roots_offset_means(up, added):
+def test_the_feet_show_whether_the_root_offset_is_added_or_replaced(up, added):
     motion = with_offset(walk(), 92.0, added=added)
     source = in_world(motion, onto(up))
     assert find_root_offset(Body.of_motion(source), axis_vector(up)) == ("added" if added else "replaced")

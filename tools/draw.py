@@ -1,9 +1,9 @@
-"""Pictures of motions: stick figures in a row, with a floor and soft shadows.
+"""Draw motions as stick figures in a row, with a floor and soft shadows.
 
     python tools/draw.py walk.bvh child_walk.bvh --frames 0,20,40 -o walk.png --view three-quarter
 
-Every motion is a row, its frames run from left to right. With `--columns`, every frame is a row and the
-motions stand side by side.
+Each motion is a row, with its frames from left to right. With `--columns`, each frame is a row, with the motions side
+by side.
 """
 
 from __future__ import annotations
@@ -27,14 +27,15 @@ from distretarget.skeleton import Skeleton
 VIEWS = {"front": (0.0, 10.0), "side": (90.0, 10.0), "three-quarter": (38.0, 16.0)}
 COLOURS = {"left": "#2a7f9e", "right": "#e0793a", "trunk": "#3b4252"}
 FLOOR, GRID, LABEL = "#f6f7f9", "#dfe3e8", "#3b4252"
+# A shadow is drawn in three layers, each as (thickness in body heights, colour).
 SHADOW = ((0.060, "#eceef1"), (0.044, "#e2e5e9"), (0.028, "#d8dce1"))
-LIGHT = (0.10, -0.28)
-INCHES_PER_HEIGHT = 2.3
+LIGHT = (0.10, -0.28)  # how far a shadow goes to the right and nearer, per height above the floor
+INCHES_PER_HEIGHT = 2.3  # size of a body of height 1 in the picture
 POINTS_PER_HEIGHT = 72 * INCHES_PER_HEIGHT
-THICKNESS = 0.027
-DEPTH = 0.42
-ON_THE_SPOT = 0.4
-MARGIN = np.array([0.08, 0.15])
+THICKNESS = 0.027  # of a bone [body heights]
+DEPTH = 0.42  # of the strip of floor in front of the body, and behind it [body heights]
+ON_THE_SPOT = 0.4  # a root that moves less than this is drawn where it is, not moved to the origin [body heights]
+MARGIN = np.array([0.08, 0.15])  # around a figure, across and upward [body heights]
 
 Array = NDArray[np.float64]
 
@@ -48,23 +49,23 @@ class Camera:
 
     @property
     def slope(self) -> float:
-        """How much of the floor's depth is seen."""
+        """How much of the floor's depth the camera sees: 1 from above, 0 from the side."""
         return float(np.sin(np.radians(self.elevation)))
 
     @property
     def right(self) -> Array:
-        """The direction in the floor that goes to the right on the screen."""
+        """(3,), the horizontal direction that points to the right on the screen."""
         a = np.radians(self.azimuth)
         return np.array([np.cos(a), 0.0, np.sin(a)])
 
     @property
     def near(self) -> Array:
-        """The direction in the floor that comes nearer."""
+        """(3,), the horizontal direction that points towards the camera."""
         a = np.radians(self.azimuth)
         return np.array([-np.sin(a), 0.0, np.cos(a)])
 
     def __call__(self, points: Array) -> tuple[Array, Array]:
-        """Screen coordinates (..., 2) and nearness (...) of points (..., 3), Y up."""
+        """Screen coordinates (..., 2) of points (..., 3), Y up, and how near they are to the camera (...)."""
         e = np.radians(self.elevation)
         height = points[..., 1]
         upward = height * np.cos(e) - points @ self.near * np.sin(e)
@@ -74,13 +75,13 @@ class Camera:
 
 @dataclass(frozen=True)
 class Cell:
-    """One figure.
+    """One stick figure.
 
     Attributes:
-        skeleton: its joints and names.
+        skeleton: parents and names of the joints.
         points: (joints, 3), Y up, in body heights, the origin on the floor below the body.
-        ground: (3,), where in the world the origin is.
-        size: of the body, 1 if not smaller than the others.
+        ground: (3,), where in the world the origin is [body heights].
+        size: of the body, relative to the height that counts as 1.
     """
 
     skeleton: Skeleton
@@ -102,28 +103,31 @@ def _upright(points: Array, up: str) -> Array:
 
 
 def cells(motion: Motion, frames: Sequence[int], up: str | None, size: float | None) -> list[Cell]:
-    """The frames, each moved to the origin, or all together where the motion stays on the spot."""
+    """The frames as figures, each moved to the origin; moved by one vector if the motion stays on the spot.
+
+    Lengths are divided by `size`, by default the height of the body.
+    """
     points = _upright(motion.positions, up or motion.skeleton.up or "Y")
-    own = body_height(motion.skeleton)
-    size = size or own
+    height = body_height(motion.skeleton)
+    size = size or height
     points = points / size
     points[..., 1] -= points[..., 1].min()
     grounds = points[frames, 0] * (1, 0, 1)
     if np.all(np.ptp(grounds, axis=0) < ON_THE_SPOT):
         grounds[:] = grounds.mean(axis=0)
     return [
-        Cell(motion.skeleton, points[frame] - ground, ground, own / size)
+        Cell(motion.skeleton, points[frame] - ground, ground, height / size)
         for frame, ground in zip(frames, grounds, strict=True)
     ]
 
 
 def body_height(skeleton: Skeleton) -> float:
-    """About how tall the body stands, whatever its rest pose [file units]."""
+    """Approximate height of the standing body, whatever its rest pose [file units]."""
     return 0.7 * float(skeleton.path_lengths.max())
 
 
 def _chains(skeleton: Skeleton) -> Iterator[list[int]]:
-    """Runs of joints between the root, the branchings and the ends."""
+    """Chains of joints between the root, joints with several children, and the ends."""
     for joint in skeleton.depth_first[1:]:
         parent = int(skeleton.parents[joint])
         if parent and len(skeleton.children[parent]) == 1:
@@ -135,7 +139,7 @@ def _chains(skeleton: Skeleton) -> Iterator[list[int]]:
 
 
 def side_of(name: str) -> str:
-    """Which side of the body a joint's name speaks of: left, right or trunk."""
+    """The side of the body that a joint's name tells: left, right, or trunk if it tells none."""
     for side, letter in (("left", "l"), ("right", "r")):
         if side in name.lower() or re.search(rf"(^|[_.:]){letter}([_.]|$)", name.lower()):
             return side
@@ -143,7 +147,7 @@ def side_of(name: str) -> str:
 
 
 def _draw_figure(ax: Axes, cell: Cell, camera: Camera, shift: float) -> None:
-    """A figure with its feet at `shift` on the horizontal axis."""
+    """Draw a figure, moved by `shift` to the right."""
     screen, nearness = camera(cell.points)
     screen[:, 0] += shift
     width = THICKNESS * POINTS_PER_HEIGHT * cell.size
@@ -167,15 +171,15 @@ def _is_head(skeleton: Skeleton, chain: Sequence[int]) -> bool:
 
 
 def _draw_head(ax: Axes, neck: Array, top: Array, order: int) -> None:
-    """A disc in place of the head's bone."""
+    """Draw a disc in place of the head's bone."""
     centre = 0.42 * neck + 0.58 * top
     radius = 0.52 * float(np.hypot(*(top - neck)))
     ax.add_patch(Circle(tuple(centre), radius, facecolor=COLOURS["trunk"], edgecolor="white", zorder=order))
 
 
 def _draw_shadow(ax: Axes, cell: Cell, camera: Camera, shift: float) -> None:
-    fallen = cell.points * (1, 0, 1) + cell.points[:, 1:2] * (LIGHT[0] * camera.right + LIGHT[1] * camera.near)
-    screen = camera(fallen)[0]
+    shadow = cell.points * (1, 0, 1) + cell.points[:, 1:2] * (LIGHT[0] * camera.right + LIGHT[1] * camera.near)
+    screen = camera(shadow)[0]
     screen[:, 0] += shift
     for level, (thickness, colour) in enumerate(SHADOW):
         for chain in _chains(cell.skeleton):
@@ -190,7 +194,7 @@ def _draw_shadow(ax: Axes, cell: Cell, camera: Camera, shift: float) -> None:
 
 
 def _draw_floor(ax: Axes, camera: Camera, ground: Array) -> None:
-    """A strip of floor with the world's grid, four lines to a body height."""
+    """Draw a strip of floor with the grid of the world, four lines per body height."""
     left, right = ax.get_xlim()
     depth = DEPTH * camera.slope
     strip = Rectangle((left, -depth), right - left, 2 * depth, facecolor=FLOOR, zorder=1)
@@ -206,7 +210,7 @@ def _draw_floor(ax: Axes, camera: Camera, ground: Array) -> None:
 
 
 def _draw_scene(ax: Axes, cells: Sequence[Cell], labels: Sequence[str], camera: Camera, pitch: float) -> None:
-    """Figures from left to right, `pitch` apart, on one floor; a label under each that has one."""
+    """Draw figures from left to right, `pitch` apart, on one floor, each with its label below."""
     _draw_floor(ax, camera, cells[0].ground)
     left, low = ax.get_xlim()[0], ax.get_ylim()[0]
     for number, (cell, label) in enumerate(zip(cells, labels, strict=True)):
@@ -217,7 +221,11 @@ def _draw_scene(ax: Axes, cells: Sequence[Cell], labels: Sequence[str], camera: 
 def _grid(
     rows: Sequence[tuple[str, Motion]], frames: Sequence[int], up: str | None, same_scale: bool
 ) -> list[list[Cell]]:
-    """Per motion, its cells."""
+    """The cells of each motion.
+
+    Raises:
+        ValueError: a motion lacks one of the frames.
+    """
     for label, motion in rows:
         if max(frames) >= len(motion):
             raise ValueError(f"{label} has frames 0 to {len(motion) - 1}, not {max(frames)}")
@@ -242,9 +250,9 @@ def draw_strip(
         frames: the numbers of the frames, from left to right.
         path: of the picture; its suffix is the format.
         view: "front", "side" or "three-quarter", for a body that faces +Z with Y up.
-        up: the axis that points up; as the skeleton says if not given, else "Y".
-        columns: the motions stand side by side, and the frames make the rows.
-        same_scale: bodies keep their sizes relative to each other, else all are drawn equally tall.
+        up: the axis that points up; by default that of the skeleton, or "Y" if it has none.
+        columns: make each frame a row, with the motions side by side.
+        same_scale: keep the relative sizes of the bodies; otherwise all are drawn equally tall.
     """
     camera = Camera(*VIEWS[view])
     scenes = _grid(rows, frames, up, same_scale)
@@ -265,7 +273,7 @@ def write_picture(
     camera: Camera,
     dpi: int = 150,
 ) -> None:
-    """Draw scenes below each other, all with the same spacing: a title each, and a label for each of their cells."""
+    """Draw scenes below each other, with equal spacing, a title for each and a label for each of their cells."""
     screen = np.concatenate([camera(cell.points)[0] for scene in scenes for cell in scene])
     left, low = screen.min(axis=0) - MARGIN
     right, high = screen.max(axis=0) + MARGIN
@@ -289,8 +297,8 @@ def main() -> None:
     parser.add_argument("-o", "--output", required=True, type=Path, metavar="OUT.png")
     parser.add_argument("--view", choices=VIEWS, default="three-quarter")
     parser.add_argument("--up", help="the axis that points up, as Y or -Z")
-    parser.add_argument("--columns", action="store_true", help="motions side by side, a row for every frame")
-    parser.add_argument("--same-scale", action="store_true", help="keep the sizes of the bodies")
+    parser.add_argument("--columns", action="store_true", help="draw motions side by side, with a row per frame")
+    parser.add_argument("--same-scale", action="store_true", help="keep the relative sizes of the bodies")
     args = parser.parse_args()
     rows = [(file.stem, read_bvh(file)) for file in args.files]
     frames = [int(frame) for frame in args.frames.split(",")]

@@ -1,4 +1,4 @@
-"""Write what `docs/diff.md` and `diff.schema.json` say of the figures of quality, from their registry.
+"""Write the descriptions of the figures of quality in `docs/diff.md` and `diff.schema.json`, from their registry.
 
 python tools/make_figures.py
 """
@@ -14,7 +14,7 @@ from distretarget.measure.figures import FIGURES, SUFFIXES, Figure, figures_at
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "diff.md"
 SCHEMA = ROOT / "distretarget" / "report" / "diff.schema.json"
-FRAME = ("frame", "time", "contacts", "stance")  # what the document has of a frame besides its figures
+FRAME = ("frame", "time", "contacts", "stance")  # keys of a frame in the document besides its figures
 BEGIN, END = "<!-- figures: written by tools/make_figures.py -->\n", "<!-- end -->\n"
 
 Json = dict[str, Any]
@@ -30,13 +30,13 @@ def table() -> str:
 
 
 def page() -> str:
-    """The text of the page, with its table up to date."""
+    """The text of the page, with the table written anew."""
     before, rest = PAGE.read_text("utf-8").split(BEGIN)
     return f"{before}{BEGIN}\n{table()}\n{END}{rest.split(END, 1)[1]}"
 
 
 def schema() -> str:
-    """The text of the schema, with its definitions of figures up to date."""
+    """The text of the schema, with the definitions of figures written anew."""
     document: Json = json.loads(SCHEMA.read_text("utf-8"))
     result = {figure.key: number(figure) for figure in FIGURES}
     source = {figure.key: number(figure) for figure in FIGURES if figure.of_source}
@@ -50,17 +50,16 @@ def schema() -> str:
     definitions["of_result"] = closed(result)
     definitions["of_source"] = closed(source)
     definitions["limit"]["properties"]["figure"] = {"enum": [figure.key for figure in FIGURES]}
-    own = {key: value for key, value in definitions["frame"]["properties"].items() if key in FRAME}
-    definitions["frame"] = closed(own | columns)
+    others = {key: value for key, value in definitions["frame"]["properties"].items() if key in FRAME}
+    definitions["frame"] = closed(others | columns)
     worst = closed({figure.key: {"type": ["integer", "null"], "minimum": 0} for figure in figures_at("worst frames")})
     document["properties"]["worst"] |= worst
     return json.dumps(document, indent=2, ensure_ascii=False) + "\n"
 
 
 def number(figure: Figure, of_frame: bool = False) -> Json:
-    """The schema of a value of a figure: null where it may be missing, below 0 where the difference counts."""
-    known = not figure.missing
-    values: Json = {"type": "number" if known else ["number", "null"]}
+    """The schema of a value of a figure: null if it may be missing, at least 0 unless differences are judged."""
+    values: Json = {"type": ["number", "null"] if figure.missing else "number"}
     if figure.judged != "difference":
         values["minimum"] = 0
     return values if of_frame else {"description": figure.explanation("A", "B"), **values}

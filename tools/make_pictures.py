@@ -2,8 +2,8 @@
 
     python tools/make_pictures.py [FOLDER]
 
-The folder is `docs/pictures` of this project unless another one is given. It needs matplotlib,
-the extra `docs`. The pictures of docs/results.md are made by benchmarks/pictures.py.
+FOLDER is `docs/pictures` by default. Needs matplotlib (the extra `docs`). benchmarks/pictures.py draws the pictures of
+docs/results.md.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ PICTURES = (("clap", "long_arms", [93, 140]),)
 
 
 def draw_result(clip: str, target: str, frames: list[int], folder: Path) -> None:
-    """Draw frames of a sample clip, of its rotation copy on a sample body and of the result, side by side, as
+    """Draw frames of a sample clip, its rotation copy on a sample target and the result, side by side, into
     `clip_target.png`.
     """
     source = read_bvh(SAMPLES / f"{clip}.bvh")

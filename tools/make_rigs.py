@@ -2,7 +2,7 @@
 
     python tools/make_rigs.py [FOLDER]
 
-The folder is `sample_bvh/rigs` of this project unless another one is given. The same files come out every time.
+FOLDER is `sample_bvh/rigs` by default. Every run writes the same bytes.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ LOWERED = 45.0  # how far the arms of an A-pose hang below the horizontal [degre
 
 
 def rig(convention: Convention, pose: Pose) -> Skeleton:
-    """The skeleton of a convention with a rest pose [cm]; it stands on the floor where its root's offset says.
+    """The skeleton of a convention with a rest pose [cm]; the root's OFFSET puts its feet on the floor.
 
-    "T" has the arms sideways, "A" turned down by 45 degrees. "X" is the rest pose of LAFAN1's files, which is none:
-    every bone lies along +X of the joint above it. Only joints beside others below the same one (thighs, lower spine,
-    collar bones, neck) have their true offsets, in axes that point up, forward and left.
+    In "T" the arms point sideways, in "A" 45 degrees below the horizontal. "X" is the rest pose of LAFAN1's files, not
+    a standing pose: every bone lies along +X of its parent. Only joints with siblings (thighs, lower spine, collar
+    bones, neck) have their true offsets, in axes that point up, forward and left.
 
     Raises:
-        ValueError: "X" for another convention than lafan1.
+        ValueError: pose "X" for another convention than lafan1.
     """
     if pose == "X" and convention != "lafan1":
-        raise ValueError(f"pose X is one of lafan1, not of {convention}")
+        raise ValueError(f"only lafan1 has pose X, not {convention}")
     body = BODIES[convention]
     rows = [row for group in body.groups for row in _sides(group, body)]
     if pose == "A":
@@ -53,7 +53,7 @@ def rig(convention: Convention, pose: Pose) -> Skeleton:
 
 
 def _sides(group: tuple[Chain, ...], body: Body) -> Iterator[Row]:
-    """The joints of a group; if it is a limb, those of one side and then those of the other."""
+    """The joints of a group; for a limb, those of one side and then those of the other."""
     rows = [row for chain in group for row in _joints(chain)]
     if not any("{side}" in name for name, _, _ in rows):
         yield from rows
@@ -71,7 +71,7 @@ def _joints(chain: Chain) -> Iterator[Row]:
 
 
 def _lowered(rows: list[Row], body: Body) -> Iterator[Row]:
-    """The joints with what is below the upper arms turned down about the forward axis."""
+    """The joints, with the arms turned down about the forward axis."""
     turns = {
         body.upper_arm.format(side=side): Rotation.from_euler("Z", -sign * LOWERED, degrees=True)
         for side, sign in body.sides.items()
@@ -83,7 +83,7 @@ def _lowered(rows: list[Row], body: Body) -> Iterator[Row]:
 
 
 def _along_x(rows: list[Row]) -> Iterator[Row]:
-    """The joints with only children along +X, and others in axes that point up, forward and left."""
+    """The joints, with only children along +X, and siblings in axes that point up, forward and left."""
     parents = [parent for _, parent, _ in rows]
     for name, parent, offset in rows:
         if not parent:
@@ -95,7 +95,7 @@ def _along_x(rows: list[Row]) -> Iterator[Row]:
 
 
 def _handles(rows: list[Row], body: Body) -> Iterator[Row]:
-    """The joints that are where others are."""
+    """The handles: joints at the places of other joints."""
     places: dict[str, NDArray[np.float64]] = {"": np.zeros(3)}
     for name, parent, offset in rows:
         places[name] = places[parent] + offset
@@ -105,7 +105,7 @@ def _handles(rows: list[Row], body: Body) -> Iterator[Row]:
 
 
 def _skeleton(rows: list[Row], body: Body) -> Skeleton:
-    """The skeleton of these joints in the convention's axes; `<parent>_End` is an End Site."""
+    """The skeleton of these joints in the convention's axes; a joint named `<parent>_End` is an End Site."""
     names = [name for name, _, _ in rows]
     ends = [name == f"{parent}_End" for name, parent, _ in rows]
     offsets = np.array([offset for _, _, offset in rows])
@@ -125,7 +125,7 @@ def _skeleton(rows: list[Row], body: Body) -> Skeleton:
 
 
 def write_rigs(folder: Path) -> None:
-    """Write all skeletons into a folder, over what is there."""
+    """Write all skeletons into a folder; replace files of the same names."""
     folder.mkdir(parents=True, exist_ok=True)
     for convention in CONVENTIONS:
         for pose in POSES:

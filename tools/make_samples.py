@@ -2,7 +2,7 @@
 
     python tools/make_samples.py [FOLDER]
 
-The folder is `sample_bvh` of this project unless another one is given. The same files come out every time.
+FOLDER is `sample_bvh` by default. Every run writes the same bytes.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from distretarget.skeleton import Skeleton
 
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"
 
+# Parts of the body, by the names of the lower joints of their bones.
 PARTS = {
     "spine": r"Chest\d?|Neck|Head",
     "head": r"Head_End",
@@ -31,6 +32,7 @@ PARTS = {
     "hips": r"(Left|Right)Hip",
     "legs": r"(Left|Right)(Knee|Ankle|Toe|Toe_End)",
 }
+# Factors on the lengths of the bones: for each part in full targets, for single bones in edits.
 BODIES = {
     "child": {"spine": 0.85, "head": 0.97, "shoulders": 0.72, "arms": 0.7, "hips": 0.75, "legs": 0.6},
     "giant": {
@@ -49,7 +51,7 @@ EDITS = {
 
 
 def reshaped(skeleton: Skeleton, factors: Mapping[str, float]) -> Skeleton:
-    """The skeleton with the bones of each part of the body longer by that part's factor."""
+    """The skeleton with the bones of each part of the body scaled by that part's factor."""
     offsets = skeleton.offsets.copy()
     for joint, name in enumerate(skeleton.names[1:], start=1):
         part = next(part for part, pattern in PARTS.items() if re.fullmatch(pattern, name))
@@ -58,7 +60,7 @@ def reshaped(skeleton: Skeleton, factors: Mapping[str, float]) -> Skeleton:
 
 
 def write_samples(folder: Path) -> None:
-    """Write all clips and targets into a folder, over what is there."""
+    """Write all clips and targets into a folder; replace files of the same names."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, clip in CLIPS.items():
         write_bvh(folder / f"{name}.bvh", clip(), overwrite=True)

@@ -36,7 +36,7 @@ def table() -> str:
 
 
 def page(text: str) -> str:
-    """The text of the page with the table of now in its place."""
+    """The text of the page, with the table written anew."""
     before, begin, rest = text.partition(BEGIN)
     _, end, after = rest.partition(END)
     return f"{before}{begin}\n{table()}\n\n{end}{after}"

@@ -1,7 +1,7 @@
-"""The bodies of the sample rigs: what four conventions call the joints, and where these are in the T-pose.
+"""The bodies of the sample rigs: the names that four conventions give to joints, and their places in a T-pose.
 
 Centimetres, Y up, facing +Z, the left side at +X. Limbs are written for the left side. The bodies are adults of about
-1.75 m; segments are near Winter's fractions of body height (Biomechanics and Motor Control of Human Movement,
+1.75 m; segment lengths are near Winter's fractions of body height (Biomechanics and Motor Control of Human Movement,
 figure 4.1), and each convention splits them in its own way.
 """
 
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 Offset = tuple[float, float, float]
 Chain = tuple[str, Mapping[str, Offset]]
-"""The joint where a chain begins, and the offsets of its joints, each of them the child of the one before."""
+"""The parent of a chain, and the offsets of its joints by name, each joint the child of the one before."""
 
 FINGERS: Mapping[str, tuple[Offset, Offset, Offset]] = {
     "Thumb": ((2.6, -1.3, 2.7), (0.72, -0.34, 0.6), (4.4, 3.2, 2.6)),
@@ -21,20 +21,20 @@ FINGERS: Mapping[str, tuple[Offset, Offset, Offset]] = {
     "Ring": ((8.9, 0.1, -1.6), (1.0, 0.0, -0.05), (4.2, 2.7, 2.3)),
     "Pinky": ((8.2, -0.3, -3.5), (0.99, 0.0, -0.12), (3.3, 2.0, 1.9)),
 }
-"""Per finger, the knuckle from the wrist, the direction and how long the three bones are."""
+"""Per finger: the offset of the knuckle from the wrist, the direction, and the lengths of the three bones [cm]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Body:
-    """A body in the names of a convention.
+    """A body with the joint names of a convention.
 
     Attributes:
-        sides: what stands for {side} in the names of a side, and the sign of its x.
-        groups: chains in file order; a group with {side} in its names stands there once for each side.
-        upper_arm: the joint that an A-pose turns.
-        axes: of the rotation channels, in their order.
+        sides: for each side, the text that replaces {side} in names, and the sign of x.
+        groups: chains in file order; a group with {side} in its names is written once for each side.
+        upper_arm: the joint that an A-pose turns down.
+        axes: of the rotation channels, in order.
         up: the axis that points up. With "Z", the body faces -Y.
-        handles: joints that follow others, as (name, parent, the joint whose place it has).
+        handles: joints at the places of others, as (name, parent, the joint whose place it has).
     """
 
     sides: Mapping[str, int]
@@ -46,8 +46,8 @@ class Body:
 
 
 def _fingers(hand: str, pattern: str, last: str, tip: float = 0.0) -> tuple[Chain, ...]:
-    """Five fingers. Their joints are named by `pattern`, their ends by `last`; there is an End Site `tip` beyond these
-    if it is not 0.
+    """Five fingers, with joints named by `pattern` and ends by `last`, and with an End Site `tip` [cm] beyond the end
+    if `tip` is not 0.
     """
     chains: list[Chain] = []
     for finger, (knuckle, direction, lengths) in FINGERS.items():

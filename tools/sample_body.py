@@ -1,7 +1,7 @@
-"""The body of the samples: the skeleton of the paper's Table I, and the solvers that pose it.
+"""The body of the samples: the skeleton of the paper's Table I, and functions that pose it.
 
-Centimetres, Y up, facing +Z, the left side at +X. Everything here is written for the left side of the
-body; the right side is its mirror image.
+Centimetres, Y up, facing +Z, the left side at +X. Everything is written for the left side; the right side is its
+mirror image.
 """
 
 from __future__ import annotations
@@ -16,18 +16,19 @@ from scipy.spatial.transform import Rotation
 from distretarget.motion import Motion
 from distretarget.skeleton import Skeleton
 
-FRAME_TIME = "0.016667"
+FRAME_TIME = "0.016667"  # [s], as written in the files
 SPINE = ("Chest", "Chest2", "Chest3")
 SIDES = ("Left", "Right")
 ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")
 POSITIONS = ("Xposition", "Yposition", "Zposition")
 
-ANKLE_HEIGHT = 6.5
-HEEL = np.array([0.0, -ANKLE_HEIGHT, -5.0])
+ANKLE_HEIGHT = 6.5  # over the floor
+HEEL = np.array([0.0, -ANKLE_HEIGHT, -5.0])  # from the ankle
 THIGH, SHANK = 43.5, 45.3
 UPPER_ARM, FOREARM = 27.3, 25.8
 ARM_LENGTH = UPPER_ARM + FOREARM
 
+# Rows of a part of the body: name, parent, direction from the parent, length.
 TRUNK = (
     ("Hips", "", (0, 0, 0), 0),
     ("Chest", "Hips", (0, 1, 0), 16.0),
@@ -53,15 +54,15 @@ LEG = (
 )
 Points = NDArray[np.float64]
 Place = tuple[Points, Rotation]
-"""Where a bone is in the world: position (frames, 3) and rotation."""
+"""A bone in the world: position (frames, 3) and rotation."""
 
 
 def _limb(side: str, rows: tuple) -> list[tuple]:
-    """The rows of one limb with the side put to the names and directions."""
-    own = {name for name, *_ in rows}
+    """The rows of a limb on one side, with names and directions of that side."""
+    limb = {name for name, *_ in rows}
     sign = 1 if side == "Left" else -1
     return [
-        (side + name, side + parent if parent in own else parent, (sign * x, y, z), length)
+        (side + name, side + parent if parent in limb else parent, (sign * x, y, z), length)
         for name, parent, (x, y, z), length in rows
     ]
 
@@ -88,21 +89,21 @@ def _table_one() -> Skeleton:
 SKELETON = _table_one()
 OFFSET = {name: np.array(offset) for name, offset in zip(SKELETON.names, SKELETON.offsets, strict=True)}
 STANDING = ANKLE_HEIGHT + 0.9965 * (THIGH + SHANK) - OFFSET["LeftHip"][1]
-"""The height of the hips over knees that bend a little."""
+"""The height of the hips when the knees are slightly bent."""
 
 
 def flipped(points: ArrayLike) -> Points:
-    """Points (..., 3) seen in the mirror between left and right."""
+    """Points (..., 3) mirrored between left and right."""
     return np.asarray(points) * (-1.0, 1.0, 1.0)
 
 
 def mirrored(rotation: Rotation) -> Rotation:
-    """A rotation seen in the mirror between left and right."""
+    """A rotation mirrored between left and right."""
     return Rotation.from_quat(rotation.as_quat() * (1, -1, -1, 1))
 
 
 def seen_from(side: str, place: Place) -> Place:
-    """A place as a limb of that side sees it, by the left side's rules."""
+    """A place as it is for the left side: itself on the left, its mirror image on the right."""
     position, rotation = place
     return place if side == "Left" else (flipped(position), mirrored(rotation))
 
@@ -114,12 +115,12 @@ def turned(pitch: ArrayLike = 0.0, yaw: ArrayLike = 0.0, roll: ArrayLike = 0.0) 
 
 
 def part(rotation: Rotation, weight: ArrayLike) -> Rotation:
-    """The rotation about the same axis by a part of the angle."""
+    """The rotation about the same axis by `weight` times the angle."""
     return Rotation.from_rotvec(rotation.as_rotvec() * np.asarray(weight)[..., None])
 
 
 def blend(start: Rotation, end: Rotation, weight: ArrayLike) -> Rotation:
-    """From `start` at weight 0 to `end` at weight 1, about one axis."""
+    """From `start` at weight 0 to `end` at weight 1, about a fixed axis (slerp)."""
     return start * part(start.inv() * end, weight)
 
 
@@ -133,8 +134,8 @@ def from_axes(x: Points, y: Points) -> Rotation:
 
 
 def two_bones(start: Points, end: Points, pole: ArrayLike, upper: float, lower: float) -> tuple[Points, Points, Points]:
-    """Unit vectors along two bones that lead from `start` to `end` and bend towards `pole`, and the axis
-    about which the bend turns the upper one into the lower one; (frames, 3) each.
+    """Two-bone inverse kinematics: unit vectors along two bones that reach from `start` to `end` and bend towards
+    `pole`, and the axis of the bend, about which the upper bone turns to the lower; (frames, 3) each.
 
     Raises:
         ValueError: the bones are too short or too long.
@@ -154,7 +155,7 @@ def two_bones(start: Points, end: Points, pole: ArrayLike, upper: float, lower: 
 
 @dataclass(frozen=True)
 class Trunk:
-    """The pelvis in the world and the local rotations from there to the head.
+    """The position of the pelvis, and the local rotations from there to the head.
 
     Attributes:
         position: (frames, 3), of the hips.
@@ -177,7 +178,9 @@ class Trunk:
 
 
 def trunk(position: Points, pelvis: Rotation, bend: Rotation, look: Rotation) -> Trunk:
-    """The trunk from the pelvis in the world, the bend from pelvis to chest and the head in the world."""
+    """The trunk from position and world rotation of the pelvis, the bend from pelvis to chest, and the head's world
+    rotation.
+    """
     third = part(bend, 1 / 3)
     local = {"Hips": pelvis, **dict.fromkeys(SPINE, third)}
     turn = (pelvis * third * third * third).inv() * look
@@ -188,7 +191,7 @@ def trunk(position: Points, pelvis: Rotation, bend: Rotation, look: Rotation) ->
 
 @dataclass(frozen=True)
 class Arm:
-    """Local rotations of one arm, as of the left one."""
+    """Local rotations of the left arm, or of the right arm mirrored."""
 
     collar: Rotation
     shoulder: Rotation
@@ -198,7 +201,7 @@ class Arm:
     def blended(self, other: Arm, weight: ArrayLike) -> Arm:
         """From this pose at weight 0 to the other at weight 1, joint by joint."""
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
-        return Arm(*(blend(mine, its, weight) for mine, its in pairs))
+        return Arm(*(blend(start, end, weight) for start, end in pairs))
 
 
 def swung_arm(
@@ -211,11 +214,10 @@ def swung_arm(
     wrist: ArrayLike = 0.0,
     deviation: ArrayLike = 0.0,
 ) -> Arm:
-    """An arm from the angles of its joints in degrees; all zero, it hangs down with the palm to the thigh.
+    """An arm from the angles of its joints [degrees]; at zero it hangs down with the palm towards the thigh.
 
-    The upper arm swings forward by `flexion` out of the plane in which it is lifted sideways by `abduction`,
-    and rolls inwards by `roll`; `wrist` bends towards the palm, `deviation` towards the thumb. The collar
-    helps: it rises with the upper arm and follows it forward.
+    `abduction` lifts the upper arm sideways, `flexion` swings it forward, `roll` rolls it inwards; `wrist` bends the
+    hand towards the palm, `deviation` towards the thumb. The collar bone rises and moves forward with the upper arm.
     """
     angles = np.broadcast_arrays(flexion, abduction, elbow, roll, pronation, wrist, deviation)
     flexion, abduction, elbow, roll, pronation, wrist, deviation = np.array(angles, float)
@@ -234,7 +236,7 @@ def _euler(axes: str, *angles: NDArray[np.float64]) -> Rotation:
 
 
 def _collar_help(direction: Points) -> tuple[Points, Points]:
-    """Lift and reach of the collar in degrees for an upper arm in this direction of the chest."""
+    """Lift and reach of the collar [degrees] for an upper arm with this direction in the chest's frame."""
     lift = 9 * (1 + direction[..., 1]) ** 2
     return lift, 9 * direction[..., 2] * np.abs(direction[..., 2])
 
@@ -253,17 +255,16 @@ def hand(fingers: ArrayLike, palm: ArrayLike) -> Rotation:
 
 
 def reaching_arm(chest: Place, collar: Rotation, wrist: Points, pole: Points, hand_world: Rotation) -> Arm:
-    """The left arm with the wrist at these points, the elbow towards `pole`, and this rotation of the hand.
-
-    All in the world. The forearm takes the whole roll of the hand.
+    """The left arm with the wrist at these points, the elbow towards `pole`, and this rotation of the hand, all in the
+    world. The forearm takes the whole roll of the hand.
     """
     position, rotation = chest
-    carried = rotation * collar
-    shoulder = position + rotation.apply(OFFSET["LeftCollar"]) + carried.apply(OFFSET["LeftShoulder"])
+    collar_world = rotation * collar
+    shoulder = position + rotation.apply(OFFSET["LeftCollar"]) + collar_world.apply(OFFSET["LeftShoulder"])
     u, f, axis = two_bones(shoulder, wrist, pole, UPPER_ARM, FOREARM)
     upper, fore = from_axes(u, -axis), from_axes(f, -axis)
     fore = fore * _roll_about_x(fore.inv() * hand_world)
-    return Arm(collar, carried.inv() * upper, upper.inv() * fore, fore.inv() * hand_world)
+    return Arm(collar, collar_world.inv() * upper, upper.inv() * fore, fore.inv() * hand_world)
 
 
 def _roll_about_x(rotation: Rotation) -> Rotation:
@@ -273,7 +274,7 @@ def _roll_about_x(rotation: Rotation) -> Rotation:
 
 @dataclass(frozen=True)
 class Foot:
-    """Where a foot is, in the world.
+    """Position and rotation of a foot in the world.
 
     Attributes:
         ankle: (frames, 3).
@@ -293,13 +294,13 @@ class Foot:
 
 
 def rolled_ankle(pitch: Points) -> Points:
-    """(frames, 3), how far the ankle goes when the flat foot rolls on its heel (toes up) or its toe joint."""
+    """(frames, 3), how far the ankle moves when the flat foot rolls over its heel (toes up) or its toe joint."""
     pivot = np.where(pitch[:, None] > 0, HEEL, OFFSET["LeftToe"])
     return pivot - turned(pitch=-pitch).apply(pivot)
 
 
 def _leg(trunk: Trunk, side: str, foot: Foot) -> dict[str, Rotation]:
-    """Local rotations of a leg whose knee points between the pelvis' way and the foot's."""
+    """Local rotations of a leg whose knee points between the forward directions of pelvis and foot."""
     pelvis = trunk.local["Hips"]
     hip = trunk.position + pelvis.apply(OFFSET[side + "Hip"])
     pole = unit(pelvis.apply([0.0, 0.0, 1.0]) * (1, 0, 1)) + 2 * turned(yaw=foot.yaw).apply([0.0, 0.0, 1.0])
@@ -314,7 +315,7 @@ def _leg(trunk: Trunk, side: str, foot: Foot) -> dict[str, Rotation]:
 
 
 def motion(trunk: Trunk, arms: Mapping[str, Arm], feet: Mapping[str, Foot]) -> Motion:
-    """The motion of the whole body; arms and feet by side, the right arm as the left one it mirrors."""
+    """The motion of the whole body, from arms and feet by side; the right arm is given mirrored."""
     frames = len(trunk.position)
     local = dict(trunk.local)
     for side in SIDES:

@@ -1,4 +1,4 @@
-"""The sample clips, each a function that returns its motion. Angles in degrees, lengths in cm, times in s."""
+"""The sample clips, each made by a function. Angles in degrees, lengths in cm, times in s."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from distretarget.motion import Motion
 
 
 def hanging_arm(t: Track, late: float = 0.0) -> Arm:
-    """An arm at rest that stirs with the breath."""
+    """A hanging arm that moves slightly with the breath."""
     breath = cosine(t, 3.4, late)
     return swung_arm(
         flexion=-3 + 0.8 * breath,
@@ -48,7 +48,7 @@ def hanging_arm(t: Track, late: float = 0.0) -> Arm:
 
 
 def planted_feet(t: Track, width: float, toe_out: float) -> dict[str, Foot]:
-    """Both feet at rest on the floor, the ankles `width` apart."""
+    """Both feet resting on the floor, the ankles `width` apart, each foot turned out by `toe_out`."""
     still = np.zeros(len(t))
     feet = {}
     for side, sign in zip(SIDES, (1, -1), strict=True):
@@ -58,7 +58,7 @@ def planted_feet(t: Track, width: float, toe_out: float) -> dict[str, Foot]:
 
 
 def standing_trunk(t: Track, shift: Track, look: Rotation) -> Trunk:
-    """A trunk that breathes over feet at rest, while the weight goes to the left by `shift`."""
+    """A trunk that breathes over resting feet, with the hips `shift` to the left."""
     shift = shift + 0.4 * cosine(t, 4.7, 1.0)
     position = columns(shift, STANDING - 0.4 - 0.012 * shift**2, 0.3 * cosine(t, 4.1))
     pelvis = turned(pitch=3.0, yaw=0.25 * shift, roll=0.55 * shift)
@@ -82,7 +82,7 @@ def clap() -> Motion:
 
 
 def _clapping_arm(chest: Place, away: Track) -> Arm:
-    """An arm with the palm to the other hand: 4 % of the arm's length between the wrists at `away` 0."""
+    """An arm with the palm towards the other hand. At `away` 0 the wrists are 4 % of the arm's length apart."""
     position, rotation = chest
     wrist = columns(0.02 * ARM_LENGTH + 18 * away, -11 - 2 * away, 33 - 2 * away)
     palm = hand(fingers=columns(0.25 * away, 0.72, 0.69), palm=columns(-1, 0.12 * away, 0.3 * away))
@@ -92,15 +92,15 @@ def _clapping_arm(chest: Place, away: Track) -> Arm:
 
 
 def hands_on_hips() -> Motion:
-    """Hands to the hips, a slow sway, and back."""
+    """The hands go to the hips, the body sways slowly, and the hands go back."""
     t = clock(5.6)
     shift = 3.2 * eased(t, [1.0, 2.1, 3.4, 4.6], [0, 1, -1, 0])
     body = standing_trunk(t, shift, turned(pitch=2, yaw=-1.2 * shift, roll=0.4 * shift))
-    there = held(t, 0.3, 1.35, 4.2, 5.3)
+    on_hips = held(t, 0.3, 1.35, 4.2, 5.3)
     arms = {}
     for side in SIDES:
         on_hip = _arm_on_hip(seen_from(side, body.chest()), seen_from(side, body.pelvis()))
-        arms[side] = hanging_arm(t).blended(on_hip, there)
+        arms[side] = hanging_arm(t).blended(on_hip, on_hips)
     return motion(body, arms, planted_feet(t, width=24, toe_out=11))
 
 
@@ -128,14 +128,14 @@ def squat() -> Motion:
 
 
 def _squatting_trunk(t: Track, depth: Track, ankle: Track) -> Trunk:
-    """A trunk over knees that bend evenly with `depth`: standing at 0, thighs level at 1."""
+    """A trunk over knees that bend in proportion to `depth`: standing at 0, thighs horizontal at 1."""
     knee = np.radians(13 + 97 * depth)
     span = np.sqrt(THIGH**2 + SHANK**2 + 2 * THIGH * SHANK * np.cos(knee))
     pelvis = turned(pitch=3 + 27 * depth)
     hip = pelvis.apply(OFFSET["LeftHip"])
     forward = ankle[:, 2] + 3.5 - 24 * depth
-    aside, behind = ankle[:, 0] - hip[:, 0], forward + hip[:, 2] - ankle[:, 2]
-    height = ankle[:, 1] + np.sqrt(span**2 - aside**2 - behind**2) - hip[:, 1]
+    sideways, behind = ankle[:, 0] - hip[:, 0], forward + hip[:, 2] - ankle[:, 2]
+    height = ankle[:, 1] + np.sqrt(span**2 - sideways**2 - behind**2) - hip[:, 1]
     bend = turned(pitch=2 + 12 * depth + 0.7 * cosine(t, 3.4))
     return trunk(columns(0.0, height, forward), pelvis, bend, turned(pitch=2 + 12 * depth))
 
@@ -170,7 +170,7 @@ def turn() -> Motion:
     end = start + step * count
     busy = held(t, start - 0.3, start + 0.2, end, end + 0.4)
     weight = _weight(t, lifts[1::2], step) - _weight(t, lifts[::2], step)
-    facing = turned(yaw=_once_round(t, start + 0.1, end + 0.1))
+    facing = turned(yaw=_full_turn(t, start + 0.1, end + 0.1))
     height = STANDING - 0.6 - 1.7 * busy + 0.8 * np.abs(weight)
     body = trunk(
         facing.apply(columns(2.3 * weight, height, -0.5)),
@@ -184,16 +184,16 @@ def turn() -> Motion:
 
 
 def _weight(t: Track, lifts: Sequence[float], step: float) -> Track:
-    """How much of the weight the other foot carries during this one's steps."""
+    """How far the weight is on the other foot, from 0 to 1, while this foot steps."""
     return sum(bump(t, lift - 0.1, lift + step + 0.1) for lift in lifts)
 
 
-def _once_round(t: Track, start: float, end: float) -> Track:
-    """Once round, at an even speed between a soft start and a soft end [degrees]."""
-    soft = 0.4
-    speed = held(t, start - soft, start + soft, end - soft, end + soft)
-    way = np.cumsum(speed)
-    return 360 * way / way[-1]
+def _full_turn(t: Track, start: float, end: float) -> Track:
+    """From 0 to 360 degrees at constant speed, with a smooth start and end."""
+    fade = 0.4  # [s]
+    speed = held(t, start - fade, start + fade, end - fade, end + fade)
+    angle = np.cumsum(speed)
+    return 360 * angle / angle[-1]
 
 
 def _turning_arm(t: Track, weight: Track, busy: Track) -> Arm:
@@ -208,7 +208,7 @@ def _turning_arm(t: Track, weight: Track, busy: Track) -> Arm:
 
 
 def _stepping_foot(t: Track, sign: int, lifts: Sequence[float], step: float) -> Foot:
-    """A foot that steps round the middle of the body, one even part of the turn at each lift."""
+    """A foot that steps around the middle of the body, by an equal part of the full turn at each lift."""
     air = 0.9 * step
     heading = sum(eased(t, [lift + 0.03, lift + air], [0, 360 / len(lifts)]) for lift in lifts)
     lifted = sum(bump(t, lift, lift + air) for lift in lifts)

@@ -1,4 +1,4 @@
-"""The walking clip. A foot's cycle starts at its heel strike; phases are parts of that cycle."""
+"""The walking clip. A foot's cycle starts at its heel strike; a phase is a fraction of that cycle."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from scipy.interpolate import make_interp_spline
 
 from distretarget.motion import Motion
 
-STRIDE = 116.0
-CYCLE = 62 / FPS
+STRIDE = 116.0  # how far a foot moves in a cycle [cm]
+CYCLE = 62 / FPS  # [s]
 CYCLES = 4
-TOE_OUT = 5.0
-FLAT, HEEL_OFF, TOE_OFF = 0.10, 0.33, 0.61
-AT_REST = [(1, 0.0), (2, 0.0)]
+TOE_OUT = 5.0  # [degrees]
+FLAT, HEEL_OFF, TOE_OFF = 0.10, 0.33, 0.61  # phases: foot flat on the floor, heel rises, toes leave the floor
+AT_REST = [(1, 0.0), (2, 0.0)]  # ends of a spline without speed and acceleration
 
 Curve = Callable[[Track], Track]
 
@@ -38,11 +38,11 @@ ROLL_OFF = make_interp_spline(
     k=5,
     bc_type=(AT_REST, AT_REST),
 )
-"""The foot's pitch from when the heel leaves the floor until the foot is flat again [degrees]."""
+"""The foot's pitch from heel-off until the foot is flat again [degrees]."""
 
 
 def _toe_return() -> Curve:
-    """How the toes, bent up at toe-off, straighten during the swing."""
+    """The toes' bend during the swing, from bent up at toe-off to straight [degrees]."""
     bent, slope, curve = (-float(ROLL_OFF(TOE_OFF, nu)) for nu in range(3))
     return make_interp_spline(
         [TOE_OFF, 0.70, 0.82, 0.92, 1.0],
@@ -53,12 +53,12 @@ def _toe_return() -> Curve:
 
 
 def _stance_ankle(pitch: Track) -> Track:
-    """How far the ankle goes, (frames, 3), while the left foot rolls on the floor."""
+    """(frames, 3), how far the left ankle moves while the foot rolls on the floor."""
     return turned(yaw=TOE_OUT).apply(rolled_ankle(pitch))
 
 
 def _swing_ankle() -> Curve:
-    """The left ankle's way from toe-off to heel strike, (frames, 3); it joins the stance smoothly."""
+    """(frames, 3) by phase, the left ankle's path from toe-off to heel strike, which continues the stance smoothly."""
     step = 1e-3
     values, conditions = [], []
     for phase, landed in ((TOE_OFF, 0.0), (1.0, STRIDE)):
@@ -71,13 +71,13 @@ def _swing_ankle() -> Curve:
 
 
 def _pitch(phase: Track) -> Track:
-    """The foot's pitch: flat in mid-stance, else on its way from heel-off to flat."""
+    """The foot's pitch [degrees]: 0 in mid-stance, else by `ROLL_OFF`."""
     late = np.where(phase < FLAT, phase + 1, phase)
     return np.where(late > HEEL_OFF, ROLL_OFF(np.maximum(late, HEEL_OFF)), 0.0)
 
 
 def _toes(phase: Track, pitch: Track) -> Track:
-    """The toes' bend: flat on the floor while the heel rises."""
+    """The toes' bend [degrees]: it keeps them flat on the floor while the heel rises."""
     rising = np.where(phase > FLAT, -pitch, 0.0)
     return np.where(phase > TOE_OFF, _toe_return()(np.maximum(phase, TOE_OFF)), rising)
 
@@ -93,7 +93,7 @@ def _foot(t: Track, side: str) -> Foot:
 
 
 def _arm(t: Track, front: float) -> Arm:
-    """An arm that swings through the cycle and is foremost at the time `front`."""
+    """An arm that swings once per cycle and is farthest forward at the time `front` [s]."""
     swing = cosine(t, CYCLE, front)
     return swung_arm(
         flexion=-2 + 19 * swing,
@@ -106,7 +106,7 @@ def _arm(t: Track, front: float) -> Arm:
 
 
 def walk() -> Motion:
-    """Eight steps at an even speed."""
+    """Eight steps at constant speed."""
     t = clock(CYCLES * CYCLE)
     phase = t / CYCLE
     once, twice = partial(cosine, phase, 1.0), partial(cosine, phase, 0.5)
