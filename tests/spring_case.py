@@ -77,10 +77,10 @@ class Case:
         value = spring_energy(self.scratch, at(self.springs, frame))
         return value + pose_gradient(v, self.body, self.scratch, gradient), gradient.ravel()
 
-    def without_residual(self):
-        """The same body with springs at rest in the copy's posture."""
+    def without_residual(self, v=None):
+        """The same body with springs at rest in the pose `v`, or else in the copy's posture."""
         for frame in range(len(self.root)):
-            x, b = self.positions(np.zeros(self.shape), frame), self.springs.b
+            x, b = self.positions(np.zeros(self.shape) if v is None else v, frame), self.springs.b
             self.springs.rest[frame] = x[self.springs.a] - np.where(b[:, None] >= 0, x[b], 0.0)
         return self
 

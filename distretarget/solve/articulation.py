@@ -120,7 +120,7 @@ def pose_gradient(v: Array, body: Articulation, scratch: Scratch, gradient: Arra
         for i in range(3):
             scratch.gradient[parent, i] += scratch.gradient[joint, i]
     for part in range(parts):
-        _to_rotation_vector(v[part], gradient[part])
+        to_rotation_vector(v[part], gradient[part])
     for i in range(3):
         gradient[parts, i] = scratch.gradient[0, i]
     value = 0.0
@@ -132,7 +132,7 @@ def pose_gradient(v: Array, body: Articulation, scratch: Scratch, gradient: Arra
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
-def _to_rotation_vector(v: Array, m: Array) -> None:
+def to_rotation_vector(v: Array, m: Array) -> None:
     """Replace the moment m by J^T m, where J^T = I - a [v] + b [v]^2."""
     x, y, z = v[0], v[1], v[2]
     square = x * x + y * y + z * z

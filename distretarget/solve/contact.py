@@ -27,10 +27,10 @@ from distretarget.solve.articulation import Articulation
 from distretarget.solve.chunks import Mapper, Progress, blocks_of, solve_in_chunks
 from distretarget.solve.contact_pairs import activation_window, candidate_pairs, pair_springs
 from distretarget.solve.jumps import smooth_jumps
-from distretarget.solve.pose_solver import Frame, compile_pose_solver, needs_curvature, solver_arrays, warm_starts
+from distretarget.solve.pose_solver import Frame, compile_pose_solver, solver_arrays, warm_starts
 from distretarget.solve.poses import PoseProblem, Poses
 from distretarget.solve.settings import ContactSettings
-from distretarget.solve.spg import Effort, Minimum, record
+from distretarget.solve.spg import Effort, record
 from distretarget.solve.springs import Springs, joined, spring_energy
 from distretarget.solve.stance import Stance
 from distretarget.solve.stiffness import part_stiffness
@@ -99,14 +99,12 @@ def _solve(body, bones, root, springs, tolerance, v, first, log):  # type: ignor
 
     Each frame starts from the best of: the copy, the pose before, the two poses before continued.
     """
-    scratch, U, pose, starts = solver_arrays(body)
-    last = Minimum(0.0, 0, 0, 0)
+    scratch, unknowns, starts = solver_arrays(body)
     for t in range(len(bones)):
         at = first + t
         count = min(at, 2) + 1
         warm_starts(v, at, starts)
-        frame = Frame(bones[t], root[t], U, pose)
+        frame = Frame(bones[t], root[t])
         terms = Springs(springs.a, springs.b, springs.rest[t], springs.e[t], springs.w[t], springs.k[t])
-        renew = needs_curvature(t, last)
-        last = _solve_pose(starts, count, body, scratch, frame, terms, tolerance, renew, v[at])
-        record(last, log, at)
+        minimum = _solve_pose(starts, count, body, scratch, unknowns, frame, terms, tolerance, v[at])
+        record(minimum, log, at)

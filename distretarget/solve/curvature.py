@@ -10,17 +10,66 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from distretarget.solve.articulation import Articulation, Scratch, lever_arms
+from distretarget.solve.articulation import Articulation, Scratch, lever_arms, to_rotation_vector
 from distretarget.solve.springs import NEGLIGIBLE, Springs
 
 Array = NDArray[np.float64]
+Parts = NDArray[np.intp]
 
 LEAST_CURVATURE = 0.01  # of any direction, in the scaling alone: so no step turns a part right round
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
-def spring_curvature(body: Articulation, scratch: Scratch, springs: Springs, H: Array) -> None:
-    """Write the upper triangle of the curvature of springs and stiffness, for the pose in `scratch`, to `H`.
+def active_curvature(v: Array, body: Articulation, scratch: Scratch, springs: Springs, H: Array, active: Parts) -> int:
+    """Write the upper triangle of the curvature of the active parts at the pose `v` to the front of `H`, and the
+    numbers of these parts to `active`; return how many they are. `scratch` has the positions of the pose.
+
+    A part is active if a spring acts on it; the last one is the root's place. All others only have their stiffness, so
+    that they keep the copy's rotation and are no unknowns.
+    """
+    _spring_curvature(body, scratch, springs, H)
+    count = 0
+    for part in range(len(v)):
+        i = 3 * part
+        if H[i, i] + H[i + 1, i + 1] + H[i + 2, i + 2] > 0.0:
+            active[count] = part
+            count += 1
+    for p in range(count):
+        for q in range(p, count):
+            _move_block(v, H, active[p], active[q], 3 * p, 3 * q)
+        for i in range(3 * p, 3 * p + 3):
+            H[i, i] += max(body.stiffness[active[p]], LEAST_CURVATURE)
+    return count
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def _move_block(v, H, p, q, row, column):  # type: ignore[no-untyped-def]
+    """Move the block of the parts p and q to a row and column of `H`, and turn it into one for rotation vectors.
+
+    A small turn of a part is w = J dv, J being the left Jacobian of the exponential map, so that the block becomes
+    J^T H J. The root's place is no rotation.
+    """
+    last = len(v) - 1
+    line = np.empty(3)
+    for j in range(3):
+        for i in range(3):
+            line[i] = H[3 * p + i, 3 * q + j]
+        if p < last:
+            to_rotation_vector(v[p], line)
+        for i in range(3):
+            H[row + i, column + j] = line[i]
+    for i in range(3):
+        for j in range(3):
+            line[j] = H[row + i, column + j]
+        if q < last:
+            to_rotation_vector(v[q], line)
+        for j in range(3):
+            H[row + i, column + j] = line[j]
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def _spring_curvature(body: Articulation, scratch: Scratch, springs: Springs, H: Array) -> None:
+    """Write the upper triangle of the curvature of springs with respect to small turns of all parts.
 
     A small turn w of a part moves the difference of two positions by w x q, where q is the difference of the part's
     lever arms on them. A spring of matrix A so contributes [q]^T A [q'] for each pair of parts.
@@ -28,8 +77,6 @@ def spring_curvature(body: Articulation, scratch: Scratch, springs: Springs, H: 
     lever_arms(body, scratch)
     parts = len(scratch.rotations)
     H[:] = 0.0
-    for i in range(3 * parts + 3):
-        H[i, i] = max(body.stiffness[i // 3], LEAST_CURVATURE)
     on = np.empty(parts, np.intp)
     Q = np.empty((parts, 3))
     for s in range(len(springs.a)):
@@ -79,9 +126,8 @@ def _add_spring(w, k, e, Q, on, count, grounded, H):  # type: ignore[no-untyped-
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
-def factorise(H: Array) -> None:
-    """Replace the upper triangle of H by that of its Cholesky factor U, where U^T U = H."""
-    n = len(H)
+def factorise(H: Array, n: int) -> None:
+    """Replace the upper triangle of the first n rows and columns of H by that of its Cholesky factor U, U^T U = H."""
     for i in range(n):
         for k in range(i):
             if H[k, i] != 0.0:
@@ -93,32 +139,35 @@ def factorise(H: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
-def scale(U: Array, v: Array, z: Array) -> None:
-    """Write z = U v."""
-    flat_v, flat_z = v.reshape(v.size), z.reshape(z.size)
-    for i in range(len(U)):
+def scale(U: Array, active: Parts, v: Array, z: Array) -> None:
+    """Write z = U v of the active parts, (active, 3)."""
+    for i in range(z.size):
         total = 0.0
-        for j in range(i, len(U)):
-            total += U[i, j] * flat_v[j]
-        flat_z[i] = total
+        for j in range(i, z.size):
+            total += U[i, j] * v[active[j // 3], j % 3]
+        z[i // 3, i % 3] = total
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
-def unscale(U: Array, z: Array, v: Array) -> None:
-    """Write the v with U v = z."""
-    flat_v, flat_z = v.reshape(v.size), z.reshape(z.size)
-    for i in range(len(U) - 1, -1, -1):
-        total = flat_z[i]
-        for j in range(i + 1, len(U)):
-            total -= U[i, j] * flat_v[j]
-        flat_v[i] = total / U[i, i]
+def unscale(U: Array, active: Parts, z: Array, v: Array) -> None:
+    """Write the v with U v = z of the active parts, and zero of the others."""
+    v[:] = 0.0
+    flat = z.copy().reshape(z.size)
+    for i in range(z.size - 1, -1, -1):
+        total = flat[i]
+        for j in range(i + 1, z.size):
+            total -= U[i, j] * flat[j]
+        flat[i] = total / U[i, i]
+        v[active[i // 3], i % 3] = flat[i]
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
-def scale_gradient(U: Array, gradient: Array) -> None:
-    """Replace the gradient with respect to v by that with respect to z: the g with U^T g = gradient."""
-    flat = gradient.reshape(gradient.size)
-    for i in range(len(U)):
+def scale_gradient(U: Array, active: Parts, gradient: Array, scaled: Array) -> None:
+    """Write the gradient with respect to z, (active, 3): the g with U^T g = gradient of the active parts."""
+    flat = scaled.reshape(scaled.size)
+    for i in range(len(flat)):
+        flat[i] = gradient[active[i // 3], i % 3]
+    for i in range(len(flat)):
         flat[i] /= U[i, i]
-        for j in range(i + 1, len(U)):
+        for j in range(i + 1, len(flat)):
             flat[j] -= U[i, j] * flat[i]

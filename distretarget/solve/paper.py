@@ -12,9 +12,9 @@ from distretarget.distances import DistanceProblem
 from distretarget.numerics.stress import stress_and_gradient, target_distances
 from distretarget.solve.articulation import Articulation, Scratch
 from distretarget.solve.chunks import Progress, blocks_of
-from distretarget.solve.pose_solver import Frame, compile_pose_solver, needs_curvature, solver_arrays, warm_starts
+from distretarget.solve.pose_solver import Frame, compile_pose_solver, solver_arrays, warm_starts
 from distretarget.solve.poses import PoseProblem, Poses
-from distretarget.solve.spg import Effort, Minimum, copy_to, record
+from distretarget.solve.spg import Effort, copy_to, record
 from distretarget.solve.springs import Springs
 
 Array = NDArray[np.float64]
@@ -117,15 +117,13 @@ def _solve(body, bones, root, source, ratio, terms, guess, v, first, log):  # ty
 
     Each frame starts from the best of: the guess, the pose before, the two poses before continued.
     """
-    scratch, U, pose, starts = solver_arrays(body)
-    last = Minimum(0.0, 0, 0, 0)
+    scratch, unknowns, starts = solver_arrays(body)
     for t in range(len(bones)):
         at = first + t
         count = min(at, 2) + 1
         copy_to(starts[0], guess[t])
         warm_starts(v, at, starts)
         target_distances(source[t], ratio, terms.delta)
-        frame = Frame(bones[t], root[t], U, pose)
-        renew = needs_curvature(t, last)
-        last = _solve_pose(starts, count, body, scratch, frame, terms, POSE_TOLERANCE, renew, v[at])
-        record(last, log, at)
+        frame = Frame(bones[t], root[t])
+        minimum = _solve_pose(starts, count, body, scratch, unknowns, frame, terms, POSE_TOLERANCE, v[at])
+        record(minimum, log, at)
