@@ -1,5 +1,6 @@
 """Warming up compiles everything that clips need; nothing is compiled after it."""
 
+import os
 import subprocess
 import sys
 
@@ -25,6 +26,24 @@ for target in sys.argv[2:4]:
         assert not convert(task).error
 print(late)
 """
+
+
+RUN = """
+import hashlib, sys
+from distretarget import load_target, read_bvh, retarget
+
+result = retarget(read_bvh(sys.argv[1]), load_target(sys.argv[2]))
+print(hashlib.sha256(result.motion.rotations.tobytes()).hexdigest())
+"""
+
+
+def test_the_process_that_compiles_gets_the_bytes_of_those_that_load(tmp_path):
+    """The cache of compiled code is empty in the first run, and full in the second."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-c", RUN, SAMPLES / "clap.bvh", SAMPLES / "rigs" / "unreal_a.json"]
+    hashes = [subprocess.run(command, env=environment, capture_output=True, text=True).stdout for _ in range(2)]
+    assert len(hashes[0].strip()) == 64
+    assert hashes[0] == hashes[1]
 
 
 @pytest.mark.parametrize("objective", ["contact", "paper"])

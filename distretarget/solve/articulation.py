@@ -4,6 +4,9 @@ A pose says how far each part deviates from the rotation copy, as a rotation vec
 row, how far the root is moved: an array (parts + 1, 3). With world rotations as unknowns the deviations do not depend
 on each other: R_j = exp(v_part(j)) RC_j. A bone b of the copy becomes exp(v) b, so that posing the body takes nothing
 but the bones of the copy.
+
+Small functions are inlined into their callers by numba. Otherwise a process that compiles them would run another copy of
+their code than one that loads the callers from the cache, and results could differ in their last bits.
 """
 
 from __future__ import annotations
@@ -83,7 +86,7 @@ def pose_body(v: Array, body: Articulation, bones: Array, root: Array, scratch: 
             scratch.x[joint, i] = scratch.x[parent, i] + scratch.bones[joint, i]
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@njit(error_model="numpy", fastmath=True, inline="always")
 def _exp(x: float, y: float, z: float, E: Array) -> None:
     """Write the rotation matrix of a rotation vector to `E`, row by row (Rodrigues)."""
     square = x * x + y * y + z * z
@@ -131,7 +134,7 @@ def pose_gradient(v: Array, body: Articulation, scratch: Scratch, gradient: Arra
     return value
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@njit(error_model="numpy", fastmath=True, inline="always")
 def to_rotation_vector(v: Array, m: Array) -> None:
     """Replace the moment m by J^T m, where J^T = I - a [v] + b [v]^2."""
     x, y, z = v[0], v[1], v[2]

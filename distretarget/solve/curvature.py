@@ -42,7 +42,7 @@ def active_curvature(v: Array, body: Articulation, scratch: Scratch, springs: Sp
     return count
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@njit(error_model="numpy", fastmath=True, inline="always")
 def _move_block(v, H, p, q, row, column):  # type: ignore[no-untyped-def]
     """Move the block of the parts p and q to a row and column of `H`, and turn it into one for rotation vectors.
 
