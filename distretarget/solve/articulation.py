@@ -5,7 +5,7 @@ row, how far the root is moved: an array (parts + 1, 3). With world rotations as
 on each other: R_j = exp(v_part(j)) RC_j. A bone b of the copy becomes exp(v) b, so that posing the body takes nothing
 but the bones of the copy.
 
-Small functions are inlined into their callers by numba. Otherwise a process that compiles them would run another copy of
+Numba inlines small functions into their callers. Otherwise a process that compiles them would run another copy of
 their code than one that loads the callers from the cache, and results could differ in their last bits.
 """
 
