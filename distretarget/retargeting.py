@@ -128,11 +128,13 @@ def _target_for(source: Motion, target: Motion | Skeleton | Target | SkeletonEdi
 def _pose_problem(matching: Matching, copy: Motion, scale: float) -> PoseProblem:
     """What the solvers need to know of a clip."""
     source, body = matching.source_motion, matching.target
+    roots = rigid_part_roots(matching)
     return PoseProblem(
         skeleton=body.skeleton,
         legs=body.legs,
         unit=body.unit,
-        parts=part_of_joint(body.skeleton, rigid_part_roots(copy)),
+        roots=roots,
+        parts=part_of_joint(body.skeleton, roots),
         distances=distance_problem(matching.source.skeleton, body.skeleton, matching.drivers),
         source=source.positions,
         copy=copy.positions,
@@ -147,7 +149,7 @@ def _posed(copy: Motion, poses: Poses, problem: PoseProblem) -> Motion:
     motion = posed_motion(copy, poses.v, problem.parts, problem.root + poses.v[:, -1])
     if any(0 < len(skeleton.rotation_axes(joint)) < 3 for joint in range(len(skeleton))):
         moved = replace(copy, translations=motion.translations)
-        return fit_rotations(moved, motion.positions, np.arange(1, len(skeleton)))
+        return fit_rotations(moved, motion.positions, np.arange(1, len(skeleton)), problem.roots)
     return motion
 
 
@@ -155,7 +157,7 @@ def _fitted_poses(copy: Motion, problem: PoseProblem, postures: Postures) -> Arr
     """(frames, parts + 1, 3), the poses that turn the copy's bones to the solved points; the root stays."""
     points = np.array(copy.positions)
     points[:, problem.distances.targets] = postures.positions
-    fitted = fit_rotations(copy, points, problem.distances.targets)
+    fitted = fit_rotations(copy, points, problem.distances.targets, problem.roots)
     roots = np.unique(problem.parts, return_index=True)[1]
     before, after = (Rotation.from_quat(motion.world_rotations[:, roots]) for motion in (copy, fitted))
     return np.pad((after * before.inv()).as_rotvec(), ((0, 0), (0, 1), (0, 0)))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import held_still, other_lengths, person, swaying
+from bodies import held_still, matched, other_lengths, person, swaying
 from scipy.spatial.transform import Rotation
 
 from distretarget.solve.articulation import Articulation, lever_arms, pose_body, pose_gradient, scratch_of
@@ -23,7 +23,8 @@ def naive_positions(motion):
 
 
 def body_of(copy, stiffness=0.0):
-    parts = part_of_joint(copy.skeleton, rigid_part_roots(copy))
+    roots = rigid_part_roots(matched(copy.skeleton, copy.skeleton, dict.fromkeys(STILL)))
+    parts = part_of_joint(copy.skeleton, roots)
     return Articulation(copy.skeleton.parents, parts, np.full(parts.max() + 2, stiffness))
 
 

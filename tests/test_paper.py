@@ -38,7 +38,8 @@ class Solved:
         self.source, self.matching = source, matched(source, target)
         self.problem = distance_problem(source.skeleton, target, self.matching.drivers)
         self.copy = rotation_copy(self.matching, 1.0)
-        self.parts = part_of_joint(target, rigid_part_roots(self.copy))
+        self.roots = rigid_part_roots(self.matching)
+        self.parts = part_of_joint(target, self.roots)
         count = self.parts.max() + 1
         self.body = Articulation(target.parents, self.parts, np.append(np.full(count, PART_STIFFNESS), ROOT_STIFFNESS))
         self.scratch = scratch_of(len(target), count)
@@ -55,6 +56,7 @@ class Solved:
             skeleton=body.skeleton,
             legs=body.legs,
             unit=body.unit,
+            roots=self.roots,
             parts=self.parts,
             distances=self.problem,
             source=source,

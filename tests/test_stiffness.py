@@ -20,6 +20,7 @@ def test_stiffness_grows_with_what_a_part_carries_and_feet_are_stiff():
         skeleton=PERSON,
         legs=matching.target.legs,
         unit=matching.target.unit,
+        roots=np.arange(len(PERSON)),
         parts=parts,
         distances=distance_problem(PERSON, PERSON, matching.drivers),
         source=PERSON.rest_positions[None],

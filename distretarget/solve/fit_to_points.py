@@ -10,10 +10,11 @@ from distretarget.motion import Motion, rigid_motion
 from distretarget.numerics.euler import restrict
 from distretarget.numerics.rotations import best_rotation
 from distretarget.skeleton import Skeleton
-from distretarget.solve.rigid_parts import rigid_part_roots
 
 
-def fit_rotations(copy: Motion, points: NDArray[np.float64], joints: NDArray[np.intp]) -> Motion:
+def fit_rotations(
+    copy: Motion, points: NDArray[np.float64], joints: NDArray[np.intp], roots: NDArray[np.intp]
+) -> Motion:
     """Turn the bones of the rotation copy towards points, from the root down.
 
     Each rigid part deviates from the copy by the rotation that brings its bones nearest to the points they carry: the
@@ -25,9 +26,9 @@ def fit_rotations(copy: Motion, points: NDArray[np.float64], joints: NDArray[np.
         copy: the rotation copy on the target.
         points: (frames, joints, 3), positions; only those of `joints` count [file units].
         joints: the joints that have points.
+        roots: (joints,), the topmost joint of the rigid part that each joint belongs to.
     """
     skeleton = copy.skeleton
-    roots = rigid_part_roots(copy)
     carried = _carried_points(skeleton, roots, set(joints.tolist()))
     positions = np.array(copy.positions)
     world = np.array(copy.world_rotations)

@@ -23,6 +23,7 @@ class PoseProblem:
         skeleton: of the target.
         legs: of the target; None where it has none.
         unit: the target's body unit [target file units].
+        roots: (joints,), the topmost joint of the rigid part that each joint belongs to.
         parts: (joints,), the rigid part that carries the bones below each joint.
         distances: the points that source and target share, with their path lengths.
         source: (frames, source joints, 3), positions [source file units].
@@ -34,6 +35,7 @@ class PoseProblem:
     skeleton: Skeleton
     legs: Legs | None
     unit: float
+    roots: NDArray[np.intp]
     parts: NDArray[np.intp]
     distances: DistanceProblem
     source: Array

@@ -1,6 +1,6 @@
 """The rigid parts of a body: which joints turn together, how much each part carries, and the motion of solved parts.
 
-A part is a joint together with the joints that never turn against it.
+A part is a joint together with the joints that cannot turn against it, or follow it.
 """
 
 from __future__ import annotations
@@ -9,34 +9,28 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from distretarget.matching.matching import Matching
 from distretarget.motion import Motion, rigid_motion
 from distretarget.numerics.kinematics import local_rotations, rotation_products
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 
-LEAST_TURN = 2e-5  # [quaternion norm] a smaller change of a local rotation is the rounding of files
-SPIKE_SHARE = 0.05  # [of all frames] a joint that turns in fewer frames than this is rigid: those frames may be faulty
+LEAST_TURN = 2e-5  # [quaternion norm] a smaller local rotation is the rounding of files
 
 
-def rigid_part_roots(copy: Motion) -> NDArray[np.intp]:
-    """(joints,), the topmost joint of the rigid part that each joint belongs to.
+def rigid_part_roots(matching: Matching) -> NDArray[np.intp]:
+    """(target joints,), the topmost joint of the rigid part that each joint belongs to.
 
-    A joint belongs to its parent's part if it does not turn against its parent in the motion (hip joints and collars of
-    many rigs) or cannot, having no rotation channels; otherwise it is the root of a part. In a motion in which no joint
-    turns, such as a single frame, only joints that coincide with their parents count as rigid.
+    A joint belongs to its parent's part if it cannot turn against it, having no rotation channels, or has no reason to,
+    following its parent in the rotation copy as twist joints do that nothing drives. Every other joint is the root of a
+    part, even if it does not turn in this motion.
     """
-    skeleton = copy.skeleton
-    signs = np.sign(np.einsum("fji,ji->fj", copy.rotations, copy.rotations[0]))
-    rotations = signs[..., None] * copy.rotations
-    turned = np.linalg.norm(rotations - np.median(rotations, axis=0), axis=2) > LEAST_TURN
-    rigid = turned.mean(axis=0) <= SPIKE_SHARE
-    if rigid.all():
-        rigid = skeleton.lengths == 0.0
-    rigid |= np.array([not skeleton.rotation_axes(joint) for joint in range(len(skeleton))])
+    skeleton = matching.target.skeleton
     roots = np.arange(len(skeleton))
     for joint in range(1, len(skeleton)):
-        if rigid[joint] and skeleton.children[joint]:
+        follows = matching.rotation_sources[joint, 0] < 0 or not skeleton.rotation_axes(joint)
+        if follows and skeleton.children[joint]:
             roots[joint] = roots[skeleton.parents[joint]]
     return roots
 
