@@ -128,6 +128,7 @@ def _target_for(source: Motion, target: Motion | Skeleton | Target | SkeletonEdi
 def _pose_problem(matching: Matching, copy: Motion, scale: float) -> PoseProblem:
     """What the solvers need to know of a clip."""
     source, body = matching.source_motion, matching.target
+    distances = distance_problem(matching.source.skeleton, body.skeleton, matching.drivers)
     roots = rigid_part_roots(matching)
     return PoseProblem(
         skeleton=body.skeleton,
@@ -135,7 +136,8 @@ def _pose_problem(matching: Matching, copy: Motion, scale: float) -> PoseProblem
         unit=body.unit,
         roots=roots,
         parts=part_of_joint(body.skeleton, roots),
-        distances=distance_problem(matching.source.skeleton, body.skeleton, matching.drivers),
+        distances=distances,
+        touching=~np.isin(distances.targets, body.above_hips),
         source=source.positions,
         copy=copy.positions,
         root=root_path(copy, matching, scale),

@@ -133,6 +133,16 @@ def test_onto_hips_with_positions_below_a_root_on_the_floor():
     assert_near(result.motion.positions[:, 1:], walk().positions)
 
 
+@pytest.mark.parametrize("clip", ["walk", "turn", "squat"])
+def test_a_root_on_the_floor_that_feet_pass_changes_nothing(clip):
+    motion = read_bvh(SAMPLES / f"{clip}.bvh")
+    target = lengthened(motion.skeleton, {"Knee": 0.7, "Ankle": 0.7, "Elbow": 1.3})
+    rooted = on_a_root(posed(target, {}, np.zeros((1, 3))), "root").skeleton
+    expected = retarget(motion, target).motion.positions
+    found = retarget(on_a_root(motion, "root"), rooted).motion.positions[:, 1:]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * Body.of(target).height)
+
+
 @conventions
 @beings
 def test_no_animal_or_thing_is_taken_for_a_person(being, convention):

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from animals import dog
+from animals import dog, on_a_root
 from bodies import (
     CORPUS,
     SAMPLES,
@@ -359,3 +359,10 @@ def test_legs_are_found_once_for_each_body_of_a_retargeting(monkeypatch):
     retarget(source, target)
     assert [skeleton for skeleton, _ in found] == [source.rigid_skeleton, target]
     assert not by_tree
+
+
+def test_joints_above_the_hips_are_no_part_of_the_body():
+    assert Body.of(person()).above_hips == ()
+    assert Body.of(on_a_root(posed(person(), {}, np.zeros((1, 3))), "root").skeleton).above_hips == (0,)
+    unreal = rig("unreal", "A")
+    assert [unreal.names[joint] for joint in Body.of(unreal).above_hips] == ["root"]

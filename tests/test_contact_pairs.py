@@ -16,7 +16,7 @@ MATCHING = matched(PERSON, TARGET)
 PROBLEM = distance_problem(PERSON, TARGET, MATCHING.drivers)
 UNIT = 1.7
 SETTINGS = ContactSettings()
-PAIRS = candidate_pairs(PROBLEM, UNIT, SETTINGS.least_path)
+PAIRS = candidate_pairs(PROBLEM, np.ones(len(PROBLEM), bool), UNIT, SETTINGS.least_path)
 
 
 def smootherstep(D):
@@ -71,7 +71,7 @@ def test_joints_that_coincide_by_their_bones_are_no_pair():
         end_sites=[False] * 6,
     )
     longer = chain.with_offsets(np.tile([0, 1.0, 0], (6, 1)))
-    pairs = candidate_pairs(distance_problem(chain, longer, np.arange(6)), 1.0, SETTINGS.least_path)
+    pairs = candidate_pairs(distance_problem(chain, longer, np.arange(6)), np.ones(6, bool), 1.0, SETTINGS.least_path)
     assert set(zip(pairs.u.tolist(), pairs.v.tolist(), strict=True)) == {(0, 5), (1, 5)}
 
 

@@ -59,6 +59,7 @@ class Solved:
             roots=self.roots,
             parts=self.parts,
             distances=self.problem,
+            touching=np.ones(len(self.problem), bool),
             source=source,
             copy=copy,
             root=copy[:, 0],

@@ -92,6 +92,13 @@ class Body:
         """The joint where the legs branch off; None without legs."""
         return pelvis_joint(self.skeleton, self.legs) if self.legs else None
 
+    @cached_property
+    def above_hips(self) -> tuple[int, ...]:
+        """The joints above hips and legs: they carry the body and are no part of it, such as a root on the floor."""
+        hips = self.anatomy.roles.get("hips") if self.anatomy else None
+        tops = [joint for joint in (hips, self.pelvis_joint) if joint is not None]
+        return tuple(self.skeleton.line(min(tops))[1:]) if tops else ()
+
     # ---- how the body stands
 
     @cached_property

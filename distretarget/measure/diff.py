@@ -16,7 +16,7 @@ from distretarget.errors import MotionError
 from distretarget.matching.matching import Matching, match
 from distretarget.matching.pairing import JointMap
 from distretarget.measure.figures import Side, Track, Tracks, clip_figures
-from distretarget.measure.metrics import FAR_ALONG, NEAR, Comparison, compare, normalised_distances, points_of
+from distretarget.measure.metrics import NEAR, Comparison, can_touch, compare, normalised_distances, points_of
 from distretarget.motion import Motion
 from distretarget.skeleton import LARGEST
 
@@ -184,7 +184,7 @@ def _first(motion: Motion, frames: int) -> Motion:
 def _pairs(a: Motion, b: Motion, matching: Matching) -> Pairs:
     joints = points_of(matching)
     u, v = np.triu_indices(len(joints), 1)
-    far = matching.target.skeleton.path_sizes[joints[u], joints[v]] >= FAR_ALONG
+    far = can_touch(matching, joints[u], joints[v])
     count, contacts = len(u), np.zeros(len(u), np.intp)
     sums = {name: np.zeros((2, count)) for name in ("a", "b", "error")}  # over all frames, over those of contact
     largest, worst = np.full((2, count), -1.0), np.zeros((2, count), np.intp)

@@ -127,7 +127,7 @@ def normalised_distances(motion: Motion, joints: NDArray[np.intp]) -> Iterator[t
 def _distance_errors(source: Motion, result: Motion, matching: Matching) -> tuple[Array, Array, NDArray[np.intp]]:
     joints, drivers = points_of(matching), matching.drivers
     u, v = np.triu_indices(len(joints), 1)
-    far = result.skeleton.path_sizes[joints[u], joints[v]] >= FAR_ALONG
+    far = can_touch(matching, joints[u], joints[v])
     mean, contact, count = np.zeros(len(source)), np.zeros(len(source)), np.zeros(len(source), np.intp)
     blocks = zip(normalised_distances(source, drivers[joints]), normalised_distances(result, joints), strict=True)
     for (block, D_source), (_, D_result) in blocks:
@@ -138,6 +138,14 @@ def _distance_errors(source: Motion, result: Motion, matching: Matching) -> tupl
         contact[block] = np.where(near, error, 0.0).sum(axis=1)
         count[block] = near.sum(axis=1)
     return mean, contact, count
+
+
+def can_touch(matching: Matching, u: NDArray[np.intp], v: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """(pairs,), whether joints u and v of the target can be in contact: far enough apart along the tree, and both part
+    of the body, as a root on the floor is not.
+    """
+    apart = matching.target.skeleton.path_sizes[u, v] >= FAR_ALONG
+    return np.asarray(apart & ~np.isin(u, matching.target.above_hips) & ~np.isin(v, matching.target.above_hips))
 
 
 def points_of(matching: Matching) -> NDArray[np.intp]:

@@ -61,7 +61,7 @@ def _solve_frames(problem: PoseProblem, stance: Stance, frames: slice, settings:
     distances, unit = problem.distances, problem.unit
     stiffness = part_stiffness(problem, settings)
     body = Articulation(problem.skeleton.parents, problem.parts, stiffness)
-    pairs = candidate_pairs(distances, unit, settings.least_path)
+    pairs = candidate_pairs(distances, problem.touching, unit, settings.least_path)
     source, copy = problem.source[:, distances.sources], problem.copy[:, distances.targets] / unit
     bones, root = problem.bones / unit, problem.root / unit
     lead = settings.lead / problem.frame_time

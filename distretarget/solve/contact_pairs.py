@@ -31,10 +31,14 @@ class CandidatePairs:
     tau2: Array
 
 
-def candidate_pairs(distances: DistanceProblem, unit: float, least_path: int) -> CandidatePairs:
-    """All pairs of points with a path size |P| of at least `least_path`; `unit` is the body unit [file units]."""
+def candidate_pairs(
+    distances: DistanceProblem, touching: NDArray[np.bool_], unit: float, least_path: int
+) -> CandidatePairs:
+    """All pairs of points that can touch, as `touching` (points,) says, with a path size |P| of at least `least_path`;
+    `unit` is the body unit [file units].
+    """
     u, v = np.triu_indices(len(distances), 1)
-    far = (distances.sizes[u, v] >= least_path) & (distances.tau1[u, v] > 0)
+    far = (distances.sizes[u, v] >= least_path) & (distances.tau1[u, v] > 0) & touching[u] & touching[v]
     u, v = u[far], v[far]
     return CandidatePairs(u, v, distances.tau1[u, v], distances.tau2[u, v] / unit)
 

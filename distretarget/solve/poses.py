@@ -26,6 +26,7 @@ class PoseProblem:
         roots: (joints,), the topmost joint of the rigid part that each joint belongs to.
         parts: (joints,), the rigid part that carries the bones below each joint.
         distances: the points that source and target share, with their path lengths.
+        touching: (points,), whether a point of `distances` can touch another; a root above the body cannot.
         source: (frames, source joints, 3), positions [source file units].
         copy: (frames, joints, 3), positions of the rotation copy [target file units].
         root: (frames, 3), the path the root keeps to [target file units].
@@ -38,6 +39,7 @@ class PoseProblem:
     roots: NDArray[np.intp]
     parts: NDArray[np.intp]
     distances: DistanceProblem
+    touching: NDArray[np.bool_]
     source: Array
     copy: Array
     root: Array
