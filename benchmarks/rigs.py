@@ -204,7 +204,9 @@ def draw_sheet(path: Path, sources: dict[str, Motion], runs: list[Run]) -> None:
     """Draw a frame of every clip: a row per clip with the source and then all targets, seen from the same side."""
     from draw import VIEWS, Camera, Cell, cells, write_picture
 
-    no_body = Skeleton(("none",), np.array([-1]), np.zeros((1, 3)), ((),), np.array([False]))
+    no_body = Skeleton(
+        names=("none",), parents=np.array([-1]), offsets=np.zeros((1, 3)), channels=((),), end_sites=np.array([False])
+    )
     empty = Cell(no_body, np.zeros((1, 3)), np.zeros(3), 1.0)
     scenes, titles, labels = [], [], []
     for clip, source in sources.items():
@@ -261,11 +263,11 @@ def figure(motion: Motion, turn: Rotation) -> Motion:
     points = motion.positions[:, shown] @ turn.as_matrix().T
     translations = points - np.where(parents[:, None] >= 0, points[:, parents], 0.0)
     body = Skeleton(
-        tuple(re.sub(r"^([lrLR])(?=[A-Z])", r"\1_", skeleton.names[joint]) for joint in shown),
-        parents,
-        translations[0],
-        ((),) * len(shown),
-        ~np.isin(np.arange(len(shown)), parents),
+        names=tuple(re.sub(r"^([lrLR])(?=[A-Z])", r"\1_", skeleton.names[joint]) for joint in shown),
+        parents=parents,
+        offsets=translations[0],
+        channels=((),) * len(shown),
+        end_sites=~np.isin(np.arange(len(shown)), parents),
     )
     return Motion(body, translations, np.tile([0.0, 0, 0, 1], (*points.shape[:2], 1)), motion.frame_time_text)
 
