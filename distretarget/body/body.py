@@ -13,6 +13,7 @@ from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, n
 from distretarget.body.legs import Legs, find_legs, foot_bone, leg_length, pelvis_joint
 from distretarget.body.named_anatomy import by_names
 from distretarget.body.reference_pose import bend_axes, standing_frame, stands_at_rest, synthetic_t_pose
+from distretarget.body.regions import Regions, find_regions
 from distretarget.body.shape import by_shape
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import normalised
@@ -98,6 +99,11 @@ class Body:
         hips = self.anatomy.roles.get("hips") if self.anatomy else None
         tops = [joint for joint in (hips, self.pelvis_joint) if joint is not None]
         return tuple(self.skeleton.line(min(tops))[1:]) if tops else ()
+
+    @cached_property
+    def regions(self) -> Regions:
+        """The regions that touch each other, and the joints of each."""
+        return find_regions(self.skeleton, self.anatomy, self.above_hips)
 
     # ---- how the body stands
 
