@@ -16,12 +16,11 @@ from distretarget.measure.metrics import Comparison, compare
 from distretarget.motion import Motion
 from distretarget.solve.free_points import Postures
 from distretarget.solve.spg import Effort
-from distretarget.solve.stance import Stance
+from distretarget.solve.stance import RESTS, Stance
 
 Array = NDArray[np.float64]
 
 FOOT_REACH = 0.005  # a resting foot farther than this from its place is worth a warning [body units]
-RESTS = 0.99  # stance weight from which a foot rests
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

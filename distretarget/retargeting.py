@@ -29,7 +29,7 @@ from distretarget.solve.paper import solve_paper
 from distretarget.solve.poses import PoseProblem, Poses
 from distretarget.solve.rigid_parts import part_of_joint, posed_motion, rigid_part_roots
 from distretarget.solve.settings import ContactSettings
-from distretarget.solve.stance import find_stance, no_stance
+from distretarget.solve.stance import find_stance, hips_rise, no_stance
 
 Array = NDArray[np.float64]
 Objective = Literal["contact", "paper"]
@@ -87,15 +87,17 @@ def retarget(
     matching = match(source_body, target_body, {**goal.map, **(joint_map or {})})
     scale = find_root_scale(matching) if root_scale is None else root_scale
     copy = rotation_copy(matching, scale)
-    problem = _pose_problem(matching, copy, scale)
+    problem = _pose_problem(matching, copy, root_path(copy, matching, scale))
     stance, postures = no_stance(len(source)), None
     if objective == "paper":
         postures = solve_postures(problem.distances, problem.source, copy.positions)
         poses = solve_paper(problem, _fitted_poses(copy, problem, postures), progress)
     else:
-        if hold_feet:
-            stance = find_stance(matching, scale, settings)
-        poses = solve_contact(problem, stance, settings, mapper=mapper, progress=progress)
+        feet = find_stance(matching, copy, scale, settings)
+        problem = problem.raised(hips_rise(matching, feet, scale) * world.up_vector)
+        stance = feet if hold_feet else stance
+        held = settings if hold_feet else replace(settings, stance_stiffness=0.0)
+        poses = solve_contact(problem, feet, held, mapper=mapper, progress=progress)
     motion = _posed(copy, poses, problem)
     relative = (problem.distances.body_size / target_body.height) ** 2
     return RetargetResult(
@@ -125,8 +127,8 @@ def _target_for(source: Motion, target: Motion | Skeleton | Target | SkeletonEdi
             return target.for_source(source.rigid_skeleton)
 
 
-def _pose_problem(matching: Matching, copy: Motion, scale: float) -> PoseProblem:
-    """What the solvers need to know of a clip."""
+def _pose_problem(matching: Matching, copy: Motion, root: Array) -> PoseProblem:
+    """What the solvers need to know of a clip whose root keeps to the path `root`, (frames, 3) [target file units]."""
     source, body = matching.source_motion, matching.target
     distances = distance_problem(matching.source.skeleton, body.skeleton, matching.drivers)
     roots = rigid_part_roots(matching)
@@ -137,10 +139,10 @@ def _pose_problem(matching: Matching, copy: Motion, scale: float) -> PoseProblem
         roots=roots,
         parts=part_of_joint(body.skeleton, roots),
         distances=distances,
-        touching=~np.isin(distances.targets, body.above_hips),
+        regions=matching.regions,
         source=source.positions,
         copy=copy.positions,
-        root=root_path(copy, matching, scale),
+        root=root,
         frame_time=source.frame_time,
     )
 

@@ -8,7 +8,7 @@ from distretarget.solve.articulation import Articulation, pose_body, pose_gradie
 from distretarget.solve.contact import _solve
 from distretarget.solve.rigid_parts import part_of_joint
 from distretarget.solve.settings import ContactSettings
-from distretarget.solve.springs import Springs, spring_energy
+from distretarget.solve.springs import Springs, spring_energy, stiffer_along
 
 
 def random_springs(draw, joints, frames=1, count=12, grounded=4):
@@ -18,8 +18,8 @@ def random_springs(draw, joints, frames=1, count=12, grounded=4):
     b[count - grounded :] = -1
     e = draw.normal(size=(frames, count, 3))
     e /= np.linalg.norm(e, axis=-1, keepdims=True)
-    k = np.where(b < 0, 1.0, draw.uniform(0, 1, (frames, count)))
-    return Springs(a, b, draw.normal(size=(frames, count, 3)), e, draw.uniform(0.5, 3, (frames, count)), k)
+    w, k = draw.uniform(0.5, 3, (frames, count)), draw.uniform(0, 1, (frames, count))
+    return Springs(a, b, draw.normal(size=(frames, count, 3)), stiffer_along(e, w, k))
 
 
 def at(springs, frame):
@@ -28,9 +28,9 @@ def at(springs, frame):
 
 def naive_energy(x, springs):
     energy = 0.0
-    for a, b, rest, e, w, k in zip(*springs, strict=True):
+    for a, b, rest, A in zip(*springs, strict=True):
         r = x[a] - rest - (x[b] if b >= 0 else 0)
-        energy += 0.5 * w * r @ (k * np.eye(3) + (1 - k) * np.outer(e, e)) @ r
+        energy += 0.5 * r @ A @ r
     return energy
 
 

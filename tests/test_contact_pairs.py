@@ -1,11 +1,14 @@
 """Pairs of joints that come near: when their springs start, how stiff they are, and where they pull."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bodies import clapping, matched, other_lengths, person
 
 from distretarget import Skeleton
 from distretarget.baseline.rotation_copy import rotation_copy
+from distretarget.body.regions import Regions
 from distretarget.distances import distance_problem
 from distretarget.solve.contact_pairs import CandidatePairs, activation, candidate_pairs, pair_springs
 from distretarget.solve.settings import ContactSettings
@@ -16,7 +19,8 @@ MATCHING = matched(PERSON, TARGET)
 PROBLEM = distance_problem(PERSON, TARGET, MATCHING.drivers)
 UNIT = 1.7
 SETTINGS = ContactSettings()
-PAIRS = candidate_pairs(PROBLEM, np.ones(len(PROBLEM), bool), UNIT, SETTINGS.least_path)
+BODY = MATCHING.target
+PAIRS = candidate_pairs(PROBLEM, BODY.regions, BODY.legs, UNIT, SETTINGS.least_path)
 
 
 def smootherstep(D):
@@ -31,23 +35,29 @@ def copied(source):
 def springs_of(source, block, lead):
     copy = copied(source) / UNIT
     points = source.positions[:, PROBLEM.sources], copy[:, PROBLEM.targets]
-    return pair_springs(PAIRS, PROBLEM, *points, block=block, lead=lead, settings=SETTINGS)
+    standing = np.zeros(len(source))[block]
+    return pair_springs(PAIRS, PROBLEM, *points, standing, block=block, lead=lead, settings=SETTINGS)
 
 
 def by_pair(springs):
-    """Per pair of joints: rest, direction, weight and factor across."""
+    """Per pair of joints: rest and stiffness, with the frames in front."""
     return {
-        (int(a), int(b)): tuple(values[:, s] for values in springs[2:])
+        (int(a), int(b)): (springs.rest[:, s], springs.A[:, s])
         for s, (a, b) in enumerate(zip(springs.a, springs.b, strict=True))
     }
 
 
-def test_all_pairs_far_along_the_tree_are_looked_at_and_no_other():
+def every_joint_a_region(joints):
+    return Regions(tuple(map(str, range(joints))), np.arange(joints), np.eye(joints, dtype=bool))
+
+
+def test_all_pairs_of_regions_apart_and_far_along_the_tree_are_looked_at_and_no_other():
     expected = {
         (u, v)
         for u in range(len(PERSON))
         for v in range(u + 1, len(PERSON))
         if PERSON.path_sizes[u, v] >= SETTINGS.least_path
+        and not BODY.regions.neighbours[BODY.regions.of_joint[u], BODY.regions.of_joint[v]]
     }
     found = set(zip(PROBLEM.targets[PAIRS.u].tolist(), PROBLEM.targets[PAIRS.v].tolist(), strict=True))
     assert found == expected
@@ -71,7 +81,8 @@ def test_joints_that_coincide_by_their_bones_are_no_pair():
         end_sites=[False] * 6,
     )
     longer = chain.with_offsets(np.tile([0, 1.0, 0], (6, 1)))
-    pairs = candidate_pairs(distance_problem(chain, longer, np.arange(6)), np.ones(6, bool), 1.0, SETTINGS.least_path)
+    problem = distance_problem(chain, longer, np.arange(6))
+    pairs = candidate_pairs(problem, every_joint_a_region(6), None, 1.0, SETTINGS.least_path)
     assert set(zip(pairs.u.tolist(), pairs.v.tolist(), strict=True)) == {(0, 5), (1, 5)}
 
 
@@ -124,14 +135,14 @@ def test_a_single_frame_unlike_its_neighbours_counts_for_nothing(spike):
 
 def assert_a_block_has_the_springs_of_the_whole(source, block, lead):
     whole, part = (by_pair(springs_of(source, frames, lead)) for frames in (slice(0, len(source)), block))
-    assert max(w.max() for _, _, w, _ in whole.values()) > 1
+    assert max(A.max() for _, A in whole.values()) > 1
     assert set(part) <= set(whole)
-    for pair, (rest, e, w, k) in whole.items():
+    for pair, (rest, A) in whole.items():
         if pair in part:
-            for expected, found in zip((rest, e, w, k), part[pair], strict=True):
+            for expected, found in zip((rest, A), part[pair], strict=True):
                 np.testing.assert_allclose(found, expected[block], rtol=1e-9, atol=1e-12)
         else:
-            assert w[block].max() == 0.0
+            assert np.abs(A[block]).max() == 0.0
 
 
 @pytest.mark.parametrize("block", [slice(0, 40), slice(40, 90), slice(77, 78), slice(100, 150)])
@@ -151,24 +162,26 @@ def test_a_kept_pair_belongs_at_its_scaled_distance_in_the_direction_of_the_sour
     source = clapping(np.ones(5))
     springs = springs_of(source, slice(0, 5), 2.0)
     left, right = PERSON.index("LeftWrist"), PERSON.index("RightWrist")
-    rest, e, _, k = by_pair(springs)[right, left]
+    rest, A = by_pair(springs)[right, left]
     d = source.positions[:, right] - source.positions[:, left]
     D = np.linalg.norm(d, axis=1) / PERSON.path_lengths[left, right]
     assert D.max() < SETTINGS.close
     np.testing.assert_allclose(np.linalg.norm(rest, axis=1), D * TARGET.path_lengths[left, right] / UNIT)
     np.testing.assert_allclose(rest / np.linalg.norm(rest, axis=1)[:, None], d / np.linalg.norm(d, axis=1)[:, None])
-    np.testing.assert_allclose(e, d / np.linalg.norm(d, axis=1)[:, None])
-    assert np.all((k > 0.9) & (k <= 1))
+    stiffness, directions = np.linalg.eigh(A)
+    along = np.abs(np.einsum("fi,fi->f", directions[..., -1], d)) / np.linalg.norm(d, axis=1)
+    np.testing.assert_allclose(along, 1.0)
+    assert np.all(stiffness[:, 0] > 0.9 * stiffness[:, -1])
 
 
 def test_the_copys_place_passes_smoothly_into_the_kept_place():
     source = clapping(np.sin(np.linspace(0, np.pi, 161)) ** 2)
     springs = springs_of(source, slice(0, 161), 0.0)
     left, right = PERSON.index("LeftWrist"), PERSON.index("RightWrist")
-    rest, _, w, _ = by_pair(springs)[right, left]
+    rest, A = by_pair(springs)[right, left]
     copy = copied(source) / UNIT
     d_copy = copy[:, right] - copy[:, left]
-    off = w == 0
+    off = ~A.any(axis=(1, 2))
     assert off.any()
     assert not off.all()
     np.testing.assert_allclose(rest[off], d_copy[off], atol=1e-12)
@@ -179,9 +192,10 @@ def test_the_copys_place_passes_smoothly_into_the_kept_place():
 def test_nearer_pairs_are_stiffer_and_in_more_directions():
     source = clapping(np.linspace(0.85, 1.0, 30))
     left, right = PERSON.index("LeftWrist"), PERSON.index("RightWrist")
-    _, _, w, k = by_pair(springs_of(source, slice(0, 30), 60.0))[right, left]
-    assert np.all(np.diff(w) > 0)
-    assert np.all(np.diff(k) > 0)
+    _, A = by_pair(springs_of(source, slice(0, 30), 60.0))[right, left]
+    stiffness = np.linalg.eigvalsh(A)
+    assert np.all(np.diff(stiffness[:, -1]) > 0)
+    assert np.all(np.diff(stiffness[:, 0] / stiffness[:, -1]) > 0)
 
 
 def lone_and_cluster(count):
@@ -196,9 +210,11 @@ def lone_and_cluster(count):
     )
     problem = distance_problem(chain, chain, np.arange(points))
     u, v = (ends.ravel() for ends in np.meshgrid(np.arange(count), np.arange(count, points), indexing="ij"))
-    pairs = CandidatePairs(u, v, np.full(len(u), 1 / SETTINGS.close), np.full(len(u), 1 / SETTINGS.close))
+    tau = np.full(len(u), 1 / SETTINGS.close)
+    pairs = CandidatePairs(u, v, tau, tau, np.zeros(len(u), bool))
     x = np.tile(np.where(np.arange(points) < count, 0.0, 1.0)[:, None] * [1.0, 0, 0], (3, 1, 1))
-    return pair_springs(pairs, problem, x, x, block=slice(0, 3), lead=0.0, settings=SETTINGS).w[1]
+    springs = pair_springs(pairs, problem, x, x, np.zeros(3), block=slice(0, 3), lead=0.0, settings=SETTINGS)
+    return np.linalg.eigvalsh(springs.A[1])[:, -1]
 
 
 def test_a_point_near_a_cluster_is_pulled_about_as_much_as_one_near_a_single_point():
@@ -208,6 +224,25 @@ def test_a_point_near_a_cluster_is_pulled_about_as_much_as_one_near_a_single_poi
         weights = lone_and_cluster(count)
         assert len(weights) == count**2
         assert lone < weights.sum() / count < 2 * lone
+
+
+def test_feet_are_no_pair_while_one_of_them_rests():
+    source = clapping(np.ones(4))
+    copy = copied(source) / UNIT
+    points = source.positions[:, PROBLEM.sources], copy[:, PROBLEM.targets]
+    near = replace(SETTINGS, close=0.5, apart=0.6)
+    both = {"LeftAnkle", "LeftToe", "LeftToe_End"}, {"RightAnkle", "RightToe", "RightToe_End"}
+    springs = pair_springs(PAIRS, PROBLEM, *points, np.array([0, 0.5, 1, 0]), block=slice(0, 4), lead=0, settings=near)
+    feet = [
+        {PERSON.names[a], PERSON.names[b]} & both[0] and {PERSON.names[a], PERSON.names[b]} & both[1]
+        for a, b in zip(springs.a, springs.b, strict=True)
+    ]
+    feet = np.array([bool(each) for each in feet])
+    assert feet.any()
+    stiffness = np.linalg.eigvalsh(springs.A)[..., -1]
+    assert np.all(stiffness[2, feet] == 0)
+    assert np.all((stiffness[1, feet] > 0) & (stiffness[1, feet] < stiffness[0, feet]))
+    assert np.all(stiffness[2, ~feet] > 0)
 
 
 def test_a_clip_without_near_pairs_has_no_springs():

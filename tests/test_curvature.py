@@ -24,7 +24,7 @@ def test_the_curvature_of_springs_at_rest_is_the_hessian_of_the_energy(seed, kin
     v = size * np.random.default_rng(seed).normal(size=case.shape)
     case.without_residual(v)
     off = {"grounded": case.springs.b >= 0, "between joints": case.springs.b < 0, "both": False}[kind]
-    case.springs.w[0, off] = 0.0
+    case.springs.A[0, off] = 0.0
     U, active = curvature_at(case, v)
     factorise(U, 3 * len(active))
     U = np.triu(U)[: 3 * len(active), : 3 * len(active)]
@@ -40,9 +40,9 @@ def test_the_curvature_of_springs_at_rest_is_the_hessian_of_the_energy(seed, kin
 
 def test_only_parts_that_a_spring_acts_on_are_unknowns():
     case = Case(0)
-    case.springs.w[:] = 0.0
+    case.springs.A[:] = 0.0
     assert len(curvature_at(case, np.zeros(case.shape))[1]) == 0
-    case.springs.w[0, -1] = 1.0  # a grounded one
+    case.springs.A[0, -1] = np.eye(3)  # a grounded one
     way, joint = set(), int(case.springs.a[-1])
     while joint:
         joint = int(case.body.parents[joint])

@@ -59,7 +59,7 @@ class Solved:
             roots=self.roots,
             parts=self.parts,
             distances=self.problem,
-            touching=np.ones(len(self.problem), bool),
+            regions=body.regions,
             source=source,
             copy=copy,
             root=copy[:, 0],

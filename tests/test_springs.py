@@ -5,7 +5,7 @@ import pytest
 from spring_case import at, naive_energy, random_springs
 
 from distretarget.solve.articulation import scratch_of
-from distretarget.solve.springs import Springs, joined, spring_energy
+from distretarget.solve.springs import Springs, joined, spring_energy, stiffer_along
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -25,7 +25,8 @@ def test_springs_have_the_energy_and_the_gradient_of_their_definition(seed):
 def test_a_spring_along_its_axis_does_not_feel_what_happens_across():
     scratch = scratch_of(2, 1)
     axis, across = np.array([0.6, 0.8, 0.0]), np.array([0.8, -0.6, 2.0])
-    springs = Springs(np.array([0]), np.array([1]), np.zeros((1, 3)), axis[None], np.array([4.0]), np.array([0.0]))
+    A = stiffer_along(axis[None], np.array([4.0]), np.array([0.0]))
+    springs = Springs(np.array([0]), np.array([1]), np.zeros((1, 3)), A)
     scratch.x[0] = 0.5 * axis + across
     assert spring_energy(scratch, springs) == pytest.approx(0.5)
     np.testing.assert_allclose(scratch.gradient, [2 * axis, -2 * axis])

@@ -23,7 +23,7 @@ def test_stiffness_grows_with_what_a_part_carries_and_feet_are_stiff():
         roots=np.arange(len(PERSON)),
         parts=parts,
         distances=distance_problem(PERSON, PERSON, matching.drivers),
-        touching=np.ones(len(PERSON), bool),
+        regions=matching.regions,
         source=PERSON.rest_positions[None],
         copy=PERSON.rest_positions[None],
         root=np.zeros((1, 3)),

@@ -12,12 +12,12 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.anatomy import SIDES
 from distretarget.body.axes import Directions, squared, upright
 from distretarget.body.body import Body
+from distretarget.matching.bones import BUILD_ANGLE, bone_directions, driven_below
 from distretarget.matching.matching import Matching
-from distretarget.numerics.rotations import least, normalised
+from distretarget.numerics.rotations import least
 
 Array = NDArray[np.float64]
 
-BUILD_ANGLE = np.radians(55)  # rest directions of bones that differ by less show another build, not another pose [rad]
 LONG_BONES = ("UpperArm", "LowerArm", "UpperLeg", "LowerLeg")  # roles whose bones are always aligned bone by bone
 SHORT_BONES = ("hips", "head", "Shoulder", "Foot", "Toes")  # roles whose bones point differently in every build
 
@@ -54,21 +54,10 @@ class _Bodies:
         return self.matching.source.anatomy is not None and self.matching.target.anatomy is not None
 
     @cached_property
-    def alike(self) -> bool:
-        """Whether all bones of both rest poses point about the same way, so that the rest poses can be compared."""
-        matching = self.matching
-        x, y = matching.source.skeleton.rest_positions, matching.target.skeleton.rest_positions
-        for joint, below in enumerate(_driven_below(matching, x, y)):
-            a, b = _bones(matching, x, y, joint, below)
-            if ((a * b).sum(axis=1) < np.cos(BUILD_ANGLE)).any():
-                return False
-        return True
-
-    @cached_property
     def poses(self) -> tuple[Array, Array]:
         """(joints, 4) of source and target, the world rotations of the poses that are aligned with each other."""
         source, target = self.matching.source, self.matching.target
-        if self.human and not self.alike:
+        if self.human and not self.matching.rest_poses_alike:
             return source.reference_pose, target.reference_pose
         return source.skeleton.unturned, target.skeleton.unturned
 
@@ -81,7 +70,7 @@ class _Bodies:
     @cached_property
     def bends(self) -> tuple[dict[str, Array], dict[str, Array]]:
         """The axes, (3,) by role, about which the limbs of source and target bend in these poses."""
-        if not self.human or self.alike:
+        if not self.human or self.matching.rest_poses_alike:
             return {}, {}
         return self.matching.source.bend_axes, self.matching.target.bend_axes
 
@@ -94,7 +83,7 @@ class _Bodies:
     @cached_property
     def turn(self) -> Rotation:
         """The rotation from the target's axes to the source's."""
-        if not self.human or self.alike:
+        if not self.human or self.matching.rest_poses_alike:
             return Rotation.identity()
         source_axes, target_axes = self.axes
         return Rotation.from_matrix(source_axes @ target_axes.T)
@@ -125,8 +114,22 @@ class _Bodies:
 
     @cached_property
     def ankles(self) -> set[int]:
-        """The target's ankles, which are aligned like the body as a whole, not like the leg."""
+        """The target's ankles, which are aligned like the body as a whole, sole onto sole, not like the leg."""
         return {joint for role, joint in self._target_roles.items() if role.endswith("Foot")}
+
+    @cached_property
+    def sole_normals(self) -> dict[int, tuple[Array, Array]]:
+        """For the target's ankles, the normals of the soles of source and target in these poses, (3,) each."""
+        matching, (source_pose, target_pose) = self.matching, self.poses
+        if matching.legs is None or not self.human:
+            return {}
+        return {
+            b.ankle: (
+                Rotation.from_quat(source_pose[a.ankle]).apply(source.normal),
+                Rotation.from_quat(target_pose[b.ankle]).apply(target.normal),
+            )
+            for a, b, (source, target) in zip(*matching.legs, matching.soles, strict=True)
+        }
 
     @cached_property
     def built_differently(self) -> set[int]:
@@ -147,7 +150,7 @@ class _Bodies:
     @property
     def _posed_by_motion(self) -> bool:
         """Whether the pose of one of the bodies may be a frame of its motion instead of its rest pose."""
-        if not self.human or self.alike:
+        if not self.human or self.matching.rest_poses_alike:
             return False
         source, target = self.matching.source, self.matching.target
         return not source.stands_at_rest or not (target.motion is None or target.stands_at_rest)
@@ -170,11 +173,14 @@ def _joint_alignments(bodies: _Bodies) -> Array:
     """(target joints, 4), the rotations that align each target joint with the source, both bodies in their poses."""
     matching, (x, y) = bodies.matching, bodies.positions
     alignments: list[Rotation] = []
-    for joint, below in enumerate(_driven_below(matching, x, y)):
+    for joint, below in enumerate(driven_below(matching.target.skeleton, matching.drivers, x, y)):
         root_like = not joint or joint in bodies.ankles
         turn = bodies.turn if root_like else alignments[matching.target.skeleton.parents[joint]]
+        if joint in bodies.sole_normals:
+            normal, target_normal = bodies.sole_normals[joint]
+            turn = least(turn.apply(target_normal[None]), normal[None]) * turn
         if below:
-            b, a = _bones(matching, x, y, joint, below)
+            b, a = bone_directions(matching.drivers, x, y, joint, below)
             if joint in bodies.outwards:
                 turn = least(turn.apply(a[:1]), bodies.outwards[joint][None]) * turn
             onto = least(turn.apply(a), b)
@@ -195,26 +201,3 @@ def _with_roll(bodies: _Bodies, joint: int, bone: Array, onto: Rotation, turn: R
     across, goal = (vector - (vector @ bone) * bone for vector in (target_axis, source_axis))
     angle = np.arctan2(np.cross(across, goal) @ bone, across @ goal)
     return Rotation.from_rotvec(angle * bone)
-
-
-def _bones(matching: Matching, x: Array, y: Array, joint: int, below: list[int]) -> tuple[Array, Array]:
-    """(joints below, 3) of source and target, the directions from a target joint to joints below it."""
-    drivers = matching.drivers
-    return normalised(x[drivers[below]] - x[drivers[joint]]), normalised(y[below] - y[joint])
-
-
-def _driven_below(matching: Matching, x: Array, y: Array) -> list[list[int]]:
-    """For each target joint with a driver, the nearest driven joints below it that do not coincide with it on either
-    body.
-    """
-    drivers, parents = matching.drivers, matching.target.skeleton.parents
-    below: list[list[int]] = [[] for _ in drivers]
-    for joint in range(1, len(below)):
-        if drivers[joint] < 0:
-            continue
-        above = int(parents[joint])
-        while above >= 0 and drivers[above] < 0:
-            above = int(parents[above])
-        if above >= 0 and (y[joint] != y[above]).any() and (x[drivers[joint]] != x[drivers[above]]).any():
-            below[above].append(joint)
-    return below

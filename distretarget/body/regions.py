@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,14 @@ class Regions:
     names: tuple[str, ...]
     of_joint: NDArray[np.intp]
     neighbours: NDArray[np.bool_]
+
+    def with_joints(self, skeleton: Skeleton, joints: Iterable[int]) -> Regions:
+        """The same regions, with joints that have none in that of the nearest joint above that has one."""
+        of_joint = np.array(self.of_joint)
+        for joint in joints:
+            above = [int(of_joint[each]) for each in skeleton.line(joint) if of_joint[each] >= 0]
+            of_joint[joint] = above[0] if above else -1
+        return replace(self, of_joint=of_joint)
 
 
 def find_regions(skeleton: Skeleton, anatomy: Anatomy | None, above_hips: tuple[int, ...]) -> Regions:

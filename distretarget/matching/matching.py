@@ -10,7 +10,10 @@ from numpy.typing import NDArray
 
 from distretarget.body.body import Body
 from distretarget.body.legs import Leg, Legs, leg_length
+from distretarget.body.regions import Regions
+from distretarget.body.soles import Sole, find_soles
 from distretarget.errors import MatchingError, MotionError
+from distretarget.matching.bones import rest_poses_alike
 from distretarget.matching.pairing import JointMap, find_pairs, pairs_of_map, tips
 from distretarget.matching.spine import spine_blend
 from distretarget.motion import Motion
@@ -105,6 +108,36 @@ class Matching:
     def leg_lengths(self) -> tuple[float, float]:
         """The length of these legs, thigh and shin, in source and target [file units of each]; 0 without them."""
         return (leg_length(self.source.skeleton, self.legs[0]), self.target.leg_length) if self.legs else (0.0, 0.0)
+
+    @cached_property
+    def regions(self) -> Regions:
+        """The regions of the target that touch each other. Joints that the map drives belong to the region they are
+        attached to, whatever they are.
+        """
+        mapped = [joint for joint, method in enumerate(self.method) if method == "map"]
+        return self.target.regions.with_joints(self.target.skeleton, mapped)
+
+    @cached_property
+    def rest_poses_alike(self) -> bool:
+        """Whether all bones of both rest poses point about the same way, so that they can be compared."""
+        return rest_poses_alike(self.source.skeleton, self.target.skeleton, self.drivers)
+
+    @cached_property
+    def soles(self) -> tuple[tuple[Sole, Sole], ...]:
+        """The soles of source and target of each of these legs; empty without them.
+
+        Where only one of two bodies with like rest poses shows how its feet stand, those of the other stand likewise.
+        """
+        if self.legs is None:
+            return ()
+        source, target = (
+            find_soles(body, legs) for body, legs in zip((self.source, self.target), self.legs, strict=True)
+        )
+        if self.rest_poses_alike and not target[0].known:
+            target = find_soles(self.target, self.legs[1], (source[0].normal, source[1].normal))
+        elif self.rest_poses_alike and not source[0].known:
+            source = find_soles(self.source, self.legs[0], (target[0].normal, target[1].normal))
+        return tuple(zip(source, target, strict=True))
 
     @cached_property
     def pelvis(self) -> int:

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from distretarget.solve.articulation import Articulation
 from distretarget.solve.chunks import Mapper, Progress, blocks_of, solve_in_chunks
 from distretarget.solve.contact_pairs import activation_window, candidate_pairs, pair_springs
+from distretarget.solve.foot_springs import foot_springs
 from distretarget.solve.jumps import smooth_jumps
 from distretarget.solve.pose_solver import Frame, compile_pose_solver, solver_arrays, warm_starts
 from distretarget.solve.poses import PoseProblem, Poses
@@ -61,7 +62,7 @@ def _solve_frames(problem: PoseProblem, stance: Stance, frames: slice, settings:
     distances, unit = problem.distances, problem.unit
     stiffness = part_stiffness(problem, settings)
     body = Articulation(problem.skeleton.parents, problem.parts, stiffness)
-    pairs = candidate_pairs(distances, problem.touching, unit, settings.least_path)
+    pairs = candidate_pairs(distances, problem.regions, problem.legs, unit, settings.least_path)
     source, copy = problem.source[:, distances.sources], problem.copy[:, distances.targets] / unit
     bones, root = problem.bones / unit, problem.root / unit
     lead = settings.lead / problem.frame_time
@@ -70,19 +71,12 @@ def _solve_frames(problem: PoseProblem, stance: Stance, frames: slice, settings:
     log = np.zeros((4, count))
     for solved in blocks_of(count):
         block = slice(frames.start + solved.start, frames.start + solved.stop)
-        near = pair_springs(pairs, distances, source, copy, block=block, lead=lead, settings=settings)
-        springs = joined(near, _foot_springs(stance[block], unit, settings.stance_stiffness))
-        _solve(body, bones[block], root[block], springs, settings.tolerance, v, solved.start, log)
+        standing = stance.standing[block]
+        near = pair_springs(pairs, distances, source, copy, standing, block=block, lead=lead, settings=settings)
+        feet = foot_springs(stance[block], body, bones[block], unit, settings.stance_stiffness)
+        _solve(body, bones[block], root[block], joined(near, feet), settings.tolerance, v, solved.start, log)
     v[:, -1] *= unit
     return Poses(v, Effort.from_log(log))
-
-
-def _foot_springs(stance: Stance, unit: float, stiffness: float) -> Springs:
-    """The springs that draw resting feet to their places."""
-    weights = stiffness * stance.weights
-    world = np.full(len(stance.joints), -1)
-    places = stance.places / unit
-    return Springs(stance.joints, world, places, np.zeros_like(places), weights, np.ones_like(weights))
 
 
 @njit(cache=True)
@@ -105,6 +99,6 @@ def _solve(body, bones, root, springs, tolerance, v, first, log):  # type: ignor
         count = min(at, 2) + 1
         warm_starts(v, at, starts)
         frame = Frame(bones[t], root[t])
-        terms = Springs(springs.a, springs.b, springs.rest[t], springs.e[t], springs.w[t], springs.k[t])
+        terms = Springs(springs.a, springs.b, springs.rest[t], springs.A[t])
         minimum = _solve_pose(starts, count, body, scratch, unknowns, frame, terms, tolerance, v[at])
         record(minimum, log, at)

@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from distretarget.body.legs import Legs
+from distretarget.body.regions import Regions
 from distretarget.distances import DistanceProblem
 from distretarget.numerics.smoothing import widened
 from distretarget.solve.settings import ContactSettings
-from distretarget.solve.springs import Springs
+from distretarget.solve.springs import Springs, stiffer_along
 
 Array = NDArray[np.float64]
 
@@ -23,24 +25,34 @@ class CandidatePairs:
     Attributes:
         u, v: (pairs,), points.
         tau1, tau2: (pairs,), path lengths on the source and on the target [source file units, body units].
+        feet: (pairs,), whether it is a pair of the two feet, which come near without a contact in a body that stands.
     """
 
     u: NDArray[np.intp]
     v: NDArray[np.intp]
     tau1: Array
     tau2: Array
+    feet: NDArray[np.bool_]
 
 
 def candidate_pairs(
-    distances: DistanceProblem, touching: NDArray[np.bool_], unit: float, least_path: int
+    distances: DistanceProblem, regions: Regions, legs: Legs | None, unit: float, least_path: int
 ) -> CandidatePairs:
-    """All pairs of points that can touch, as `touching` (points,) says, with a path size |P| of at least `least_path`;
-    `unit` is the body unit [file units].
+    """All pairs of points in two regions of the target that are no neighbours, with a path size |P| of at least
+    `least_path`; `legs` are the target's and `unit` is its body unit [file units].
     """
+    of_point = regions.of_joint[distances.targets]
     u, v = np.triu_indices(len(distances), 1)
-    far = (distances.sizes[u, v] >= least_path) & (distances.tau1[u, v] > 0) & touching[u] & touching[v]
+    far = (distances.sizes[u, v] >= least_path) & (distances.tau1[u, v] > 0)
+    far &= (np.minimum(of_point[u], of_point[v]) >= 0) & ~regions.neighbours[of_point[u], of_point[v]]
     u, v = u[far], v[far]
-    return CandidatePairs(u, v, distances.tau1[u, v], distances.tau2[u, v] / unit)
+    feet = np.zeros(len(u), bool)
+    if legs:
+        one, other = (regions.of_joint[leg.ankle] for leg in legs)
+        feet = (np.minimum(of_point[u], of_point[v]) == min(one, other)) & (
+            np.maximum(of_point[u], of_point[v]) == max(one, other)
+        )
+    return CandidatePairs(u, v, distances.tau1[u, v], distances.tau2[u, v] / unit, feet)
 
 
 def activation(D: Array, lead: float, settings: ContactSettings) -> Array:
@@ -65,6 +77,7 @@ def pair_springs(
     distances: DistanceProblem,
     source: Array,
     copy: Array,
+    standing: Array,
     *,
     block: slice,
     lead: float,
@@ -73,7 +86,7 @@ def pair_springs(
     """The springs of the near pairs in a block of frames; their arrays have the frames in front.
 
     `source`, (frames, points, 3), are the source's points [file units] and `copy` the copy's [body units], of the whole
-    clip; `lead` is in frames.
+    clip; `standing`, (frames of the block,), is 1 while a foot rests; `lead` is in frames.
     """
     margin = activation_window(lead)
     first, last = max(block.start - margin, 0), min(block.stop + margin, len(source))
@@ -82,7 +95,7 @@ def pair_springs(
     on = np.flatnonzero((settings.apart > D).any(axis=0))
     u, v = pairs.u[on], pairs.v[on]
     inside = slice(block.start - first, block.stop - first)
-    f = activation(D[:, on], lead, settings)[inside]
+    f = activation(D[:, on], lead, settings)[inside] * (1.0 - np.outer(standing, pairs.feet[on]))
     shared = _shared(f, u, v, len(distances))
     w = settings.pair_stiffness * shared * settings.close / (D[inside][:, on] + settings.touch)
     d_source = (source[block][:, u] - source[block][:, v]) * (pairs.tau2[on] / pairs.tau1[on])[:, None]
@@ -91,7 +104,7 @@ def pair_springs(
     length = np.linalg.norm(d_source, axis=-1)
     e = d_source / np.maximum(length, 1e-12)[..., None]
     k = settings.direction_range**2 / (settings.direction_range**2 + length**2)
-    return Springs(distances.targets[u], distances.targets[v], delta, e, w, k)
+    return Springs(distances.targets[u], distances.targets[v], delta, stiffer_along(e, w, k))
 
 
 def _shared(f: Array, u: NDArray[np.intp], v: NDArray[np.intp], points: int) -> Array:

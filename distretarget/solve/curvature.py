@@ -11,7 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from distretarget.solve.articulation import Articulation, Scratch, lever_arms, to_rotation_vector
-from distretarget.solve.springs import NEGLIGIBLE, Springs
+from distretarget.solve.springs import NEGLIGIBLE, Springs, stiffness_of
 
 Array = NDArray[np.float64]
 Parts = NDArray[np.intp]
@@ -80,7 +80,7 @@ def _spring_curvature(body: Articulation, scratch: Scratch, springs: Springs, H:
     on = np.empty(parts, np.intp)
     Q = np.empty((parts, 3))
     for s in range(len(springs.a)):
-        if springs.w[s] < NEGLIGIBLE:
+        if stiffness_of(springs.A[s]) < NEGLIGIBLE:
             continue
         a, b = springs.a[s], springs.b[s]
         count = 0
@@ -92,37 +92,34 @@ def _spring_curvature(body: Articulation, scratch: Scratch, springs: Springs, H:
             if size > 0.0:
                 on[count] = part
                 count += 1
-        _add_spring(springs.w[s], springs.k[s], springs.e[s], Q, on, count, b < 0, H)
+        _add_spring(springs.A[s], Q, on, count, b < 0, H)
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
-def _add_spring(w, k, e, Q, on, count, grounded, H):  # type: ignore[no-untyped-def]
+def _add_spring(A, Q, on, count, grounded, H):  # type: ignore[no-untyped-def]
     """Add the blocks of one spring for the parts `on`; one that is tied to the world also acts on the root's place."""
     root = len(H) - 3
-    for m in range(count):
-        row = 3 * on[m]
-        q = Q[m]
-        mx, my, mz = q[1] * e[2] - q[2] * e[1], q[2] * e[0] - q[0] * e[2], q[0] * e[1] - q[1] * e[0]
-        for n in range(m, count):
-            column = 3 * on[n]
-            p = Q[n]
-            dot = q[0] * p[0] + q[1] * p[1] + q[2] * p[2]
-            nx, ny, nz = p[1] * e[2] - p[2] * e[1], p[2] * e[0] - p[0] * e[2], p[0] * e[1] - p[1] * e[0]
-            along = (mx, my, mz), (nx, ny, nz)
-            for i in range(3):
-                H[row + i, column + i] += w * k * dot
-                for j in range(3):
-                    H[row + i, column + j] += w * ((1.0 - k) * along[0][i] * along[1][j] - k * p[i] * q[j])
+    B = np.empty((3, 3))
+    for n in range(count):
+        column, p = 3 * on[n], Q[n]
+        for i in range(3):
+            B[i, 0] = A[i, 1] * p[2] - A[i, 2] * p[1]
+            B[i, 1] = A[i, 2] * p[0] - A[i, 0] * p[2]
+            B[i, 2] = A[i, 0] * p[1] - A[i, 1] * p[0]
+        for m in range(n + 1):
+            row, q = 3 * on[m], Q[m]
+            for j in range(3):
+                H[row, column + j] += q[2] * B[1, j] - q[1] * B[2, j]
+                H[row + 1, column + j] += q[0] * B[2, j] - q[2] * B[0, j]
+                H[row + 2, column + j] += q[1] * B[0, j] - q[0] * B[1, j]
         if grounded:
-            H[row, root + 1] -= w * q[2]
-            H[row, root + 2] += w * q[1]
-            H[row + 1, root] += w * q[2]
-            H[row + 1, root + 2] -= w * q[0]
-            H[row + 2, root] -= w * q[1]
-            H[row + 2, root + 1] += w * q[0]
+            for i in range(3):
+                for j in range(3):
+                    H[column + i, root + j] -= B[j, i]
     if grounded:
         for i in range(3):
-            H[root + i, root + i] += w
+            for j in range(3):
+                H[root + i, root + j] += A[i, j]
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)

@@ -31,7 +31,8 @@ class Terms(NamedTuple):
         points: (points,), the joint at each point.
         delta, pi: (points, points), target distances [body sizes] and priorities.
         x, gradient: (3, points), scratch.
-        springs: one per pair, scratch for the curvature.
+        priorities: (springs,), pi of each pair that counts.
+        springs: one for each of these, scratch for the curvature.
     """
 
     points: NDArray[np.intp]
@@ -39,6 +40,7 @@ class Terms(NamedTuple):
     pi: Array
     x: Array
     gradient: Array
+    priorities: Array
     springs: Springs
 
 
@@ -69,17 +71,16 @@ def _terms(distances: DistanceProblem) -> Terms:
     u, v = np.triu_indices(points, 1)
     on = distances.priorities[u, v] > 0
     u, v = u[on], v[on]
-    directions = np.zeros((len(u), 3))
     springs = Springs(
         a=distances.targets[u],
         b=distances.targets[v],
-        rest=directions,
-        e=directions.copy(),
-        w=distances.priorities[u, v],
-        k=np.zeros(len(u)),
+        rest=np.zeros((len(u), 3)),
+        A=np.zeros((len(u), 3, 3)),
     )
     square, columns = np.zeros((points, points)), np.zeros((3, points))
-    return Terms(distances.targets, square, distances.priorities, columns, columns.copy(), springs)
+    return Terms(
+        distances.targets, square, distances.priorities, columns, columns.copy(), distances.priorities[u, v], springs
+    )
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
@@ -98,13 +99,15 @@ def _stress(scratch: Scratch, terms: Terms) -> float:
 def _pair_springs(scratch: Scratch, terms: Terms) -> Springs:
     """A spring along each pair, as stiff as its priority."""
     springs = terms.springs
+    e = np.empty(3)
     for s in range(len(springs.a)):
-        square = 0.0
+        square = 1e-30
         for i in range(3):
-            springs.e[s, i] = scratch.x[springs.a[s], i] - scratch.x[springs.b[s], i]
-            square += springs.e[s, i] ** 2
+            e[i] = scratch.x[springs.a[s], i] - scratch.x[springs.b[s], i]
+            square += e[i] ** 2
         for i in range(3):
-            springs.e[s, i] /= np.sqrt(max(square, 1e-30))
+            for j in range(3):
+                springs.A[s, i, j] = terms.priorities[s] * e[i] * e[j] / square
     return springs
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.legs import Legs
+from distretarget.body.regions import Regions
 from distretarget.distances import DistanceProblem
 from distretarget.skeleton import Skeleton
 from distretarget.solve.spg import Effort
@@ -26,7 +27,7 @@ class PoseProblem:
         roots: (joints,), the topmost joint of the rigid part that each joint belongs to.
         parts: (joints,), the rigid part that carries the bones below each joint.
         distances: the points that source and target share, with their path lengths.
-        touching: (points,), whether a point of `distances` can touch another; a root above the body cannot.
+        regions: of the target, which touch each other.
         source: (frames, source joints, 3), positions [source file units].
         copy: (frames, joints, 3), positions of the rotation copy [target file units].
         root: (frames, 3), the path the root keeps to [target file units].
@@ -39,7 +40,7 @@ class PoseProblem:
     roots: NDArray[np.intp]
     parts: NDArray[np.intp]
     distances: DistanceProblem
-    touching: NDArray[np.bool_]
+    regions: Regions
     source: Array
     copy: Array
     root: Array
@@ -50,6 +51,10 @@ class PoseProblem:
 
     def __getitem__(self, frames: slice) -> PoseProblem:
         return replace(self, source=self.source[frames], copy=self.copy[frames], root=self.root[frames])
+
+    def raised(self, by: Array) -> PoseProblem:
+        """The same clip with the path of the root displaced by a vector (3,) [target file units]."""
+        return replace(self, root=self.root + by)
 
     @property
     def bones(self) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, dataclass
 
+from distretarget.body.resting import REST_HEIGHT, REST_SPEED
 from distretarget.errors import SettingsError
 
 
@@ -47,8 +48,6 @@ class ContactSettings:
         rest_height: [leg lengths] a resting foot is no higher than this above the lowest joint of the body.
         stance_blend: [s] a foot is drawn to its place over twice this time before it rests, and released from it over
             twice this time after.
-        least_pitch: [-] the least factor for the sine of a flat foot's pitch.
-        most_pitch: [-] the largest factor for the sine of a flat foot's pitch.
 
     Raises:
         SettingsError: a value is negative or not finite, zero where it divides, or two limits are in the wrong order.
@@ -71,11 +70,9 @@ class ContactSettings:
     jump_speed: float = 60.0 * math.radians(10.0)
     jump_blend: float = 0.1
     tolerance: float = 1e-6
-    rest_speed: float = 0.35
-    rest_height: float = 0.1
+    rest_speed: float = REST_SPEED
+    rest_height: float = REST_HEIGHT
     stance_blend: float = 0.16
-    least_pitch: float = 0.5
-    most_pitch: float = 4.0 / 3.0
 
     def __post_init__(self) -> None:
         for name, value in asdict(self).items():
@@ -84,9 +81,5 @@ class ContactSettings:
         for name in ("touch", "direction_range", "tolerance"):
             if getattr(self, name) == 0:
                 raise SettingsError(f"{name} is 0; it has to be more than 0")
-        for lower, upper in (("close", "apart"), ("least_pitch", "most_pitch")):
-            if not getattr(self, lower) < getattr(self, upper):
-                raise SettingsError(
-                    f"{lower} is {getattr(self, lower)} and {upper} is {getattr(self, upper)}; "
-                    f"{lower} has to be less than {upper}"
-                )
+        if not self.close < self.apart:
+            raise SettingsError(f"close is {self.close} and apart is {self.apart}; close has to be less than apart")

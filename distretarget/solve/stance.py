@@ -6,14 +6,20 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from distretarget.body.legs import Leg
+from distretarget.body.resting import feet_at_rest
+from distretarget.body.soles import Sole
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
-from distretarget.numerics.smoothing import widened
+from distretarget.numerics.smoothing import over_runs, widened
 from distretarget.solve.settings import ContactSettings
 
 Array = NDArray[np.float64]
+
+RESTS = 0.99  # stance weight from which a foot rests
+ROLL = 0.05  # the height by which heel and toe differ while the sole rolls from one to the other [leg lengths]
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +27,7 @@ class Stance:
     """Feet at rest, and where they belong.
 
     Attributes:
-        joints: (feet,), ankles and toes of the target.
+        joints: (feet,), ankle and toe of one of the target's legs, then those of the other.
         weights: (frames, feet), 1 while the source's foot rests, blended to 0.
         places: (frames, feet, 3), where the target's foot belongs [target file units].
     """
@@ -29,6 +35,11 @@ class Stance:
     joints: NDArray[np.intp]
     weights: Array
     places: Array
+
+    @property
+    def standing(self) -> Array:
+        """(frames,), 1 while a foot rests, blended to 0."""
+        return np.asarray(self.weights.max(axis=1, initial=0.0))
 
     def __getitem__(self, frames: slice) -> Stance:
         return Stance(self.joints, self.weights[frames], self.places[frames])
@@ -39,52 +50,81 @@ def no_stance(frames: int) -> Stance:
     return Stance(np.zeros(0, np.intp), np.zeros((frames, 0)), np.zeros((frames, 0, 3)))
 
 
-def find_stance(matching: Matching, scale: float, settings: ContactSettings) -> Stance:
-    """The feet at rest in the source, and their places on the target: the scaled places of the source's.
+def find_stance(matching: Matching, copy: Motion, scale: float, settings: ContactSettings) -> Stance:
+    """The feet at rest in the source, and where they belong on the target.
 
-    A foot rests while it is slow and low. Only the frames around a frame decide, so that a clip may be cut anywhere.
-    Feet whose bones are not in proportion to the legs keep the toe's place; the ankle follows it (`_places`).
+    A foot rests while it is slow and low. It is held as in the rotation copy, sole to the floor as in the source. Its
+    sole is as high as the source's, times `scale`; its ankle is, on average over the frames of each rest, where the
+    source's ankle is in the plane, times `scale`; and it does not slide against the source's toe.
     """
     source, legs = matching.source_motion, matching.legs
     if legs is None:
         return no_stance(len(source))
     up, length = matching.source.up_vector, matching.leg_lengths[0]
     joints, weights, places = [], [], []
-    for driver, leg in zip(*legs, strict=True):
-        rest = _at_rest(source, driver, up, length, settings)
+    for driver, leg, soles in zip(*legs, matching.soles, strict=True):
+        rest = feet_at_rest(source, driver, up, length, speed=settings.rest_speed, height=settings.rest_height)
         joints += [leg.ankle, leg.toe]
-        weights += list(widened(rest.astype(np.float64), settings.stance_blend / source.frame_time).T)
-        foot = matching.target.skeleton.path_lengths[leg.ankle, leg.toe]
-        places += _places(source, driver, up, scale, foot, settings)
-    return Stance(np.array(joints), np.stack(weights, axis=1), np.stack(places, axis=1))
+        weights.append(widened(rest.astype(np.float64), settings.stance_blend / source.frame_time))
+        rounding = ROLL * length
+        feet = (
+            _Foot.of(source, driver, soles[0], up, rounding),
+            _Foot.of(copy, leg, soles[1], up, scale * rounding),
+        )
+        places += _places(*feet, scale, up, weights[-1].max(axis=1))
+    return Stance(np.array(joints), np.concatenate(weights, axis=1), np.stack(places, axis=1))
 
 
-def _at_rest(source: Motion, leg: Leg, up: Array, length: float, settings: ContactSettings) -> NDArray[np.bool_]:
-    """(frames, 2), whether ankle and toe rest."""
-    feet = source.positions[:, [leg.ankle, leg.toe]]
-    if len(feet) < 2:
-        return np.ones((len(feet), 2), bool)
-    speed = np.linalg.norm(np.gradient(feet, source.frame_time, axis=0), axis=-1)
-    below = [leg.ankle, leg.toe, *source.skeleton.children[leg.toe]]
-    heights = source.positions @ up
-    low = heights[:, below].min(axis=1) - heights.min(axis=1) < settings.rest_height * length
-    return np.asarray((speed < settings.rest_speed * length) & low[:, None])
-
-
-def _places(source: Motion, leg: Leg, up: Array, scale: float, bone: float, settings: ContactSettings) -> list[Array]:
-    """Where ankle and toe belong, (frames, 3) each, a foot's bone of the given length apart.
-
-    The sine of the foot's pitch is scaled so that a flat foot's ankle comes to the scaled height, less and less so the
-    steeper the foot: s' = s (q + (1 - q) |s|^3), q being the scaled length of the source's foot over the target's.
+def hips_rise(matching: Matching, stance: Stance, scale: float) -> float:
+    """Return how much higher the hips belong than the source's, times `scale`, because the ankles do [target file
+    units]: the median over the frames in which an ankle rests, or without any what the soles at rest show.
     """
-    toe = scale * source.positions[:, leg.toe]
-    foot = source.positions[:, leg.ankle] - source.positions[:, leg.toe]
-    length = np.linalg.norm(foot, axis=1)
-    if not length.all() or bone == 0.0:
-        return [toe, toe]
-    q = np.clip(scale * length / bone, settings.least_pitch, settings.most_pitch)
-    sine = np.clip(foot @ up / length, -1.0, 1.0)
-    pitched = sine * (q + (1.0 - q) * np.abs(sine) ** 3)
-    level = foot - (foot @ up)[:, None] * up
-    reach = np.sqrt(1.0 - pitched**2) / np.maximum(np.linalg.norm(level, axis=1), 1e-9 * length)
-    return [toe + bone * (reach[:, None] * level + pitched[:, None] * up), toe]
+    if matching.legs is None:
+        return 0.0
+    ankles = [leg.ankle for leg in matching.legs[0]]
+    places, weights = stance.places[:, ::2], stance.weights[:, ::2]
+    higher = (places - scale * matching.source_motion.positions[:, ankles]) @ matching.source.up_vector
+    resting = higher[weights >= RESTS]
+    if len(resting):
+        return float(np.median(resting))
+    return float(np.mean([target.ankle - scale * source.ankle for source, target in matching.soles]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Foot:
+    """A foot over the frames of a motion.
+
+    Attributes:
+        toe: (frames, 3), its places [file units].
+        bone: (frames, 3), from toe to ankle [file units].
+        below: (frames,), how far the lowest point of the sole is below the toe, as of a sole that rolls smoothly from
+            heel to toe [file units].
+    """
+
+    toe: Array
+    bone: Array
+    below: Array
+
+    @classmethod
+    def of(cls, motion: Motion, leg: Leg, sole: Sole, up: Array, rounding: float) -> _Foot:
+        toe = motion.positions[:, leg.toe]
+        bone = motion.positions[:, leg.ankle] - toe
+        normal = Rotation.from_quat(motion.world_rotations[:, leg.ankle]).apply(sole.normal) @ up
+        under_toe, under_heel = sole.toe * normal, sole.ankle * normal - bone @ up
+        return cls(toe, bone, (under_toe + under_heel + np.hypot(under_toe - under_heel, rounding)) / 2.0)
+
+
+def _places(source: _Foot, copy: _Foot, scale: float, up: Array, weights: Array) -> list[Array]:
+    """Where ankle and toe belong, (frames, 3) each [target file units], as `find_stance` says.
+
+    `weights`, (frames,), are 1 while the foot rests, blended to 0.
+    """
+    longer = _level(scale * source.bone - copy.bone, up)
+    toe = scale * source.toe + over_runs(longer, weights)
+    toe += (copy.below - scale * source.below)[:, None] * up
+    return [toe + copy.bone, toe]
+
+
+def _level(vectors: Array, up: Array) -> Array:
+    """The part of vectors (frames, 3) along the floor."""
+    return np.asarray(vectors - (vectors @ up)[:, None] * up)

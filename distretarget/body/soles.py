@@ -1,0 +1,143 @@
+"""The soles of a body: how each foot is held while it stands flat on the floor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.body.axes import Directions, axis_vector, nearest_axis
+from distretarget.body.body import Body
+from distretarget.body.legs import Leg, Legs
+from distretarget.body.reference_pose import FOOT_PITCH
+from distretarget.body.resting import feet_at_rest
+from distretarget.numerics.rotations import least, normalised
+
+Array = NDArray[np.float64]
+
+HANGING = np.cos(np.radians(30))  # a foot that points down more steeply than this does not stand, it hangs [cosine]
+
+
+@dataclass(frozen=True, eq=False)
+class Sole:
+    """The sole of a foot.
+
+    Attributes:
+        normal: (3,), the direction straight up from the floor while the foot stands flat, a unit vector in the axes of
+            the ankle joint.
+        ankle, toe: the heights of ankle and toe over the sole [file units].
+        known: whether rest pose or motion show how the foot stands; else that is its usual pitch.
+    """
+
+    normal: Array
+    ankle: float
+    toe: float
+    known: bool
+
+
+def find_soles(body: Body, legs: Legs, normals: tuple[Array, Array] | None = None) -> tuple[Sole, Sole]:
+    """Return the soles of both feet, each level with the lowest of the foot's joints and End Sites.
+
+    A foot stands flat in the rest pose, if a person can stand in that and the foot does not hang in it. Else the motion
+    shows how it stands: both feet are pitched as the flatter one is while it rests. Without a motion it stands as in
+    the reference pose, a hanging foot with its usual pitch. `normals`, those of the soles, overrule all that.
+    """
+    a, b = _feet(body, legs)
+    if normals is not None:
+        a, b = replace(a, up=normals[0]), replace(b, up=normals[1])
+    return _sole(a, legs[0]), _sole(b, legs[1])
+
+
+def _feet(body: Body, legs: Legs) -> list[_Foot]:
+    """Both feet as they stand."""
+    feet = [_reference_foot(body, leg) for leg in legs]
+    if all(foot.known for foot in feet):
+        return feet
+    resting = [_resting_foot(body, leg) or foot for leg, foot in zip(legs, feet, strict=True)]
+    pitch = max((foot.pitch for foot in resting if foot.known), default=None)
+    return resting if pitch is None else [foot.pitched(pitch) for foot in resting]
+
+
+@dataclass(frozen=True, eq=False)
+class _Foot:
+    """How a foot is held, in the axes of its ankle.
+
+    Attributes:
+        joints: the ankle, and the joints and End Sites below it.
+        points: (joints, 3), their places from the ankle [file units].
+        up: (3,), the unit vector up.
+        known: whether rest pose or motion show that it stands so.
+    """
+
+    joints: list[int]
+    points: Array
+    up: Array
+    known: bool
+
+    @property
+    def direction(self) -> Array:
+        """(3,), the unit vector to the point farthest from the ankle; zero for a foot without length."""
+        return normalised(self.points[np.argmax(np.linalg.norm(self.points, axis=1))])
+
+    @property
+    def pitch(self) -> float:
+        """How far the foot points upwards [rad]."""
+        return float(np.arcsin(np.clip(self.direction @ self.up, -1.0, 1.0)))
+
+    def pitched(self, pitch: float) -> _Foot:
+        """The same foot, turned about its sideways axis so that it has another pitch [rad]."""
+        across = normalised(self.up - (self.up @ self.direction) * self.direction)
+        up = np.cos(pitch) * across + np.sin(pitch) * self.direction if across.any() else self.up
+        return replace(self, up=np.asarray(up), known=True)
+
+
+def _reference_foot(body: Body, leg: Leg) -> _Foot:
+    """The foot in the reference pose; one that hangs there is given its usual pitch."""
+    places = body.skeleton.posed(body.reference_pose)
+    up, forward = _axes(body, places)
+    to_ankle = Rotation.from_quat(body.reference_pose[leg.ankle]).inv()
+    foot = _foot(body, leg, to_ankle.apply(up), body.stands_at_rest or body.anatomy is None)
+    if foot.direction @ foot.up >= -HANGING:
+        return foot
+    flat = np.cos(FOOT_PITCH) * forward - np.sin(FOOT_PITCH) * up
+    hanging = least(to_ankle.inv().apply(foot.direction)[None], flat[None])
+    return replace(foot, up=to_ankle.apply(hanging.inv().apply(up)), known=False)
+
+
+def _resting_foot(body: Body, leg: Leg) -> _Foot | None:
+    """The foot as it usually is while it rests in the motion; None where it never does."""
+    motion = body.motion
+    if motion is None or len(motion) < 2:
+        return None
+    resting = np.flatnonzero(feet_at_rest(motion, leg, body.up_vector, body.leg_length).all(axis=1))
+    if not len(resting):
+        return None
+    to_ankle = Rotation.from_quat(motion.world_rotations[resting, leg.ankle]).inv()
+    return _foot(body, leg, normalised(np.median(to_ankle.apply(body.up_vector), axis=0)), True)
+
+
+def _foot(body: Body, leg: Leg, up: Array, known: bool) -> _Foot:
+    """The foot with straight toes."""
+    below = body.skeleton.subtree(leg.ankle)
+    joints = [joint for joint in below if joint == leg.ankle or body.regions.of_joint[joint] >= 0]
+    places = body.skeleton.rest_positions
+    return _Foot(joints, places[joints] - places[leg.ankle], up, known)
+
+
+def _axes(body: Body, places: Array) -> tuple[Array, Array]:
+    """The directions up and forward, (3,) each, of the reference pose, whose joints are at `places`, (joints, 3).
+
+    Forward is zero for a body without anatomy.
+    """
+    if body.anatomy is None:
+        return body.up_vector, np.zeros(3)
+    axes = Directions(body.anatomy, places)
+    return axis_vector(nearest_axis(axes.up)[0]), axes.axes[:, 2]
+
+
+def _sole(foot: _Foot, leg: Leg) -> Sole:
+    over_ankle = foot.points @ foot.up
+    heights = dict(zip(foot.joints, (over_ankle - over_ankle.min()).tolist(), strict=True))
+    return Sole(foot.up, heights[leg.ankle], heights.get(leg.toe, heights[leg.ankle]), foot.known)

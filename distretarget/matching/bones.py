@@ -1,0 +1,45 @@
+"""Corresponding bones of two matched bodies, and whether their rest poses can be compared."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.numerics.rotations import normalised
+from distretarget.skeleton import Skeleton
+
+Array = NDArray[np.float64]
+
+BUILD_ANGLE = np.radians(55)  # rest directions of bones that differ by less show another build, not another pose [rad]
+
+
+def driven_below(target: Skeleton, drivers: NDArray[np.intp], x: Array, y: Array) -> list[list[int]]:
+    """Return for each target joint the nearest joints below it that have a driver, if it has one itself.
+
+    Left out are joints that coincide with it on either body, whose joints are at `x` and `y`, (joints, 3).
+    """
+    below: list[list[int]] = [[] for _ in drivers]
+    for joint in range(1, len(below)):
+        if drivers[joint] < 0:
+            continue
+        above = int(target.parents[joint])
+        while above >= 0 and drivers[above] < 0:
+            above = int(target.parents[above])
+        if above >= 0 and (y[joint] != y[above]).any() and (x[drivers[joint]] != x[drivers[above]]).any():
+            below[above].append(joint)
+    return below
+
+
+def bone_directions(drivers: NDArray[np.intp], x: Array, y: Array, joint: int, below: list[int]) -> tuple[Array, Array]:
+    """Return the directions from a target joint to joints below it, (joints below, 3), on the source and the target."""
+    return normalised(x[drivers[below]] - x[drivers[joint]]), normalised(y[below] - y[joint])
+
+
+def rest_poses_alike(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]) -> bool:
+    """Return whether all bones of both rest poses point about the same way, so that they can be compared."""
+    x, y = source.rest_positions, target.rest_positions
+    for joint, below in enumerate(driven_below(target, drivers, x, y)):
+        a, b = bone_directions(drivers, x, y, joint, below)
+        if ((a * b).sum(axis=1) < np.cos(BUILD_ANGLE)).any():
+            return False
+    return True

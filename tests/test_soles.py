@@ -1,0 +1,82 @@
+"""How each foot stands flat: by the rest pose, by the motion, or by its usual build."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bodies import CORPUS, body_of, needs_corpus, person, posed, turned
+from scipy.spatial.transform import Rotation
+
+from distretarget import read_bvh
+from distretarget.body.body import Body
+from distretarget.body.reference_pose import FOOT_PITCH
+from distretarget.body.soles import find_soles
+
+UP = np.array([0.0, 1.0, 0.0])
+
+
+def with_feet(pitch):
+    """The person whose feet point down by an angle [rad]."""
+    body = person()
+    offsets = np.array(body.offsets)
+    for side in ("Left", "Right"):
+        direction = np.array([0.0, -np.sin(pitch), np.cos(pitch)])
+        offsets[body.index(f"{side}Toe")], offsets[body.index(f"{side}Toe_End")] = 0.12 * direction, 0.06 * direction
+    return body.with_offsets(offsets)
+
+
+@pytest.mark.parametrize("pitch", [0.0, 0.2, 0.75])
+def test_a_foot_stands_flat_as_in_a_rest_pose_in_which_a_person_can_stand(pitch):
+    body = body_of(with_feet(pitch))
+    for sole in find_soles(body, body.legs):
+        assert sole.known
+        np.testing.assert_allclose(sole.normal, UP, atol=1e-12)
+        assert sole.ankle == pytest.approx(0.18 * np.sin(pitch))
+        assert sole.toe == pytest.approx(0.06 * np.sin(pitch))
+
+
+@pytest.mark.parametrize("way", [*Rotation.from_euler("xyz", [[90, 0, 0], [0, 180, 0], [-90, 0, 90]], degrees=True)])
+def test_soles_turn_with_the_body(way):
+    body = body_of(turned(with_feet(0.4), way))
+    for sole in find_soles(body, body.legs):
+        np.testing.assert_allclose(sole.normal, way.apply(UP), atol=1e-9)
+        assert sole.ankle == pytest.approx(0.18 * np.sin(0.4))
+
+
+def test_a_foot_that_hangs_at_rest_stands_as_it_rests_in_the_motion():
+    skeleton = with_feet(np.pi / 2)
+    lifted = {f"{side}Ankle": [-1.2, 0, 0] for side in ("Left", "Right")}
+    body = Body.of(skeleton, posed(skeleton, lifted, np.tile([0, 1.0, 0], (30, 1))))
+    for sole in find_soles(body, body.legs):
+        assert sole.known
+        assert sole.ankle == pytest.approx(0.18 * np.sin(np.pi / 2 - 1.2), abs=1e-6)
+
+
+def test_both_feet_are_as_flat_as_the_flatter_one():
+    skeleton = with_feet(np.pi / 2)
+    lifted = {"LeftAnkle": [-1.2, 0, 0], "RightAnkle": [-0.5, 0, 0]}
+    body = Body.of(skeleton, posed(skeleton, lifted, np.tile([0, 1.0, 0], (30, 1))))
+    left, right = find_soles(body, body.legs)
+    assert left.ankle == pytest.approx(right.ankle)
+
+
+def test_a_foot_that_hangs_and_never_stands_has_its_usual_pitch():
+    body = body_of(with_feet(np.pi / 2))
+    for sole in find_soles(body, body.legs):
+        assert not sole.known
+        assert sole.ankle == pytest.approx(0.18 * np.sin(FOOT_PITCH))
+
+
+def test_a_leg_without_a_foot_has_a_sole_at_the_ankle():
+    body = body_of(person())
+    soles = find_soles(body, tuple(replace(leg, toe=leg.ankle) for leg in body.legs))
+    assert all(sole.toe == sole.ankle for sole in soles)
+
+
+@needs_corpus
+def test_a_short_bone_straight_down_from_the_ankle_is_no_hanging_foot():
+    body = Body.of_motion(read_bvh(CORPUS / "pybvh" / "bvh_test3.bvh"))
+    for sole in find_soles(body, body.legs):
+        assert sole.known
+        np.testing.assert_allclose(sole.normal, UP, atol=1e-9)
+        assert sole.toe == pytest.approx(0.0, abs=1e-9)
