@@ -95,6 +95,14 @@ def test_the_root_turns_with_the_pelvis_and_is_never_tilted(name):
     assert name != "turn" or np.ptp(heading) > 359
 
 
+def test_the_root_stays_upright_on_the_floor_of_another_world():
+    motion = retarget(clip("squat"), UNREAL, target_up="Y").motion
+    pelvis = motion.positions[:, UNREAL.index("pelvis")]
+    np.testing.assert_allclose(motion.root_positions, pelvis * [1, 0, 1], atol=LIMIT)
+    ups = Rotation.from_quat(motion.rotations[:, 0]).apply([0, 0, 1])
+    np.testing.assert_allclose(ups, np.tile([0.0, 1.0, 0.0], (len(ups), 1)), atol=1e-12)
+
+
 @pytest.mark.parametrize("name", ["squat", "walk", "clap"])
 def test_handles_have_the_pose_of_what_they_are_named_for(name):
     for motion in (onto_unreal(name).motion, onto_unreal(name).rotation_copy):

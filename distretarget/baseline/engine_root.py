@@ -28,7 +28,7 @@ RootFollows = Literal["pelvis", "source", "nothing"]
 BELOW_HIPS = 0.25  # a root farther than this below the hips in the rest pose stands on the floor [leg lengths]
 STEADY = 0.02  # a source's root stays on the floor if its height changes by less than this [leg lengths]
 MOVES = 0.01  # a source's root moves if it travels farther than this [leg lengths] or turns by more than this [rad]
-UPSIDE_DOWN = -0.5  # a pelvis has no heading where its up axis has a smaller cosine than this with the world's [cosine]
+UPSIDE_DOWN = -0.5  # a body has no heading while its up axis has a smaller cosine than this with the world's [cosine]
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +81,7 @@ class EngineRoot:
         body, up = self.matching.target, self.matching.target.up_vector
         match self.follows:
             case "pelvis":
-                pelvis = motion.positions[:, _hips(body)]
+                pelvis = motion.positions[:, _pelvis(body)]
                 return np.asarray(pelvis - (pelvis @ up)[:, None] * up)
             case "source":
                 root = _roots_on_floor(self.matching.source)[-1]
@@ -95,7 +95,7 @@ class EngineRoot:
         raised = least(_axes(body)[None, :, 1], up[None])
         match self.follows:
             case "pelvis":
-                axes = _carried_axes(body, motion, _hips(body))
+                axes = _carried_axes(body, motion, _pelvis(body))
             case "source":
                 axes = _carried_axes(source, self.matching.source_motion, _roots_on_floor(source)[-1])
             case "nothing":
@@ -129,7 +129,7 @@ def _moving(body: Body, handles: Collection[int], roots: Collection[int]) -> tup
     The roots are left out unless each part of the body that hangs from them has all six channels to stay in place.
     """
     skeleton, regions = body.skeleton, body.regions.of_joint
-    moving = {0} if roots and moves_freely(skeleton, 0) else set()
+    moving = {0} if 0 in roots and moves_freely(skeleton, 0) else set()
     for joint in range(1, len(skeleton)):
         carries = bool((regions[skeleton.subtree(joint)] >= 0).any())
         stays = carries and joint not in roots and moves_freely(skeleton, joint)
@@ -140,18 +140,18 @@ def _moving(body: Body, handles: Collection[int], roots: Collection[int]) -> tup
     return tuple(sorted(moving))
 
 
-def _hips(body: Body) -> int:
-    """The joint where the legs branch off, else the hips, of a body with joints above them."""
-    return body.anatomy.roles["hips"] if body.pelvis_joint is None and body.anatomy else body.pelvis_joint or 0
+def _pelvis(body: Body) -> int:
+    """The joint where the legs branch off; the root of a body without legs."""
+    return body.pelvis_joint or 0
 
 
 def _roots_on_floor(body: Body) -> list[int]:
     """The joints above the hips that stand on the floor in the reference pose, from the topmost down."""
-    if not body.above_hips or not body.anatomy:
+    if body.anatomy is None or body.legs is None:
         return []
     heights = body.skeleton.posed(body.reference_pose) @ _axes(body)[:, 1]
-    lowest = heights[_hips(body)] - BELOW_HIPS * body.leg_length
-    return [joint for joint in reversed(body.above_hips) if body.leg_length and heights[joint] < lowest]
+    limit = heights[_pelvis(body)] - BELOW_HIPS * body.leg_length
+    return [joint for joint in reversed(body.above_hips) if heights[joint] < limit]
 
 
 def _source_root_leads(matching: Matching) -> bool:
