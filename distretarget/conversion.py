@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 
+from distretarget.baseline.engine_root import RootFollows
 from distretarget.baseline.world import RootOffset
 from distretarget.errors import SAY_IN_A_MAP, DistretargetError, MatchingError
 from distretarget.io.files import read_text, text_hash
@@ -28,6 +29,7 @@ class Options:
     source_up: str | None = None
     target_up: str | None = None
     root_offset: RootOffset | None = None
+    root_follows: RootFollows | None = None
 
 
 @dataclass(frozen=True)

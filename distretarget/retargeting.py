@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from distretarget.baseline.engine_root import RootFollows, find_engine_root
 from distretarget.baseline.root import find_root_scale, root_path
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.baseline.world import RootOffset, find_world
@@ -48,6 +49,7 @@ def retarget(
     source_up: str | None = None,
     target_up: str | None = None,
     root_offset: RootOffset | None = None,
+    root_follows: RootFollows | None = None,
     settings: ContactSettings = DEFAULT_SETTINGS,
     mapper: Mapper = map,
     progress: Progress = lambda _frames: None,
@@ -69,6 +71,8 @@ def retarget(
         source_up: the axis that points up in the source's file ("Y", "-Z", ...); found if not given (`world`).
         target_up: that of the target's file.
         root_offset: whether position channels of the source's root replace its OFFSET or are added; found if not given.
+        root_follows: what a root on the floor of the target follows: "pelvis", on the floor; "source", the source's own
+            root; or "nothing", it stays at the origin. Found if not given (`engine_root`); no effect on other targets.
         settings: what shapes the result of the contact objective; the paper's objective has none.
         mapper: solves the chunks of a long clip: `map`, or that of an executor, with the same result. The paper's
             objective starts each frame from the one before and has no chunks.
@@ -77,7 +81,8 @@ def retarget(
     Raises:
         MatchingError: the two bodies cannot be matched.
         MapError: `joint_map` names joints that are not there.
-        MotionError: the source has no frames, or positions too large to compute with, or a body has no extent.
+        MotionError: the source has no frames, or positions too large to compute with, or a body has no extent; or
+            the root is to follow the source's root, and the source has none on the floor.
     """
     goal = _target_for(source, target)
     _check(source, goal.skeleton)
@@ -86,6 +91,7 @@ def retarget(
     source_body, target_body = world.to_target_axes(bodies[0]), bodies[1].with_up(world.up)
     matching = match(source_body, target_body, {**goal.map, **(joint_map or {})})
     scale = find_root_scale(matching) if root_scale is None else root_scale
+    engine_root = find_engine_root(matching, scale, root_follows)
     copy = rotation_copy(matching, scale)
     problem = _pose_problem(matching, copy, root_path(copy, matching, scale))
     stance, postures = no_stance(len(source)), None
@@ -98,7 +104,7 @@ def retarget(
         stance = feet if hold_feet else stance
         held = settings if hold_feet else replace(settings, stance_stiffness=0.0)
         poses = solve_contact(problem, feet, held, mapper=mapper, progress=progress)
-    motion = _posed(copy, poses, problem)
+    motion, copy = (engine_root.placed(moved) for moved in (_posed(copy, poses, problem), copy))
     relative = (problem.distances.body_size / target_body.height) ** 2
     return RetargetResult(
         source=matching.source_motion,

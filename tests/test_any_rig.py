@@ -106,10 +106,9 @@ def test_a_root_on_the_floor_follows_the_hips_and_does_not_tip_the_body_over():
     assert result.drivers[body.index("root")] < 0
     assert result.drivers[body.index("pelvis")] == 0
     assert result.matching.pelvis == body.index("pelvis")
-    root = Rotation.from_quat(result.motion.rotations[:, 0]).magnitude()
-    np.testing.assert_allclose(root, 0, atol=1e-5)
-    path = result.motion.root_positions + body.offsets[body.index("pelvis")]
-    np.testing.assert_allclose(path, hips(result.motion), atol=1e-3)
+    path, tilt = result.motion.root_positions, Rotation.from_quat(result.motion.rotations[:, 0]).as_rotvec()[:, :2]
+    np.testing.assert_allclose(path, hips(result.motion) * [1, 1, 0], atol=1e-9)
+    np.testing.assert_allclose(tilt, 0, atol=1e-12)
     travel = result.root_scale * (hips(walk())[-1] - hips(walk())[0])[[0, 2, 1]] * [1, -1, 1]
     np.testing.assert_allclose(
         hips(result.motion)[-1] - hips(result.motion)[0], travel, atol=0.05 * Body.of(body).height

@@ -113,11 +113,15 @@ def _skeleton(rows: list[Row], body: Body) -> Skeleton:
         offsets = offsets[:, [0, 2, 1]] * (1, -1, 1)
     rotations = tuple(f"{axis}rotation" for axis in body.axes)
     positions = tuple(f"{axis}position" for axis in "XYZ")
+    sliding = {names[0], *body.sliding, *(name for name, _, _ in body.handles)}
     return Skeleton(
         names=tuple(names),
         parents=np.array([names.index(parent) if parent else -1 for _, parent, _ in rows]),
         offsets=offsets.round(6) + 0.0,
-        channels=(positions + rotations, *(() if end else rotations for end in ends[1:])),
+        channels=tuple(
+            () if end else positions + rotations if name in sliding else rotations
+            for name, end in zip(names, ends, strict=True)
+        ),
         end_sites=np.array(ends),
         units="cm",
         up=body.up,

@@ -35,6 +35,7 @@ class Body:
         axes: of the rotation channels, in order.
         up: the axis that points up. With "Z", the body faces -Y.
         handles: joints at the places of others, as (name, parent, the joint whose place it has).
+        sliding: joints below the root that have position channels; so have the handles.
     """
 
     sides: Mapping[str, int]
@@ -43,6 +44,7 @@ class Body:
     axes: str
     up: str = "Y"
     handles: tuple[tuple[str, str, str], ...] = ()
+    sliding: tuple[str, ...] = ()
 
 
 def _fingers(hand: str, pattern: str, last: str, tip: float = 0.0) -> tuple[Chain, ...]:
@@ -274,6 +276,7 @@ UNREAL = Body(
         ("ik_hand_l", "ik_hand_gun", "hand_l"),
         ("ik_hand_r", "ik_hand_gun", "hand_r"),
     ),
+    sliding=("pelvis",),
 )
 
 BODIES: Mapping[str, Body] = {"mixamo": MIXAMO, "xsens": XSENS, "lafan1": LAFAN1, "unreal": UNREAL}

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TypedDict, cast
 
+from distretarget.baseline.engine_root import RootFollows
 from distretarget.baseline.world import RootOffset
 from distretarget.batch.plan import Work
 from distretarget.conversion import Options
@@ -20,7 +21,8 @@ class RecordedOptions(TypedDict):
     """How a clip was retargeted.
 
     Attributes:
-        objective, hold_feet, root_scale, source_up, target_up, root_offset: the arguments of `retarget`.
+        objective, hold_feet, root_scale, source_up, target_up, root_offset, root_follows: the arguments of
+            `retarget`.
         map: the key of the source joint by that of the target joint; None for no map.
     """
 
@@ -30,6 +32,7 @@ class RecordedOptions(TypedDict):
     source_up: str | None
     target_up: str | None
     root_offset: RootOffset | None
+    root_follows: RootFollows | None
     map: Mapping[str, str | None] | None
 
 

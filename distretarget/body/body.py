@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from distretarget.body.anatomy import SIDES, Anatomy
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, nearest_axis
+from distretarget.body.handles import find_handles
 from distretarget.body.legs import Legs, find_legs, foot_bone, leg_length, pelvis_joint
 from distretarget.body.named_anatomy import by_names
 from distretarget.body.reference_pose import bend_axes, standing_frame, stands_at_rest, synthetic_t_pose
@@ -82,11 +83,13 @@ class Body:
 
     @cached_property
     def height(self) -> float:
-        """Height of the rest pose [file units]: its extent along the axis of the legs, without legs its largest one."""
-        rest = self.skeleton.rest_positions
+        """Height of the body in its rest pose [file units], without joints that are no part of the body: its extent
+        along the axis of the legs, without legs its largest one.
+        """
+        rest = self.skeleton.rest_positions[self.regions.of_joint >= 0]
         if self.legs is None:
             return float(np.ptp(rest, axis=0).max())
-        return float(np.ptp(rest @ axis_vector(_axis_of_legs(self.legs, rest[None]))))
+        return float(np.ptp(rest @ axis_vector(_axis_of_legs(self.legs, self.skeleton.rest_positions[None]))))
 
     @cached_property
     def pelvis_joint(self) -> int | None:
@@ -104,6 +107,11 @@ class Body:
     def regions(self) -> Regions:
         """The regions that touch each other, and the joints of each."""
         return find_regions(self.skeleton, self.anatomy, self.above_hips)
+
+    @cached_property
+    def handles(self) -> dict[int, int]:
+        """The joint whose position and rotation each IK handle copies, by handle."""
+        return find_handles(self.skeleton, self.anatomy, self.regions)
 
     # ---- how the body stands
 

@@ -9,6 +9,7 @@ from typing import Any, get_args
 
 import click
 
+from distretarget.baseline.engine_root import RootFollows
 from distretarget.baseline.world import RootOffset
 from distretarget.body.axes import AXES
 from distretarget.cli.parameters import positive
@@ -43,6 +44,13 @@ OPTIONS = (
         "the feet on the floor.",
     ),
     click.option(
+        "--root-follows",
+        type=click.Choice(get_args(RootFollows)),
+        help="What a root on the floor of TARGET follows, as rigs for game engines have it. pelvis: it stays on the "
+        "floor under the pelvis and turns with it. source: it follows the root of SOURCE. nothing: it stays at the "
+        "origin. Default: source, if that has a root that moves on the floor, else pelvis.",
+    ),
+    click.option(
         "--objective",
         type=click.Choice(OBJECTIVES),
         default=OBJECTIVES[0],
@@ -69,6 +77,7 @@ def retargeting(command: Callable[..., None]) -> Callable[..., None]:
         source_up: str | None,
         target_up: str | None,
         root_offset: RootOffset | None,
+        root_follows: RootFollows | None,
         objective: Objective,
         feet: str | None,
         **others: Any,
@@ -82,6 +91,7 @@ def retargeting(command: Callable[..., None]) -> Callable[..., None]:
             source_up=source_up,
             target_up=target_up,
             root_offset=root_offset,
+            root_follows=root_follows,
         )
         command(options=options, **others)
 

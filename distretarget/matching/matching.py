@@ -87,8 +87,9 @@ class Matching:
 
     @property
     def followers(self) -> list[str]:
-        """The keys of the joints without driver that follow their parents: all but the root."""
-        return [key for key in self.without_driver if key != self.target.skeleton.keys[0]]
+        """The keys of the joints without driver that follow their parents: all but the root and IK handles."""
+        others = {self.target.skeleton.keys[joint] for joint in (0, *self.target.handles)}
+        return [key for key in self.without_driver if key not in others]
 
     @cached_property
     def legs(self) -> tuple[Legs, Legs] | None:
@@ -165,7 +166,7 @@ def find_matching(source: Body, target: Body, joint_map: JointMap | None = None)
     """Match as many joints of two bodies as possible.
 
     `joint_map` gives the driver of target joints, source key by target key, with None for joints that nothing drives.
-    The other joints are matched by names or by shape.
+    The other joints are matched by names or by shape, except IK handles, which go with the joints they are named for.
 
     Raises:
         MapError: `joint_map` names joints that do not exist.
@@ -175,6 +176,9 @@ def find_matching(source: Body, target: Body, joint_map: JointMap | None = None)
     map_pairs = pairs_of_map(source.skeleton, target.skeleton, joint_map or {})
     pairs = found_pairs | map_pairs
     pairs |= tips(source.skeleton, target.skeleton, pairs)
+    for joint in set(pairs) - set(map_pairs):
+        if joint in target.handles or pairs[joint][0] in source.handles:
+            del pairs[joint]
     joints = range(len(target.skeleton))
     drivers = np.array([pairs.get(joint, (-1, ""))[0] for joint in joints], np.intp)
     method = tuple(pairs[joint][1] if drivers[joint] >= 0 else "" for joint in joints)

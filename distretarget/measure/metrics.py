@@ -38,7 +38,7 @@ class Comparison:
         contact_error: (frames,), the sum of |D_source - D_result| over the contact pairs of the frame.
         contacts: (frames,), how many contact pairs there are.
         direction_error: (frames, bones), angle between corresponding bones [degrees].
-        bone_error: (frames,), the largest relative error of a bone's length against the target.
+        bone_error: (frames,), the largest relative error of the length of a bone of the body against the target.
         stance: (frames, feet), whether each foot joint (ankles and toes) of the source is in stance.
         slide_source, slide: (frames, feet), horizontal speed of the foot joints [leg lengths / s].
         foot_height_source, foot_height: (frames, feet), height over the origin [% of leg length].
@@ -99,7 +99,7 @@ def compare(source: Motion, result: Motion, matching: Matching, up: Array) -> Co
         contact_error=contact_error,
         contacts=contacts,
         direction_error=_direction_error(source, result, drivers),
-        bone_error=_bone_error(result),
+        bone_error=_bone_error(result, matching),
         stance=stance,
         slide_source=slide_source,
         slide=slide,
@@ -176,8 +176,9 @@ def _direction_error(source: Motion, result: Motion, drivers: NDArray[np.intp]) 
     return np.asarray(np.degrees(np.arctan2(sine, np.einsum("fbi,fbi->fb", a, b))))
 
 
-def _bone_error(result: Motion) -> Array:
-    lower = np.flatnonzero(result.skeleton.lengths > 0)
+def _bone_error(result: Motion, matching: Matching) -> Array:
+    of_body = matching.target.regions.of_joint >= 0
+    lower = np.flatnonzero((result.skeleton.lengths > 0) & of_body & of_body[result.skeleton.parents])
     bones = result.positions[:, lower] - result.positions[:, result.skeleton.parents[lower]]
     lengths = result.skeleton.lengths[lower]
     return np.asarray(np.abs(np.linalg.norm(bones, axis=-1) / lengths - 1).max(axis=1, initial=0.0))

@@ -1,0 +1,194 @@
+"""The joints of a rig for game engines that are no part of the body: the root on the floor, and IK handles.
+
+They are placed last. The body's own joints keep their positions and rotations in the world.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.body.axes import Directions, squared, upright
+from distretarget.body.body import Body
+from distretarget.body.handles import moves_freely
+from distretarget.errors import MotionError
+from distretarget.matching.matching import Matching
+from distretarget.motion import Motion
+from distretarget.numerics.kinematics import local_rotations
+from distretarget.numerics.rotations import least
+
+Array = NDArray[np.float64]
+RootFollows = Literal["pelvis", "source", "nothing"]
+
+BELOW_HIPS = 0.25  # a root farther than this below the hips in the rest pose stands on the floor [leg lengths]
+STEADY = 0.02  # a source's root stays on the floor if its height changes by less than this [leg lengths]
+MOVES = 0.01  # a source's root moves if it travels farther than this [leg lengths] or turns by more than this [rad]
+UPSIDE_DOWN = -0.5  # a body has no heading while its up axis has a smaller cosine than this with the world's [cosine]
+
+
+@dataclass(frozen=True, eq=False)
+class EngineRoot:
+    """Which joints of the target are placed last, and how.
+
+    Attributes:
+        matching: the matching of source and target.
+        scale: target units per source unit of the root's path.
+        follows: whether the root follows the target's pelvis, the source's root or nothing.
+        handles: the joint whose position and rotation each handle copies, by handle, without those that a map drives.
+        moving: the joints that are placed: the root, if it can move without the body, the handles, and what hangs from
+            both and is no part of the body.
+    """
+
+    matching: Matching
+    scale: float
+    follows: RootFollows
+    handles: Mapping[int, int]
+    moving: tuple[int, ...]
+
+    def placed(self, motion: Motion) -> Motion:
+        """Return a motion of the target with root and handles placed."""
+        if not self.moving:
+            return motion
+        skeleton = motion.skeleton
+        world, positions = np.array(motion.world_rotations), np.array(motion.positions)
+        for joint in self.moving:
+            parent = skeleton.parents[joint]
+            if not joint:
+                positions[:, 0], world[:, 0] = self._path(motion), self._rotations(motion)
+            elif joint in self.handles:
+                positions[:, joint], world[:, joint] = (x[:, self.handles[joint]] for x in (positions, world))
+            else:
+                turn = Rotation.from_quat(world[:, parent])
+                positions[:, joint] = positions[:, parent] + turn.apply(np.array(motion.translations[:, joint]))
+                world[:, joint] = (turn * Rotation.from_quat(motion.rotations[:, joint])).as_quat()
+        translations = np.array(motion.translations)
+        translations[:, 0] = positions[:, 0]
+        for joint in range(1, len(skeleton)):
+            parent = skeleton.parents[joint]
+            if joint in self.handles or (parent in self.moving and joint not in self.moving):
+                back = Rotation.from_quat(world[:, parent]).inv()
+                translations[:, joint] = back.apply(positions[:, joint] - positions[:, parent])
+        rotations = local_rotations(skeleton.parents, world)
+        return replace(motion, translations=translations, rotations=rotations)
+
+    def _path(self, motion: Motion) -> Array:
+        """(frames, 3), the root's path [target file units]."""
+        body, up = self.matching.target, self.matching.target.up_vector
+        match self.follows:
+            case "pelvis":
+                pelvis = motion.positions[:, _pelvis(body)]
+                return np.asarray(pelvis - (pelvis @ up)[:, None] * up)
+            case "source":
+                root = _roots_on_floor(self.matching.source)[-1]
+                return np.asarray(self.scale * self.matching.source_motion.positions[:, root])
+            case "nothing":
+                return np.zeros((len(motion), 3))
+
+    def _rotations(self, motion: Motion) -> Array:
+        """(frames, 4), the root's rotations: upright, with the heading of what the root follows."""
+        source, body, up = self.matching.source, self.matching.target, self.matching.target.up_vector
+        raised = least(_axes(body)[None, :, 1], up[None])
+        match self.follows:
+            case "pelvis":
+                axes = _carried_axes(body, motion, _pelvis(body))
+            case "source":
+                axes = _carried_axes(source, self.matching.source_motion, _roots_on_floor(source)[-1])
+            case "nothing":
+                axes = raised * Rotation.from_matrix(np.broadcast_to(_axes(body), (len(motion), 3, 3)))
+        heading = _heading(axes * Rotation.from_matrix(_axes(body)).inv() * raised.inv(), up)
+        at_rest = raised * Rotation.from_quat(body.reference_pose[0])
+        return (Rotation.from_rotvec(heading[:, None] * up) * at_rest).as_quat()
+
+
+def find_engine_root(matching: Matching, scale: float, follows: RootFollows | None = None) -> EngineRoot:
+    """Return which joints of the target are placed last, and how.
+
+    Without `follows` the root follows the source's root if that stays on the floor, and moves or drives the target's
+    root; else the target's pelvis. `scale` is in target units per source unit.
+
+    Raises:
+        MotionError: the root is to follow the source's root, and the source has none on the floor.
+    """
+    body = matching.target
+    handles = {handle: joint for handle, joint in body.handles.items() if matching.drivers[handle] < 0}
+    moving = _moving(body, handles, _roots_on_floor(body))
+    if 0 in moving and follows == "source" and not _roots_on_floor(matching.source):
+        raise MotionError("the source has no root on the floor to follow; let the target's root follow the pelvis")
+    found: RootFollows = "source" if _source_root_leads(matching) else "pelvis"
+    return EngineRoot(matching, scale, follows or found, handles, moving)
+
+
+def _moving(body: Body, handles: Collection[int], roots: Collection[int]) -> tuple[int, ...]:
+    """The joints that move without the body: handles, `roots`, and what hangs from these and is no part of the body.
+
+    The roots are left out unless each part of the body that hangs from them has all six channels to stay in place.
+    """
+    skeleton, regions = body.skeleton, body.regions.of_joint
+    moving = {0} if 0 in roots and moves_freely(skeleton, 0) else set()
+    for joint in range(1, len(skeleton)):
+        carries = bool((regions[skeleton.subtree(joint)] >= 0).any())
+        stays = carries and joint not in roots and moves_freely(skeleton, joint)
+        if joint in handles or (skeleton.parents[joint] in moving and not stays):
+            moving.add(joint)
+    if (regions[list(moving)] >= 0).any():
+        return _moving(body, handles, ())
+    return tuple(sorted(moving))
+
+
+def _pelvis(body: Body) -> int:
+    """The joint where the legs branch off; the root of a body without legs."""
+    return body.pelvis_joint or 0
+
+
+def _roots_on_floor(body: Body) -> list[int]:
+    """The joints above the hips that stand on the floor in the reference pose, from the topmost down."""
+    if body.anatomy is None or body.legs is None:
+        return []
+    heights = body.skeleton.posed(body.reference_pose) @ _axes(body)[:, 1]
+    limit = heights[_pelvis(body)] - BELOW_HIPS * body.leg_length
+    return [joint for joint in reversed(body.above_hips) if heights[joint] < limit]
+
+
+def _source_root_leads(matching: Matching) -> bool:
+    """Whether the source has a root that stays on the floor, and that moves or drives the target's root."""
+    source, roots = matching.source, _roots_on_floor(matching.source)
+    if not roots:
+        return False
+    motion, root = matching.source_motion, roots[-1]
+    path = motion.positions[:, root] / source.leg_length
+    turns = Rotation.from_quat(motion.world_rotations[:, root])
+    moves = max(np.ptp(path, axis=0).max(), (turns[0].inv() * turns).magnitude().max()) > MOVES
+    steady = np.ptp(path @ source.up_vector) < STEADY
+    return bool(steady and (moves or matching.drivers[0] in roots))
+
+
+def _axes(body: Body) -> Array:
+    """(3, 3), the axes of a body in its reference pose, columns left, up and forward, snapped to near axes."""
+    if body.anatomy is None:
+        return np.eye(3)
+    axes = Directions(body.anatomy, body.skeleton.posed(body.reference_pose)).axes
+    return squared(axes) if body.stands_at_rest else upright(axes)
+
+
+def _carried_axes(body: Body, motion: Motion, joint: int) -> Rotation:
+    """(frames,), the rotations whose columns are the body's left, up and forward axes as a joint carries them along."""
+    reference = Rotation.from_quat(body.reference_pose[joint])
+    return Rotation.from_quat(motion.world_rotations[:, joint]) * reference.inv() * Rotation.from_matrix(_axes(body))
+
+
+def _heading(turned: Rotation, up: Array) -> Array:
+    """(frames,), how far rotations turn about the unit vector `up`, without jumps [rad].
+
+    It is the angle of the twist when each rotation is split into a twist about `up` and the least rotation that tilts
+    `up`. So lying down keeps the heading. Where a body is upside down, which leaves the twist open, the heading goes
+    evenly from that before to that after.
+    """
+    quaternions = turned.as_quat()
+    angles = 2 * np.arctan2(quaternions[:, :3] @ up, quaternions[:, 3])
+    known = np.flatnonzero(turned.apply(up) @ up > UPSIDE_DOWN)
+    return np.interp(np.arange(len(angles)), known, np.unwrap(angles[known])) if len(known) else np.zeros(len(angles))
