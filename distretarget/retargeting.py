@@ -137,7 +137,7 @@ def _pose_problem(matching: Matching, copy: Motion, scale: float) -> PoseProblem
         roots=roots,
         parts=part_of_joint(body.skeleton, roots),
         distances=distances,
-        touching=~np.isin(distances.targets, body.above_hips),
+        touching=body.regions.of_joint[distances.targets] >= 0,
         source=source.positions,
         copy=copy.positions,
         root=root_path(copy, matching, scale),
