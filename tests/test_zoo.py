@@ -1,4 +1,4 @@
-"""The zoo of bodies: every trait occurs, every clip finds hands, feet and head, and a clip on its own body is the clip."""
+"""The zoo: every trait occurs, every clip finds hands, feet and head, and a clip on its own body is the clip."""
 
 from __future__ import annotations
 
