@@ -55,7 +55,7 @@ def figure_rows(runs: Sequence[Run]) -> Iterator[Row]:
         worst = np.array([np.nan if value is None else value for value in judged])
         if np.isfinite(worst).any():
             unit = f" [{figure.unit}]" if figure.unit else ""
-            named = runs[int(np.nanargmax(worst))].name
+            named = runs[int(np.nanargmax(worst))].name if np.nanmax(worst) > 0 else ""
             yield Row(figure.label + unit, tuple(map(_mean_and_largest, values)), named)
 
 
@@ -74,14 +74,11 @@ def fault_rows(runs: Sequence[Run], own: Sequence[OwnBody]) -> Iterator[Row]:
             limit = f"{WORSE[figure.key]:g} {figure.unit}".rstrip()
             yield _count(f"runs worse than the copy by {limit}: {figure.label}", runs, _excess(figure))
     yield _spread("jerk / copy's", runs, lambda run: run.figure("jerk") / run.figure("jerk", "rotation_copy"))
-    yield _spread("turn at 60 frames/s [degrees]", runs, lambda run: run.figure("turn") / (60.0 * run.frame_time))
     few = [run for run in runs if run.joints <= FEW_JOINTS]
     many = [run for run in runs if run.joints > FEW_JOINTS]
     for name, some in ((f"up to {FEW_JOINTS} joints", few), (f"over {FEW_JOINTS} joints", many)):
         if some:
             yield _spread(f"iterations per frame, {name}", some, lambda run: run.iterations / run.frames)
-            speed = sum(run.frames for run in some) / sum(run.seconds for run in some)
-            yield Row(f"frames per second, {name}, compilation included", (f"{speed:.0f}",))
     largest = max(own, key=lambda one: one.deviation)
     off = sum(one.deviation > OWN_BODY for one in own)
     yield Row(

@@ -43,19 +43,19 @@ def _frames(result: RetargetResult) -> list[int]:
 
 
 def _cells(result: RetargetResult, frame: int) -> list[Cell]:
-    """Source, copy and result in a frame, as tall as each other, on the source's floor at its own scale."""
+    """Source, copy and result in a frame, with legs of equal length, on the source's floor at the scale of each."""
     source, target = result.matching.source, result.matching.target
     floor = source.lowest(result.world.up_vector)
     return [
-        _cell(result.source, result, frame, floor, source.height),
-        _cell(result.rotation_copy, result, frame, result.root_scale * floor, target.height),
-        _cell(result.motion, result, frame, result.root_scale * floor, target.height),
+        _cell(result.source, result, frame, floor, source.unit),
+        _cell(result.rotation_copy, result, frame, result.root_scale * floor, target.unit),
+        _cell(result.motion, result, frame, result.root_scale * floor, target.unit),
     ]
 
 
-def _cell(motion: Motion, result: RetargetResult, frame: int, floor: float, height: float) -> Cell:
-    """A figure that faces +Z, with its body above the origin and the floor at height 0 [body heights]."""
+def _cell(motion: Motion, result: RetargetResult, frame: int, floor: float, unit: float) -> Cell:
+    """A figure that faces +Z, with its body above the origin and the floor at height 0 [body units]."""
     turned = figure(motion, result_turn(result, frame))
-    points = turned.positions[frame] / height
+    points = turned.positions[frame] / unit
     ground = points[0] * (1, 0, 1)
-    return Cell(turned.skeleton, points - ground - (0, floor / height, 0), ground, 1.0)
+    return Cell(turned.skeleton, points - ground - (0, floor / unit, 0), ground, 1.0)
