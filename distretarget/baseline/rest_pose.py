@@ -142,13 +142,13 @@ class _Bodies:
             return set()
         joints = {joint for role, joint in roles.items() if role.endswith(SHORT_BONES)}
         joints |= {*target.skeleton.line(roles.get("hips", 0))}
-        if not self._posed_by_motion:
+        if not self.posed_by_motion:
             joints |= {joint for role, joint in roles.items() if not role.endswith(LONG_BONES)}
             joints |= {*target.anatomy.spine, *target.anatomy.neck}
         return joints
 
     @property
-    def _posed_by_motion(self) -> bool:
+    def posed_by_motion(self) -> bool:
         """Whether the pose of one of the bodies may be a frame of its motion instead of its rest pose."""
         if not self.human or self.matching.rest_poses_alike:
             return False
@@ -177,8 +177,7 @@ def _joint_alignments(bodies: _Bodies) -> Array:
         root_like = not joint or joint in bodies.ankles
         turn = bodies.turn if root_like else alignments[matching.target.skeleton.parents[joint]]
         if joint in bodies.sole_normals:
-            normal, target_normal = bodies.sole_normals[joint]
-            turn = least(turn.apply(target_normal[None]), normal[None]) * turn
+            turn = _sole_onto_sole(bodies, joint, below, turn)
         if below:
             b, a = bone_directions(matching.drivers, x, y, joint, below)
             if joint in bodies.outwards:
@@ -190,6 +189,20 @@ def _joint_alignments(bodies: _Bodies) -> Array:
                 turn = onto * turn
         alignments.append(turn)
     return np.array([turn.as_quat() for turn in alignments])
+
+
+def _sole_onto_sole(bodies: _Bodies, joint: int, below: list[int], turn: Rotation) -> Rotation:
+    """The alignment of an ankle: `turn`, that of the body as a whole, and then the target's sole onto the source's.
+
+    Where the pose of a body may be a frame of its motion, in which its feet may be turned, the feet point the same way.
+    """
+    normal, target_normal = bodies.sole_normals[joint]
+    turn = least(turn.apply(target_normal[None]), normal[None]) * turn
+    if not below or not bodies.posed_by_motion:
+        return turn
+    feet, target_feet = bone_directions(bodies.matching.drivers, *bodies.positions, joint, below[:1])
+    level = [v - (v @ normal)[:, None] * normal for v in (feet, turn.apply(target_feet))]
+    return least(level[1], level[0]) * turn
 
 
 def _with_roll(bodies: _Bodies, joint: int, bone: Array, onto: Rotation, turn: Rotation) -> Rotation:
