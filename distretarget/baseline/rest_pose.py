@@ -173,7 +173,7 @@ def _joint_alignments(bodies: _Bodies) -> Array:
     """(target joints, 4), the rotations that align each target joint with the source, both bodies in their poses."""
     matching, (x, y) = bodies.matching, bodies.positions
     alignments: list[Rotation] = []
-    for joint, below in enumerate(driven_below(matching.target.skeleton, matching.drivers, x, y)):
+    for joint, below in enumerate(driven_below(matching.target.skeleton, matching.bone_drivers, x, y)):
         root_like = not joint or joint in bodies.ankles
         turn = bodies.turn if root_like else alignments[matching.target.skeleton.parents[joint]]
         if joint in bodies.sole_normals:

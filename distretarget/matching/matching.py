@@ -119,9 +119,16 @@ class Matching:
         return self.target.regions.with_joints(self.target.skeleton, mapped)
 
     @cached_property
+    def bone_drivers(self) -> NDArray[np.intp]:
+        """(target joints,), like `drivers`, but -1 for joints above the hips of either body, which end no bone."""
+        above = np.isin(np.arange(len(self.drivers)), self.target.above_hips)
+        above |= np.isin(self.drivers, self.source.above_hips)
+        return np.where(above, -1, self.drivers)
+
+    @cached_property
     def rest_poses_alike(self) -> bool:
         """Whether all bones of both rest poses point about the same way, so that they can be compared."""
-        return rest_poses_alike(self.source.skeleton, self.target.skeleton, self.drivers)
+        return rest_poses_alike(self.source.skeleton, self.target.skeleton, self.bone_drivers)
 
     @cached_property
     def soles(self) -> tuple[tuple[Sole, Sole], ...]:
