@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from distretarget.baseline.world import World
 from distretarget.matching.matching import Matching
-from distretarget.measure.figures import Side, Track, Tracks, clip_figures
+from distretarget.measure.figures import NOT_RUN, Side, Track, Tracks, clip_figures
 from distretarget.measure.metrics import Comparison, compare
+from distretarget.measure.snaps import find_snaps
 from distretarget.motion import Motion
 from distretarget.solve.free_points import Postures
 from distretarget.solve.spg import Effort
@@ -75,9 +76,17 @@ class RetargetResult:
         baseline = compare(self.source, self.rotation_copy, self.matching, self.world.up_vector)
         return {
             "source": self.comparison.source_tracks,
-            "rotation_copy": {**baseline.tracks, "stress": Track(self.copy_stress)},
-            "result": {**self.comparison.tracks, "stress": Track(self.written_stress)},
+            "rotation_copy": {**baseline.tracks, "stress": Track(self.copy_stress), **NOT_RUN},
+            "result": {**self.comparison.tracks, "stress": Track(self.written_stress), **self.run_tracks},
         }
+
+    @cached_property
+    def run_tracks(self) -> Tracks:
+        """What is known of the result because it was made here: its snaps, and the frames that did not converge."""
+        unsolved = np.zeros(len(self.motion))
+        unsolved[self.effort.unsolved] = 1.0
+        snaps = find_snaps(self.rotation_copy, self.motion, self.matching.target)
+        return {"snap": Track(snaps), "unsolved": Track(unsolved)}
 
     @cached_property
     def figures(self) -> dict[Side, dict[str, float | None]]:

@@ -18,7 +18,7 @@ def work(name):
 
 def done(name, contact):
     figures = {
-        of: {"contact_error": contact, "direction_error": 0.0, "stress": 1 - contact}
+        of: {"contact_error": contact, "direction_error": 0.0, "hips_height": 0.0, "stress": 1 - contact}
         for of in ("result", "rotation_copy")
     }
     outcome = {"status": "done", "output_hash": "out", "frames": 100, "figures": figures}

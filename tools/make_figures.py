@@ -58,10 +58,8 @@ def schema() -> str:
 
 
 def number(figure: Figure, of_frame: bool = False) -> Json:
-    """The schema of a value of a figure: null if it may be missing, at least 0 unless differences are judged."""
-    values: Json = {"type": ["number", "null"] if figure.missing else "number"}
-    if figure.judged != "difference":
-        values["minimum"] = 0
+    """The schema of a value of a figure: at least 0, null if it may be missing."""
+    values: Json = {"type": ["number", "null"] if figure.missing else "number", "minimum": 0}
     return values if of_frame else {"description": figure.explanation("A", "B"), **values}
 
 

@@ -62,18 +62,25 @@ function distances(motion, frame) {
   return D;
 }
 
-/** The pairs that touch in A at a frame: [point, point, whether they touch in B as well]. */
+/** Whether both feet rest in A at a frame: then they do not count as touching each other. */
+function bothFeetRest(frame) {
+  return scene.foot_regions.length === 2 && (stance[frame] & 3) > 0 && (stance[frame] & 12) > 0;
+}
+
+/** The regions that touch in A at a frame, by their nearest points: [point, point, whether these are near in B]. */
 function contactsAt(frame) {
-  const a = distances(A, frame), b = distances(B, frame), found = [];
+  const a = distances(A, frame), b = distances(B, frame), nearest = new Map();
+  const feet = bothFeetRest(frame) ? scene.foot_regions : [];
   for (let i = 0; i < pointCount; i++) {
     for (let j = 0; j < i; j++) {
-      const k = i * pointCount + j;
-      if (a[k] < scene.near && pathSizes[k] >= scene.far_along && !Number.isNaN(b[k])) {
-        found.push([i, j, b[k] < scene.near]);
-      }
+      const k = i * pointCount + j, [p, q] = [scene.regions[i], scene.regions[j]].sort((one, other) => one - other);
+      if (!(a[k] < scene.near) || pathSizes[k] < scene.far_along || Number.isNaN(b[k])) continue;
+      if (p < 0 || scene.neighbours[p][q] || (feet.includes(p) && feet.includes(q))) continue;
+      const key = `${p} ${q}`, [oldI, oldJ] = nearest.get(key) || [i, j];
+      if (a[k] <= a[oldI * pointCount + oldJ]) nearest.set(key, [i, j]);
     }
   }
-  return found;
+  return [...nearest.values()].map(([i, j]) => [i, j, b[i * pointCount + j] < scene.near]);
 }
 
 /** The angle between a bone of B and its counterpart in A [degrees]; null if it has none. */
@@ -96,8 +103,8 @@ function pairText([i, j], frame) {
   const name = pairName([i, j]), difference = b - a;
   const called = other === name ? name : `${name} (in A: ${other})`;
   const more = `${difference > 0 ? '+' : ''}${shown(difference)}`;
-  const contact = a < scene.near && pathSizes[k] >= scene.far_along;
-  const touching = contact ? (b < scene.near ? ', contact' : ', contact lost') : '';
+  const contact = contactsAt(frame).find(([p, q]) => p === Math.max(i, j) && q === Math.min(i, j));
+  const touching = contact ? (contact[2] ? ', contact' : ', contact lost') : '';
   return `${called}: D in A ${shown(a)}, in B ${shown(b)}, difference ${more}${touching}`;
 }
 

@@ -53,4 +53,5 @@ def run_diff(result: RetargetResult) -> Diff:
         stress=result.written_stress,
         comparison=result.comparison,
         notes=turned_note(result.world),
+        run_tracks=result.run_tracks,
     )

@@ -1,11 +1,11 @@
-// The texts and tables: head, figures, worst frames, contacts, worst pairs, explanations.
+// The texts and tables: head, figures, worst frames, contacts, explanations.
 
 const D_MEANS = 'Distance of two joints divided by the length of the bones between them: 0 where they coincide, 1 '
   + 'where the path between them is straight.';
 const COPY_MEANS = 'The rotation copy: what comes of giving the joints of B the rotations of A, and nothing else.';
-const TOUCHING = `Two joints touch where D is below ${scene.near} and at least ${scene.far_along} joints lie on the `
-  + 'path between them.';
-const PAIRS_SHOWN = 15;
+const TOUCHING = `Two regions of the body, such as a hand and the head, touch where D of their nearest joints is below `
+  + `${scene.near} and at least ${scene.far_along} joints lie on the path between these. Regions joined by a bone `
+  + 'never do, nor do two feet that rest.';
 const WORST_SHOWN = 2; // frames by each figure
 
 /** A line that says, in words and by a mark, whether a figure is within its limit. */
@@ -124,11 +124,12 @@ function spanBars(spans, row) {
 
 function buildContacts() {
   if (!scene.contacts.length) {
-    $('contacts').append(element('p', {class: 'none'}, 'No two joints touch in A.'));
+    $('contacts').append(element('p', {class: 'none'}, 'No two regions of the body touch in A.'));
     return;
   }
   const line = element('i', {class: 'line'});
-  for (const {pair, a, b} of scene.contacts) {
+  for (const [k, {pair, a, b}] of scene.contacts.entries()) {
+    const {regions} = report.contacts[k];
     const bars = document.createElementNS(SVG, 'svg');
     bars.setAttribute('viewBox', `0 0 ${frameCount} 2`);
     bars.setAttribute('preserveAspectRatio', 'none');
@@ -140,12 +141,12 @@ function buildContacts() {
     dragFrames(bars);
     const start = a[0][0];
     const show = () => { choose(pair); goTo(start); };
-    const name = {type: 'button', class: 'name', on: {click: show}, title: pairName(pair)};
-    $('contacts').append(element('button', name, pairName(pair)), element('div', {class: 'track'}, bars));
+    const name = {type: 'button', class: 'name', on: {click: show}};
+    $('contacts').append(element('button', name, regions), element('div', {class: 'track'}, bars));
   }
   const swatch = name => element('i', {class: `swatch bar-${name}`});
   const legend = element('p', {class: 'note'}, swatch('a'), 'in A ', swatch('b'), 'in B; ',
-    term('touching', TOUCHING), scene.contacts.length === 24 ? ': the 24 pairs that touch longest' : '');
+    term('touching', TOUCHING));
   $('contacts').append(line);
   $('contacts').before(legend);
   painted($('contacts'), () => {
@@ -154,44 +155,30 @@ function buildContacts() {
   });
 }
 
-// ---- worst pairs
+// ---- the table of contacts
 
-function pairRow(pair, k) {
-  const points = scene.pairs[k];
+function contactRow(contact, k) {
   const name = (names, motion) => names.map(joint => joint.slice(motion.namespace.length)).join(' – ');
-  const show = () => { choose(points); goTo(pair.worst_frame); };
-  const [inA, inB] = [name(pair.joints_a, A), name(pair.joints_b, B)];
-  const numbers = [pair.contact_frames || '–', shown(pair.distance_a), shown(pair.distance_b), shown(pair.error)];
-  const label = `Go to frame ${pair.worst_frame}, ${inB}`;
+  const show = () => { choose(scene.contacts[k].pair); goTo(contact.worst_frame); };
+  const numbers = [contact.frames, shown(contact.distance_a), shown(contact.distance_b), shown(contact.error)];
+  const label = `Go to frame ${contact.worst_frame}, ${contact.regions}`;
   const go = {type: 'button', 'aria-label': label, on: {click: show}};
-  return element('tr', k >= PAIRS_SHOWN ? {class: 'more'} : {},
-    element('th', {scope: 'row'}, inB, inA === inB ? '' : element('small', {}, inA)),
+  return element('tr', {},
+    element('th', {scope: 'row'}, contact.regions, element('small', {}, name(contact.joints_b, B))),
     ...numbers.map(text => element('td', {}, text)),
-    element('td', {}, element('button', go, pair.worst_frame)));
+    element('td', {}, element('button', go, contact.worst_frame)));
 }
 
-function buildPairs() {
-  if (!report.pairs.length) {
-    $('pairs').append(element('p', {class: 'none'}, 'A and B have no pairs of joints in common.'));
-    return;
-  }
-  const heads = [['Joints', 'The joints in B, and below those in A where they have other names.'],
-    ['Contact', 'In how many frames they touch in A.'], ['D in A', D_MEANS], ['D in B', D_MEANS],
-    ['Error', 'Mean |D in A − D in B|, over the frames of contact where there are any.'],
+function buildContactTable() {
+  if (!report.contacts.length) return;
+  const heads = [['Regions', 'Two regions of the body, and their joints that are nearest in A in the worst frame.'],
+    ['Frames', 'In how many frames they touch in A.'], ['D in A', D_MEANS], ['D in B', D_MEANS],
+    ['Error', 'Mean |D in A − D in B| over the frames of contact.'],
     ['Worst', 'The frame of the largest error.']];
-  const table = element('table', {},
+  $('contact-table').append(element('table', {},
     element('thead', {}, element('tr', {},
       ...heads.map(([name, text]) => element('th', {scope: 'col'}, term(name, text))))),
-    element('tbody', {}, ...report.pairs.map(pairRow)));
-  $('pairs').append(table);
-  if (report.pairs.length > PAIRS_SHOWN) {
-    const more = element('button', {type: 'button', 'aria-expanded': 'false', on: {click: () => {
-      const open = table.classList.toggle('all');
-      more.setAttribute('aria-expanded', open);
-      more.textContent = open ? `Show ${PAIRS_SHOWN}` : `Show all ${report.pairs.length}`;
-    }}}, `Show all ${report.pairs.length}`);
-    $('pairs').append(more);
-  }
+    element('tbody', {}, ...report.contacts.map(contactRow))));
 }
 
 // ---- all of it
@@ -204,7 +191,7 @@ function start() {
   buildWorst();
   buildMatrices();
   buildContacts();
-  buildPairs();
+  buildContactTable();
   addEventListener('beforeprint', () => setPlaying(false));
   followTheme();
 }
