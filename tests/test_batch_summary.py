@@ -61,6 +61,12 @@ def test_many_failures_are_not_all_listed():
     assert len(lines) == 23
 
 
+def test_clips_that_need_a_look_are_counted():
+    records = [done("a.bvh", 0.0), done("b.bvh", 0.0) | {"warnings": ["one", "two"]}, done("c.bvh", 0.0)]
+    assert summary(records)[2] == "1 of 3 need a look; the manifest has their warnings"
+    assert not any("need a look" in line for line in summary(records[:1]))
+
+
 def test_clips_left_over_are_counted():
     assert summary([done("a.bvh", 0.1)], 5)[0] == "5 clips: 1 converted, 0 done before, 0 failed, 4 left"
     assert summary([done("a.bvh", 0.1)])[0] == "1 clip: 1 converted, 0 done before, 0 failed"

@@ -24,6 +24,10 @@ def figure(**others):
     return Figure(**{"key": "gap", "label": "gap", "meaning": "gap of {result} against {source}"} | others)
 
 
+def limit(**others):
+    return Limit(reason="-", cause="-", **others)
+
+
 def test_keys_are_names_that_stand_once():
     assert len(BY_KEY) == len(FIGURES)
     for one in FIGURES:
@@ -129,12 +133,12 @@ def of_sides(result, copy=None, source=None):
 
 
 def test_a_figure_above_its_limit_needs_a_look():
-    alone = figure(limit=Limit(margin=3.0, reason="-"))
+    alone = figure(limit=limit(margin=3.0))
     assert [alone.needs_look(of_sides(value)) for value in (2.9, 3.0, 3.1, None)] == [False, False, True, False]
     assert not figure().needs_look(of_sides(1e9))
-    of_copy = figure(limit=Limit(margin=0.5, factor=2.0, of="rotation_copy", reason="-"))
+    of_copy = figure(limit=limit(margin=0.5, factor=2.0, of="rotation_copy"))
     assert [of_copy.needs_look(of_sides(2.6, copy)) for copy in (1.0, 1.1, None)] == [True, False, False]
-    of_source = figure(limit=Limit(margin=0.0, factor=1.5, reason="-"))
+    of_source = figure(limit=limit(margin=0.0, factor=1.5))
     assert [of_source.needs_look(of_sides(3.1, 0.0, source)) for source in (2.0, 2.1)] == [True, False]
     assert not of_copy.needs_look({"result": {"gap": 9.0}, "source": {}})
 

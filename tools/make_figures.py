@@ -16,23 +16,37 @@ PAGE = ROOT / "docs" / "diff.md"
 SCHEMA = ROOT / "distretarget" / "report" / "diff.schema.json"
 FRAME = ("frame", "time", "contacts", "stance")  # keys of a frame in the document besides its figures
 BEGIN, END = "<!-- figures: written by tools/make_figures.py -->\n", "<!-- end -->\n"
+BEGIN_LIMITS = "<!-- limits: written by tools/make_figures.py -->\n"
 
 Json = dict[str, Any]
 
 
 def table() -> str:
     """The table of figures, in Markdown."""
-    rows = ["| figure | | a limit is for |", "|---|---|---|"]
+    rows = ["| figure | | `--fail-over` is for |", "|---|---|---|"]
     for figure in FIGURES:
         formula = figure.comparison("A", "B").replace("|", r"\|") or "B"
         rows.append(f"| `{figure.key}` | {figure.explanation('A', 'B')} | {formula} |")
     return "\n".join(rows) + "\n"
 
 
+def limits() -> str:
+    """The table of the limits above which a run needs a look, in Markdown."""
+    rows = ["| figure | above | means | likely cause |", "|---|---|---|---|"]
+    for figure in FIGURES:
+        if figure.limit:
+            limit = figure.limit
+            rows.append(f"| `{figure.key}` | {limit.formula(figure.unit)} | {limit.reason} | {limit.cause} |")
+    return "\n".join(rows) + "\n"
+
+
 def page() -> str:
-    """The text of the page, with the table written anew."""
-    before, rest = PAGE.read_text("utf-8").split(BEGIN)
-    return f"{before}{BEGIN}\n{table()}\n{END}{rest.split(END, 1)[1]}"
+    """The text of the page, with both tables written anew."""
+    text = PAGE.read_text("utf-8")
+    for begin, rows in ((BEGIN, table()), (BEGIN_LIMITS, limits())):
+        before, rest = text.split(begin)
+        text = f"{before}{begin}\n{rows}\n{END}{rest.split(END, 1)[1]}"
+    return text
 
 
 def schema() -> str:

@@ -41,6 +41,7 @@ class ManifestRecord(ClipRecord):
         output_hash: the hash of the output; None if there is none.
         target_hash: the hash of the target's file.
         options: how the clip was retargeted.
+        notes: joints of the target without a counterpart, in a line.
         version: the version of the program.
     """
 
@@ -48,6 +49,7 @@ class ManifestRecord(ClipRecord):
     output_hash: str | None
     target_hash: str
     options: RecordedOptions
+    notes: list[str]
     version: str
 
 
@@ -78,6 +80,7 @@ def failed_record(work: Work, input_hash: str | None, recipe: Recipe) -> Manifes
         "frames": 0,
         "seconds": 0.0,
         "figures": {},
+        "notes": [],
         "warnings": [],
         "status": "failed",
         "error": None,

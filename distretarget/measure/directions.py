@@ -23,7 +23,7 @@ def direction_error(source: Motion, result: Motion, matching: Matching) -> Array
     trunk, collar bones, hands, head and feet point differently in every build: they are expected to point where the
     source's rotation, by way of the rest poses, points the target's own bone.
     """
-    lower = _bones(matching)
+    lower = bones_of(matching)
     upper = matching.target.skeleton.parents[lower]
     drivers = matching.drivers
     expected = source.positions[:, drivers[lower]] - source.positions[:, drivers[upper]]
@@ -35,7 +35,7 @@ def direction_error(source: Motion, result: Motion, matching: Matching) -> Array
     return np.asarray(np.degrees(np.arctan2(sine, np.einsum("fbi,fbi->fb", expected, bones))))
 
 
-def _bones(matching: Matching) -> NDArray[np.intp]:
+def bones_of(matching: Matching) -> NDArray[np.intp]:
     """The lower joints of the bones that both bodies have, with a length on both."""
     source, skeleton, drivers = matching.source.skeleton, matching.target.skeleton, matching.drivers
     lower = np.arange(1, len(skeleton))

@@ -31,8 +31,8 @@ class Feet:
     """The feet of a result against those of its source; without legs there are no columns.
 
     Attributes:
-        stance: (frames, foot joints), whether each foot joint (ankle and toe of the one leg, then of the other) of the
-            source rests.
+        joints: (foot joints,), the target's ankle and toe of the one leg, then of the other.
+        stance: (frames, foot joints), whether each foot joint of the source rests.
         slide_source, slide: (frames, foot joints), horizontal speed of the foot joints [leg lengths / s].
         foot_height: (frames, legs), how far the height of the sole is off the scaled source's [% of leg length]; nan
             unless ankle or toe rests.
@@ -44,6 +44,7 @@ class Feet:
             scaled source's [% of leg length]; nan unless the ankle rests.
     """
 
+    joints: NDArray[np.intp]
     stance: Flags
     slide_source: Array
     slide: Array
@@ -63,6 +64,7 @@ def measure_feet(source: Motion, result: Motion, matching: Matching, up: Array) 
     if matching.legs is None:
         nothing = np.zeros((len(source), 0))
         return Feet(
+            joints=np.zeros(0, np.intp),
             stance=nothing.astype(bool),
             slide_source=nothing,
             slide=nothing,
@@ -79,6 +81,7 @@ def measure_feet(source: Motion, result: Motion, matching: Matching, up: Array) 
     legs = list(zip(source_soles, soles, strict=True))
     level = np.stack([np.abs(a.pitch(source.positions, up) - a.flat_pitch) <= FLAT for a in source_soles], axis=1)
     return Feet(
+        joints=np.array(_foot_joints(matching.legs[1]), np.intp),
         stance=stance,
         slide_source=_slide(source, matching.legs[0], up),
         slide=_slide(result, matching.legs[1], up),
@@ -159,8 +162,12 @@ def _slide(motion: Motion, legs: Legs, up: Array) -> Array:
 
 def _foot_paths(motion: Motion, legs: Legs) -> Array:
     """(frames, foot joints, 3), where the foot joints are [leg lengths]."""
-    feet = [joint for leg in legs for joint in (leg.ankle, leg.toe)]
-    return motion.positions[:, feet] / leg_length(motion.rigid_skeleton, legs)
+    return motion.positions[:, _foot_joints(legs)] / leg_length(motion.rigid_skeleton, legs)
+
+
+def _foot_joints(legs: Legs) -> list[int]:
+    """Ankle and toe of the one leg, then of the other."""
+    return [joint for leg in legs for joint in (leg.ankle, leg.toe)]
 
 
 def _speeds(paths: Array, frame_time: float) -> Array:

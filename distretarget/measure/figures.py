@@ -29,10 +29,12 @@ class Track:
         values: (frames,) or (frames, parts); fewer rows where a value takes several frames, as a speed does.
         counts: like values: how many measurements each value is the sum of, 0 where nothing was to be measured; None
             where each value is one measurement.
+        parts: what the columns of values are of, such as joints; empty if that has no name.
     """
 
     values: Array
     counts: NDArray[np.intp] | NDArray[np.bool_] | None = None
+    parts: tuple[str, ...] = ()
 
     @property
     def weights(self) -> NDArray[np.intp]:
@@ -55,13 +57,15 @@ class Limit:
         margin: in the unit of the figure.
         factor: times the figure of `of`; 0 where the limit is the margin alone.
         of: the other motion.
-        reason: why the limit stands there, as the end of a sentence that begins "above this".
+        reason: what a value above the limit means.
+        cause: what such a value most likely comes from.
     """
 
     margin: float
     factor: float = 0.0
     of: Literal["source", "rotation_copy"] = "source"
     reason: str
+    cause: str
 
     def value(self, key: str, figures: Figures) -> float | None:
         """The limit of the figure with this key; None where the other motion has no such figure."""
@@ -69,6 +73,15 @@ class Limit:
             return self.margin
         other = figures.get(self.of, {}).get(key)
         return None if other is None else self.factor * other + self.margin
+
+    def formula(self, unit: str) -> str:
+        """The limit in words, with the unit of the figure."""
+        margin = f"{self.margin:g} {unit}".rstrip()
+        if not self.factor:
+            return margin
+        other = f"the {self.of.replace('_', ' ')}'s"
+        other = other if self.factor == 1 else f"{self.factor:g} times {other}"
+        return f"{other} + {margin}" if self.margin else other
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,6 +167,17 @@ class Figure:
         column[: len(values)] = np.where(weights.any(axis=1), reduced, np.nan)
         return column
 
+    def worst(self, tracks: Tracks) -> tuple[int, str]:
+        """The frame of the largest value, and what it is of; empty if that has no name.
+
+        Raises:
+            ValueError: nothing was measured.
+        """
+        track = tracks[self.track or self.key]
+        values = np.where(track.weights > 0, track.values, -np.inf)
+        frame, *part = np.unravel_index(values.argmax(), values.shape)
+        return int(frame), track.parts[part[0]] if part and track.parts else ""
+
     def judgement(self, value: float | None, source: float | None) -> float | None:
         """What `--fail-over` is for, of the result's value and the source's; None where nothing was to be measured."""
         if self.judged == "value" or value is None:
@@ -199,7 +223,13 @@ FIGURES = (  # the most telling first
         meaning="how far the distances of regions of the body that touch in {source} are off, over the length of the "
         "bones between",
         missing="no contacts in {source}",
-        limit=Limit(margin=0.002, factor=1.0, of="rotation_copy", reason="contacts are worse than copied rotations"),
+        limit=Limit(
+            margin=0.002,
+            factor=1.0,
+            of="rotation_copy",
+            reason="contacts are kept worse than by copied rotations",
+            cause="the limbs cannot reach, or contacts contradict each other",
+        ),
         rivals_copy=True,
         decimals=4,
         least=0.002,
@@ -236,7 +266,12 @@ FIGURES = (  # the most telling first
         missing="no feet at rest in {source}",
         judged="ratio",
         still=1e-3,  # [leg lengths/s]; what is left are rounding errors of the file
-        limit=Limit(margin=0.01, factor=1.05, reason="feet slide visibly more than in the source"),
+        limit=Limit(
+            margin=0.01,
+            factor=1.05,
+            reason="feet slide more than in the source",
+            cause="the legs cannot reach the place where the foot rests",
+        ),
         rivals_copy=True,
         symbol="legs/s",
         decimals=3,
@@ -249,7 +284,11 @@ FIGURES = (  # the most telling first
         unit="% of leg length",
         meaning="how far the height of a resting foot's sole is off that in {source}, scaled by leg length",
         missing="no feet at rest in {source}",
-        limit=Limit(margin=1.0, reason="feet float over the floor or sink into it visibly"),
+        limit=Limit(
+            margin=1.0,
+            reason="feet float over the floor or sink into it",
+            cause="the legs cannot reach the floor, or the rest pose of the feet is not how they stand",
+        ),
         rivals_copy=True,
         symbol="% leg",
         least=0.1,
@@ -261,11 +300,15 @@ FIGURES = (  # the most telling first
         unit="degrees",
         meaning="how far the pitch of a resting foot from its flat sole is off that in {source}",
         missing="no flat soles at rest in {source}",
-        limit=Limit(margin=5.0, reason="a foot is tilted visibly against the floor"),
+        limit=Limit(
+            margin=5.0,
+            reason="feet are visibly tilted",
+            cause="the rest pose of the feet is not how they stand, or the ankles cannot turn",
+        ),
         rivals_copy=True,
         symbol="°",
         decimals=1,
-        least=1.0,
+        least=2.0,
         places=("curve", "worst frames", "page over clips"),
     ),
     Figure(
@@ -275,10 +318,14 @@ FIGURES = (  # the most telling first
         meaning="how far the height of an ankle over the floor is off that of a flat foot of {result}, while the foot "
         "rests flat in {source}",
         missing="no feet that rest flat in {source}",
-        limit=Limit(margin=3.0, reason="the foot is not on the floor, or lies on it as another body's foot would"),
+        limit=Limit(
+            margin=3.0,
+            reason="feet lie flat or stand on tiptoe as those of another body",
+            cause="the rest pose of the feet is not how they stand, or End Sites of the feet are missing",
+        ),
         rivals_copy=True,
         symbol="% leg",
-        least=0.5,
+        least=1.0,
     ),
     Figure(
         key="hips_height",
@@ -286,11 +333,10 @@ FIGURES = (  # the most telling first
         unit="% of leg length",
         meaning="how far the height of the hips over a resting ankle is off that in {source}, scaled by leg length",
         missing="no feet at rest in {source}",
-        limit=Limit(margin=3.0, reason="the body visibly crouches or stretches"),
         rivals_copy=True,
         symbol="% leg",
         decimals=1,
-        least=0.5,
+        least=1.0,
         places=("line", "curve", "worst frames", "page over clips", "worst clips"),
     ),
     Figure(
@@ -302,31 +348,41 @@ FIGURES = (  # the most telling first
         missing="no feet at rest in {source}",
         track="hips_height",
         reduction="largest",
-        limit=Limit(margin=3.0, reason="the body visibly crouches or stretches in a frame"),
+        limit=Limit(
+            margin=3.0,
+            reason="the body crouches or stretches",
+            cause="the legs cannot reach, or the ankles cannot turn",
+        ),
         symbol="% leg",
         decimals=1,
-        least=0.5,
+        least=1.0,
     ),
     Figure(
         key="snap",
-        label="snaps",
-        unit="frames",
+        label="frames with snaps",
         meaning="in how many frames a joint of {result} moves more than 4 % of a leg in 1/60 s while in the rotation "
         "copy it moves less than 1.5 %",
         missing="no rotation copy, or only one frame",
         reduction="frames",
-        limit=Limit(margin=0.0, reason="any jerk that copied rotations do not have was made by the solver"),
+        limit=Limit(
+            margin=0.0,
+            reason="a joint jumps that does not in copied rotations",
+            cause="a contact or a resting foot sets in too fast, or a limb flips over",
+        ),
         decimals=0,
         places=("page over clips",),
     ),
     Figure(
         key="unsolved",
-        label="unsolved",
-        unit="frames",
+        label="unsolved frames",
         meaning="how many frames of {result} did not converge",
         missing="not solved here",
         reduction="frames",
-        limit=Limit(margin=0.0, reason="the posture is not the best there is"),
+        limit=Limit(
+            margin=0.0,
+            reason="the posture is not the best there is",
+            cause="contacts contradict each other, or bone lengths are out of proportion",
+        ),
         decimals=0,
     ),
     Figure(
@@ -352,7 +408,13 @@ FIGURES = (  # the most telling first
         meaning="roughness: how fast the acceleration of the joints changes",
         missing="under four frames",
         judged="ratio",
-        limit=Limit(margin=0.0, factor=1.5, of="rotation_copy", reason="the motion shakes or twitches"),
+        limit=Limit(
+            margin=0.0,
+            factor=1.5,
+            of="rotation_copy",
+            reason="the motion shakes or twitches",
+            cause="contacts or resting feet set in and let go too often",
+        ),
         symbol="sizes/s³",
         decimals=1,
         least=0.1,
@@ -365,7 +427,11 @@ FIGURES = (  # the most telling first
         meaning="largest angle by which a joint of {result} turns further from one frame to the next than in {source}",
         missing="only one frame",
         reduction="largest",
-        limit=Limit(margin=12.0, reason="a joint visibly pops"),
+        limit=Limit(
+            margin=12.0,
+            reason="a joint pops",
+            cause="a contact or a resting foot sets in too fast, or a limb flips over",
+        ),
         symbol="°",
         decimals=1,
         least=0.2,

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.matching.matching import Matching
 from distretarget.measure.contacts import Contacts, find_contacts
-from distretarget.measure.directions import direction_error
+from distretarget.measure.directions import bones_of, direction_error
 from distretarget.measure.feet import Feet, measure_feet
 from distretarget.measure.figures import Track, Tracks
 from distretarget.measure.points import blocks_of, normalised_distances, points_of
@@ -28,22 +28,28 @@ class Comparison:
     Attributes:
         contacts: the regions of the body that touch in the source, and how well the result keeps that.
         feet: the feet at rest, whether they slide, and whether they and the hips are in place.
+        skeleton: that of the result.
         distance_error: (frames,), mean |D_source - D_result| over all pairs of joints.
+        bones: (bones,), the lower joints of the bones that both bodies have.
         direction_error: (frames, bones), angle between bones and their expected directions [degrees].
         bone_error: (frames,), the largest relative error of a bone's length against the target.
         jerk_source, jerk: (frames - 3,), mean norm of the third difference of positions over joints
             [body sizes / s^3].
-        turn: (frames - 1, joints), how much more each joint turns from one frame to the next than in the source
+        turned: (turned joints,), the joints that both bodies have.
+        turn: (frames - 1, turned joints), how much more these turn from one frame to the next than in the source
             [degrees in 1/60 s].
     """
 
     contacts: Contacts
     feet: Feet
+    skeleton: Skeleton
     distance_error: Array
+    bones: NDArray[np.intp]
     direction_error: Array
     bone_error: Array
     jerk_source: Array
     jerk: Array
+    turned: NDArray[np.intp]
     turn: Array
 
     @property
@@ -54,17 +60,24 @@ class Comparison:
         feet = self.feet
         return {
             "contact_error": Track(self.contacts.error_of_frames, self.contacts.counts > 0),
-            "direction_error": Track(self.direction_error),
-            "hips_height": Track(feet.hips_height, np.isfinite(feet.hips_height)),
-            "foot_pitch": Track(feet.foot_pitch, np.isfinite(feet.foot_pitch)),
-            "ankle_height": Track(feet.ankle_height, np.isfinite(feet.ankle_height)),
-            "foot_height": Track(feet.foot_height, np.isfinite(feet.foot_height)),
-            "slide": Track(feet.slide, feet.stance),
+            "direction_error": Track(self.direction_error, parts=self._names_of(self.skeleton.parents[self.bones])),
+            "hips_height": self._of_feet(feet.hips_height),
+            "foot_pitch": self._of_feet(feet.foot_pitch),
+            "ankle_height": self._of_feet(feet.ankle_height),
+            "foot_height": self._of_feet(feet.foot_height),
+            "slide": Track(feet.slide, feet.stance, self._names_of(feet.joints)),
             "distance_error": Track(self.distance_error),
             "jerk": Track(self.jerk),
-            "turn": Track(self.turn),
+            "turn": Track(self.turn, parts=self._names_of(self.turned)),
             "bone_error": Track(self.bone_error),
         }
+
+    def _names_of(self, joints: NDArray[np.intp]) -> tuple[str, ...]:
+        return tuple(self.skeleton.keys[joint] for joint in joints)
+
+    def _of_feet(self, values: Array) -> Track:
+        """What was measured of each foot, (frames, legs), nan where nothing was; feet have the names of ankles."""
+        return Track(values, np.isfinite(values), self._names_of(self.feet.joints[::2]))
 
     @property
     def source_tracks(self) -> Tracks:
@@ -81,11 +94,14 @@ def compare(source: Motion, result: Motion, matching: Matching, up: Array) -> Co
     return Comparison(
         contacts=find_contacts(source, result, matching, feet.rest),
         feet=feet,
+        skeleton=result.skeleton,
         distance_error=_distance_error(source, result, matching),
+        bones=bones_of(matching),
         direction_error=direction_error(source, result, matching),
         bone_error=_bone_error(result),
         jerk_source=_jerk(source, source.rigid_skeleton),
         jerk=_jerk(result, result.skeleton),
+        turned=np.flatnonzero(matching.drivers >= 0),
         turn=_turn(source, result, matching.drivers),
     )
 

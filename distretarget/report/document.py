@@ -33,6 +33,8 @@ class About:
         command: the command line that made the diff, "" if none.
         version: of this package.
         rotation_copy: what the figures of the rotation copy are taken from, where B was made from A.
+        verdict: what was kept and what changed in a plain sentence, where B was made from A.
+        warnings: what needs a look, a line each, where B was made from A.
         limits: keys of figures, each with the limit that it is to stay at or below.
     """
 
@@ -41,6 +43,8 @@ class About:
     command: str
     version: str
     rotation_copy: Tracks | None = None
+    verdict: str = ""
+    warnings: tuple[str, ...] = ()
     limits: tuple[tuple[str, float], ...] = ()
 
 
@@ -56,6 +60,8 @@ def document(diff: Diff, about: About) -> DiffDocument:
         "a": _body(about.a, a),
         "b": _body(about.b, b),
         "program": {"version": about.version, "command": about.command},
+        "verdict": about.verdict,
+        "warnings": list(about.warnings),
         "notes": list(diff.notes),
         "frame_time": diff.b.frame_time,
         "frame_count": len(diff),

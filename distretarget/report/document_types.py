@@ -99,6 +99,8 @@ class DiffDocument(TypedDict):
         format, version: the name and the version of this format.
         a, b: the two motions.
         program: what made the document.
+        verdict: what was kept and what changed, in a plain sentence; empty unless B was made from A.
+        warnings: what needs a look, a line each; none unless B was made from A.
         notes: what was done to compare the two motions: resampled, cut, turned.
         frame_time: the time between frames [s].
         frame_count: the number of frames compared.
@@ -118,6 +120,8 @@ class DiffDocument(TypedDict):
     a: DiffBody
     b: DiffBody
     program: Program
+    verdict: str
+    warnings: list[str]
     notes: list[str]
     frame_time: float
     frame_count: int
