@@ -247,7 +247,7 @@ def test_frames_that_do_not_converge_are_reported(monkeypatch):
     monkeypatch.setattr("distretarget.solve.contact._solve", _stop_early)
     done = run("in.bvh", "body.json", "-o", "out.bvh")
     assert done.returncode == 0
-    assert "warning: unsolved frames 20, limit 0; worst in frame 0; likely cause: " in done.stderr
+    assert "warning: unsolved 20, limit 0; worst in frame 0; likely cause: " in done.stderr
 
 
 def _stop_early(_body, _bones, _root, _springs, _tolerance, _v, _first, log):

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, clapping, lengthened, person, posed, swaying
+from bodies import SAMPLES, clapping, lengthened, person, posed, swaying, with_bone
 
 from distretarget import Skeleton, read_bvh
 from distretarget.measure.diff import diff
@@ -196,12 +196,14 @@ def test_contacts_are_those_of_the_document():
     assert found
 
 
-def test_bones_without_a_counterpart_are_marked():
-    from bodies import with_bone
-
-    body = with_bone(PERSON, "Tail", "Root" if "Root" in PERSON.names else PERSON.names[0])
-    b = posed(body, {}, np.tile([0.0, 0.9, 0.0], (4, 1)))
-    a = posed(PERSON, {}, np.tile([0.0, 0.9, 0.0], (4, 1)))
-    bones = {lower: ends for _, lower, *ends in scene(diff(a, b))["bones"]}
-    assert bones[body.index("Tail")] == [-1, -1]
-    assert bones[body.index("Head")] == [PERSON.parents[PERSON.index("Head")], PERSON.index("Head")]
+def test_bones_carry_how_far_they_are_off_and_those_without_a_counterpart_are_marked():
+    body = with_bone(PERSON, "Tail", PERSON.names[0])
+    turned = {"LeftElbow": np.radians([0, 0, 40.0])}
+    a, b = (posed(*one, np.tile([0.0, 0.9, 0.0], (4, 1))) for one in ((PERSON, {}), (body, turned)))
+    errors = numbers(scene(diff(a, b))["bone_errors"], "<u1", (4, len(body)))
+    assert set(errors[:, body.index("Tail")]) == set(errors[:, 0]) == {255}
+    assert set(errors[:, body.index("LeftWrist")]) == {80}
+    assert set(errors[:, body.index("LeftElbow")]) == {0}
+    opposite = posed(PERSON, {"LeftElbow": np.radians([0, 0, 179.0])}, np.tile([0.0, 0.9, 0.0], (4, 1)))
+    errors = numbers(scene(diff(a, opposite))["bone_errors"], "<u1", (4, len(PERSON)))
+    assert set(errors[:, PERSON.index("LeftWrist")]) == {254}

@@ -157,7 +157,7 @@ def test_frames_that_did_not_converge_are_counted_and_the_first_is_named():
     result = run()
     warnings = list(result_with(effort=replace(result.effort, reasons=reasons)).warnings)
     assert len(warnings) == 1
-    assert warnings[0].startswith("unsolved frames 3, limit 0; worst in frame 7; likely cause: ")
+    assert warnings[0].startswith("unsolved 3, limit 0; worst in frame 7; likely cause: ")
 
 
 @pytest.mark.parametrize(("off", "warned"), [(0.001, False), (0.05, True)])

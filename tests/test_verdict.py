@@ -65,4 +65,4 @@ def test_nothing_measured_claims_nothing():
 
 def test_figures_that_need_a_look_are_named_once():
     text = said(GOOD | {"foot_pitch": 9.0, "snap": 2.0}, {"foot_pitch": 1.0})
-    assert text.endswith(". Needs a look: foot pitch, frames with snaps.")
+    assert text.endswith(". Needs a look: foot pitch, snaps.")

@@ -63,6 +63,9 @@ def schema() -> str:
     definitions = document["$defs"]
     definitions["of_result"] = closed(result)
     definitions["of_source"] = closed(source)
+    definitions["limits_of_result"] = closed(
+        {figure.key: {"type": ["number", "null"] if figure.limit else "null"} for figure in FIGURES}
+    )
     definitions["limit"]["properties"]["figure"] = {"enum": [figure.key for figure in FIGURES]}
     others = {key: value for key, value in definitions["frame"]["properties"].items() if key in FRAME}
     definitions["frame"] = closed(others | columns)

@@ -106,9 +106,9 @@ class Figure:
         factor, symbol: pages and the line of a run show the number times `factor`, in the unit `symbol`.
         decimals: of the number in the line of a run.
         least: values up to this are too small to look at.
-        places: where the figure stands besides the lists of all figures: in the line at the end of a run, as a curve
-            over time in a report, with pictures of its worst frames in a report, as a column of the page over clips,
-            as a list of the worst frames of a diff and the worst clips of a batch.
+        places: where the figure stands besides the lists of all figures: in the line of a run, among the first figures
+            of a report, as a curve over time in a report, with pictures of its worst frames in a report, as a column of
+            the page over clips, as a list of the worst frames of a diff and the worst clips of a batch.
     """
 
     key: str
@@ -126,7 +126,7 @@ class Figure:
     symbol: str = ""
     decimals: int = 2
     least: float = 0.0
-    places: tuple[Literal["line", "curve", "worst frames", "page over clips", "worst clips"], ...] = ()
+    places: tuple[Literal["line", "card", "curve", "worst frames", "page over clips", "worst clips"], ...] = ()
 
     @property
     def of_source(self) -> bool:
@@ -233,7 +233,7 @@ FIGURES = (  # the most telling first
         rivals_copy=True,
         decimals=4,
         least=0.002,
-        places=("line", "curve", "worst frames", "page over clips", "worst clips"),
+        places=("line", "card", "curve", "worst frames", "page over clips", "worst clips"),
     ),
     Figure(
         key="direction_error",
@@ -244,7 +244,7 @@ FIGURES = (  # the most telling first
         symbol="°",
         decimals=1,
         least=0.2,
-        places=("line", "curve", "worst frames", "page over clips", "worst clips"),
+        places=("line", "card", "curve", "worst frames", "page over clips", "worst clips"),
     ),
     Figure(
         key="direction_error_p99",
@@ -276,7 +276,7 @@ FIGURES = (  # the most telling first
         symbol="legs/s",
         decimals=3,
         least=0.01,
-        places=("line", "curve", "worst frames", "page over clips"),
+        places=("line", "card", "curve", "worst frames", "page over clips"),
     ),
     Figure(
         key="foot_height",
@@ -292,7 +292,7 @@ FIGURES = (  # the most telling first
         rivals_copy=True,
         symbol="% leg",
         least=0.1,
-        places=("curve", "worst frames"),
+        places=("card", "curve", "worst frames"),
     ),
     Figure(
         key="foot_pitch",
@@ -309,7 +309,7 @@ FIGURES = (  # the most telling first
         symbol="°",
         decimals=1,
         least=2.0,
-        places=("curve", "worst frames", "page over clips"),
+        places=("card", "curve", "worst frames", "page over clips"),
     ),
     Figure(
         key="ankle_height",
@@ -326,6 +326,7 @@ FIGURES = (  # the most telling first
         rivals_copy=True,
         symbol="% leg",
         least=1.0,
+        places=("card",),
     ),
     Figure(
         key="hips_height",
@@ -356,10 +357,11 @@ FIGURES = (  # the most telling first
         symbol="% leg",
         decimals=1,
         least=1.0,
+        places=("card",),
     ),
     Figure(
         key="snap",
-        label="frames with snaps",
+        label="snaps",
         meaning="in how many frames a joint of {result} moves more than 4 % of a leg in 1/60 s while in the rotation "
         "copy it moves less than 1.5 %",
         missing="no rotation copy, or only one frame",
@@ -370,11 +372,11 @@ FIGURES = (  # the most telling first
             cause="a contact or a resting foot sets in too fast, or a limb flips over",
         ),
         decimals=0,
-        places=("page over clips",),
+        places=("card", "page over clips"),
     ),
     Figure(
         key="unsolved",
-        label="unsolved frames",
+        label="unsolved",
         meaning="how many frames of {result} did not converge",
         missing="not solved here",
         reduction="frames",
@@ -384,6 +386,7 @@ FIGURES = (  # the most telling first
             cause="contacts contradict each other, or bone lengths are out of proportion",
         ),
         decimals=0,
+        places=("card",),
     ),
     Figure(
         key="stress",
@@ -392,7 +395,7 @@ FIGURES = (  # the most telling first
         factor=1000.0,
         symbol="\N{MULTIPLICATION SIGN} 1000",
         least=1e-4,
-        places=("line", "curve", "worst frames", "page over clips", "worst clips"),
+        places=("line", "curve", "worst frames", "worst clips"),
     ),
     Figure(
         key="distance_error",
@@ -418,7 +421,7 @@ FIGURES = (  # the most telling first
         symbol="sizes/s³",
         decimals=1,
         least=0.1,
-        places=("line", "curve", "page over clips"),
+        places=("line", "card", "curve", "page over clips"),
     ),
     Figure(
         key="turn",
@@ -435,6 +438,7 @@ FIGURES = (  # the most telling first
         symbol="°",
         decimals=1,
         least=0.2,
+        places=("card",),
     ),
     Figure(
         key="bone_error",
@@ -458,6 +462,11 @@ def figures_at(place: str) -> tuple[Figure, ...]:
 def clip_figures(tracks: Tracks) -> dict[str, float | None]:
     """The figures of a whole clip that the tracks are there for, by key; None where nothing was to be measured."""
     return {figure.key: figure.of_clip(tracks) for figure in FIGURES if (figure.track or figure.key) in tracks}
+
+
+def clip_limits(figures: Figures) -> dict[str, float | None]:
+    """The values above which the figures of a clip need a look, by key; None where there is no limit."""
+    return {one.key: one.limit.value(one.key, figures) if one.limit else None for one in FIGURES}
 
 
 def frame_figures(sides: Mapping[Side, Tracks], frames: int) -> dict[str, Array]:

@@ -32,7 +32,7 @@ const A = unpacked(scene.a), B = unpacked(scene.b);
 const pointCount = A.points.length;
 const pathSizes = new Uint8Array(bytes(scene.sizes));
 const stance = new Uint8Array(bytes(scene.stance));
-B.bones = scene.bones;
+const boneErrors = new Uint8Array(bytes(scene.bone_errors));
 
 /** The state of the page; `pair` is the chosen pair of joints as two indices of points, or null. */
 const state = {frame: 0, playing: false, speed: 1, pair: null, overlaid: false, follow: true, draws: 0};
@@ -83,13 +83,10 @@ function contactsAt(frame) {
   return [...nearest.values()].map(([i, j]) => [i, j, b[i * pointCount + j] < scene.near]);
 }
 
-/** The angle between a bone of B and its counterpart in A [degrees]; null if it has none. */
-function directionError([upper, lower, otherUpper, otherLower]) {
-  if (otherUpper < 0) return null;
-  const a = [0, 1, 2].map(i => A.x[3 * otherLower + i] - A.x[3 * otherUpper + i]);
-  const b = [0, 1, 2].map(i => B.x[3 * lower + i] - B.x[3 * upper + i]);
-  const cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-  return Math.atan2(Math.hypot(...cross), a[0] * b[0] + a[1] * b[1] + a[2] * b[2]) * 180 / Math.PI;
+/** How far a bone of B is off the direction that A gives it on that body [degrees]; null if A has no such bone. */
+function directionError([, lower]) {
+  const coded = boneErrors[B.placed * B.joints + lower];
+  return coded === 255 ? null : coded / 2;
 }
 
 function pairName([i, j]) {

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from distretarget.body.conventions import convention_of
 from distretarget.measure.diff import Diff
-from distretarget.measure.figures import BY_KEY, Side, Tracks, clip_figures, figures_at, frame_figures
+from distretarget.measure.figures import BY_KEY, Side, Tracks, clip_figures, clip_limits, figures_at, frame_figures
 from distretarget.report.document_types import DiffBody, DiffContact, DiffDocument, DiffLimit, FigureValues
 from distretarget.skeleton import Skeleton
 
@@ -54,6 +54,7 @@ def document(diff: Diff, about: About) -> DiffDocument:
     frames = _frames(diff, sides)
     a, b, drivers = diff.matching.source.skeleton, diff.matching.target.skeleton, diff.matching.drivers
     source, result = _of_clip(sides["source"]), _of_clip(sides["result"])
+    copy = None if about.rotation_copy is None else _of_clip(about.rotation_copy)
     return {
         "format": "distretarget-diff",
         "version": 1,
@@ -70,8 +71,9 @@ def document(diff: Diff, about: About) -> DiffDocument:
         "contact_frames": int(np.count_nonzero(diff.comparison.contacts.counts)),
         "figures": {
             "source": source,
-            "rotation_copy": None if about.rotation_copy is None else _of_clip(about.rotation_copy),
+            "rotation_copy": copy,
             "result": result,
+            "needs_look_above": clip_limits({"source": source, "rotation_copy": copy or {}, "result": result}),
         },
         "limits": [_limit(key, limit, result[key], source.get(key)) for key, limit in about.limits],
         "worst": {figure.key: _worst(frames[figure.key]) for figure in figures_at("worst frames")},

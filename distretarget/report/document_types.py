@@ -46,11 +46,14 @@ class DiffFigures(TypedDict):
         source: those of A: only figures that a motion has by itself.
         rotation_copy: those of the rotation copy; None unless B was made from A.
         result: those of B.
+        needs_look_above: the values of B above which a run needs a look; None where there is no limit, or where it
+            depends on a figure that is missing.
     """
 
     source: FigureValues
     rotation_copy: FigureValues | None
     result: FigureValues
+    needs_look_above: FigureValues
 
 
 class DiffLimit(TypedDict):

@@ -46,7 +46,7 @@ def scene(diff: Diff) -> Scene:
         "facing": _facing(diff),
         "a": _drawing(diff.a, diff.matching.source.skeleton, legs[0], a_points, diff.up, step),
         "b": _drawing(diff.b, diff.matching.target.skeleton, legs[1], b_points, diff.up, step),
-        "bones": _bones(diff).tolist(),
+        "bone_errors": _base64(_bone_errors(diff, step), "<u1"),
         "pelvis": [int(diff.matching.drivers[diff.matching.pelvis]), diff.matching.pelvis],
         "sizes": _base64(sizes, "<u1"),
         "stance": _base64((stance * 2 ** np.arange(stance.shape[1])).sum(axis=1), "<u1"),
@@ -112,14 +112,12 @@ def _facing(diff: Diff) -> float:
     return float(np.arctan2(front[0], front[2]))
 
 
-def _bones(diff: Diff) -> NDArray[np.intp]:
-    """(bones of B, 4): upper and lower joint, then their counterparts in A, or -1 and -1 unless both have one."""
-    body, other, drivers = diff.matching.target.skeleton, diff.matching.source.skeleton, diff.matching.drivers
-    lower, upper = np.arange(1, len(body)), body.parents[1:]
-    shared = (drivers[lower] >= 0) & (drivers[upper] >= 0) & (body.lengths[1:] > 0)
-    shared &= other.path_lengths[drivers[upper], drivers[lower]] > 0
-    ends = np.where(shared[:, None], np.stack([drivers[upper], drivers[lower]], axis=1), -1)
-    return np.concatenate([np.stack([upper, lower], axis=1), ends], axis=1)
+def _bone_errors(diff: Diff, step: int) -> NDArray[np.float64]:
+    """(drawn frames, joints of B), the direction error of the bone above each joint in half degrees; 255 for none."""
+    errors = diff.comparison.direction_error[::step]
+    coded = np.full((len(errors), len(diff.b.skeleton)), 255.0)
+    coded[:, diff.comparison.bones] = np.minimum(np.rint(2 * errors), 254)
+    return coded
 
 
 def _contacts(diff: Diff, points: list[int]) -> list[ContactDrawing]:

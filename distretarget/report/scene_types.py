@@ -57,7 +57,8 @@ class Scene(TypedDict):
         foot_regions: the regions of the two feet, which do not touch while both rest; empty without legs.
         facing: the direction that B faces in its first frame, as the angle about y from z [rad].
         a, b: the two motions.
-        bones: per bone of B its upper and lower joint, then those of the same bone in A, or -1 and -1.
+        bone_errors: (drawn frames, joints of B), the direction error of the bone above each joint, in half degrees, at
+            most 254; 255 where it has none; in base64 of bytes.
         pelvis: the joint of the pelvis in A and in B.
         sizes: (points, points), the numbers of joints on the paths between points, at most 255, in base64 of bytes.
         stance: (frames,), whether each of the `feet` rests in A, one bit for each, in base64 of bytes.
@@ -75,7 +76,7 @@ class Scene(TypedDict):
     facing: float
     a: Drawing
     b: Drawing
-    bones: list[list[int]]
+    bone_errors: str
     pelvis: list[int]
     sizes: str
     stance: str

@@ -8,28 +8,35 @@ const TOUCHING = `Two regions of the body, such as a hand and the head, touch wh
   + 'never do, nor do two feet that rest.';
 const WORST_SHOWN = 2; // frames by each figure
 
-/** A line that says, in words and by a mark, whether a figure is within its limit. */
-function limitLine({limit, value, over}, factor) {
-  const most = String(Number((limit * factor).toPrecision(6)));
-  if (value === null) return element('p', {class: 'limit'}, `limit ${most}`);
+/** A line that says, in words and by a mark, whether a figure is within a limit; `over` is null if it has no value. */
+function limitLine(name, limit, over, factor) {
+  const most = `${name} ${String(Number((limit * factor).toPrecision(3)))}`;
+  if (over === null) return element('p', {class: 'limit'}, most);
   return element('p', {class: over ? 'limit over' : 'limit within'},
-    element('span', {'aria-hidden': 'true'}, over ? '✗ ' : '✓ '), `${over ? 'over' : 'within'} limit ${most}`);
+    element('span', {'aria-hidden': 'true'}, over ? '✗ ' : '✓ '), `${over ? 'over' : 'within'} ${most}`);
+}
+
+/** Whether a figure of B is above the value from which a run needs a look; null if one of the two is missing. */
+function needsLook({key}) {
+  const value = report.figures.result[key], limit = report.figures.needs_look_above[key];
+  return value === null || limit === null ? null : value > limit;
 }
 
 function buildFigure(figure) {
   const {key, factor, judged, comparison, missing} = figure, inUnits = judged === 'ratio' ? 1 : factor;
-  const {source, result, rotation_copy: copy} = report.figures;
-  const value = valueOf(result, key, factor);
+  const {source, result, rotation_copy: copy, needs_look_above: above} = report.figures;
+  const value = valueOf(result, key, factor), look = needsLook(figure);
   const rows = [];
   if (judged !== 'value') rows.push(['A', valueOf(source, key, factor)]);
-  if (copy) rows.push(['copy', valueOf(copy, key, factor)]);
+  if (copy && copy[key] !== null) rows.push(['copy', valueOf(copy, key, factor)]);
   const limits = report.limits.filter(one => one.figure === key);
   if (comparison && limits.length) rows.push([comparison, valueOf(limits[0], 'value', inUnits)]);
-  return element('div', {class: 'figure'},
+  const usual = look === null ? [] : [limitLine('', above[key], look, factor)];
+  return element('div', {class: look ? 'figure look' : 'figure'},
     element('h3', {}, term(nameOf(figure), figure.explanation)),
     element('p', {class: value === null ? 'big none' : 'big'}, value === null ? missing : shown(value)),
     element('dl', {}, ...rows.flatMap(([what, number]) => [element('dt', {}, what), element('dd', {}, shown(number))])),
-    ...limits.map(one => limitLine(one, inUnits)));
+    ...usual, ...limits.map(one => limitLine('limit', one.limit, one.value === null ? null : one.over, inUnits)));
 }
 
 function counted(number, what) {
@@ -40,19 +47,32 @@ function buildHead() {
   const body = ({file, joints, convention}) => `${file}, ${joints} joints${convention ? `, ${convention}` : ''}`;
   const seconds = shown(frameCount * report.frame_time);
   const frames = `${counted(frameCount, 'frame')} of ${shown(1000 * report.frame_time)} ms, ${seconds} s`;
-  const facts = [['A, the reference', body(report.a)], ['B, measured', body(report.b)], ['Frames', frames]];
-  const [first, second] = ['a', 'b'].map(name => element('span', {class: `of-${name}`}, report[name].file));
-  $('title').append(second, ' against ', first);
+  const ofRun = report.figures.rotation_copy !== null;
+  const [roleA, roleB] = ofRun ? ['the source', 'the result'] : ['the reference', 'measured'];
+  const facts = [[`A, ${roleA}`, body(report.a)], [`B, ${roleB}`, body(report.b)], ['Frames', frames]];
+  const [nameA, nameB] = ['a', 'b'].map(name => element('span', {class: `of-${name}`}, report[name].file));
+  $('title').append(...ofRun ? ['result ', nameB, ' against source ', nameA] : [nameB, ' against ', nameA]);
+  buildVerdict();
   $('facts').append(
     ...facts.map(([name, text]) => element('div', {}, element('dt', {}, name), element('dd', {}, text))));
   const words = (report.program.command || 'distretarget').split(' ')
     .flatMap((word, k) => [k ? ' ' : '', element('span', {}, word)]);
   $('facts').append(element('div', {class: 'wide'}, element('dt', {}, 'Made by'),
     element('dd', {}, element('code', {}, ...words), ` version ${report.program.version}`)));
-  $('figures').append(...FIGURES.map(buildFigure));
+  const first = figuresAt('card');
+  $('figures').append(...first.map(buildFigure));
+  $('other-figures').append(...FIGURES.filter(figure => !first.includes(figure)).map(buildFigure));
   const terms = [...FIGURES.map(figure => [nameOf(figure), figure.explanation]), ['D', D_MEANS], ['Contact', TOUCHING],
     ...report.figures.rotation_copy ? [['Copy', COPY_MEANS]] : []];
   $('terms').append(...terms.flatMap(([name, text]) => [element('dt', {}, name), element('dd', {}, text)]));
+}
+
+/** What was kept and what changed, and what needs a look; a diff of two files has neither. */
+function buildVerdict() {
+  $('verdict').hidden = !report.verdict;
+  $('verdict').textContent = report.verdict;
+  $('looks').hidden = !report.warnings.length;
+  $('warnings').append(...report.warnings.map(text => element('li', {}, text)));
 }
 
 function buildNotes() {
