@@ -25,7 +25,7 @@ from quality import CLIPS
 from tables import insert
 from zoo_runs import OwnBody, Run, clip_name, members_like, own_bodies, run_all
 
-from distretarget.measure.figures import BY_KEY, FIGURES, Figure, Side
+from distretarget.measure.figures import FIGURES, Figure, Side
 
 FRAMES = 300  # of each clip, if the command line gives no other number
 SIDES: tuple[Side, ...] = ("result", "rotation_copy", "source")
@@ -65,8 +65,7 @@ def _measured(run: Run, key: str, side: Side) -> float | None:
 
 def fault_rows(runs: Sequence[Run], own: Sequence[OwnBody]) -> Iterator[Row]:
     """What must not occur, or stay small, with the worst runs."""
-    if "snap" in BY_KEY:
-        yield _count("runs with snaps", runs, lambda run: run.figure("snap"))
+    yield _count("runs with snaps", runs, lambda run: run.figure("snap"))
     frames = sum(run.unsolved for run in runs)
     yield _count(f"runs with unconverged frames ({frames} frames)", runs, lambda run: run.unsolved)
     for figure in FIGURES:

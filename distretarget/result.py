@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 
 from distretarget.baseline.world import World
 from distretarget.matching.matching import Matching
-from distretarget.measure.figures import Side, Track, Tracks, clip_figures
+from distretarget.measure.figures import NOT_RUN, Side, Track, Tracks, clip_figures
 from distretarget.measure.metrics import Comparison, compare
+from distretarget.measure.needs_look import what_needs_a_look
+from distretarget.measure.snaps import find_snaps
+from distretarget.measure.verdict import verdict
 from distretarget.motion import Motion
 from distretarget.solve.free_points import Postures
 from distretarget.solve.spg import Effort
@@ -74,9 +77,17 @@ class RetargetResult:
         baseline = compare(self.source, self.rotation_copy, self.matching, self.world.up_vector)
         return {
             "source": self.comparison.source_tracks,
-            "rotation_copy": {**baseline.tracks, "stress": Track(self.copy_stress)},
-            "result": {**self.comparison.tracks, "stress": Track(self.written_stress)},
+            "rotation_copy": {**baseline.tracks, "stress": Track(self.copy_stress), **NOT_RUN},
+            "result": {**self.comparison.tracks, "stress": Track(self.written_stress), **self.run_tracks},
         }
+
+    @cached_property
+    def run_tracks(self) -> Tracks:
+        """What is known of the result because it was made here: its snaps, and the frames that did not converge."""
+        unsolved = np.zeros(len(self.motion))
+        unsolved[self.effort.unsolved] = 1.0
+        snaps = find_snaps(self.rotation_copy, self.motion, self.matching.target)
+        return {"snap": Track(snaps, parts=self.motion.skeleton.keys), "unsolved": Track(unsolved)}
 
     @cached_property
     def figures(self) -> dict[Side, dict[str, float | None]]:
@@ -85,17 +96,20 @@ class RetargetResult:
         """
         return {side: clip_figures(tracks) for side, tracks in self.tracks.items()}
 
+    @cached_property
+    def verdict(self) -> str:
+        """What was kept and what changed, in a plain sentence, and the names of the figures that need a look."""
+        return verdict(self.figures, self.tracks)
+
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What needs a look, a line each: frames that did not converge, and feet that do not reach their place."""
-        return tuple(self._warnings())
+        """What needs a look, a line each: figures above their limits, figures that are worse than the rotation copy's,
+        and feet that do not reach their place.
+        """
+        return (*what_needs_a_look(self.figures, self.tracks), *self._missed_places())
 
-    def _warnings(self) -> Iterator[str]:
-        frames, unsolved = len(self.motion), self.effort.unsolved
-        if len(unsolved):
-            names = self.effort.reason_names
-            reasons = ", ".join(sorted({names[frame] for frame in unsolved}))
-            yield f"{len(unsolved)} of {frames} frames did not converge (first: frame {unsolved[0]}; {reasons})"
+    def _missed_places(self) -> Iterator[str]:
+        frames = len(self.motion)
         short = np.flatnonzero(self._feet_off_their_place())
         if len(short):
             missed = f"in {len(short)} of {frames} frames (first: frame {short[0]})"

@@ -1,4 +1,4 @@
-"""What a run reports: the line at its end, joints without a counterpart, and its figures as JSON."""
+"""What a run reports: its verdict and figures in a line each, joints without a counterpart, its figures as JSON."""
 
 from __future__ import annotations
 
@@ -23,6 +23,8 @@ class RunFiguresDocument(TypedDict):
         format, version: the name and the version of this format.
         frame_time: the time between frames [s].
         root_scale: target units per source unit of the root's path.
+        verdict: what was kept and what changed, in a plain sentence.
+        warnings: what needs a look, a line each.
         figures: by key, the figures of the whole clip, of source, rotation copy and result; None where nothing was to
             be measured.
         frames: columns with an entry for each frame. Those of figures are named by key, with `_source` or `_copy`
@@ -34,12 +36,20 @@ class RunFiguresDocument(TypedDict):
     version: Literal[1]
     frame_time: float
     root_scale: float
+    verdict: str
+    warnings: Sequence[str]
     figures: Mapping[Side, Mapping[str, float | None]]
     frames: Mapping[str, Sequence[float | str | None]]
 
 
 def summary_line(result: RetargetResult, seconds: float) -> str:
-    """One line for the end of a run: figures of rotation copy and result, and the frame of most stress."""
+    """One line for the end of a run: its frames, its time, and the verdict on the result."""
+    frames = "1 frame" if len(result.motion) == 1 else f"{len(result.motion)} frames"
+    return f"{frames} in {seconds:.2f} s. {result.verdict}"
+
+
+def figures_line(result: RetargetResult) -> str:
+    """One line of figures of rotation copy and result, and the frame of most stress."""
     figures, stress = result.figures, BY_KEY["stress"]
     worst = int(np.argmax(result.written_stress))
     values = ", ".join(
@@ -50,7 +60,7 @@ def summary_line(result: RetargetResult, seconds: float) -> str:
     points = result.free_stress
     solved = "" if points is None else f"; stress of the solved points {stress.brief(float(points.mean()))}"
     return (
-        f"{len(result.motion)} frames in {seconds:.2f} s; rotation copy / result: {values}{solved}; "
+        f"rotation copy / result: {values}{solved}; "
         f"most stress in frame {worst} ({stress.brief(float(result.written_stress[worst]))})"
     )
 
@@ -79,6 +89,8 @@ def figures_document(result: RetargetResult) -> RunFiguresDocument:
         "version": 1,
         "frame_time": result.motion.frame_time,
         "root_scale": result.root_scale,
+        "verdict": result.verdict,
+        "warnings": result.warnings,
         "figures": result.figures,
         "frames": frames,
     }

@@ -84,6 +84,7 @@ def quick(monkeypatch):
             error=error,
             bvh=f"{task.target.path}: {task.source.text}",
             frames=7,
+            notes=("a tail",),
             warnings=("careful",),
             report=task.about or "",
         )
@@ -129,9 +130,9 @@ def test_every_clip_gets_an_output_and_a_line(folder):
     }
     lines = list(read_records(folder / "out" / "manifest.jsonl"))
     assert lines == seen.records
-    assert {(line["frames"], line["seconds"], line["version"], *line["warnings"]) for line in lines} == {
-        (7, 0.5, "1", "careful")
-    }
+    assert {
+        (line["frames"], line["seconds"], line["version"], *line["notes"], *line["warnings"]) for line in lines
+    } == {(7, 0.5, "1", "a tail", "careful")}
 
 
 def test_a_second_run_has_nothing_to_do(folder):

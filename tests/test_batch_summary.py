@@ -18,7 +18,7 @@ def work(name):
 
 def done(name, contact):
     figures = {
-        of: {"contact_error": contact, "direction_error": 0.0, "stress": 1 - contact}
+        of: {"contact_error": contact, "direction_error": 0.0, "hips_height": 0.0, "stress": 1 - contact}
         for of in ("result", "rotation_copy")
     }
     outcome = {"status": "done", "output_hash": "out", "frames": 100, "figures": figures}
@@ -59,6 +59,12 @@ def test_many_failures_are_not_all_listed():
     lines = summary([failed(f"{number}.bvh", "no") for number in range(50)])
     assert lines[-1] == "  and 30 more; the manifest has them all"
     assert len(lines) == 23
+
+
+def test_clips_that_need_a_look_are_counted():
+    records = [done("a.bvh", 0.0), done("b.bvh", 0.0) | {"warnings": ["one", "two"]}, done("c.bvh", 0.0)]
+    assert summary(records)[2] == "1 of 3 need a look; the manifest has their warnings"
+    assert not any("need a look" in line for line in summary(records[:1]))
 
 
 def test_clips_left_over_are_counted():

@@ -12,6 +12,7 @@ from distretarget.baseline.world import turned
 from distretarget.errors import MapError, MatchingError, MotionError
 from distretarget.io.target_file import load_full_target
 from distretarget.measure.diff import diff, resampled
+from distretarget.measure.points import points_of
 
 LEG = 0.435 + 0.453
 PERSON = person()
@@ -69,9 +70,9 @@ def test_a_forearm_turned_by_10_degrees():
 
 def test_feet_that_slide_faster():
     figures = diff(travelling(0.02), travelling(0.05)).comparison
-    assert figures.stance.all()
-    np.testing.assert_allclose(figures.slide_source, 0.02)
-    np.testing.assert_allclose(figures.slide, 0.05)
+    assert figures.feet.stance.all()
+    np.testing.assert_allclose(figures.feet.slide_source, 0.02)
+    np.testing.assert_allclose(figures.feet.slide, 0.05)
     np.testing.assert_allclose(figures.distance_error, 0, atol=1e-12)
 
 
@@ -79,34 +80,30 @@ def test_hands_that_part_by_4_cm():
     a, b = held(0.02), held(0.06)
     np.testing.assert_allclose([gap(a), gap(b)], [[0.02] * 12, [0.06] * 12])
     result = diff(a, b)
-    wrists = {PERSON.index("LeftWrist"), PERSON.index("RightWrist")}
-    (k,) = (k for k in range(len(result.pairs.u)) if {result.pairs.u[k], result.pairs.v[k]} == wrists)
-    path = PERSON.path_lengths[tuple(wrists)]
-    assert result.pairs.contact_frames[k] == 12
-    found = [result.pairs.distance_a[k], result.pairs.distance_b[k], result.pairs.error[k]]
+    hands = result.comparison.contacts.touches[0]
+    assert hands.name == "left hand - right hand"
+    assert len(hands.frames) == 12
+    path = PERSON.path_lengths[hands.u, hands.v]
+    found = [hands.distance_source, hands.distance_result, hands.error]
     np.testing.assert_allclose(found, np.array([0.02, 0.06, 0.04]) / path)
 
 
-def test_contact_error_of_pairs_and_of_frames_agree():
+def test_contact_error_of_regions_and_of_frames_agree():
     a, b = clapping(np.sin(np.linspace(0, np.pi, 20)) ** 2), clapping(np.sin(np.linspace(0, 3, 20)) ** 2)
-    result = diff(a, b)
-    contact = result.pairs.contact_frames > 0
-    assert result.pairs.contact_frames.sum() == result.comparison.contacts.sum() > 0
-    sums = (result.pairs.error * result.pairs.contact_frames)[contact]
-    assert sums.sum() == pytest.approx(result.comparison.contact_error.sum())
-    worst = result.pairs.worst(contact.sum())
-    assert contact[worst].all()
-    np.testing.assert_allclose(sums.max(), (result.pairs.error * result.pairs.contact_frames)[worst[0]])
+    contacts = diff(a, b).comparison.contacts
+    assert sum(len(touch.frames) for touch in contacts.touches) == contacts.counts.sum() > 0
+    errors = sum(touch.error * len(touch.frames) for touch in contacts.touches)
+    assert errors == pytest.approx((contacts.error_of_frames * contacts.counts).sum())
 
 
 def test_a_motion_against_itself_is_no_different():
     motion = read_bvh(SAMPLES / "clap.bvh")
     result = diff(motion, motion)
     figures = result.comparison
-    for values in (figures.distance_error, figures.contact_error, figures.direction_error, figures.turn):
-        assert not values.any()
-    assert figures.contacts.any()
-    np.testing.assert_array_equal(figures.slide, figures.slide_source)
+    for values in (figures.distance_error, figures.contacts.error, figures.direction_error, figures.turn):
+        np.testing.assert_allclose(values, 0, atol=1e-9)
+    assert figures.contacts.counts.any()
+    np.testing.assert_array_equal(figures.feet.slide, figures.feet.slide_source)
     np.testing.assert_array_equal(figures.jerk, result.comparison.jerk_source)
     assert result.stress.max() < 1e-20
 
@@ -168,17 +165,15 @@ def test_few_frames(frames):
 
 def test_no_contacts():
     result = diff(standing(), bent(5))
-    assert not result.comparison.contacts.any()
-    assert not result.pairs.contact_frames.any()
-    assert result.pairs.error[result.pairs.worst(1)] == result.pairs.error.max() > 0
+    assert not result.comparison.contacts.counts.any()
+    assert result.comparison.contacts.touches == ()
 
 
 def test_a_joint_that_one_of_them_has():
     tailed = with_bone(PERSON, "Tail", "Hips")
     result = diff(swaying(PERSON), swaying(tailed))
     assert result.matching.drivers[tailed.index("Tail")] == -1
-    assert len(tailed) - 1 not in result.pairs.u
-    assert len(tailed) - 1 not in result.pairs.v
+    assert len(tailed) - 1 not in points_of(result.matching)
 
 
 def test_z_up_against_y_up():
@@ -187,7 +182,7 @@ def test_z_up_against_y_up():
     assert result.notes == ("A was turned: Y is up in A, Z in B",)
     np.testing.assert_allclose(result.up, [0, 0, 1])
     np.testing.assert_allclose(result.comparison.direction_error, 0, atol=1e-5)
-    np.testing.assert_allclose(result.comparison.foot_height, result.comparison.foot_height_source, atol=1e-9)
+    np.testing.assert_allclose(result.figures["result"]["foot_height"], 0.0, atol=1e-9)
 
 
 def test_a_root_offset_that_is_added():
@@ -198,8 +193,7 @@ def test_a_root_offset_that_is_added():
     translations[:, 0] -= offsets[0]
     added = Motion(motion.skeleton.with_offsets(offsets), translations, motion.rotations, motion.frame_time_text)
     for a, b in ((motion, added), (added, motion)):
-        figures = diff(a, b).comparison
-        np.testing.assert_allclose(figures.foot_height, figures.foot_height_source, atol=1e-9)
+        np.testing.assert_allclose(diff(a, b).figures["result"]["foot_height"], 0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("rig", ["mixamo_a", "unreal_t"])
@@ -238,9 +232,7 @@ def test_a_map_says_which_joint_is_which():
     motion = swaying(PERSON)
     swapped = diff(motion, motion, {"LeftElbow": None})
     assert swapped.matching.drivers[PERSON.index("LeftElbow")] == -1
-    elbow = PERSON.index("LeftElbow")
-    assert elbow not in swapped.pairs.u
-    assert elbow not in swapped.pairs.v
+    assert PERSON.index("LeftElbow") not in points_of(swapped.matching)
 
 
 def test_resampling_a_steady_motion_keeps_it_steady():
@@ -285,7 +277,7 @@ def test_longer_arms_move_a_clap_apart():
     translations = np.array(np.broadcast_to(longer.skeleton.offsets, clap.translations.shape))
     translations[:, 0] = clap.translations[:, 0]
     result = diff(clap, replace(longer, translations=translations))
-    assert result.comparison.contact_error.sum() > 0
+    assert result.comparison.contacts.error.sum() > 0
     np.testing.assert_allclose(result.comparison.direction_error, 0, atol=1e-5)
 
 

@@ -9,7 +9,7 @@ import pytest
 from bodies import person, swaying
 
 from distretarget.measure.diff import diff
-from distretarget.measure.figures import BY_KEY, FIGURES, SUFFIXES, Figure, Track, frame_figures
+from distretarget.measure.figures import BY_KEY, FIGURES, SUFFIXES, Figure, Limit, Track, frame_figures
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
 from make_figures import PAGE, ROOT, SCHEMA, page, schema
@@ -22,6 +22,10 @@ FRAMES = 5
 
 def figure(**others):
     return Figure(**{"key": "gap", "label": "gap", "meaning": "gap of {result} against {source}"} | others)
+
+
+def limit(**others):
+    return Limit(reason="-", cause="-", **others)
 
 
 def test_keys_are_names_that_stand_once():
@@ -109,17 +113,46 @@ def test_frames_carry_the_suffix_of_their_side():
 @pytest.mark.parametrize("shape", [(0,), (0, 4), (FRAMES, 0)])
 def test_without_measurements_there_is_no_figure(shape):
     track = {"gap": Track(np.zeros(shape))}
-    for reduction in ("mean", "largest", "percentile 99"):
+    for reduction in ("mean", "largest", "percentile 99", "frames"):
         assert figure(reduction=reduction).of_clip(track) is None
     assert np.isnan(figure().over_time(track, FRAMES)).all()
 
 
 def test_what_a_limit_is_for():
-    ratio, difference = figure(judged="ratio", still=0.1), figure(judged="difference")
+    ratio = figure(judged="ratio", still=0.1)
     assert figure().judgement(2.0, None) == 2
     assert ratio.judgement(2.0, 4.0) == 0.5
     assert ratio.judgement(2.0, 0.05) == 20
     assert figure(judged="ratio").judgement(2.0, 0.0) is None
-    assert difference.judgement(-1.0, 2.0) == 3
-    assert {one.judgement(None, 1.0) for one in (figure(), ratio, difference)} == {None}
-    assert {one.judgement(1.0, None) for one in (ratio, difference)} == {None}
+    assert {one.judgement(None, 1.0) for one in (figure(), ratio)} == {None}
+    assert ratio.judgement(1.0, None) is None
+
+
+def of_sides(result, copy=None, source=None):
+    return {"result": {"gap": result}, "rotation_copy": {"gap": copy}, "source": {"gap": source}}
+
+
+def test_a_figure_above_its_limit_needs_a_look():
+    alone = figure(limit=limit(margin=3.0))
+    assert [alone.needs_look(of_sides(value)) for value in (2.9, 3.0, 3.1, None)] == [False, False, True, False]
+    assert not figure().needs_look(of_sides(1e9))
+    of_copy = figure(limit=limit(margin=0.5, factor=2.0, of="rotation_copy"))
+    assert [of_copy.needs_look(of_sides(2.6, copy)) for copy in (1.0, 1.1, None)] == [True, False, False]
+    of_source = figure(limit=limit(margin=0.0, factor=1.5))
+    assert [of_source.needs_look(of_sides(3.1, 0.0, source)) for source in (2.0, 2.1)] == [True, False]
+    assert not of_copy.needs_look({"result": {"gap": 9.0}, "source": {}})
+
+
+def test_a_figure_is_worse_than_the_copy_beyond_what_is_too_small_to_look_at():
+    rival = figure(rivals_copy=True, least=0.1)
+    assert [rival.worse_than_copy(of_sides(1.2, copy)) for copy in (1.0, 1.15, None)] == [True, False, False]
+    assert not figure(least=0.1).worse_than_copy(of_sides(1.2, 1.0))
+    assert not rival.worse_than_copy({"result": {"gap": 9.0}})
+
+
+def test_frames_are_counted_in_which_any_value_is_above_zero():
+    one = figure(reduction="frames")
+    track = {"gap": Track(np.array([[0.0, 2.0], [0.0, 0.0], [3.0, 1.0]]))}
+    assert one.of_clip(track) == 2
+    np.testing.assert_array_equal(one.over_time(track, 4), [1, 0, 1, np.nan])
+    assert one.of_clip({"gap": Track(np.zeros(3))}) == 0

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, clapping, lengthened, person, posed, swaying
+from bodies import SAMPLES, clapping, lengthened, person, posed, swaying, with_bone
 
 from distretarget import Skeleton, read_bvh
 from distretarget.measure.diff import diff
 from distretarget.report.document import About, document
 from distretarget.report.page import SCRIPTS, page, script_json
-from distretarget.report.scene import BUDGET, ROWS, STEPS, drawn_step, quantised, scene, spans
+from distretarget.report.scene import BUDGET, STEPS, drawn_step, quantised, scene, spans
 
 PERSON = person()
 NASTY = "</script><!--<b>&amp; \"q' ü \u2028\u2029 \ud800 {{scene}}"
@@ -122,7 +122,7 @@ def test_the_drawing_stands_upright_on_the_floor_and_keeps_D(up):
         from scipy.spatial.transform import Rotation
 
         a = moved(a, Rotation.from_matrix(turn))
-    drawn = scene(diff(a, a), 10)
+    drawn = scene(diff(a, a))
     x = positions_of(drawn["b"])
     assert abs(np.percentile(x[..., 1].min(axis=1), 2)) < 1e-3
     assert 0.9 < np.ptp(x[0], axis=0)[1] < 1.4
@@ -140,7 +140,7 @@ def test_a_long_clip_is_thinned_and_says_so():
     joints = 2 * len(PERSON)
     step = drawn_step(len(motion), joints)
     assert step > 1
-    drawn = scene(diff(motion, motion), 1)
+    drawn = scene(diff(motion, motion))
     assert drawn["step"] == step
     assert any(f"one frame in {step}" in note for note in drawn["notes"])
     frames = len(positions_of(drawn["a"]))
@@ -159,7 +159,7 @@ def test_one_frame():
 def test_no_contacts():
     spread = {"LeftHip": np.array([0, 0, 0.5]), "RightHip": np.array([0, 0, -0.5])}
     motion = posed(PERSON, spread, np.tile([0.0, 0.9, 0.0], (5, 1)))
-    drawn = scene(diff(motion, motion), 5)
+    drawn = scene(diff(motion, motion))
     assert drawn["contacts"] == []
     assert document(diff(motion, motion), about())["figures"]["result"]["contact_error"] is None
 
@@ -167,41 +167,43 @@ def test_no_contacts():
 def test_the_scale_of_differences_is_of_pairs_with_a_length_in_both():
     flat = {"Neck", "Head", "Chest3", "Chest4"}
     body = PERSON.with_lengths(np.where([name in flat for name in PERSON.names], 0.0, PERSON.lengths))
-    drawn = scene(diff(swaying(body, 4), swaying(PERSON, 4)), 5)
+    drawn = scene(diff(swaying(body, 4), swaying(PERSON, 4)))
     assert drawn["largest_difference"] < 0.9
 
 
 def test_contact_spans_are_the_runs_of_contact_in_both():
     a = clapping(np.array([0, 1, 1, 0, 0, 1, 0.0]))
     b = replace(a, skeleton=PERSON)
-    drawn = scene(diff(a, b), 5)
-    hands = {PERSON.index("LeftWrist"), PERSON.index("RightWrist")}
-    points = drawn["b"]["points"]
-    row = next(row for row in drawn["contacts"] if {points[k] for k in row["pair"]} == hands)
+    drawn = scene(diff(a, b))
+    assert document(diff(a, b), about())["contacts"][0]["regions"] == "left hand - right hand"
+    row = drawn["contacts"][0]
     assert row["a"] == row["b"] == [[1, 3], [5, 6]]
-    assert len(drawn["contacts"]) <= ROWS
     assert spans(np.array([True, True, False, True])) == [[0, 2], [3, 4]]
     assert spans(np.zeros(3, bool)) == []
 
 
-def test_pairs_are_those_of_the_document():
+def test_contacts_are_those_of_the_document():
     a = clap()
     longer = lengthened(PERSON, {"Elbow": 1.5})
     translations = np.array(a.translations)
     translations[:, 1:] = longer.offsets[1:]
     difference = diff(a, replace(a, skeleton=longer, translations=translations))
     whole = document(difference, about())
-    drawn = scene(difference, len(whole["pairs"]))
+    drawn = scene(difference)
     names, points = drawn["b"]["names"], drawn["b"]["points"]
-    assert [[names[points[k]] for k in pair] for pair in drawn["pairs"]] == [p["joints_b"] for p in whole["pairs"]]
+    found = [[names[points[k]] for k in contact["pair"]] for contact in drawn["contacts"]]
+    assert found == [contact["joints_b"] for contact in whole["contacts"]]
+    assert found
 
 
-def test_bones_without_a_counterpart_are_marked():
-    from bodies import with_bone
-
-    body = with_bone(PERSON, "Tail", "Root" if "Root" in PERSON.names else PERSON.names[0])
-    b = posed(body, {}, np.tile([0.0, 0.9, 0.0], (4, 1)))
-    a = posed(PERSON, {}, np.tile([0.0, 0.9, 0.0], (4, 1)))
-    bones = {lower: ends for _, lower, *ends in scene(diff(a, b), 1)["bones"]}
-    assert bones[body.index("Tail")] == [-1, -1]
-    assert bones[body.index("Head")] == [PERSON.parents[PERSON.index("Head")], PERSON.index("Head")]
+def test_bones_carry_how_far_they_are_off_and_those_without_a_counterpart_are_marked():
+    body = with_bone(PERSON, "Tail", PERSON.names[0])
+    turned = {"LeftElbow": np.radians([0, 0, 40.0])}
+    a, b = (posed(*one, np.tile([0.0, 0.9, 0.0], (4, 1))) for one in ((PERSON, {}), (body, turned)))
+    errors = numbers(scene(diff(a, b))["bone_errors"], "<u1", (4, len(body)))
+    assert set(errors[:, body.index("Tail")]) == set(errors[:, 0]) == {255}
+    assert set(errors[:, body.index("LeftWrist")]) == {80}
+    assert set(errors[:, body.index("LeftElbow")]) == {0}
+    opposite = posed(PERSON, {"LeftElbow": np.radians([0, 0, 179.0])}, np.tile([0.0, 0.9, 0.0], (4, 1)))
+    errors = numbers(scene(diff(a, opposite))["bone_errors"], "<u1", (4, len(PERSON)))
+    assert set(errors[:, PERSON.index("LeftWrist")]) == {254}

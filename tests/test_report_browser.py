@@ -10,7 +10,7 @@ from pages import CONTRASTS, settle
 
 from distretarget import load_target, read_bvh, retarget
 from distretarget.measure.diff import diff
-from distretarget.measure.figures import FIGURES
+from distretarget.measure.figures import BY_KEY, FIGURES, NOT_RUN, figures_at
 from distretarget.report.document import About, document
 from distretarget.report.page import page
 from distretarget.report.report import run_diff
@@ -39,6 +39,8 @@ def sample():
             command="distretarget diff",
             version="1",
             rotation_copy=run.tracks["rotation_copy"],
+            verdict=run.verdict,
+            warnings=("a line", NASTY),
             limits=LIMITS,
         ),
     )
@@ -183,7 +185,7 @@ def test_a_click_on_a_contact_goes_there_and_chooses_it(opened):
     assert BETWEEN in tab.inner_text("#selected")
     tab.locator(".contacts .name").nth(1).click()
     settle(tab)
-    assert tab.locator(".contacts .name").nth(1).inner_text() in tab.inner_text("#selected")
+    assert tab.evaluate("pairName(scene.contacts[1].pair)") in tab.inner_text("#selected")
 
 
 def test_the_theme_can_be_switched(opened):
@@ -256,24 +258,22 @@ def test_a_cell_of_a_matrix_names_its_joints_and_marks_them(opened):
     assert frame(tab) == 0
 
 
-def test_buttons_of_worst_frames_and_pairs_go_there(opened, reports):
+def test_buttons_of_worst_frames_and_contacts_go_there(opened, reports):
     tab, figures = opened(), reports("sample")[1]
     tab.locator(".worst button").first.click()
     assert frame(tab) == figures["worst"]["contact_error"]
     tab.keyboard.press("End")
     tab.locator("td button").first.click()
-    pair = figures["pairs"][0]
-    assert frame(tab) == pair["worst_frame"]
-    assert BETWEEN.join(pair["joints_b"]) in tab.inner_text("#selected")
+    contact = figures["contacts"][0]
+    assert frame(tab) == contact["worst_frame"]
+    assert BETWEEN.join(contact["joints_b"]) in tab.inner_text("#selected")
 
 
-def test_all_pairs_can_be_shown(opened, reports):
-    tab, pairs = opened(), reports("sample")[1]["pairs"]
-    few = tab.locator("tbody tr:visible").count()
-    tab.click("#pairs > button")
-    assert few < tab.locator("tbody tr:visible").count() == len(pairs)
-    tab.click("#pairs > button")
-    assert tab.locator("tbody tr:visible").count() == few
+def test_the_table_of_contacts_has_all_of_them_hands_first(opened, reports):
+    rows = opened().locator("tbody th").all_inner_texts()
+    contacts = reports("sample")[1]["contacts"]
+    assert [row.split("\n")[0] for row in rows] == [contact["regions"] for contact in contacts]
+    assert rows[0].startswith("left hand - right hand")
 
 
 def test_buttons_switch_overlay_camera_and_view(opened):
@@ -336,12 +336,15 @@ def test_the_cards_show_the_figures_of_the_document(opened, reports):
     tab, figures = opened(), reports("sample")[1]
     cards = tab.locator(".figure").all()
     values = figures["figures"]
-    for figure, card in zip(FIGURES, cards, strict=True):
+    first = figures_at("card")
+    for figure, card in zip((*first, *(one for one in FIGURES if one not in first)), cards, strict=True):
         name = f"{figure.label}, {figure.symbol}" if figure.symbol else figure.label
         assert card.locator("h3").inner_text() == name[0].upper() + name[1:]
         rows = dict(zip(*(card.locator(tag).all_inner_texts() for tag in ("dt", "dd")), strict=True))
         assert_shown(card.locator(".big").inner_text(), values["result"][figure.key] * figure.factor)
-        assert_shown(rows["copy"], values["rotation_copy"][figure.key] * figure.factor)
+        assert ("copy" in rows) == (figure.key not in NOT_RUN)
+        if "copy" in rows:
+            assert_shown(rows["copy"], values["rotation_copy"][figure.key] * figure.factor)
         assert ("A" in rows) == figure.of_source
         if figure.of_source:
             assert_shown(rows["A"], values["source"][figure.key] * figure.factor)
@@ -349,25 +352,49 @@ def test_the_cards_show_the_figures_of_the_document(opened, reports):
 
 def test_a_limit_says_in_words_and_by_a_mark_whether_it_is_kept(opened, reports):
     tab, limits = opened(), reports("sample")[1]["limits"]
-    lines = tab.locator(".limit").all_inner_texts()
+    lines = [line for line in tab.locator(".limit").all_inner_texts() if "limit" in line]
+    by_figure = {limit["figure"]: limit["over"] for limit in limits}
+    first = [one.key for one in figures_at("card")]
+    order = sorted(by_figure, key=lambda key: [*first, *BY_KEY].index(key))
     assert [line.split()[:2] for line in lines] == [
-        ["✗", "over"] if limit["over"] else ["✓", "within"]
-        for limit in sorted(limits, key=lambda limit: [name for name, _ in LIMITS].index(limit["figure"]))
+        ["✗", "over"] if by_figure[key] else ["✓", "within"] for key in order
     ]
-    assert {limit["over"] for limit in limits} == {True, False}
+    assert set(by_figure.values()) == {True, False}
     assert "✗ over limit 30" in lines
     jerk = tab.locator(".figure", has_text="Jerk")
     assert jerk.locator("dt").last.inner_text() == "B / A"
     assert_shown(jerk.locator("dd").last.inner_text(), next(one["value"] for one in limits if one["figure"] == "jerk"))
-    assert tab.locator(".figure", has_text="Foot").locator("dt").last.inner_text() == f"|B {MINUS} A|"
-    assert opened("no contacts").locator(".limit").count() == 0
 
 
-def test_the_contact_timeline_has_a_row_per_pair(opened):
+def test_figures_that_need_a_look_are_marked_in_words_and_by_colour(opened, reports):
+    tab, figures = opened(), reports("sample")[1]["figures"]
+    above = figures["needs_look_above"]
+    for figure, card in zip(figures_at("card"), tab.locator("#figures .figure").all(), strict=True):
+        value, limit = figures["result"][figure.key], above[figure.key]
+        usual = [line for line in card.locator(".limit").all_inner_texts() if "limit" not in line]
+        assert usual[:1] == ([] if limit is None else [usual[0]])
+        if limit is not None:
+            assert usual[0].startswith("✗ over " if value > limit else "✓ within ")
+            assert ("look" in card.get_attribute("class")) == (value > limit)
+
+
+def test_a_run_opens_with_its_verdict_and_lists_what_needs_a_look(opened, reports):
     tab = opened()
-    rows = tab.evaluate("scene.contacts.map(row => [pairName(row.pair), row.a.length + row.b.length])")
-    assert rows
+    assert tab.inner_text("#verdict") == reports("sample")[1]["verdict"]
+    assert tab.locator("#warnings li").all_inner_texts() == ["a line", NASTY]
+    assert tab.inner_text("#title") == "result clap_long_arms.bvh against source clap.bvh" == tab.title()
+    assert "A, the source" in tab.inner_text("#facts")
+    assert "B, the result" in tab.inner_text("#facts")
+    diffed = opened("no contacts")
+    assert not diffed.locator("#verdict").is_visible()
+    assert not diffed.locator("#looks").is_visible()
+
+
+def test_the_contact_timeline_has_a_row_per_pair_of_regions(opened):
+    tab = opened()
+    rows = tab.evaluate("scene.contacts.map((row, k) => [report.contacts[k].regions, row.a.length + row.b.length])")
     assert tab.locator(".contacts .name").all_inner_texts() == [name for name, _ in rows]
+    assert rows[0][0] == "left hand - right hand"
     bars = [track.locator("rect").count() for track in tab.locator(".track").all()]
     assert bars == [count for _, count in rows]
 
@@ -386,7 +413,7 @@ def test_nothing_is_wider_than_the_screen(opened, name):
         tab.set_viewport_size({"width": width, "height": 844})
         settle(tab)
         assert tab.evaluate("document.scrollingElement.scrollWidth") <= width
-        for part in tab.locator("section, .figure, .bar > *:visible").all():
+        for part in tab.locator("section:visible, .figure, .bar > *:visible").all():
             box = part.bounding_box()
             assert box["x"] + box["width"] <= width + 0.5, part.evaluate("one => one.className")
 
@@ -449,7 +476,7 @@ def test_one_frame_has_nothing_to_play(opened):
 
 def test_without_contacts_the_page_says_so(opened):
     tab = opened("no contacts")
-    assert tab.inner_text("#contacts") == "No two joints touch in A."
+    assert tab.inner_text("#contacts") == "No two regions of the body touch in A."
     assert "no contacts in A" in tab.inner_text("#figures")
     assert "B does the same as A in every frame" in tab.inner_text("#worst")
     scrolled(tab)
@@ -470,12 +497,12 @@ def test_names_are_text(opened):
 
 
 def test_a_namespace_is_left_out_of_names(opened, reports):
-    tab, pair = opened("namespace"), reports("namespace")[1]["pairs"][0]
-    assert all(name.startswith("rig:") for name in pair["joints_b"])
-    assert tab.locator("tbody th").first.inner_text() == BETWEEN.join(pair["joints_a"])
+    tab, contact = opened("namespace"), reports("namespace")[1]["contacts"][0]
+    assert all(name.startswith("rig:") for name in contact["joints_b"])
+    assert tab.locator("tbody th small").first.inner_text() == BETWEEN.join(contact["joints_a"])
     tab.locator("td button").first.click()
     settle(tab)
-    assert tab.inner_text("#selected").startswith(f"{BETWEEN.join(pair['joints_a'])}: D in A")
+    assert tab.inner_text("#selected").startswith(f"{BETWEEN.join(contact['joints_a'])}: D in A")
 
 
 def test_a_jolt_does_not_flatten_a_curve(opened, reports):

@@ -9,9 +9,9 @@ import pytest
 from bodies import clapping, lengthened, other_lengths, person, swaying
 
 from distretarget import Skeleton, retarget
-from distretarget.measure.figures import FIGURES, Track, clip_figures, figures_at
+from distretarget.measure.figures import FIGURES, NOT_RUN, Track, clip_figures, figures_at
 from distretarget.measure.metrics import compare
-from distretarget.run_summary import figures_json, summary_line
+from distretarget.run_summary import figures_json, figures_line, summary_line
 from distretarget.solve.spg import Reason
 
 FRAMES = 40
@@ -59,7 +59,8 @@ def test_the_figures_of_the_clip_stand_beside_those_of_the_rotation_copy():
         ("result", result.motion, result.written_stress),
         ("rotation_copy", result.rotation_copy, result.copy_stress),
     ):
-        tracks = {**compared(result, motion).tracks, "stress": Track(stress)}
+        of_run = result.run_tracks if side == "result" else NOT_RUN
+        tracks = {**compared(result, motion).tracks, "stress": Track(stress), **of_run}
         assert values[side] == clip_figures(tracks)
         assert values[side]["stress"] == stress.mean()
     assert values["source"] == clip_figures(compared(result, result.motion).source_tracks)
@@ -73,19 +74,17 @@ def test_the_figures_of_the_clip_stand_beside_those_of_the_rotation_copy():
 
 def test_frames_without_a_contact_have_no_contact_error():
     result = run()
-    contacts = compared(result, result.motion).contacts
+    contacts = compared(result, result.motion).contacts.counts
     assert 0 < np.count_nonzero(contacts) < FRAMES
     frames = document(result_with())["frames"]
     for name in ("contact_error", "contact_error_copy"):
         np.testing.assert_array_equal([value is not None for value in frames[name]], contacts > 0)
 
 
-def test_contact_errors_of_frames_pool_to_that_of_the_clip():
-    result = run()
-    contacts = compared(result, result.motion).contacts
+def test_the_contact_error_of_the_clip_is_the_mean_over_frames_with_contacts():
     written = document(result_with())
-    values = [value or 0.0 for value in written["frames"]["contact_error"]]
-    assert np.average(values, weights=contacts) == pytest.approx(written["figures"]["result"]["contact_error"])
+    values = [value for value in written["frames"]["contact_error"] if value is not None]
+    assert np.mean(values) == pytest.approx(written["figures"]["result"]["contact_error"])
 
 
 def test_figures_of_a_frame_are_those_of_the_result_and_of_the_copy():
@@ -118,8 +117,8 @@ def test_json_ends_with_its_line():
 def test_the_line_names_the_frame_of_most_stress(frame):
     stress = np.full(FRAMES, 0.001)
     stress[frame] = 0.0625
-    line = summary_line(result_with(written_stress=stress), 1.234)
-    assert line.startswith(f"{FRAMES} frames in 1.23 s; rotation copy / result: ")
+    line = figures_line(result_with(written_stress=stress))
+    assert line.startswith("rotation copy / result: ")
     assert line.endswith(f"most stress in frame {frame} (62.50)")
     assert "\n" not in line
 
@@ -127,7 +126,7 @@ def test_the_line_names_the_frame_of_most_stress(frame):
 def test_the_line_gives_each_figure_for_copy_and_result():
     made = result_with()
     baseline, result = (made.figures[side] for side in ("rotation_copy", "result"))
-    line = summary_line(made, 1.0)
+    line = figures_line(made)
     assert f"contact error {baseline['contact_error']:.4f} / {result['contact_error']:.4f}" in line
     assert f"slide [legs/s] {baseline['slide']:.3f} / {result['slide']:.3f}" in line
     assert f"direction error [°] 0.0 / {result['direction_error']:.1f}" in line
@@ -137,15 +136,18 @@ def test_the_line_gives_each_figure_for_copy_and_result():
 
 def test_only_the_papers_objective_has_stress_of_solved_points():
     result = run("paper")
-    assert f"stress of the solved points {1e3 * result.free_stress.mean():.2f};" in summary_line(
-        result_with("paper"), 1.0
-    )
-    assert "solved points" not in summary_line(result_with(), 1.0)
+    assert f"stress of the solved points {1e3 * result.free_stress.mean():.2f};" in figures_line(result)
+    assert "solved points" not in figures_line(result_with())
+
+
+def test_the_line_of_a_run_has_its_time_and_its_verdict():
+    made = result_with()
+    assert summary_line(made, 1.234) == f"{FRAMES} frames in 1.23 s. {made.verdict}"
+    assert document(made)["verdict"] == made.verdict
 
 
 def test_a_good_run_has_nothing_to_warn_of():
-    assert list(result_with().warnings) == []
-    assert list(result_with("paper").warnings) == []
+    assert list(result_with().warnings) == document(result_with())["warnings"] == []
 
 
 def test_frames_that_did_not_converge_are_counted_and_the_first_is_named():
@@ -154,7 +156,8 @@ def test_frames_that_did_not_converge_are_counted_and_the_first_is_named():
     reasons[9] = Reason.LINE_SEARCH_FAILED
     result = run()
     warnings = list(result_with(effort=replace(result.effort, reasons=reasons)).warnings)
-    assert warnings == [f"3 of {FRAMES} frames did not converge (first: frame 7; iteration limit, line search failed)"]
+    assert len(warnings) == 1
+    assert warnings[0].startswith("unsolved 3, limit 0; worst in frame 7; likely cause: ")
 
 
 @pytest.mark.parametrize(("off", "warned"), [(0.001, False), (0.05, True)])
@@ -177,7 +180,8 @@ def test_feet_in_the_air_have_no_place_to_miss():
 def test_the_shortest_clips_have_a_line_and_json(frames):
     source = swaying(person(), frames=frames)
     made = retarget(source, other_lengths(person()))
-    assert f"{frames} frames in " in summary_line(made, 0.1)
+    assert summary_line(made, 0.1).startswith("1 frame in 0.10 s. " if frames == 1 else "2 frames in 0.10 s. ")
+    assert figures_line(made)
     assert {len(values) for values in document(made)["frames"].values()} == {frames}
     list(made.warnings)
 
@@ -193,13 +197,14 @@ def test_a_chain_without_legs_or_contacts_has_a_line_and_json():
     )
     source = swaying(chain)
     made = retarget(source, chain.with_offsets(2 * offsets))
-    assert "contact error - / -, direction error [°] 0.0 / 0.0, slide [legs/s] - / -" in summary_line(made, 0.1)
+    assert "contact error - / -, direction error [°] 0.0 / 0.0, slide [legs/s] - / -" in figures_line(made)
     assert set(document(made)["frames"]["contact_error"]) == {None}
     assert list(made.warnings) == []
+    assert made.verdict == "Nothing touches in the source; no foot rests in the source."
 
 
 def test_a_still_clip_is_as_smooth_as_its_copy():
     source = clapping(np.zeros(10))
     made = retarget(source, person())
-    assert "jerk [sizes/s³] 0.0 / 0.0" in summary_line(made, 0.1)
-    assert "nan" not in summary_line(made, 0.1)
+    assert "jerk [sizes/s³] 0.0 / 0.0" in figures_line(made)
+    assert "nan" not in figures_line(made) + summary_line(made, 0.1)

@@ -16,23 +16,37 @@ PAGE = ROOT / "docs" / "diff.md"
 SCHEMA = ROOT / "distretarget" / "report" / "diff.schema.json"
 FRAME = ("frame", "time", "contacts", "stance")  # keys of a frame in the document besides its figures
 BEGIN, END = "<!-- figures: written by tools/make_figures.py -->\n", "<!-- end -->\n"
+BEGIN_LIMITS = "<!-- limits: written by tools/make_figures.py -->\n"
 
 Json = dict[str, Any]
 
 
 def table() -> str:
     """The table of figures, in Markdown."""
-    rows = ["| figure | | a limit is for |", "|---|---|---|"]
+    rows = ["| figure | | `--fail-over` is for |", "|---|---|---|"]
     for figure in FIGURES:
         formula = figure.comparison("A", "B").replace("|", r"\|") or "B"
         rows.append(f"| `{figure.key}` | {figure.explanation('A', 'B')} | {formula} |")
     return "\n".join(rows) + "\n"
 
 
+def limits() -> str:
+    """The table of the limits above which a run needs a look, in Markdown."""
+    rows = ["| figure | above | means | likely cause |", "|---|---|---|---|"]
+    for figure in FIGURES:
+        if figure.limit:
+            limit = figure.limit
+            rows.append(f"| `{figure.key}` | {limit.formula(figure.unit)} | {limit.reason} | {limit.cause} |")
+    return "\n".join(rows) + "\n"
+
+
 def page() -> str:
-    """The text of the page, with the table written anew."""
-    before, rest = PAGE.read_text("utf-8").split(BEGIN)
-    return f"{before}{BEGIN}\n{table()}\n{END}{rest.split(END, 1)[1]}"
+    """The text of the page, with both tables written anew."""
+    text = PAGE.read_text("utf-8")
+    for begin, rows in ((BEGIN, table()), (BEGIN_LIMITS, limits())):
+        before, rest = text.split(begin)
+        text = f"{before}{begin}\n{rows}\n{END}{rest.split(END, 1)[1]}"
+    return text
 
 
 def schema() -> str:
@@ -49,6 +63,9 @@ def schema() -> str:
     definitions = document["$defs"]
     definitions["of_result"] = closed(result)
     definitions["of_source"] = closed(source)
+    definitions["limits_of_result"] = closed(
+        {figure.key: {"type": ["number", "null"] if figure.limit else "null"} for figure in FIGURES}
+    )
     definitions["limit"]["properties"]["figure"] = {"enum": [figure.key for figure in FIGURES]}
     others = {key: value for key, value in definitions["frame"]["properties"].items() if key in FRAME}
     definitions["frame"] = closed(others | columns)
@@ -58,10 +75,8 @@ def schema() -> str:
 
 
 def number(figure: Figure, of_frame: bool = False) -> Json:
-    """The schema of a value of a figure: null if it may be missing, at least 0 unless differences are judged."""
-    values: Json = {"type": ["number", "null"] if figure.missing else "number"}
-    if figure.judged != "difference":
-        values["minimum"] = 0
+    """The schema of a value of a figure: at least 0, null if it may be missing."""
+    values: Json = {"type": ["number", "null"] if figure.missing else "number", "minimum": 0}
     return values if of_frame else {"description": figure.explanation("A", "B"), **values}
 
 

@@ -44,6 +44,7 @@ class ManifestRecord(ClipRecord):
         output_hash: the hash of the output; None if there is none.
         target_hash: the hash of the target's file.
         options: how the clip was retargeted.
+        notes: joints of the target without a counterpart, in a line.
         version: the version of the program.
     """
 
@@ -51,6 +52,7 @@ class ManifestRecord(ClipRecord):
     output_hash: str | None
     target_hash: str
     options: RecordedOptions
+    notes: list[str]
     version: str
 
 
@@ -81,6 +83,7 @@ def failed_record(work: Work, input_hash: str | None, recipe: Recipe) -> Manifes
         "frames": 0,
         "seconds": 0.0,
         "figures": {},
+        "notes": [],
         "warnings": [],
         "status": "failed",
         "error": None,

@@ -161,6 +161,7 @@ class Run:
             "seconds": round(outcome.seconds, 3),
             "frames": outcome.frames,
             "figures": outcome.figures,
+            "notes": list(outcome.notes),
             "warnings": list(outcome.warnings),
             "error": error or None,
         }

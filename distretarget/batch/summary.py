@@ -22,12 +22,14 @@ class Tally:
         skipped: clips that were converted by an earlier run.
         failed: clips that could not be converted.
         frames: frames converted.
+        warned: clips converted that need a look.
     """
 
     done: int = 0
     skipped: int = 0
     failed: int = 0
     frames: int = 0
+    warned: int = 0
     _worst: dict[Figure, list[ManifestRecord]] = field(default_factory=dict)
     _failures: list[str] = field(default_factory=list)
 
@@ -38,6 +40,7 @@ class Tally:
         elif record["status"] == "done":
             self.done += 1
             self.frames += record["frames"]
+            self.warned += bool(record["warnings"])
             for figure in figures_at("worst clips"):
                 self._worst[figure] = worst([*self._worst.get(figure, ()), record], figure)[:WORST]
         else:
@@ -54,6 +57,8 @@ class Tally:
         if self.frames:
             jobs = f"{workers} {'job' if workers == 1 else 'jobs'}"
             yield f"{self.frames:,} frames in {seconds:.1f} s, {self.frames / seconds:,.0f} frames/s with {jobs}"
+        if self.warned:
+            yield f"{self.warned} of {self.done} need a look; the manifest has their warnings"
         for figure, records in self._worst.items():
             if bad := [_value(record, figure) for record in records if _of_result(record, figure) > LEAST]:
                 yield f"worst {figure.label}: {', '.join(bad)}"

@@ -44,7 +44,8 @@ class Outcome:
         bvh: the text of the output.
         frames: the number of frames of the output.
         figures: the figures of source, rotation copy and result.
-        warnings: the warnings, a line each.
+        notes: what the manifest notes of any clip between these bodies, such as joints without a counterpart.
+        warnings: what needs a look, a line each.
         report: the HTML of the report; empty if none was wanted.
     """
 
@@ -54,6 +55,7 @@ class Outcome:
     bvh: str = ""
     frames: int = 0
     figures: Mapping[Side, Mapping[str, float | None]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     report: str = ""
 
@@ -91,7 +93,8 @@ def _converted(task: Task, mapper: Mapper) -> Outcome:
     return Outcome(
         version=version("distretarget"),
         report=run_page(result, task.about) if task.about else "",
-        warnings=(*unmatched(result.matching), *result.warnings),
+        notes=tuple(unmatched(result.matching)),
+        warnings=result.warnings,
         figures=result.figures,
         frames=len(result.motion),
         bvh="".join(parts),

@@ -19,21 +19,18 @@ from distretarget.io.target import Target
 from distretarget.measure.diff import diff
 from distretarget.measure.figures import BY_KEY, FIGURES, Figure, figures_at
 from distretarget.report.document import csv_text, document, json_text
-from distretarget.report.document_types import DiffDocument, DiffLimit, DiffPair, FigureValues
+from distretarget.report.document_types import DiffContact, DiffDocument, DiffLimit, FigureValues
 from distretarget.report.page import page
 
-MOST = 5  # frames and pairs that are printed
+MOST = 5  # frames and contacts that are printed
 
 
 def _fail_over_help() -> str:
     """The help of --fail-over, of the figures there are."""
-    ratios, differences = (
-        " and ".join(figure.key for figure in FIGURES if figure.judged == judged) for judged in ("ratio", "difference")
-    )
+    ratios = " and ".join(figure.key for figure in FIGURES if figure.judged == "ratio")
     return (
         f"Exit with status 1 if a figure is over a limit. FIGURE is one of {', '.join(BY_KEY)}. The limit is for the "
-        f"value of B; for {ratios}, for its ratio to the value of A; for {differences}, for its difference from the "
-        "value of A. May be given several times."
+        f"value of B; for {ratios}, for its ratio to the value of A. May be given several times."
     )
 
 
@@ -119,7 +116,7 @@ def _account(figures: DiffDocument) -> Iterator[str]:
     yield from ("", *_table(figures["figures"]["source"], figures["figures"]["result"]), "")
     for figure in figures_at("worst clips"):
         yield _worst_frames(figure, figures["frames"])
-    yield from _worst_pairs(figures["pairs"])
+    yield from _contacts(figures["contacts"])
     for name, other, joints in (("B", "A", figures["unmatched_b"]), ("A", "B", figures["unmatched_a"])):
         if joints:
             yield f"joints of {name} without a counterpart in {other}: {quoted(joints, LISTED)}"
@@ -157,14 +154,15 @@ def _worst_frames(figure: Figure, frames: Sequence[FigureValues]) -> str:
     return f"worst frames by {figure.label}: {worst or 'none'}"
 
 
-def _worst_pairs(pairs: Sequence[DiffPair]) -> Iterator[str]:
-    """A line per pair."""
-    worst = [pair for pair in pairs if pair["error"]][:MOST]
-    yield "worst pairs (distance over path length in A, in B):" if worst else "worst pairs: none"
-    for pair in worst:
-        contact = f" in {pair['contact_frames']} frames of contact" if pair["contact_frames"] else ""
-        distances = f"{pair['distance_a']:.3f}, {pair['distance_b']:.3f}{contact}"
-        yield f"  {' - '.join(pair['joints_b'])}: {distances}; most in frame {pair['worst_frame']}"
+def _contacts(contacts: Sequence[DiffContact]) -> Iterator[str]:
+    """A line for each of the first pairs of regions that touch in A."""
+    yield "contacts (distance over path length in A, in B):" if contacts else "contacts: none"
+    for contact in contacts[:MOST]:
+        frames = "1 frame" if contact["frames"] == 1 else f"{contact['frames']} frames"
+        distances = f"{contact['distance_a']:.3f}, {contact['distance_b']:.3f} in {frames}"
+        yield f"  {contact['regions']}: {distances}; worst in frame {contact['worst_frame']}"
+    if len(contacts) > MOST:
+        yield f"  and {len(contacts) - MOST} more"
 
 
 def _over(limits: Sequence[DiffLimit]) -> Iterator[str]:

@@ -22,7 +22,7 @@ from distretarget.io.files import write_whole
 from distretarget.io.map_json import load_map
 from distretarget.report.report import run_page
 from distretarget.result import RetargetResult
-from distretarget.run_summary import figures_json, summary_line, unmatched
+from distretarget.run_summary import figures_json, figures_line, summary_line, unmatched
 
 
 @click.command("retarget")
@@ -87,7 +87,7 @@ def retarget_command(
 
 
 def _account(result: RetargetResult) -> Iterator[str]:
-    """The lines of --verbose: what was recognised and matched, and the axes, OFFSET and scale used."""
+    """The lines of --verbose: what was recognised and matched, the axes, OFFSET and scale used, and the figures."""
     yield from headline(result.matching)
     for what, joints in (
         ("joints of the target that follow their parents", result.matching.followers),
@@ -101,6 +101,7 @@ def _account(result: RetargetResult) -> Iterator[str]:
     yield f"up: {world.source_up} in the source, {target_up}"
     yield _root_offset(result)
     yield f"root scale: {result.root_scale:.6g} target units per source unit"
+    yield figures_line(result)
 
 
 def _root_offset(result: RetargetResult) -> str:

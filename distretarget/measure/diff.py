@@ -1,8 +1,8 @@
-"""Two motions against each other, frame by frame and pair by pair: A, the reference, and B, measured against it."""
+"""Two motions against each other, frame by frame: A, the reference, and B, measured against it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,8 +15,8 @@ from distretarget.distances import distance_problem, posture_stress
 from distretarget.errors import MotionError
 from distretarget.matching.matching import Matching, match
 from distretarget.matching.pairing import JointMap
-from distretarget.measure.figures import Side, Track, Tracks, clip_figures
-from distretarget.measure.metrics import NEAR, Comparison, can_touch, compare, normalised_distances, points_of
+from distretarget.measure.figures import NOT_RUN, Side, Track, Tracks, clip_figures
+from distretarget.measure.metrics import Comparison, compare
 from distretarget.motion import Motion
 from distretarget.skeleton import LARGEST
 
@@ -24,34 +24,6 @@ Array = NDArray[np.float64]
 
 SAME_TIME = 1e-3  # relative difference of frame times from which motions are resampled ...
 LATE = 0.25  # ... or frames by which one lags behind the other in the end
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Pairs:
-    """What became of each pair of joints that both motions have; |P| >= 5 makes a pair far along the tree.
-
-    Attributes:
-        u, v: (pairs,), joints of B.
-        far: (pairs,), whether it can be a contact.
-        contact_frames: (pairs,), in how many frames it is a contact in A.
-        distance_a, distance_b: (pairs,), mean D over these frames; over all frames where there are none.
-        error: (pairs,), mean |D_a - D_b| over the same frames.
-        worst_frame: (pairs,), the frame, of the same, of the largest |D_a - D_b|.
-    """
-
-    u: NDArray[np.intp]
-    v: NDArray[np.intp]
-    far: NDArray[np.bool_]
-    contact_frames: NDArray[np.intp]
-    distance_a: Array
-    distance_b: Array
-    error: Array
-    worst_frame: NDArray[np.intp]
-
-    def worst(self, most: int) -> NDArray[np.intp]:
-        """The numbers of the worst pairs: contacts first, by the sum of their errors; then others, by their error."""
-        weight = self.error * np.maximum(self.contact_frames, 1)
-        return np.lexsort((-weight, self.contact_frames == 0))[:most]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -64,6 +36,7 @@ class Diff:
         up: (3,), up in both.
         stress: (frames,), Eq. (2) of B against A's distances, over the squared height of B.
         comparison: what else was measured, per frame.
+        run_tracks: what is known of B if it was made here: its snaps, and the frames that did not converge.
         notes: what was done to compare them: resampled, cut, turned.
     """
 
@@ -74,6 +47,7 @@ class Diff:
     stress: Array
     comparison: Comparison
     notes: tuple[str, ...]
+    run_tracks: Tracks = field(default_factory=lambda: NOT_RUN)
 
     def __len__(self) -> int:
         return len(self.b)
@@ -81,7 +55,7 @@ class Diff:
     @property
     def tracks(self) -> Tracks:
         """What the figures of B are taken from."""
-        return {**self.comparison.tracks, "stress": Track(self.stress)}
+        return {**self.comparison.tracks, "stress": Track(self.stress), **self.run_tracks}
 
     @cached_property
     def figures(self) -> dict[Side, dict[str, float | None]]:
@@ -89,11 +63,6 @@ class Diff:
         result; None where nothing was to be measured.
         """
         return {"source": clip_figures(self.comparison.source_tracks), "result": clip_figures(self.tracks)}
-
-    @cached_property
-    def pairs(self) -> Pairs:
-        """What became of each pair."""
-        return _pairs(self.a, self.b, self.matching)
 
 
 def diff(a: Motion, b: Motion, joint_map: JointMap | None = None) -> Diff:
@@ -179,39 +148,3 @@ def _frames(motion: Motion) -> str:
 
 def _first(motion: Motion, frames: int) -> Motion:
     return replace(motion, translations=motion.translations[:frames], rotations=motion.rotations[:frames])
-
-
-def _pairs(a: Motion, b: Motion, matching: Matching) -> Pairs:
-    joints = points_of(matching)
-    u, v = np.triu_indices(len(joints), 1)
-    far = can_touch(matching, joints[u], joints[v])
-    count, contacts = len(u), np.zeros(len(u), np.intp)
-    sums = {name: np.zeros((2, count)) for name in ("a", "b", "error")}  # over all frames, over those of contact
-    largest, worst = np.full((2, count), -1.0), np.zeros((2, count), np.intp)
-    blocks = zip(normalised_distances(a, matching.drivers[joints]), normalised_distances(b, joints), strict=True)
-    for (block, D_a), (_, D_b) in blocks:
-        error = np.nan_to_num(np.abs(D_a - D_b))
-        near = far & (D_a < NEAR) & np.isfinite(D_b)
-        contacts += near.sum(axis=0)
-        for k, mask in enumerate((np.ones_like(near), near)):
-            for name, values in (("a", D_a), ("b", D_b), ("error", error)):
-                sums[name][k] += np.where(mask, np.nan_to_num(values), 0.0).sum(axis=0)
-            masked = np.where(mask, error, -1.0)
-            top = masked.max(axis=0)
-            at = block.start + masked.argmax(axis=0)
-            worst[k] = np.where(top > largest[k], at, worst[k])
-            largest[k] = np.maximum(largest[k], top)
-    which = (contacts > 0).astype(np.intp)
-    frames = np.where(which, contacts, len(a))
-    pick = np.arange(count)
-    means = {name: values[which, pick] / frames for name, values in sums.items()}
-    return Pairs(
-        u=joints[u],
-        v=joints[v],
-        far=far,
-        contact_frames=contacts,
-        distance_a=means["a"],
-        distance_b=means["b"],
-        error=means["error"],
-        worst_frame=worst[which, pick],
-    )

@@ -32,7 +32,7 @@ const A = unpacked(scene.a), B = unpacked(scene.b);
 const pointCount = A.points.length;
 const pathSizes = new Uint8Array(bytes(scene.sizes));
 const stance = new Uint8Array(bytes(scene.stance));
-B.bones = scene.bones;
+const boneErrors = new Uint8Array(bytes(scene.bone_errors));
 
 /** The state of the page; `pair` is the chosen pair of joints as two indices of points, or null. */
 const state = {frame: 0, playing: false, speed: 1, pair: null, overlaid: false, follow: true, draws: 0};
@@ -62,27 +62,31 @@ function distances(motion, frame) {
   return D;
 }
 
-/** The pairs that touch in A at a frame: [point, point, whether they touch in B as well]. */
-function contactsAt(frame) {
-  const a = distances(A, frame), b = distances(B, frame), found = [];
-  for (let i = 0; i < pointCount; i++) {
-    for (let j = 0; j < i; j++) {
-      const k = i * pointCount + j;
-      if (a[k] < scene.near && pathSizes[k] >= scene.far_along && !Number.isNaN(b[k])) {
-        found.push([i, j, b[k] < scene.near]);
-      }
-    }
-  }
-  return found;
+/** Whether a foot rests in A at a frame: then the feet do not count as touching each other. */
+function aFootRests(frame) {
+  return scene.foot_regions.length === 2 && (stance[frame] & 15) > 0;
 }
 
-/** The angle between a bone of B and its counterpart in A [degrees]; null if it has none. */
-function directionError([upper, lower, otherUpper, otherLower]) {
-  if (otherUpper < 0) return null;
-  const a = [0, 1, 2].map(i => A.x[3 * otherLower + i] - A.x[3 * otherUpper + i]);
-  const b = [0, 1, 2].map(i => B.x[3 * lower + i] - B.x[3 * upper + i]);
-  const cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-  return Math.atan2(Math.hypot(...cross), a[0] * b[0] + a[1] * b[1] + a[2] * b[2]) * 180 / Math.PI;
+/** The regions that touch in A at a frame, by their nearest points: [point, point, whether these are near in B]. */
+function contactsAt(frame) {
+  const a = distances(A, frame), b = distances(B, frame), nearest = new Map();
+  const feet = aFootRests(frame) ? scene.foot_regions : [];
+  for (let i = 0; i < pointCount; i++) {
+    for (let j = 0; j < i; j++) {
+      const k = i * pointCount + j, [p, q] = [scene.regions[i], scene.regions[j]].sort((one, other) => one - other);
+      if (!(a[k] < scene.near) || pathSizes[k] < scene.far_along || Number.isNaN(b[k])) continue;
+      if (p < 0 || scene.neighbours[p][q] || (feet.includes(p) && feet.includes(q))) continue;
+      const key = `${p} ${q}`, [oldI, oldJ] = nearest.get(key) || [i, j];
+      if (a[k] <= a[oldI * pointCount + oldJ]) nearest.set(key, [i, j]);
+    }
+  }
+  return [...nearest.values()].map(([i, j]) => [i, j, b[i * pointCount + j] < scene.near]);
+}
+
+/** How far a bone of B is off the direction that A gives it on that body [degrees]; null if A has no such bone. */
+function directionError([, lower]) {
+  const coded = boneErrors[B.placed * B.joints + lower];
+  return coded === 255 ? null : coded / 2;
 }
 
 function pairName([i, j]) {
@@ -96,8 +100,8 @@ function pairText([i, j], frame) {
   const name = pairName([i, j]), difference = b - a;
   const called = other === name ? name : `${name} (in A: ${other})`;
   const more = `${difference > 0 ? '+' : ''}${shown(difference)}`;
-  const contact = a < scene.near && pathSizes[k] >= scene.far_along;
-  const touching = contact ? (b < scene.near ? ', contact' : ', contact lost') : '';
+  const contact = contactsAt(frame).find(([p, q]) => p === Math.max(i, j) && q === Math.min(i, j));
+  const touching = contact ? (contact[2] ? ', contact' : ', contact lost') : '';
   return `${called}: D in A ${shown(a)}, in B ${shown(b)}, difference ${more}${touching}`;
 }
 

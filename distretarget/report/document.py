@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 
 from distretarget.body.conventions import convention_of
 from distretarget.measure.diff import Diff
-from distretarget.measure.figures import BY_KEY, Side, Tracks, clip_figures, figures_at, frame_figures
-from distretarget.report.document_types import DiffBody, DiffDocument, DiffLimit, DiffPair, FigureValues
+from distretarget.measure.figures import BY_KEY, Side, Tracks, clip_figures, clip_limits, figures_at, frame_figures
+from distretarget.report.document_types import DiffBody, DiffContact, DiffDocument, DiffLimit, FigureValues
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 
 DECIMALS = 12  # that a number is rounded to, so that rounding errors vanish
-PAIRS = 100  # most pairs of joints in a document
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -34,6 +33,8 @@ class About:
         command: the command line that made the diff, "" if none.
         version: of this package.
         rotation_copy: what the figures of the rotation copy are taken from, where B was made from A.
+        verdict: what was kept and what changed in a plain sentence, where B was made from A.
+        warnings: what needs a look, a line each, where B was made from A.
         limits: keys of figures, each with the limit that it is to stay at or below.
     """
 
@@ -42,6 +43,8 @@ class About:
     command: str
     version: str
     rotation_copy: Tracks | None = None
+    verdict: str = ""
+    warnings: tuple[str, ...] = ()
     limits: tuple[tuple[str, float], ...] = ()
 
 
@@ -51,27 +54,31 @@ def document(diff: Diff, about: About) -> DiffDocument:
     frames = _frames(diff, sides)
     a, b, drivers = diff.matching.source.skeleton, diff.matching.target.skeleton, diff.matching.drivers
     source, result = _of_clip(sides["source"]), _of_clip(sides["result"])
+    copy = None if about.rotation_copy is None else _of_clip(about.rotation_copy)
     return {
         "format": "distretarget-diff",
         "version": 1,
         "a": _body(about.a, a),
         "b": _body(about.b, b),
         "program": {"version": about.version, "command": about.command},
+        "verdict": about.verdict,
+        "warnings": list(about.warnings),
         "notes": list(diff.notes),
         "frame_time": diff.b.frame_time,
         "frame_count": len(diff),
         "unmatched_b": [b.keys[joint] for joint in b.joints if drivers[joint] < 0],
         "unmatched_a": [a.keys[joint] for joint in a.joints if joint not in drivers],
-        "contact_frames": int(np.count_nonzero(diff.comparison.contacts)),
+        "contact_frames": int(np.count_nonzero(diff.comparison.contacts.counts)),
         "figures": {
             "source": source,
-            "rotation_copy": None if about.rotation_copy is None else _of_clip(about.rotation_copy),
+            "rotation_copy": copy,
             "result": result,
+            "needs_look_above": clip_limits({"source": source, "rotation_copy": copy or {}, "result": result}),
         },
         "limits": [_limit(key, limit, result[key], source.get(key)) for key, limit in about.limits],
         "worst": {figure.key: _worst(frames[figure.key]) for figure in figures_at("worst frames")},
         "frames": [dict(zip(frames, row, strict=True)) for row in zip(*frames.values(), strict=True)],
-        "pairs": _pairs(diff),
+        "contacts": _contacts(diff),
     }
 
 
@@ -111,8 +118,8 @@ def _frames(diff: Diff, sides: Mapping[Side, Tracks]) -> dict[str, list[float | 
     return {
         "frame": count.tolist(),
         "time": _column(np.multiply(count, diff.b.frame_time)),
-        "contacts": diff.comparison.contacts.tolist(),
-        "stance": diff.comparison.stance.sum(axis=1).tolist(),
+        "contacts": diff.comparison.contacts.counts.tolist(),
+        "stance": diff.comparison.feet.stance.sum(axis=1).tolist(),
         **{key: _column(values) for key, values in frame_figures(sides, len(diff)).items()},
     }
 
@@ -127,20 +134,21 @@ def _worst(column: list[float | None]) -> int | None:
     return -max(known)[1] if known else None
 
 
-def _pairs(diff: Diff) -> list[DiffPair]:
-    pairs, drivers = diff.pairs, diff.matching.drivers
+def _contacts(diff: Diff) -> list[DiffContact]:
+    drivers = diff.matching.drivers
     a, b = diff.matching.source.skeleton.keys, diff.matching.target.skeleton.keys
     return [
         {
-            "joints_a": [a[drivers[pairs.u[k]]], a[drivers[pairs.v[k]]]],
-            "joints_b": [b[pairs.u[k]], b[pairs.v[k]]],
-            "contact_frames": int(pairs.contact_frames[k]),
-            "distance_a": _round(pairs.distance_a[k]),
-            "distance_b": _round(pairs.distance_b[k]),
-            "error": _round(pairs.error[k]),
-            "worst_frame": int(pairs.worst_frame[k]),
+            "regions": touch.name,
+            "joints_a": [a[drivers[touch.u]], a[drivers[touch.v]]],
+            "joints_b": [b[touch.u], b[touch.v]],
+            "frames": len(touch.frames),
+            "distance_a": _round(touch.distance_source),
+            "distance_b": _round(touch.distance_result),
+            "error": _round(touch.error),
+            "worst_frame": touch.worst_frame,
         }
-        for k in pairs.worst(PAIRS)
+        for touch in diff.comparison.contacts.touches
     ]
 
 

@@ -46,11 +46,14 @@ class DiffFigures(TypedDict):
         source: those of A: only figures that a motion has by itself.
         rotation_copy: those of the rotation copy; None unless B was made from A.
         result: those of B.
+        needs_look_above: the values of B above which a run needs a look; None where there is no limit, or where it
+            depends on a figure that is missing.
     """
 
     source: FigureValues
     rotation_copy: FigureValues | None
     result: FigureValues
+    needs_look_above: FigureValues
 
 
 class DiffLimit(TypedDict):
@@ -69,20 +72,23 @@ class DiffLimit(TypedDict):
     over: bool
 
 
-class DiffPair(TypedDict):
-    """What became of a pair of joints. D is the distance of two joints over the length of the bones between them.
+class DiffContact(TypedDict):
+    """What became of the contacts between two regions of the body. D is the distance of the nearest two joints in A,
+    over the length of the bones between them.
 
     Attributes:
-        joints_a, joints_b: the two joints in A and in B.
-        contact_frames: the number of frames in which the pair touches in A.
-        distance_a, distance_b: mean D in these frames; in all frames if there are none.
-        error: mean |D_a - D_b| in the same frames.
+        regions: the two regions, such as "left hand - right hand".
+        joints_a, joints_b: the two joints that are nearest in A in the worst frame, in A and in B.
+        frames: the number of frames in which the regions touch in A.
+        distance_a, distance_b: mean D in these frames.
+        error: mean |D_a - D_b| in these frames.
         worst_frame: the frame of these with the largest |D_a - D_b|.
     """
 
+    regions: str
     joints_a: list[str]
     joints_b: list[str]
-    contact_frames: int
+    frames: int
     distance_a: float
     distance_b: float
     error: float
@@ -96,18 +102,20 @@ class DiffDocument(TypedDict):
         format, version: the name and the version of this format.
         a, b: the two motions.
         program: what made the document.
+        verdict: what was kept and what changed, in a plain sentence; empty unless B was made from A.
+        warnings: what needs a look, a line each; none unless B was made from A.
         notes: what was done to compare the two motions: resampled, cut, turned.
         frame_time: the time between frames [s].
         frame_count: the number of frames compared.
         unmatched_b: the joints of B without a counterpart in A.
         unmatched_a: the joints of A without a counterpart in B.
-        contact_frames: the number of frames in which joints touch in A.
+        contact_frames: the number of frames in which regions of the body touch in A.
         figures: the figures of the whole clip.
         limits: the limits to stay at or below, in the order given.
         worst: by key, the frame in which the figure of B is largest; None where no frame has a value.
-        frames: for each frame its number `frame`, its `time` [s], the numbers of contact pairs (`contacts`) and of foot
+        frames: for each frame its number `frame`, its `time` [s], the numbers of contacts (`contacts`) and of foot
             joints at rest (`stance`) in A, and the figures of the frame by key, those of A with `_source` after it.
-        pairs: the worst pairs of joints, the worst first.
+        contacts: the regions of the body that touch in A, those of the hands first.
     """
 
     format: Literal["distretarget-diff"]
@@ -115,6 +123,8 @@ class DiffDocument(TypedDict):
     a: DiffBody
     b: DiffBody
     program: Program
+    verdict: str
+    warnings: list[str]
     notes: list[str]
     frame_time: float
     frame_count: int
@@ -125,4 +135,4 @@ class DiffDocument(TypedDict):
     limits: list[DiffLimit]
     worst: dict[str, int | None]
     frames: list[FigureValues]
-    pairs: list[DiffPair]
+    contacts: list[DiffContact]

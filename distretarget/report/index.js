@@ -34,19 +34,13 @@ const view = {column: SHOWN[0], down: true, passing: [], rows: 0};
 
 /**
  * The column of a figure: its name, its explanation, `of` for its value of a clip, and `beside`, which has names and
- * functions for the values to compare it with; the table shows the first of these. A figure that is judged by its
- * difference from the source is shown as this difference.
+ * functions for the values to compare it with; the table shows the first of these.
  */
 function columnOf({key, label, symbol, explanation, judged, factor}) {
-  const difference = judged === 'difference';
-  const scaled = suffix => clip => {
-    const value = clip[key + suffix], source = difference ? clip[`${key}_source`] : 0;
-    if (value === null || source === null) return null;
-    return factor * (difference ? Math.abs(value - source) : value);
-  };
+  const scaled = suffix => clip => (clip[key + suffix] === null ? null : factor * clip[key + suffix]);
   return {
-    name: nameOf({label: difference ? `${label} off` : label, symbol}),
-    explanation: difference ? `${explanation} The number shown is the difference.` : explanation,
+    name: nameOf({label, symbol}),
+    explanation,
     of: scaled(''),
     beside: [...judged === 'ratio' ? [['source', scaled('_source')]] : [], [COPY, scaled('_copy')]],
   };

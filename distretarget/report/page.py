@@ -20,8 +20,9 @@ ESCAPES = {ord(character): f"\\u{ord(character):04x}" for character in "<>&\u202
 
 def page(diff: Diff, document: DiffDocument) -> str:
     """The HTML of the report on a diff, with the diff's `document` embedded unchanged."""
-    title = f"{document['b']['file']} against {document['a']['file']}"
-    data = {"document": document, "scene": scene(diff, len(document["pairs"])), "registry": as_data("A", "B")}
+    source, result = ("source ", "result ") if document["figures"]["rotation_copy"] else ("", "")
+    title = f"{result}{document['b']['file']} against {source}{document['a']['file']}"
+    data = {"document": document, "scene": scene(diff), "registry": as_data("A", "B")}
     return filled("template.html", title, styles=["style.css"], scripts=SCRIPTS, data=data)
 
 

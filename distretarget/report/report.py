@@ -38,9 +38,12 @@ def write_report(
 
 
 def run_page(result: RetargetResult, about: About) -> str:
-    """The HTML of the report on a run: A is its source, B its result; the rotation copy is added to `about`."""
-    diff = run_diff(result)
-    return page(diff, document(diff, replace(about, rotation_copy=result.tracks["rotation_copy"])))
+    """The HTML of the report on a run: A is its source, B its result; rotation copy, verdict and warnings are added to
+    `about`.
+    """
+    diff, copy = run_diff(result), result.tracks["rotation_copy"]
+    about = replace(about, rotation_copy=copy, verdict=result.verdict, warnings=result.warnings)
+    return page(diff, document(diff, about))
 
 
 def run_diff(result: RetargetResult) -> Diff:
@@ -53,4 +56,5 @@ def run_diff(result: RetargetResult) -> Diff:
         stress=result.written_stress,
         comparison=result.comparison,
         notes=turned_note(result.world),
+        run_tracks=result.run_tracks,
     )

@@ -11,52 +11,47 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.legs import Leg, leg_length
+from distretarget.measure.contacts import FAR_ALONG, NEAR, find_candidates, touching
 from distretarget.measure.diff import Diff
-from distretarget.measure.metrics import FAR_ALONG, LOWEST, NEAR, PAIR_FRAMES, points_of
+from distretarget.measure.feet import LOWEST
+from distretarget.measure.points import points_of
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import least_rotation
-from distretarget.report.scene_types import Drawing, Scene
+from distretarget.report.scene_types import ContactDrawing, Drawing, Scene
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 
 BUDGET = 5_000_000  # [bytes] most for the quantised positions of both motions; longer clips are drawn in part
 STEPS = 65_535  # steps of a quantised coordinate across the bounding box
-ROWS = 24  # most rows of the contact timeline
 SAMPLES = 64  # frames from which the range of the differences of D is estimated
 
 
-def scene(diff: Diff, pairs: int) -> Scene:
-    """The drawing data of a diff; `pairs` is how many of the worst pairs are included.
-
-    Only one frame in several is drawn where all would take more than `BUDGET`.
-    """
+def scene(diff: Diff) -> Scene:
+    """The drawing data of a diff. Only one frame in several is drawn where all would take more than `BUDGET`."""
     b_points = points_of(diff.matching)
     a_points = diff.matching.drivers[b_points]
     step = drawn_step(len(diff), len(diff.a.skeleton) + len(diff.b.skeleton))
     legs = diff.matching.legs or (None, None)
-    number = {int(joint): k for k, joint in enumerate(b_points)}
-    worst = diff.pairs.worst(pairs)
-    near, stance = _most_contacts(diff), diff.comparison.stance
+    stance, regions = diff.comparison.feet.stance, diff.matching.target.regions
     sizes = np.minimum(diff.matching.target.skeleton.path_sizes[np.ix_(b_points, b_points)], 255)
     return {
         "step": step,
         "notes": _notes(step, diff),
         "near": NEAR,
         "far_along": FAR_ALONG,
+        "regions": regions.of_joint[b_points].tolist(),
+        "neighbours": regions.neighbours.tolist(),
+        "foot_regions": [int(regions.of_joint[leg.ankle]) for leg in legs[1] or ()],
         "facing": _facing(diff),
         "a": _drawing(diff.a, diff.matching.source.skeleton, legs[0], a_points, diff.up, step),
         "b": _drawing(diff.b, diff.matching.target.skeleton, legs[1], b_points, diff.up, step),
-        "bones": _bones(diff).tolist(),
+        "bone_errors": _base64(_bone_errors(diff, step), "<u1"),
         "pelvis": [int(diff.matching.drivers[diff.matching.pelvis]), diff.matching.pelvis],
         "sizes": _base64(sizes, "<u1"),
         "stance": _base64((stance * 2 ** np.arange(stance.shape[1])).sum(axis=1), "<u1"),
         "largest_difference": _largest_difference(diff, a_points, b_points),
-        "pairs": [[number[int(diff.pairs.u[k])], number[int(diff.pairs.v[k])]] for k in worst],
-        "contacts": [
-            {"pair": [number[int(diff.pairs.u[k])], number[int(diff.pairs.v[k])]], "a": a, "b": b}
-            for k, a, b in zip(near, *_contact_spans(diff, near), strict=True)
-        ],
+        "contacts": _contacts(diff, b_points.tolist()),
     }
 
 
@@ -117,38 +112,31 @@ def _facing(diff: Diff) -> float:
     return float(np.arctan2(front[0], front[2]))
 
 
-def _bones(diff: Diff) -> NDArray[np.intp]:
-    """(bones of B, 4): upper and lower joint, then their counterparts in A, or -1 and -1 unless both have one."""
-    body, other, drivers = diff.matching.target.skeleton, diff.matching.source.skeleton, diff.matching.drivers
-    lower, upper = np.arange(1, len(body)), body.parents[1:]
-    shared = (drivers[lower] >= 0) & (drivers[upper] >= 0) & (body.lengths[1:] > 0)
-    shared &= other.path_lengths[drivers[upper], drivers[lower]] > 0
-    ends = np.where(shared[:, None], np.stack([drivers[upper], drivers[lower]], axis=1), -1)
-    return np.concatenate([np.stack([upper, lower], axis=1), ends], axis=1)
+def _bone_errors(diff: Diff, step: int) -> NDArray[np.float64]:
+    """(drawn frames, joints of B), the direction error of the bone above each joint in half degrees; 255 for none."""
+    errors = diff.comparison.direction_error[::step]
+    coded = np.full((len(errors), len(diff.b.skeleton)), 255.0)
+    coded[:, diff.comparison.bones] = np.minimum(np.rint(2 * errors), 254)
+    return coded
 
 
-def _most_contacts(diff: Diff) -> NDArray[np.intp]:
-    """The numbers of the pairs that touch in the most frames, in descending order of frames."""
-    touching = np.flatnonzero(diff.pairs.contact_frames)
-    return touching[np.argsort(-diff.pairs.contact_frames[touching], kind="stable")][:ROWS]
+def _contacts(diff: Diff, points: list[int]) -> list[ContactDrawing]:
+    """The regions that touch in A, with the spans of frames in which they do in A and in B."""
+    pairs, everything = find_candidates(diff.matching), np.arange(len(diff.b.skeleton))
+    frame, regions, _ = touching(diff.b, pairs, everything, diff.comparison.feet.rest)
+    return [
+        {
+            "pair": [points.index(touch.u), points.index(touch.v)],
+            "a": _spans(touch.frames, len(diff)),
+            "b": _spans(frame[regions == pairs.names.index(touch.name)], len(diff)),
+        }
+        for touch in diff.comparison.contacts.touches
+    ]
 
 
-def _contact_spans(diff: Diff, pairs: NDArray[np.intp]) -> tuple[list[list[list[int]]], list[list[list[int]]]]:
-    """The spans of frames in which each of the pairs is near: in A, and in B."""
-    u, v = diff.pairs.u[pairs], diff.pairs.v[pairs]
-    drivers = diff.matching.drivers
-    near_a = _near(diff.a, diff.matching.source.skeleton, drivers[u], drivers[v])
-    near_b = _near(diff.b, diff.matching.target.skeleton, u, v)
-    return [spans(column) for column in near_a.T], [spans(column) for column in near_b.T]
-
-
-def _near(motion: Motion, body: Skeleton, u: NDArray[np.intp], v: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """(frames, pairs), whether D is below `NEAR`; computed in blocks of frames."""
-    near = np.zeros((len(motion), len(u)), bool)
-    for first in range(0, len(motion), PAIR_FRAMES):
-        x = motion.positions[first : first + PAIR_FRAMES]
-        near[first : first + PAIR_FRAMES] = np.linalg.norm(x[:, u] - x[:, v], axis=-1) < NEAR * body.path_lengths[u, v]
-    return near
+def _spans(frames: NDArray[np.intp], count: int) -> list[list[int]]:
+    """The spans of a clip of `count` frames that consist of the given frames."""
+    return spans(np.isin(np.arange(count), frames))
 
 
 def _largest_difference(diff: Diff, a_points: NDArray[np.intp], b_points: NDArray[np.intp]) -> float:

@@ -32,11 +32,11 @@ class Drawing(TypedDict):
 
 
 class ContactDrawing(TypedDict):
-    """A row of the contact timeline.
+    """A row of the contact timeline: two regions of the body.
 
     Attributes:
-        pair: the two points that touch.
-        a, b: the spans of frames in which they do in A and in B: the first frame, and the frame after the last.
+        pair: the two points of them that are nearest in A in the worst frame.
+        a, b: the spans of frames in which they touch in A and in B: the first frame, and the frame after the last.
     """
 
     pair: list[int]
@@ -50,30 +50,35 @@ class Scene(TypedDict):
     Attributes:
         step: one frame in how many is drawn.
         notes: what a reader should know about the drawing.
-        near: two joints touch where D is below this ...
-        far_along: ... and the path between them has at least this number of joints.
+        near: two regions touch where D of their nearest points is below this ...
+        far_along: ... and the path between these has at least this number of joints.
+        regions: the region of the body that each point is in, -1 for none.
+        neighbours: (regions, regions), which regions are neighbours; these are never said to touch.
+        foot_regions: the regions of the two feet, which do not touch while one of them rests; empty without legs.
         facing: the direction that B faces in its first frame, as the angle about y from z [rad].
         a, b: the two motions.
-        bones: per bone of B its upper and lower joint, then those of the same bone in A, or -1 and -1.
+        bone_errors: (drawn frames, joints of B), the direction error of the bone above each joint, in half degrees, at
+            most 254; 255 where it has none; in base64 of bytes.
         pelvis: the joint of the pelvis in A and in B.
         sizes: (points, points), the numbers of joints on the paths between points, at most 255, in base64 of bytes.
         stance: (frames,), whether each of the `feet` rests in A, one bit for each, in base64 of bytes.
         largest_difference: |D_a - D_b| that hardly any pair of points exceeds, where the colours end.
-        pairs: the two points of each of the worst pairs.
-        contacts: the pairs that touch in the most frames.
+        contacts: the regions that touch in A, in the order of the document.
     """
 
     step: int
     notes: list[str]
     near: float
     far_along: int
+    regions: list[int]
+    neighbours: list[list[bool]]
+    foot_regions: list[int]
     facing: float
     a: Drawing
     b: Drawing
-    bones: list[list[int]]
+    bone_errors: str
     pelvis: list[int]
     sizes: str
     stance: str
     largest_difference: float
-    pairs: list[list[int]]
     contacts: list[ContactDrawing]

@@ -1,6 +1,6 @@
 // Bodies, floor and contacts on a canvas.
 
-// Direction error of a bone of B [degrees], shown by colour, by thickness and by dashes.
+// Direction error of a bone of B, relative to its own build [degrees], shown by colour, by thickness and by dashes.
 const LEVELS = [
   {below: 3, name: 'under 3°', colour: 'e0', width: 1, dash: null},
   {below: 8, name: '3–8°', colour: 'e1', width: 1.25, dash: null},

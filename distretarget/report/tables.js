@@ -1,35 +1,42 @@
-// The texts and tables: head, figures, worst frames, contacts, worst pairs, explanations.
+// The texts and tables: head, figures, worst frames, contacts, explanations.
 
 const D_MEANS = 'Distance of two joints divided by the length of the bones between them: 0 where they coincide, 1 '
   + 'where the path between them is straight.';
 const COPY_MEANS = 'The rotation copy: what comes of giving the joints of B the rotations of A, and nothing else.';
-const TOUCHING = `Two joints touch where D is below ${scene.near} and at least ${scene.far_along} joints lie on the `
-  + 'path between them.';
-const PAIRS_SHOWN = 15;
+const TOUCHING = `Two regions of the body, such as a hand and the head, touch where D of their nearest joints is below `
+  + `${scene.near} and at least ${scene.far_along} joints lie on the path between these. Regions joined by a bone `
+  + 'never do, nor do two feet that rest.';
 const WORST_SHOWN = 2; // frames by each figure
 
-/** A line that says, in words and by a mark, whether a figure is within its limit. */
-function limitLine({limit, value, over}, factor) {
-  const most = String(Number((limit * factor).toPrecision(6)));
-  if (value === null) return element('p', {class: 'limit'}, `limit ${most}`);
+/** A line that says, in words and by a mark, whether a figure is within a limit; `over` is null if it has no value. */
+function limitLine(name, limit, over, factor) {
+  const most = `${name} ${String(Number((limit * factor).toPrecision(3)))}`;
+  if (over === null) return element('p', {class: 'limit'}, most);
   return element('p', {class: over ? 'limit over' : 'limit within'},
-    element('span', {'aria-hidden': 'true'}, over ? '✗ ' : '✓ '), `${over ? 'over' : 'within'} limit ${most}`);
+    element('span', {'aria-hidden': 'true'}, over ? '✗ ' : '✓ '), `${over ? 'over' : 'within'} ${most}`);
+}
+
+/** Whether a figure of B is above the value from which a run needs a look; null if one of the two is missing. */
+function needsLook({key}) {
+  const value = report.figures.result[key], limit = report.figures.needs_look_above[key];
+  return value === null || limit === null ? null : value > limit;
 }
 
 function buildFigure(figure) {
   const {key, factor, judged, comparison, missing} = figure, inUnits = judged === 'ratio' ? 1 : factor;
-  const {source, result, rotation_copy: copy} = report.figures;
-  const value = valueOf(result, key, factor);
+  const {source, result, rotation_copy: copy, needs_look_above: above} = report.figures;
+  const value = valueOf(result, key, factor), look = needsLook(figure);
   const rows = [];
   if (judged !== 'value') rows.push(['A', valueOf(source, key, factor)]);
-  if (copy) rows.push(['copy', valueOf(copy, key, factor)]);
+  if (copy && copy[key] !== null) rows.push(['copy', valueOf(copy, key, factor)]);
   const limits = report.limits.filter(one => one.figure === key);
   if (comparison && limits.length) rows.push([comparison, valueOf(limits[0], 'value', inUnits)]);
-  return element('div', {class: 'figure'},
+  const usual = look === null ? [] : [limitLine('', above[key], look, factor)];
+  return element('div', {class: look ? 'figure look' : 'figure'},
     element('h3', {}, term(nameOf(figure), figure.explanation)),
     element('p', {class: value === null ? 'big none' : 'big'}, value === null ? missing : shown(value)),
     element('dl', {}, ...rows.flatMap(([what, number]) => [element('dt', {}, what), element('dd', {}, shown(number))])),
-    ...limits.map(one => limitLine(one, inUnits)));
+    ...usual, ...limits.map(one => limitLine('limit', one.limit, one.value === null ? null : one.over, inUnits)));
 }
 
 function counted(number, what) {
@@ -40,19 +47,32 @@ function buildHead() {
   const body = ({file, joints, convention}) => `${file}, ${joints} joints${convention ? `, ${convention}` : ''}`;
   const seconds = shown(frameCount * report.frame_time);
   const frames = `${counted(frameCount, 'frame')} of ${shown(1000 * report.frame_time)} ms, ${seconds} s`;
-  const facts = [['A, the reference', body(report.a)], ['B, measured', body(report.b)], ['Frames', frames]];
-  const [first, second] = ['a', 'b'].map(name => element('span', {class: `of-${name}`}, report[name].file));
-  $('title').append(second, ' against ', first);
+  const ofRun = report.figures.rotation_copy !== null;
+  const [roleA, roleB] = ofRun ? ['the source', 'the result'] : ['the reference', 'measured'];
+  const facts = [[`A, ${roleA}`, body(report.a)], [`B, ${roleB}`, body(report.b)], ['Frames', frames]];
+  const [nameA, nameB] = ['a', 'b'].map(name => element('span', {class: `of-${name}`}, report[name].file));
+  $('title').append(...ofRun ? ['result ', nameB, ' against source ', nameA] : [nameB, ' against ', nameA]);
+  buildVerdict();
   $('facts').append(
     ...facts.map(([name, text]) => element('div', {}, element('dt', {}, name), element('dd', {}, text))));
   const words = (report.program.command || 'distretarget').split(' ')
     .flatMap((word, k) => [k ? ' ' : '', element('span', {}, word)]);
   $('facts').append(element('div', {class: 'wide'}, element('dt', {}, 'Made by'),
     element('dd', {}, element('code', {}, ...words), ` version ${report.program.version}`)));
-  $('figures').append(...FIGURES.map(buildFigure));
+  const first = figuresAt('card');
+  $('figures').append(...first.map(buildFigure));
+  $('other-figures').append(...FIGURES.filter(figure => !first.includes(figure)).map(buildFigure));
   const terms = [...FIGURES.map(figure => [nameOf(figure), figure.explanation]), ['D', D_MEANS], ['Contact', TOUCHING],
     ...report.figures.rotation_copy ? [['Copy', COPY_MEANS]] : []];
   $('terms').append(...terms.flatMap(([name, text]) => [element('dt', {}, name), element('dd', {}, text)]));
+}
+
+/** What was kept and what changed, and what needs a look; a diff of two files has neither. */
+function buildVerdict() {
+  $('verdict').hidden = !report.verdict;
+  $('verdict').textContent = report.verdict;
+  $('looks').hidden = !report.warnings.length;
+  $('warnings').append(...report.warnings.map(text => element('li', {}, text)));
 }
 
 function buildNotes() {
@@ -124,11 +144,12 @@ function spanBars(spans, row) {
 
 function buildContacts() {
   if (!scene.contacts.length) {
-    $('contacts').append(element('p', {class: 'none'}, 'No two joints touch in A.'));
+    $('contacts').append(element('p', {class: 'none'}, 'No two regions of the body touch in A.'));
     return;
   }
   const line = element('i', {class: 'line'});
-  for (const {pair, a, b} of scene.contacts) {
+  for (const [k, {pair, a, b}] of scene.contacts.entries()) {
+    const {regions} = report.contacts[k];
     const bars = document.createElementNS(SVG, 'svg');
     bars.setAttribute('viewBox', `0 0 ${frameCount} 2`);
     bars.setAttribute('preserveAspectRatio', 'none');
@@ -140,12 +161,12 @@ function buildContacts() {
     dragFrames(bars);
     const start = a[0][0];
     const show = () => { choose(pair); goTo(start); };
-    const name = {type: 'button', class: 'name', on: {click: show}, title: pairName(pair)};
-    $('contacts').append(element('button', name, pairName(pair)), element('div', {class: 'track'}, bars));
+    const name = {type: 'button', class: 'name', on: {click: show}};
+    $('contacts').append(element('button', name, regions), element('div', {class: 'track'}, bars));
   }
   const swatch = name => element('i', {class: `swatch bar-${name}`});
   const legend = element('p', {class: 'note'}, swatch('a'), 'in A ', swatch('b'), 'in B; ',
-    term('touching', TOUCHING), scene.contacts.length === 24 ? ': the 24 pairs that touch longest' : '');
+    term('touching', TOUCHING));
   $('contacts').append(line);
   $('contacts').before(legend);
   painted($('contacts'), () => {
@@ -154,44 +175,30 @@ function buildContacts() {
   });
 }
 
-// ---- worst pairs
+// ---- the table of contacts
 
-function pairRow(pair, k) {
-  const points = scene.pairs[k];
+function contactRow(contact, k) {
   const name = (names, motion) => names.map(joint => joint.slice(motion.namespace.length)).join(' – ');
-  const show = () => { choose(points); goTo(pair.worst_frame); };
-  const [inA, inB] = [name(pair.joints_a, A), name(pair.joints_b, B)];
-  const numbers = [pair.contact_frames || '–', shown(pair.distance_a), shown(pair.distance_b), shown(pair.error)];
-  const label = `Go to frame ${pair.worst_frame}, ${inB}`;
+  const show = () => { choose(scene.contacts[k].pair); goTo(contact.worst_frame); };
+  const numbers = [contact.frames, shown(contact.distance_a), shown(contact.distance_b), shown(contact.error)];
+  const label = `Go to frame ${contact.worst_frame}, ${contact.regions}`;
   const go = {type: 'button', 'aria-label': label, on: {click: show}};
-  return element('tr', k >= PAIRS_SHOWN ? {class: 'more'} : {},
-    element('th', {scope: 'row'}, inB, inA === inB ? '' : element('small', {}, inA)),
+  return element('tr', {},
+    element('th', {scope: 'row'}, contact.regions, element('small', {}, name(contact.joints_b, B))),
     ...numbers.map(text => element('td', {}, text)),
-    element('td', {}, element('button', go, pair.worst_frame)));
+    element('td', {}, element('button', go, contact.worst_frame)));
 }
 
-function buildPairs() {
-  if (!report.pairs.length) {
-    $('pairs').append(element('p', {class: 'none'}, 'A and B have no pairs of joints in common.'));
-    return;
-  }
-  const heads = [['Joints', 'The joints in B, and below those in A where they have other names.'],
-    ['Contact', 'In how many frames they touch in A.'], ['D in A', D_MEANS], ['D in B', D_MEANS],
-    ['Error', 'Mean |D in A − D in B|, over the frames of contact where there are any.'],
+function buildContactTable() {
+  if (!report.contacts.length) return;
+  const heads = [['Regions', 'Two regions of the body, and their joints that are nearest in A in the worst frame.'],
+    ['Frames', 'In how many frames they touch in A.'], ['D in A', D_MEANS], ['D in B', D_MEANS],
+    ['Error', 'Mean |D in A − D in B| over the frames of contact.'],
     ['Worst', 'The frame of the largest error.']];
-  const table = element('table', {},
+  $('contact-table').append(element('table', {},
     element('thead', {}, element('tr', {},
       ...heads.map(([name, text]) => element('th', {scope: 'col'}, term(name, text))))),
-    element('tbody', {}, ...report.pairs.map(pairRow)));
-  $('pairs').append(table);
-  if (report.pairs.length > PAIRS_SHOWN) {
-    const more = element('button', {type: 'button', 'aria-expanded': 'false', on: {click: () => {
-      const open = table.classList.toggle('all');
-      more.setAttribute('aria-expanded', open);
-      more.textContent = open ? `Show ${PAIRS_SHOWN}` : `Show all ${report.pairs.length}`;
-    }}}, `Show all ${report.pairs.length}`);
-    $('pairs').append(more);
-  }
+    element('tbody', {}, ...report.contacts.map(contactRow))));
 }
 
 // ---- all of it
@@ -204,7 +211,7 @@ function start() {
   buildWorst();
   buildMatrices();
   buildContacts();
-  buildPairs();
+  buildContactTable();
   addEventListener('beforeprint', () => setPlaying(false));
   followTheme();
 }

@@ -1,0 +1,213 @@
+"""Contacts as people name them: which regions of a body touch, such as hand and hip, and how well a result keeps that.
+
+Two regions of the target's body that are no neighbours touch in a frame if the nearest of their joints are near each
+other in the source and far apart along the tree. Feet are no contact while one of them rests: in a stride they pass
+each other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.matching.matching import Matching
+from distretarget.measure.points import blocks_of, normalised_distances, points_of
+from distretarget.motion import Motion
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.intp]
+
+NEAR = 0.15  # joints in contact have D below this in the source ...
+FAR_ALONG = 5  # ... and at least so many joints on the path between them
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Candidates:
+    """The pairs of joints that may touch, ordered by the regions of the two.
+
+    Attributes:
+        names: of the pairs of regions, such as "left hand - right hand", those of most interest first.
+        feet: (pairs of regions,), whether the two regions are the two feet.
+        first: (pairs of regions,), the first pair of joints of each.
+        u, v: (pairs of joints,), joints of the target.
+    """
+
+    names: tuple[str, ...]
+    feet: NDArray[np.bool_]
+    first: Numbers
+    u: Numbers
+    v: Numbers
+
+    def nearest(self, D: Array) -> tuple[Numbers, Numbers, Numbers]:
+        """The regions that touch where D, (frames, pairs of joints), is below `NEAR`: the frame, the pair of regions
+        and the nearest pair of joints of each contact.
+        """
+        if not len(self.first):
+            nothing = np.zeros(0, np.intp)
+            return nothing, nothing, nothing
+        frame, regions = np.nonzero(np.minimum.reduceat(D, self.first, axis=1) < NEAR)
+        ends = np.append(self.first[1:], D.shape[1])
+        pairs = np.zeros(len(frame), np.intp)
+        for k in np.unique(regions):
+            some = np.flatnonzero(regions == k)
+            pairs[some] = self.first[k] + D[frame[some], self.first[k] : ends[k]].argmin(axis=1)
+        return frame, regions, pairs
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Touch:
+    """What became of the contacts between two regions over a clip.
+
+    Attributes:
+        name: of the two regions, such as "left hand - right hand".
+        frames: (frames of contact,), in which frames they touch in the source.
+        distance_source, distance_result: mean D of their nearest joints over these frames.
+        error: mean |D_source - D_result| over these frames.
+        worst_frame: the frame of the largest |D_source - D_result|.
+        u, v: the joints of the target that are nearest in the source in that frame.
+    """
+
+    name: str
+    frames: Numbers
+    distance_source: float
+    distance_result: float
+    error: float
+    worst_frame: int
+    u: int
+    v: int
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Contacts:
+    """The contacts of a source and what became of them in a result: a row for each contact in each frame.
+
+    Attributes:
+        names: of the pairs of regions that may touch, those of most interest first.
+        frames: the number of frames of the clip.
+        frame: (rows,), in which frame it is, in ascending order.
+        regions: (rows,), which pair of regions touches, as a number of `names`.
+        u, v: (rows,), the joints of the target that are nearest to each other in the source.
+        distance_source, distance_result: (rows,), D of these joints.
+    """
+
+    names: tuple[str, ...]
+    frames: int
+    frame: Numbers
+    regions: Numbers
+    u: Numbers
+    v: Numbers
+    distance_source: Array
+    distance_result: Array
+
+    @property
+    def error(self) -> Array:
+        """(rows,), |D_source - D_result|."""
+        return np.abs(self.distance_source - self.distance_result)
+
+    @property
+    def counts(self) -> Numbers:
+        """(frames,), how many contacts a frame has."""
+        return np.bincount(self.frame, minlength=self.frames)
+
+    @property
+    def error_of_frames(self) -> Array:
+        """(frames,), the mean error of the contacts of a frame; 0 without contacts."""
+        sums = np.bincount(self.frame, self.error, minlength=self.frames)
+        return np.asarray(sums / np.maximum(self.counts, 1))
+
+    @property
+    def touches(self) -> tuple[Touch, ...]:
+        """What became of each pair of regions that touches in the source, those of most interest first."""
+        return tuple(self._touch(int(k)) for k in np.unique(self.regions))
+
+    def _touch(self, k: int) -> Touch:
+        rows = np.flatnonzero(self.regions == k)
+        worst = rows[self.error[rows].argmax()]
+        return Touch(
+            name=self.names[k],
+            frames=self.frame[rows],
+            distance_source=float(self.distance_source[rows].mean()),
+            distance_result=float(self.distance_result[rows].mean()),
+            error=float(self.error[rows].mean()),
+            worst_frame=int(self.frame[worst]),
+            u=int(self.u[worst]),
+            v=int(self.v[worst]),
+        )
+
+
+def find_contacts(source: Motion, result: Motion, matching: Matching, feet_rest: NDArray[np.bool_]) -> Contacts:
+    """The contacts of a source, and how near the same joints are in the result.
+
+    `feet_rest`, (frames, legs), is whether each foot rests in the source; without legs it has no columns.
+    """
+    pairs = find_candidates(matching)
+    frame, regions, nearest = touching(source, pairs, matching.drivers, feet_rest)
+    u, v = pairs.u[nearest], pairs.v[nearest]
+    drivers = matching.drivers
+    return Contacts(
+        names=pairs.names,
+        frames=len(source),
+        frame=frame,
+        regions=regions,
+        u=u,
+        v=v,
+        distance_source=_distances(source, frame, drivers[u], drivers[v]),
+        distance_result=_distances(result, frame, u, v),
+    )
+
+
+def find_candidates(matching: Matching) -> Candidates:
+    """The pairs of joints of the target that may touch: of regions that are no neighbours, and far apart along the
+    tree.
+    """
+    body, drivers = matching.target, matching.drivers
+    points = points_of(matching)
+    u, v = (points[end] for end in np.triu_indices(len(points), 1))
+    of_u, of_v = body.regions.of_joint[u], body.regions.of_joint[v]
+    possible = (of_u >= 0) & (of_v >= 0) & (body.skeleton.path_sizes[u, v] >= FAR_ALONG)
+    possible &= ~body.regions.neighbours[of_u, of_v] & (body.skeleton.path_lengths[u, v] > 0)
+    possible &= matching.source.skeleton.path_lengths[drivers[u], drivers[v]] > 0
+    ends = np.sort(np.stack([of_u, of_v], axis=1)[possible], axis=1)
+    order = np.lexsort(ends.T[::-1])
+    regions, first = np.unique(ends[order], axis=0, return_index=True)
+    names = body.regions.names
+    return Candidates(
+        names=tuple(f"{names[a]} - {names[b]}" for a, b in regions),
+        feet=_between_feet(regions, matching),
+        first=first,
+        u=u[possible][order],
+        v=v[possible][order],
+    )
+
+
+def touching(motion: Motion, pairs: Candidates, joint_of: Numbers, feet_rest: NDArray[np.bool_]) -> Numbers:
+    """(3, contacts), the frame, the pair of regions and the nearest pair of joints of each contact in a motion.
+
+    `joint_of`, (target joints,), is the joint of the motion that corresponds to each joint of the target; `feet_rest`
+    is as in `find_contacts`.
+    """
+    u, v = joint_of[pairs.u], joint_of[pairs.v]
+    found = [np.zeros((3, 0), np.intp)]
+    for block in blocks_of(len(motion)):
+        frame, regions, nearest = pairs.nearest(normalised_distances(motion, u, v, block))
+        found.append(np.stack([frame + block.start, regions, nearest]))
+    rows = np.concatenate(found, axis=1)
+    stands = np.asarray(feet_rest.any(axis=1))
+    standing = pairs.feet[rows[1]] & stands[rows[0]]
+    return np.asarray(rows[:, ~standing])
+
+
+def _between_feet(regions: Numbers, matching: Matching) -> NDArray[np.bool_]:
+    """(pairs of regions,), whether the two regions, (pairs of regions, 2), are the two feet."""
+    if matching.legs is None:
+        return np.zeros(len(regions), bool)
+    feet = np.sort(matching.target.regions.of_joint[[leg.ankle for leg in matching.legs[1]]])
+    return np.asarray((regions == feet).all(axis=1))
+
+
+def _distances(motion: Motion, frame: Numbers, u: Numbers, v: Numbers) -> Array:
+    """(rows,), D of joints u and v in a frame each."""
+    tau = motion.rigid_skeleton.path_lengths[u, v]
+    return np.asarray(np.linalg.norm(motion.positions[frame, u] - motion.positions[frame, v], axis=-1) / tau)

@@ -1,0 +1,68 @@
+"""Where the bones of a result point, against where the source's motion points them on that body."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.baseline.rest_pose import rest_alignment
+from distretarget.matching.matching import Matching
+from distretarget.motion import Motion
+
+Array = NDArray[np.float64]
+
+# Roles whose bones point differently in every build: of trunk, collar bones, hands, head and feet.
+BUILT_DIFFERENTLY = ("hips", "spine", "chest", "upperChest", "neck", "head", "Shoulder", "Hand", "Foot", "Toes")
+
+
+def direction_error(source: Motion, result: Motion, matching: Matching) -> Array:
+    """(frames, bones), the angle between the bones that both bodies have and their expected directions [degrees].
+
+    A bone of an arm, a leg or a finger, and any other, is expected to point as the source's bone does. The bones of
+    trunk, collar bones, hands, head and feet point differently in every build: they are expected to point where the
+    source's rotation, by way of the rest poses, points the target's own bone.
+    """
+    lower = bones_of(matching)
+    upper = matching.target.skeleton.parents[lower]
+    drivers = matching.drivers
+    expected = source.positions[:, drivers[lower]] - source.positions[:, drivers[upper]]
+    own = np.isin(upper, _built_differently(matching))
+    if own.any():
+        expected[:, own] = _by_rotation(source, matching, upper[own], lower[own])
+    bones = result.positions[:, lower] - result.positions[:, upper]
+    sine = np.linalg.norm(np.cross(expected, bones), axis=-1)
+    return np.asarray(np.degrees(np.arctan2(sine, np.einsum("fbi,fbi->fb", expected, bones))))
+
+
+def bones_of(matching: Matching) -> NDArray[np.intp]:
+    """The lower joints of the bones that both bodies have, with a length on both."""
+    source, skeleton, drivers = matching.source.skeleton, matching.target.skeleton, matching.drivers
+    lower = np.arange(1, len(skeleton))
+    upper = skeleton.parents[1:]
+    shared = (drivers[lower] >= 0) & (drivers[upper] >= 0) & (skeleton.lengths[1:] > 0)
+    lower, upper = lower[shared], upper[shared]
+    return lower[source.path_lengths[drivers[lower], drivers[upper]] > 0]
+
+
+def _built_differently(matching: Matching) -> list[int]:
+    """The target's joints whose bones point differently in every build; none unless both bodies have an anatomy."""
+    anatomy = matching.target.anatomy
+    if anatomy is None or matching.source.anatomy is None:
+        return []
+    joints = [joint for role, joint in anatomy.roles.items() if role.endswith(BUILT_DIFFERENTLY)]
+    return [*joints, *anatomy.spine, *anatomy.neck, *matching.target.above_hips]
+
+
+def _by_rotation(source: Motion, matching: Matching, upper: NDArray[np.intp], lower: NDArray[np.intp]) -> Array:
+    """(frames, bones, 3), the target's own bones turned by the rotations of the source, R A b."""
+    alignment, bones = rest_alignment(matching), matching.target.skeleton.offsets[lower]
+    first, second = (
+        (
+            Rotation.from_quat(source.world_rotations[:, matching.rotation_sources[upper, k]])
+            * Rotation.from_quat(alignment[upper, k])
+        ).apply(bones)
+        for k in (0, 1)
+    )
+    weight = matching.blend[upper, None]
+    return np.asarray((1.0 - weight) * first + weight * second)

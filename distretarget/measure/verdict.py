@@ -1,0 +1,70 @@
+"""The verdict on a result: a plain sentence of what was kept and what changed. It claims only what was measured."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+
+from distretarget.measure.figures import BY_KEY, FIGURES, Figures, Side, Tracks
+
+SAME = 1.15  # contacts that are kept less than this times better are kept as well as by copied rotations
+MOST_TIMES = 100.0  # a larger ratio of contact errors is told as "more than"
+STILL = 0.01  # feet slower than this do not slide [leg lengths/s]
+UNCHANGED = 0.05  # a smaller change of direction is none [degrees]
+LEAST_BOUND = 0.1  # hips are told to be within this at least [% of leg length]
+
+
+def verdict(figures: Figures, tracks: Mapping[Side, Tracks]) -> str:
+    """Return the sentence on contacts, feet, hips and the largest change of direction, and the names of the figures
+    that need a look. What was not measured is said to be missing, or left out.
+
+    `figures` are of the whole clip, `tracks` what they were taken from.
+    """
+    parts = [_contacts(figures), _feet(figures), *_hips(figures, tracks["result"]), *_change(tracks["result"])]
+    text = f"{'; '.join(parts)}."
+    text = text[0].upper() + text[1:]
+    looks = [figure.label for figure in FIGURES if figure.needs_look(figures) or figure.worse_than_copy(figures)]
+    return f"{text} Needs a look: {', '.join(looks)}." if looks else text
+
+
+def _contacts(figures: Figures) -> str:
+    figure = BY_KEY["contact_error"]
+    result, copy = (figures[side][figure.key] for side in ("result", "rotation_copy"))
+    if result is None or copy is None:
+        return "nothing touches in the source"
+    if figure.worse_than_copy(figures):
+        return "contacts kept worse than by copied rotations"
+    if copy <= figure.least or copy < SAME * result:
+        return "contacts kept as well as by copied rotations"
+    if copy > MOST_TIMES * result:
+        return f"contacts kept more than {MOST_TIMES:.0f} times better than by copied rotations"
+    return f"contacts kept {copy / result:.2g} times better than by copied rotations"
+
+
+def _feet(figures: Figures) -> str:
+    figure = BY_KEY["slide"]
+    slide = figures["result"][figure.key]
+    if slide is None:
+        return "no foot rests in the source"
+    if figure.needs_look(figures):
+        return "feet slide more than the source's"
+    return "feet do not slide" if slide < STILL else "feet slide no more than the source's"
+
+
+def _hips(figures: Figures, tracks: Tracks) -> Iterator[str]:
+    figure = BY_KEY["hips_height_largest"]
+    value = figures["result"][figure.key]
+    if value is None:
+        return
+    if figure.needs_look(figures):
+        yield f"hips up to {value:.0f} % of a leg off their height at frame {figure.worst(tracks)[0]}"
+    else:
+        yield f"hips within {max(math.ceil(10 * value) / 10, LEAST_BOUND):.1f} % of a leg"
+
+
+def _change(tracks: Tracks) -> Iterator[str]:
+    figure = BY_KEY["direction_error"]
+    values = tracks[figure.key].values
+    if values.size and values.max() >= UNCHANGED:
+        frame, joint = figure.worst(tracks)
+        yield f"largest change: {joint} {values.max():.2g} degrees at frame {frame}"

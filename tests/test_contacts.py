@@ -1,0 +1,160 @@
+"""Contacts of regions of the body, whose errors are known by construction."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bodies import clapping, lengthened, matched, person, posed
+from scipy.spatial.transform import Rotation
+
+from distretarget import Motion, Skeleton
+from distretarget.measure.contacts import Contacts, find_contacts
+from distretarget.measure.figures import BY_KEY
+from distretarget.measure.metrics import compare
+
+PERSON = person()
+UP = np.array([0.0, 1.0, 0.0])
+ALONG = np.array([0.6, 0.0, 0.8])
+
+
+def hook(last, frames=2, links=3):
+    """Two limbs of a body without anatomy whose tips meet, if the last bone of the second has length 1."""
+    way = [(0.0, 1.0, 0.0), (1.0 - last, 0.0, 0.0)] if links == 2 else [(0, 1.0, 0), (0.5, 0, 0), (last - 0.5, 0, 0)]
+    first = [(1.0, 0.0, 0.0)] if links == 2 else [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]
+    offsets = np.array([(0.0, 0.0, 0.0), *first, *way])
+    parents = [-1, *range(len(first)), 0, *range(len(first) + 1, len(offsets) - 1)]
+    skeleton = Skeleton(
+        names=("root", *(f"a{k}" for k in range(len(first))), *(f"b{k}" for k in range(len(way)))),
+        parents=parents,
+        offsets=offsets,
+        channels=(("Zrotation",),) * len(offsets),
+        end_sites=[False] * len(offsets),
+    )
+    return posed(skeleton, {}, np.zeros((frames, 3)))
+
+
+def contacts_of(source, result, rest=()):
+    """The contacts of two motions; `rest` is whether both feet rest in each frame."""
+    feet_rest = np.repeat(np.array(rest, bool)[:, None], 2, axis=1) if len(rest) else np.zeros((len(source), 0), bool)
+    return find_contacts(source, result, matched(source.rigid_skeleton, result.skeleton), feet_rest)
+
+
+def standing(frames, path=0.0, turns=None):
+    return posed(PERSON, turns or {}, np.zeros((frames, 3)) + path + UP)
+
+
+def names_of(contacts):
+    return [touch.name for touch in contacts.touches]
+
+
+def test_the_error_of_a_contact_is_that_of_the_nearest_joints():
+    """Of the limbs, the tips coincide; the joint before the tip is near as well, and does not count."""
+    contacts = contacts_of(hook(1.0), hook(1.4))
+    (touch,) = contacts.touches
+    assert touch.name == "a0 - b0"
+    np.testing.assert_array_equal(contacts.counts, 1)
+    np.testing.assert_allclose(contacts.error_of_frames, 0.4 / 4.4)
+    assert (touch.distance_source, touch.distance_result) == pytest.approx((0, 0.4 / 4.4))
+    assert (touch.u, touch.v) == (2, 5)
+
+
+def test_joints_near_along_the_tree_are_no_contact():
+    assert names_of(contacts_of(hook(0.0, links=2), hook(0.0, links=2))) == []
+
+
+def test_contact_error_is_the_mean_over_the_contacts_of_a_frame_then_over_frames():
+    contacts = Contacts(
+        names=("hand - head", "hand - hips"),
+        frames=3,
+        frame=np.array([0, 0, 2]),
+        regions=np.array([0, 1, 1]),
+        u=np.array([1, 2, 3]),
+        v=np.array([4, 5, 6]),
+        distance_source=np.zeros(3),
+        distance_result=np.array([0.1, 0.3, 0.6]),
+    )
+    np.testing.assert_array_equal(contacts.counts, [2, 0, 1])
+    np.testing.assert_allclose(contacts.error_of_frames, [0.2, 0, 0.6])
+    head, hips = contacts.touches
+    assert (head.name, head.error, head.worst_frame) == ("hand - head", pytest.approx(0.1), 0)
+    assert (hips.error, hips.worst_frame, hips.u, hips.v) == (pytest.approx(0.45), 2, 3, 6)
+    source = standing(3)
+    comparison = replace(compare(source, source, matched(PERSON, PERSON), UP), contacts=contacts)
+    assert BY_KEY["contact_error"].of_clip(comparison.tracks) == pytest.approx(0.4)
+
+
+def test_a_clap_is_a_contact_of_the_hands_and_comes_first():
+    source = clapping(np.array([0, 1, 1, 0.0]))
+    longer = posed(lengthened(PERSON, {"Elbow": 1.3}), {}, source.root_positions)
+    result = Motion(longer.skeleton, longer.translations, source.rotations, "0.02")
+    contacts = contacts_of(source, result)
+    hands = contacts.touches[0]
+    assert hands.name == "left hand - right hand"
+    np.testing.assert_array_equal(hands.frames, [1, 2])
+    wrists = [PERSON.index(f"{side}Wrist") for side in ("Left", "Right")]
+    assert {hands.u, hands.v} <= {joint for wrist in wrists for joint in PERSON.subtree(wrist)}
+    tau = result.skeleton.path_lengths[hands.u, hands.v]
+    gap = np.linalg.norm(result.positions[hands.worst_frame, hands.u] - result.positions[hands.worst_frame, hands.v])
+    assert hands.distance_result == pytest.approx(gap / tau)
+
+
+def test_feet_touch_unless_both_rest():
+    """The feet of the person, who stands with legs together, are near each other all the time."""
+    source = standing(4)
+    assert names_of(contacts_of(source, source, [True] * 4)) == []
+    contacts = contacts_of(source, source, [True, False, False, True])
+    assert names_of(contacts) == ["left foot - right foot"]
+    np.testing.assert_array_equal(contacts.counts, [0, 1, 1, 0])
+
+
+@pytest.mark.parametrize(("speed", "feet_touch"), [(0.1, False), (2.0, True)])
+def test_feet_of_a_person_carried_fast_do_not_rest(speed, feet_touch):
+    source = standing(30, np.outer(np.arange(30) * 0.02 * speed, ALONG))
+    assert bool(compare(source, source, matched(PERSON, PERSON), UP).contacts.touches) == feet_touch
+
+
+def test_regions_of_a_hand_make_no_contact_with_each_other():
+    """A fist: the tip of a finger at the wrist, five joints along the tree."""
+    joints = [("LeftFinger", "LeftWrist", (0.05, 0, 0)), ("LeftFinger2", "LeftFinger", (0.05, 0, 0))]
+    joints += [("LeftFinger3", "LeftFinger2", (0.05, 0, 0)), ("LeftFinger4", "LeftFinger3", (0.05, 0, 0))]
+    names, parents, offsets = list(PERSON.names), PERSON.parents.tolist(), PERSON.offsets.tolist()
+    for name, parent, offset in joints:
+        parents.append(names.index(parent))
+        names.append(name)
+        offsets.append(offset)
+    body = Skeleton(
+        names=tuple(names),
+        parents=parents,
+        offsets=offsets,
+        channels=(*PERSON.channels, *[("Zrotation", "Xrotation", "Yrotation")] * 4),
+        end_sites=[*PERSON.end_sites, *[False] * 4],
+    )
+    apart = {"LeftHip": np.array([0, 0, 0.5]), "RightHip": np.array([0, 0, -0.5])}
+    curl = dict.fromkeys((name for name, *_ in joints[:3]), np.array([0, 0, np.pi / 2]))
+    fist = posed(body, apart | curl, np.zeros((2, 3)) + UP)
+    wrist, tip = body.index("LeftWrist"), body.index("LeftFinger4")
+    assert body.path_sizes[wrist, tip] == 5
+    assert np.linalg.norm(fist.positions[0, wrist] - fist.positions[0, tip]) < 0.15 * body.path_lengths[wrist, tip]
+    assert names_of(contacts_of(fist, fist)) == []
+
+
+def test_what_no_joint_drives_and_no_frame_has_is_no_contact():
+    source = clapping(np.array([1.0]))
+    matching = matched(PERSON, PERSON, {name: None for name in PERSON.names if name.startswith("LeftWrist")})
+    found = find_contacts(source, source, matching, np.zeros((1, 2), bool))
+    assert "left hand - right hand" not in names_of(found)
+    empty = Motion(PERSON, source.translations[:0], source.rotations[:0], "0.02")
+    assert find_contacts(empty, empty, matching, np.zeros((0, 2), bool)).touches == ()
+
+
+def test_contacts_do_not_depend_on_where_the_body_is():
+    source = clapping(np.sin(np.linspace(0, np.pi, 300)) ** 2)
+    turn = Rotation.from_euler("y", 70, degrees=True)
+    rotations = np.array(source.rotations)
+    rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
+    translations = np.array(source.translations)
+    translations[:, 0, 0] += 5.0
+    elsewhere = Motion(PERSON, translations, rotations, "1")
+    here, there = contacts_of(source, source), contacts_of(elsewhere, elsewhere)
+    np.testing.assert_array_equal(here.counts, there.counts)
+    np.testing.assert_allclose(here.distance_source, there.distance_source, atol=1e-9)

@@ -1,0 +1,220 @@
+"""Figures of feet, and of hips over feet, on postures that are known by construction."""
+
+import numpy as np
+import pytest
+from bodies import matched, moved, person, posed
+from scipy.spatial.transform import Rotation
+
+from distretarget import Skeleton
+from distretarget.measure.feet import measure_feet
+from distretarget.measure.figures import clip_figures
+from distretarget.measure.metrics import compare
+
+LEG = 0.435 + 0.453
+TIME = 0.02
+PERSON = person()
+UP = np.array([0.0, 1.0, 0.0])
+ALONG = np.array([0.6, 0.0, 0.8])
+OVER_FEET = ("foot_height", "foot_pitch", "ankle_height", "hips_height")
+
+
+def standing(body=PERSON, frames=30, path=0.0, height=LEG, turns=None):
+    """A body that stands with parallel legs; `height` is that of its hips."""
+    return posed(body, turns or {}, np.zeros((frames, 3)) + path + height * UP)
+
+
+def measured(source, result, up=UP):
+    return measure_feet(source, result, matched(source, result), up)
+
+
+def figures(source, result):
+    """The figures of the clip; the bodies have their motions."""
+    return clip_figures(compare(source, result, matched(source, result.skeleton), UP).tracks)
+
+
+def high_ankles(angle=30.0):
+    """The person with feet that point down by an angle [degrees] in the rest pose, as in shoes with heels."""
+    offsets = np.array(PERSON.offsets)
+    for side in ("Left", "Right"):
+        foot = np.linalg.norm(offsets[PERSON.index(f"{side}Toe")])
+        offsets[PERSON.index(f"{side}Toe")] = foot * np.array(
+            [0, -np.sin(np.radians(angle)), np.cos(np.radians(angle))]
+        )
+    return PERSON.with_offsets(offsets)
+
+
+def ankle_over_sole(body):
+    return -body.offsets[body.index("LeftToe")][1]
+
+
+def bent_knees(angle):
+    """Turns that lower the hips, with feet and trunk level: by 1 - cos(angle) of a leg."""
+    x = np.array([1.0, 0, 0])
+    return {
+        f"{side}{part}": x * k * angle
+        for side in ("Left", "Right")
+        for part, k in (("Hip", -1), ("Knee", 2), ("Ankle", -1))
+    }
+
+
+def test_feet_of_a_person_who_stands_are_in_stance_and_do_not_slide():
+    feet = measured(standing(), standing())
+    assert feet.stance.shape == (30, 4)
+    assert feet.stance.all()
+    np.testing.assert_allclose(feet.slide, 0.0)
+
+
+def test_slide_is_the_horizontal_speed_in_leg_lengths():
+    rising = np.outer(np.arange(30) * TIME, 0.2 * ALONG + 3.0 * UP)
+    feet = measured(standing(), standing(path=rising))
+    np.testing.assert_allclose(feet.slide, np.full((30, 4), 0.2 / LEG))
+    np.testing.assert_allclose(feet.slide_source, 0.0)
+
+
+@pytest.mark.parametrize(("speed", "in_stance"), [(0.3, True), (0.4, False)])
+def test_a_foot_faster_than_the_limit_is_not_in_stance(speed, in_stance):
+    source = standing(path=np.outer(np.arange(30) * TIME * speed * LEG, ALONG))
+    assert np.all(measured(source, standing()).stance == in_stance)
+    if not in_stance:
+        values = figures(source, standing())
+        assert {values[key] for key in ("slide", *OVER_FEET, "hips_height_largest")} == {None}
+
+
+def test_a_foot_above_its_lowest_heights_is_not_in_stance():
+    lift = np.zeros(200)
+    lift[100:160] = 0.07 * LEG
+    source = standing(frames=200, path=np.outer(lift, UP))
+    feet = measured(source, source)
+    assert not feet.stance[101:159].any()
+    assert feet.stance[:99].all()
+    source = standing(frames=200, path=np.outer(lift * 0.05 / 0.07, UP))
+    assert measured(source, source).stance[102:158].all()
+
+
+def test_a_motion_is_in_place_on_its_own_body():
+    feet = measured(standing(), standing())
+    for key in OVER_FEET:
+        np.testing.assert_allclose(getattr(feet, key), np.zeros((30, 2)), atol=1e-9)
+
+
+def test_heights_are_scaled_by_leg_length_and_in_percent_of_it():
+    big = moved(standing(), Rotation.identity(), (0, 0.1, 0), scale=2.0)
+    feet = measured(standing(), big)
+    np.testing.assert_allclose(feet.foot_height, 100 * 0.1 / (2 * LEG))
+    np.testing.assert_allclose(feet.ankle_height, 100 * 0.1 / (2 * LEG))
+    np.testing.assert_allclose(feet.hips_height, 0.0, atol=1e-9)
+
+
+def test_hips_are_measured_over_the_ankle():
+    """A body that crouches with its feet on the floor, and one whose feet float, with its legs as in the source."""
+    angle = 0.4
+    crouching = standing(height=LEG * np.cos(angle), turns=bent_knees(angle))
+    feet = measured(standing(), crouching)
+    np.testing.assert_allclose(feet.hips_height, 100 * (1 - np.cos(angle)))
+    for key in ("foot_height", "foot_pitch", "ankle_height"):
+        np.testing.assert_allclose(getattr(feet, key), 0.0, atol=1e-6)
+    np.testing.assert_allclose(measured(standing(), standing(height=LEG + 0.2)).hips_height, 0.0, atol=1e-9)
+
+
+def test_the_largest_hips_height_is_of_a_frame():
+    angles = np.zeros(30)
+    angles[7] = 0.4
+    turns = {name: np.outer(angles, turn) for name, turn in bent_knees(1.0).items()}
+    values = figures(standing(), standing(path=np.outer(LEG * (np.cos(angles) - 1), UP), turns=turns))
+    assert values["hips_height_largest"] == pytest.approx(100 * (1 - np.cos(0.4)))
+    assert values["hips_height"] == pytest.approx(100 * (1 - np.cos(0.4)) / 30)
+
+
+def test_a_foot_that_is_turned_at_the_ankle_is_pitched():
+    turns = {"LeftAnkle": np.radians([12.0, 0, 0])}
+    feet = measured(standing(), standing(turns=turns))
+    np.testing.assert_allclose(feet.foot_pitch, np.tile([12.0, 0.0], (30, 1)), atol=1e-9)
+    np.testing.assert_allclose(feet.hips_height, 0.0, atol=1e-9)
+
+
+def test_a_foot_of_another_build_that_stands_on_its_own_sole_is_no_error():
+    body = high_ankles()
+    feet = measured(standing(), standing(body, height=LEG + ankle_over_sole(body)))
+    for key in OVER_FEET:
+        np.testing.assert_allclose(getattr(feet, key), 0.0, atol=1e-9)
+
+
+def test_a_foot_of_another_build_that_lies_as_the_sources_is_an_error():
+    """High ankles laid flat, at the height of the source's ankles."""
+    body = high_ankles()
+    flat = {f"{side}Ankle": np.radians([-30.0, 0, 0]) for side in ("Left", "Right")}
+    feet = measured(standing(), standing(body, turns=flat))
+    np.testing.assert_allclose(feet.foot_pitch, 30.0)
+    np.testing.assert_allclose(feet.ankle_height, 100 * ankle_over_sole(body) / LEG)
+    np.testing.assert_allclose(feet.hips_height, 0.0, atol=1e-9)
+
+
+def test_a_sole_in_the_floor_is_an_error_whatever_its_build():
+    body = high_ankles()
+    feet = measured(standing(), standing(body))
+    np.testing.assert_allclose(feet.foot_height, 100 * ankle_over_sole(body) / LEG)
+
+
+def test_an_ankle_has_a_height_only_while_the_sources_foot_is_flat():
+    for degrees, flat in ((4.0, True), (6.0, False)):
+        turns = {"LeftAnkle": np.radians([degrees, 0, 0])}
+        feet = measured(standing(turns=turns), standing(turns=turns))
+        assert np.isfinite(feet.ankle_height[:, 0]).all() == flat
+        assert np.isfinite(feet.ankle_height[:, 1]).all()
+        np.testing.assert_allclose(feet.foot_pitch, 0.0, atol=1e-6)
+
+
+def test_feet_that_point_down_in_the_rest_pose_are_flat_as_they_rest():
+    """Of such feet the motion shows how they stand: level here, with the ankle as high as in the source."""
+    body = high_ankles(90.0)
+    level = {f"{side}Ankle": np.radians([-90.0, 0, 0]) for side in ("Left", "Right")}
+    on_the_floor = standing(body, turns=level)
+    feet = measured(on_the_floor, standing())
+    for key in OVER_FEET:
+        np.testing.assert_allclose(getattr(feet, key), 0.0, atol=1e-6)
+    pitched = standing(turns={"LeftAnkle": np.radians([12.0, 0, 0])})
+    np.testing.assert_allclose(measured(on_the_floor, pitched).foot_pitch[:, 0], 12.0, atol=1e-6)
+
+
+def test_a_flat_sole_that_neither_rest_pose_nor_motion_shows_is_not_measured():
+    feet = measure_feet(standing(), standing(high_ankles(90.0)), matched(PERSON, high_ankles(90.0)), UP)
+    assert np.isnan(feet.foot_pitch).all()
+    assert np.isnan(feet.ankle_height).all()
+    assert np.isfinite(feet.hips_height).all()
+
+
+def test_without_toes_feet_have_no_pitch_and_heights_are_those_of_ankles():
+    toes = [joint for joint, name in enumerate(PERSON.names) if "Toe" in name]
+    kept = np.delete(np.arange(len(PERSON)), toes)
+    body = Skeleton(
+        names=tuple(PERSON.names[joint] for joint in kept),
+        parents=[np.searchsorted(kept, parent) if parent >= 0 else -1 for parent in PERSON.parents[kept]],
+        offsets=PERSON.offsets[kept],
+        channels=tuple(PERSON.channels[joint] for joint in kept),
+        end_sites=PERSON.end_sites[kept],
+    )
+    feet = measured(standing(), standing(body, height=LEG + 0.1))
+    assert np.isnan(feet.foot_pitch).all()
+    assert np.isnan(feet.ankle_height).all()
+    np.testing.assert_allclose(feet.foot_height, 100 * 0.1 / LEG)
+    np.testing.assert_allclose(feet.hips_height, 0.0, atol=1e-9)
+
+
+def test_one_frame_is_a_person_at_rest():
+    feet = measured(standing(frames=1), standing(frames=1, height=LEG + 0.1))
+    assert feet.stance.all()
+    np.testing.assert_allclose(feet.foot_height, 100 * 0.1 / LEG)
+
+
+def test_a_body_without_legs_has_no_feet_to_measure():
+    offsets = np.outer([0, 1, 1, 1], UP)
+    channels = (("Zrotation",),) * 4
+    chain = Skeleton(
+        names=tuple("abcd"), parents=[-1, 0, 1, 2], offsets=offsets, channels=channels, end_sites=[False] * 4
+    )
+    motion = posed(chain, {}, np.zeros((4, 3)))
+    feet = measured(motion, motion)
+    assert {getattr(feet, key).shape for key in ("stance", "slide", *OVER_FEET)} == {(4, 0)}
+    assert feet.stance.dtype == bool
+    values = figures(motion, motion)
+    assert {values[key] for key in ("slide", *OVER_FEET, "hips_height_largest")} == {None}

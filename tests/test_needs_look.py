@@ -1,0 +1,65 @@
+"""What needs a look: figures above their limits, with frame and cause, and figures worse than the rotation copy's."""
+
+import numpy as np
+
+from distretarget.measure.figures import BY_KEY, FIGURES, SUFFIXES, Track
+from distretarget.measure.needs_look import what_needs_a_look
+
+NOTHING = {figure.key: None for figure in FIGURES}
+
+
+def lines(result, copy=None, source=None, tracks=None):
+    figures = {"result": NOTHING | result, "rotation_copy": NOTHING | (copy or {}), "source": source or {}}
+    sides = {side: {} for side in SUFFIXES} | {"result": tracks or {}}
+    return list(what_needs_a_look(figures, sides))
+
+
+def test_a_figure_above_its_limit_names_value_frame_part_and_cause():
+    tracks = {"foot_pitch": Track(np.array([[1.0, 2.0], [3.0, 17.0]]), parts=("LeftFoot", "RightFoot"))}
+    cause = BY_KEY["foot_pitch"].limit.cause
+    assert lines({"foot_pitch": 5.75}, tracks=tracks) == [
+        f"foot pitch 5.75 degrees, limit 5; worst in frame 1, RightFoot; likely cause: {cause}"
+    ]
+    assert lines({"foot_pitch": 5.75}, {"foot_pitch": 0.5}, tracks=tracks)[0].startswith(
+        "foot pitch 5.75 degrees (0.5 in the rotation copy), limit 5; "
+    )
+
+
+def test_only_what_was_measured_can_be_the_worst():
+    track = Track(np.array([[np.nan, 2.0], [9.0, 1.0]]), np.array([[False, True], [False, True]]), ("a", "b"))
+    assert BY_KEY["foot_pitch"].worst({"foot_pitch": track}) == (0, "b")
+
+
+def test_limits_of_source_and_copy():
+    tracks = {"jerk": Track(np.array([1.0, 5.0, 2.0])), "slide": Track(np.array([[0.0, 0.1]]))}
+    assert lines({"jerk": 1.6}, {"jerk": 1.0}, tracks=tracks)[0].startswith(
+        "jerk 1.6 body sizes/s³, limit 1.5; worst in frame 1;"
+    )
+    assert lines({"jerk": 1.4}, {"jerk": 1.0}, tracks=tracks) == []
+    (line,) = lines({"slide": 0.2}, {"slide": 0.3}, {"slide": 0.1}, tracks)
+    assert line.startswith("slide 0.2 leg lengths/s, limit 0.115; worst in frame 0;")
+
+
+def test_figures_worse_than_the_copy_but_within_their_limits_share_a_line():
+    result = {"foot_height": 0.5, "ankle_height": 2.5, "jerk": 9.0}
+    assert lines(result, {"foot_height": 0.1, "ankle_height": 1.0, "jerk": 8.0}) == [
+        "worse than the rotation copy in foot height (0.5 against 0.1 % of leg length), "
+        "ankle height (2.5 against 1 % of leg length)"
+    ]
+
+
+def test_nothing_measured_needs_no_look():
+    assert lines({}) == []
+
+
+def test_every_limit_says_what_it_means_and_what_to_look_for():
+    for figure in FIGURES:
+        if figure.limit:
+            assert figure.limit.reason
+            assert figure.limit.cause
+            assert figure.limit.formula(figure.unit)
+    formulas = {figure.key: figure.limit.formula(figure.unit) for figure in FIGURES if figure.limit}
+    assert formulas["jerk"] == "1.5 times the rotation copy's"
+    assert formulas["slide"] == "1.05 times the source's + 0.01 leg lengths/s"
+    assert formulas["contact_error"] == "the rotation copy's + 0.002"
+    assert formulas["unsolved"] == "0"

@@ -1,0 +1,57 @@
+"""Snaps of a result, of which the rotation copy is calm."""
+
+import numpy as np
+import pytest
+from bodies import body_of, person, posed, with_bone
+
+from distretarget.measure.figures import BY_KEY, Track
+from distretarget.measure.snaps import find_snaps
+
+PERSON = person()
+LEG = 0.435 + 0.453
+
+
+def carried(path, body=PERSON, frame_time="0.0166666667"):
+    """A body carried along x by a path [leg lengths]."""
+    return posed(body, {}, np.outer(np.asarray(path) * LEG, [1.0, 0, 0]), frame_time)
+
+
+def snaps_of(copy, result, body=PERSON):
+    return find_snaps(copy, result, body_of(body))
+
+
+@pytest.mark.parametrize(
+    ("copy_step", "step", "snaps"),
+    [(0.0, 0.05, True), (0.0, 0.03, False), (0.014, 0.05, True), (0.02, 0.05, False), (0.05, 0.05, False)],
+)
+def test_a_snap_is_far_and_not_in_the_copy(copy_step, step, snaps):
+    found = snaps_of(carried([0, copy_step, copy_step]), carried([0, step, step]))
+    assert found.shape == (2, len(PERSON))
+    assert not found[1].any()
+    np.testing.assert_allclose(found[0], 100 * step if snaps else 0.0, rtol=1e-6)
+
+
+def test_snaps_are_counted_by_frames():
+    found = snaps_of(carried([0] * 5), carried([0, 0.1, 0.1, 0.2, 0.2]))
+    assert BY_KEY["snap"].of_clip({"snap": Track(found)}) == 2
+    np.testing.assert_array_equal(BY_KEY["snap"].over_time({"snap": Track(found)}, 5), [1, 0, 1, 0, np.nan])
+
+
+def test_steps_are_over_the_same_time_at_any_frame_rate():
+    assert not snaps_of(carried([0, 0], frame_time="0.0333333"), carried([0, 0.07], frame_time="0.0333333")).any()
+    assert snaps_of(carried([0, 0], frame_time="0.0083333"), carried([0, 0.03], frame_time="0.0083333")).any()
+
+
+def test_what_is_no_part_of_the_body_does_not_snap():
+    body = with_bone(PERSON, "Tail", "Hips")
+    assert body_of(body).regions.of_joint[-1] == -1
+    turns = {"Tail": np.array([[0.0, 0, 0], [np.pi / 2, 0, 0]])}
+    longer = with_bone(body, "Tip", "Tail")
+    result = posed(longer, turns, np.zeros((2, 3)))
+    assert not snaps_of(posed(longer, {}, np.zeros((2, 3))), result, longer).any()
+
+
+def test_one_frame_has_no_snaps():
+    found = snaps_of(carried([0]), carried([0]))
+    assert found.shape == (0, len(PERSON))
+    assert BY_KEY["snap"].of_clip({"snap": Track(found)}) is None

@@ -1,0 +1,68 @@
+"""The verdict: what it says of known figures, and that it claims nothing that was not measured."""
+
+import numpy as np
+import pytest
+
+from distretarget.measure.figures import FIGURES, Track
+from distretarget.measure.verdict import verdict
+
+NOTHING = {figure.key: None for figure in FIGURES}
+TRACKS = {
+    "direction_error": Track(np.array([[1.0, 2.0], [12.4, 0.0]]), parts=("Neck", "LeftArm")),
+    "hips_height": Track(np.array([[0.1, 0.2], [0.1, 7.0]])),
+}
+GOOD = {"contact_error": 0.01, "slide": 0.001, "hips_height_largest": 0.57}
+
+
+def said(result, copy=None, source=None, tracks=TRACKS):
+    figures = {"result": NOTHING | result, "rotation_copy": NOTHING | (copy or {}), "source": source or {}}
+    return verdict(figures, {"source": {}, "rotation_copy": {}, "result": tracks})
+
+
+def test_a_good_run():
+    assert said(GOOD, {"contact_error": 0.041}, {"slide": 0.001}) == (
+        "Contacts kept 4.1 times better than by copied rotations; feet do not slide; hips within 0.6 % of a leg; "
+        "largest change: Neck 12 degrees at frame 1."
+    )
+
+
+@pytest.mark.parametrize(
+    ("result", "copy", "words"),
+    [
+        (None, None, "Nothing touches in the source;"),
+        (0.01, 0.0105, "Contacts kept as well as by copied rotations;"),
+        (0.0005, 0.001, "Contacts kept as well as by copied rotations;"),
+        (0.03, 0.01, "Contacts kept worse than by copied rotations;"),
+        (0.0, 0.05, "Contacts kept more than 100 times better than by copied rotations;"),
+    ],
+)
+def test_contacts(result, copy, words):
+    assert said(GOOD | {"contact_error": result}, {"contact_error": copy}).startswith(words)
+
+
+@pytest.mark.parametrize(
+    ("result", "source", "words"),
+    [
+        (None, None, "no foot rests in the source"),
+        (0.1, 0.1, "feet slide no more than the source's"),
+        (0.2, 0.1, "feet slide more than the source's"),
+    ],
+)
+def test_feet(result, source, words):
+    assert f"; {words};" in said(GOOD | {"slide": result}, source={"slide": source})
+
+
+def test_hips_that_are_off_are_named_with_their_frame_and_need_a_look():
+    text = said(GOOD | {"hips_height_largest": 7.2})
+    assert "hips up to 7 % of a leg off their height at frame 1" in text
+    assert text.endswith(" Needs a look: largest hips height.")
+
+
+def test_nothing_measured_claims_nothing():
+    empty = {"direction_error": Track(np.zeros((3, 0))), "hips_height": Track(np.zeros((3, 0)))}
+    assert said({}, tracks=empty) == "Nothing touches in the source; no foot rests in the source."
+
+
+def test_figures_that_need_a_look_are_named_once():
+    text = said(GOOD | {"foot_pitch": 9.0, "snap": 2.0}, {"foot_pitch": 1.0})
+    assert text.endswith(". Needs a look: foot pitch, snaps.")
