@@ -185,7 +185,8 @@ def _joint_alignments(bodies: _Bodies) -> Array:
             onto = least(turn.apply(a), b)
             if joint in bodies.hinges:
                 onto = _with_roll(bodies, joint, b[0], onto, turn) * onto
-            if joint not in bodies.built_differently or (len(below) == 1 and onto.magnitude() > BUILD_ANGLE):
+            another_pose = len(below) == 1 and onto.magnitude() > BUILD_ANGLE and joint not in bodies.sole_normals
+            if another_pose or joint not in bodies.built_differently:
                 turn = onto * turn
         alignments.append(turn)
     return np.array([turn.as_quat() for turn in alignments])
