@@ -490,6 +490,7 @@ def as_data(source: str, result: str) -> list[dict[str, Any]]:
             "missing": figure.missing.format(source=source),
             "judged": figure.judged,
             "comparison": figure.comparison(source, result),
+            "whole": figure.reduction == "frames",
             "factor": figure.factor,
             "least": figure.least,
             "places": figure.places,

@@ -26,7 +26,7 @@ const STATUSES = [
   ['all', 'All clips', () => true],
   ['converted', 'Converted', clip => clip.done],
   ['failed', 'Failed', clip => !clip.done],
-  ['warned', 'With warnings', clip => clip.warnings.length],
+  ['warned', 'Need a look', clip => clip.warnings.length],
 ];
 
 /** The state of the table: the column it is ordered by, downwards or not, the clips that pass, and the rows shown. */

@@ -23,9 +23,9 @@ function needsLook({key}) {
 }
 
 function buildFigure(figure) {
-  const {key, factor, judged, comparison, missing} = figure, inUnits = judged === 'ratio' ? 1 : factor;
+  const {key, factor, judged, comparison, whole, missing} = figure, inUnits = judged === 'ratio' ? 1 : factor;
   const {source, result, rotation_copy: copy, needs_look_above: above} = report.figures;
-  const value = valueOf(result, key, factor), look = needsLook(figure);
+  const value = valueOf(result, key, factor), number = whole ? String(value) : shown(value), look = needsLook(figure);
   const rows = [];
   if (judged !== 'value') rows.push(['A', valueOf(source, key, factor)]);
   if (copy && copy[key] !== null) rows.push(['copy', valueOf(copy, key, factor)]);
@@ -34,8 +34,8 @@ function buildFigure(figure) {
   const usual = look === null ? [] : [limitLine('', above[key], look, factor)];
   return element('div', {class: look ? 'figure look' : 'figure'},
     element('h3', {}, term(nameOf(figure), figure.explanation)),
-    element('p', {class: value === null ? 'big none' : 'big'}, value === null ? missing : shown(value)),
-    element('dl', {}, ...rows.flatMap(([what, number]) => [element('dt', {}, what), element('dd', {}, shown(number))])),
+    element('p', {class: value === null ? 'big none' : 'big'}, value === null ? missing : number),
+    element('dl', {}, ...rows.flatMap(([what, other]) => [element('dt', {}, what), element('dd', {}, shown(other))])),
     ...usual, ...limits.map(one => limitLine('limit', one.limit, one.value === null ? null : one.over, inUnits)));
 }
 
