@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.body.anatomy import SIDES
+from distretarget.body.anatomy import FINGERS, SIDES
 from distretarget.body.axes import Directions, squared, upright
 from distretarget.body.body import Body
 from distretarget.matching.bones import BUILD_ANGLE, bone_directions, driven_below
@@ -18,6 +18,7 @@ from distretarget.numerics.rotations import least
 
 Array = NDArray[np.float64]
 
+FINGER_BONES = tuple(f"{finger}{number}" for finger in FINGERS for number in (1, 2, 3))  # aligned bone by bone too
 LONG_BONES = ("UpperArm", "LowerArm", "UpperLeg", "LowerLeg")  # roles whose bones are always aligned bone by bone
 SHORT_BONES = ("hips", "head", "Shoulder", "Foot", "Toes")  # roles whose bones point differently in every build
 
@@ -26,10 +27,10 @@ def rest_alignment(matching: Matching) -> Array:
     """Return A: (target joints, 2, 4), the rotation of each target joint relative to its two rotation sources
     (`Matching.rotation_sources`): R A is the target's world rotation for the world rotation R of a source joint.
 
-    Arms and legs are aligned bone by bone, by the least rotation relative to the part above, from which they take their
-    roll. Bones of trunk, hands and feet point differently in every build, so these parts keep the alignment of the part
-    above, which begins with that of the bodies as a whole, axis by axis. Where a frame of the motion replaces a rest
-    pose, the axes about which elbows and knees bend in the motion give the roll.
+    Arms, legs and fingers are aligned bone by bone, by the least rotation relative to the part above, from which they
+    take their roll. Bones of trunk, palms and feet point differently in every build, so these parts keep the alignment
+    of the part above, which begins with that of the bodies as a whole, axis by axis; soles are aligned with soles. Where
+    a frame of the motion replaces a rest pose, the axes about which elbows and knees bend in the motion give the roll.
     """
     bodies = _Bodies(matching)
     alignment = Rotation.from_quat(_joint_alignments(bodies))
@@ -133,7 +134,7 @@ class _Bodies:
 
     @cached_property
     def built_differently(self) -> set[int]:
-        """The target's joints of trunk, shoulders, hands and feet, whose bones point differently in every build.
+        """The target's joints of trunk, shoulders, palms and feet, whose bones point differently in every build.
 
         Spine and hands are left out where the pose of a body is a frame of its motion, in which they may be bent.
         """
@@ -143,7 +144,7 @@ class _Bodies:
         joints = {joint for role, joint in roles.items() if role.endswith(SHORT_BONES)}
         joints |= {*target.skeleton.line(roles.get("hips", 0))}
         if not self.posed_by_motion:
-            joints |= {joint for role, joint in roles.items() if not role.endswith(LONG_BONES)}
+            joints |= {joint for role, joint in roles.items() if not role.endswith((*LONG_BONES, *FINGER_BONES))}
             joints |= {*target.anatomy.spine, *target.anatomy.neck}
         return joints
 
