@@ -29,8 +29,8 @@ def rest_alignment(matching: Matching) -> Array:
 
     Arms, legs and fingers are aligned bone by bone, by the least rotation relative to the part above, from which they
     take their roll. Bones of trunk, palms and feet point differently in every build, so these parts keep the alignment
-    of the part above, which begins with that of the bodies as a whole, axis by axis; soles are aligned with soles. Where
-    a frame of the motion replaces a rest pose, the axes about which elbows and knees bend in the motion give the roll.
+    of the part above, which begins with that of the bodies as a whole, axis by axis; soles are aligned with soles.
+    Where a frame of the motion replaces a rest pose, the axes about which elbows and knees bend in it give the roll.
     """
     bodies = _Bodies(matching)
     alignment = Rotation.from_quat(_joint_alignments(bodies))
