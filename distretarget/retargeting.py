@@ -100,7 +100,7 @@ def retarget(
         poses = solve_paper(problem, _fitted_poses(copy, problem, postures), progress)
     else:
         feet = find_stance(matching, copy, scale, settings)
-        problem = problem.raised(hips_rise(matching, feet, scale) * world.up_vector)
+        problem = problem.raised(np.outer(hips_rise(matching, feet, scale), world.up_vector))
         stance = feet if hold_feet else stance
         held = settings if hold_feet else replace(settings, stance_stiffness=0.0)
         poses = solve_contact(problem, feet, held, mapper=mapper, progress=progress)

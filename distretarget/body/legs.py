@@ -15,6 +15,7 @@ from distretarget.skeleton import Skeleton
 LIKENESS = 0.15  # largest difference between the bone lengths of two like limbs [sum of the lengths of both]
 SHORTEST_LIMB = 0.4  # least length of a limb [lengths of the longest pair of like limbs; for arms, of a leg]
 JOINT_BEND = np.radians(30)  # the rest pose bends by more than this at most hip joints and ankles [rad]
+SHORTEST_FOOT = 0.3  # the foot's first bone reaches at least this far [length from the ankle to the end of the toes]
 LOWEST_HIP = 0.3  # the hip joint is above this place [length of the leg's chain, from its top]
 HIGHEST_ANKLE = 0.6  # the ankle is below this place [length of the leg's chain, from its top]
 
@@ -66,14 +67,18 @@ def _leg_of_anatomy(skeleton: Skeleton, anatomy: Anatomy, side: str) -> Leg:
 
 def foot_bone(skeleton: Skeleton, anatomy: Anatomy, side: str) -> tuple[int, int] | None:
     """Return the ankle, and the joint towards which the foot points from there: the toes, else the nearest child of the
-    ankle with a bone of some length; None without either.
+    ankle with a bone of some length; None without either. Toes right below the ankle are passed over for what follows.
     """
     foot = anatomy.roles.get(f"{side}Foot")
     if foot is None:
         return None
     ends = [anatomy.roles.get(f"{side}Toes", -1), *skeleton.children[foot]]
     long = [end for end in ends if end >= 0 and skeleton.path_lengths[foot, end] > 0]
-    return (foot, long[0]) if long else None
+    if not long:
+        return None
+    chain = _longest_chain(skeleton, long[0])
+    reach = skeleton.path_lengths[foot, chain]
+    return foot, chain[int(np.argmax(reach >= SHORTEST_FOOT * reach[-1]))]
 
 
 def tree_legs(skeleton: Skeleton) -> Legs | None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.legs import Leg
 from distretarget.motion import Motion
+from distretarget.numerics.shots import Shots, by_shot
 
 REST_SPEED = 0.35  # a resting foot is slower than this [leg lengths / s]
 REST_HEIGHT = 0.1  # a resting foot is no higher than this above the lowest joint of the body [leg lengths]
@@ -20,17 +23,23 @@ def feet_at_rest(
     *,
     speed: float = REST_SPEED,
     height: float = REST_HEIGHT,
+    shots: Shots = (slice(None),),
 ) -> NDArray[np.bool_]:
     """Return whether ankle and toe of a leg rest, (frames, 2): each while it is slow and the foot is low.
 
     `up`, (3,), is the unit vector up; `length` is that of the leg [file units]; `speed` and `height` are the limits,
-    in leg lengths per second and leg lengths. Only the frames next to a frame decide.
+    in leg lengths per second and leg lengths. Only the frames next to a frame decide, if they are in the same one of
+    `shots`.
     """
-    feet = motion.positions[:, [leg.ankle, leg.toe]]
-    if len(feet) < 2:
-        return np.ones((len(feet), 2), bool)
-    speeds = np.linalg.norm(np.gradient(feet, motion.frame_time, axis=0), axis=-1)
+    speeds = by_shot(partial(_speeds, frame_time=motion.frame_time), shots, motion.positions[:, [leg.ankle, leg.toe]])
     below = [leg.ankle, leg.toe, *motion.skeleton.children[leg.toe]]
     heights = motion.positions @ up
     low = heights[:, below].min(axis=1) - heights.min(axis=1) < height * length
     return np.asarray((speeds < speed * length) & low[:, None])
+
+
+def _speeds(places: NDArray[np.float64], frame_time: float) -> NDArray[np.float64]:
+    """(frames, joints), the speeds of joints at places (frames, joints, 3); a joint in a single frame stands still."""
+    if len(places) < 2:
+        return np.zeros(places.shape[:2])
+    return np.asarray(np.linalg.norm(np.gradient(places, frame_time, axis=0), axis=-1))

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from distretarget.body.body import Body
 from distretarget.motion import Motion
+from distretarget.numerics.shots import find_shots
 
 Array = NDArray[np.float64]
 
@@ -20,10 +21,11 @@ def find_snaps(copy: Motion, result: Motion, body: Body) -> Array:
     leg length in `INSTANT`].
 
     `copy` is the rotation copy on the same body. What is no part of the body, such as a root on the floor, does not
-    snap.
+    snap, and nothing does at a cut.
     """
     flesh = body.regions.of_joint >= 0
     steps, calm = _steps(result, body), _steps(copy, body) < CALM
+    calm[[shot.stop - 1 for shot in find_shots(copy.positions[:, flesh], 0.5 * body.unit)[:-1]]] = False
     return np.where(flesh & calm & (steps > SNAP), steps, 0.0)
 
 

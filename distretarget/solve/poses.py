@@ -53,7 +53,7 @@ class PoseProblem:
         return replace(self, source=self.source[frames], copy=self.copy[frames], root=self.root[frames])
 
     def raised(self, by: Array) -> PoseProblem:
-        """The same clip with the path of the root displaced by a vector (3,) [target file units]."""
+        """The same clip with the path of the root displaced by vectors (frames, 3) [target file units]."""
         return replace(self, root=self.root + by)
 
     @property

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +15,7 @@ from distretarget.body.resting import feet_at_rest
 from distretarget.body.soles import Sole
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
+from distretarget.numerics.shots import Shots, by_shot, find_shots
 from distretarget.numerics.smoothing import over_runs, widened
 from distretarget.solve.settings import ContactSettings
 
@@ -61,33 +64,46 @@ def find_stance(matching: Matching, copy: Motion, scale: float, settings: Contac
     if legs is None:
         return no_stance(len(source))
     up, length = matching.source.up_vector, matching.leg_lengths[0]
+    shots = _shots(matching)
+    blend = partial(widened, frames=settings.stance_blend / source.frame_time)
+    limits: dict[str, Any] = {"speed": settings.rest_speed, "height": settings.rest_height, "shots": shots}
+    rounding = ROLL * length
     joints, weights, places = [], [], []
     for driver, leg, soles in zip(*legs, matching.soles, strict=True):
-        rest = feet_at_rest(source, driver, up, length, speed=settings.rest_speed, height=settings.rest_height)
         joints += [leg.ankle, leg.toe]
-        weights.append(widened(rest.astype(np.float64), settings.stance_blend / source.frame_time))
-        rounding = ROLL * length
+        weights.append(by_shot(blend, shots, feet_at_rest(source, driver, up, length, **limits).astype(np.float64)))
         feet = (
             _Foot.of(source, driver, soles[0], up, rounding),
             _Foot.of(copy, leg, soles[1], up, scale * rounding),
         )
-        places += _places(*feet, scale, up, weights[-1].max(axis=1))
+        places += _places(*feet, scale, up, weights[-1].max(axis=1), shots)
     return Stance(np.array(joints), np.concatenate(weights, axis=1), np.stack(places, axis=1))
 
 
-def hips_rise(matching: Matching, stance: Stance, scale: float) -> float:
-    """Return how much higher the hips belong than the source's, times `scale`, because the ankles do [target file
-    units]: the median over the frames in which an ankle rests, or without any what the soles at rest show.
+def hips_rise(matching: Matching, stance: Stance, scale: float) -> Array:
+    """Return how much higher the hips belong than the source's, times `scale`, because the ankles do, (frames,) [target
+    file units]: the median over the frames of a shot in which an ankle rests, or without any what the soles show.
     """
+    source = matching.source_motion
     if matching.legs is None:
-        return 0.0
+        return np.zeros(len(source))
     ankles = [leg.ankle for leg in matching.legs[0]]
     places, weights = stance.places[:, ::2], stance.weights[:, ::2]
-    higher = (places - scale * matching.source_motion.positions[:, ankles]) @ matching.source.up_vector
-    resting = higher[weights >= RESTS]
-    if len(resting):
-        return float(np.median(resting))
-    return float(np.mean([target.ankle - scale * source.ankle for source, target in matching.soles]))
+    higher = (places - scale * source.positions[:, ankles]) @ matching.source.up_vector
+    usual = np.mean([target.ankle - scale * source.ankle for source, target in matching.soles])
+    return by_shot(partial(_median, usual=float(usual)), _shots(matching), higher, weights)
+
+
+def _median(values: Array, weights: Array, usual: float) -> Array:
+    """(frames,), the median of values (frames, n) where a foot rests; the usual value where none does."""
+    resting = values[weights >= RESTS]
+    return np.full(len(values), np.median(resting) if len(resting) else usual)
+
+
+def _shots(matching: Matching) -> list[slice]:
+    """The shots of the source."""
+    positions = matching.source_motion.positions[:, matching.source.regions.of_joint >= 0]
+    return find_shots(positions, matching.leg_lengths[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,13 +130,13 @@ class _Foot:
         return cls(toe, bone, (under_toe + under_heel + np.hypot(under_toe - under_heel, rounding)) / 2.0)
 
 
-def _places(source: _Foot, copy: _Foot, scale: float, up: Array, weights: Array) -> list[Array]:
+def _places(source: _Foot, copy: _Foot, scale: float, up: Array, weights: Array, shots: Shots) -> list[Array]:
     """Where ankle and toe belong, (frames, 3) each [target file units], as `find_stance` says.
 
-    `weights`, (frames,), are 1 while the foot rests, blended to 0.
+    `weights`, (frames,), are 1 while the foot rests, blended to 0; `shots` are those of the clip.
     """
     longer = _level(scale * source.bone - copy.bone, up)
-    toe = scale * source.toe + over_runs(longer, weights)
+    toe = scale * source.toe + by_shot(over_runs, shots, longer, weights)
     toe += (copy.below - scale * source.below)[:, None] * up
     return [toe + copy.bone, toe]
 
