@@ -20,6 +20,7 @@ from distretarget.io.target import SkeletonEdit, Target
 from distretarget.matching.matching import Matching, match
 from distretarget.matching.pairing import JointMap
 from distretarget.motion import Motion
+from distretarget.numerics.shots import find_shots
 from distretarget.result import RetargetResult
 from distretarget.skeleton import LARGEST, Skeleton
 from distretarget.solve.chunks import Mapper, Progress
@@ -99,8 +100,9 @@ def retarget(
         postures = solve_postures(problem.distances, problem.source, copy.positions)
         poses = solve_paper(problem, _fitted_poses(copy, problem, postures), progress)
     else:
-        feet = find_stance(matching, copy, scale, settings)
-        problem = problem.raised(np.outer(hips_rise(matching, feet, scale), world.up_vector))
+        shots = find_shots(matching.source_motion.positions[:, source_body.regions.of_joint >= 0], source_body.unit / 2)
+        feet = find_stance(matching, copy, scale, shots, settings)
+        problem = problem.raised(np.outer(hips_rise(matching, feet, scale, shots), world.up_vector))
         stance = feet if hold_feet else stance
         held = settings if hold_feet else replace(settings, stance_stiffness=0.0)
         poses = solve_contact(problem, feet, held, mapper=mapper, progress=progress)

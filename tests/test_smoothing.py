@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from distretarget.numerics.smoothing import averaged, widened
+from distretarget.numerics.smoothing import averaged, over_runs, widened
 
 NOISE = np.random.default_rng(0).uniform(0, 1, (80, 3))
 
@@ -53,3 +53,13 @@ def test_columns_do_not_mix():
     alone = averaged(NOISE[:, :1], 5)
     np.testing.assert_array_equal(averaged(NOISE, 5)[:, :1], alone)
     assert averaged(np.zeros((9, 4, 3)), 2).shape == (9, 4, 3)
+
+
+def test_runs_have_their_means_and_lines_between_them():
+    values = np.array([9.0, 1.0, 3.0, 9.0, 9.0, 9.0, 8.0, 9.0])[:, None]
+    weights = np.array([0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.5, 0.0])
+    np.testing.assert_allclose(over_runs(values, weights)[:, 0], [2, 2, 2, 3.5, 5, 6.5, 8, 8])
+
+
+def test_without_a_run_there_is_the_mean_of_all_frames():
+    np.testing.assert_allclose(over_runs(np.array([[1.0], [3.0]]), np.zeros(2)), [[2.0], [2.0]])

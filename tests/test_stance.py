@@ -12,6 +12,7 @@ from distretarget.baseline.root import find_root_scale
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.body.body import Body
 from distretarget.matching.matching import match
+from distretarget.numerics.shots import find_shots
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.stance import find_stance, no_stance
 
@@ -37,7 +38,12 @@ def standing(body, frames=40, turns=None, path=None):
 
 def stance_of(source, target, scale=1.0, up="Y"):
     matching = match(body_of(source).with_up(up), body_of(target))
-    return find_stance(matching, rotation_copy(matching, scale), scale, SETTINGS)
+    return stance_by(matching, scale)
+
+
+def stance_by(matching, scale):
+    shots = find_shots(matching.source_motion.positions, matching.source.unit / 2)
+    return find_stance(matching, rotation_copy(matching, scale), scale, shots, SETTINGS)
 
 
 def places_of(stance, target, name):
@@ -57,7 +63,7 @@ def test_legs_the_source_does_not_drive_stand_nowhere():
     body = person()
     matching = matched(swaying(body), body, {"LeftAnkle": None})
     assert matching.legs is None
-    assert len(find_stance(matching, rotation_copy(matching, 1.0), 1.0, SETTINGS).joints) == 0
+    assert len(stance_by(matching, 1.0).joints) == 0
 
 
 def test_both_feet_of_a_standing_person_rest_all_the_time():
@@ -158,6 +164,18 @@ def test_hips_rise_by_what_the_ankles_of_the_target_are_higher(target_sine):
     np.testing.assert_allclose(hip - ankle, LEG, atol=1e-4)
     toes = result.motion.positions[:, target.index("LeftToe")] @ UP
     np.testing.assert_allclose(ankle - toes, 0.14 * target_sine, atol=1e-4)
+
+
+def test_a_first_frame_in_another_posture_says_nothing_of_the_rest():
+    body, target = pitched_feet(0.3), lengthened(pitched_feet(0.3), {"Toe": 1.4})
+    lifted = standing(body, turns={"LeftHip": [-1.2, 0, 0], "LeftKnee": [1.5, 0, 0]})
+    translations, rotations = np.array(lifted.translations), np.array(lifted.rotations)
+    rotations[0] = standing(body).rotations[0]
+    translations[0, 0] += [0.0, 0.0, 0.4]
+    stance = stance_of(replace(lifted, translations=translations, rotations=rotations), target)
+    left = [target.names[joint].startswith("Left") for joint in stance.joints]
+    np.testing.assert_allclose(stance.weights[0], 1.0)
+    np.testing.assert_allclose(stance.weights[1:, left], 0.0)
 
 
 def test_a_heel_that_lifts_leaves_the_toe_where_it_is():

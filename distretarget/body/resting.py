@@ -23,14 +23,15 @@ def feet_at_rest(
     *,
     speed: float = REST_SPEED,
     height: float = REST_HEIGHT,
-    shots: Shots = (slice(None),),
+    shots: Shots | None = None,
 ) -> NDArray[np.bool_]:
     """Return whether ankle and toe of a leg rest, (frames, 2): each while it is slow and the foot is low.
 
     `up`, (3,), is the unit vector up; `length` is that of the leg [file units]; `speed` and `height` are the limits,
-    in leg lengths per second and leg lengths. Only the frames next to a frame decide, if they are in the same one of
-    `shots`.
+    in leg lengths per second and leg lengths. Only the frames next to a frame decide, if they are in the same shot;
+    without `shots`, (frames,), the motion is one.
     """
+    shots = np.zeros(len(motion), np.intp) if shots is None else shots
     speeds = by_shot(partial(_speeds, frame_time=motion.frame_time), shots, motion.positions[:, [leg.ankle, leg.toe]])
     below = [leg.ankle, leg.toe, *motion.skeleton.children[leg.toe]]
     heights = motion.positions @ up

@@ -25,7 +25,7 @@ def find_snaps(copy: Motion, result: Motion, body: Body) -> Array:
     """
     flesh = body.regions.of_joint >= 0
     steps, calm = _steps(result, body), _steps(copy, body) < CALM
-    calm[[shot.stop - 1 for shot in find_shots(copy.positions[:, flesh], 0.5 * body.unit)[:-1]]] = False
+    calm[np.diff(find_shots(copy.positions[:, flesh], 0.5 * body.unit)) > 0] = False
     return np.where(flesh & calm & (steps > SNAP), steps, 0.0)
 
 

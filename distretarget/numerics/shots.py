@@ -2,30 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-Shots = Sequence[slice]
+Shots = NDArray[np.intp]  # (frames,), the number of the shot that each frame belongs to
 
 STEP = 8.0  # at a cut the joints move this many times as far as from frame to frame before and after it ...
 FAR = 0.02  # ... and at least this far on average [of the length that is given]
 
 
-def find_shots(positions: Array, length: float) -> list[slice]:
-    """Return the shots of a clip, one after the other, by the positions (frames, joints, 3) of a body.
+def find_shots(positions: Array, length: float) -> Shots:
+    """Return the number of the shot that each frame belongs to, (frames,), counted from 0.
 
-    `length` is a length of the body, such as that of its legs, in the unit of the positions.
+    `positions`, (frames, joints, 3), are those of a body, and `length` is a length of it, such as that of its legs, in
+    the same unit.
     """
     steps = np.linalg.norm(np.diff(positions, axis=0), axis=-1).mean(axis=1)
     before, after = np.insert(steps, 0, 0.0)[:-1], np.append(steps, 0.0)[1:]
-    cuts = np.flatnonzero(steps > np.maximum(STEP * np.maximum(before, after), FAR * length)) + 1
-    return [slice(first, end) for first, end in pairwise([0, *cuts.tolist(), len(positions)])]
+    cuts = steps > np.maximum(STEP * np.maximum(before, after), FAR * length)
+    return np.insert(np.cumsum(cuts), 0, 0).astype(np.intp)
 
 
 def by_shot(function: Callable[..., Array], shots: Shots, *values: NDArray[np.generic]) -> Array:
     """Return what a function makes of values with the frames in front, made for each shot on its own, and joined."""
-    return np.concatenate([function(*(each[shot] for each in values)) for shot in shots])
+    edges = [0, *(np.flatnonzero(np.diff(shots)) + 1).tolist(), len(shots)]
+    return np.concatenate([function(*(each[first:end] for each in values)) for first, end in pairwise(edges)])

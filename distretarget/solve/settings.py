@@ -53,8 +53,8 @@ class ContactSettings:
         SettingsError: a value is negative or not finite, zero where it divides, or two limits are in the wrong order.
     """
 
-    close: float = 0.11
-    apart: float = 0.16
+    close: float = 0.135
+    apart: float = 0.185
     least_path: int = 5
     pair_stiffness: float = 60.0
     touch: float = 0.005

@@ -15,7 +15,7 @@ from distretarget.body.resting import feet_at_rest
 from distretarget.body.soles import Sole
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
-from distretarget.numerics.shots import Shots, by_shot, find_shots
+from distretarget.numerics.shots import Shots, by_shot
 from distretarget.numerics.smoothing import over_runs, widened
 from distretarget.solve.settings import ContactSettings
 
@@ -53,18 +53,18 @@ def no_stance(frames: int) -> Stance:
     return Stance(np.zeros(0, np.intp), np.zeros((frames, 0)), np.zeros((frames, 0, 3)))
 
 
-def find_stance(matching: Matching, copy: Motion, scale: float, settings: ContactSettings) -> Stance:
+def find_stance(matching: Matching, copy: Motion, scale: float, shots: Shots, settings: ContactSettings) -> Stance:
     """The feet at rest in the source, and where they belong on the target.
 
     A foot rests while it is slow and low. It is held as in the rotation copy, sole to the floor as in the source. Its
     sole is as high as the source's, times `scale`; its ankle is, on average over the frames of each rest, where the
-    source's ankle is in the plane, times `scale`; and it does not slide against the source's toe.
+    source's ankle is in the plane, times `scale`; and it does not slide against the source's toe. `shots`, (frames,),
+    are those of the clip; what happens in one says nothing of the others.
     """
     source, legs = matching.source_motion, matching.legs
     if legs is None:
         return no_stance(len(source))
     up, length = matching.source.up_vector, matching.leg_lengths[0]
-    shots = _shots(matching)
     blend = partial(widened, frames=settings.stance_blend / source.frame_time)
     limits: dict[str, Any] = {"speed": settings.rest_speed, "height": settings.rest_height, "shots": shots}
     rounding = ROLL * length
@@ -80,7 +80,7 @@ def find_stance(matching: Matching, copy: Motion, scale: float, settings: Contac
     return Stance(np.array(joints), np.concatenate(weights, axis=1), np.stack(places, axis=1))
 
 
-def hips_rise(matching: Matching, stance: Stance, scale: float) -> Array:
+def hips_rise(matching: Matching, stance: Stance, scale: float, shots: Shots) -> Array:
     """Return how much higher the hips belong than the source's, times `scale`, because the ankles do, (frames,) [target
     file units]: the median over the frames of a shot in which an ankle rests, or without any what the soles show.
     """
@@ -91,19 +91,13 @@ def hips_rise(matching: Matching, stance: Stance, scale: float) -> Array:
     places, weights = stance.places[:, ::2], stance.weights[:, ::2]
     higher = (places - scale * source.positions[:, ankles]) @ matching.source.up_vector
     usual = np.mean([target.ankle - scale * source.ankle for source, target in matching.soles])
-    return by_shot(partial(_median, usual=float(usual)), _shots(matching), higher, weights)
+    return by_shot(partial(_median, usual=float(usual)), shots, higher, weights)
 
 
 def _median(values: Array, weights: Array, usual: float) -> Array:
     """(frames,), the median of values (frames, n) where a foot rests; the usual value where none does."""
     resting = values[weights >= RESTS]
     return np.full(len(values), np.median(resting) if len(resting) else usual)
-
-
-def _shots(matching: Matching) -> list[slice]:
-    """The shots of the source."""
-    positions = matching.source_motion.positions[:, matching.source.regions.of_joint >= 0]
-    return find_shots(positions, matching.leg_lengths[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +127,7 @@ class _Foot:
 def _places(source: _Foot, copy: _Foot, scale: float, up: Array, weights: Array, shots: Shots) -> list[Array]:
     """Where ankle and toe belong, (frames, 3) each [target file units], as `find_stance` says.
 
-    `weights`, (frames,), are 1 while the foot rests, blended to 0; `shots` are those of the clip.
+    `weights`, (frames,), are 1 while the foot rests, blended to 0; `shots`, (frames,), are those of the clip.
     """
     longer = _level(scale * source.bone - copy.bone, up)
     toe = scale * source.toe + by_shot(over_runs, shots, longer, weights)
