@@ -27,14 +27,20 @@ class Sole:
     Attributes:
         normal: (3,), the direction straight up from the floor while the foot stands flat, a unit vector in the axes of
             the ankle joint.
-        ankle, toe: the heights of ankle and toe over the sole [file units].
+        joints: (joints,), the ankle, and the joints and End Sites of the foot below it.
+        heights: (joints,), how high these are over the sole [file units].
         known: whether rest pose or motion show how the foot stands; else that is its usual pitch.
     """
 
     normal: Array
-    ankle: float
-    toe: float
+    joints: NDArray[np.intp]
+    heights: Array
     known: bool
+
+    @property
+    def ankle(self) -> float:
+        """The height of the ankle over the sole [file units]."""
+        return float(self.heights[0])
 
 
 def find_soles(body: Body, legs: Legs, normals: tuple[Array, Array] | None = None) -> tuple[Sole, Sole]:
@@ -47,7 +53,7 @@ def find_soles(body: Body, legs: Legs, normals: tuple[Array, Array] | None = Non
     a, b = _feet(body, legs)
     if normals is not None:
         a, b = replace(a, up=normals[0]), replace(b, up=normals[1])
-    return _sole(a, legs[0]), _sole(b, legs[1])
+    return _sole(a), _sole(b)
 
 
 def _feet(body: Body, legs: Legs) -> list[_Foot]:
@@ -137,7 +143,6 @@ def _axes(body: Body, places: Array) -> tuple[Array, Array]:
     return axis_vector(nearest_axis(axes.up)[0]), axes.axes[:, 2]
 
 
-def _sole(foot: _Foot, leg: Leg) -> Sole:
+def _sole(foot: _Foot) -> Sole:
     over_ankle = foot.points @ foot.up
-    heights = dict(zip(foot.joints, (over_ankle - over_ankle.min()).tolist(), strict=True))
-    return Sole(foot.up, heights[leg.ankle], heights.get(leg.toe, heights[leg.ankle]), foot.known)
+    return Sole(foot.up, np.array(foot.joints, np.intp), over_ankle - over_ankle.min(), foot.known)

@@ -59,7 +59,7 @@ class ContactSettings:
     pair_stiffness: float = 60.0
     touch: float = 0.005
     direction_range: float = 0.08
-    lead: float = 0.3
+    lead: float = 0.36
     base_stiffness: float = 0.04
     added_length: float = 1.0
     trunk_factor: float = 20.0

@@ -120,8 +120,10 @@ class _Foot:
         toe = motion.positions[:, leg.toe]
         bone = motion.positions[:, leg.ankle] - toe
         normal = Rotation.from_quat(motion.world_rotations[:, leg.ankle]).apply(sole.normal) @ up
-        under_toe, under_heel = sole.toe * normal, sole.ankle * normal - bone @ up
-        return cls(toe, bone, (under_toe + under_heel + np.hypot(under_toe - under_heel, rounding)) / 2.0)
+        under = np.outer(normal, sole.heights) - (motion.positions[:, sole.joints] - toe[:, None]) @ up
+        heel, front = under[:, 0], under.max(axis=1, where=sole.joints != leg.ankle, initial=-np.inf)
+        front = np.where(np.isfinite(front), front, heel)
+        return cls(toe, bone, (heel + front + np.hypot(heel - front, rounding)) / 2.0)
 
 
 def _places(source: _Foot, copy: _Foot, scale: float, up: Array, weights: Array, shots: Shots) -> list[Array]:
