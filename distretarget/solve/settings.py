@@ -62,10 +62,10 @@ class ContactSettings:
     lead: float = 0.36
     base_stiffness: float = 0.04
     added_length: float = 1.0
-    trunk_factor: float = 20.0
+    trunk_factor: float = 30.0
     foot_factor: float = 5.0
     fixed_stiffness: float = 1e6
-    root_stiffness: float = 20.0
+    root_stiffness: float = 300.0
     stance_stiffness: float = 5000.0
     jump_speed: float = 60.0 * math.radians(10.0)
     jump_blend: float = 0.1
