@@ -263,7 +263,8 @@ def test_every_sample_is_retargeted_to_every_sample_target(tmp_path):
     for number, clip in enumerate(clips):
         target = targets[number % len(targets)]
         done = run(clip, target, "-o", tmp_path / clip.name)
-        assert (done.returncode, done.stderr) == (0, "")
+        assert done.returncode == 0
+        assert all(line.startswith("warning: ") for line in done.stderr.splitlines())
         assert len(read_bvh(tmp_path / clip.name)) == len(read_bvh(clip))
 
 
