@@ -27,7 +27,7 @@ def test_settings_survive_pickling():
         ({"rest_speed": math.nan}, "rest_speed is nan"),
         ({"root_stiffness": math.inf}, "root_stiffness is inf"),
         ({"touch": 0}, "touch is 0"),
-        ({"close": 0.2}, "close is 0.2 and apart is 0.185"),
+        ({"close": 0.2}, "close is 0.2 and apart is 0.18"),
     ],
 )
 def test_values_without_meaning_are_refused_in_one_line(change, place):

@@ -53,8 +53,8 @@ class ContactSettings:
         SettingsError: a value is negative or not finite, zero where it divides, or two limits are in the wrong order.
     """
 
-    close: float = 0.135
-    apart: float = 0.185
+    close: float = 0.13
+    apart: float = 0.18
     least_path: int = 5
     pair_stiffness: float = 60.0
     touch: float = 0.005
@@ -62,7 +62,7 @@ class ContactSettings:
     lead: float = 0.36
     base_stiffness: float = 0.04
     added_length: float = 1.0
-    trunk_factor: float = 30.0
+    trunk_factor: float = 25.0
     foot_factor: float = 5.0
     fixed_stiffness: float = 1e6
     root_stiffness: float = 300.0
