@@ -62,7 +62,7 @@ class ContactSettings:
     lead: float = 0.36
     base_stiffness: float = 0.04
     added_length: float = 1.0
-    trunk_factor: float = 25.0
+    trunk_factor: float = 40.0
     foot_factor: float = 5.0
     fixed_stiffness: float = 1e6
     root_stiffness: float = 300.0
