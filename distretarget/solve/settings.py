@@ -23,7 +23,7 @@ class ContactSettings:
             more.
         least_path: [joints] a pair needs at least this path size |P|: joints near each other along the tree make no
             contact.
-        pair_stiffness: [-] stiffness of a pair at about D = `close`: a larger value keeps contacts better and turns more
+        pair_stiffness: [-] stiffness of a pair at D = `close`: a larger value keeps contacts better and turns more
             bones.
         touch: [D] added to the distance that the stiffness of a pair is divided by, so that pairs that touch are at
             most `close / touch` times as stiff.
