@@ -1,1 +1,1 @@
-"""A body: its skeleton, the parts that its joints play, its legs and axes, and its reference pose."""
+"""A body: its skeleton, the parts its joints play, its legs, soles, regions and axes, and its reference pose."""

@@ -66,7 +66,7 @@ def _leg_of_anatomy(skeleton: Skeleton, anatomy: Anatomy, side: str) -> Leg:
 
 
 def foot_bone(skeleton: Skeleton, anatomy: Anatomy, side: str) -> tuple[int, int] | None:
-    """Return the ankle, and the joint towards which the foot points from there: the toes, else the nearest child of the
+    """Return the ankle, and the joint towards which the foot points from there: the toes, else the first child of the
     ankle with a bone of some length; None without either. Toes right below the ankle are passed over for what follows.
     """
     foot = anatomy.roles.get(f"{side}Foot")

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 STANDING_ANGLE = 100.0  # a person can stand in a rest pose with a larger angle between trunk and legs [degrees] ...
 RAISED_ARM = np.cos(np.radians(30))  # ... if its arms are farther than this angle from the trunk's direction [cosine]
-FOOT_PITCH = np.radians(25)  # how far the feet of the synthetic T-pose point downwards [rad]
+FOOT_PITCH = np.radians(25)  # how far feet usually point downwards, as in the synthetic T-pose [rad]
 OPPOSITE = -0.9  # a bone with a smaller cosine to its goal first turns half round about the sideways axis [cosine]
 
 # The choice of the frame in which the body stands best: weights against those of trunk and legs, which are 1.

@@ -40,8 +40,8 @@ class Regions:
     Attributes:
         names: of the regions, such as "left hand", those of most interest first; in a body without anatomy the name of
             the first joint of each limb.
-        of_joint: (joints,), the region of each joint and End Site; -1 for what is no part of the body: a root on the
-            floor, handles, props, hair and cloth.
+        of_joint: (joints,), the region of each joint and End Site; -1 for what is no part of the body: joints above
+            the hips, handles, props, hair and cloth.
         neighbours: (regions, regions), whether two regions are the same or joined by a bone; they always touch.
     """
 

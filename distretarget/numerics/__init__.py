@@ -1,1 +1,1 @@
-"""Numbers that know no body: rotations, Euler angles, smoothing over time, the stress of a posture."""
+"""Numbers that know no body: rotations, Euler angles, shots, smoothing over time, the stress of a posture."""

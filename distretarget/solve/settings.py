@@ -37,8 +37,9 @@ class ContactSettings:
         foot_factor: [-] how much stiffer the feet are than other parts.
         fixed_stiffness: [-] stiffness of the parts above the pelvis, so that a root on the floor does not tip the body
             over.
-        root_stiffness: [-] stiffness of the root's path.
-        stance_stiffness: [-] stiffness of the place of a resting foot, which comes before everything else.
+        root_stiffness: [-] stiffness of the root's path: a larger value keeps contacts and feet from moving the hips.
+        stance_stiffness: [-] stiffness of the place of a foot that rests, which comes before everything else; 0 leaves
+            the feet free.
         jump_speed: [rad/s] a part whose deviation changes faster than this (600 degrees/s) jumps from one solution to
             another.
         jump_blend: [s] a jump is replaced by a mean over this time before and after each frame.
@@ -46,8 +47,8 @@ class ContactSettings:
             shakes, and cuts between chunks of a clip cannot be seen.
         rest_speed: [leg lengths/s] a resting foot is slower than this.
         rest_height: [leg lengths] a resting foot is no higher than this above the lowest joint of the body.
-        stance_blend: [s] a foot is drawn to its place over twice this time before it rests, and released from it over
-            twice this time after.
+        stance_blend: [s] a foot goes to its place over twice this time before it rests, and leaves it over twice this
+            time after.
 
     Raises:
         SettingsError: a value is negative or not finite, zero where it divides, or two limits are in the wrong order.
