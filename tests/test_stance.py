@@ -214,6 +214,28 @@ def test_a_foot_without_a_bone_has_one_place():
     assert np.all(np.isfinite(result.motion.positions))
 
 
+def without_feet(body):
+    """The body whose legs end at the ankles."""
+    kept = [joint for joint, name in enumerate(body.names) if "Toe" not in name]
+    return Skeleton(
+        names=tuple(body.names[joint] for joint in kept),
+        parents=[kept.index(body.parents[joint]) if joint else -1 for joint in kept],
+        offsets=body.offsets[kept],
+        channels=tuple(body.channels[joint] for joint in kept),
+        end_sites=body.end_sites[kept],
+    )
+
+
+@pytest.mark.parametrize("footless", ["source", "target"])
+def test_ankles_are_compared_with_ankles_where_a_body_has_no_feet(footless):
+    whole, ankles = pitched_feet(0.4), without_feet(pitched_feet(0.4))
+    source, target = (ankles, whole) if footless == "source" else (whole, ankles)
+    result = retarget(standing(source), target)
+    for name in ("LeftAnkle", "RightAnkle", "Hips"):
+        expected = result.source.positions[:, source.index(name)]
+        np.testing.assert_allclose(result.motion.positions[:, target.index(name)], expected, atol=1e-6)
+
+
 def test_a_single_frame_has_its_feet_at_rest():
     stance = stance_of(standing(person(), frames=1), person())
     np.testing.assert_allclose(stance.weights, 1.0)

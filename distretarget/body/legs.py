@@ -66,17 +66,17 @@ def _leg_of_anatomy(skeleton: Skeleton, anatomy: Anatomy, side: str) -> Leg:
 
 
 def foot_bone(skeleton: Skeleton, anatomy: Anatomy, side: str) -> tuple[int, int] | None:
-    """Return the ankle, and the joint towards which the foot points from there: the toes, else the first child of the
-    ankle with a bone of some length; None without either. Toes right below the ankle are passed over for what follows.
+    """Return the ankle, and the joint towards which the foot points from there: the toes, else what reaches
+    farthest from the ankle; None without either. Toes right below the ankle are passed over for what follows.
     """
     foot = anatomy.roles.get(f"{side}Foot")
     if foot is None:
         return None
-    ends = [anatomy.roles.get(f"{side}Toes", -1), *skeleton.children[foot]]
-    long = [end for end in ends if end >= 0 and skeleton.path_lengths[foot, end] > 0]
-    if not long:
+    toes = anatomy.roles.get(f"{side}Toes")
+    chains = [_longest_chain(skeleton, end) for end in (skeleton.children[foot] if toes is None else [toes])]
+    chain = max(chains, key=lambda joints: skeleton.path_lengths[foot, joints[-1]], default=[])
+    if not chain or not skeleton.path_lengths[foot, chain[-1]] > 0:
         return None
-    chain = _longest_chain(skeleton, long[0])
     reach = skeleton.path_lengths[foot, chain]
     return foot, chain[int(np.argmax(reach >= SHORTEST_FOOT * reach[-1]))]
 

@@ -38,6 +38,11 @@ class Sole:
     known: bool
 
     @property
+    def at_ankle(self) -> Sole:
+        """The sole of a leg that ends at the ankle."""
+        return replace(self, joints=self.joints[:1], heights=np.zeros(1))
+
+    @property
     def ankle(self) -> float:
         """The height of the ankle over the sole [file units]."""
         return float(self.heights[0])

@@ -135,6 +135,7 @@ class Matching:
         """The soles of source and target of each of these legs; empty without them.
 
         Where only one of two bodies with like rest poses shows how its feet stand, those of the other stand likewise.
+        Where one of the bodies has no foot, legs end at the ankle on both.
         """
         if self.legs is None:
             return ()
@@ -145,7 +146,8 @@ class Matching:
             target = find_soles(self.target, self.legs[1], (source[0].normal, source[1].normal))
         elif self.rest_poses_alike and not source[0].known:
             source = find_soles(self.source, self.legs[0], (target[0].normal, target[1].normal))
-        return tuple(zip(source, target, strict=True))
+        pairs = zip(*self.legs, source, target, strict=True)
+        return tuple((a, b) if leg.toe != leg.ankle else (a.at_ankle, b.at_ankle) for _, leg, a, b in pairs)
 
     @cached_property
     def pelvis(self) -> int:

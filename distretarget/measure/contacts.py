@@ -165,14 +165,15 @@ def find_candidates(matching: Matching) -> Candidates:
     body, drivers = matching.target, matching.drivers
     points = points_of(matching)
     u, v = (points[end] for end in np.triu_indices(len(points), 1))
-    of_u, of_v = body.regions.of_joint[u], body.regions.of_joint[v]
+    regions_of = matching.regions
+    of_u, of_v = regions_of.of_joint[u], regions_of.of_joint[v]
     possible = (of_u >= 0) & (of_v >= 0) & (body.skeleton.path_sizes[u, v] >= FAR_ALONG)
-    possible &= ~body.regions.neighbours[of_u, of_v] & (body.skeleton.path_lengths[u, v] > 0)
+    possible &= ~regions_of.neighbours[of_u, of_v] & (body.skeleton.path_lengths[u, v] > 0)
     possible &= matching.source.skeleton.path_lengths[drivers[u], drivers[v]] > 0
     ends = np.sort(np.stack([of_u, of_v], axis=1)[possible], axis=1)
     order = np.lexsort(ends.T[::-1])
     regions, first = np.unique(ends[order], axis=0, return_index=True)
-    names = body.regions.names
+    names = regions_of.names
     return Candidates(
         names=tuple(f"{names[a]} - {names[b]}" for a, b in regions),
         feet=_between_feet(regions, matching),
@@ -203,7 +204,7 @@ def _between_feet(regions: Numbers, matching: Matching) -> NDArray[np.bool_]:
     """(pairs of regions,), whether the two regions, (pairs of regions, 2), are the two feet."""
     if matching.legs is None:
         return np.zeros(len(regions), bool)
-    feet = np.sort(matching.target.regions.of_joint[[leg.ankle for leg in matching.legs[1]]])
+    feet = np.sort(matching.regions.of_joint[[leg.ankle for leg in matching.legs[1]]])
     return np.asarray((regions == feet).all(axis=1))
 
 

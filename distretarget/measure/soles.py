@@ -13,7 +13,7 @@ from distretarget.body.legs import Leg
 
 Array = NDArray[np.float64]
 
-STEEPEST = 45.0  # a foot that points farther up or down than this in the rest pose is not flat there [degrees]
+STEEPEST = 60.0  # a foot that points farther up or down than this in the rest pose is not flat there [degrees]
 
 
 @dataclass(frozen=True, eq=False)
