@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.body.axes import Directions, squared, upright
 from distretarget.body.body import Body
 from distretarget.body.handles import moves_freely
 from distretarget.errors import MotionError
@@ -168,11 +167,8 @@ def _source_root_leads(matching: Matching) -> bool:
 
 
 def _axes(body: Body) -> Array:
-    """(3, 3), the axes of a body in its reference pose, columns left, up and forward, snapped to near axes."""
-    if body.anatomy is None:
-        return np.eye(3)
-    axes = Directions(body.anatomy, body.skeleton.posed(body.reference_pose)).axes
-    return squared(axes) if body.stands_at_rest else upright(axes)
+    """(3, 3), the axes of a body in its reference pose, columns left, up and forward."""
+    return body.axes_at(body.skeleton.posed(body.reference_pose))
 
 
 def _carried_axes(body: Body, motion: Motion, joint: int) -> Rotation:

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import FINGERS, SIDES
-from distretarget.body.axes import Directions, squared, upright
-from distretarget.body.body import Body
 from distretarget.matching.bones import BUILD_ANGLE, bone_directions, driven_below
 from distretarget.matching.matching import Matching
 from distretarget.numerics.rotations import least
@@ -79,7 +77,7 @@ class _Bodies:
     def axes(self) -> tuple[Array, Array]:
         """(3, 3) of source and target, the axes of the bodies in these poses, columns left, up and forward."""
         source, target = self.matching.source, self.matching.target
-        return _axes_of(source, self.positions[0]), _axes_of(target, self.positions[1])
+        return source.axes_at(self.positions[0]), target.axes_at(self.positions[1])
 
     @cached_property
     def turn(self) -> Rotation:
@@ -160,14 +158,6 @@ class _Bodies:
     def _target_roles(self) -> dict[str, int]:
         """The target's joint of each role; empty unless both bodies have an anatomy."""
         return dict(self.matching.target.anatomy.roles) if self.human and self.matching.target.anatomy else {}
-
-
-def _axes_of(body: Body, positions: Array) -> Array:
-    """(3, 3), the axes of a body at `positions`, columns left, up and forward, snapped to near axes of the file."""
-    if body.anatomy is None:
-        return np.eye(3)
-    axes = Directions(body.anatomy, positions).axes
-    return squared(axes) if body.stands_at_rest else upright(axes)
 
 
 def _joint_alignments(bodies: _Bodies) -> Array:

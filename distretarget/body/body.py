@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.anatomy import SIDES, Anatomy
-from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, nearest_axis
+from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, nearest_axis, squared, upright
 from distretarget.body.handles import find_handles
 from distretarget.body.legs import Legs, find_legs, foot_bone, leg_length, pelvis_joint
 from distretarget.body.named_anatomy import by_names
@@ -171,6 +171,15 @@ class Body:
         if self.motion is None:
             return 0.0
         return float(np.percentile((self.motion.positions @ up).min(axis=1), LOWEST_FRAMES))
+
+    def axes_at(self, positions: Array) -> Array:
+        """Return the axes of the body, (3, 3), columns left, up and forward, in a standing pose whose joints are at
+        `positions`, (joints, 3); snapped to near axes of the file. Those of the file without an anatomy.
+        """
+        if self.anatomy is None:
+            return np.eye(3)
+        axes = Directions(self.anatomy, positions).axes
+        return squared(axes) if self.stands_at_rest else upright(axes)
 
     @cached_property
     def reference_pose(self) -> Array:

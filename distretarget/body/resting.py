@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from distretarget.body.legs import Leg
 from distretarget.motion import Motion
+from distretarget.numerics.kinematics import speeds_along
 from distretarget.numerics.shots import Shots, by_shot
 
 REST_SPEED = 0.35  # a resting foot is slower than this [leg lengths / s]
@@ -32,15 +33,10 @@ def feet_at_rest(
     without `shots`, (frames,), the motion is one.
     """
     shots = np.zeros(len(motion), np.intp) if shots is None else shots
-    speeds = by_shot(partial(_speeds, frame_time=motion.frame_time), shots, motion.positions[:, [leg.ankle, leg.toe]])
+    speeds = by_shot(
+        partial(speeds_along, frame_time=motion.frame_time), shots, motion.positions[:, [leg.ankle, leg.toe]]
+    )
     below = [leg.ankle, leg.toe, *motion.skeleton.children[leg.toe]]
     heights = motion.positions @ up
     low = heights[:, below].min(axis=1) - heights.min(axis=1) < height * length
     return np.asarray((speeds < speed * length) & low[:, None])
-
-
-def _speeds(places: NDArray[np.float64], frame_time: float) -> NDArray[np.float64]:
-    """(frames, joints), the speeds of joints at places (frames, joints, 3); a joint in a single frame stands still."""
-    if len(places) < 2:
-        return np.zeros(places.shape[:2])
-    return np.asarray(np.linalg.norm(np.gradient(places, frame_time, axis=0), axis=-1))

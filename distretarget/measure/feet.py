@@ -16,6 +16,7 @@ from distretarget.body.legs import Leg, Legs, leg_length
 from distretarget.matching.matching import Matching
 from distretarget.measure.soles import Sole, find_sole
 from distretarget.motion import Motion
+from distretarget.numerics.kinematics import speeds_along
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -151,13 +152,13 @@ def _stance(motion: Motion, legs: Legs, up: Array) -> Flags:
     paths = _foot_paths(motion, legs)
     heights = paths @ up
     low = heights - np.percentile(heights, LOWEST, axis=0) < LOW
-    return np.asarray(low & (_speeds(paths, motion.frame_time) < SLOW))
+    return np.asarray(low & (speeds_along(paths, motion.frame_time) < SLOW))
 
 
 def _slide(motion: Motion, legs: Legs, up: Array) -> Array:
     """(frames, foot joints), the horizontal speed of the foot joints [leg lengths / s]."""
     paths = _foot_paths(motion, legs)
-    return _speeds(paths - (paths @ up)[..., None] * up, motion.frame_time)
+    return speeds_along(paths - (paths @ up)[..., None] * up, motion.frame_time)
 
 
 def _foot_paths(motion: Motion, legs: Legs) -> Array:
@@ -168,13 +169,6 @@ def _foot_paths(motion: Motion, legs: Legs) -> Array:
 def _foot_joints(legs: Legs) -> list[int]:
     """Ankle and toe of the one leg, then of the other."""
     return [joint for leg in legs for joint in (leg.ankle, leg.toe)]
-
-
-def _speeds(paths: Array, frame_time: float) -> Array:
-    """(frames, foot joints), the speed along paths (frames, foot joints, 3), by central differences."""
-    if len(paths) < 2:
-        return np.zeros(paths.shape[:2])
-    return np.asarray(np.linalg.norm(np.gradient(paths, frame_time, axis=0), axis=-1))
 
 
 def _where(measured: Flags, columns: list[Array]) -> Array:

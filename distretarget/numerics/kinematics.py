@@ -1,4 +1,4 @@
-"""Forward kinematics of a tree of joints, and the rotations it needs. Compiled.
+"""Forward kinematics of a tree of joints, the rotations it needs, and the speeds of joints. Compiled where it pays.
 
 A tree is its parents, (joints,), -1 for the root, parents before children. Arrays have the frames in front; quaternions
 are x y z w, as in scipy.
@@ -98,3 +98,13 @@ def _positions(parents: Parents, translations: Array, world: Array, positions: A
             positions[frame, joint, 0] = positions[frame, parent, 0] + a + 2.0 * (w * i + y * k - z * j)
             positions[frame, joint, 1] = positions[frame, parent, 1] + b + 2.0 * (w * j + z * i - x * k)
             positions[frame, joint, 2] = positions[frame, parent, 2] + c + 2.0 * (w * k + x * j - y * i)
+
+
+def speeds_along(paths: Array, frame_time: float) -> Array:
+    """The speeds along paths, (frames, joints, 3), by central differences, (frames, joints); 0 in a single frame.
+
+    They are in the units of `paths` per unit of `frame_time`.
+    """
+    if len(paths) < 2:
+        return np.zeros(paths.shape[:2])
+    return np.asarray(np.linalg.norm(np.gradient(paths, frame_time, axis=0), axis=-1))

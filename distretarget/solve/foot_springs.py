@@ -23,14 +23,13 @@ def foot_springs(stance: Stance, body: Articulation, bones: Array, unit: float, 
 
     `bones`, (frames, joints, 3), are those of the copy, and `unit` is the body unit [file units].
     """
-    s = stance.weights
-    A = np.zeros((*s.shape, 3, 3))
-    on = s > (LEAST_WEIGHT if stiffness > 0.0 else np.inf)
-    for foot, joint in enumerate(stance.joints):
-        frames = np.flatnonzero(on[:, foot])
-        share = s[frames, foot, None, None]
-        M = compliance(body, bones[frames], int(joint))
-        A[frames, foot] = np.linalg.inv((1.0 - share) / share * M + np.eye(3) / max(stiffness, 1e-300))
+    A = np.zeros((*stance.weights.shape, 3, 3))
+    for foot, joint in enumerate(stance.joints if stiffness > 0.0 else ()):
+        frames = np.flatnonzero(stance.weights[:, foot] > LEAST_WEIGHT)
+        s = stance.weights[frames, foot, None, None]
+        A[frames, foot] = np.linalg.inv(
+            (1.0 - s) / s * compliance(body, bones[frames], int(joint)) + np.eye(3) / stiffness
+        )
     return Springs(stance.joints, np.full(len(stance.joints), -1), stance.places / unit, A)
 
 

@@ -41,11 +41,8 @@ def joined(one: Springs, other: Springs) -> Springs:
 
 def stiffer_along(e: Array, w: Array, k: Array) -> Array:
     """(..., 3, 3), w (k I + (1 - k) e e^T): the stiffness w along unit vectors e (..., 3), and k w across them."""
-    return np.asarray(w[..., None, None] * (k[..., None, None] * np.eye(3) + _outer(e, (1.0 - k)[..., None] * e)))
-
-
-def _outer(a: Array, b: Array) -> Array:
-    return np.asarray(a[..., :, None] * b[..., None, :])
+    outer = e[..., :, None] * ((1.0 - k)[..., None] * e)[..., None, :]
+    return np.asarray(w[..., None, None] * (k[..., None, None] * np.eye(3) + outer))
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
