@@ -46,7 +46,7 @@ from distretarget.run_summary import RunFiguresDocument
 from distretarget.skeleton import Skeleton
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.spg import Effort
-from distretarget.solve.stance import Stance
+from distretarget.solve.supports import Supports
 
 __all__ = [
     "FIGURES",
@@ -78,7 +78,7 @@ __all__ = [
     "SkeletonEdit",
     "SkeletonError",
     "SkeletonFileError",
-    "Stance",
+    "Supports",
     "Tally",
     "Target",
     "World",

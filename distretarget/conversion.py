@@ -15,7 +15,7 @@ from distretarget.io.map_json import MapFile, joint_map
 from distretarget.io.target_file import parse_target
 from distretarget.motion import Motion
 from distretarget.result import RetargetResult
-from distretarget.retargeting import Objective, retarget
+from distretarget.retargeting import Held, Objective, retarget
 from distretarget.solve.chunks import Mapper, Progress
 
 
@@ -24,7 +24,7 @@ class Options:
     """How to retarget a motion: the arguments of `retarget` with these names."""
 
     objective: Objective = "contact"
-    hold_feet: bool = True
+    supports: Held = "hold"
     root_scale: float | None = None
     source_up: str | None = None
     target_up: str | None = None

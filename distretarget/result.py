@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.baseline.world import World
+from distretarget.errors import quoted
 from distretarget.matching.matching import Matching
 from distretarget.measure.figures import NOT_RUN, Side, Track, Tracks, clip_figures
 from distretarget.measure.metrics import Comparison, compare
@@ -19,11 +20,11 @@ from distretarget.measure.verdict import verdict
 from distretarget.motion import Motion
 from distretarget.solve.free_points import Postures
 from distretarget.solve.spg import Effort
-from distretarget.solve.stance import RESTS, Stance
+from distretarget.solve.supports import RESTS, Supports
 
 Array = NDArray[np.float64]
 
-FOOT_REACH = 0.005  # a resting foot farther than this from its place is worth a warning [body units]
+REACH = 0.005  # a resting joint farther than this from its place is worth a warning [body units]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -38,7 +39,7 @@ class RetargetResult:
         world: the axes, and the root's OFFSET.
         root_scale: target units per source unit of the root's path.
         effort: what the solver spent on each frame.
-        stance: the feet at rest and where they belong; no feet for the paper's objective.
+        supports: the joints that rest on the world and where they belong; none for the paper's objective.
         postures: the paper's solved points; None for the contact objective, which needs none.
         copy_stress, written_stress: (frames,), Eq. (2) divided by the squared height of the target's rest pose, of the
             rotation copy and of `motion`.
@@ -52,7 +53,7 @@ class RetargetResult:
     world: World
     root_scale: float
     effort: Effort
-    stance: Stance
+    supports: Supports
     postures: Postures | None
     copy_stress: Array
     written_stress: Array
@@ -104,19 +105,20 @@ class RetargetResult:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What needs a look, a line each: figures above their limits, figures that are worse than the rotation copy's,
-        and feet that do not reach their place.
+        and resting joints that do not reach their place.
         """
         return (*what_needs_a_look(self.figures, self.tracks), *self._missed_places())
 
     def _missed_places(self) -> Iterator[str]:
-        frames = len(self.motion)
-        short = np.flatnonzero(self._feet_off_their_place())
-        if len(short):
-            missed = f"in {len(short)} of {frames} frames (first: frame {short[0]})"
-            yield f"a resting foot does not reach its place {missed}"
-
-    def _feet_off_their_place(self) -> NDArray[np.bool_]:
-        """(frames,), whether a resting foot is away from its place."""
-        away = np.linalg.norm(self.motion.positions[:, self.stance.joints] - self.stance.places, axis=-1)
-        limit = FOOT_REACH * self.matching.target.unit
-        return np.asarray(((away > limit) & (self.stance.weights > RESTS)).any(axis=1))
+        held, keys = self.supports, self.motion.skeleton.keys
+        away = np.linalg.norm(self.motion.positions[:, held.joints] - held.places, axis=-1) / self.matching.target.unit
+        short = np.where((held.weights > RESTS) & (away > REACH), away, 0.0)
+        frames = np.flatnonzero(short.any(axis=1))
+        if len(frames):
+            worst, support = np.unravel_index(short.argmax(), short.shape)
+            missing = 200 * short[worst, support]  # a body unit is twice the leg's length
+            yield (
+                f"resting joints do not reach their places in {len(frames)} of {len(short)} frames (first: frame "
+                f"{frames[0]}): {quoted(keys[joint] for joint in held.joints[short.any(axis=0)])}; most: "
+                f"{keys[held.joints[support]]} in frame {worst}, {missing:.1f} % of a leg away"
+            )

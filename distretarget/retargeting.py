@@ -26,16 +26,21 @@ from distretarget.skeleton import LARGEST, Skeleton
 from distretarget.solve.chunks import Mapper, Progress
 from distretarget.solve.contact import solve_contact
 from distretarget.solve.fit_to_points import fit_rotations
+from distretarget.solve.floor_heights import with_floor_heights
 from distretarget.solve.free_points import Postures, solve_postures
 from distretarget.solve.paper import solve_paper
 from distretarget.solve.poses import PoseProblem, Poses
+from distretarget.solve.resting_joints import with_resting_joints
 from distretarget.solve.rigid_parts import part_of_joint, posed_motion, rigid_part_roots
 from distretarget.solve.settings import ContactSettings
-from distretarget.solve.stance import find_stance, hips_rise, no_stance
+from distretarget.solve.stance import find_stance, hips_rise
+from distretarget.solve.supports import no_supports
 
 Array = NDArray[np.float64]
 Objective = Literal["contact", "paper"]
 OBJECTIVES: tuple[Objective, ...] = ("contact", "paper")
+Held = Literal["hold", "feet", "free"]
+SUPPORTS: tuple[Held, ...] = ("hold", "feet", "free")
 DEFAULT_SETTINGS = ContactSettings()
 
 
@@ -44,7 +49,7 @@ def retarget(
     target: Motion | Skeleton | Target | SkeletonEdit,
     *,
     objective: Objective = "contact",
-    hold_feet: bool = True,
+    supports: Held = "hold",
     joint_map: JointMap | None = None,
     root_scale: float | None = None,
     source_up: str | None = None,
@@ -65,7 +70,8 @@ def retarget(
         objective: "contact" keeps what is near near and the rest as it was; "paper" minimises Eq. (2) of
             Mucherino, Goncalves, Bernardin, Hoyet, Multon, "A Distance-Based Approach for Human Posture Simulations",
             FedCSIS 2017.
-        hold_feet: whether feet at rest stay where they belong; the paper's objective has no such term.
+        supports: what stays where it belongs while it rests on the world: "hold", feet and all other joints; "feet",
+            feet alone; "free", nothing. The paper's objective has no such term.
         joint_map: source key for target keys, None for joints that nothing shall drive; its pairs go before those of
             the target's file. The other joints are matched by names or by shape.
         root_scale: target units per source unit of the root's path; the ratio of leg lengths if not given.
@@ -95,7 +101,7 @@ def retarget(
     engine_root = find_engine_root(matching, scale, root_follows)
     copy = rotation_copy(matching, scale)
     problem = _pose_problem(matching, copy, root_path(copy, matching, scale))
-    stance, postures = no_stance(len(source)), None
+    held, postures = no_supports(len(source)), None
     if objective == "paper":
         postures = solve_postures(problem.distances, problem.source, copy.positions)
         poses = solve_paper(problem, _fitted_poses(copy, problem, postures), progress)
@@ -103,9 +109,15 @@ def retarget(
         shots = find_shots(matching.source_motion.positions[:, source_body.regions.of_joint >= 0], source_body.unit / 2)
         feet = find_stance(matching, copy, scale, shots, settings)
         problem = problem.raised(np.outer(hips_rise(matching, feet, scale, shots), world.up_vector))
-        stance = feet if hold_feet else stance
-        held = settings if hold_feet else replace(settings, stance_stiffness=0.0)
-        poses = solve_contact(problem, feet, held, mapper=mapper, progress=progress)
+        resting = feet
+        if supports == "hold":
+            resting = with_resting_joints(feet, matching, problem, scale, shots, settings)
+            resting = with_floor_heights(resting, matching, problem, scale, settings)
+        if supports == "free":
+            settings = replace(settings, support_stiffness=0.0)
+        else:
+            held = resting
+        poses = solve_contact(problem, resting, settings, mapper=mapper, progress=progress)
     motion, copy = (engine_root.placed(moved) for moved in (_posed(copy, poses, problem), copy))
     relative = (problem.distances.body_size / target_body.height) ** 2
     return RetargetResult(
@@ -116,7 +128,7 @@ def retarget(
         world=world,
         root_scale=scale,
         effort=poses.effort,
-        stance=stance,
+        supports=held,
         postures=postures,
         copy_stress=relative * posture_stress(problem.distances, problem.source, copy.positions),
         written_stress=relative * posture_stress(problem.distances, problem.source, motion.positions),

@@ -6,6 +6,7 @@ from bodies import swaying
 from distretarget import Skeleton
 from distretarget.solve.articulation import Articulation, pose_body, pose_gradient, scratch_of
 from distretarget.solve.contact import _solve
+from distretarget.solve.floor import no_floor
 from distretarget.solve.rigid_parts import part_of_joint
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.springs import Springs, spring_energy, stiffer_along
@@ -92,5 +93,6 @@ class Case:
             first = len(before)
             v[:first] = before
         rows = Springs(*self.springs[:2], *(values[first:] for values in self.springs[2:]))
-        _solve(self.body, self.bones[first:], self.root[first:], rows, ContactSettings().tolerance, v, first, log)
+        root, floor = self.root[first:], no_floor(len(self.root) - first)
+        _solve(self.body, self.bones[first:], root, rows, floor, ContactSettings().tolerance, v, first, log)
         return v, log

@@ -45,7 +45,7 @@ def test_a_clip_is_done_if_its_output_is_as_the_manifest_says(manifest, tmp_path
     assert not manifest.is_done(work(target="{ }"), "in", RECIPE, folder)
     assert not manifest.is_done(work("b.bvh"), "in", RECIPE, folder)
     for other in (
-        Recipe(Options(hold_feet=False), MapFile({}, ""), "1"),
+        Recipe(Options(supports="free"), MapFile({}, ""), "1"),
         Recipe(Options(), MapFile({"Head": "Head"}, ""), "1"),
         Recipe(Options(), MapFile({}, ""), "2"),
     ):

@@ -149,7 +149,7 @@ def test_what_changed_is_done_again(folder):
     seen = go(folder)
     assert (sorted(seen.of("done")), seen.skipped) == (["a.bvh", "c.bvh"], 1)
     assert results(folder)["a.bvh"] == "body.json: one, changed"
-    assert len(go(folder, recipe=replace(RECIPE, options=Options(hold_feet=False))).of("done")) == 3
+    assert len(go(folder, recipe=replace(RECIPE, options=Options(supports="free"))).of("done")) == 3
     assert len(go(folder, recipe=replace(RECIPE, map=MapFile({"Head": None}, "m.json"))).of("done")) == 3
     other = plan(find_clips([folder / "in"]).clips, [replace(TARGET, text="{}")], folder / "out", [])
     assert len(go(folder, works=other).of("done")) == 3

@@ -96,7 +96,11 @@ BAD = {
         1,
         "`distretarget skeleton match in.bvh blocks.json -o",
     ),
-    "feet for the paper": (["in.bvh", "body.json", "-o", "o", "--feet", "hold", "--objective", "paper"], 2, "feet"),
+    "supports for the paper": (
+        ["in.bvh", "body.json", "-o", "o", "--supports", "hold", "--objective", "paper"],
+        2,
+        "--supports hold",
+    ),
     "no frames": (["still.bvh", "body.json", "-o", "out.bvh"], 1, "still.bvh"),
     "one argument": (["in.bvh", "-o", "out.bvh"], 2, "TARGET"),
     "show a missing file": (["skeleton", "show", "none.bvh"], 1, "none.bvh"),
@@ -251,7 +255,7 @@ def test_frames_that_do_not_converge_are_reported(monkeypatch):
     assert "warning: unsolved 20, limit 0; worst in frame 0; likely cause: " in done.stderr
 
 
-def _stop_early(_body, _bones, _root, _springs, _tolerance, _v, _first, log):
+def _stop_early(_body, _bones, _root, _springs, _floor, _tolerance, _v, _first, log):
     log[3] = 1
 
 

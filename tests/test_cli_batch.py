@@ -77,13 +77,13 @@ def test_each_target_gets_a_folder(folder):
 
 def test_options_are_passed_on(folder):
     (folder / "map.json").write_text('{"Head": null}')
-    done = batch("in/a.bvh", "body.json", "-o", "out", "--feet", "free", "--root-scale", 3, "--map", "map.json")
+    done = batch("in/a.bvh", "body.json", "-o", "out", "--supports", "free", "--root-scale", 3, "--map", "map.json")
     assert done.returncode == 0
     (line,) = lines(folder / "out")
-    assert (line["options"]["hold_feet"], line["options"]["root_scale"]) == (False, 3.0)
+    assert (line["options"]["supports"], line["options"]["root_scale"]) == ("free", 3.0)
     assert line["options"]["map"] == {"Head": None}
     body = other_lengths(person())
-    made = retarget(read_bvh(folder / "in/a.bvh"), body, hold_feet=False, root_scale=3.0, joint_map={"Head": None})
+    made = retarget(read_bvh(folder / "in/a.bvh"), body, supports="free", root_scale=3.0, joint_map={"Head": None})
     assert (folder / "out/a.bvh").read_text() == format_bvh(made.motion)
 
 
@@ -145,7 +145,7 @@ def test_a_dry_run_writes_nothing(folder):
         (["in", "body.json", "in"], 2, "in is a folder; the last argument is the target"),
         (["in", "body.json", "--jobs", "0"], 2, "--jobs"),
         (["in", "body.json", "--jobs", "2", "--dask", "x"], 2, "give either --jobs or --dask"),
-        (["in", "body.json", "--objective", "paper", "--feet", "hold"], 2, "--feet hold"),
+        (["in", "body.json", "--objective", "paper", "--supports", "hold"], 2, "--supports hold"),
         (["in", "none.json"], 1, "none.json: there is no such file"),
         (["in/a.bvh", "more/a.bvh", "body.json"], 2, "would be the result of both"),
         (["in", "bad.json"], 1, "bad.json: "),

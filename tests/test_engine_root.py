@@ -51,7 +51,7 @@ def tilted(turns):
     """A person whose hips take these rotations, on the rig."""
     path = np.tile([0.0, 0.9, 0.0], (len(turns), 1))
     motion = posed(person(), {"Hips": turns.as_rotvec()}, path, "0.0333333")
-    return retarget(motion, UNREAL, source_up="Y", hold_feet=False).motion
+    return retarget(motion, UNREAL, source_up="Y", supports="free").motion
 
 
 def rotations(axis, degrees):

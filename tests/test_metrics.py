@@ -134,7 +134,7 @@ def test_a_motion_is_as_good_as_itself(name):
 
 def pair():
     source = clapping(np.sin(np.linspace(0, np.pi, 40)) ** 2)
-    return source, retarget(source, lengthened(PERSON, {"Wrist": 1.5, "Knee": 0.8}), hold_feet=False)
+    return source, retarget(source, lengthened(PERSON, {"Wrist": 1.5, "Knee": 0.8}), supports="free")
 
 
 def assert_same(values, expected):

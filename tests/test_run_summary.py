@@ -1,6 +1,7 @@
 """What a run reports: its line and its JSON."""
 
 import json
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -163,17 +164,19 @@ def test_frames_that_did_not_converge_are_counted_and_the_first_is_named():
 @pytest.mark.parametrize(("off", "warned"), [(0.001, False), (0.05, True)])
 def test_feet_that_miss_their_places_give_a_warning(off, warned):
     result = run()
-    places = np.array(result.stance.places)
+    places = np.array(result.supports.places)
     places[12:20] += [0, off, 0]
-    warnings = list(result_with(stance=replace(result.stance, places=places)).warnings)
-    place = f"a resting foot does not reach its place in 8 of {FRAMES} frames (first: frame 12)"
-    assert warnings == ([place] if warned else [])
+    warnings = list(result_with(supports=replace(result.supports, places=places)).warnings)
+    assert len(warnings) == warned
+    for line in warnings:
+        assert line.startswith(f"resting joints do not reach their places in 8 of {FRAMES} frames (first: frame 12): ")
+        assert re.search(r"most: '?\w+'? in frame \d+, \d+\.\d % of a leg away$", line)
 
 
 def test_feet_in_the_air_have_no_place_to_miss():
     result = run()
-    places, weights = np.array(result.stance.places) + 1.0, np.zeros_like(result.stance.weights)
-    assert list(result_with(stance=replace(result.stance, places=places, weights=weights)).warnings) == []
+    places, weights = np.array(result.supports.places) + 1.0, np.zeros_like(result.supports.weights)
+    assert list(result_with(supports=replace(result.supports, places=places, weights=weights)).warnings) == []
 
 
 @pytest.mark.parametrize("frames", [1, 2])

@@ -38,7 +38,7 @@ def test_values_without_meaning_are_refused_in_one_line(change, place):
 
 def test_the_settings_given_are_those_that_count():
     source, body = clapping(np.ones(6)), lengthened(person(), {"Wrist": 1.5})
-    nothing = retarget(source, body, settings=replace(DEFAULT, pair_stiffness=0.0, stance_stiffness=0.0))
+    nothing = retarget(source, body, settings=replace(DEFAULT, pair_stiffness=0.0, support_stiffness=0.0))
     np.testing.assert_allclose(nothing.motion.world_rotations, nothing.rotation_copy.world_rotations, atol=1e-12)
     wrists = [body.index("LeftWrist"), body.index("RightWrist")]
     stiff, soft = (

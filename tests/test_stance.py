@@ -14,7 +14,8 @@ from distretarget.body.body import Body
 from distretarget.matching.matching import match
 from distretarget.numerics.shots import find_shots
 from distretarget.solve.settings import ContactSettings
-from distretarget.solve.stance import find_stance, no_stance
+from distretarget.solve.stance import find_stance
+from distretarget.solve.supports import no_supports
 
 SETTINGS = ContactSettings()
 LEG = 0.435 + 0.453
@@ -56,7 +57,7 @@ def test_a_body_without_legs_stands_nowhere():
     )
     stance = stance_of(swaying(chain), chain, 2.0)
     assert (stance.joints.shape, stance.weights.shape, stance.places.shape) == ((0,), (20, 0), (20, 0, 3))
-    assert no_stance(20).weights.shape == (20, 0)
+    assert no_supports(20).weights.shape == (20, 0)
 
 
 def test_legs_the_source_does_not_drive_stand_nowhere():
@@ -246,8 +247,8 @@ def test_a_single_frame_has_its_feet_at_rest():
 def test_resting_feet_of_the_result_are_at_their_places_on_exact_bones(name, body):
     source = read_bvh(SAMPLES / f"{name}.bvh")
     target = load_target(SAMPLES / f"{body}.json").for_source(source.rigid_skeleton).skeleton
-    held, free = (retarget(source, target, hold_feet=hold) for hold in (True, False))
-    stance = held.stance
+    held, free = (retarget(source, target, supports=supports) for supports in ("hold", "free"))
+    stance = held.supports
     resting = stance.weights > 1 - 1e-9
     assert resting.mean() > 0.3
     body = Body.of(target)

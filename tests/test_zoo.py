@@ -201,8 +201,8 @@ def test_so_it_is_on_the_skeleton_of_the_file(name: str, root: Carry) -> None:
 def test_feet_rest_where_the_clip_has_them_though_its_bones_stretch(name: str) -> None:
     motion = stretching(motion_of(name))
     result = retarget(motion, motion)
-    resting = result.stance.weights > 1 - 1e-9
-    off = result.motion.positions[:, result.stance.joints] - motion.positions[:, result.stance.joints]
+    resting = result.supports.weights > 1 - 1e-9
+    off = result.motion.positions[:, result.supports.joints] - motion.positions[:, result.supports.joints]
     assert resting.any()
     assert np.linalg.norm(off, axis=-1)[resting].max() < 0.005 * result.matching.target.height
 

@@ -14,20 +14,20 @@ from distretarget.batch.plan import Work
 from distretarget.conversion import Options
 from distretarget.io.map_json import MapFile
 from distretarget.report.index import ClipRecord
-from distretarget.retargeting import Objective
+from distretarget.retargeting import Held, Objective
 
 
 class RecordedOptions(TypedDict):
     """How a clip was retargeted.
 
     Attributes:
-        objective, hold_feet, root_scale, source_up, target_up, root_offset, root_follows: the arguments of
+        objective, supports, root_scale, source_up, target_up, root_offset, root_follows: the arguments of
             `retarget`.
         map: the key of the source joint by that of the target joint; None for no map.
     """
 
     objective: Objective
-    hold_feet: bool
+    supports: Held
     root_scale: float | None
     source_up: str | None
     target_up: str | None

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 
 STANDS_IN_MOTION = 0.7  # a body stands along an axis if the mean cosine between both is larger than this [cosine]
 UP_FROM_MOTION = 0.3  # the same, enough where the rest pose does not show which axis is up [cosine]
+LIES = 0.05  # a body whose lowest joint is nearer than this to height 0 may lie there [leg lengths]
 OFF_FLOOR = 0.25  # a body whose lowest joint is farther than this from height 0 is not on the floor [leg lengths]
 LOWEST_FRAMES = 2.0  # height of the floor under the body: this percentile of the lowest joint's heights [%]
 CLEAR_FEET = 0.3  # feet show the body's front if their mean cosine with it is larger than this [cosine]
@@ -140,7 +141,8 @@ class Body:
         """Which of `AXES` points up in the motion; None where neither the motion nor the rest pose shows it.
 
         Normally that is the axis along which the rest pose stands, also when the body lies down in the motion. If the
-        body stands along another axis in the motion, with its feet at height 0 there, the motion's axis wins.
+        body stands along another axis in the motion, with its feet at height 0 there, and is off height 0 along the
+        rest pose's, the motion's axis wins.
         """
         if self.motion is None:
             return None
@@ -149,8 +151,12 @@ class Body:
         axis, cosine = nearest_axis(self.moving.up.mean(axis=0))
         if self.up_at_rest is None and cosine < UP_FROM_MOTION:
             return None
-        on_floor = abs(self.lowest(axis_vector(axis))) < OFF_FLOOR * self.leg_length
-        return axis if self.up_at_rest is None or (cosine > STANDS_IN_MOTION and on_floor) else self.up_at_rest
+        if self.up_at_rest is None:
+            return axis
+        off, off_at_rest = (abs(self.lowest(axis_vector(each))) for each in (axis, self.up_at_rest))
+        lies = off_at_rest < LIES * self.leg_length
+        stands = cosine > STANDS_IN_MOTION and off < OFF_FLOOR * self.leg_length
+        return axis if stands and not lies else self.up_at_rest
 
     @cached_property
     def up(self) -> str:

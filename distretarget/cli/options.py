@@ -14,7 +14,7 @@ from distretarget.baseline.world import RootOffset
 from distretarget.body.axes import AXES
 from distretarget.cli.parameters import positive
 from distretarget.conversion import Options
-from distretarget.retargeting import OBJECTIVES, Objective
+from distretarget.retargeting import OBJECTIVES, SUPPORTS, Held, Objective
 
 OPTIONS = (
     click.option(
@@ -59,10 +59,11 @@ OPTIONS = (
         "paper: use the distances and priorities of the paper.",
     ),
     click.option(
-        "--feet",
-        type=click.Choice(["hold", "free"]),
-        help="hold: feet at rest keep their place and height; the default with the contact objective. "
-        "free: feet follow the legs; always so with the paper's objective.",
+        "--supports",
+        type=click.Choice(SUPPORTS),
+        help="hold: feet, hands, knees and whatever else rests on the floor, or on something that stands still, stays "
+        "at rest; the default with the contact objective. feet: feet alone do. free: nothing does; always so with the "
+        "paper's objective.",
     ),
 )
 
@@ -79,14 +80,16 @@ def retargeting(command: Callable[..., None]) -> Callable[..., None]:
         root_offset: RootOffset | None,
         root_follows: RootFollows | None,
         objective: Objective,
-        feet: str | None,
+        supports: Held | None,
         **others: Any,
     ) -> None:
-        if feet == "hold" and objective == "paper":
-            raise click.UsageError("--feet hold: the paper's objective cannot hold feet; use --objective contact.")
+        if supports not in (None, "free") and objective == "paper":
+            raise click.UsageError(
+                f"--supports {supports}: the paper's objective holds nothing in its place; use --objective contact."
+            )
         options = Options(
             objective=objective,
-            hold_feet=feet != "free",
+            supports=supports or "hold",
             root_scale=root_scale,
             source_up=source_up,
             target_up=target_up,

@@ -360,6 +360,44 @@ FIGURES = (  # the most telling first
         places=("card",),
     ),
     Figure(
+        key="support_slide",
+        label="slide of other supports",
+        unit="leg lengths/s",
+        meaning="horizontal speed of hands, knees and all other joints but the feet's while they rest on the world in "
+        "{source}",
+        missing="nothing but feet rests in {source}",
+        judged="ratio",
+        still=1e-3,  # [leg lengths/s]; what is left are rounding errors of the file
+        limit=Limit(
+            margin=0.02,
+            factor=1.1,
+            reason="hands, knees or other resting joints slide more than in the source",
+            cause="the body cannot reach all places where it rests",
+        ),
+        rivals_copy=True,
+        symbol="legs/s",
+        decimals=3,
+        least=0.02,
+        places=("curve", "worst frames"),
+    ),
+    Figure(
+        key="support_height",
+        label="height of other supports",
+        unit="% of leg length",
+        meaning="how far the height of a joint other than a foot's that rests on the floor is off that in {source}, "
+        "scaled by leg length",
+        missing="nothing but feet rests on the floor in {source}",
+        limit=Limit(
+            margin=1.0,
+            reason="hands, knees or other resting joints float over the floor or sink into it",
+            cause="the body cannot reach all places where it rests",
+        ),
+        rivals_copy=True,
+        symbol="% leg",
+        least=0.3,
+        places=("curve", "worst frames"),
+    ),
+    Figure(
         key="snap",
         label="snaps",
         meaning="in how many frames a joint of {result} moves more than 4 % of a leg in 1/60 s while in the rotation "

@@ -16,6 +16,7 @@ from distretarget.measure.feet import Feet, measure_feet
 from distretarget.measure.figures import Track, Tracks
 from distretarget.measure.points import blocks_of, normalised_distances, points_of
 from distretarget.measure.snaps import INSTANT
+from distretarget.measure.supports import SupportsMeasured, measure_supports
 from distretarget.motion import Motion
 from distretarget.skeleton import Skeleton
 
@@ -29,6 +30,7 @@ class Comparison:
     Attributes:
         contacts: the regions of the body that touch in the source, and how well the result keeps that.
         feet: the feet at rest, whether they slide, and whether they and the hips are in place.
+        supports: the other joints that rest on the world, whether they slide, and whether they keep their height.
         skeleton: that of the result.
         distance_error: (frames,), mean |D_source - D_result| over all pairs of joints.
         bones: (bones,), the lower joints of the bones that both bodies have.
@@ -43,6 +45,7 @@ class Comparison:
 
     contacts: Contacts
     feet: Feet
+    supports: SupportsMeasured
     skeleton: Skeleton
     distance_error: Array
     bones: NDArray[np.intp]
@@ -58,7 +61,7 @@ class Comparison:
         """What the figures of the result are taken from; stress, snaps and what was not solved are known to whoever
         made the result.
         """
-        feet = self.feet
+        feet, supports = self.feet, self.supports
         return {
             "contact_error": Track(self.contacts.error_of_frames, self.contacts.counts > 0),
             "direction_error": Track(self.direction_error, parts=self._names_of(self.skeleton.parents[self.bones])),
@@ -67,6 +70,8 @@ class Comparison:
             "ankle_height": self._of_feet(feet.ankle_height),
             "foot_height": self._of_feet(feet.foot_height),
             "slide": Track(feet.slide, feet.stance, self._names_of(feet.joints)),
+            "support_slide": Track(supports.slide, supports.rest, self._names_of(supports.joints)),
+            "support_height": Track(supports.height, supports.on_floor, self._names_of(supports.joints)),
             "distance_error": Track(self.distance_error),
             "jerk": Track(self.jerk),
             "turn": Track(self.turn, parts=self._names_of(self.turned)),
@@ -83,7 +88,11 @@ class Comparison:
     @property
     def source_tracks(self) -> Tracks:
         """What the figures of the source are taken from."""
-        return {"slide": Track(self.feet.slide_source, self.feet.stance), "jerk": Track(self.jerk_source)}
+        return {
+            "slide": Track(self.feet.slide_source, self.feet.stance),
+            "support_slide": Track(self.supports.slide_source, self.supports.rest),
+            "jerk": Track(self.jerk_source),
+        }
 
 
 def compare(source: Motion, result: Motion, matching: Matching, up: Array) -> Comparison:
@@ -95,6 +104,7 @@ def compare(source: Motion, result: Motion, matching: Matching, up: Array) -> Co
     return Comparison(
         contacts=find_contacts(source, result, matching, feet.rest),
         feet=feet,
+        supports=measure_supports(source, result, matching, up),
         skeleton=result.skeleton,
         distance_error=_distance_error(source, result, matching),
         bones=bones_of(matching),

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Value = TypeVar("Value", bound=np.generic)
 Shots = NDArray[np.intp]  # (frames,), the number of the shot that each frame belongs to
 
 STEP = 8.0  # at a cut the joints move this many times as far as from frame to frame before and after it ...
@@ -27,7 +29,7 @@ def find_shots(positions: Array, length: float) -> Shots:
     return np.insert(np.cumsum(cuts), 0, 0).astype(np.intp)
 
 
-def by_shot(function: Callable[..., Array], shots: Shots, *values: NDArray[np.generic]) -> Array:
+def by_shot(function: Callable[..., NDArray[Value]], shots: Shots, *values: NDArray[np.generic]) -> NDArray[Value]:
     """Return what a function makes of values with the frames in front, made for each shot on its own, and joined."""
     edges = [0, *(np.flatnonzero(np.diff(shots)) + 1).tolist(), len(shots)]
     return np.concatenate([function(*(each[first:end] for each in values)) for first, end in pairwise(edges)])

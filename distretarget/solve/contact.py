@@ -19,46 +19,48 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from distretarget.solve.articulation import Articulation
+from distretarget.solve.articulation import Articulation, Scratch
 from distretarget.solve.chunks import Mapper, Progress, blocks_of, solve_in_chunks
 from distretarget.solve.contact_pairs import activation_window, candidate_pairs, pair_springs
-from distretarget.solve.foot_springs import foot_springs
+from distretarget.solve.floor import Floor, floor_energy, with_floor
 from distretarget.solve.jumps import smooth_jumps
 from distretarget.solve.pose_solver import Frame, compile_pose_solver, solver_arrays, warm_starts
 from distretarget.solve.poses import PoseProblem, Poses
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.spg import Effort, record
 from distretarget.solve.springs import Springs, joined, spring_energy
-from distretarget.solve.stance import Stance
 from distretarget.solve.stiffness import part_stiffness
+from distretarget.solve.support_springs import support_springs
+from distretarget.solve.supports import Supports
 
 Array = NDArray[np.float64]
 
 
 def solve_contact(
     problem: PoseProblem,
-    stance: Stance,
+    supports: Supports,
     settings: ContactSettings,
     *,
     mapper: Mapper = map,
     progress: Progress = lambda _frames: None,
 ) -> Poses:
-    """Minimise the contact objective in every frame of a clip whose resting feet are `stance`.
+    """Minimise the contact objective in every frame of a clip in which joints rest as `supports` says.
 
     The clip is solved in chunks, by `mapper`; `progress` is called with numbers of solved frames (`chunks`).
     """
     margin = activation_window(settings.lead / problem.frame_time)
     solve = partial(_solve_frames, settings=settings)
-    poses = solve_in_chunks(solve, problem, stance, margin=margin, mapper=mapper, progress=progress)
+    poses = solve_in_chunks(solve, problem, supports, margin=margin, mapper=mapper, progress=progress)
     return replace(poses, v=smooth_jumps(poses.v, problem.frame_time, settings))
 
 
-def _solve_frames(problem: PoseProblem, stance: Stance, frames: slice, settings: ContactSettings) -> Poses:
+def _solve_frames(problem: PoseProblem, supports: Supports, frames: slice, settings: ContactSettings) -> Poses:
     """Solve some frames of a clip."""
     distances, unit = problem.distances, problem.unit
     stiffness = part_stiffness(problem, settings)
@@ -72,24 +74,37 @@ def _solve_frames(problem: PoseProblem, stance: Stance, frames: slice, settings:
     log = np.zeros((4, count))
     for solved in blocks_of(count):
         block = slice(frames.start + solved.start, frames.start + solved.stop)
-        standing = stance.standing[block]
+        standing = supports.standing[block]
         near = pair_springs(pairs, distances, source, copy, standing, block=block, lead=lead, settings=settings)
-        feet = foot_springs(stance[block], body, bones[block], unit, settings.stance_stiffness)
-        _solve(body, bones[block], root[block], joined(near, feet), settings.tolerance, v, solved.start, log)
+        held = support_springs(supports[block], body, bones[block], unit, settings.support_stiffness)
+        springs, floor = joined(near, held), supports.floor.of_frames(block)
+        _solve(body, bones[block], root[block], springs, floor, settings.tolerance, v, solved.start, log)
     v[:, -1] *= unit
     return Poses(v, Effort.from_log(log))
 
 
-@njit(cache=True)
-def _themselves(scratch, springs):  # type: ignore[no-untyped-def] # noqa: ARG001
-    return springs
+class Terms(NamedTuple):
+    """What acts on the body in one frame: springs, and the floor."""
+
+    springs: Springs
+    floor: Floor
 
 
-_solve_pose = compile_pose_solver(spring_energy, _themselves)
+@njit(cache=True, error_model="numpy", fastmath=True)
+def _energy(scratch: Scratch, terms: Terms) -> float:
+    return spring_energy(scratch, terms.springs) + floor_energy(scratch, terms.floor)
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def _like_springs(scratch: Scratch, terms: Terms) -> Springs:
+    return with_floor(scratch, terms.springs, terms.floor)
+
+
+_solve_pose = compile_pose_solver(_energy, _like_springs)
 
 
 @njit(cache=True, error_model="numpy")
-def _solve(body, bones, root, springs, tolerance, v, first, log):  # type: ignore[no-untyped-def]
+def _solve(body, bones, root, springs, floor, tolerance, v, first, log):  # type: ignore[no-untyped-def]
     """Solve a block of frames, whose first is frame `first` of `v` and `log`, the arrays written.
 
     Each frame starts from the best of: the copy, the pose before, the two poses before continued.
@@ -100,6 +115,9 @@ def _solve(body, bones, root, springs, tolerance, v, first, log):  # type: ignor
         count = min(at, 2) + 1
         warm_starts(v, at, starts)
         frame = Frame(bones[t], root[t])
-        terms = Springs(springs.a, springs.b, springs.rest[t], springs.A[t])
+        terms = Terms(
+            Springs(springs.a, springs.b, springs.rest[t], springs.A[t]),
+            Floor(floor.joints, floor.heights[t], floor.stiffness[t], floor.up),
+        )
         minimum = _solve_pose(starts, count, body, scratch, unknowns, frame, terms, tolerance, v[at])
         record(minimum, log, at)

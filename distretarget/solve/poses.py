@@ -57,6 +57,11 @@ class PoseProblem:
         return replace(self, root=self.root + by)
 
     @property
+    def copy_on_path(self) -> Array:
+        """(frames, joints, 3), positions of the rotation copy whose root keeps to its path [target file units]."""
+        return np.asarray(self.copy + (self.root - self.copy[:, 0])[:, None])
+
+    @property
     def bones(self) -> Array:
         """(frames, joints, 3), the copy's bones, from each joint's parent to it [target file units]."""
         return np.asarray(self.copy - self.copy[:, self.skeleton.parents])

@@ -38,17 +38,21 @@ class ContactSettings:
         fixed_stiffness: [-] stiffness of the parts above the pelvis, so that a root on the floor does not tip the body
             over.
         root_stiffness: [-] stiffness of the root's path: a larger value keeps contacts and feet from moving the hips.
-        stance_stiffness: [-] stiffness of the place of a foot that rests, which comes before everything else; 0 leaves
-            the feet free.
+        support_stiffness: [-] stiffness of the place of a joint that rests, which comes before everything else; 0
+            leaves all joints free.
+        floor_stiffness: [-] stiffness with which joints are kept from going under the floor; 0 lets them.
         jump_speed: [rad/s] a part whose deviation changes faster than this (600 degrees/s) jumps from one solution to
             another.
         jump_blend: [s] a jump is replaced by a mean over this time before and after each frame.
         tolerance: [-] a frame is solved when the search direction in the scaled unknowns is shorter than this: nothing
             shakes, and cuts between chunks of a clip cannot be seen.
-        rest_speed: [leg lengths/s] a resting foot is slower than this.
-        rest_height: [leg lengths] a resting foot is no higher than this above the lowest joint of the body.
-        stance_blend: [s] a foot goes to its place over twice this time before it rests, and leaves it over twice this
+        rest_speed: [leg lengths/s] a joint that rests on the floor is slower than this.
+        rest_height: [leg lengths] a joint that rests on the floor is no higher than this above the lowest joint.
+        support_blend: [s] a joint goes to its place over twice this time before it rests, and leaves it over twice this
             time after.
+        approach_speed: [leg lengths/s] a joint other than a foot takes longer where its place is far from the rotation
+            copy's, so that it goes there at about this speed ...
+        longest_blend: [s] ... but no longer than twice this time.
 
     Raises:
         SettingsError: a value is negative or not finite, zero where it divides, or two limits are in the wrong order.
@@ -67,20 +71,28 @@ class ContactSettings:
     foot_factor: float = 5.0
     fixed_stiffness: float = 1e6
     root_stiffness: float = 300.0
-    stance_stiffness: float = 5000.0
+    support_stiffness: float = 5000.0
+    floor_stiffness: float = 500.0
     jump_speed: float = 60.0 * math.radians(10.0)
     jump_blend: float = 0.1
     tolerance: float = 1e-6
     rest_speed: float = REST_SPEED
     rest_height: float = REST_HEIGHT
-    stance_blend: float = 0.16
+    support_blend: float = 0.16
+    approach_speed: float = 0.5
+    longest_blend: float = 0.6
 
     def __post_init__(self) -> None:
         for name, value in asdict(self).items():
             if not 0 <= value < math.inf:
                 raise SettingsError(f"{name} is {value}; it has to be a finite number, not less than 0")
-        for name in ("touch", "direction_range", "tolerance"):
+        for name in ("touch", "direction_range", "tolerance", "approach_speed"):
             if getattr(self, name) == 0:
                 raise SettingsError(f"{name} is 0; it has to be more than 0")
+        if not self.support_blend <= self.longest_blend:
+            raise SettingsError(
+                f"support_blend is {self.support_blend} and longest_blend is {self.longest_blend}; support_blend must "
+                "not be more than longest_blend"
+            )
         if not self.close < self.apart:
             raise SettingsError(f"close is {self.close} and apart is {self.apart}; close has to be less than apart")

@@ -17,43 +17,16 @@ from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.shots import Shots, by_shot
 from distretarget.numerics.smoothing import over_runs, widened
+from distretarget.solve.floor import no_floor
 from distretarget.solve.settings import ContactSettings
+from distretarget.solve.supports import RESTS, Supports, no_supports
 
 Array = NDArray[np.float64]
 
-RESTS = 0.99  # stance weight from which a foot rests
 ROLL = 0.05  # the height by which heel and toe differ while the sole rolls from one to the other [leg lengths]
 
 
-@dataclass(frozen=True, eq=False)
-class Stance:
-    """Feet at rest, and where they belong.
-
-    Attributes:
-        joints: (feet,), ankle and toe of one of the target's legs, then those of the other.
-        weights: (frames, feet), 1 while the source's foot rests, blended to 0.
-        places: (frames, feet, 3), where the target's foot belongs [target file units].
-    """
-
-    joints: NDArray[np.intp]
-    weights: Array
-    places: Array
-
-    @property
-    def standing(self) -> Array:
-        """(frames,), 1 while a foot rests, blended to 0."""
-        return np.asarray(self.weights.max(axis=1, initial=0.0))
-
-    def __getitem__(self, frames: slice) -> Stance:
-        return Stance(self.joints, self.weights[frames], self.places[frames])
-
-
-def no_stance(frames: int) -> Stance:
-    """No foot rests."""
-    return Stance(np.zeros(0, np.intp), np.zeros((frames, 0)), np.zeros((frames, 0, 3)))
-
-
-def find_stance(matching: Matching, copy: Motion, scale: float, shots: Shots, settings: ContactSettings) -> Stance:
+def find_stance(matching: Matching, copy: Motion, scale: float, shots: Shots, settings: ContactSettings) -> Supports:
     """The feet at rest in the source, and where they belong on the target.
 
     A foot rests while it is slow and low. It is held as in the rotation copy, sole to the floor as in the source. Its
@@ -63,9 +36,9 @@ def find_stance(matching: Matching, copy: Motion, scale: float, shots: Shots, se
     """
     source, legs = matching.source_motion, matching.legs
     if legs is None:
-        return no_stance(len(source))
+        return no_supports(len(source))
     up, length = matching.source.up_vector, matching.leg_lengths[0]
-    blend = partial(widened, frames=settings.stance_blend / source.frame_time)
+    blend = partial(widened, frames=settings.support_blend / source.frame_time)
     limits: dict[str, Any] = {"speed": settings.rest_speed, "height": settings.rest_height, "shots": shots}
     rounding = ROLL * length
     joints, weights, places = [], [], []
@@ -77,10 +50,18 @@ def find_stance(matching: Matching, copy: Motion, scale: float, shots: Shots, se
             _Foot.of(copy, leg, soles[1], up, scale * rounding),
         )
         places += _places(*feet, scale, up, weights[-1].max(axis=1), shots)
-    return Stance(np.array(joints), np.concatenate(weights, axis=1), np.stack(places, axis=1))
+    at = np.array(joints)
+    return Supports(
+        joints=at,
+        regions=matching.regions.of_joint[at],
+        feet=len(at),
+        weights=np.concatenate(weights, axis=1),
+        places=np.stack(places, axis=1),
+        floor=no_floor(len(source)),
+    )
 
 
-def hips_rise(matching: Matching, stance: Stance, scale: float, shots: Shots) -> Array:
+def hips_rise(matching: Matching, stance: Supports, scale: float, shots: Shots) -> Array:
     """Return how much higher the hips belong than the source's, times `scale`, because the ankles do, (frames,) [target
     file units]: the median over the frames of a shot in which an ankle rests, or without any what the soles show.
     """

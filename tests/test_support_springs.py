@@ -1,17 +1,25 @@
-"""Feet on their way: drawn the share of the way that their weight says, whatever their stiffness."""
+"""Resting joints on their way: drawn the share of the way that their weight says, whatever their stiffness."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from spring_case import Case
 
-from distretarget.solve.foot_springs import compliance, foot_springs
-from distretarget.solve.stance import Stance
+from distretarget.solve.support_springs import compliance, support_springs
+from distretarget.solve.supports import no_supports
 
 
 def stance_at(case, joint, weights, away):
     """One joint that belongs `away` from its place in the copy."""
     x = np.array([case.positions(np.zeros(case.shape), frame)[joint] for frame in range(len(weights))])
-    return Stance(np.array([joint]), np.array(weights)[:, None], (x + away)[:, None])
+    return replace(
+        no_supports(len(weights)),
+        joints=np.array([joint]),
+        regions=np.array([0]),
+        weights=np.array(weights)[:, None],
+        places=(x + away)[:, None],
+    )
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -33,7 +41,7 @@ def test_a_foot_goes_the_share_of_its_weight(stiffness):
     weights, away = np.array([0.0, 0.1, 0.5, 0.9, 1.0]), np.array([0.004, -0.002, 0.003])
     case = Case(1, frames=5)
     stance = stance_at(case, 7, weights, away)
-    case.springs = foot_springs(stance, case.body, case.bones, 1.0, stiffness)
+    case.springs = support_springs(stance, case.body, case.bones, 1.0, stiffness)
     v, _ = case.solved()
     copy = stance.places[:, 0] - away
     gone = [(case.positions(v[t], t)[7] - copy[t]) @ away / (away @ away) for t in range(5)]
@@ -42,5 +50,5 @@ def test_a_foot_goes_the_share_of_its_weight(stiffness):
 
 def test_feet_without_stiffness_are_free():
     case = Case(2, frames=2)
-    springs = foot_springs(stance_at(case, 5, np.array([0.4, 1.0]), np.ones(3)), case.body, case.bones, 1.0, 0.0)
+    springs = support_springs(stance_at(case, 5, np.array([0.4, 1.0]), np.ones(3)), case.body, case.bones, 1.0, 0.0)
     assert not springs.A.any()

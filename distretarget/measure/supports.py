@@ -1,0 +1,109 @@
+"""Joints other than the feet's that rest on the world: where they do, whether they slide, and whether they keep their
+height. Found from positions alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+from distretarget.matching.matching import Matching
+from distretarget.motion import Motion
+from distretarget.numerics.kinematics import speeds_along
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+SLOW = 0.35  # a joint that rests on the floor is slower than this [leg lengths / s] ...
+LOW = 0.1  # ... and no higher than this above the lowest joint [leg lengths]
+HOLD = 0.6  # a hand or head that holds on to something stays in its place for this long [s],
+PLACE = 0.02  # which is no larger than this [leg lengths],
+SWAY = 8.0  # while the joint where its limb begins goes this many times as far, and ...
+FAR = 0.1  # ... at least this far [leg lengths]
+ENDS = ("left hand", "right hand", "head")  # the regions that hold on to things
+TRUNK = ("trunk", "hips")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SupportsMeasured:
+    """The resting joints of a result against those of its source, but for the feet; without legs there are no columns.
+
+    Attributes:
+        joints: (joints,), joints of the target that rest in some frame of the source.
+        on_floor: (frames, joints), whether each rests on the floor in the source.
+        holds: (frames, joints), whether each holds on to something that stands still.
+        slide_source, slide: (frames, joints), horizontal speed [leg lengths / s].
+        height: (frames, joints), how far the height is off the scaled source's [% of leg length].
+    """
+
+    joints: NDArray[np.intp]
+    on_floor: Flags
+    holds: Flags
+    slide_source: Array
+    slide: Array
+    height: Array
+
+    @property
+    def rest(self) -> Flags:
+        """(frames, joints), whether each rests on the floor or on something else."""
+        return self.on_floor | self.holds
+
+
+def measure_supports(source: Motion, result: Motion, matching: Matching, up: Array) -> SupportsMeasured:
+    """Measure the resting joints of a result against those of its source; `up`, (3,), points up in both."""
+    joints = _joints(matching)
+    drivers = matching.drivers[joints]
+    source_leg, leg = matching.leg_lengths if matching.legs else (1.0, 1.0)
+    paths, source_paths = result.positions[:, joints] / leg, source.positions[:, drivers] / source_leg
+    low = source_paths @ up - (source.positions @ up).min(axis=1, keepdims=True) / source_leg < LOW
+    on_floor = low & (speeds_along(source_paths, source.frame_time) < SLOW)
+    holds = _holds(source, matching, joints, source_leg) & ~on_floor
+    some = (on_floor | holds).any(axis=0)
+    off = np.abs(paths @ up - source_paths @ up)
+    return SupportsMeasured(
+        joints=joints[some],
+        on_floor=on_floor[:, some],
+        holds=holds[:, some],
+        slide_source=_along_floor(source_paths[:, some], up, source.frame_time),
+        slide=_along_floor(paths[:, some], up, result.frame_time),
+        height=100.0 * off[:, some],
+    )
+
+
+def _joints(matching: Matching) -> NDArray[np.intp]:
+    """The joints of the target's body with drivers, but for its feet; none without legs."""
+    if matching.legs is None:
+        return np.zeros(0, np.intp)
+    of_joint = matching.regions.of_joint
+    feet = [of_joint[leg.ankle] for leg in matching.legs[1]]
+    return np.flatnonzero((matching.drivers >= 0) & (of_joint >= 0) & ~np.isin(of_joint, feet))
+
+
+def _holds(source: Motion, matching: Matching, joints: NDArray[np.intp], leg: float) -> Flags:
+    """(frames, joints), whether each keeps its place while the joint where its limb begins moves."""
+    names, of_joint, drivers = matching.regions.names, matching.regions.of_joint, matching.drivers
+    reach = max(int(min(0.5 * HOLD / source.frame_time, len(source))), 1)
+    holds = np.zeros((len(source), len(joints)), bool)
+    for column, joint in enumerate(joints.tolist()):
+        if names[of_joint[joint]] not in ENDS:
+            continue
+        above = [each for each in matching.target.skeleton.line(joint) if drivers[each] >= 0]
+        base = next((each for each in above if names[of_joint[each]] in TRUNK), joint)
+        way, base_way = (_extent(source.positions[:, drivers[each]] / leg, reach) for each in (joint, base))
+        holds[:, column] = (way < PLACE) & (base_way > np.maximum(FAR, SWAY * way))
+    return holds
+
+
+def _extent(path: Array, reach: int) -> Array:
+    """(frames,), the diagonal of the box that a path (frames, 3) fills within `reach` frames before and after."""
+    size = 2 * reach + 1
+    box = maximum_filter1d(path, size, axis=0) - minimum_filter1d(path, size, axis=0)
+    return np.asarray(np.linalg.norm(box, axis=-1))
+
+
+def _along_floor(paths: Array, up: Array, frame_time: float) -> Array:
+    """(frames, joints), the horizontal speed along paths (frames, joints, 3)."""
+    return speeds_along(paths - (paths @ up)[..., None] * up, frame_time)

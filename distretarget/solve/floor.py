@@ -1,0 +1,87 @@
+"""The floor: how low each joint may be where something rests on it. Compiled."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from distretarget.solve.articulation import Scratch
+from distretarget.solve.springs import NEGLIGIBLE, Springs
+
+Array = NDArray[np.float64]
+
+
+class Floor(NamedTuple):
+    """Heights that joints keep above: springs that only push upwards.
+
+    A joint x below its height h has the energy 1/2 k (h - x . up)^2; above it has none. Arrays have the frames in
+    front, but for those of a single frame.
+
+    Attributes:
+        joints: (joints,), joints of the target.
+        heights: (joints,), h.
+        stiffness: (joints,), k.
+        up: (3,), the unit vector up.
+    """
+
+    joints: NDArray[np.intp]
+    heights: Array
+    stiffness: Array
+    up: Array
+
+    def of_frames(self, frames: slice) -> Floor:
+        """The same in some of the frames."""
+        return self._replace(heights=self.heights[frames], stiffness=self.stiffness[frames])
+
+
+def no_floor(frames: int) -> Floor:
+    """Nothing says where the floor is."""
+    return Floor(np.zeros(0, np.intp), np.zeros((frames, 0)), np.zeros((frames, 0)), np.zeros(3))
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def depth_below(scratch, floor, n):  # type: ignore[no-untyped-def]
+    """How far the n-th joint is below its height at the positions `scratch.x`; less than 0 above it."""
+    x = scratch.x[floor.joints[n]]
+    return floor.heights[n] - (x[0] * floor.up[0] + x[1] * floor.up[1] + x[2] * floor.up[2])
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def floor_energy(scratch: Scratch, floor: Floor) -> float:
+    """The energy of the floor at the positions `scratch.x`; its gradient is added to `scratch.gradient`."""
+    energy = 0.0
+    for n in range(len(floor.joints)):
+        if floor.stiffness[n] < NEGLIGIBLE:
+            continue
+        depth = depth_below(scratch, floor, n)
+        if depth > 0.0:
+            energy += 0.5 * floor.stiffness[n] * depth * depth
+            for i in range(3):
+                scratch.gradient[floor.joints[n], i] -= floor.stiffness[n] * depth * floor.up[i]
+    return energy
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def with_floor(scratch: Scratch, springs: Springs, floor: Floor) -> Springs:
+    """The springs, and one for each joint that is below its height at the positions `scratch.x`: they have the same
+    curvature as springs and floor.
+    """
+    if len(floor.joints) == 0:
+        return springs
+    below = [n for n in range(len(floor.joints)) if floor.stiffness[n] >= NEGLIGIBLE]
+    below = [n for n in below if depth_below(scratch, floor, n) > 0.0]
+    if len(below) == 0:
+        return springs
+    count = len(springs.a)
+    a = np.empty(count + len(below), springs.a.dtype)
+    b, rest, A = np.full_like(a, -1), np.zeros((len(a), 3)), np.empty((len(a), 3, 3))
+    a[:count], b[:count], A[:count] = springs.a, springs.b, springs.A
+    for s, n in enumerate(below):
+        a[count + s] = floor.joints[n]
+        for i in range(3):
+            for j in range(3):
+                A[count + s, i, j] = floor.stiffness[n] * floor.up[i] * floor.up[j]
+    return Springs(a, b, rest, A)

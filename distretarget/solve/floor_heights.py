@@ -1,0 +1,42 @@
+"""How low each joint may be: the floor is where something rests on it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.matching.matching import Matching
+from distretarget.solve.floor import Floor
+from distretarget.solve.poses import PoseProblem
+from distretarget.solve.resting_joints import joints_but_feet
+from distretarget.solve.settings import ContactSettings
+from distretarget.solve.supports import Supports
+
+Array = NDArray[np.float64]
+
+NEAR = 0.3  # a joint that never comes nearer to the floor than this in the copy is left out [leg lengths]
+
+
+def with_floor_heights(
+    supports: Supports, matching: Matching, problem: PoseProblem, scale: float, settings: ContactSettings
+) -> Supports:
+    """Return the supports with the heights that joints other than the feet's keep above.
+
+    The floor is as high as the lowest joint of the source, times `scale`, while something rests there. A joint belongs
+    no nearer to it than the source's, times `scale`, or than `settings.rest_height`, whichever is less.
+    """
+    if matching.legs is None:
+        return supports
+    up, length = matching.source.up_vector, matching.leg_lengths[1]
+    heights = scale * matching.source_motion.positions @ up
+    floor, reach = heights.min(axis=1), settings.rest_height * length
+    resting = supports.weights * (supports.places @ up - floor[:, None] < 2.0 * reach)
+    weight = resting.max(axis=1, initial=0.0)
+    joints = joints_but_feet(matching)
+    lowest = floor[:, None] + np.minimum(heights[:, matching.drivers[joints]] - floor[:, None], reach)
+    over = problem.copy_on_path[:, joints] @ up - lowest
+    near = ((over < NEAR * length) & (weight[:, None] > 0.0)).any(axis=0)
+    stiffness = settings.floor_stiffness * np.repeat(weight[:, None], near.sum(), axis=1)
+    return replace(supports, floor=Floor(joints[near], lowest[:, near] / problem.unit, stiffness, up))

@@ -1,0 +1,54 @@
+"""The springs that hold joints at rest on the world, and lead them to their places and away from them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.solve.articulation import Articulation
+from distretarget.solve.springs import Springs
+from distretarget.solve.supports import Supports
+
+Array = NDArray[np.float64]
+
+LEAST_WEIGHT = 1e-6  # a joint of less weight is free
+FIRM = 2  # so many joints of a region are held with full stiffness; more share it
+
+
+def support_springs(supports: Supports, body: Articulation, bones: Array, unit: float, stiffness: float) -> Springs:
+    """The springs of resting joints; their arrays have the frames in front.
+
+    A joint of weight s is drawn the share s of the way to its place, whatever the `stiffness` k at its place: with M,
+    the compliance of the body at the joint, its spring is A = ((1 - s) / s M + n I / k)^-1. n is 1, and more where many
+    joints of a region rest, such as the fingers of a hand. A stiffness of 0 leaves the joints free.
+
+    `bones`, (frames, joints, 3), are those of the copy, and `unit` is the body unit [file units].
+    """
+    weights, joints = supports.weights, supports.joints
+    A = np.zeros((*weights.shape, 3, 3))
+    for support, joint in enumerate(joints if stiffness > 0.0 else ()):
+        frames = np.flatnonzero(weights[:, support] > LEAST_WEIGHT)
+        s = weights[frames, support, None, None]
+        together = weights[frames][:, supports.regions == supports.regions[support]].sum(axis=1)
+        n = np.maximum(together / FIRM, 1.0)[:, None, None]
+        A[frames, support] = np.linalg.inv(
+            (1.0 - s) / s * compliance(body, bones[frames], int(joint)) + n * np.eye(3) / stiffness
+        )
+    return Springs(joints, np.full(len(joints), -1), supports.places / unit, A)
+
+
+def compliance(body: Articulation, bones: Array, joint: int) -> Array:
+    """M, (frames, 3, 3): how far a joint moves under a force, held by the stiffness of the parts and of the root alone.
+
+    A part of stiffness h, with the lever arm a on the joint, adds [a]^T [a] / h = (|a|^2 I - a a^T) / h.
+    """
+    arms: dict[int, Array] = {}
+    while joint > 0:
+        part = int(body.parts[body.parents[joint]])
+        arms[part] = arms.get(part, 0.0) + bones[:, joint]
+        joint = int(body.parents[joint])
+    M = np.broadcast_to(np.eye(3) / body.stiffness[-1], (len(bones), 3, 3)).copy()
+    for part, arm in arms.items():
+        square = (arm * arm).sum(axis=1)[:, None, None] * np.eye(3)
+        M += (square - arm[:, :, None] * arm[:, None, :]) / body.stiffness[part]
+    return M
