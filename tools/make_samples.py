@@ -15,6 +15,7 @@ from pathlib import Path
 
 from sample_body import SKELETON
 from sample_motions import CLIPS
+from sample_supported import SUPPORTED
 
 from distretarget.io.bvh_writer import write_bvh
 from distretarget.io.skeleton_json import FORMAT, VERSION
@@ -64,6 +65,8 @@ def write_samples(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for name, clip in CLIPS.items():
         write_bvh(folder / f"{name}.bvh", clip(), overwrite=True)
+    for name, sample in SUPPORTED.items():
+        write_bvh(folder / f"{name}.bvh", sample().motion, overwrite=True)
     texts = {name: skeleton_to_json(reshaped(SKELETON, factors), name) for name, factors in BODIES.items()}
     for name, factors in EDITS.items():
         document = {"format": FORMAT, "version": VERSION, "name": name, "factors": factors}

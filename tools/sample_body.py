@@ -23,9 +23,10 @@ ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")
 POSITIONS = ("Xposition", "Yposition", "Zposition")
 
 ANKLE_HEIGHT = 6.5  # over the floor
+WRIST_HEIGHT, FINGERTIP_HEIGHT = 4.0, 1.5  # of a hand that lies on the floor
 HEEL = np.array([0.0, -ANKLE_HEIGHT, -5.0])  # from the ankle
 THIGH, SHANK = 43.5, 45.3
-UPPER_ARM, FOREARM = 27.3, 25.8
+UPPER_ARM, FOREARM, HAND = 27.3, 25.8, 17.5
 ARM_LENGTH = UPPER_ARM + FOREARM
 
 # Rows of a part of the body: name, parent, direction from the parent, length.
@@ -43,7 +44,7 @@ ARM = (
     ("Shoulder", "Collar", (0.96, -0.28, 0), 15.8),
     ("Elbow", "Shoulder", (1, 0, 0), UPPER_ARM),
     ("Wrist", "Elbow", (1, 0, 0), FOREARM),
-    ("Wrist_End", "Wrist", (1, 0, 0), 17.5),
+    ("Wrist_End", "Wrist", (1, 0, 0), HAND),
 )
 LEG = (
     ("Hip", "Hips", (0.8, -0.6, 0), 10.8),
@@ -168,6 +169,10 @@ class Trunk:
     def pelvis(self) -> Place:
         return self.position, self.local["Hips"]
 
+    def hip(self, side: str) -> Points:
+        """(frames, 3), where the thigh of this side begins."""
+        return self.position + self.local["Hips"].apply(OFFSET[side + "Hip"])
+
     def chest(self) -> Place:
         """Position and world rotation of Chest3, which carries the arms."""
         position, rotation = self.position, self.local["Hips"]
@@ -254,6 +259,15 @@ def hand(fingers: ArrayLike, palm: ArrayLike) -> Rotation:
     return from_axes(fingers, -palm)
 
 
+def flat_hand(yaw: ArrayLike) -> Rotation:
+    """The rotation of a hand that lies on the floor, palm down, its fingers turned by `yaw` [degrees] from +Z to +X."""
+    a = np.radians(yaw)
+    level = np.sqrt(HAND**2 - (WRIST_HEIGHT - FINGERTIP_HEIGHT) ** 2)
+    drop = FINGERTIP_HEIGHT - WRIST_HEIGHT
+    fingers = np.stack(np.broadcast_arrays(level * np.sin(a), drop, level * np.cos(a)), axis=-1)
+    return hand(fingers, palm=[0.0, -1.0, 0.0])
+
+
 def reaching_arm(chest: Place, collar: Rotation, wrist: Points, pole: Points, hand_world: Rotation) -> Arm:
     """The left arm with the wrist at these points, the elbow towards `pole`, and this rotation of the hand, all in the
     world. The forearm takes the whole roll of the hand.
@@ -265,6 +279,17 @@ def reaching_arm(chest: Place, collar: Rotation, wrist: Points, pole: Points, ha
     upper, fore = from_axes(u, -axis), from_axes(f, -axis)
     fore = fore * _roll_about_x(fore.inv() * hand_world)
     return Arm(collar, collar_world.inv() * upper, upper.inv() * fore, fore.inv() * hand_world)
+
+
+def aimed_arm(side: str, chest: Place, hand: Place, elbow: ArrayLike) -> Arm:
+    """The arm of a side with this position of the wrist and rotation of the hand, the elbow towards `elbow`, (frames,
+    3) or (3,), all in the world. The collar bone follows the arm.
+    """
+    chest, (wrist, rotation) = seen_from(side, chest), seen_from(side, hand)
+    shoulder = chest[0] + chest[1].apply(OFFSET["LeftCollar"] + OFFSET["LeftShoulder"])
+    collar = shrug(*_collar_help(chest[1].inv().apply(unit(wrist - shoulder))))
+    pole = np.asarray(elbow) if side == "Left" else flipped(elbow)
+    return reaching_arm(chest, collar, wrist, pole, rotation)
 
 
 def _roll_about_x(rotation: Rotation) -> Rotation:
@@ -292,6 +317,31 @@ class Foot:
     def rotation(self) -> Rotation:
         return turned(-self.pitch, self.yaw)
 
+    def knee(self, pelvis: Rotation) -> Points:
+        """(frames, 3), the direction of the knee: between the forward directions of pelvis and foot."""
+        return unit(pelvis.apply([0.0, 0.0, 1.0]) * (1, 0, 1)) + 2 * turned(yaw=self.yaw).apply([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True)
+class AimedFoot:
+    """Position and rotation of a foot in the world, with the knee's direction.
+
+    Attributes:
+        ankle: (frames, 3).
+        rotation: of the foot.
+        toe: (frames,), toes bent up against the foot [degrees].
+        aim: (frames, 3) or (3,), the direction of the knee.
+    """
+
+    ankle: Points
+    rotation: Rotation
+    toe: Points
+    aim: ArrayLike
+
+    def knee(self, pelvis: Rotation) -> Points:  # noqa: ARG002
+        """The direction of the knee."""
+        return np.asarray(self.aim)
+
 
 def rolled_ankle(pitch: Points) -> Points:
     """(frames, 3), how far the ankle moves when the flat foot rolls over its heel (toes up) or its toe joint."""
@@ -299,12 +349,10 @@ def rolled_ankle(pitch: Points) -> Points:
     return pivot - turned(pitch=-pitch).apply(pivot)
 
 
-def _leg(trunk: Trunk, side: str, foot: Foot) -> dict[str, Rotation]:
-    """Local rotations of a leg whose knee points between the forward directions of pelvis and foot."""
+def _leg(trunk: Trunk, side: str, foot: Foot | AimedFoot) -> dict[str, Rotation]:
+    """Local rotations of a leg from hip to foot."""
     pelvis = trunk.local["Hips"]
-    hip = trunk.position + pelvis.apply(OFFSET[side + "Hip"])
-    pole = unit(pelvis.apply([0.0, 0.0, 1.0]) * (1, 0, 1)) + 2 * turned(yaw=foot.yaw).apply([0.0, 0.0, 1.0])
-    u, f, axis = two_bones(hip, foot.ankle, pole, THIGH, SHANK)
+    u, f, axis = two_bones(trunk.hip(side), foot.ankle, foot.knee(pelvis), THIGH, SHANK)
     thigh, shank = from_axes(axis, -u), from_axes(axis, -f)
     return {
         side + "Hip": pelvis.inv() * thigh,
@@ -314,7 +362,7 @@ def _leg(trunk: Trunk, side: str, foot: Foot) -> dict[str, Rotation]:
     }
 
 
-def motion(trunk: Trunk, arms: Mapping[str, Arm], feet: Mapping[str, Foot]) -> Motion:
+def motion(trunk: Trunk, arms: Mapping[str, Arm], feet: Mapping[str, Foot | AimedFoot]) -> Motion:
     """The motion of the whole body, from arms and feet by side; the right arm is given mirrored."""
     frames = len(trunk.position)
     local = dict(trunk.local)
