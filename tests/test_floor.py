@@ -1,0 +1,75 @@
+"""The floor: one-sided springs, their energy, gradient and curvature."""
+
+import numpy as np
+import pytest
+from spring_case import Case, at
+
+from distretarget.solve.floor import Floor, depth_below, floor_energy, no_floor, with_floor
+from distretarget.solve.springs import spring_energy
+
+UP = np.array([0.0, 1.0, 0.0])
+
+
+def floor_under(case, depths, stiffness=3.0):
+    """A floor that the first joints of the case are so far below."""
+    x = case.positions(np.zeros(case.shape))
+    joints = np.arange(len(depths))
+    return Floor(joints, x[joints] @ UP + depths, np.full(len(depths), stiffness), UP)
+
+
+def energy_at(case, floor, x):
+    case.scratch.x[:] = x
+    case.scratch.gradient[:] = 0.0
+    return floor_energy(case.scratch, floor), case.scratch.gradient.copy()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_energy_and_gradient_are_those_of_the_formula(seed):
+    case = Case(seed)
+    floor = floor_under(case, np.array([0.2, -0.1, 0.05]))
+    x = case.positions(np.zeros(case.shape))
+    energy, gradient = energy_at(case, floor, x)
+    assert energy == pytest.approx(0.5 * 3.0 * (0.2**2 + 0.05**2))
+    for joint in range(3):
+        for axis in range(3):
+            step = np.zeros_like(x)
+            step[joint, axis] = 1e-6
+            slope = (energy_at(case, floor, x + step)[0] - energy_at(case, floor, x - step)[0]) / 2e-6
+            assert gradient[joint, axis] == pytest.approx(slope, abs=1e-6)
+
+
+def test_joints_above_are_left_alone():
+    case = Case(1)
+    energy, gradient = energy_at(case, floor_under(case, np.full(4, -0.01)), case.positions(np.zeros(case.shape)))
+    assert energy == 0
+    assert not gradient.any()
+
+
+def test_the_curvature_has_a_spring_for_each_joint_below():
+    case = Case(2)
+    floor = floor_under(case, np.array([0.2, -0.1, 0.3]))
+    springs = at(case.springs, 0)
+    case.positions(np.zeros(case.shape))
+    both = with_floor(case.scratch, springs, floor)
+    assert both.a.tolist() == [*springs.a.tolist(), 0, 2]
+    assert both.b[-2:].tolist() == [-1, -1]
+    np.testing.assert_allclose(both.A[-2:], 3.0 * np.broadcast_to(np.outer(UP, UP), (2, 3, 3)))
+    np.testing.assert_array_equal(both.A[:-2], springs.A)
+
+
+def test_without_a_floor_the_springs_stay_as_they_are():
+    case = Case(3)
+    springs, nothing = at(case.springs, 0), no_floor(1).of_frames(slice(0, 1))
+    floor = Floor(nothing.joints, nothing.heights[0], nothing.stiffness[0], nothing.up)
+    case.positions(np.zeros(case.shape))
+    assert with_floor(case.scratch, springs, floor).a is springs.a
+    assert floor_energy(case.scratch, floor) == 0
+    assert spring_energy(case.scratch, springs) > 0
+
+
+def test_depth_is_counted_downwards():
+    case = Case(4)
+    floor = floor_under(case, np.array([0.2, -0.1]))
+    case.positions(np.zeros(case.shape))
+    assert depth_below(case.scratch, floor, 0) == pytest.approx(0.2)
+    assert depth_below(case.scratch, floor, 1) == pytest.approx(-0.1)

@@ -1,0 +1,81 @@
+"""Joints at rest: on the floor, and on anything else that stands still while the body moves."""
+
+import numpy as np
+import pytest
+from bodies import person, posed
+
+from distretarget import Motion, Skeleton
+from distretarget.body.resting import low_joints, slow_joints, still_joints
+
+FRAMES, STEP = 100, 0.02
+ONE_SHOT = np.zeros(FRAMES, np.intp)
+UP = np.array([0.0, 1.0, 0.0])
+TIME = np.arange(FRAMES) * STEP
+
+
+def two_points(base, end):
+    """A motion of two joints, given by their paths (frames, 3)."""
+    chain = Skeleton(
+        names=("base", "end"),
+        parents=[-1, 0],
+        offsets=np.array([[0.0, 0, 0], [0, 1, 0]]),
+        channels=(("Xposition", "Yposition", "Zposition", "Zrotation"),) * 2,
+        end_sites=[False, False],
+    )
+    rotations = np.tile([0.0, 0, 0, 1], (FRAMES, 2, 1))
+    return Motion(chain, np.stack([base, end - base], axis=1), rotations, str(STEP))
+
+
+def along(distance):
+    return np.outer(distance, [1.0, 0.0, 0.0])
+
+
+def still(base, end):
+    return still_joints(two_points(base, end), np.array([1]), np.array([0]), 1.0, ONE_SHOT)[:, 0]
+
+
+def test_a_hand_that_stays_while_the_body_moves_stands_still():
+    assert still(along(0.5 * TIME), along(0.0 * TIME)).all()
+
+
+def test_a_hand_that_stays_with_the_body_does_not():
+    assert not still(along(0.0 * TIME), along(0.0 * TIME)).any()
+    assert not still(along(0.02 * np.sin(TIME)), along(0.0 * TIME)).any()
+
+
+def test_a_hand_that_drifts_with_the_body_does_not():
+    assert not still(along(0.09 * TIME), along(0.05 * TIME)).any()
+
+
+def test_a_swing_that_stands_still_for_a_moment_is_no_hold():
+    """A hand of someone who walks swings back about as fast as the body goes on."""
+    assert not still(along(1.4 * TIME), along(1.4 * TIME + 0.3 * np.sin(5 * TIME))).any()
+
+
+def test_only_the_frames_of_the_hold_count():
+    hold = (TIME > 0.5) & (TIME < 1.3)
+    end = np.where(hold, 0.0, np.where(TIME <= 0.5, TIME - 0.5, TIME - 1.3))
+    found = np.flatnonzero(still(along(0.5 * TIME), along(end)))
+    assert abs(found[0] - 26) <= 2
+    assert abs(found[-1] - 64) <= 2
+    assert len(found) == found[-1] - found[0] + 1
+
+
+def test_a_hold_ends_at_a_cut():
+    shots = (np.arange(FRAMES) >= 50).astype(np.intp)
+    base = along(np.where(shots, 0.5 * TIME, 0.0))
+    found = still_joints(two_points(base, along(0.0 * TIME)), np.array([1]), np.array([0]), 1.0, shots)[:, 0]
+    np.testing.assert_array_equal(found, shots == 1)
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.3])
+def test_slow_joints_are_below_the_limit(speed):
+    motion = two_points(along(0.2 * TIME), along(0.2 * TIME))
+    assert np.all(slow_joints(motion, np.array([0, 1]), speed, ONE_SHOT) == (speed > 0.2))
+
+
+def test_low_joints_are_near_the_lowest_one():
+    motion = posed(person(), {}, np.tile([0.0, 0.9, 0.0], (3, 1)))
+    low = low_joints(motion, list(range(len(motion.skeleton))), UP, 0.1)
+    keys = {motion.skeleton.keys[joint] for joint in np.flatnonzero(low[0])}
+    assert keys == {"LeftAnkle", "RightAnkle", "LeftToe", "RightToe", "LeftToe_End", "RightToe_End"}
