@@ -17,6 +17,7 @@ from distretarget.motion import Motion
 from distretarget.result import RetargetResult
 from distretarget.retargeting import Held, Objective, retarget
 from distretarget.solve.chunks import Mapper, Progress
+from distretarget.solve.resting_joints import Scene
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +26,7 @@ class Options:
 
     objective: Objective = "contact"
     supports: Held = "hold"
+    scene: Scene = "body"
     root_scale: float | None = None
     source_up: str | None = None
     target_up: str | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,7 @@ from distretarget.solve.floor_heights import with_floor_heights
 from distretarget.solve.free_points import Postures, solve_postures
 from distretarget.solve.paper import solve_paper
 from distretarget.solve.poses import PoseProblem, Poses
-from distretarget.solve.resting_joints import with_resting_joints
+from distretarget.solve.resting_joints import Scene, with_resting_joints
 from distretarget.solve.rigid_parts import part_of_joint, posed_motion, rigid_part_roots
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.stance import find_stance, hips_rise
@@ -40,7 +40,7 @@ Array = NDArray[np.float64]
 Objective = Literal["contact", "paper"]
 OBJECTIVES: tuple[Objective, ...] = ("contact", "paper")
 Held = Literal["hold", "feet", "free"]
-SUPPORTS: tuple[Held, ...] = ("hold", "feet", "free")
+SUPPORTS: tuple[Held, ...] = get_args(Held)
 DEFAULT_SETTINGS = ContactSettings()
 
 
@@ -50,6 +50,7 @@ def retarget(
     *,
     objective: Objective = "contact",
     supports: Held = "hold",
+    scene: Scene = "body",
     joint_map: JointMap | None = None,
     root_scale: float | None = None,
     source_up: str | None = None,
@@ -72,6 +73,8 @@ def retarget(
             FedCSIS 2017.
         supports: what stays where it belongs while it rests on the world: "hold", feet and all other joints; "feet",
             feet alone; "free", nothing. The paper's objective has no such term.
+        scene: where rails, walls, rungs and all else that stands still belongs, apart from the floor: "body", where the
+            target's limbs meet it on average; "scaled", where it is in the source, scaled as the root's path.
         joint_map: source key for target keys, None for joints that nothing shall drive; its pairs go before those of
             the target's file. The other joints are matched by names or by shape.
         root_scale: target units per source unit of the root's path; the ratio of leg lengths if not given.
@@ -111,7 +114,7 @@ def retarget(
         problem = problem.raised(np.outer(hips_rise(matching, feet, scale, shots), world.up_vector))
         resting = feet
         if supports == "hold":
-            resting = with_resting_joints(feet, matching, problem, scale, shots, settings)
+            resting = with_resting_joints(feet, matching, problem, scale, shots, scene, settings)
             resting = with_floor_heights(resting, matching, problem, scale, settings)
         if supports == "free":
             settings = replace(settings, support_stiffness=0.0)

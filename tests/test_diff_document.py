@@ -26,7 +26,7 @@ ERRORS = [figure.key for figure in FIGURES if figure.judged == "value" and figur
 OF_SUPPORTS = {"support_slide", "support_height"}  # none where only feet rest
 OF_SOURCE = [figure.key for figure in FIGURES if figure.of_source]
 COLUMNS = [
-    *("frame", "time", "contacts", "stance"),
+    *("frame", "time", "contacts", "stance", "supports"),
     *("contact_error", "direction_error", "slide_source", "slide", "foot_height", "foot_pitch", "ankle_height"),
     *("hips_height", "support_slide_source", "support_slide", "support_height"),
     *("snap", "unsolved", "stress", "distance_error", "jerk_source", "jerk", "turn", "bone_error"),

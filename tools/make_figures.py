@@ -14,7 +14,7 @@ from distretarget.measure.figures import FIGURES, SUFFIXES, Figure, figures_at
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "diff.md"
 SCHEMA = ROOT / "distretarget" / "report" / "diff.schema.json"
-FRAME = ("frame", "time", "contacts", "stance")  # keys of a frame in the document besides its figures
+FRAME = ("frame", "time", "contacts", "stance", "supports")  # keys of a frame in the document besides its figures
 BEGIN, END = "<!-- figures: written by tools/make_figures.py -->\n", "<!-- end -->\n"
 BEGIN_LIMITS = "<!-- limits: written by tools/make_figures.py -->\n"
 

@@ -15,19 +15,21 @@ from distretarget.conversion import Options
 from distretarget.io.map_json import MapFile
 from distretarget.report.index import ClipRecord
 from distretarget.retargeting import Held, Objective
+from distretarget.solve.resting_joints import Scene
 
 
 class RecordedOptions(TypedDict):
     """How a clip was retargeted.
 
     Attributes:
-        objective, supports, root_scale, source_up, target_up, root_offset, root_follows: the arguments of
+        objective, supports, scene, root_scale, source_up, target_up, root_offset, root_follows: the arguments of
             `retarget`.
         map: the key of the source joint by that of the target joint; None for no map.
     """
 
     objective: Objective
     supports: Held
+    scene: Scene
     root_scale: float | None
     source_up: str | None
     target_up: str | None

@@ -15,6 +15,7 @@ from distretarget.body.axes import AXES
 from distretarget.cli.parameters import positive
 from distretarget.conversion import Options
 from distretarget.retargeting import OBJECTIVES, SUPPORTS, Held, Objective
+from distretarget.solve.resting_joints import Scene
 
 OPTIONS = (
     click.option(
@@ -65,6 +66,15 @@ OPTIONS = (
         "at rest; the default with the contact objective. feet: feet alone do. free: nothing does; always so with the "
         "paper's objective.",
     ),
+    click.option(
+        "--scene",
+        type=click.Choice(get_args(Scene)),
+        default="body",
+        show_default=True,
+        help="Where rails, walls, rungs and all else that stands still belongs, apart from the floor. body: where the "
+        "limbs of TARGET meet it, on average. scaled: where it is in SOURCE, scaled as the root's path, for a scene "
+        "that is scaled with the body.",
+    ),
 )
 
 
@@ -81,6 +91,7 @@ def retargeting(command: Callable[..., None]) -> Callable[..., None]:
         root_follows: RootFollows | None,
         objective: Objective,
         supports: Held | None,
+        scene: Scene,
         **others: Any,
     ) -> None:
         if supports not in (None, "free") and objective == "paper":
@@ -90,6 +101,7 @@ def retargeting(command: Callable[..., None]) -> Callable[..., None]:
         options = Options(
             objective=objective,
             supports=supports or "hold",
+            scene=scene,
             root_scale=root_scale,
             source_up=source_up,
             target_up=target_up,

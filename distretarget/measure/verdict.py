@@ -15,12 +15,13 @@ LEAST_BOUND = 0.1  # hips are told to be within this at least [% of leg length]
 
 
 def verdict(figures: Figures, tracks: Mapping[Side, Tracks]) -> str:
-    """Return the sentence on contacts, feet, hips and the largest change of direction, and the names of the figures
-    that need a look. What was not measured is said to be missing, or left out.
+    """Return the sentence on contacts, feet, other supports, hips and the largest change of direction, and the names of
+    the figures that need a look. What was not measured is said to be missing, or left out.
 
     `figures` are of the whole clip, `tracks` what they were taken from.
     """
-    parts = [_contacts(figures), _feet(figures), *_hips(figures, tracks["result"]), *_change(tracks["result"])]
+    of_result = tracks["result"]
+    parts = [_contacts(figures), _feet(figures), *_supports(figures), *_hips(figures, of_result), *_change(of_result)]
     text = f"{'; '.join(parts)}."
     text = text[0].upper() + text[1:]
     looks = [figure.label for figure in FIGURES if figure.needs_look(figures) or figure.worse_than_copy(figures)]
@@ -49,6 +50,18 @@ def _feet(figures: Figures) -> str:
     if figure.needs_look(figures):
         return "feet slide more than the source's"
     return "feet do not slide" if slide < STILL else "feet slide no more than the source's"
+
+
+def _supports(figures: Figures) -> Iterator[str]:
+    slide, height = (BY_KEY[key] for key in ("support_slide", "support_height"))
+    if figures["result"][slide.key] is None:
+        return
+    if slide.needs_look(figures):
+        yield "hands, knees or whatever else rests slides more than the source's"
+    elif height.needs_look(figures):
+        yield "hands, knees or whatever else rests on the floor is off its height"
+    else:
+        yield "what else rests on the world stays in its place"
 
 
 def _hips(figures: Figures, tracks: Tracks) -> Iterator[str]:

@@ -31,7 +31,7 @@ function unpacked(motion) {
 const A = unpacked(scene.a), B = unpacked(scene.b);
 const pointCount = A.points.length;
 const pathSizes = new Uint8Array(bytes(scene.sizes));
-const stance = new Uint8Array(bytes(scene.stance));
+const rests = new Uint8Array(bytes(scene.rests));
 const boneErrors = new Uint8Array(bytes(scene.bone_errors));
 
 /** The state of the page; `pair` is the chosen pair of joints as two indices of points, or null. */
@@ -62,9 +62,15 @@ function distances(motion, frame) {
   return D;
 }
 
+/** Whether one of the joints that rest in some frame, the k-th, rests in A at a frame. */
+function restsAt(k, frame) {
+  const row = Math.ceil(B.resting.length / 8);
+  return (rests[frame * row + (k >> 3)] >> (k & 7) & 1) === 1;
+}
+
 /** Whether a foot rests in A at a frame: then the feet do not count as touching each other. */
 function aFootRests(frame) {
-  return scene.foot_regions.length === 2 && (stance[frame] & 15) > 0;
+  return scene.foot_regions.length === 2 && [0, 1, 2, 3].some(k => restsAt(k, frame));
 }
 
 /** The regions that touch in A at a frame, by their nearest points: [point, point, whether these are near in B]. */

@@ -120,6 +120,7 @@ def _frames(diff: Diff, sides: Mapping[Side, Tracks]) -> dict[str, list[float | 
         "time": _column(np.multiply(count, diff.b.frame_time)),
         "contacts": diff.comparison.contacts.counts.tolist(),
         "stance": diff.comparison.feet.stance.sum(axis=1).tolist(),
+        "supports": diff.comparison.supports.rest.sum(axis=1).tolist(),
         **{key: _column(values) for key, values in frame_figures(sides, len(diff)).items()},
     }
 

@@ -113,8 +113,9 @@ class DiffDocument(TypedDict):
         figures: the figures of the whole clip.
         limits: the limits to stay at or below, in the order given.
         worst: by key, the frame in which the figure of B is largest; None where no frame has a value.
-        frames: for each frame its number `frame`, its `time` [s], the numbers of contacts (`contacts`) and of foot
-            joints at rest (`stance`) in A, and the figures of the frame by key, those of A with `_source` after it.
+        frames: for each frame its number `frame`, its `time` [s], the numbers of contacts (`contacts`), of foot joints
+            at rest (`stance`) and of other joints at rest (`supports`) in A, and the figures of the frame by key, those
+            of A with `_source` after it.
         contacts: the regions of the body that touch in A, those of the hands first.
     """
 

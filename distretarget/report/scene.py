@@ -21,6 +21,7 @@ from distretarget.report.scene_types import ContactDrawing, Drawing, Scene
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
+Joints = NDArray[np.intp]
 
 BUDGET = 5_000_000  # [bytes] most for the quantised positions of both motions; longer clips are drawn in part
 STEPS = 65_535  # steps of a quantised coordinate across the bounding box
@@ -33,8 +34,11 @@ def scene(diff: Diff) -> Scene:
     a_points = diff.matching.drivers[b_points]
     step = drawn_step(len(diff), len(diff.a.skeleton) + len(diff.b.skeleton))
     legs = diff.matching.legs or (None, None)
-    stance, regions = diff.comparison.feet.stance, diff.matching.target.regions
+    comparison, regions = diff.comparison, diff.matching.target.regions
+    resting = np.concatenate([comparison.feet.joints, comparison.supports.joints])
+    rests = np.concatenate([comparison.feet.stance, comparison.supports.rest], axis=1)
     sizes = np.minimum(diff.matching.target.skeleton.path_sizes[np.ix_(b_points, b_points)], 255)
+    a_resting = diff.matching.drivers[resting]
     return {
         "step": step,
         "notes": _notes(step, diff),
@@ -44,12 +48,12 @@ def scene(diff: Diff) -> Scene:
         "neighbours": regions.neighbours.tolist(),
         "foot_regions": [int(regions.of_joint[leg.ankle]) for leg in legs[1] or ()],
         "facing": _facing(diff),
-        "a": _drawing(diff.a, diff.matching.source.skeleton, legs[0], a_points, diff.up, step),
-        "b": _drawing(diff.b, diff.matching.target.skeleton, legs[1], b_points, diff.up, step),
+        "a": _drawing(diff.a, diff.matching.source.skeleton, legs[0], (a_points, a_resting), diff.up, step),
+        "b": _drawing(diff.b, diff.matching.target.skeleton, legs[1], (b_points, resting), diff.up, step),
         "bone_errors": _base64(_bone_errors(diff, step), "<u1"),
         "pelvis": [int(diff.matching.drivers[diff.matching.pelvis]), diff.matching.pelvis],
         "sizes": _base64(sizes, "<u1"),
-        "stance": _base64((stance * 2 ** np.arange(stance.shape[1])).sum(axis=1), "<u1"),
+        "rests": _base64(np.packbits(rests, axis=1, bitorder="little"), "<u1"),
         "largest_difference": _largest_difference(diff, a_points, b_points),
         "contacts": _contacts(diff, b_points.tolist()),
     }
@@ -78,9 +82,12 @@ def spans(mask: NDArray[np.bool_]) -> list[list[int]]:
 
 
 def _drawing(
-    motion: Motion, body: Skeleton, legs: Sequence[Leg] | None, points: NDArray[np.intp], up: Array, step: int
+    motion: Motion, body: Skeleton, legs: Sequence[Leg] | None, joints: tuple[Joints, Joints], up: Array, step: int
 ) -> Drawing:
-    """The drawing data of one motion; `body` is its skeleton with rigid bones, `points` the joints of the matrices."""
+    """The drawing data of one motion; `body` is its skeleton with rigid bones, `joints` are those of the matrices, and
+    those that rest in some frame.
+    """
+    points, resting = joints
     unit = (2 * leg_length(body, legs) if legs else float(body.path_lengths.max())) or 1.0
     placed = Rotation.from_quat(_upright(up)).apply(motion.positions[::step].reshape(-1, 3)) / unit
     positions = placed.reshape(-1, len(body), 3)
@@ -90,7 +97,7 @@ def _drawing(
         "names": list(body.keys),
         "parents": body.parents.tolist(),
         "points": points.tolist(),
-        "feet": [joint for leg in legs for joint in (leg.ankle, leg.toe)] if legs else [],
+        "resting": resting.tolist(),
         "tau": _base64(body.path_lengths[np.ix_(points, points)] / unit, "<f4"),
         "offset": offset.tolist(),
         "scale": scale.tolist(),

@@ -15,7 +15,7 @@ class Drawing(TypedDict):
         names: the keys of the joints.
         parents: the parent of each joint, -1 for the root.
         points: the joint that each point is.
-        feet: ankle and toe of the first leg, then of the second; empty without legs.
+        resting: the joints that rest on the world in some frame of A: with legs first ankle and toe of each.
         tau: (points, points), lengths of the paths between points [drawn units], in base64 of 32-bit floats.
         offset, scale: three numbers each; a position is offset + scale * number.
         positions: (drawn frames, joints, 3), the numbers, in base64 of 16-bit integers.
@@ -24,7 +24,7 @@ class Drawing(TypedDict):
     names: list[str]
     parents: list[int]
     points: list[int]
-    feet: list[int]
+    resting: list[int]
     tau: str
     offset: list[float]
     scale: list[float]
@@ -61,7 +61,8 @@ class Scene(TypedDict):
             most 254; 255 where it has none; in base64 of bytes.
         pelvis: the joint of the pelvis in A and in B.
         sizes: (points, points), the numbers of joints on the paths between points, at most 255, in base64 of bytes.
-        stance: (frames,), whether each of the `feet` rests in A, one bit for each, in base64 of bytes.
+        rests: (frames, bytes), whether each of the `resting` joints rests in A, one bit for each, those of the first
+            joints lowest, in base64 of bytes.
         largest_difference: |D_a - D_b| that hardly any pair of points exceeds, where the colours end.
         contacts: the regions that touch in A, in the order of the document.
     """
@@ -79,6 +80,6 @@ class Scene(TypedDict):
     bone_errors: str
     pelvis: list[int]
     sizes: str
-    stance: str
+    rests: str
     largest_difference: float
     contacts: list[ContactDrawing]

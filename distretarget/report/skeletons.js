@@ -91,17 +91,18 @@ function drawShadow(context, motion, project) {
   context.stroke();
 }
 
-/** Draws a ring on the floor around each foot joint that rests in A. */
-function drawStance(context, motion, project, frame) {
+/** Draws a ring around each joint that rests in A: on the floor for those of the feet, at its height for others. */
+function drawSupports(context, motion, project, frame) {
   context.strokeStyle = colour.stance;
   context.lineWidth = 2;
-  motion.feet.forEach((joint, k) => {
-    if (!(stance[frame] >> k & 1)) return;
-    const x = motion.x[3 * joint], z = motion.x[3 * joint + 2];
+  motion.resting.forEach((joint, k) => {
+    if (!restsAt(k, frame)) return;
+    const isFoot = scene.foot_regions.length === 2 && k < 4;
+    const x = motion.x[3 * joint], y = isFoot ? 0 : motion.x[3 * joint + 1], z = motion.x[3 * joint + 2];
     context.beginPath();
     for (let step = 0; step <= 24; step++) {
       const angle = step * Math.PI / 12;
-      context.lineTo(...project(x + 0.055 * Math.cos(angle), 0, z + 0.055 * Math.sin(angle)).slice(0, 2));
+      context.lineTo(...project(x + 0.055 * Math.cos(angle), y, z + 0.055 * Math.sin(angle)).slice(0, 2));
     }
     context.stroke();
   });
@@ -182,7 +183,7 @@ function drawScene(context, box, frame, motions, camera) {
   motions.forEach((motion, k) => drawShadow(context, motion, views[k]));
   const look = {a: () => motions[0] === B ? OVER_B : OF_A, b: bone => levelOf(directionError(bone))};
   const places = motions.map((motion, k) => {
-    drawStance(context, motion, views[k], frame);
+    drawSupports(context, motion, views[k], frame);
     const at = drawBody(context, motion, views[k], motion === A ? look.a : look.b);
     drawContacts(context, motion, at, frame);
     return at;

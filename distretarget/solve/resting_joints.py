@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from distretarget.solve.supports import RESTS, Supports
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+Scene = Literal["body", "scaled"]
 TRUNK = ("trunk", "hips")  # the regions that limbs branch off
 
 
@@ -43,15 +45,22 @@ class _Candidates:
 
 
 def with_resting_joints(
-    feet: Supports, matching: Matching, problem: PoseProblem, scale: float, shots: Shots, settings: ContactSettings
+    feet: Supports,
+    matching: Matching,
+    problem: PoseProblem,
+    scale: float,
+    shots: Shots,
+    scene: Scene,
+    settings: ContactSettings,
 ) -> Supports:
     """Return the feet at rest, and all other joints that rest on the floor or on something that stands still.
 
     A joint rests on the floor while it is slow, and about as low as the lowest joint of the body. There it is as high
     as the source's, times `scale`. A joint that stands still while its limb moves, such as a hand on a rail, rests
-    too, as high as in the rotation copy. In the plane a joint keeps, over each time it rests, the place of the
+    too, as high as in the rotation copy on average. In the plane a joint keeps, over each time it rests, the place of the
     source's, times `scale`, plus the mean of what the copy is off that: so it does not slide, and nothing draws the
-    body to where its proportions cannot follow.
+    body to where its proportions cannot follow. In a `scene` that is "scaled", a joint that rests on something else
+    than the floor has the place of the source's, times `scale`.
 
     The copy keeps to the path of the root in `problem`; `shots`, (frames,), are those of the clip.
     """
@@ -70,7 +79,7 @@ def with_resting_joints(
     weights, places = [], []
     for target, driver, floor, resting in zip(joints.targets, joints.sources, on_floor.T, rests.T, strict=True):
         scaled, copied = scale * source.positions[:, driver], copy[:, target]
-        place = scaled + by_shot(partial(_offsets, up=up), shots, copied - scaled, resting, floor)
+        place = scaled + by_shot(partial(_offsets, up=up, scene=scene), shots, copied - scaled, resting, floor)
         far = np.linalg.norm(place - copied, axis=-1) / matching.leg_lengths[1]
         blend = partial(_blended, frame_time=source.frame_time, settings=settings)
         weights.append(by_shot(blend, shots, resting, far))
@@ -114,14 +123,14 @@ def _stand_on_others(joints: _Candidates, rests: Flags, feet: Supports, matching
     return np.stack(columns, axis=1)
 
 
-def _offsets(off: Array, rests: Flags, on_floor: Flags, up: Array) -> Array:
+def _offsets(off: Array, rests: Flags, on_floor: Flags, up: Array, scene: Scene) -> Array:
     """(frames, 3), the mean of `off`, (frames, 3), over each run of frames in which the joint rests. It has no height
-    in a run in which the joint rests on the floor.
+    in a run in which the joint rests on the floor, and is zero in the others if the scene is scaled.
     """
     runs = label(rests)[0]
-    with_floor = np.isin(runs, np.unique(runs[on_floor]))
-    height = np.where(with_floor, off @ up, 0.0)
-    return over_runs(off - height[:, None] * up, rests.astype(np.float64))
+    with_floor = np.isin(runs, np.unique(runs[on_floor]))[:, None]
+    level = off - (off @ up)[:, None] * up
+    return over_runs(np.where(with_floor, level, off if scene == "body" else 0.0), rests.astype(np.float64))
 
 
 def _blended(rests: Flags, far: Array, frame_time: float, settings: ContactSettings) -> Array:
