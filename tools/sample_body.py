@@ -23,6 +23,7 @@ ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")
 POSITIONS = ("Xposition", "Yposition", "Zposition")
 
 ANKLE_HEIGHT = 6.5  # over the floor
+AT_EASE, STRETCHED = 0.98, 0.994  # reach of a limb that gets everywhere, and of the straightest [of its length]
 WRIST_HEIGHT, FINGERTIP_HEIGHT = 4.0, 1.5  # of a hand that lies on the floor
 HEEL = np.array([0.0, -ANKLE_HEIGHT, -5.0])  # from the ankle
 THIGH, SHANK = 43.5, 45.3
@@ -154,6 +155,15 @@ def two_bones(start: Points, end: Points, pole: ArrayLike, upper: float, lower: 
     return first, second, np.cross(aside, along)
 
 
+def within_reach(start: Points, end: Points, length: float) -> Points:
+    """(frames, 3), `end`, drawn smoothly towards `start` where it is more than `AT_EASE` of the length away from it."""
+    span = end - start
+    reach = np.linalg.norm(span, axis=1, keepdims=True) / length
+    slack = STRETCHED - AT_EASE
+    drawn = AT_EASE + slack * np.tanh((reach - AT_EASE) / slack)
+    return start + span * np.where(reach > AT_EASE, drawn / reach, 1.0)
+
+
 @dataclass(frozen=True)
 class Trunk:
     """The position of the pelvis, and the local rotations from there to the head.
@@ -251,6 +261,11 @@ def shrug(lift: ArrayLike, reach: ArrayLike) -> Rotation:
     return _euler("ZY", *np.broadcast_arrays(lift, np.negative(reach)))
 
 
+def raised_shoulder(direction: Points) -> Points:
+    """(frames, 3), the left shoulder in the chest's frame, for an arm in this direction there."""
+    return OFFSET["LeftCollar"] + shrug(*_collar_help(direction)).apply(OFFSET["LeftShoulder"])
+
+
 def hand(fingers: ArrayLike, palm: ArrayLike) -> Rotation:
     """The rotation of a left hand with fingers and palm in these directions, (frames, 3) or (3,)."""
     fingers = unit(np.atleast_2d(np.asarray(fingers, float)))
@@ -283,11 +298,13 @@ def reaching_arm(chest: Place, collar: Rotation, wrist: Points, pole: Points, ha
 
 def aimed_arm(side: str, chest: Place, hand: Place, elbow: ArrayLike) -> Arm:
     """The arm of a side with this position of the wrist and rotation of the hand, the elbow towards `elbow`, (frames,
-    3) or (3,), all in the world. The collar bone follows the arm.
+    3) or (3,), all in the world. The collar bone follows the arm; a wrist too far away is drawn nearer.
     """
     chest, (wrist, rotation) = seen_from(side, chest), seen_from(side, hand)
     shoulder = chest[0] + chest[1].apply(OFFSET["LeftCollar"] + OFFSET["LeftShoulder"])
     collar = shrug(*_collar_help(chest[1].inv().apply(unit(wrist - shoulder))))
+    shoulder = chest[0] + chest[1].apply(OFFSET["LeftCollar"] + collar.apply(OFFSET["LeftShoulder"]))
+    wrist = within_reach(shoulder, wrist, ARM_LENGTH)
     pole = np.asarray(elbow) if side == "Left" else flipped(elbow)
     return reaching_arm(chest, collar, wrist, pole, rotation)
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from sample_cartwheel import cartwheel
 from sample_push_up import push_up
 from sample_supports import Sample
 
-SUPPORTED: dict[str, Callable[[], Sample]] = {clip.__name__: clip for clip in (push_up,)}
+SUPPORTED: dict[str, Callable[[], Sample]] = {clip.__name__: clip for clip in (cartwheel, push_up)}
