@@ -30,8 +30,9 @@ from distretarget.solve.floor_heights import with_floor_heights
 from distretarget.solve.free_points import Postures, solve_postures
 from distretarget.solve.paper import solve_paper
 from distretarget.solve.poses import PoseProblem, Poses
-from distretarget.solve.resting_joints import Scene, with_resting_joints
+from distretarget.solve.resting_joints import Scene, find_resting_joints, with_resting_joints
 from distretarget.solve.rigid_parts import part_of_joint, posed_motion, rigid_part_roots
+from distretarget.solve.root_height import root_shift
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.stance import find_stance, hips_rise
 from distretarget.solve.supports import no_supports
@@ -114,7 +115,9 @@ def retarget(
         problem = problem.raised(np.outer(hips_rise(matching, feet, scale, shots), world.up_vector))
         resting = feet
         if supports == "hold":
-            resting = with_resting_joints(feet, matching, problem, scale, shots, scene, settings)
+            if others := find_resting_joints(feet, matching, problem, scale, shots, scene, settings):
+                problem = problem.raised(root_shift(problem, feet, others, shots))
+                resting = with_resting_joints(feet, others, problem, shots, settings)
             resting = with_floor_heights(resting, matching, problem, scale, settings)
         if supports == "free":
             settings = replace(settings, support_stiffness=0.0)

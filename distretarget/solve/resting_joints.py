@@ -44,7 +44,24 @@ class _Candidates:
         return _Candidates(self.targets[on], self.sources[on], self.bases[on], self.regions[on])
 
 
-def with_resting_joints(
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RestingJoints:
+    """Joints other than the feet's that rest on the world.
+
+    Attributes:
+        joints: (joints,), of the target.
+        regions: (joints,), the region of the body that each belongs to.
+        rests: (frames, joints), whether each rests.
+        places: (frames, joints, 3), where each belongs [target file units].
+    """
+
+    joints: NDArray[np.intp]
+    regions: NDArray[np.intp]
+    rests: Flags
+    places: Array
+
+
+def find_resting_joints(
     feet: Supports,
     matching: Matching,
     problem: PoseProblem,
@@ -52,20 +69,20 @@ def with_resting_joints(
     shots: Shots,
     scene: Scene,
     settings: ContactSettings,
-) -> Supports:
-    """Return the feet at rest, and all other joints that rest on the floor or on something that stands still.
+) -> RestingJoints | None:
+    """Return the joints other than those of `feet` that rest on the floor or on something that stands still, if any.
 
     A joint rests on the floor while it is slow, and about as low as the lowest joint of the body. There it is as high
     as the source's, times `scale`. A joint that stands still while its limb moves, such as a hand on a rail, rests
-    too, as high as in the rotation copy on average. In the plane a joint keeps, over each time it rests, the place of the
-    source's, times `scale`, plus the mean of what the copy is off that: so it does not slide, and nothing draws the
-    body to where its proportions cannot follow. In a `scene` that is "scaled", a joint that rests on something else
+    too, as high as in the rotation copy on average. In the plane a joint keeps, over each time it rests, the place of
+    the source's, times `scale`, plus the mean of what the copy is off that: so it does not slide, and nothing draws
+    the body to where its proportions cannot follow. In a `scene` that is "scaled", a joint that rests on something else
     than the floor has the place of the source's, times `scale`.
 
     The copy keeps to the path of the root in `problem`; `shots`, (frames,), are those of the clip.
     """
     if matching.legs is None:
-        return feet
+        return None
     source, up, length = matching.source_motion, matching.source.up_vector, matching.leg_lengths[0]
     joints = _candidates(matching)
     on_floor = slow_joints(source, joints.sources, settings.rest_speed * length, shots)
@@ -74,19 +91,27 @@ def with_resting_joints(
     rests = on_floor | still & ~_stand_on_others(joints, on_floor | still, feet, matching)
     rests = median_filter(rests, (3, 1), mode="nearest")  # a single frame unlike both its neighbours is a fault
     on = np.flatnonzero(rests.any(axis=0))
+    if not len(on):
+        return None
     joints, on_floor, rests = joints[on], on_floor[:, on], rests[:, on]
-    copy = problem.copy_on_path
-    weights, places = [], []
-    for target, driver, floor, resting in zip(joints.targets, joints.sources, on_floor.T, rests.T, strict=True):
-        scaled, copied = scale * source.positions[:, driver], copy[:, target]
-        place = scaled + by_shot(partial(_offsets, up=up, scene=scene), shots, copied - scaled, resting, floor)
-        far = np.linalg.norm(place - copied, axis=-1) / matching.leg_lengths[1]
-        blend = partial(_blended, frame_time=source.frame_time, settings=settings)
-        weights.append(by_shot(blend, shots, resting, far))
-        places.append(place)
-    if not places:
-        return feet
-    return feet.with_others(joints.targets, joints.regions, np.stack(weights, axis=1), np.stack(places, axis=1))
+    places = scale * source.positions[:, joints.sources]
+    off = problem.copy_on_path[:, joints.targets] - places
+    offsets = partial(_offsets, up=up, scene=scene)
+    for column in range(len(on)):
+        places[:, column] += by_shot(offsets, shots, off[:, column], rests[:, column], on_floor[:, column])
+    return RestingJoints(joints=joints.targets, regions=joints.regions, rests=rests, places=places)
+
+
+def with_resting_joints(
+    feet: Supports, resting: RestingJoints, problem: PoseProblem, shots: Shots, settings: ContactSettings
+) -> Supports:
+    """Return the feet at rest, and other joints, each of which goes to its place over a time that grows with how far
+    that is from the copy, whose root keeps to its path in `problem`.
+    """
+    blend = partial(_blended, frame_time=problem.frame_time, settings=settings)
+    far = np.linalg.norm(resting.places - problem.copy_on_path[:, resting.joints], axis=-1) / (0.5 * problem.unit)
+    weights = [by_shot(blend, shots, *columns) for columns in zip(resting.rests.T, far.T, strict=True)]
+    return feet.with_others(resting.joints, resting.regions, np.stack(weights, axis=1), resting.places)
 
 
 def _candidates(matching: Matching) -> _Candidates:

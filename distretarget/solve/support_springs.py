@@ -29,10 +29,11 @@ def support_springs(supports: Supports, body: Articulation, bones: Array, unit: 
     for support, joint in enumerate(joints if stiffness > 0.0 else ()):
         frames = np.flatnonzero(weights[:, support] > LEAST_WEIGHT)
         s = weights[frames, support, None, None]
-        together = weights[frames][:, supports.regions == supports.regions[support]].sum(axis=1)
+        together = (weights[frames][:, supports.regions == supports.regions[support]] > LEAST_WEIGHT).sum(axis=1)
         n = np.maximum(together / FIRM, 1.0)[:, None, None]
+        m = n if support < supports.feet else together[:, None, None]
         A[frames, support] = np.linalg.inv(
-            (1.0 - s) / s * compliance(body, bones[frames], int(joint)) + n * np.eye(3) / stiffness
+            m * (1.0 - s) / s * compliance(body, bones[frames], int(joint)) + n * np.eye(3) / stiffness
         )
     return Springs(joints, np.full(len(joints), -1), supports.places / unit, A)
 
