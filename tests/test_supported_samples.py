@@ -23,7 +23,7 @@ samples = pytest.mark.parametrize("name", SUPPORTED)
 
 @cache
 def clip(name):
-    return read_bvh(SAMPLES / f"{name}.bvh")
+    return read_bvh(SAMPLES / "supports" / f"{name}.bvh")
 
 
 @cache
@@ -74,7 +74,7 @@ def test_motion_is_smooth(name):
 
 @samples
 def test_angles_of_the_file_are_continuous(name):
-    numbers = (SAMPLES / f"{name}.bvh").read_text().split("Frame Time:")[1].splitlines()[1:]
+    numbers = (SAMPLES / "supports" / f"{name}.bvh").read_text().split("Frame Time:")[1].splitlines()[1:]
     channels = np.array([line.split() for line in numbers], float)
     assert np.abs(np.diff(channels[:, 3:], axis=0)).max() < JUMP
 
