@@ -61,12 +61,14 @@ def reshaped(skeleton: Skeleton, factors: Mapping[str, float]) -> Skeleton:
 
 
 def write_samples(folder: Path) -> None:
-    """Write all clips and targets into a folder; replace files of the same names."""
-    folder.mkdir(parents=True, exist_ok=True)
+    """Write all clips and targets into a folder, the clips with known supports into its folder `supports`; replace
+    files of the same names.
+    """
+    (folder / "supports").mkdir(parents=True, exist_ok=True)
     for name, clip in CLIPS.items():
         write_bvh(folder / f"{name}.bvh", clip(), overwrite=True)
     for name, sample in SUPPORTED.items():
-        write_bvh(folder / f"{name}.bvh", sample().motion, overwrite=True)
+        write_bvh(folder / "supports" / f"{name}.bvh", sample().motion, overwrite=True)
     texts = {name: skeleton_to_json(reshaped(SKELETON, factors), name) for name, factors in BODIES.items()}
     for name, factors in EDITS.items():
         document = {"format": FORMAT, "version": VERSION, "name": name, "factors": factors}

@@ -23,7 +23,7 @@ ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")
 POSITIONS = ("Xposition", "Yposition", "Zposition")
 
 ANKLE_HEIGHT = 6.5  # over the floor
-AT_EASE, STRETCHED = 0.98, 0.994  # reach of a limb that gets everywhere, and of the straightest [of its length]
+AT_EASE, STRETCHED = 0.97, 0.992  # reach of a limb that gets everywhere, and of the straightest [of its length]
 WRIST_HEIGHT, FINGERTIP_HEIGHT = 4.0, 1.5  # of a hand that lies on the floor
 HEEL = np.array([0.0, -ANKLE_HEIGHT, -5.0])  # from the ankle
 THIGH, SHANK = 43.5, 45.3

@@ -48,7 +48,7 @@ def push_up() -> Sample:
 
 def _plank(t: Track, depth: Track, ankle: Track) -> Trunk:
     """A body in line with the legs, which rises from the ankles towards the head."""
-    rise = 17.1 - 13.1 * depth  # [degrees]
+    rise = 16.7 - 12.7 * depth  # [degrees]
     pelvis = turned(pitch=90 - rise - 2.5)
     legs = turned(pitch=90 - rise).apply([0.0, LEG_LENGTH, 0.0])
     hip = pelvis.apply(OFFSET["LeftHip"])

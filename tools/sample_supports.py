@@ -48,16 +48,14 @@ class Rest:
 
 
 def supports(t: Track, joints: Iterable[str], rests: Iterable[Rest], kind: str = FLOOR) -> list[Support]:
-    """The supports of these joints, which rest together."""
-    return [
-        Support(
-            joint,
-            int(np.ceil(max(rest.start, 0.0) * FPS - CLEARANCE)),
-            int(np.floor(min(rest.end, t[-1]) * FPS + CLEARANCE)),
-            kind,
-        )
-        for joint, rest in product(joints, rests)
-    ]
+    """The supports of these joints, which rest together; without rests shorter than two frames of the clip."""
+    table = []
+    for joint, rest in product(joints, rests):
+        first = int(np.ceil(max(rest.start, 0.0) * FPS - CLEARANCE))
+        last = int(np.floor(min(rest.end, t[-1]) * FPS + CLEARANCE))
+        if first < last:
+            table.append(Support(joint, first, last, kind))
+    return table
 
 
 def stepped(t: Track, rests: Sequence[Rest], arc: ArrayLike) -> Track:
