@@ -20,8 +20,8 @@ REST_SPEED = 0.35  # a joint that rests on the floor is slower than this [leg le
 REST_HEIGHT = 0.1  # a joint that rests on the floor is no higher than this above the lowest joint [leg lengths]
 STILL_SPEED = 0.1  # a joint that stands still is slower than this [leg lengths / s] ...
 STILL_TIME = 0.3  # ... for at least this long [s],
-MOVES = 0.05  # while the joint where its limb begins goes this far from its mean place [leg lengths] ...
-TIMES_AS_FAR = 5.0  # ... and this many times as far as the joint itself
+TIMES_AS_FAR = 5.0  # while the joint where its limb begins goes this many times as far from its mean place ...
+FARTHER = 0.02  # ... and this much farther [leg lengths]
 
 
 def feet_at_rest(
@@ -88,7 +88,7 @@ def _holding(slow: Flags, path: Array, base_path: Array, length: float, least: f
     holding = np.zeros(len(slow), bool)
     for run in range(1, count + 1):
         frames = np.flatnonzero(runs == run)
-        moves = _reach(base_path[frames]) > max(MOVES * length, TIMES_AS_FAR * _reach(path[frames]))
+        moves = _reach(base_path[frames]) > TIMES_AS_FAR * _reach(path[frames]) + FARTHER * length
         holding[frames] = len(frames) >= least and moves
     return holding
 

@@ -6,7 +6,7 @@ own foot stands on its sole, so that a foot of another build is no error.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,7 @@ class Feet:
         ankle_height: (frames, legs), how far the height of the ankle over the floor, the scaled source's, is off that
             of the target's own flat foot [% of leg length]; nan unless the source's foot rests flat.
         hips_height: (frames, legs), how far the height of the middle between the hip joints over the ankle is off the
-            scaled source's [% of leg length]; nan unless the ankle rests.
+            scaled source's [% of leg length]; nan unless the ankle rests, and only feet carry the body.
     """
 
     joints: NDArray[np.intp]
@@ -53,6 +53,10 @@ class Feet:
     foot_pitch: Array
     ankle_height: Array
     hips_height: Array
+
+    def standing_alone(self, others: Flags) -> Feet:
+        """The same, without the height of the hips in the frames, (frames,), in which others carry the body as well."""
+        return replace(self, hips_height=np.where(others[:, None], np.nan, self.hips_height))
 
     @property
     def rest(self) -> Flags:

@@ -101,10 +101,11 @@ def compare(source: Motion, result: Motion, matching: Matching, up: Array) -> Co
     `matching` is between their skeletons; the two have the same number of frames, and `up`, (3,), points up in both.
     """
     feet = measure_feet(source, result, matching, up)
+    supports = measure_supports(source, result, matching, up)
     return Comparison(
         contacts=find_contacts(source, result, matching, feet.rest),
-        feet=feet,
-        supports=measure_supports(source, result, matching, up),
+        feet=feet.standing_alone(supports.carry(source.frame_time)),
+        supports=supports,
         skeleton=result.skeleton,
         distance_error=_distance_error(source, result, matching),
         bones=bones_of(matching),

@@ -23,6 +23,7 @@ HOLD = 0.6  # a hand or head that holds on to something stays in its place for t
 PLACE = 0.02  # which is no larger than this [leg lengths],
 SWAY = 8.0  # while the joint where its limb begins goes this many times as far, and ...
 FAR = 0.1  # ... at least this far [leg lengths]
+BETWEEN = 0.5  # the body takes about so long from its feet to other supports [s]
 ENDS = ("left hand", "right hand", "head")  # the regions that hold on to things
 TRUNK = ("trunk", "hips")
 
@@ -50,6 +51,14 @@ class SupportsMeasured:
     def rest(self) -> Flags:
         """(frames, joints), whether each rests on the floor or on something else."""
         return self.on_floor | self.holds
+
+    def carry(self, frame_time: float) -> Flags:
+        """(frames,), whether any of them rests within `BETWEEN` before and after, so that it carries the body, or the
+        body is on its way to it or from it.
+        """
+        rests = np.asarray(self.rest.any(axis=1))
+        reach = int(min(BETWEEN / frame_time, len(rests)))
+        return np.asarray(maximum_filter1d(rests, 2 * reach + 1, mode="nearest"))
 
 
 def measure_supports(source: Motion, result: Motion, matching: Matching, up: Array) -> SupportsMeasured:

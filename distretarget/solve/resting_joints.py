@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 Scene = Literal["body", "scaled"]
+LITTLE = 1e-6  # weight of frames that hardly count
+INSIDE = 0.25  # a joint inside flesh that rests on the floor is no higher than this [leg lengths]
+HEAD = "head"
 TRUNK = ("trunk", "hips")  # the regions that limbs branch off
 
 
@@ -72,12 +75,14 @@ def find_resting_joints(
 ) -> RestingJoints | None:
     """Return the joints other than those of `feet` that rest on the floor or on something that stands still, if any.
 
-    A joint rests on the floor while it is slow, and about as low as the lowest joint of the body. There it is as high
+    A joint rests on the floor while it is slow, and about as low as the lowest joint of the body; a joint of trunk or
+    head also somewhat higher, if the body lies or sits on it. There it is as high
     as the source's, times `scale`. A joint that stands still while its limb moves, such as a hand on a rail, rests
     too, as high as in the rotation copy on average. In the plane a joint keeps, over each time it rests, the place of
     the source's, times `scale`, plus the mean of what the copy is off that: so it does not slide, and nothing draws
-    the body to where its proportions cannot follow. In a `scene` that is "scaled", a joint that rests on something else
-    than the floor has the place of the source's, times `scale`.
+    the body to where its proportions cannot follow. Where a region farther out in its limb rests as well, as the foot
+    does in a kneel, the joint is as far from that as in the copy. In a `scene` that is "scaled", a joint that rests on
+    something else than the floor has the place of the source's, times `scale`.
 
     The copy keeps to the path of the root in `problem`; `shots`, (frames,), are those of the clip.
     """
@@ -86,7 +91,9 @@ def find_resting_joints(
     source, up, length = matching.source_motion, matching.source.up_vector, matching.leg_lengths[0]
     joints = _candidates(matching)
     on_floor = slow_joints(source, joints.sources, settings.rest_speed * length, shots)
-    on_floor &= low_joints(source, joints.sources, up, settings.rest_height * length)
+    on_floor &= low_joints(source, joints.sources, up, settings.rest_height * length) | (
+        low_joints(source, joints.sources, up, INSIDE * length) & _lie_on_flesh(matching, joints, up)
+    )
     still = still_joints(source, joints.sources, joints.bases, length, shots)
     rests = on_floor | still & ~_stand_on_others(joints, on_floor | still, feet, matching)
     rests = median_filter(rests, (3, 1), mode="nearest")  # a single frame unlike both its neighbours is a fault
@@ -94,11 +101,15 @@ def find_resting_joints(
     if not len(on):
         return None
     joints, on_floor, rests = joints[on], on_floor[:, on], rests[:, on]
-    places = scale * source.positions[:, joints.sources]
-    off = problem.copy_on_path[:, joints.targets] - places
-    offsets = partial(_offsets, up=up, scene=scene)
-    for column in range(len(on)):
-        places[:, column] += by_shot(offsets, shots, off[:, column], rests[:, column], on_floor[:, column])
+    copied, places = problem.copy_on_path, scale * source.positions[:, joints.sources]
+    held = {int(j): (feet.weights[:, k] >= RESTS, feet.places[:, k] - copied[:, j]) for k, j in enumerate(feet.joints)}
+    for column in np.argsort(-joints.targets):  # from the ends of limbs inwards
+        joint = int(joints.targets[column])
+        carried, shift = _carried([held[each] for each in _farther_out(matching, joint) if each in held], len(source))
+        off = copied[:, joint] + shift - places[:, column]
+        columns = off, rests[:, column], on_floor[:, column], carried
+        places[:, column] += by_shot(partial(_offsets, up=up, scene=scene), shots, *columns)
+        held[joint] = rests[:, column], places[:, column] - copied[:, joint]
     return RestingJoints(joints=joints.targets, regions=joints.regions, rests=rests, places=places)
 
 
@@ -126,6 +137,20 @@ def _candidates(matching: Matching) -> _Candidates:
     return _Candidates(targets, drivers[targets], np.array(bases, np.intp), of_joint[targets])
 
 
+def _lie_on_flesh(matching: Matching, joints: _Candidates, up: Array) -> Flags:
+    """(frames, joints), whether each is inside flesh, in trunk or head, and lower than its neighbours in the tree: the
+    body lies or sits on it, if it is near the floor.
+    """
+    skeleton, heights = matching.source.skeleton, matching.source_motion.positions @ up
+    columns = []
+    for joint, region in zip(joints.sources.tolist(), joints.regions, strict=True):
+        near = [skeleton.parents[joint], *skeleton.children[joint]] if joint else skeleton.children[joint]
+        near = [each for each in near if skeleton.path_lengths[joint, each] > 0]
+        inside = matching.regions.names[region] in (*TRUNK, HEAD) and near
+        columns.append(heights[:, joint] <= heights[:, near].min(axis=1) if inside else np.zeros(len(heights), bool))
+    return np.stack(columns, axis=1)
+
+
 def joints_but_feet(matching: Matching) -> NDArray[np.intp]:
     """Return the target's joints that are part of its body and have drivers, but for those of its feet."""
     of_joint = matching.regions.of_joint
@@ -137,25 +162,43 @@ def _stand_on_others(joints: _Candidates, rests: Flags, feet: Supports, matching
     """(frames, joints), whether another region of the same limb rests farther out: a knee over a foot keeps its place
     without a touch.
     """
-    skeleton, of_joint = matching.target.skeleton, matching.regions.of_joint
-    resting = np.zeros((len(rests), len(skeleton)), bool)
+    resting = np.zeros((len(rests), len(matching.target.skeleton)), bool)
     resting[:, joints.targets] = rests
-    resting[:, feet.joints] = feet.weights > RESTS
-    columns = []
-    for joint in joints.targets.tolist():
-        below = [each for each in skeleton.subtree(joint) if of_joint[each] not in (-1, of_joint[joint])]
-        columns.append(resting[:, below].any(axis=1))
+    resting[:, feet.joints] = feet.weights >= RESTS
+    columns = [resting[:, _farther_out(matching, joint)].any(axis=1) for joint in joints.targets.tolist()]
     return np.stack(columns, axis=1)
 
 
-def _offsets(off: Array, rests: Flags, on_floor: Flags, up: Array, scene: Scene) -> Array:
-    """(frames, 3), the mean of `off`, (frames, 3), over each run of frames in which the joint rests. It has no height
-    in a run in which the joint rests on the floor, and is zero in the others if the scene is scaled.
+def _farther_out(matching: Matching, joint: int) -> list[int]:
+    """The joints of other regions farther out in the same limb; none for a joint of the trunk."""
+    names, of_joint = matching.regions.names, matching.regions.of_joint
+    if names[of_joint[joint]] in TRUNK:
+        return []
+    return [each for each in matching.target.skeleton.subtree(joint) if of_joint[each] not in (-1, of_joint[joint])]
+
+
+def _carried(held: list[tuple[Flags, Array]], frames: int) -> tuple[Flags, Array]:
+    """Whether any of some joints rests, (frames,), and how far those that do are on average from their places to those
+    of the copy, (frames, 3); each is given by whether it rests, (frames,), and how far it is, (frames, 3).
+    """
+    count, total = np.zeros(frames), np.zeros((frames, 3))
+    for rests, shift in held:
+        count += rests
+        total += rests[:, None] * shift
+    return count > 0, total / np.maximum(count, 1.0)[:, None]
+
+
+def _offsets(off: Array, rests: Flags, on_floor: Flags, carried: Flags, up: Array, scene: Scene) -> Array:
+    """(frames, 3), the mean of `off`, (frames, 3), over each run of frames in which the joint rests; only over those in
+    which it is `carried` by others, (frames,), if there are any. It has no height in a run in which the joint rests on
+    the floor, and is zero in the others if the scene is scaled.
     """
     runs = label(rests)[0]
     with_floor = np.isin(runs, np.unique(runs[on_floor]))[:, None]
     level = off - (off @ up)[:, None] * up
-    return over_runs(np.where(with_floor, level, off if scene == "body" else 0.0), rests.astype(np.float64))
+    off = np.where(with_floor, level, off if scene == "body" else 0.0)
+    counts = carried | ~np.isin(runs, np.unique(runs[carried & rests]))
+    return over_runs(off, np.where(rests, np.maximum(counts, LITTLE), 0.0))
 
 
 def _blended(rests: Flags, far: Array, frame_time: float, settings: ContactSettings) -> Array:

@@ -41,7 +41,6 @@ def root_shift(problem: PoseProblem, feet: Supports, resting: RestingJoints, sho
 
 def _smooth(values: Array, weights: Array, frame_time: float) -> Array:
     """(frames,), a smooth curve through the values by their weights, (frames,) each."""
-
     known = np.flatnonzero(weights)
     if not len(known) or not values[known].any():
         return np.zeros_like(values)
