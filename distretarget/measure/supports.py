@@ -19,10 +19,10 @@ Flags = NDArray[np.bool_]
 
 SLOW = 0.35  # a joint that rests on the floor is slower than this [leg lengths / s] ...
 LOW = 0.1  # ... and no higher than this above the lowest joint [leg lengths]
-HOLD = 0.6  # a hand or head that holds on to something stays in its place for this long [s],
+HOLD = 1.0  # a hand or head that holds on to something stays in its place for this long [s],
 PLACE = 0.02  # which is no larger than this [leg lengths],
 SWAY = 8.0  # while the joint where its limb begins goes this many times as far, and ...
-FAR = 0.1  # ... at least this far [leg lengths]
+FARTHER = 0.04  # ... this much farther [leg lengths]
 BETWEEN = 0.5  # the body takes about so long from its feet to other supports [s]
 ENDS = ("left hand", "right hand", "head")  # the regions that hold on to things
 TRUNK = ("trunk", "hips")
@@ -102,7 +102,7 @@ def _holds(source: Motion, matching: Matching, joints: NDArray[np.intp], leg: fl
         above = [each for each in matching.target.skeleton.line(joint) if drivers[each] >= 0]
         base = next((each for each in above if names[of_joint[each]] in TRUNK), joint)
         way, base_way = (_extent(source.positions[:, drivers[each]] / leg, reach) for each in (joint, base))
-        holds[:, column] = (way < PLACE) & (base_way > np.maximum(FAR, SWAY * way))
+        holds[:, column] = (way < PLACE) & (base_way > SWAY * way + FARTHER)
     return holds
 
 

@@ -54,12 +54,14 @@ class RestingJoints:
     Attributes:
         joints: (joints,), of the target.
         regions: (joints,), the region of the body that each belongs to.
+        in_trunk: (joints,), whether each is a joint of the trunk.
         rests: (frames, joints), whether each rests.
         places: (frames, joints, 3), where each belongs [target file units].
     """
 
     joints: NDArray[np.intp]
     regions: NDArray[np.intp]
+    in_trunk: Flags
     rests: Flags
     places: Array
 
@@ -110,7 +112,10 @@ def find_resting_joints(
         columns = off, rests[:, column], on_floor[:, column], carried
         places[:, column] += by_shot(partial(_offsets, up=up, scene=scene), shots, *columns)
         held[joint] = rests[:, column], places[:, column] - copied[:, joint]
-    return RestingJoints(joints=joints.targets, regions=joints.regions, rests=rests, places=places)
+    names = np.array(matching.regions.names)[joints.regions]
+    return RestingJoints(
+        joints=joints.targets, regions=joints.regions, in_trunk=np.isin(names, TRUNK), rests=rests, places=places
+    )
 
 
 def with_resting_joints(

@@ -15,6 +15,7 @@ from distretarget.solve.supports import RESTS, Supports
 
 Array = NDArray[np.float64]
 
+SEAT = 10.0  # weight of a region of the trunk that rests, which turns of the joints do not bring to its place
 BLEND = 0.2  # the root takes about twice this time from one height to the next [s]
 UNKNOWN = 1e-3  # weight of the nearest known height in frames in which nothing rests; a region that rests has 1
 FEWEST = 5  # frames that a smoothing spline needs
@@ -31,8 +32,9 @@ def root_shift(problem: PoseProblem, feet: Supports, resting: RestingJoints, sho
     sums, count = np.zeros((len(problem), 3)), np.zeros(len(problem))
     for region in np.unique(resting.regions):
         on = resting.rests & (resting.regions == region)
-        sums += (on[..., None] * off).sum(axis=1) / np.maximum(on.sum(axis=1), 1)[:, None]
-        count += on.any(axis=1)
+        weight = SEAT if resting.in_trunk[resting.regions == region].all() else 1.0
+        sums += weight * (on[..., None] * off).sum(axis=1) / np.maximum(on.sum(axis=1), 1)[:, None]
+        count += weight * on.any(axis=1)
     for leg in range(0, feet.feet, 2):
         count += (feet.weights[:, leg : leg + 2] >= RESTS).any(axis=1)
     smooth = partial(_smooth, frame_time=problem.frame_time)
