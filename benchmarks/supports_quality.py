@@ -2,8 +2,8 @@
 
     python benchmarks/supports_quality.py CORPUS [--markdown docs/results.md] [--sheet FOLDER]
 
-Retargets the samples with supports (`sample_bvh/supports`) and the real clips of CORPUS to two bodies, H and child, once
-with supports and once with the feet alone. Prints a line for each sample and body, and what holds over all runs.
+Retargets the samples with supports (`sample_bvh/supports`) and the real clips of CORPUS to two bodies, H and child,
+once with supports and once with the feet alone. Prints a line for each sample and body, and what holds over all runs.
 `--sheet` draws source, rotation copy and result of each sample; it needs matplotlib (the extra `docs`).
 """
 
@@ -95,24 +95,25 @@ def over_all(runs: list[Run]) -> Iterator[str]:
     """What holds over all runs, a line each."""
     floor, others = ([run for run in runs if run.floor_work == on] for on in (True, False))
     yield f"| runs in which something else than feet rests | {len(floor)} of {len(runs)} |"
-    heights = [run.held.figures["result"]["support_height"] for run in floor]
-    known = [height for height in heights if height is not None]
-    yield (
-        f"| height of resting joints other than feet, mean / largest, % of leg | {np.mean(known):.2f} / "
-        f"{max(run.highest for run in floor):.2f} |"
+    heights = [height for run in floor if (height := run.held.figures["result"]["support_height"]) is not None]
+    highest = max(run.highest for run in floor)
+    yield f"| height of resting joints other than feet, mean / largest, % of leg | {np.mean(heights):.2f} / {highest:.2f} |"
+    slide, slide_source = (
+        np.mean([run.held.figures[side]["support_slide"] or 0.0 for run in floor]) for side in ("result", "source")
     )
-    slides = [
-        (figures["result"]["support_slide"] or 0.0, figures["source"]["support_slide"] or 0.0)
-        for figures in (run.held.figures for run in floor)
-    ]
-    yield f"| their slide against the source's | {np.mean([a for a, _ in slides]) / np.mean([b for _, b in slides]):.2f} |"
+    yield f"| their slide against the source's | {slide / slide_source:.2f} |"
     rise = [_direction(run.held) - _direction(run.feet) for run in floor]
-    yield f"| direction error over that with feet alone, mean / largest, degrees | {np.mean(rise):.2f} / {max(rise):.2f} |"
+    more = f"{np.mean(rise):.2f} / {max(rise):.2f}"
+    yield f"| direction error over that with feet alone, mean / largest, degrees | {more} |"
     jerks = [_jerk(run.held) for run in floor]
     yield f"| jerk against the copy's, mean / largest | {np.mean(jerks):.2f} / {max(jerks):.2f} |"
-    turns = [run.held.figures["result"]["turn"] or 0.0 for run in runs]
-    yield f"| runs in which a joint turns {TURNS:.0f} degrees more than the source's | {sum(t > TURNS for t in turns)} |"
-    yield f"| other runs, equal to those with feet alone digit for digit | {sum(run.same for run in others)} of {len(others)} |"
+    turning = [run for run in runs if (run.held.figures["result"]["turn"] or 0.0) > TURNS]
+    named = "".join(f"; {run.clip.stem} on {run.body}" for run in turning)
+    yield f"| runs in which a joint turns {TURNS:.0f} degrees more than the source's | {len(turning)}{named} |"
+    same = sum(run.same for run in others)
+    yield f"| other runs, equal to those with feet alone digit for digit | {same} of {len(others)} |"
+    floor_only = sum(not run.same and len(run.held.supports.floor.joints) > 0 for run in others)
+    yield f"| of the rest, those in which a joint is kept from going under the floor | {floor_only} |"
     ratio = np.median([run.seconds[0] / run.seconds[1] for run in others])
     yield f"| their time against that with feet alone, median | {ratio:.2f} |"
 

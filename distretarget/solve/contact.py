@@ -4,14 +4,15 @@ Per frame it minimises, over the rotations of a body of exact bones and the disp
 
     1/2 sum over near pairs     w r^T (k I + (1 - k) e e^T) r,    r = x_u - x_v - delta_uv
   + 1/2 sum over parts          h_p |v_p|^2
-  + 1/2 sum over foot joints    r^T A_f r,                        r = x_f - place_f
+  + 1/2 sum over resting joints r^T A_f r,                        r = x_f - place_f
+  + 1/2 sum over joints below   k_j depth_j^2                     the height they keep above (`floor`)
   + 1/2                         root_stiffness |root - its path|^2
 
 A pair is drawn to a vector, not only to a distance, so that nothing changes sides: delta = d_copy + f (tau2 / tau1
 d_source - d_copy). At f = 1 it has the length tau2 D of Eq. (1) and the direction e of the source. The activation f
 grows smoothly from 0 to 1 as the pair comes near, beginning a little ahead of time, and the weight w grows with it
-(`contact_pairs`). The stiffness A_f, a matrix, draws a foot that sets in or lets go a share of the way to its place
-(`foot_springs`). Where nothing is near and no foot rests, the result has the rotation copy's rotations. Apart from
+(`contact_pairs`). The stiffness A_f, a matrix, draws a joint that comes to rest or lets go a share of the way to its
+place (`support_springs`). Where nothing is near and nothing rests, the result has the rotation copy's rotations. Apart from
 the places of the feet, a frame depends on the frames around it only.
 """
 
