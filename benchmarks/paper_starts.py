@@ -16,7 +16,8 @@ from distretarget.solve.spg import ETA, Reason
 Array = NDArray[np.float64]
 
 STUDIED = ("arms +60 %", "legs -30 %", "spine +60 %", "arms, legs, spine +60 %", "arms +60 %, legs -30 %")
-"""The edits whose postures are solved in every frame of the walk."""
+"""The edits whose postures are solved in every frame of a clip."""
+CLIPS = ("walk", "turn")  # straight ahead, and on the spot through 360 degrees
 OFF = 0.05  # how far the start "copy, disturbed" is off in each coordinate, root mean square [body sizes]
 CLOUD = 0.2  # the same of the start "random points" about the centroid [body sizes]
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-9, 1e-12)
@@ -101,9 +102,9 @@ def solve_all(case: Case, start: Start, **settings: float) -> Solved:
 
 
 @cache
-def solved_from(start: str, edit: str) -> Solved:
-    """The walk after an edit, solved from one of `STARTS`."""
-    return solve_all(case(edit), STARTS[start])
+def solved_from(start: str, edit: str, clip: str = "walk") -> Solved:
+    """A clip after an edit, solved from one of `STARTS`."""
+    return solve_all(case(edit, clip), STARTS[start])
 
 
 @cache
@@ -113,14 +114,14 @@ def solved_with(eta: float, edit: str) -> Solved:
 
 
 @cache
-def least_sigma(edit: str) -> Array:
+def least_sigma(edit: str, clip: str) -> Array:
     """(frames,), the least sigma that any start leads to [m^2]."""
-    return np.min([solved_from(start, edit).sigma for start in STARTS], axis=0)
+    return np.min([solved_from(start, edit, clip).sigma for start in STARTS], axis=0)
 
 
-def elsewhere(solved: Solved, edit: str) -> float:
+def elsewhere(solved: Solved, edit: str, clip: str = "walk") -> float:
     """The share of frames that end in a minimum higher than the least known."""
-    return float((solved.sigma > HIGHER * least_sigma(edit)).mean())
+    return float((solved.sigma > HIGHER * least_sigma(edit, clip)).mean())
 
 
 def mirrored(points: Array, case: Case) -> float:
@@ -129,17 +130,37 @@ def mirrored(points: Array, case: Case) -> float:
     return float((np.linalg.det(x.transpose(0, 2, 1) @ copy) < 0).mean())
 
 
-def start_rows() -> Iterator[tuple[str, float, float, float, float]]:
-    """For each start: iterations, sigma [m^2], and the shares of frames in a higher minimum and mirrored; means."""
-    for name in STARTS:
-        runs = [(edit, solved_from(name, edit)) for edit in STUDIED]
-        yield (
-            name,
-            np.mean([run.iterations.mean() for _, run in runs]),
-            np.mean([run.sigma.mean() for _, run in runs]),
-            np.mean([elsewhere(run, edit) for edit, run in runs]),
-            np.mean([mirrored(run.points, case(edit)) for edit, run in runs]),
-        )
+@dataclass(frozen=True, kw_only=True)
+class StartRow:
+    """What a start does to a clip, means over the bodies of `STUDIED`.
+
+    Attributes:
+        iterations: per frame.
+        sigma: [m^2].
+        higher, mirrored: the shares of frames in a higher minimum, and mirrored.
+    """
+
+    iterations: float
+    sigma: float
+    higher: float
+    mirrored: float
+
+
+def start_rows() -> Iterator[tuple[str, list[StartRow]]]:
+    """Each start, and what it does to each clip of `CLIPS`."""
+    for start in STARTS:
+        yield start, [start_row(start, clip) for clip in CLIPS]
+
+
+def start_row(start: str, clip: str) -> StartRow:
+    """What a start does to a clip."""
+    runs = [(edit, solved_from(start, edit, clip)) for edit in STUDIED]
+    return StartRow(
+        iterations=float(np.mean([run.iterations.mean() for _, run in runs])),
+        sigma=float(np.mean([run.sigma.mean() for _, run in runs])),
+        higher=float(np.mean([elsewhere(run, edit, clip) for edit, run in runs])),
+        mirrored=float(np.mean([mirrored(run.points, case(edit, clip)) for edit, run in runs])),
+    )
 
 
 def tolerance_rows() -> Iterator[tuple[float, float, float, float]]:

@@ -8,7 +8,7 @@ from paper_checks import checks, less
 from paper_edits import EditRow, MethodsRow, edit_rows, methods_rows
 from paper_motions import MotionRow, motion_rows
 from paper_spine import pair_rows, spine_rows
-from paper_starts import eta_rows, start_rows, tolerance_rows
+from paper_starts import StartRow, eta_rows, start_rows, tolerance_rows
 
 METHODS = "copy / points / exact bones / contact"
 
@@ -110,14 +110,21 @@ def pairs_table() -> str:
 
 
 def starts_table() -> str:
-    """What the start does."""
+    """What the start does to each clip."""
     return table(
-        ("start", "iterations", "sigma, end", "in a higher minimum, %", "mirrored, %"),
-        (
-            [name, f"{count:.0f}", f"{1e3 * sigma:.2f}", f"{100 * higher:.1f}", f"{100 * mirrored:.1f}"]
-            for name, count, sigma, higher, mirrored in start_rows()
-        ),
+        ("start", "iterations: walk / turn", "sigma, end", "in a higher minimum, %", "mirrored, %"),
+        ([name, *start_cells(rows)] for name, rows in start_rows()),
     )
+
+
+def start_cells(rows: list[StartRow]) -> list[str]:
+    """A line of the table of starts without its start; sigma in 10^-3 m^2."""
+    return [
+        several([row.iterations for row in rows], ".0f"),
+        several([1e3 * row.sigma for row in rows], ".2f"),
+        several([100 * row.higher for row in rows], ".1f"),
+        several([100 * row.mirrored for row in rows], ".1f"),
+    ]
 
 
 def tolerances_table() -> str:
