@@ -50,7 +50,7 @@ def draw_spine(path: Path) -> None:
     postures = {"original": one.source.positions, **one.postures()}
     scenes = [
         [figure(one.target, points[POSTURE], turn) for points in postures.values()]
-        for turn in (Rotation.identity(), Rotation.from_euler("Y", 90, degrees=True))
+        for turn in (Rotation.identity(), Rotation.from_euler("Y", -90, degrees=True))
     ]
     write_picture(
         scenes,

@@ -155,7 +155,7 @@ def motions_table(rows: Iterable[tuple[str, MotionRow]]) -> str:
         "clip",
         "sigma: copy / points / exact bones",
         "contact error: copy / exact bones / contact",
-        "direction error, degrees",
+        "direction error, degrees: copy / exact bones / contact",
         "jerk over copy's: exact bones / contact",
         "slide: source / copy / exact bones / contact",
     )
