@@ -37,7 +37,7 @@ def numbers_of(cell):
 
 
 def assert_same(written, found):
-    """Numbers agree to two units of their last digit; words are equal."""
+    """Numbers agree to two units of their last digit, words are equal; otherwise run benchmarks/paper.py."""
     assert re.sub(r"[\d.]+", "#", written) == re.sub(r"[\d.]+", "#", found)
     digits = max(len(number.partition(".")[2]) for number in re.findall(r"\d+\.?\d*", written))
     np.testing.assert_allclose(numbers_of(found), numbers_of(written), rtol=0, atol=2.01 * 10.0**-digits)
