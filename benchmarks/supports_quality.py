@@ -96,8 +96,8 @@ def over_all(runs: list[Run]) -> Iterator[str]:
     floor, others = ([run for run in runs if run.floor_work == on] for on in (True, False))
     yield f"| runs in which something else than feet rests | {len(floor)} of {len(runs)} |"
     heights = [height for run in floor if (height := run.held.figures["result"]["support_height"]) is not None]
-    highest = max(run.highest for run in floor)
-    yield f"| height of resting joints other than feet, mean / largest, % of leg | {np.mean(heights):.2f} / {highest:.2f} |"
+    spread = f"{np.mean(heights):.2f} / {max(run.highest for run in floor):.2f}"
+    yield f"| height of resting joints other than feet, mean / largest, % of leg | {spread} |"
     slide, slide_source = (
         np.mean([run.held.figures[side]["support_slide"] or 0.0 for run in floor]) for side in ("result", "source")
     )

@@ -12,8 +12,8 @@ A pair is drawn to a vector, not only to a distance, so that nothing changes sid
 d_source - d_copy). At f = 1 it has the length tau2 D of Eq. (1) and the direction e of the source. The activation f
 grows smoothly from 0 to 1 as the pair comes near, beginning a little ahead of time, and the weight w grows with it
 (`contact_pairs`). The stiffness A_f, a matrix, draws a joint that comes to rest or lets go a share of the way to its
-place (`support_springs`). Where nothing is near and nothing rests, the result has the rotation copy's rotations. Apart from
-the places of the feet, a frame depends on the frames around it only.
+place (`support_springs`). Where nothing is near and nothing rests, the result has the rotation copy's rotations. Apart
+from the places of resting joints, a frame depends on the frames around it only.
 """
 
 from __future__ import annotations

@@ -25,7 +25,8 @@ def with_floor_heights(
     """Return the supports with the heights that joints other than the feet's keep above.
 
     The floor is as high as the lowest joint of the source, times `scale`, while something rests there. A joint belongs
-    no nearer to it than the source's, times `scale`, or than `settings.rest_height`, whichever is less.
+    no nearer to it than the source's, times `scale`, or than `settings.rest_height`, whichever is less. The joints of a region,
+    such as those of a hand, share the stiffness of the floor.
     """
     if matching.legs is None:
         return supports
@@ -38,5 +39,7 @@ def with_floor_heights(
     lowest = floor[:, None] + np.minimum(heights[:, matching.drivers[joints]] - floor[:, None], reach)
     over = problem.copy_on_path[:, joints] @ up - lowest
     near = ((over < NEAR * length) & (weight[:, None] > 0.0)).any(axis=0)
-    stiffness = settings.floor_stiffness * np.repeat(weight[:, None], near.sum(), axis=1)
-    return replace(supports, floor=Floor(joints[near], lowest[:, near] / problem.unit, stiffness, up))
+    joints, lowest = joints[near], lowest[:, near]
+    _, region, count = np.unique(matching.regions.of_joint[joints], return_inverse=True, return_counts=True)
+    stiffness = settings.floor_stiffness * weight[:, None] / count[region]
+    return replace(supports, floor=Floor(joints, lowest / problem.unit, stiffness, up))

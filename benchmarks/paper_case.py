@@ -1,0 +1,124 @@
+"""The paper's experiment: a motion on the skeleton of its Table I, and the same skeleton with other bone lengths."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+
+import numpy as np
+from clips import SAMPLES
+from edits import ARMS, LEGS, edited
+from numpy.typing import NDArray
+
+from distretarget import Motion, RetargetResult, Skeleton, read_bvh, retarget
+from distretarget.baseline.root import find_root_scale
+from distretarget.baseline.rotation_copy import rotation_copy
+from distretarget.body.body import Body
+from distretarget.distances import DistanceProblem, distance_problem, posture_stress
+from distretarget.matching.matching import match
+from distretarget.retargeting import Objective
+
+Array = NDArray[np.float64]
+
+METRES = 0.01  # per unit of the sample clips, which are in centimetres
+POSTURE = 61  # the frame of the walk that stands for the paper's walking posture: both feet down, legs far apart
+
+GROUPS = {"arms": ARMS, "legs": LEGS, "spine": ("trunk",), "arms, legs, spine": (*ARMS, *LEGS, "trunk")}
+"""The parts of the body, by the names in `edits`, that the edits change together."""
+PERCENT = (-30, 30, 60)
+
+
+def _scaled(percents: dict[str, int]) -> dict[str, float]:
+    """Factors by part of the body, from percentages by group."""
+    return {part: 1 + percent / 100 for group, percent in percents.items() for part in GROUPS[group]}
+
+
+EDITS: dict[str, dict[str, float]] = {
+    **{f"{group} {percent:+d} %": _scaled({group: percent}) for group in GROUPS for percent in PERCENT},
+    "arms +60 %, legs -30 %": _scaled({"arms": 60, "legs": -30}),
+    "legs +60 %, spine -30 %": _scaled({"legs": 60, "spine": -30}),
+    "arms -30 %, spine +60 %": _scaled({"arms": -30, "spine": 60}),
+}
+"""Factors on bone lengths by part of the body; hips and shoulders keep their widths."""
+
+
+@cache
+def on_table_one(clip: str) -> Motion:
+    """A sample clip on the 22 joints of Table I, without its End Sites [m]."""
+    motion = read_bvh(SAMPLES / f"{clip}.bvh")
+    joints = list(motion.skeleton.joints)
+    skeleton = without_end_sites(motion.skeleton)
+    return Motion(
+        skeleton, METRES * motion.translations[:, joints], motion.rotations[:, joints], motion.frame_time_text
+    )
+
+
+def without_end_sites(skeleton: Skeleton) -> Skeleton:
+    """The joints of a skeleton of the samples, in metres."""
+    joints = list(skeleton.joints)
+    return replace(
+        skeleton,
+        names=tuple(skeleton.names[joint] for joint in joints),
+        parents=[joints.index(parent) if parent >= 0 else -1 for parent in skeleton.parents[joints].tolist()],
+        offsets=METRES * skeleton.offsets[joints],
+        channels=tuple(skeleton.channels[joint] for joint in joints),
+        end_sites=skeleton.end_sites[joints],
+        units="m",
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A motion, and a body on the same tree with other bone lengths to bring it to."""
+
+    source: Motion
+    target: Skeleton
+
+    @cached_property
+    def problem(self) -> DistanceProblem:
+        """The paper's distance problem; its points are the joints."""
+        return distance_problem(self.source.skeleton, self.target, np.arange(len(self.target)))
+
+    @cached_property
+    def paper(self) -> RetargetResult:
+        """The paper's objective, over free points and over rotations."""
+        return self._retargeted("paper")
+
+    @cached_property
+    def contact(self) -> RetargetResult:
+        """The contact objective."""
+        return self._retargeted("contact")
+
+    def _retargeted(self, objective: Objective) -> RetargetResult:
+        return retarget(self.source, self.target, objective=objective)
+
+    @cached_property
+    def copy(self) -> Array:
+        """(frames, joints, 3), positions of the rotation copy, from which the paper's solver starts [m]."""
+        matching = match(Body.of_motion(self.source), Body.of(self.target))
+        return rotation_copy(matching, find_root_scale(matching)).positions
+
+    def postures(self) -> dict[str, Array]:
+        """What the methods make of the motion, (frames, joints, 3) each [m]."""
+        return {
+            "rotation copy": self.copy,
+            "paper, points": self.paper.postures.positions,
+            "paper, exact bones": self.paper.motion.positions,
+            "contact": self.contact.motion.positions,
+        }
+
+    def figures(self, key: str) -> tuple[float, ...]:
+        """A figure of quality (`measure.figures.FIGURES`) of rotation copy, paper's exact bones and contact."""
+        sides = self.paper.figures["rotation_copy"], self.paper.figures["result"], self.contact.figures["result"]
+        return tuple(side[key] or 0.0 for side in sides)
+
+    def sigma(self, points: Array) -> Array:
+        """(frames,), Eq. (2) [m^2], of postures (frames, joints, 3) [m]."""
+        return posture_stress(self.problem, self.source.positions, points) * self.problem.body_size**2
+
+
+@cache
+def case(edit: str, clip: str = "walk") -> Case:
+    """A sample clip and its own body after one of `EDITS`."""
+    source = on_table_one(clip)
+    return Case(source, edited(source.skeleton, EDITS[edit]))

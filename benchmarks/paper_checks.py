@@ -1,0 +1,118 @@
+"""What is known exactly about the paper's problem on the skeleton of its Table I, beside what the program finds."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from fractions import Fraction
+
+import numpy as np
+from paper_case import EDITS, POSTURE, Case, case, on_table_one
+from paper_solver import solve, solve_with_lbfgs
+
+from distretarget.solve.free_points import aligned
+
+Check = tuple[str, str, str]
+"""What is checked, the known answer, and what is found."""
+
+MIRROR = np.array([-1.0, 1.0, 1.0])
+SCALE = 1.6
+ROUNDING = 1e-12  # a difference up to this comes from rounding
+NEAR = 1e-7  # how far a solved point may be from its known place [m]
+AGREEMENT = 1e-6  # how far two solvers may differ in the sigma they find [relative]
+
+
+def checks() -> Iterator[Check]:
+    """Every check."""
+    yield from problem_checks()
+    yield same_lengths()
+    yield every_bone_scaled()
+    yield mirrored_start()
+    yield other_solver()
+
+
+def problem_checks() -> Iterator[Check]:
+    """Pairs, path sizes and priorities."""
+    problem, skeleton = case("spine +60 %").problem, on_table_one("walk").skeleton
+    u, v = np.triu_indices(len(problem), 1)
+    count = Counter(problem.sizes[u, v].astype(int).tolist())
+    bones = np.arange(1, len(skeleton)), skeleton.parents[1:]
+    wrists, longest = ((skeleton.index("RightWrist"), skeleton.index(other)) for other in ("LeftWrist", "RightToe"))
+    yield "pairs of joints", "231", str(count.total())
+    yield (
+        "pairs by path size, 2 to 12",
+        "21, 24, 27, 28, 31, 28, 24, 22, 14, 8, 4",
+        ", ".join(str(count[size]) for size in sorted(count)),
+    )
+    yield "path size from RightWrist to RightToe, the largest", "12", f"{problem.sizes[longest]:.0f}"
+    yield "priority of that pair, the smallest", "1/6", fraction(problem.priorities[u, v].min())
+    yield "smallest priority of a bone", "1", fraction(problem.priorities[bones].min())
+    yield "path size from RightWrist to LeftWrist", "9", f"{problem.sizes[wrists]:.0f}"
+    yield "priority of that pair", "5/12", fraction(problem.priorities[wrists])
+
+
+def same_lengths() -> Check:
+    """Where no bone changes, the source's posture is the answer."""
+    source = on_table_one("walk")
+    posture = source.positions[POSTURE]
+    _, minimum = solve(Case(source, source.skeleton).problem, posture, posture)
+    return "no bone changed: sigma, iterations", "0, 0", f"{zero(minimum.value)}, {minimum.iterations}"
+
+
+def every_bone_scaled() -> Check:
+    """Where every bone is scaled by s, s times the posture is the answer; the start is the source's posture."""
+    source = on_table_one("walk")
+    posture = source.positions[POSTURE]
+    larger = source.skeleton.with_offsets(SCALE * source.skeleton.offsets)
+    points, minimum = solve(Case(source, larger).problem, posture, posture)
+    expected = SCALE * (posture - posture.mean(axis=0))
+    off = np.abs(aligned(points[None], expected[None])[0] - expected).max()
+    return (
+        f"every bone times {SCALE}: sigma, points off {SCALE} times the posture [m]",
+        f"0, < {NEAR:g}",
+        f"{zero(minimum.value)}, {less(off, NEAR)}",
+    )
+
+
+def mirrored_start() -> Check:
+    """A mirrored start gives the mirrored result, with the same sigma."""
+    one = case("spine +60 %")
+    posture, start = one.source.positions[POSTURE], one.copy[POSTURE]
+    points, minimum = solve(one.problem, posture, start)
+    reflected, other = solve(one.problem, posture, MIRROR * start)
+    off, difference = np.abs(reflected - MIRROR * points).max(), other.value - minimum.value
+    return (
+        "mirrored start: off the mirrored result [m], difference of sigma",
+        "0, 0",
+        f"{zero(off)}, {zero(difference)}",
+    )
+
+
+def other_solver() -> Check:
+    """Another solver, L-BFGS-B of scipy, finds the same minimum from the same start."""
+    differences = []
+    for edit in EDITS:
+        one = case(edit)
+        arguments = one.problem, one.source.positions[POSTURE], one.copy[POSTURE]
+        differences.append(abs(solve(*arguments)[1].value / solve_with_lbfgs(*arguments).fun - 1))
+    return (
+        "sigma after each edit against L-BFGS-B's, largest relative difference",
+        f"< {AGREEMENT:g}",
+        less(max(differences), AGREEMENT),
+    )
+
+
+def fraction(value: float) -> str:
+    """A number as a fraction with a small denominator, or with its digits if it is none."""
+    nearest = Fraction(float(value)).limit_denominator(24)
+    return str(nearest) if abs(value - nearest) < ROUNDING else f"{value:.12g}"
+
+
+def zero(value: float) -> str:
+    """0 for a number that differs from it by rounding only."""
+    return "0" if abs(value) < ROUNDING else f"{value:.2g}"
+
+
+def less(value: float, bound: float) -> str:
+    """That a number is less than a bound, or the number."""
+    return f"< {bound:g}" if value < bound else f"{value:.2g}"
