@@ -24,17 +24,16 @@ def with_floor_heights(
 ) -> Supports:
     """Return the supports with the heights that joints other than the feet's keep above.
 
-    The floor is as high as the lowest joint of the source, times `scale`, while something rests there. A joint belongs
-    no nearer to it than the source's, times `scale`, or than `settings.rest_height`, whichever is less. The joints of a region,
-    such as those of a hand, share the stiffness of the floor.
+    The floor is as high as the lowest joint of the source, times `scale`, while something rests. A joint belongs no
+    nearer to it than the source's, times `scale`, or than `settings.rest_height`, whichever is less. The joints of a
+    region, such as those of a hand, share the stiffness of the floor.
     """
     if matching.legs is None:
         return supports
     up, length = matching.source.up_vector, matching.leg_lengths[1]
     heights = scale * matching.source_motion.positions @ up
     floor, reach = heights.min(axis=1), settings.rest_height * length
-    resting = supports.weights * (supports.places @ up - floor[:, None] < 2.0 * reach)
-    weight = resting.max(axis=1, initial=0.0)
+    weight = supports.weights.max(axis=1, initial=0.0)
     joints = joints_but_feet(matching)
     lowest = floor[:, None] + np.minimum(heights[:, matching.drivers[joints]] - floor[:, None], reach)
     over = problem.copy_on_path[:, joints] @ up - lowest

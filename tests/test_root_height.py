@@ -1,0 +1,69 @@
+"""The path of the root follows what the body rests on, and stays as it is where only feet rest."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from distretarget.solve.resting_joints import RestingJoints
+from distretarget.solve.root_height import root_shift
+from distretarget.solve.supports import no_supports
+
+FRAMES = 120
+ONE_SHOT = np.zeros(FRAMES, np.intp)
+OFF = np.array([0.3, -0.2, 0.1])
+
+
+def resting(rests, off=OFF, in_trunk=False):
+    """One joint that belongs `off` from the copy while it rests."""
+    places = np.broadcast_to(off, (FRAMES, 1, 3)).copy()
+    return RestingJoints(
+        joints=np.array([0]),
+        regions=np.array([0]),
+        in_trunk=np.array([in_trunk]),
+        rests=rests[:, None],
+        places=places,
+    )
+
+
+class Still:
+    """A clip in which the copy does not move."""
+
+    copy_on_path = np.zeros((FRAMES, 1, 3))
+    frame_time = 1 / 60
+
+    def __len__(self):
+        return FRAMES
+
+
+def feet_at_rest(rests):
+    feet = no_supports(FRAMES)
+    return SimpleNamespace(feet=2, weights=np.repeat(rests[:, None].astype(float), 2, axis=1), joints=feet.joints)
+
+
+def test_the_root_goes_where_the_only_support_asks_for():
+    always = np.ones(FRAMES, bool)
+    np.testing.assert_allclose(root_shift(Still(), feet_at_rest(~always), resting(always), ONE_SHOT), [OFF] * FRAMES)
+
+
+@pytest.mark.parametrize(("in_trunk", "share"), [(False, 1 / 2), (True, 10 / 11)])
+def test_feet_at_rest_count_as_in_place_and_a_seat_counts_most(in_trunk, share):
+    always = np.ones(FRAMES, bool)
+    shift = root_shift(Still(), feet_at_rest(always), resting(always, in_trunk=in_trunk), ONE_SHOT)
+    np.testing.assert_allclose(shift, [share * OFF] * FRAMES)
+
+
+def test_the_root_leads_smoothly_from_feet_to_hands():
+    on_hands = np.arange(FRAMES) >= 70
+    shift = root_shift(Still(), feet_at_rest(np.arange(FRAMES) < 50), resting(on_hands), ONE_SHOT)
+    np.testing.assert_allclose(shift[:30], 0, atol=0.03)
+    np.testing.assert_allclose(shift[-20:], [OFF] * 20, atol=0.03)
+    steps = np.linalg.norm(np.diff(shift, axis=0), axis=1)
+    assert steps.max() < 4 * np.linalg.norm(OFF) / 40
+
+
+def test_shots_do_not_draw_at_each_other():
+    shots = (np.arange(FRAMES) >= 60).astype(np.intp)
+    shift = root_shift(Still(), feet_at_rest(shots == 0), resting(shots == 1), shots)
+    np.testing.assert_allclose(shift[:60], 0)
+    np.testing.assert_allclose(shift[60:], [OFF] * 60)
