@@ -8,17 +8,17 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from functools import cached_property
-from multiprocessing import forkserver
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Protocol
 
 from distretarget.batch.compile_ahead import warm
 from distretarget.errors import BatchError
-from distretarget.retargeting import OBJECTIVES, Objective
+from distretarget.retargeting import Objective
 
 # The variables that set the threads of a process. Workers have one thread each, as there is a worker for each core.
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -30,9 +30,11 @@ class Pool(Protocol):
 
     Attributes:
         workers: how many there are.
+        start_seconds: the time that their start has taken, with the compilation of their code [s].
     """
 
     workers: int
+    start_seconds: float
 
     @property
     def executor(self) -> Executor:
@@ -54,30 +56,27 @@ class Processes:
     def __init__(self, workers: int, objective: Objective) -> None:
         """Prepare to start this many processes, for an objective."""
         self.workers = workers
+        self.start_seconds = 0.0
         self._objective = objective
         # Not "fork": a process with threads, which numerical libraries start, must not be forked.
         methods = multiprocessing.get_all_start_methods()
         self._context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
-        self._forks = "forkserver" in methods
-        if self._forks:
+        if "forkserver" in methods:
             self._context.set_forkserver_preload(["distretarget.batch.warmed"])
 
     @cached_property
     def executor(self) -> ProcessPoolExecutor:
         """The processes, which start when they are first needed.
 
-        Code is compiled only once: by the process from which the others are forked; or by this process, into the cache
-        that the others read, if they are not forked or the objective is not the default one.
+        Code is compiled only once, by this process; the others find it in the folder of compiled code.
         """
-        if not self._forks or self._objective != OBJECTIVES[0]:
-            warm(self._objective)
+        started = time.perf_counter()
+        warm(self._objective)
         reader, self._writer = self._context.Pipe(duplex=False)
         with _worker_environment():
             pool = ProcessPoolExecutor(self.workers, self._context, _start_worker, (reader,))
-            if self._forks:
-                forkserver.ensure_running()  # starts the server without waiting for it
-            else:
-                pool.submit(os.getpid)  # starts the processes
+            pool.submit(os.getpid).result()  # starts the processes, and waits for them
+        self.start_seconds += time.perf_counter() - started
         return pool
 
     def lost(self) -> bool:
@@ -114,6 +113,7 @@ class Cluster:
             self._client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as error:
             raise BatchError(f"no Dask scheduler answers at {address}: {error}") from error
+        self.start_seconds = 0.0
         self.workers = sum(self._client.ncores().values())
         if not self.workers:
             self._client.close()

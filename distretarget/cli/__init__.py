@@ -17,6 +17,7 @@ from distretarget.cli.retarget import retarget_command
 from distretarget.cli.skeleton import skeleton_group
 from distretarget.errors import DistretargetError
 from distretarget.io.files import reason_of
+from distretarget.numerics.compiled import announced_compilation
 
 THREAD_TIMEOUT = 5.0  # time that each remaining thread has to end before the program ends without it [s]
 
@@ -47,7 +48,9 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     try:
-        _leave(_run())
+        with announced_compilation(lambda line: click.echo(line, err=True)):
+            status = _run()
+        _leave(status)
     except OSError as error:  # of standard output, if the error names no file
         sys.stdout = None  # so that Python does not flush it again at exit
         sys.exit(_complain(f"{error.filename or 'standard output'}: {reason_of(error)}", 1))

@@ -149,7 +149,7 @@ def batch_command(
     pool: Pool = Cluster(dask) if dask else Processes(jobs or cores(), options.objective)
     with closing(pool), closing(Manifest(folder)) as manifest, Progress(len(works)) as progress:
         stopped, status = _convert(batch, manifest, pool, progress)
-    for line in progress.tally.lines(len(works), progress.seconds, pool.workers):
+    for line in progress.tally.lines(len(works), progress.seconds - pool.start_seconds, pool.workers):
         say(line)
     _print_unread(found)
     problems = pages.problems if pages else {}

@@ -11,6 +11,7 @@ import click
 from tqdm import tqdm
 
 from distretarget.baseline.world import RootOffset
+from distretarget.batch.compile_ahead import warm
 from distretarget.cli.matching_table import headline, unused
 from distretarget.cli.options import retargeting
 from distretarget.cli.outputs import LISTED, about, check_outputs, say
@@ -65,6 +66,7 @@ def retarget_command(
     distretarget walk.bvh robot.bvh -o walk_robot.bvh --map walk_robot.map.json -v
     """  # noqa: D301
     check_outputs([output, figures, report], [source, target, map_path], overwrite)
+    warm(options.objective)
     started = time.perf_counter()
     motion = read_bvh(source)
     map_file, target_text = load_map(map_path), load_text(target)

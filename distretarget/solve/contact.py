@@ -21,9 +21,9 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from distretarget.numerics.compiled import compiled, inlined
 from distretarget.solve.articulation import Articulation
 from distretarget.solve.chunks import Mapper, Progress, blocks_of, solve_in_chunks
 from distretarget.solve.contact_pairs import activation_window, candidate_pairs, pair_springs
@@ -80,7 +80,7 @@ def _solve_frames(problem: PoseProblem, stance: Stance, frames: slice, settings:
     return Poses(v, Effort.from_log(log))
 
 
-@njit(cache=True)
+@inlined()
 def _themselves(scratch, springs):  # type: ignore[no-untyped-def] # noqa: ARG001
     return springs
 
@@ -88,7 +88,7 @@ def _themselves(scratch, springs):  # type: ignore[no-untyped-def] # noqa: ARG00
 _solve_pose = compile_pose_solver(spring_energy, _themselves)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _solve(body, bones, root, springs, tolerance, v, first, log):  # type: ignore[no-untyped-def]
     """Solve a block of frames, whose first is frame `first` of `v` and `log`, the arrays written.
 
