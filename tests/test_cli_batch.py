@@ -256,8 +256,10 @@ def started(work, output, *options, finished=0):
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs signals as Unix has them")
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGKILL"])
-def test_a_run_that_was_stopped_goes_on(work, tmp_path, name):
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP", "SIGKILL"])
+def test_a_run_that_was_stopped_goes_on(work, tmp_path, tmp_path_factory, monkeypatch, name):
+    temporary = tmp_path_factory.mktemp("temporary")
+    monkeypatch.setenv("TMPDIR", str(temporary))
     process = started(work, tmp_path, "--jobs", 2, finished=2)
     if name == "SIGINT":
         os.killpg(process.pid, signal.SIGINT)  # as a terminal sends it
@@ -265,7 +267,10 @@ def test_a_run_that_was_stopped_goes_on(work, tmp_path, name):
         process.send_signal(getattr(signal, name))
     out, err = process.communicate(timeout=HANGS)  # until its last worker has ended, too
     before = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.bvh")}
-    if name != "SIGKILL":
+    assert not list(temporary.iterdir())
+    if name == "SIGKILL":
+        assert err == ""
+    else:
         assert process.returncode == 130
         assert " left" in out.splitlines()[0]
         assert err == "distretarget: interrupted; run this again to go on\n"
@@ -275,6 +280,18 @@ def test_a_run_that_was_stopped_goes_on(work, tmp_path, name):
     whole = [path for path, time_then in before.items() if path.stat().st_mtime_ns == time_then]
     assert len(whole) == len(before) >= 1
     assert tree(tmp_path) == tree(work / "out")
+
+
+def test_no_link_leads_out_of_the_folder_of_results(folder):
+    (folder / "out").mkdir()
+    (folder / "out" / "a.bvh").symlink_to(folder / "elsewhere.bvh")
+    (folder / "out" / "deep").symlink_to(folder)
+    done = batch("in", "body.json", "-o", "out", "--overwrite")
+    assert done.returncode == 1
+    assert "3 clips: 0 converted, 0 done before, 3 failed" in done.stdout
+    assert done.stdout.count("leads out of the folder 'out'; remove the link") == 3
+    assert not (folder / "elsewhere.bvh").exists()
+    assert not (folder / "b.bvh").exists()
 
 
 def test_two_runs_may_write_into_one_folder(work, tmp_path):

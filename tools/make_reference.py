@@ -31,9 +31,10 @@ Results go to standard output, errors and warnings to standard error. On a termi
 elsewhere there is none. A file that exists is replaced with `--overwrite` only, an input never. Files are
 written beside their place and moved there when they are complete.
 
-The first run compiles, which may take half a minute, and says so in one line. Later runs find the code in the first of these folders
-that can be written to: `NUMBA_CACHE_DIR`, where that variable is set; the folder of the package; `~/.cache/distretarget`; a private folder
-among the temporary files. Where none can be, each run compiles again. Times and frames per second do not include compilation.
+The first run compiles, which may take half a minute, and says so in one line. Later runs find the code in the first
+of these folders that can be written to: `NUMBA_CACHE_DIR`, where that variable is set; the folder of the package;
+`~/.cache/distretarget`; a private folder among the temporary files. Where none can be, each run compiles again. Times
+and frames per second do not include compilation.
 """
 
 

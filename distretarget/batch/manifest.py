@@ -19,7 +19,7 @@ from pathlib import Path
 from distretarget.batch.plan import MANIFEST, Work
 from distretarget.batch.record import ManifestRecord, Recipe, RecordedOptions, parse_record, read_records
 from distretarget.errors import FileError
-from distretarget.io.files import check_writable, hash_of_file, reason_of
+from distretarget.io.files import check_inside, check_writable, hash_of_file, reason_of
 
 try:
     import fcntl
@@ -106,6 +106,7 @@ class Manifest(History):
             raise FileError(folder, "is a file or inside one, expected a folder for the results") from error
         except OSError as error:
             raise FileError(folder, reason_of(error)) from error
+        check_inside(folder / MANIFEST, folder)
         super().__init__(folder)
         existed = self.path.exists()
         try:

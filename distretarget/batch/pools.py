@@ -5,14 +5,16 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import os
+import shutil
 import signal
 import sys
 import threading
 import time
 from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
-from functools import cached_property
+from concurrent.futures import Executor, ProcessPoolExecutor, wait
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
+from multiprocessing.util import get_temp_dir
 from pathlib import Path
 from typing import Protocol
 
@@ -58,24 +60,31 @@ class Processes:
         self.workers = workers
         self.start_seconds = 0.0
         self._objective = objective
+        self._executor: ProcessPoolExecutor | None = None
         # Not "fork": a process with threads, which numerical libraries start, must not be forked.
         methods = multiprocessing.get_all_start_methods()
         self._context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
         if "forkserver" in methods:
             self._context.set_forkserver_preload(["distretarget.batch.warmed"])
+            with _worker_environment():
+                resource_tracker.ensure_running()
 
-    @cached_property
+    @property
     def executor(self) -> ProcessPoolExecutor:
         """The processes, which start when they are first needed.
 
         Code is compiled only once, by this process; the others find it in the folder of compiled code.
         """
+        return self._executor or self._start()
+
+    def _start(self) -> ProcessPoolExecutor:
         started = time.perf_counter()
         warm(self._objective)
         reader, self._writer = self._context.Pipe(duplex=False)
         with _worker_environment():
-            pool = ProcessPoolExecutor(self.workers, self._context, _start_worker, (reader,))
-            pool.submit(os.getpid).result()  # starts the processes, and waits for them
+            pool = ProcessPoolExecutor(self.workers, self._context, _start_worker, (reader, get_temp_dir()))
+            self._executor = pool
+            wait([pool.submit(os.getpid) for _ in range(self.workers)])  # starts the processes
         self.start_seconds += time.perf_counter() - started
         return pool
 
@@ -87,12 +96,14 @@ class Processes:
     def renew(self) -> None:
         """Replace the processes by new ones."""
         self.close()
-        del self.executor
+        self._executor = None
 
     def close(self) -> None:
-        """End the processes at once."""
-        if "executor" in self.__dict__:
-            self.executor.shutdown(wait=False, cancel_futures=True)
+        """End the processes at once, without a word, even while they start."""
+        if self._executor:
+            for process in list((self._executor._processes or {}).values()):
+                process.kill()
+            self._executor.shutdown(wait=False, cancel_futures=True)
             self._writer.close()
 
 
@@ -140,33 +151,58 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-def _start_worker(parent: Connection) -> None:
-    """Make a worker ignore Ctrl-C, which its parent process handles, and end when the parent ends.
+def _start_worker(parent: Connection, temporary: str) -> None:
+    """Make a worker ignore Ctrl-C, which its parent process handles, and end when the parent dies.
 
-    `parent` becomes readable when the parent process closes its end of the connection or dies.
+    `parent` becomes readable when the parent process dies; `temporary` is its folder of temporary files.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_SETMASK, [])
+    threading.Thread(target=_end_with, args=(parent, temporary), daemon=True).start()
 
 
-def _end_with(parent: Connection) -> None:
-    """End this process when the parent ends."""
+def _end_with(parent: Connection, temporary: str) -> None:
+    """End this process when the parent dies, and remove the temporary files that the parent leaves."""
     parent.poll(None)
+    shutil.rmtree(temporary, ignore_errors=True)
     os._exit(1)
 
 
 @contextlib.contextmanager
 def _worker_environment() -> Iterator[None]:
-    """Set the environment variables of workers while they are started.
+    """Set the environment variables of workers while they are started, and let Ctrl-C wait until they are.
 
     Workers import from the same folders as this process. They do not import from the working directory, which may hold
-    another copy of this program.
+    another copy of this program. After a kill of this process, nothing is said of the semaphores that are cleared away.
     """
     before = dict(os.environ)
     path = os.pathsep.join(str(Path(folder).absolute()) for folder in sys.path)
-    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1") | before | {"PYTHONSAFEPATH": "1", "PYTHONPATH": path})
+    quiet = {"PYTHONWARNINGS": "ignore:resource_tracker", "PYTHONSAFEPATH": "1", "PYTHONPATH": path}
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1") | before | quiet)
     try:
-        yield
+        with _interrupts_held():
+            yield
     finally:
         os.environ.clear()
         os.environ.update(before)
+
+
+@contextlib.contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Let Ctrl-C and requests to end wait, in this process and in those that it starts meanwhile."""
+    if not hasattr(signal, "pthread_sigmask") or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    received: list[int] = []
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    handlers = {number: signal.signal(number, lambda caught, _frame: received.append(caught)) for number in numbers}
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, numbers)  # for started processes; other threads are not masked
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        if received:
+            signal.raise_signal(received[0])

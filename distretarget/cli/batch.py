@@ -7,10 +7,10 @@ import signal
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing
 from importlib.metadata import version
 from pathlib import Path
-from types import FrameType, TracebackType
+from types import TracebackType
 
 import click
 from tqdm import tqdm
@@ -183,14 +183,13 @@ def _planned(found: FoundClips, targets: Sequence[Text], folder: Path, sources: 
 
 def _convert(batch: Batch, manifest: Manifest, pool: Pool, progress: Progress) -> tuple[str, int]:
     """Convert the clips; return why the batch was stopped and the exit status for that; empty and 0 if it was not."""
-    with _interruptible():
-        try:
-            batch.convert(manifest, pool, progress.tally, progress.show)
-        except KeyboardInterrupt:
-            signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the summary is left to print
-            return "interrupted; run this again to go on", INTERRUPTED
-        except (BatchError, FileError) as error:
-            return str(error), 1
+    try:
+        batch.convert(manifest, pool, progress.tally, progress.show)
+    except KeyboardInterrupt:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the summary is left to print
+        return "interrupted; run this again to go on", INTERRUPTED
+    except (BatchError, FileError) as error:
+        return str(error), 1
     return "", 0
 
 
@@ -241,17 +240,3 @@ def _print_unread(found: FoundClips) -> None:
     """Print the errors of files and folders that could not be searched."""
     for error in found.unread:
         say(f"not searched: {error}", err=True)
-
-
-@contextmanager
-def _interruptible() -> Iterator[None]:
-    """Handle a request to end the program (SIGTERM) like Ctrl-C."""
-
-    def interrupt(_signal: int, _frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

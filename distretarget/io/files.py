@@ -97,11 +97,26 @@ def encoded(text: str) -> bytes:
     return text.encode("utf-8", "surrogateescape")
 
 
+def check_inside(path: Path, folder: Path) -> None:
+    """Check that a path in a folder leads to a place in that folder, whichever links it follows.
+
+    Raises:
+        FileError: it leads to another place.
+    """
+    try:
+        inside = path.resolve().is_relative_to(folder.resolve())
+    except (OSError, ValueError, RuntimeError) as error:
+        raise FileError(path, reason_of(error)) from error
+    if not inside:
+        raise FileError(path, f"leads out of the folder {str(folder)!r}; remove the link")
+
+
 def check_writable(path: str | Path, overwrite: bool = False) -> None:
     """Check, without writing, that `write_whole` could write this file.
 
     Raises:
-        FileError: the file exists and may not be replaced, or its folder is missing or not writable.
+        FileError: the file exists and may not be replaced, the path is a link to a file that does not exist, or the
+            folder is missing or not writable.
     """
     try:
         place = Path(path).resolve()
@@ -109,6 +124,8 @@ def check_writable(path: str | Path, overwrite: bool = False) -> None:
             raise FileError(path, "is a folder, expected the name of a file")
         if place.exists():
             _check_replaceable(path, place, overwrite)
+        elif Path(path).is_symlink():
+            raise FileError(path, f"is a link to {str(place)!r}, which does not exist; remove the link")
         if not place.parent.is_dir():
             raise FileError(path, f"there is no folder {str(place.parent)!r}")
     except (OSError, ValueError, RuntimeError) as error:
