@@ -68,6 +68,20 @@ def test_one_bad_file_does_not_stop_the_rest(folder):
     assert sorted(line["status"] for line in lines(folder / "out")) == ["done", "done", "done", "failed"]
 
 
+def test_lines_that_are_no_records_are_named_and_not_used(folder):
+    batch("in/a.bvh", "body.json", "-o", "out", "--report", "page.html")
+    manifest = folder / "out" / "manifest.jsonl"
+    (record,) = lines(folder / "out")
+    changes = [{"output": ["a.bvh"]}, {"figures": {"result": 1}}, {"warnings": None}]
+    for broken in [*(json.dumps(record | change) for change in changes), "[" * 100_000]:
+        manifest.write_text(f"{json.dumps(record | {'figures': {}})}\n{broken}\n")
+        done = batch("in", "body.json", "-o", "out", "--report", "page.html", "--overwrite")
+        assert done.returncode == 0
+        assert done.stderr == "warning: out/manifest.jsonl:2: is not a record of a clip; what it says is not used\n"
+        again = batch("in", "body.json", "-o", "out", "--report", "page.html")
+        assert "3 clips: 0 converted, 3 done before, 0 failed" in again.stdout
+
+
 def test_each_target_gets_a_folder(folder):
     shutil.copy(folder / "body.json", folder / "other.json")
     done = batch("in/a.bvh", "--target", "body.json", "--target", "other.json", "-o", "out")

@@ -17,7 +17,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from distretarget.batch.plan import MANIFEST, Work
-from distretarget.batch.record import ManifestRecord, Recipe, RecordedOptions, parse_record, read_records
+from distretarget.batch.record import ManifestRecord, Recipe, RecordedOptions, is_of_manifest, read_records
 from distretarget.errors import FileError
 from distretarget.io.files import check_inside, check_writable, hash_of_file, reason_of
 
@@ -28,7 +28,13 @@ except ImportError:  # Windows
 
 
 class History:
-    """The earlier runs into a folder of results, read from its manifest."""
+    """The earlier runs into a folder of results, read from its manifest.
+
+    Attributes:
+        path: the path of the manifest.
+        broken: the numbers of its lines, from 1, that are no records. They are not used: the clips that they are about
+            count as not converted.
+    """
 
     def __init__(self, folder: Path) -> None:
         """Read the manifest of a folder, if there is one.
@@ -37,11 +43,12 @@ class History:
             FileError: the file is not a manifest, or cannot be read.
         """
         self.path = folder / MANIFEST
+        self.broken: list[int] = []
         self._last: dict[str, tuple[bytes, str]] = {}
         self._makers: dict[str, dict[str, tuple[str, str]]] = {}
         try:
             _check_is_manifest(self.path)
-            for record in read_records(self.path):
+            for record in read_records(self.path, self.broken.append):
                 self._remember(record)
         except OSError as error:
             raise FileError(self.path, reason_of(error)) from error
@@ -184,7 +191,7 @@ def _check_is_manifest(path: Path) -> None:
     if path.exists():
         with path.open("rb") as file:
             first = file.readline()
-        if first.endswith(b"\n") and first.strip() and parse_record(first) is None:
+        if first.endswith(b"\n") and first.strip() and not is_of_manifest(first):
             raise FileError(path, "is not the manifest of a batch; choose another folder for the results")
 
 

@@ -75,7 +75,7 @@ def worst(records: Iterable[ManifestRecord], figure: Figure) -> list[ManifestRec
 
 def _of_result(record: ManifestRecord, figure: Figure) -> float:
     """The figure of the result, 0 where nothing was to be measured."""
-    return record["figures"]["result"][figure.key] or 0.0
+    return record["figures"].get("result", {}).get(figure.key) or 0.0
 
 
 def _failure(record: ManifestRecord) -> str:

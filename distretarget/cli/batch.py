@@ -148,6 +148,7 @@ def batch_command(
     batch = Batch(works=works, folder=folder, recipe=recipe, pages=pages, overwrite=overwrite, fail_fast=fail_fast)
     pool: Pool = Cluster(dask) if dask else Processes(jobs or cores(), options.objective)
     with closing(pool), closing(Manifest(folder)) as manifest, Progress(len(works)) as progress:
+        _print_broken(manifest)
         stopped, status = _convert(batch, manifest, pool, progress)
     for line in progress.tally.lines(len(works), progress.seconds - pool.start_seconds, pool.workers):
         say(line)
@@ -224,6 +225,7 @@ class Progress:
 def _print_plan(works: Sequence[Work], folder: Path, recipe: Recipe, overwrite: bool) -> None:
     """Print what would be done with each clip."""
     history = History(folder)
+    _print_broken(history)
     for work in works:
         try:
             done = history.is_done(work, hash_of(read_bytes(work.clip.path)), recipe, folder)
@@ -234,6 +236,14 @@ def _print_plan(works: Sequence[Work], folder: Path, recipe: Recipe, overwrite: 
             say(f"fail     {error}")
         else:
             say(f"{'skip   ' if done and not overwrite else 'convert'}  {work.clip.path} -> {folder / work.place}")
+
+
+def _print_broken(history: History) -> None:
+    """Print which lines of a manifest cannot be used."""
+    if history.broken:
+        first, *others = history.broken
+        more = f", nor are {len(others)} more lines" if others else ""
+        say(f"warning: {history.path}:{first}: is not a record of a clip{more}; what it says is not used", err=True)
 
 
 def _print_unread(found: FoundClips) -> None:
