@@ -14,6 +14,17 @@ from distretarget.numerics.kinematics import forward_kinematics, world_rotations
 from distretarget.numerics.rotations import RotationKind, represented
 from distretarget.skeleton import Skeleton
 
+SHORTEST_FRAME, LONGEST_FRAME = 1e-5, 1e3  # the times between frames that a recording may have [s]
+NUMERALS = frozenset("0123456789.+-eE")
+
+
+def is_frame_time(text: str) -> bool:
+    """Return whether a text is a time between frames: a decimal number from 1e-5 to 1e3 [s]."""
+    try:
+        return NUMERALS.issuperset(text) and SHORTEST_FRAME <= float(text) <= LONGEST_FRAME
+    except ValueError:
+        return False
+
 
 class MotionArrays(TypedDict):
     """A motion as arrays that numpy stores and loads without pickle.
@@ -53,7 +64,8 @@ class Motion:
         frame_time_text: the time between frames [s] as the file spells it, digit for digit.
 
     Raises:
-        MotionError: the shapes of the arrays do not fit the skeleton or each other.
+        MotionError: the shapes of the arrays do not fit the skeleton or each other, or the frame time is not a number
+            from 1e-5 to 1e3.
     """
 
     skeleton: Skeleton
@@ -71,6 +83,9 @@ class Motion:
             object.__setattr__(self, name, array)
         if len(self.translations) != len(self.rotations):
             raise MotionError(f"{len(self.translations)} frames of translations, {len(self.rotations)} of rotations")
+        if not is_frame_time(self.frame_time_text):
+            wanted = f"a number of seconds from {SHORTEST_FRAME:g} to {LONGEST_FRAME:g}, as text"
+            raise MotionError(f"frame_time_text is {self.frame_time_text!r}; expected {wanted}")
 
     def __len__(self) -> int:
         return len(self.rotations)

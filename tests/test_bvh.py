@@ -224,6 +224,8 @@ REFUSED = {
     "frame time 0": (edit(("0.0333333", "0.0")), 32, "'0.0'", "a number above 0"),
     "frame time underflow": (edit(("0.0333333", "1e-999")), 32, "'1e-999'", "a number above 0"),
     "frame time negative": (edit(("0.0333333", "-.1")), 32, "'-.1'", "a number above 0"),
+    "frame time too short": (edit(("0.0333333", "1e-9")), 32, "'1e-9'", "above 0, from 1e-05 to 1000"),
+    "frame time too long": (edit(("0.0333333", "1e308")), 32, "'1e308'", "above 0, from 1e-05 to 1000"),
     "frame time text": (edit(("0.0333333", "1/30")), 32, "'1/30'", "a number above 0"),
     "frame time infinite": (edit(("0.0333333", "inf")), 32, "'inf'", "a number above 0"),
     "text in frames": (edit(("13 70", "13 abc 70")), 34, "'abc'", "a finite number"),
