@@ -22,7 +22,7 @@ from distretarget.matching.pairing import JointMap
 from distretarget.motion import Motion
 from distretarget.numerics.shots import find_shots
 from distretarget.result import RetargetResult
-from distretarget.skeleton import LARGEST, Skeleton
+from distretarget.skeleton import LARGEST, SMALLEST, Skeleton
 from distretarget.solve.chunks import Mapper, Progress
 from distretarget.solve.contact import solve_contact
 from distretarget.solve.fit_to_points import fit_rotations
@@ -181,5 +181,5 @@ def _check(source: Motion, target: Skeleton) -> None:
     if not np.abs(source.positions).max() <= LARGEST:
         raise MotionError(f"the source has positions beyond {LARGEST:g}; OFFSETs or position channels must be wrong")
     for body, name in ((source.skeleton, "source"), (target, "target")):
-        if not body.path_lengths.max() > 0:
-            raise MotionError(f"no bone of the {name} has a length; its OFFSETs are all zero")
+        if not body.lengths.max() >= SMALLEST:
+            raise MotionError(f"no bone of the {name} has a length; its OFFSETs are all below {SMALLEST:g}")

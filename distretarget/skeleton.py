@@ -16,7 +16,9 @@ from distretarget.numerics.kinematics import forward_kinematics
 
 POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
 ROTATION_CHANNELS = ("Xrotation", "Yrotation", "Zrotation")
-LARGEST = 1e50  # largest coordinate of an offset or a position, so that products of three stay finite [file units]
+# Bounds within which all computations stay finite and exact to a few digits [file units].
+LARGEST = 1e12  # largest coordinate of an offset or a position; also the largest scale
+SMALLEST = 1e-12  # least length of a body's longest bone; also the least scale
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

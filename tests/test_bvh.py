@@ -200,7 +200,7 @@ REFUSED = {
     "offset of four": (edit((" 5.25", " 5.25 6")), 8, "'0.1'", "JOINT"),
     "offset of text": (edit((" 5.25", " 5,25")), 8, "'5,25'", "the y offset, a finite number"),
     "offset not finite": (edit((" 5.25", " 1e999")), 8, "'1e999'", "the y offset, a finite number"),
-    "offset too large": (edit((" 5.25", " -1e51")), 8, "'-1e51'", "the y offset, a finite number, at most 1e+50"),
+    "offset too large": (edit((" 5.25", " -1e13")), 8, "'-1e13'", "the y offset, a finite number, at most 1e+12"),
     "offset of End Site": (edit(("        OFFSET 0.0 1.0 0.5\n", "")), 16, "'}'", "OFFSET"),
     "unknown channel": (edit(("Yrotation\n  JOINT", "Wrotation\n  JOINT")), 5, "'Wrotation'", "Xposition"),
     "repeated channel": (edit(("Zposition", "XPOSITION")), 5, "'XPOSITION' twice", "each channel once"),
