@@ -60,10 +60,15 @@ def test_the_next_run_reads_what_was_done(manifest, tmp_path):
     again = Manifest(tmp_path / "out")
     assert again.is_done(work(), "in", RECIPE, tmp_path / "out")
     again.add(failed_record(work(), "in", RECIPE) | {"error": "no"})
-    assert not again.is_done(work(), "in", RECIPE, tmp_path / "out")
+    assert again.is_done(work(), "in", RECIPE, tmp_path / "out")
     again.close()
     third = Manifest(tmp_path / "out")
-    assert not third.is_done(work(), "in", RECIPE, tmp_path / "out")
+    assert third.is_done(work(), "in", RECIPE, tmp_path / "out")
+    assert third.latest([work()])[0]["status"] == "failed"
+    third.confirm(work())
+    third.confirm(work())
+    assert third.latest([work()])[0]["status"] == "done"
+    assert len(list(read_records(third.path))) == 3
     check(third, work(), tmp_path / "out")
     third.close()
 

@@ -82,6 +82,23 @@ def test_lines_that_are_no_records_are_named_and_not_used(folder):
         assert "3 clips: 0 converted, 3 done before, 0 failed" in again.stdout
 
 
+def test_a_run_with_the_wrong_target_does_not_undo_what_was_done(folder):
+    blocks = {"format": "distretarget-skeleton", "version": 1, "joints": [
+        {"name": "Block", "parent": None, "offset": [0, 0, 0]}, {"name": "Lid", "parent": "Block", "offset": [0, 1, 0]},
+    ]}  # fmt: skip
+    (folder / "blocks.json").write_text(json.dumps(blocks))
+    counts = []
+    for target in ("body.json", "blocks.json", "body.json", "body.json"):
+        counts.append(batch("in", target, "-o", "out", "--report", "page.html").stdout.splitlines()[0])
+    assert counts == [
+        "3 clips: 3 converted, 0 done before, 0 failed",
+        "3 clips: 0 converted, 0 done before, 3 failed",
+        "3 clips: 0 converted, 3 done before, 0 failed",
+        "3 clips: 0 converted, 3 done before, 0 failed",
+    ]
+    assert [line["status"] for line in lines(folder / "out")] == ["done"] * 3 + ["failed"] * 3 + ["done"] * 3
+
+
 def test_each_target_gets_a_folder(folder):
     shutil.copy(folder / "body.json", folder / "other.json")
     done = batch("in/a.bvh", "--target", "body.json", "--target", "other.json", "-o", "out")

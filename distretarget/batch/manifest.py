@@ -46,10 +46,12 @@ class History:
         self.broken: list[int] = []
         self._last: dict[str, tuple[bytes, str]] = {}
         self._makers: dict[str, dict[str, tuple[str, str]]] = {}
+        self._failed: set[str] = set()
         try:
             _check_is_manifest(self.path)
             for record in read_records(self.path, self.broken.append):
                 self._remember(record)
+            self._hidden = self._done_before_failing()
         except OSError as error:
             raise FileError(self.path, reason_of(error)) from error
 
@@ -90,12 +92,19 @@ class History:
     def _remember(self, record: ManifestRecord) -> None:
         """Keep what decides whether a clip is done and whether its output may be replaced."""
         place = record["output"]
-        self._last.pop(place, None)
+        self._failed.add(place)
         if record["status"] == "done" and (output_hash := record["output_hash"]):
             made_from = record["input_hash"], record["target_hash"], record["options"], record["version"]
+            self._failed.discard(place)
             self._last[place] = (_digest_of(*made_from), output_hash)
             files = record["input"], sys.intern(record["target"])
             self._makers.setdefault(place, {})[output_hash] = files
+
+    def _done_before_failing(self) -> dict[str, ManifestRecord]:
+        """By output, the last record of a conversion, for the clips that failed in a later run."""
+        failed = self._failed & self._last.keys()
+        records = read_records(self.path) if failed else ()
+        return {record["output"]: record for record in records if record["output"] in failed and record["output_hash"]}
 
 
 class Manifest(History):
@@ -142,6 +151,15 @@ class Manifest(History):
                     self._file.truncate(size)
                 raise FileError(self.path, reason_of(error)) from error
         self._remember(record)
+
+    def confirm(self, work: Work) -> None:
+        """Let the last line of a clip that is done be that of its output, after a failure in between.
+
+        Raises:
+            FileError: the line cannot be written.
+        """
+        if record := self._hidden.pop(work.place.as_posix(), None):
+            self.add(record)
 
     def _append(self, line: bytes) -> None:
         while line:

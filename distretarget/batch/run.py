@@ -106,6 +106,7 @@ class Run:
             content = read_bytes(work.clip.path)
             content_hash = hash_of(content)
             if not self.overwrite and self.manifest.is_done(work, content_hash, self.recipe, self.folder):
+                self.manifest.confirm(work)
                 self.watcher.clip(None)
                 return
             task = _task_of(work, content, self.recipe, self.about)
