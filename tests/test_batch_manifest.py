@@ -159,6 +159,20 @@ def test_two_runs_may_write_to_one_manifest(manifest, tmp_path):
     assert len(list(read_records(manifest.path))) == 40
 
 
+def test_a_run_learns_what_another_has_done_meanwhile(manifest, tmp_path):
+    other = Manifest(tmp_path / "out")
+    for name in ("a.bvh", "b.bvh"):
+        (tmp_path / "out" / name).write_text(OUTPUT)
+        other.add(done(work(name)))
+        assert not manifest.is_done(work(name), "in", RECIPE, tmp_path / "out")
+        with pytest.raises(FileError, match="exists already"):
+            check(manifest, work(name), tmp_path / "out")
+        manifest.catch_up()
+        assert manifest.is_done(work(name), "in", RECIPE, tmp_path / "out")
+        check(manifest, work(name), tmp_path / "out")
+    other.close()
+
+
 def test_files_left_by_a_killed_run_are_removed_unless_another_run_is_at_work(manifest, tmp_path):
     left = tmp_path / "out" / "deep" / ".distretarget-0123.tmp"
     left.parent.mkdir()

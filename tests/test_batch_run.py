@@ -200,6 +200,25 @@ def test_files_that_were_not_made_here_are_left_alone(folder):
     assert results(folder)["a.bvh"] == "body.json: one"
 
 
+def test_what_another_run_writes_meanwhile_is_no_failure(folder, monkeypatch):
+    """The other run, with other options, writes between the look at a place and the output for it."""
+    look, convert, looks = batch_run.hash_of_file, batch_run.convert, []
+
+    def late(path):
+        found = look(path)
+        if not looks:
+            looks.append(path)
+            with monkeypatch.context() as other:
+                other.setattr(batch_run, "convert", lambda task, *_: replace(convert(task), bvh="with other options"))
+                go(folder, recipe=replace(RECIPE, options=Options(root_scale=2.0)))
+            assert set(results(folder).values()) == {"with other options"}
+        return found
+
+    monkeypatch.setattr(batch_run, "hash_of_file", late)
+    assert len(go(folder).of("done")) == 3
+    assert results(folder)["a.bvh"] == "body.json: one"
+
+
 def test_an_output_that_was_edited_is_left_alone(folder):
     go(folder)
     (folder / "out" / "a.bvh").write_text("edited")

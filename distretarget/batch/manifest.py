@@ -49,6 +49,7 @@ class History:
         self._failed: set[str] = set()
         try:
             _check_is_manifest(self.path)
+            self._size = self.path.stat().st_size if self.path.exists() else 0  # how much has been read [bytes]
             for record in read_records(self.path, self.broken.append):
                 self._remember(record)
             self._hidden = self._done_before_failing()
@@ -134,6 +135,21 @@ class Manifest(History):
     def close(self) -> None:
         """Close the file, which also ends the registration of this run."""
         self._file.close()
+
+    def catch_up(self) -> None:
+        """Take note of what other runs have added to the manifest.
+
+        Raises:
+            FileError: the file cannot be read.
+        """
+        with self._locked():
+            size = self._file.seek(0, io.SEEK_END)
+        try:
+            for record in read_records(self.path, start=self._size) if size > self._size else ():
+                self._remember(record)
+        except OSError as error:
+            raise FileError(self.path, reason_of(error)) from error
+        self._size = size
 
     def add(self, record: ManifestRecord) -> None:
         """Add a line and flush it to the disk.

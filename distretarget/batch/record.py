@@ -90,14 +90,18 @@ def failed_record(work: Work, input_hash: str | None, recipe: Recipe) -> Manifes
     }
 
 
-def read_records(path: Path, broken: Callable[[int], object] = lambda _line: None) -> Iterator[ManifestRecord]:
+def read_records(
+    path: Path, broken: Callable[[int], object] = lambda _line: None, start: int = 0
+) -> Iterator[ManifestRecord]:
     """Yield the records of a manifest in order; none where there is no manifest.
 
-    `broken` is called with the number of each line, from 1, that is neither a record nor blank.
+    `broken` is called with the number of each line, from 1, that is neither a record nor blank. `start` is how much of
+    the file is left out [bytes].
     """
     if not path.exists():
         return
     with path.open("rb") as file:
+        file.seek(start)
         for number, line in enumerate(file, start=1):
             if (record := parse_record(line)) is not None:
                 yield record

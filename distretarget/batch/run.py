@@ -105,6 +105,7 @@ class Run:
         try:
             content = read_bytes(work.clip.path)
             content_hash = hash_of(content)
+            self.manifest.catch_up()
             if not self.overwrite and self.manifest.is_done(work, content_hash, self.recipe, self.folder):
                 self.manifest.confirm(work)
                 self.watcher.clip(None)
@@ -187,17 +188,23 @@ class Run:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise FileError(path.parent, "the folder cannot be made: " + (error.strerror or str(error))) from error
+        existing_hash = hash_of_file(path)
         try:
-            existing_hash = hash_of_file(path)
-            if existing_hash != record["output_hash"]:
-                if not self.overwrite:
-                    self.manifest.check_replaceable(work, path, existing_hash)
-                write_whole(path, text, self.overwrite or path.exists(), lambda: self.manifest.add(record))
-                return
+            self._put(work, path, existing_hash, text, record)
         except FileError:
-            if hash_of_file(path) != record["output_hash"]:
+            if (hash_now := hash_of_file(path)) == existing_hash:
                 raise
-        self.manifest.add(record)  # another run was faster
+            self._put(work, path, hash_now, text, record)  # another run has written the file meanwhile
+
+    def _put(self, work: Work, path: Path, existing_hash: str | None, text: str, record: ManifestRecord) -> None:
+        """Put an output in the place of a file with this hash, unless that is the output already."""
+        if existing_hash == record["output_hash"]:
+            self.manifest.add(record)  # another run was faster
+            return
+        if not self.overwrite:
+            self.manifest.catch_up()
+            self.manifest.check_replaceable(work, path, existing_hash)
+        write_whole(path, text, self.overwrite or existing_hash is not None, lambda: self.manifest.add(record))
 
     def _record_failure(self, record: ManifestRecord) -> None:
         """Record that a clip failed."""
