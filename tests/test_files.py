@@ -91,6 +91,18 @@ def test_a_file_is_replaced_only_when_asked(tmp_path):
     assert path.read_text() == "new"
 
 
+@pytest.mark.skipif(not hasattr(os, "chown"), reason="needs permissions as Unix has them")
+def test_a_replaced_file_keeps_its_permissions_and_owner(tmp_path, monkeypatch):
+    path, owners = tmp_path / "a", []
+    monkeypatch.setattr(os, "chown", lambda _path, user, group: owners.append((user, group)))
+    for mode in (0o600, 0o644, 0o755):
+        path.write_text("old")
+        path.chmod(mode)
+        write_whole(path, "new", overwrite=True)
+        assert stat.S_IMODE(path.stat().st_mode) == mode
+    assert set(owners) == {(path.stat().st_uid, path.stat().st_gid)}
+
+
 def test_a_link_is_followed(tmp_path):
     (tmp_path / "target").write_text("old")
     (tmp_path / "link").symlink_to("target")

@@ -8,6 +8,7 @@ import errno
 import hashlib
 import os
 import secrets
+import stat
 from collections.abc import Callable
 from pathlib import Path
 
@@ -148,7 +149,8 @@ def write_whole(
 ) -> None:
     """Write a file under a temporary name in its folder, and rename it when it is complete.
 
-    Text is written as UTF-8, with line ends as given. `complete` is called when the file is complete and on the disk,
+    Text is written as UTF-8, with line ends as given. A file that replaces another has its permissions and, where that
+    is allowed, its owner. `complete` is called when the file is complete and on the disk,
     before it is renamed; if `complete` raises an error, the file is not put in place.
 
     Raises:
@@ -158,7 +160,8 @@ def write_whole(
     place = Path(path).resolve()
     beside = place.with_name(f".distretarget-{secrets.token_hex(8)}.tmp")
     try:
-        _write_to_disk(beside, encoded(content) if isinstance(content, str) else content)
+        replaced = place if overwrite and place.exists() else None
+        _write_to_disk(beside, encoded(content) if isinstance(content, str) else content, replaced)
         complete()
         if overwrite:
             beside.replace(place)
@@ -173,11 +176,23 @@ def write_whole(
             beside.unlink()
 
 
-def _write_to_disk(path: Path, content: bytes) -> None:
+def _write_to_disk(path: Path, content: bytes, replaced: Path | None) -> None:
+    """Write a new file, which has the owner and permissions of the file that it will replace, if any."""
     with path.open("xb") as file:
+        if replaced:
+            _hand_over(replaced, path)
         file.write(content)
         file.flush()
         os.fsync(file.fileno())
+
+
+def _hand_over(place: Path, beside: Path) -> None:
+    """Give the owner, where that is allowed, and the permissions of a file to the one that will replace it."""
+    status = place.stat()
+    if hasattr(os, "chown"):
+        with contextlib.suppress(PermissionError):
+            os.chown(beside, status.st_uid, status.st_gid)
+    beside.chmod(stat.S_IMODE(status.st_mode))
 
 
 def _move_to_new(beside: Path, place: Path) -> None:
