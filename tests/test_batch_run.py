@@ -48,6 +48,9 @@ class Pool:
     def renew(self):
         self.renewals += 1
 
+    def trouble(self):
+        return ""
+
     def stop(self):
         pass
 
@@ -56,7 +59,10 @@ class Seen:
     """A listener that keeps what a run reports."""
 
     def __init__(self):
-        self.records, self.htmls = [], {}
+        self.records, self.htmls, self.reasons = [], {}, []
+
+    def waiting(self, reason):
+        self.reasons.append(reason)
 
     def clip(self, record):
         self.records.append(record)
@@ -360,6 +366,9 @@ def test_a_worker_that_dies_unnoticed_costs_a_retry(folder, monkeypatch):
         def lost(self):
             return self.executor.lost
 
+        def trouble(self):
+            return "nobody works"
+
         def renew(self):
             super().renew()
             self.executor.lost = False
@@ -369,3 +378,4 @@ def test_a_worker_that_dies_unnoticed_costs_a_retry(folder, monkeypatch):
     seen = go(folder, pool)
     assert sorted(seen.of("done")) == ["a.bvh", "c.bvh", "deep/b.bvh"]
     assert pool.renewals == 1
+    assert seen.reasons == ["nobody works"]

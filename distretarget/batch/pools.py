@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import multiprocessing
 import os
@@ -16,7 +17,7 @@ from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.util import get_temp_dir
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol, cast
 
 from distretarget.batch.compile_ahead import warm
 from distretarget.errors import BatchError
@@ -24,7 +25,7 @@ from distretarget.retargeting import Objective
 
 # The variables that set the threads of a process. Workers have one thread each, as there is a worker for each core.
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-CONNECT_TIMEOUT = "10s"  # time for a scheduler to answer, as Dask writes it
+CONNECT_TIMEOUT = 10.0  # time for a scheduler to answer [s]
 
 
 class Pool(Protocol):
@@ -44,6 +45,9 @@ class Pool(Protocol):
 
     def lost(self) -> bool:
         """Return whether a worker has died."""
+
+    def trouble(self) -> str:
+        """Return why no results may come, a clause for the user; empty if nothing is known to be wrong."""
 
     def renew(self) -> None:
         """Replace the workers after one has died, which breaks the executor."""
@@ -93,6 +97,10 @@ class Processes:
         processes = self.executor._processes or {}
         return any(process.exitcode is not None for process in processes.values())
 
+    def trouble(self) -> str:
+        """Return nothing: processes that die are replaced."""
+        return ""
+
     def renew(self) -> None:
         """Replace the processes by new ones."""
         self.close()
@@ -120,10 +128,11 @@ class Cluster:
             from distributed import Client
         except ImportError as error:
             raise BatchError("--dask needs the package distributed: pip install 'distretarget[dask]'") from error
+        _check_answers(address)
         try:
             self._client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as error:
-            raise BatchError(f"no Dask scheduler answers at {address}: {error}") from error
+            raise BatchError(f"no Dask scheduler answers at {address!r}: {error}") from error
         self.start_seconds = 0.0
         self.workers = sum(self._client.ncores().values())
         if not self.workers:
@@ -135,6 +144,10 @@ class Cluster:
         """Return False: the scheduler itself replaces workers that die."""
         return False
 
+    def trouble(self) -> str:
+        """Return that the cluster has no workers, if that is so."""
+        return "" if self._client.scheduler_info()["workers"] else "the Dask cluster has no workers"
+
     def renew(self) -> None:
         """Nothing to do: the scheduler gives the tasks of a dead worker to others."""
 
@@ -142,6 +155,29 @@ class Cluster:
         """Leave the cluster; tasks not yet done are dropped."""
         with contextlib.suppress(Exception):
             self._client.close(timeout=5)
+
+
+def _check_answers(address: str) -> None:
+    """Check that a scheduler answers, which a client would wait for much longer, and not without noise.
+
+    Raises: BatchError: none does.
+    """
+    try:
+        kind = asyncio.run(_identity(address))["type"]
+    except TimeoutError as error:
+        raise BatchError(f"no Dask scheduler answers at {address!r} within {CONNECT_TIMEOUT:g} s") from error
+    except Exception as error:  # of all layers below: the address, the network, what another program answers
+        raise BatchError(f"no Dask scheduler answers at {address!r}: {error}") from error
+    if kind != "Scheduler":
+        raise BatchError(f"{address!r} is the address of a Dask {kind.lower()}; expected that of the scheduler")
+
+
+async def _identity(address: str) -> dict[str, Any]:
+    """What the Dask process at an address says of itself."""
+    from distributed import rpc
+
+    async with rpc(address, timeout=CONNECT_TIMEOUT) as process:
+        return cast(dict[str, Any], await asyncio.wait_for(process.identity(), CONNECT_TIMEOUT))
 
 
 def cores() -> int:

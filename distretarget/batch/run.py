@@ -23,6 +23,7 @@ from distretarget.report.document import About
 
 CHECK_INTERVAL = 5.0  # time without a result after which the run checks that all workers are alive [s]
 QUEUED = 2  # tasks that are submitted at a time, running or waiting [tasks per worker]
+WAITS = 12  # how many intervals without a result pass from one line on that to the next
 SPLIT_SIZE = 1 << 20  # smallest clip that is split into chunks if it would keep one worker busy at the end [bytes]
 
 
@@ -31,6 +32,9 @@ class Watcher(Protocol):
 
     def clip(self, record: ManifestRecord | None) -> None:
         """Take note that a clip is done or has failed; `record` is None if there was nothing to do."""
+
+    def waiting(self, reason: str) -> None:
+        """Take note that no results come, and why."""
 
     def report(self, work: Work, outcome: Outcome) -> None:
         """Take the report on a clip, which is in its outcome."""
@@ -78,6 +82,7 @@ class Run:
     about: Callable[[Work], About] | None = None
     _running: dict[Future[Outcome], _Running] = field(default_factory=dict)
     _suspects: list[_Running] = field(default_factory=list)
+    _waits: int = 0
 
     def go(self, works: Iterable[Work], left: int) -> None:
         """Convert the clips of a plan, the largest first; `left` is their total size [bytes].
@@ -128,6 +133,9 @@ class Run:
     def _finish_some(self) -> None:
         """Wait until at least one clip is converted, and write the results of those that are."""
         done, _ = wait(self._running, CHECK_INTERVAL, FIRST_COMPLETED)
+        self._waits = 0 if done else self._waits + 1
+        if self._waits % WAITS == 1 and (reason := self.pool.trouble()):
+            self.watcher.waiting(reason)
         if not done and self.pool.lost():
             unfinished, self._running = self._running, {}
             self.pool.renew()

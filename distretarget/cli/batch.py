@@ -123,7 +123,7 @@ def batch_command(
     listed = [Path(line) for line in lines]
     if not sources and input_list is None:
         raise click.UsageError("no sources; expected files, folders or --input-list.")
-    if jobs and dask:
+    if jobs and dask is not None:
         raise click.UsageError("--jobs sets the processes of this machine; give either --jobs or --dask.")
     if missing := [source for source in sources if not os.path.lexists(source)]:
         raise click.UsageError(f"{missing[0]}: there is no such file or folder.")
@@ -146,7 +146,7 @@ def batch_command(
         check_page(pages.index, works, folder, map_path)
         pages.check()
     batch = Batch(works=works, folder=folder, recipe=recipe, pages=pages, overwrite=overwrite, fail_fast=fail_fast)
-    pool: Pool = Cluster(dask) if dask else Processes(jobs or cores(), options.objective)
+    pool: Pool = Cluster(dask) if dask is not None else Processes(jobs or cores(), options.objective)
     with closing(pool), closing(Manifest(folder)) as manifest, Progress(len(works)) as progress:
         _print_broken(manifest)
         stopped, status = _convert(batch, manifest, pool, progress)
@@ -185,13 +185,18 @@ def _planned(found: FoundClips, targets: Sequence[Text], folder: Path, sources: 
 def _convert(batch: Batch, manifest: Manifest, pool: Pool, progress: Progress) -> tuple[str, int]:
     """Convert the clips; return why the batch was stopped and the exit status for that; empty and 0 if it was not."""
     try:
-        batch.convert(manifest, pool, progress.tally, progress.show)
+        batch.convert(manifest, pool, progress.tally, progress.show, _say_waiting)
     except KeyboardInterrupt:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the summary is left to print
         return "interrupted; run this again to go on", INTERRUPTED
     except (BatchError, FileError) as error:
         return str(error), 1
     return "", 0
+
+
+def _say_waiting(reason: str) -> None:
+    """Print why no results come."""
+    say(f"waiting: {reason}", err=True)
 
 
 class Progress:
