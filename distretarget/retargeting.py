@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import reprlib
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +14,10 @@ from distretarget.baseline.engine_root import RootFollows, find_engine_root
 from distretarget.baseline.root import find_root_scale, root_path
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.baseline.world import RootOffset, find_world
+from distretarget.body.axes import AXES
 from distretarget.body.body import Body
 from distretarget.distances import distance_problem, posture_stress
-from distretarget.errors import MotionError
+from distretarget.errors import MotionError, SettingsError
 from distretarget.io.target import SkeletonEdit, Target
 from distretarget.matching.matching import Matching, match
 from distretarget.matching.pairing import JointMap
@@ -84,7 +86,18 @@ def retarget(
         MapError: `joint_map` names joints that are not there.
         MotionError: the source has no frames, or positions too large to compute with, or a body has no extent; or
             the root is to follow the source's root, and the source has none on the floor.
+        SettingsError: an argument is none of its choices, or of another kind.
     """
+    _check_arguments(source, target, settings, root_scale)
+    for name, value, known in (
+        ("objective", objective, OBJECTIVES),
+        ("source_up", source_up, (*AXES, None)),
+        ("target_up", target_up, (*AXES, None)),
+        ("root_offset", root_offset, (*get_args(RootOffset), None)),
+        ("root_follows", root_follows, (*get_args(RootFollows), None)),
+    ):
+        if value not in known:
+            raise SettingsError(f"{name} is {value!r}; expected one of {', '.join(map(repr, known))}")
     goal = _target_for(source, target)
     _check(source, goal.skeleton)
     bodies = Body.of_motion(source), Body.of(goal.skeleton, goal.motion)
@@ -122,6 +135,25 @@ def retarget(
         written_stress=relative * posture_stress(problem.distances, problem.source, motion.positions),
         free_stress=None if postures is None else relative * postures.stress,
     )
+
+
+def _check_arguments(source: object, target: object, settings: object, root_scale: object) -> None:
+    """Check the kinds of arguments, which type checkers see and scripts may not.
+
+    Raises: SettingsError: one is of another kind, or the scale is no number above 0.
+    """
+    for name, value, kinds in (
+        ("source", source, (Motion,)),
+        ("target", target, (Motion, Skeleton, Target, SkeletonEdit)),
+        ("settings", settings, (ContactSettings,)),
+    ):
+        if not isinstance(value, kinds):
+            wanted = " or ".join(kind.__name__ for kind in kinds)
+            raise SettingsError(f"{name} is {reprlib.repr(value)}; expected a {wanted}")
+    if root_scale is not None and not (
+        isinstance(root_scale, int | float) and SMALLEST <= root_scale <= LARGEST
+    ):
+        raise SettingsError(f"root_scale is {root_scale!r}; expected a number from {SMALLEST:g} to {LARGEST:g}")
 
 
 def _target_for(source: Motion, target: Motion | Skeleton | Target | SkeletonEdit) -> Target:

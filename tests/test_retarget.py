@@ -8,7 +8,7 @@ from bodies import mirrored, moved, other_lengths, person, swaying, with_bone
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton, retarget
-from distretarget.errors import MapError, MatchingError, MotionError
+from distretarget.errors import MapError, MatchingError, MotionError, SettingsError
 
 BODY = person()
 
@@ -159,6 +159,29 @@ def test_bodies_of_any_size_and_one_bone_without_proportion(size, objective):
             result = retarget(motion, target, objective=objective)
             assert np.isfinite(result.motion.positions).all()
             assert np.isfinite(result.motion.rotations).all()
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"objective": "papr"},
+        {"root_scale": -1},
+        {"root_scale": float("nan")},
+        {"root_scale": "1"},
+        {"source_up": "Q"},
+        {"target_up": "z"},
+        {"root_offset": "doubled"},
+        {"root_follows": "hips"},
+        {"settings": 3},
+        {"target": "body.json"},
+        {"source": "walk.bvh"},
+    ],
+    ids=str,
+)
+def test_wrong_arguments_are_named_with_what_would_have_worked(wrong):
+    (name,) = wrong
+    with pytest.raises(SettingsError, match=f"^{name} is .*; expected "):
+        retarget(**{"source": swaying(BODY, frames=2), "target": BODY} | wrong)
 
 
 def test_joints_without_a_driver_follow_their_parents():

@@ -147,6 +147,8 @@ def convert_folder(
         BatchError: there is nothing to convert, results would replace clips, or `fail_fast` stopped the batch.
         DistretargetError: a target, the map or the folder of results cannot be used.
     """
+    if jobs is not None and jobs < 1:
+        raise BatchError(f"jobs is {jobs}; expected a number of processes, 1 or more")
     paths = _listed(sources)
     found = find_clips(paths, (), include, exclude)
     if found.unread:

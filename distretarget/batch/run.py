@@ -276,7 +276,11 @@ def _submitted(task: Task, pool: Pool) -> Future[Outcome]:
         return pool.executor.submit(convert, task)
     except BrokenExecutor:
         pool.renew()
+    try:
         return pool.executor.submit(convert, task)
+    except BrokenExecutor as error:
+        advice = 'a script that converts needs a file of its own, with `if __name__ == "__main__":`'
+        raise BatchError(f"the workers die as they start; {advice}") from error
 
 
 def _described(error: BaseException) -> str:
