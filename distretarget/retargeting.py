@@ -150,9 +150,7 @@ def _check_arguments(source: object, target: object, settings: object, root_scal
         if not isinstance(value, kinds):
             wanted = " or ".join(kind.__name__ for kind in kinds)
             raise SettingsError(f"{name} is {reprlib.repr(value)}; expected a {wanted}")
-    if root_scale is not None and not (
-        isinstance(root_scale, int | float) and SMALLEST <= root_scale <= LARGEST
-    ):
+    if root_scale is not None and not (isinstance(root_scale, int | float) and SMALLEST <= root_scale <= LARGEST):
         raise SettingsError(f"root_scale is {root_scale!r}; expected a number from {SMALLEST:g} to {LARGEST:g}")
 
 

@@ -14,6 +14,8 @@ from pathlib import Path
 
 from distretarget.errors import FileError
 
+# Formats of motion that other programs convert to BVH, by suffix.
+OTHER_FORMATS = {".fbx": "FBX", ".glb": "glTF", ".gltf": "glTF", ".c3d": "C3D", ".dae": "Collada", ".blend": "Blender"}
 CTRL_Z = "\x1a"
 
 REASONS = {
@@ -57,6 +59,9 @@ def read_bytes(path: str | Path) -> bytes:
 
 def text_of(content: bytes, path: str | Path) -> str:
     """Return the text in the content of a file as `read_text` does; `path` is for errors."""
+    if other := OTHER_FORMATS.get(Path(path).suffix.lower()):
+        advice = "convert it first, for example with Blender: File > Import, then File > Export > Motion Capture (.bvh)"
+        raise FileError(path, f"is {other}, expected BVH; {advice}")
     text = _decoded(path, content)
     if "\0" in text:
         raise FileError(path, f"is not a text file: character {text.index(chr(0)) + 1} is NUL")
