@@ -83,7 +83,8 @@ def _run() -> int:
         return 2
     except click.UsageError as error:
         command = error.ctx.command_path if error.ctx else "distretarget"
-        return _complain(f"{error.format_message().rstrip('.')}. See '{command} --help'.", 2)
+        message = error.format_message()
+        return _complain(f"{message}{'' if message.endswith(('.', '?')) else '.'} See '{command} --help'.", 2)
     except click.ClickException as error:
         return _complain(error.format_message(), error.exit_code)
     except DistretargetError as error:
