@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from distretarget.numerics.compiled import compiled
 from distretarget.numerics.stress import stress_and_gradient, target_distances
 from distretarget.skeleton import Skeleton
 
@@ -113,7 +113,7 @@ def posture_stress(
     return np.asarray(_stresses(S, X, problem.ratio, problem.priorities))
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _stresses(source, x, ratio, pi):  # type: ignore[no-untyped-def]
     delta, gradient = np.empty_like(pi), np.empty_like(x[0])
     sigma = np.empty(len(x))

@@ -4,15 +4,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypedDict
+from typing import TypedDict, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.errors import MotionError
+from distretarget.errors import MotionError, quoted
 from distretarget.numerics.kinematics import forward_kinematics, world_rotations
 from distretarget.numerics.rotations import RotationKind, represented
 from distretarget.skeleton import Skeleton
+
+SHORTEST_FRAME, LONGEST_FRAME = 1e-5, 1e3  # the times between frames that a recording may have [s]
+UNIT_ERROR = 1e-6  # how far the length of a unit quaternion may be off
+NUMERALS = frozenset("0123456789.+-eE")
+
+
+def is_frame_time(text: str) -> bool:
+    """Return whether a text is a time between frames: a decimal number from 1e-5 to 1e3 [s]."""
+    try:
+        return NUMERALS.issuperset(text) and SHORTEST_FRAME <= float(text) <= LONGEST_FRAME
+    except ValueError:
+        return False
 
 
 class MotionArrays(TypedDict):
@@ -53,7 +65,8 @@ class Motion:
         frame_time_text: the time between frames [s] as the file spells it, digit for digit.
 
     Raises:
-        MotionError: the shapes of the arrays do not fit the skeleton or each other.
+        MotionError: the shapes of the arrays do not fit the skeleton or each other, a rotation is not a unit
+            quaternion, or the frame time is not a number from 1e-5 to 1e3.
     """
 
     skeleton: Skeleton
@@ -64,13 +77,24 @@ class Motion:
     def __post_init__(self) -> None:
         joints = len(self.skeleton)
         for name, width in (("translations", 3), ("rotations", 4)):
-            array = np.asarray(getattr(self, name), np.float64).view()
+            try:
+                array = np.asarray(getattr(self, name), np.float64).view()
+            except (TypeError, ValueError) as error:
+                raise MotionError(f"{name} is no array of numbers: {error}") from error
             if array.ndim != 3 or array.shape[1:] != (joints, width):
                 raise MotionError(f"{name} has shape {array.shape}, {joints} joints need (frames, {joints}, {width})")
             array.flags.writeable = False
             object.__setattr__(self, name, array)
         if len(self.translations) != len(self.rotations):
             raise MotionError(f"{len(self.translations)} frames of translations, {len(self.rotations)} of rotations")
+        wrong = ~(np.abs(np.linalg.norm(self.rotations, axis=-1) - 1.0) < UNIT_ERROR)
+        if wrong.any():
+            frame, joint = np.argwhere(wrong)[0]
+            where = f"of {self.skeleton.keys[joint]!r} in frame {frame}"
+            raise MotionError(f"the rotation {where} is not a unit quaternion: {self.rotations[frame, joint].tolist()}")
+        if not isinstance(self.frame_time_text, str) or not is_frame_time(self.frame_time_text):
+            wanted = f"a number of seconds from {SHORTEST_FRAME:g} to {LONGEST_FRAME:g}, as text"
+            raise MotionError(f"frame_time_text is {self.frame_time_text!r}; expected {wanted}")
 
     def __len__(self) -> int:
         return len(self.rotations)
@@ -102,7 +126,12 @@ class Motion:
         """Return the motion as arrays.
 
         Rotations are given as "quaternion" (x y z w), "matrix", or "6d" (the first two columns of the matrix).
+
+        Raises:
+            MotionError: `rotations` is none of these.
         """
+        if rotations not in get_args(RotationKind):
+            raise MotionError(f"rotations is {rotations!r}; expected one of {quoted(get_args(RotationKind))}")
         return MotionArrays(
             names=np.array(self.skeleton.keys),
             parents=self.skeleton.parents,

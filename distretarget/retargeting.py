@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from dataclasses import replace
 from typing import Literal, get_args
 
@@ -13,16 +14,17 @@ from distretarget.baseline.engine_root import RootFollows, find_engine_root
 from distretarget.baseline.root import find_root_scale, root_path
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.baseline.world import RootOffset, find_world
+from distretarget.body.axes import AXES
 from distretarget.body.body import Body
 from distretarget.distances import distance_problem, posture_stress
-from distretarget.errors import MotionError
+from distretarget.errors import MotionError, SettingsError
 from distretarget.io.target import SkeletonEdit, Target
 from distretarget.matching.matching import Matching, match
 from distretarget.matching.pairing import JointMap
 from distretarget.motion import Motion
 from distretarget.numerics.shots import find_shots
 from distretarget.result import RetargetResult
-from distretarget.skeleton import LARGEST, Skeleton
+from distretarget.skeleton import LARGEST, SMALLEST, Skeleton
 from distretarget.solve.chunks import Mapper, Progress
 from distretarget.solve.contact import solve_contact
 from distretarget.solve.fit_to_points import fit_rotations
@@ -94,7 +96,18 @@ def retarget(
         MapError: `joint_map` names joints that are not there.
         MotionError: the source has no frames, or positions too large to compute with, or a body has no extent; or
             the root is to follow the source's root, and the source has none on the floor.
+        SettingsError: an argument is none of its choices, or of another kind.
     """
+    _check_arguments(source, target, settings, root_scale)
+    for name, value, known in (
+        ("objective", objective, OBJECTIVES),
+        ("source_up", source_up, (*AXES, None)),
+        ("target_up", target_up, (*AXES, None)),
+        ("root_offset", root_offset, (*get_args(RootOffset), None)),
+        ("root_follows", root_follows, (*get_args(RootFollows), None)),
+    ):
+        if value not in known:
+            raise SettingsError(f"{name} is {value!r}; expected one of {', '.join(map(repr, known))}")
     goal = _target_for(source, target)
     _check(source, goal.skeleton)
     bodies = Body.of_motion(source), Body.of(goal.skeleton, goal.motion)
@@ -140,6 +153,23 @@ def retarget(
         written_stress=relative * posture_stress(problem.distances, problem.source, motion.positions),
         free_stress=None if postures is None else relative * postures.stress,
     )
+
+
+def _check_arguments(source: object, target: object, settings: object, root_scale: object) -> None:
+    """Check the kinds of arguments, which type checkers see and scripts may not.
+
+    Raises: SettingsError: one is of another kind, or the scale is no number above 0.
+    """
+    for name, value, kinds in (
+        ("source", source, (Motion,)),
+        ("target", target, (Motion, Skeleton, Target, SkeletonEdit)),
+        ("settings", settings, (ContactSettings,)),
+    ):
+        if not isinstance(value, kinds):
+            wanted = " or ".join(kind.__name__ for kind in kinds)
+            raise SettingsError(f"{name} is {reprlib.repr(value)}; expected a {wanted}")
+    if root_scale is not None and not (isinstance(root_scale, int | float) and SMALLEST <= root_scale <= LARGEST):
+        raise SettingsError(f"root_scale is {root_scale!r}; expected a number from {SMALLEST:g} to {LARGEST:g}")
 
 
 def _target_for(source: Motion, target: Motion | Skeleton | Target | SkeletonEdit) -> Target:
@@ -199,5 +229,5 @@ def _check(source: Motion, target: Skeleton) -> None:
     if not np.abs(source.positions).max() <= LARGEST:
         raise MotionError(f"the source has positions beyond {LARGEST:g}; OFFSETs or position channels must be wrong")
     for body, name in ((source.skeleton, "source"), (target, "target")):
-        if not body.path_lengths.max() > 0:
-            raise MotionError(f"no bone of the {name} has a length; its OFFSETs are all zero")
+        if not body.lengths.max() >= SMALLEST:
+            raise MotionError(f"no bone of the {name} has a length; its OFFSETs are all below {SMALLEST:g}")

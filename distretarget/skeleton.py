@@ -16,7 +16,9 @@ from distretarget.numerics.kinematics import forward_kinematics
 
 POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
 ROTATION_CHANNELS = ("Xrotation", "Yrotation", "Zrotation")
-LARGEST = 1e50  # largest coordinate of an offset or a position, so that products of three stay finite [file units]
+# Bounds within which all computations stay finite and exact to a few digits [file units].
+LARGEST = 1e12  # largest coordinate of an offset or a position; also the largest scale
+SMALLEST = 1e-12  # least length of a body's longest bone; also the least scale
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -36,7 +38,8 @@ class Skeleton:
         up: the axis that points up ("Y", "-Z", ...); None where the file does not state it.
 
     Raises:
-        SkeletonError: the arrays are not a tree in that order, or two joints cannot be told apart.
+        SkeletonError: the arrays are not a tree in that order, a channel is unknown or occurs twice in a joint, or two
+            joints cannot be told apart.
     """
 
     names: tuple[str, ...]
@@ -61,6 +64,12 @@ class Skeleton:
             object.__setattr__(self, name, array)
         if len(self.channels) != count:
             raise SkeletonError(f"channels are given for {len(self.channels)} of {count} joints")
+        for name, channels in zip(self.names, self.channels, strict=True):
+            if unknown := [channel for channel in channels if channel not in POSITION_CHANNELS + ROTATION_CHANNELS]:
+                known = closest(unknown[0], POSITION_CHANNELS + ROTATION_CHANNELS)
+                raise SkeletonError(f"{name!r} has the unknown channel {unknown[0]!r}; {known}")
+            if len(set(channels)) < len(channels):
+                raise SkeletonError(f"{name!r} has a channel twice: {quoted(channels)}")
         if not count or self.parents[0] != -1:
             raise SkeletonError("a skeleton needs a root as its first joint")
         if np.any(self.parents[1:] < 0) or np.any(self.parents[1:] >= np.arange(1, count)):

@@ -60,10 +60,15 @@ def test_the_next_run_reads_what_was_done(manifest, tmp_path):
     again = Manifest(tmp_path / "out")
     assert again.is_done(work(), "in", RECIPE, tmp_path / "out")
     again.add(failed_record(work(), "in", RECIPE) | {"error": "no"})
-    assert not again.is_done(work(), "in", RECIPE, tmp_path / "out")
+    assert again.is_done(work(), "in", RECIPE, tmp_path / "out")
     again.close()
     third = Manifest(tmp_path / "out")
-    assert not third.is_done(work(), "in", RECIPE, tmp_path / "out")
+    assert third.is_done(work(), "in", RECIPE, tmp_path / "out")
+    assert third.latest([work()])[0]["status"] == "failed"
+    third.confirm(work())
+    third.confirm(work())
+    assert third.latest([work()])[0]["status"] == "done"
+    assert len(list(read_records(third.path))) == 3
     check(third, work(), tmp_path / "out")
     third.close()
 
@@ -152,6 +157,20 @@ def test_two_runs_may_write_to_one_manifest(manifest, tmp_path):
             run.add(done(work(f"{name}{number}.bvh")))
     other.close()
     assert len(list(read_records(manifest.path))) == 40
+
+
+def test_a_run_learns_what_another_has_done_meanwhile(manifest, tmp_path):
+    other = Manifest(tmp_path / "out")
+    for name in ("a.bvh", "b.bvh"):
+        (tmp_path / "out" / name).write_text(OUTPUT)
+        other.add(done(work(name)))
+        assert not manifest.is_done(work(name), "in", RECIPE, tmp_path / "out")
+        with pytest.raises(FileError, match="exists already"):
+            check(manifest, work(name), tmp_path / "out")
+        manifest.catch_up()
+        assert manifest.is_done(work(name), "in", RECIPE, tmp_path / "out")
+        check(manifest, work(name), tmp_path / "out")
+    other.close()
 
 
 def test_files_left_by_a_killed_run_are_removed_unless_another_run_is_at_work(manifest, tmp_path):

@@ -49,6 +49,12 @@ def test_results_never_land_on_inputs(tmp_path):
     assert plan([clip(tmp_path, "a.bvh")], [target(tmp_path)], tmp_path, [])
 
 
+def test_no_name_of_a_target_leads_out_of_the_folder_of_results(tmp_path):
+    targets = [target(tmp_path, name) for name in ("...json", "..json", "..", "hero.json")]
+    works = plan([clip(tmp_path, "a.bvh")], targets[:2] + targets[3:], tmp_path / "out", [])
+    assert {work.place.as_posix() for work in works} == {"...json/a.bvh", "..json/a.bvh", "hero/a.bvh"}
+
+
 def test_the_folder_of_results_is_not_inside_a_source(tmp_path):
     (tmp_path / "in").mkdir()
     for folder in (tmp_path / "in" / "out", tmp_path / "in", tmp_path / "x" / ".." / "in" / "y"):

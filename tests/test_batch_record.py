@@ -41,7 +41,17 @@ def test_a_line_without_one_of_the_keys_is_no_record(key):
     assert parse_record(line_of(record)) is None
 
 
-@pytest.mark.parametrize("line", [b"", b"{", b"[]", b"null", b"\xff"])
+@pytest.mark.parametrize("key", sorted(ManifestRecord.__required_keys__))
+@pytest.mark.parametrize("value", [True, ["x"], {"result": 1}, {"result": {"slide": "1"}}], ids=str)
+def test_a_line_with_a_value_of_another_kind_is_no_record(key, value):
+    record = failed_record(WORK, "in", RECIPE) | {key: value}
+    kinds = {"frames": bool, "seconds": bool, "notes": list, "warnings": list}
+    if isinstance(value, kinds.get(key, ())) or (key == "options" and isinstance(value, dict)):
+        return
+    assert parse_record(line_of(record)) is None
+
+
+@pytest.mark.parametrize("line", [b"", b"{", b"[]", b"null", b"\xff", b"[" * 100_000])
 def test_what_is_no_object_is_no_record(line):
     assert parse_record(line) is None
 
@@ -50,4 +60,6 @@ def test_records_are_read_in_order_and_none_where_there_is_no_manifest(tmp_path)
     path = tmp_path / "manifest.jsonl"
     assert list(read_records(path)) == []
     path.write_bytes(b"".join(line_of(failed_record(WORK, text, RECIPE)) for text in "ab") + b'{"inp')
-    assert [record["input_hash"] for record in read_records(path)] == ["a", "b"]
+    broken = []
+    assert [record["input_hash"] for record in read_records(path, broken.append)] == ["a", "b"]
+    assert broken == [3]

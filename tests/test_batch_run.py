@@ -48,6 +48,9 @@ class Pool:
     def renew(self):
         self.renewals += 1
 
+    def trouble(self):
+        return ""
+
     def stop(self):
         pass
 
@@ -56,7 +59,10 @@ class Seen:
     """A listener that keeps what a run reports."""
 
     def __init__(self):
-        self.records, self.htmls = [], {}
+        self.records, self.htmls, self.reasons = [], {}, []
+
+    def waiting(self, reason):
+        self.reasons.append(reason)
 
     def clip(self, record):
         self.records.append(record)
@@ -197,6 +203,25 @@ def test_files_that_were_not_made_here_are_left_alone(folder):
     assert failed["error"].endswith("exists already; --overwrite replaces it")
     assert results(folder)["a.bvh"] == "mine"
     assert "a.bvh" in go(folder, overwrite=True).of("done")
+    assert results(folder)["a.bvh"] == "body.json: one"
+
+
+def test_what_another_run_writes_meanwhile_is_no_failure(folder, monkeypatch):
+    """The other run, with other options, writes between the look at a place and the output for it."""
+    look, convert, looks = batch_run.hash_of_file, batch_run.convert, []
+
+    def late(path):
+        found = look(path)
+        if not looks:
+            looks.append(path)
+            with monkeypatch.context() as other:
+                other.setattr(batch_run, "convert", lambda task, *_: replace(convert(task), bvh="with other options"))
+                go(folder, recipe=replace(RECIPE, options=Options(root_scale=2.0)))
+            assert set(results(folder).values()) == {"with other options"}
+        return found
+
+    monkeypatch.setattr(batch_run, "hash_of_file", late)
+    assert len(go(folder).of("done")) == 3
     assert results(folder)["a.bvh"] == "body.json: one"
 
 
@@ -341,6 +366,9 @@ def test_a_worker_that_dies_unnoticed_costs_a_retry(folder, monkeypatch):
         def lost(self):
             return self.executor.lost
 
+        def trouble(self):
+            return "nobody works"
+
         def renew(self):
             super().renew()
             self.executor.lost = False
@@ -350,3 +378,4 @@ def test_a_worker_that_dies_unnoticed_costs_a_retry(folder, monkeypatch):
     seen = go(folder, pool)
     assert sorted(seen.of("done")) == ["a.bvh", "c.bvh", "deep/b.bvh"]
     assert pool.renewals == 1
+    assert seen.reasons == ["nobody works"]

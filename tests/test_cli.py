@@ -101,6 +101,15 @@ BAD = {
         2,
         "--supports hold",
     ),
+    "a misspelt command": (["bacth", "in.bvh", "body.json", "-o", "out"], 2, "did you mean 'batch'?"),
+    "another misspelt command": (["skelton", "show", "in.bvh"], 2, "did you mean 'skeleton'?"),
+    "source and target swapped": (
+        ["body.json", "in.bvh", "-o", "out.bvh"],
+        1,
+        "if it is the target, it comes last: distretarget in.bvh body.json -o OUT.bvh",
+    ),
+    "another format as source": (["walk.fbx", "body.json", "-o", "out.bvh"], 1, "is FBX, expected BVH; convert"),
+    "another format as target": (["in.bvh", "body.glb", "-o", "out.bvh"], 1, "is glTF, expected BVH; convert"),
     "no frames": (["still.bvh", "body.json", "-o", "out.bvh"], 1, "still.bvh"),
     "one argument": (["in.bvh", "-o", "out.bvh"], 2, "TARGET"),
     "show a missing file": (["skeleton", "show", "none.bvh"], 1, "none.bvh"),
@@ -115,6 +124,8 @@ def test_bad_input_gives_one_line(folder, case):
     (folder / "empty.bvh").touch()
     (folder / "binary.bvh").write_bytes(bytes(range(256)))
     (folder / "there.bvh").write_text("precious")
+    for name in ("walk.fbx", "body.glb"):
+        (folder / name).write_bytes(b"\0")
     text = (folder / "in.bvh").read_text()
     (folder / "short.bvh").write_text(text[: len(text) // 2])
     motion = swaying(person(), frames=1)

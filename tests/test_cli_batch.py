@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -66,6 +67,37 @@ def test_one_bad_file_does_not_stop_the_rest(folder):
     assert "failed:\n  in/bad.bvh:2: " in done.stdout
     assert len(tree(folder / "out")) == 3
     assert sorted(line["status"] for line in lines(folder / "out")) == ["done", "done", "done", "failed"]
+
+
+def test_lines_that_are_no_records_are_named_and_not_used(folder):
+    batch("in/a.bvh", "body.json", "-o", "out", "--report", "page.html")
+    manifest = folder / "out" / "manifest.jsonl"
+    (record,) = lines(folder / "out")
+    changes = [{"output": ["a.bvh"]}, {"figures": {"result": 1}}, {"warnings": None}]
+    for broken in [*(json.dumps(record | change) for change in changes), "[" * 100_000]:
+        manifest.write_text(f"{json.dumps(record | {'figures': {}})}\n{broken}\n")
+        done = batch("in", "body.json", "-o", "out", "--report", "page.html", "--overwrite")
+        assert done.returncode == 0
+        assert done.stderr == "warning: out/manifest.jsonl:2: is not a record of a clip; what it says is not used\n"
+        again = batch("in", "body.json", "-o", "out", "--report", "page.html")
+        assert "3 clips: 0 converted, 3 done before, 0 failed" in again.stdout
+
+
+def test_a_run_with_the_wrong_target_does_not_undo_what_was_done(folder):
+    blocks = {"format": "distretarget-skeleton", "version": 1, "joints": [
+        {"name": "Block", "parent": None, "offset": [0, 0, 0]}, {"name": "Lid", "parent": "Block", "offset": [0, 1, 0]},
+    ]}  # fmt: skip
+    (folder / "blocks.json").write_text(json.dumps(blocks))
+    counts = []
+    for target in ("body.json", "blocks.json", "body.json", "body.json"):
+        counts.append(batch("in", target, "-o", "out", "--report", "page.html").stdout.splitlines()[0])
+    assert counts == [
+        "3 clips: 3 converted, 0 done before, 0 failed",
+        "3 clips: 0 converted, 0 done before, 3 failed",
+        "3 clips: 0 converted, 3 done before, 0 failed",
+        "3 clips: 0 converted, 3 done before, 0 failed",
+    ]
+    assert [line["status"] for line in lines(folder / "out")] == ["done"] * 3 + ["failed"] * 3 + ["done"] * 3
 
 
 def test_each_target_gets_a_folder(folder):
@@ -256,8 +288,10 @@ def started(work, output, *options, finished=0):
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs signals as Unix has them")
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGKILL"])
-def test_a_run_that_was_stopped_goes_on(work, tmp_path, name):
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP", "SIGKILL"])
+def test_a_run_that_was_stopped_goes_on(work, tmp_path, tmp_path_factory, monkeypatch, name):
+    temporary = tmp_path_factory.mktemp("temporary")
+    monkeypatch.setenv("TMPDIR", str(temporary))
     process = started(work, tmp_path, "--jobs", 2, finished=2)
     if name == "SIGINT":
         os.killpg(process.pid, signal.SIGINT)  # as a terminal sends it
@@ -265,7 +299,10 @@ def test_a_run_that_was_stopped_goes_on(work, tmp_path, name):
         process.send_signal(getattr(signal, name))
     out, err = process.communicate(timeout=HANGS)  # until its last worker has ended, too
     before = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.bvh")}
-    if name != "SIGKILL":
+    assert not list(temporary.iterdir())
+    if name == "SIGKILL":
+        assert err == ""
+    else:
         assert process.returncode == 130
         assert " left" in out.splitlines()[0]
         assert err == "distretarget: interrupted; run this again to go on\n"
@@ -275,6 +312,18 @@ def test_a_run_that_was_stopped_goes_on(work, tmp_path, name):
     whole = [path for path, time_then in before.items() if path.stat().st_mtime_ns == time_then]
     assert len(whole) == len(before) >= 1
     assert tree(tmp_path) == tree(work / "out")
+
+
+def test_no_link_leads_out_of_the_folder_of_results(folder):
+    (folder / "out").mkdir()
+    (folder / "out" / "a.bvh").symlink_to(folder / "elsewhere.bvh")
+    (folder / "out" / "deep").symlink_to(folder)
+    done = batch("in", "body.json", "-o", "out", "--overwrite")
+    assert done.returncode == 1
+    assert "3 clips: 0 converted, 0 done before, 3 failed" in done.stdout
+    assert done.stdout.count("leads out of the folder 'out'; remove the link") == 3
+    assert not (folder / "elsewhere.bvh").exists()
+    assert not (folder / "b.bvh").exists()
 
 
 def test_two_runs_may_write_into_one_folder(work, tmp_path):
@@ -313,11 +362,14 @@ def test_dask_gives_the_same_results_and_survives_a_dying_worker(work, tmp_path)
 
 def test_a_scheduler_that_does_not_answer_gives_one_line(folder, monkeypatch):
     pytest.importorskip("distributed", reason="needs distributed")
-    monkeypatch.setattr("distretarget.batch.pools.CONNECT_TIMEOUT", "100ms")
-    done = batch("in", "body.json", "-o", "out", "--dask", "tcp://127.0.0.1:9")
-    assert done.returncode == 1
-    assert done.stderr.startswith("distretarget: no Dask scheduler answers at tcp://127.0.0.1:9: ")
-    assert done.stderr.count("\n") == 1
+    monkeypatch.setattr("distretarget.batch.pools.CONNECT_TIMEOUT", 0.1)
+    with socket.create_server(("127.0.0.1", 0)) as silent:  # accepts connections, and says nothing
+        silent_address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        for address in ("tcp://127.0.0.1:9", silent_address, "", "nonsense", "foo://1:2", "tcp://127.0.0.1:port"):
+            done = batch("in", "body.json", "-o", "out", "--dask", address)
+            assert done.returncode == 1
+            assert done.stderr.startswith(f"distretarget: no Dask scheduler answers at {address!r}")
+            assert done.stderr.count("\n") == 1
     assert not (folder / "out").exists()
 
 

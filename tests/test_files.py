@@ -7,7 +7,7 @@ import stat
 import pytest
 
 from distretarget.errors import FileError
-from distretarget.io.files import check_writable, read_text, write_whole
+from distretarget.io.files import check_inside, check_writable, read_text, write_whole
 
 
 def read(tmp_path, content):
@@ -91,12 +91,41 @@ def test_a_file_is_replaced_only_when_asked(tmp_path):
     assert path.read_text() == "new"
 
 
+@pytest.mark.skipif(not hasattr(os, "chown"), reason="needs permissions as Unix has them")
+def test_a_replaced_file_keeps_its_permissions_and_owner(tmp_path, monkeypatch):
+    path, owners = tmp_path / "a", []
+    monkeypatch.setattr(os, "chown", lambda _path, user, group: owners.append((user, group)))
+    for mode in (0o600, 0o644, 0o755):
+        path.write_text("old")
+        path.chmod(mode)
+        write_whole(path, "new", overwrite=True)
+        assert stat.S_IMODE(path.stat().st_mode) == mode
+    assert set(owners) == {(path.stat().st_uid, path.stat().st_gid)}
+
+
 def test_a_link_is_followed(tmp_path):
     (tmp_path / "target").write_text("old")
     (tmp_path / "link").symlink_to("target")
     write_whole(tmp_path / "link", "new", overwrite=True)
     assert (tmp_path / "link").is_symlink()
     assert (tmp_path / "target").read_text() == "new"
+
+
+def test_a_link_to_nothing_is_not_written_through(tmp_path):
+    (tmp_path / "link").symlink_to(tmp_path / "elsewhere")
+    for overwrite in (False, True):
+        with pytest.raises(FileError, match=r"is a link to '.*elsewhere', which does not exist"):
+            write_whole(tmp_path / "link", "new", overwrite)
+    assert names(tmp_path) == ["link"]
+
+
+def test_a_place_in_a_folder_is_in_that_folder(tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "link").symlink_to(tmp_path)
+    check_inside(tmp_path / "out" / "new" / "a", tmp_path / "out")
+    for outside in ("link/a", "../a"):
+        with pytest.raises(FileError, match="leads out of the folder"):
+            check_inside(tmp_path / "out" / outside, tmp_path / "out")
 
 
 def test_places_that_cannot_be_written(tmp_path):

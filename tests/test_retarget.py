@@ -8,7 +8,7 @@ from bodies import mirrored, moved, other_lengths, person, swaying, with_bone
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton, retarget
-from distretarget.errors import MapError, MatchingError, MotionError
+from distretarget.errors import MapError, MatchingError, MotionError, SettingsError
 
 BODY = person()
 
@@ -142,8 +142,46 @@ def test_motions_that_cannot_be_retargeted_are_refused():
         retarget(Motion(BODY, motion.translations[:0], motion.rotations[:0], "1"), BODY)
     with pytest.raises(MotionError, match="no bone of the target has a length"):
         retarget(motion, BODY.with_offsets(0 * BODY.offsets))
+    with pytest.raises(MotionError, match="no bone of the target has a length"):
+        retarget(motion, BODY.with_offsets(1e-15 * BODY.offsets))
     with pytest.raises(MotionError, match="beyond"):
         retarget(moved(motion, Rotation.identity(), (1e150, 0, 0)), BODY)
+
+
+@pytest.mark.parametrize("size", [1e-10, 1e10])
+@pytest.mark.parametrize("objective", ["contact", "paper"])
+def test_bodies_of_any_size_and_one_bone_without_proportion(size, objective):
+    motion = swaying(BODY, frames=4)
+    for joint in ("RightToe", "LeftCollar", "Head"):
+        offsets = np.array(BODY.offsets)
+        offsets[BODY.index(joint), 0] = 1e12
+        for target in (BODY.with_offsets(size * BODY.offsets), BODY.with_offsets(offsets)):
+            result = retarget(motion, target, objective=objective)
+            assert np.isfinite(result.motion.positions).all()
+            assert np.isfinite(result.motion.rotations).all()
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"objective": "papr"},
+        {"root_scale": -1},
+        {"root_scale": float("nan")},
+        {"root_scale": "1"},
+        {"source_up": "Q"},
+        {"target_up": "z"},
+        {"root_offset": "doubled"},
+        {"root_follows": "hips"},
+        {"settings": 3},
+        {"target": "body.json"},
+        {"source": "walk.bvh"},
+    ],
+    ids=str,
+)
+def test_wrong_arguments_are_named_with_what_would_have_worked(wrong):
+    (name,) = wrong
+    with pytest.raises(SettingsError, match=f"^{name} is .*; expected "):
+        retarget(**{"source": swaying(BODY, frames=2), "target": BODY} | wrong)
 
 
 def test_joints_without_a_driver_follow_their_parents():

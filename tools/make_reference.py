@@ -30,6 +30,11 @@ Written by `tools/make_reference.py` from the help texts of the program; each st
 Results go to standard output, errors and warnings to standard error. On a terminal a bar counts the frames;
 elsewhere there is none. A file that exists is replaced with `--overwrite` only, an input never. Files are
 written beside their place and moved there when they are complete.
+
+The first run compiles, which may take half a minute, and says so in one line. Later runs find the code in the first
+of these folders that can be written to: `NUMBA_CACHE_DIR`, where that variable is set; the folder of the package;
+`~/.cache/distretarget`; a private folder among the temporary files. Where none can be, each run compiles again. Times
+and frames per second do not include compilation.
 """
 
 

@@ -25,12 +25,17 @@ from distretarget.io.target_file import parse_target
 from distretarget.report.document import About
 
 Paths = str | Path | Sequence[str | Path]
+Waiting = Callable[[str], Any]
 Progress = Callable[[ManifestRecord | None], Any]
 DEFAULT_OPTIONS = Options()
 
 
 def _ignore(_record: ManifestRecord | None) -> None:
     """Show no progress."""
+
+
+def _wait(_reason: str) -> None:
+    """Wait without a word."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,11 +58,13 @@ class Batch:
     overwrite: bool = False
     fail_fast: bool = False
 
-    def convert(self, manifest: Manifest, pool: Pool, tally: Tally, progress: Progress = _ignore) -> None:
+    def convert(
+        self, manifest: Manifest, pool: Pool, tally: Tally, progress: Progress = _ignore, waiting: Waiting = _wait
+    ) -> None:
         """Convert the clips with the workers of `pool`, count them in `tally`, and write the pages.
 
         `manifest` is that of the folder, `progress` is called with the manifest's line of each clip, or None for a clip
-        that was done before.
+        that was done before, and `waiting` now and then, with the reason, while no results come.
 
         Raises:
             BatchError: the workers are gone, or a clip failed and `fail_fast` is set.
@@ -65,7 +72,7 @@ class Batch:
         """
         pages = self.pages
         every_clip = pages.about if pages and pages.most is None else None
-        watcher = _Counted(tally, pages, progress)
+        watcher = _Counted(tally, pages, progress, waiting)
         run = Run(
             folder=self.folder,
             recipe=self.recipe,
@@ -88,6 +95,7 @@ class _Counted:
     tally: Tally
     pages: Pages | None
     progress: Progress
+    waiting: Waiting
 
     def clip(self, record: ManifestRecord | None) -> None:
         self.tally.add(record)
@@ -139,6 +147,8 @@ def convert_folder(
         BatchError: there is nothing to convert, results would replace clips, or `fail_fast` stopped the batch.
         DistretargetError: a target, the map or the folder of results cannot be used.
     """
+    if jobs is not None and jobs < 1:
+        raise BatchError(f"jobs is {jobs}; expected a number of processes, 1 or more")
     paths = _listed(sources)
     found = find_clips(paths, (), include, exclude)
     if found.unread:

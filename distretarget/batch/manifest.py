@@ -17,9 +17,9 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from distretarget.batch.plan import MANIFEST, Work
-from distretarget.batch.record import ManifestRecord, Recipe, RecordedOptions, parse_record, read_records
+from distretarget.batch.record import ManifestRecord, Recipe, RecordedOptions, is_of_manifest, read_records
 from distretarget.errors import FileError
-from distretarget.io.files import check_writable, hash_of_file, reason_of
+from distretarget.io.files import check_inside, check_writable, hash_of_file, reason_of
 
 try:
     import fcntl
@@ -28,7 +28,13 @@ except ImportError:  # Windows
 
 
 class History:
-    """The earlier runs into a folder of results, read from its manifest."""
+    """The earlier runs into a folder of results, read from its manifest.
+
+    Attributes:
+        path: the path of the manifest.
+        broken: the numbers of its lines, from 1, that are no records. They are not used: the clips that they are about
+            count as not converted.
+    """
 
     def __init__(self, folder: Path) -> None:
         """Read the manifest of a folder, if there is one.
@@ -37,12 +43,16 @@ class History:
             FileError: the file is not a manifest, or cannot be read.
         """
         self.path = folder / MANIFEST
+        self.broken: list[int] = []
         self._last: dict[str, tuple[bytes, str]] = {}
         self._makers: dict[str, dict[str, tuple[str, str]]] = {}
+        self._failed: set[str] = set()
         try:
             _check_is_manifest(self.path)
-            for record in read_records(self.path):
+            self._size = self.path.stat().st_size if self.path.exists() else 0  # how much has been read [bytes]
+            for record in read_records(self.path, self.broken.append):
                 self._remember(record)
+            self._hidden = self._done_before_failing()
         except OSError as error:
             raise FileError(self.path, reason_of(error)) from error
 
@@ -83,12 +93,19 @@ class History:
     def _remember(self, record: ManifestRecord) -> None:
         """Keep what decides whether a clip is done and whether its output may be replaced."""
         place = record["output"]
-        self._last.pop(place, None)
+        self._failed.add(place)
         if record["status"] == "done" and (output_hash := record["output_hash"]):
             made_from = record["input_hash"], record["target_hash"], record["options"], record["version"]
+            self._failed.discard(place)
             self._last[place] = (_digest_of(*made_from), output_hash)
             files = record["input"], sys.intern(record["target"])
             self._makers.setdefault(place, {})[output_hash] = files
+
+    def _done_before_failing(self) -> dict[str, ManifestRecord]:
+        """By output, the last record of a conversion, for the clips that failed in a later run."""
+        failed = self._failed & self._last.keys()
+        records = read_records(self.path) if failed else ()
+        return {record["output"]: record for record in records if record["output"] in failed and record["output_hash"]}
 
 
 class Manifest(History):
@@ -106,6 +123,7 @@ class Manifest(History):
             raise FileError(folder, "is a file or inside one, expected a folder for the results") from error
         except OSError as error:
             raise FileError(folder, reason_of(error)) from error
+        check_inside(folder / MANIFEST, folder)
         super().__init__(folder)
         existed = self.path.exists()
         try:
@@ -117,6 +135,21 @@ class Manifest(History):
     def close(self) -> None:
         """Close the file, which also ends the registration of this run."""
         self._file.close()
+
+    def catch_up(self) -> None:
+        """Take note of what other runs have added to the manifest.
+
+        Raises:
+            FileError: the file cannot be read.
+        """
+        with self._locked():
+            size = self._file.seek(0, io.SEEK_END)
+        try:
+            for record in read_records(self.path, start=self._size) if size > self._size else ():
+                self._remember(record)
+        except OSError as error:
+            raise FileError(self.path, reason_of(error)) from error
+        self._size = size
 
     def add(self, record: ManifestRecord) -> None:
         """Add a line and flush it to the disk.
@@ -134,6 +167,15 @@ class Manifest(History):
                     self._file.truncate(size)
                 raise FileError(self.path, reason_of(error)) from error
         self._remember(record)
+
+    def confirm(self, work: Work) -> None:
+        """Let the last line of a clip that is done be that of its output, after a failure in between.
+
+        Raises:
+            FileError: the line cannot be written.
+        """
+        if record := self._hidden.pop(work.place.as_posix(), None):
+            self.add(record)
 
     def _append(self, line: bytes) -> None:
         while line:
@@ -183,7 +225,7 @@ def _check_is_manifest(path: Path) -> None:
     if path.exists():
         with path.open("rb") as file:
             first = file.readline()
-        if first.endswith(b"\n") and first.strip() and parse_record(first) is None:
+        if first.endswith(b"\n") and first.strip() and not is_of_manifest(first):
             raise FileError(path, "is not the manifest of a batch; choose another folder for the results")
 
 

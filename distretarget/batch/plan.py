@@ -40,12 +40,17 @@ def plan(clips: Sequence[Clip], targets: Sequence[Text], folder: Path, sources: 
             inside one of `sources`.
     """
     _check_folder(folder, sources)
-    names = [PurePath()] if len(targets) == 1 else [PurePath(Path(target.path).stem) for target in targets]
+    names = [PurePath()] if len(targets) == 1 else [_folder_name(Path(target.path)) for target in targets]
     works = [
         Work(clip, target, name / clip.place) for target, name in zip(targets, names, strict=True) for clip in clips
     ]
     _check_places(works, folder)
     return sorted(works, key=lambda work: -work.clip.size)
+
+
+def _folder_name(target: Path) -> PurePath:
+    """The name of the folder for the results of a target; for a target such as `...json` its whole name, not `..`."""
+    return PurePath(target.stem if target.stem.strip(".") else target.name)
 
 
 def _check_folder(folder: Path, sources: Sequence[Path]) -> None:

@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import multiprocessing
 import os
+import shutil
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
-from functools import cached_property
-from multiprocessing import forkserver
+from concurrent.futures import Executor, ProcessPoolExecutor, wait
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
+from multiprocessing.util import get_temp_dir
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol, cast
 
 from distretarget.batch.compile_ahead import warm
 from distretarget.errors import BatchError
-from distretarget.retargeting import OBJECTIVES, Objective
+from distretarget.retargeting import Objective
 
 # The variables that set the threads of a process. Workers have one thread each, as there is a worker for each core.
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-CONNECT_TIMEOUT = "10s"  # time for a scheduler to answer, as Dask writes it
+CONNECT_TIMEOUT = 10.0  # time for a scheduler to answer [s]
 
 
 class Pool(Protocol):
@@ -30,9 +33,11 @@ class Pool(Protocol):
 
     Attributes:
         workers: how many there are.
+        start_seconds: the time that their start has taken, with the compilation of their code [s].
     """
 
     workers: int
+    start_seconds: float
 
     @property
     def executor(self) -> Executor:
@@ -40,6 +45,9 @@ class Pool(Protocol):
 
     def lost(self) -> bool:
         """Return whether a worker has died."""
+
+    def trouble(self) -> str:
+        """Return why no results may come, a clause for the user; empty if nothing is known to be wrong."""
 
     def renew(self) -> None:
         """Replace the workers after one has died, which breaks the executor."""
@@ -54,30 +62,34 @@ class Processes:
     def __init__(self, workers: int, objective: Objective) -> None:
         """Prepare to start this many processes, for an objective."""
         self.workers = workers
+        self.start_seconds = 0.0
         self._objective = objective
+        self._executor: ProcessPoolExecutor | None = None
         # Not "fork": a process with threads, which numerical libraries start, must not be forked.
         methods = multiprocessing.get_all_start_methods()
         self._context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
-        self._forks = "forkserver" in methods
-        if self._forks:
+        if "forkserver" in methods:
             self._context.set_forkserver_preload(["distretarget.batch.warmed"])
+            with _worker_environment():
+                resource_tracker.ensure_running()
 
-    @cached_property
+    @property
     def executor(self) -> ProcessPoolExecutor:
         """The processes, which start when they are first needed.
 
-        Code is compiled only once: by the process from which the others are forked; or by this process, into the cache
-        that the others read, if they are not forked or the objective is not the default one.
+        Code is compiled only once, by this process; the others find it in the folder of compiled code.
         """
-        if not self._forks or self._objective != OBJECTIVES[0]:
-            warm(self._objective)
+        return self._executor or self._start()
+
+    def _start(self) -> ProcessPoolExecutor:
+        started = time.perf_counter()
+        warm(self._objective)
         reader, self._writer = self._context.Pipe(duplex=False)
         with _worker_environment():
-            pool = ProcessPoolExecutor(self.workers, self._context, _start_worker, (reader,))
-            if self._forks:
-                forkserver.ensure_running()  # starts the server without waiting for it
-            else:
-                pool.submit(os.getpid)  # starts the processes
+            pool = ProcessPoolExecutor(self.workers, self._context, _start_worker, (reader, get_temp_dir()))
+            self._executor = pool
+            wait([pool.submit(os.getpid) for _ in range(self.workers)])  # starts the processes
+        self.start_seconds += time.perf_counter() - started
         return pool
 
     def lost(self) -> bool:
@@ -85,15 +97,21 @@ class Processes:
         processes = self.executor._processes or {}
         return any(process.exitcode is not None for process in processes.values())
 
+    def trouble(self) -> str:
+        """Return nothing: processes that die are replaced."""
+        return ""
+
     def renew(self) -> None:
         """Replace the processes by new ones."""
         self.close()
-        del self.executor
+        self._executor = None
 
     def close(self) -> None:
-        """End the processes at once."""
-        if "executor" in self.__dict__:
-            self.executor.shutdown(wait=False, cancel_futures=True)
+        """End the processes at once, without a word, even while they start."""
+        if self._executor:
+            for process in list((self._executor._processes or {}).values()):
+                process.kill()
+            self._executor.shutdown(wait=False, cancel_futures=True)
             self._writer.close()
 
 
@@ -110,10 +128,12 @@ class Cluster:
             from distributed import Client
         except ImportError as error:
             raise BatchError("--dask needs the package distributed: pip install 'distretarget[dask]'") from error
+        _check_answers(address)
         try:
             self._client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as error:
-            raise BatchError(f"no Dask scheduler answers at {address}: {error}") from error
+            raise BatchError(f"no Dask scheduler answers at {address!r}: {error}") from error
+        self.start_seconds = 0.0
         self.workers = sum(self._client.ncores().values())
         if not self.workers:
             self._client.close()
@@ -124,6 +144,10 @@ class Cluster:
         """Return False: the scheduler itself replaces workers that die."""
         return False
 
+    def trouble(self) -> str:
+        """Return that the cluster has no workers, if that is so."""
+        return "" if self._client.scheduler_info()["workers"] else "the Dask cluster has no workers"
+
     def renew(self) -> None:
         """Nothing to do: the scheduler gives the tasks of a dead worker to others."""
 
@@ -133,6 +157,29 @@ class Cluster:
             self._client.close(timeout=5)
 
 
+def _check_answers(address: str) -> None:
+    """Check that a scheduler answers, which a client would wait for much longer, and not without noise.
+
+    Raises: BatchError: none does.
+    """
+    try:
+        kind = asyncio.run(_identity(address))["type"]
+    except TimeoutError as error:
+        raise BatchError(f"no Dask scheduler answers at {address!r} within {CONNECT_TIMEOUT:g} s") from error
+    except Exception as error:  # of all layers below: the address, the network, what another program answers
+        raise BatchError(f"no Dask scheduler answers at {address!r}: {error}") from error
+    if kind != "Scheduler":
+        raise BatchError(f"{address!r} is the address of a Dask {kind.lower()}; expected that of the scheduler")
+
+
+async def _identity(address: str) -> dict[str, Any]:
+    """What the Dask process at an address says of itself."""
+    from distributed import rpc
+
+    async with rpc(address, timeout=CONNECT_TIMEOUT) as process:
+        return cast(dict[str, Any], await asyncio.wait_for(process.identity(), CONNECT_TIMEOUT))
+
+
 def cores() -> int:
     """Return how many cores this process may use."""
     if hasattr(os, "sched_getaffinity"):
@@ -140,33 +187,58 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-def _start_worker(parent: Connection) -> None:
-    """Make a worker ignore Ctrl-C, which its parent process handles, and end when the parent ends.
+def _start_worker(parent: Connection, temporary: str) -> None:
+    """Make a worker ignore Ctrl-C, which its parent process handles, and end when the parent dies.
 
-    `parent` becomes readable when the parent process closes its end of the connection or dies.
+    `parent` becomes readable when the parent process dies; `temporary` is its folder of temporary files.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_SETMASK, [])
+    threading.Thread(target=_end_with, args=(parent, temporary), daemon=True).start()
 
 
-def _end_with(parent: Connection) -> None:
-    """End this process when the parent ends."""
+def _end_with(parent: Connection, temporary: str) -> None:
+    """End this process when the parent dies, and remove the temporary files that the parent leaves."""
     parent.poll(None)
+    shutil.rmtree(temporary, ignore_errors=True)
     os._exit(1)
 
 
 @contextlib.contextmanager
 def _worker_environment() -> Iterator[None]:
-    """Set the environment variables of workers while they are started.
+    """Set the environment variables of workers while they are started, and let Ctrl-C wait until they are.
 
     Workers import from the same folders as this process. They do not import from the working directory, which may hold
-    another copy of this program.
+    another copy of this program. After a kill of this process, nothing is said of the semaphores that are cleared away.
     """
     before = dict(os.environ)
     path = os.pathsep.join(str(Path(folder).absolute()) for folder in sys.path)
-    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1") | before | {"PYTHONSAFEPATH": "1", "PYTHONPATH": path})
+    quiet = {"PYTHONWARNINGS": "ignore:resource_tracker", "PYTHONSAFEPATH": "1", "PYTHONPATH": path}
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1") | before | quiet)
     try:
-        yield
+        with _interrupts_held():
+            yield
     finally:
         os.environ.clear()
         os.environ.update(before)
+
+
+@contextlib.contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Let Ctrl-C and requests to end wait, in this process and in those that it starts meanwhile."""
+    if not hasattr(signal, "pthread_sigmask") or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    received: list[int] = []
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    handlers = {number: signal.signal(number, lambda caught, _frame: received.append(caught)) for number in numbers}
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, numbers)  # for started processes; other threads are not masked
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        if received:
+            signal.raise_signal(received[0])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TypedDict, cast
@@ -92,21 +92,67 @@ def failed_record(work: Work, input_hash: str | None, recipe: Recipe) -> Manifes
     }
 
 
-def read_records(path: Path) -> Iterator[ManifestRecord]:
-    """Yield the whole records of a manifest in order; none where there is no manifest."""
+def read_records(
+    path: Path, broken: Callable[[int], object] = lambda _line: None, start: int = 0
+) -> Iterator[ManifestRecord]:
+    """Yield the records of a manifest in order; none where there is no manifest.
+
+    `broken` is called with the number of each line, from 1, that is neither a record nor blank. `start` is how much of
+    the file is left out [bytes].
+    """
     if not path.exists():
         return
     with path.open("rb") as file:
-        for line in file:
+        file.seek(start)
+        for number, line in enumerate(file, start=1):
             if (record := parse_record(line)) is not None:
                 yield record
+            elif line.strip():
+                broken(number)
 
 
 def parse_record(line: bytes) -> ManifestRecord | None:
     """Return the record in a line; None if the line is not a whole record."""
+    value = _parsed(line)
+    return cast(ManifestRecord, value) if _is_record(value) else None
+
+
+def is_of_manifest(line: bytes) -> bool:
+    """Return whether a line has the keys of a record, whatever their values."""
+    value = _parsed(line)
+    return isinstance(value, dict) and value.keys() >= ManifestRecord.__required_keys__
+
+
+def _parsed(line: bytes) -> object:
     try:
-        record = json.loads(line)
-    except ValueError:
+        return json.loads(line)
+    except (ValueError, RecursionError):
         return None
-    whole = isinstance(record, dict) and record.keys() >= ManifestRecord.__required_keys__
-    return cast(ManifestRecord, record) if whole else None
+
+
+def _is_record(value: object) -> bool:
+    match value:
+        case {
+            "input": str(),
+            "input_hash": str() | None,
+            "output": str(),
+            "output_hash": str() | None,
+            "target": str(),
+            "target_hash": str(),
+            "options": dict(),
+            "version": str(),
+            "frames": int(),
+            "seconds": int() | float(),
+            "figures": dict(figures),
+            "notes": list(notes),
+            "warnings": list(warnings),
+            "status": "done" | "failed",
+            "error": str() | None,
+        }:
+            return all(isinstance(text, str) for text in (*notes, *warnings)) and all(map(_is_side, figures.values()))
+    return False
+
+
+def _is_side(figures: object) -> bool:
+    """Whether these are the figures of one side of a record."""
+    return isinstance(figures, dict) and all(isinstance(value, int | float | None) for value in figures.values())

@@ -18,11 +18,12 @@ from distretarget.batch.record import ManifestRecord, Recipe, failed_record
 from distretarget.batch.task import Outcome, Task, convert
 from distretarget.conversion import Text
 from distretarget.errors import BatchError, DistretargetError, FileError
-from distretarget.io.files import hash_of, hash_of_file, read_bytes, text_of, write_whole
+from distretarget.io.files import check_inside, hash_of, hash_of_file, read_bytes, text_of, write_whole
 from distretarget.report.document import About
 
 CHECK_INTERVAL = 5.0  # time without a result after which the run checks that all workers are alive [s]
 QUEUED = 2  # tasks that are submitted at a time, running or waiting [tasks per worker]
+WAITS = 12  # how many intervals without a result pass from one line on that to the next
 SPLIT_SIZE = 1 << 20  # smallest clip that is split into chunks if it would keep one worker busy at the end [bytes]
 
 
@@ -31,6 +32,9 @@ class Watcher(Protocol):
 
     def clip(self, record: ManifestRecord | None) -> None:
         """Take note that a clip is done or has failed; `record` is None if there was nothing to do."""
+
+    def waiting(self, reason: str) -> None:
+        """Take note that no results come, and why."""
 
     def report(self, work: Work, outcome: Outcome) -> None:
         """Take the report on a clip, which is in its outcome."""
@@ -78,6 +82,7 @@ class Run:
     about: Callable[[Work], About] | None = None
     _running: dict[Future[Outcome], _Running] = field(default_factory=dict)
     _suspects: list[_Running] = field(default_factory=list)
+    _waits: int = 0
 
     def go(self, works: Iterable[Work], left: int) -> None:
         """Convert the clips of a plan, the largest first; `left` is their total size [bytes].
@@ -105,7 +110,9 @@ class Run:
         try:
             content = read_bytes(work.clip.path)
             content_hash = hash_of(content)
+            self.manifest.catch_up()
             if not self.overwrite and self.manifest.is_done(work, content_hash, self.recipe, self.folder):
+                self.manifest.confirm(work)
                 self.watcher.clip(None)
                 return
             task = _task_of(work, content, self.recipe, self.about)
@@ -126,6 +133,9 @@ class Run:
     def _finish_some(self) -> None:
         """Wait until at least one clip is converted, and write the results of those that are."""
         done, _ = wait(self._running, CHECK_INTERVAL, FIRST_COMPLETED)
+        self._waits = 0 if done else self._waits + 1
+        if self._waits % WAITS == 1 and (reason := self.pool.trouble()):
+            self.watcher.waiting(reason)
         if not done and self.pool.lost():
             unfinished, self._running = self._running, {}
             self.pool.renew()
@@ -181,21 +191,28 @@ class Run:
     def _write(self, work: Work, text: str, record: ManifestRecord) -> None:
         """Write an output, with its record just before it is put in place."""
         path = self.folder / work.place
+        check_inside(path, self.folder)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise FileError(path.parent, "the folder cannot be made: " + (error.strerror or str(error))) from error
+        existing_hash = hash_of_file(path)
         try:
-            existing_hash = hash_of_file(path)
-            if existing_hash != record["output_hash"]:
-                if not self.overwrite:
-                    self.manifest.check_replaceable(work, path, existing_hash)
-                write_whole(path, text, self.overwrite or path.exists(), lambda: self.manifest.add(record))
-                return
+            self._put(work, path, existing_hash, text, record)
         except FileError:
-            if hash_of_file(path) != record["output_hash"]:
+            if (hash_now := hash_of_file(path)) == existing_hash:
                 raise
-        self.manifest.add(record)  # another run was faster
+            self._put(work, path, hash_now, text, record)  # another run has written the file meanwhile
+
+    def _put(self, work: Work, path: Path, existing_hash: str | None, text: str, record: ManifestRecord) -> None:
+        """Put an output in the place of a file with this hash, unless that is the output already."""
+        if existing_hash == record["output_hash"]:
+            self.manifest.add(record)  # another run was faster
+            return
+        if not self.overwrite:
+            self.manifest.catch_up()
+            self.manifest.check_replaceable(work, path, existing_hash)
+        write_whole(path, text, self.overwrite or existing_hash is not None, lambda: self.manifest.add(record))
 
     def _record_failure(self, record: ManifestRecord) -> None:
         """Record that a clip failed."""
@@ -259,7 +276,11 @@ def _submitted(task: Task, pool: Pool) -> Future[Outcome]:
         return pool.executor.submit(convert, task)
     except BrokenExecutor:
         pool.renew()
+    try:
         return pool.executor.submit(convert, task)
+    except BrokenExecutor as error:
+        advice = 'a script that converts needs a file of its own, with `if __name__ == "__main__":`'
+        raise BatchError(f"the workers die as they start; {advice}") from error
 
 
 def _described(error: BaseException) -> str:

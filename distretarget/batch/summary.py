@@ -56,7 +56,8 @@ class Tally:
         yield f"{clips} {'clip' if clips == 1 else 'clips'}: {', '.join(counts)}"
         if self.frames:
             jobs = f"{workers} {'job' if workers == 1 else 'jobs'}"
-            yield f"{self.frames:,} frames in {seconds:.1f} s, {self.frames / seconds:,.0f} frames/s with {jobs}"
+            frames = "1 frame" if self.frames == 1 else f"{self.frames:,} frames"
+            yield f"{frames} in {seconds:.1f} s, {self.frames / seconds:,.0f} frames/s with {jobs}"
         if self.warned:
             yield f"{self.warned} of {self.done} need a look; the manifest has their warnings"
         for figure, records in self._worst.items():
@@ -75,7 +76,7 @@ def worst(records: Iterable[ManifestRecord], figure: Figure) -> list[ManifestRec
 
 def _of_result(record: ManifestRecord, figure: Figure) -> float:
     """The figure of the result, 0 where nothing was to be measured."""
-    return record["figures"]["result"][figure.key] or 0.0
+    return record["figures"].get("result", {}).get(figure.key) or 0.0
 
 
 def _failure(record: ManifestRecord) -> str:

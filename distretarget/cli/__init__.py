@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import io
 import os
+import signal
 import sys
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NoReturn
 
 import click
@@ -17,6 +20,7 @@ from distretarget.cli.retarget import retarget_command
 from distretarget.cli.skeleton import skeleton_group
 from distretarget.errors import DistretargetError
 from distretarget.io.files import reason_of
+from distretarget.numerics.compiled import announced_compilation
 
 THREAD_TIMEOUT = 5.0  # time that each remaining thread has to end before the program ends without it [s]
 
@@ -47,10 +51,27 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     try:
-        _leave(_run())
+        with _interruptible(), announced_compilation(lambda line: click.echo(line, err=True)):
+            status = _run()
+        _leave(status)
     except OSError as error:  # of standard output, if the error names no file
         sys.stdout = None  # so that Python does not flush it again at exit
         sys.exit(_complain(f"{error.filename or 'standard output'}: {reason_of(error)}", 1))
+
+
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """Handle requests to end the program (SIGTERM, SIGHUP) like Ctrl-C, unless they are ignored, as under nohup."""
+    signals = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {number: signal.getsignal(number) for number in signals}
+    for number, handler in before.items():
+        if handler is not signal.SIG_IGN:
+            signal.signal(number, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _run() -> int:
@@ -62,7 +83,8 @@ def _run() -> int:
         return 2
     except click.UsageError as error:
         command = error.ctx.command_path if error.ctx else "distretarget"
-        return _complain(f"{error.format_message()} See '{command} --help'.", 2)
+        message = error.format_message()
+        return _complain(f"{message}{'' if message.endswith(('.', '?')) else '.'} See '{command} --help'.", 2)
     except click.ClickException as error:
         return _complain(error.format_message(), error.exit_code)
     except DistretargetError as error:

@@ -7,10 +7,10 @@ import signal
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing
 from importlib.metadata import version
 from pathlib import Path
-from types import FrameType, TracebackType
+from types import TracebackType
 
 import click
 from tqdm import tqdm
@@ -123,7 +123,7 @@ def batch_command(
     listed = [Path(line) for line in lines]
     if not sources and input_list is None:
         raise click.UsageError("no sources; expected files, folders or --input-list.")
-    if jobs and dask:
+    if jobs and dask is not None:
         raise click.UsageError("--jobs sets the processes of this machine; give either --jobs or --dask.")
     if missing := [source for source in sources if not os.path.lexists(source)]:
         raise click.UsageError(f"{missing[0]}: there is no such file or folder.")
@@ -146,10 +146,11 @@ def batch_command(
         check_page(pages.index, works, folder, map_path)
         pages.check()
     batch = Batch(works=works, folder=folder, recipe=recipe, pages=pages, overwrite=overwrite, fail_fast=fail_fast)
-    pool: Pool = Cluster(dask) if dask else Processes(jobs or cores(), options.objective)
+    pool: Pool = Cluster(dask) if dask is not None else Processes(jobs or cores(), options.objective)
     with closing(pool), closing(Manifest(folder)) as manifest, Progress(len(works)) as progress:
+        _print_broken(manifest)
         stopped, status = _convert(batch, manifest, pool, progress)
-    for line in progress.tally.lines(len(works), progress.seconds, pool.workers):
+    for line in progress.tally.lines(len(works), progress.seconds - pool.start_seconds, pool.workers):
         say(line)
     _print_unread(found)
     problems = pages.problems if pages else {}
@@ -183,15 +184,19 @@ def _planned(found: FoundClips, targets: Sequence[Text], folder: Path, sources: 
 
 def _convert(batch: Batch, manifest: Manifest, pool: Pool, progress: Progress) -> tuple[str, int]:
     """Convert the clips; return why the batch was stopped and the exit status for that; empty and 0 if it was not."""
-    with _interruptible():
-        try:
-            batch.convert(manifest, pool, progress.tally, progress.show)
-        except KeyboardInterrupt:
-            signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the summary is left to print
-            return "interrupted; run this again to go on", INTERRUPTED
-        except (BatchError, FileError) as error:
-            return str(error), 1
+    try:
+        batch.convert(manifest, pool, progress.tally, progress.show, _say_waiting)
+    except KeyboardInterrupt:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the summary is left to print
+        return "interrupted; run this again to go on", INTERRUPTED
+    except (BatchError, FileError) as error:
+        return str(error), 1
     return "", 0
+
+
+def _say_waiting(reason: str) -> None:
+    """Print why no results come."""
+    say(f"waiting: {reason}", err=True)
 
 
 class Progress:
@@ -225,6 +230,7 @@ class Progress:
 def _print_plan(works: Sequence[Work], folder: Path, recipe: Recipe, overwrite: bool) -> None:
     """Print what would be done with each clip."""
     history = History(folder)
+    _print_broken(history)
     for work in works:
         try:
             done = history.is_done(work, hash_of(read_bytes(work.clip.path)), recipe, folder)
@@ -237,21 +243,15 @@ def _print_plan(works: Sequence[Work], folder: Path, recipe: Recipe, overwrite: 
             say(f"{'skip   ' if done and not overwrite else 'convert'}  {work.clip.path} -> {folder / work.place}")
 
 
+def _print_broken(history: History) -> None:
+    """Print which lines of a manifest cannot be used."""
+    if history.broken:
+        first, *others = history.broken
+        more = f", nor are {len(others)} more lines" if others else ""
+        say(f"warning: {history.path}:{first}: is not a record of a clip{more}; what it says is not used", err=True)
+
+
 def _print_unread(found: FoundClips) -> None:
     """Print the errors of files and folders that could not be searched."""
     for error in found.unread:
         say(f"not searched: {error}", err=True)
-
-
-@contextmanager
-def _interruptible() -> Iterator[None]:
-    """Handle a request to end the program (SIGTERM) like Ctrl-C."""
-
-    def interrupt(_signal: int, _frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

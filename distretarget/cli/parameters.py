@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from distretarget.measure.figures import BY_KEY
-from distretarget.skeleton import LARGEST
+from distretarget.skeleton import LARGEST, SMALLEST
 
 
 def positive(text: str) -> float:
@@ -14,8 +14,8 @@ def positive(text: str) -> float:
         number = float(text)
     except ValueError:
         number = 0.0
-    if not 0 < number <= LARGEST:
-        raise click.BadParameter(f"expected a number above 0 and at most {LARGEST:g}, found {text!r}")
+    if not SMALLEST <= number <= LARGEST:
+        raise click.BadParameter(f"expected a number above 0, from {SMALLEST:g} to {LARGEST:g}, found {text!r}")
     return number
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,15 +12,18 @@ import click
 from tqdm import tqdm
 
 from distretarget.baseline.world import RootOffset
+from distretarget.batch.compile_ahead import warm
 from distretarget.cli.matching_table import headline, unused
 from distretarget.cli.options import retargeting
 from distretarget.cli.outputs import LISTED, about, check_outputs, say
 from distretarget.conversion import Options, load_text, retarget_onto
-from distretarget.errors import quoted
-from distretarget.io.bvh import read_bvh
+from distretarget.errors import FileError, quoted
+from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.files import write_whole
 from distretarget.io.map_json import load_map
+from distretarget.io.target_file import is_json
+from distretarget.motion import Motion
 from distretarget.report.report import run_page
 from distretarget.result import RetargetResult
 from distretarget.run_summary import figures_json, figures_line, summary_line, unmatched
@@ -65,8 +69,9 @@ def retarget_command(
     distretarget walk.bvh robot.bvh -o walk_robot.bvh --map walk_robot.map.json -v
     """  # noqa: D301
     check_outputs([output, figures, report], [source, target, map_path], overwrite)
+    warm(options.objective)
     started = time.perf_counter()
-    motion = read_bvh(source)
+    motion = _read_source(source, target)
     map_file, target_text = load_map(map_path), load_text(target)
     with tqdm(total=len(motion), unit=" frames", desc=source.name, disable=None, leave=False) as bar:
         result = retarget_onto(
@@ -84,6 +89,15 @@ def retarget_command(
     for warning in result.warnings:
         click.echo(f"warning: {warning}", err=True)
     click.echo(summary_line(result, seconds))
+
+
+def _read_source(source: Path, target: Path) -> Motion:
+    """The motion of the source; an error says so where source and target are likely to be swapped."""
+    text = load_text(source)
+    if is_json(text.text):
+        order = f"if it is the target, it comes last: distretarget {shlex.join([str(target), str(source)])} -o OUT.bvh"
+        raise FileError(source, f"is a skeleton file, which has no motion, expected a BVH file as SOURCE; {order}")
+    return parse_bvh(text.text, source)
 
 
 def _account(result: RetargetResult) -> Iterator[str]:

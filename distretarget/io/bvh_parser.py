@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.errors import BvhError
+from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME, is_frame_time
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS
 
 MAX_DEPTH = 400
@@ -238,8 +239,9 @@ def take_frames(words: Words, channels: int) -> FramesText:
     declared, at = words.count("the number of frames"), words.at
     words.label("Frame Time")
     time = words.take()
-    if not is_finite(time) or float(time) <= 0:
-        words.refuse(time, "the time between frames in seconds, a number above 0")
+    if not is_frame_time(time):
+        bounds = f"from {SHORTEST_FRAME:g} to {LONGEST_FRAME:g}"
+        words.refuse(time, f"the time between frames in seconds, a number above 0, {bounds}")
     values = _take_numbers(words)
     if declared and not channels:
         raise words.error(f"found {declared} frames declared, expected 0 where no joint has channels", at)

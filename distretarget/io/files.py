@@ -8,11 +8,14 @@ import errno
 import hashlib
 import os
 import secrets
+import stat
 from collections.abc import Callable
 from pathlib import Path
 
 from distretarget.errors import FileError
 
+# Formats of motion that other programs convert to BVH, by suffix.
+OTHER_FORMATS = {".fbx": "FBX", ".glb": "glTF", ".gltf": "glTF", ".c3d": "C3D", ".dae": "Collada", ".blend": "Blender"}
 CTRL_Z = "\x1a"
 
 REASONS = {
@@ -56,6 +59,9 @@ def read_bytes(path: str | Path) -> bytes:
 
 def text_of(content: bytes, path: str | Path) -> str:
     """Return the text in the content of a file as `read_text` does; `path` is for errors."""
+    if other := OTHER_FORMATS.get(Path(path).suffix.lower()):
+        advice = "convert it first, for example with Blender: File > Import, then File > Export > Motion Capture (.bvh)"
+        raise FileError(path, f"is {other}, expected BVH; {advice}")
     text = _decoded(path, content)
     if "\0" in text:
         raise FileError(path, f"is not a text file: character {text.index(chr(0)) + 1} is NUL")
@@ -97,11 +103,26 @@ def encoded(text: str) -> bytes:
     return text.encode("utf-8", "surrogateescape")
 
 
+def check_inside(path: Path, folder: Path) -> None:
+    """Check that a path in a folder leads to a place in that folder, whichever links it follows.
+
+    Raises:
+        FileError: it leads to another place.
+    """
+    try:
+        inside = path.resolve().is_relative_to(folder.resolve())
+    except (OSError, ValueError, RuntimeError) as error:
+        raise FileError(path, reason_of(error)) from error
+    if not inside:
+        raise FileError(path, f"leads out of the folder {str(folder)!r}; remove the link")
+
+
 def check_writable(path: str | Path, overwrite: bool = False) -> None:
     """Check, without writing, that `write_whole` could write this file.
 
     Raises:
-        FileError: the file exists and may not be replaced, or its folder is missing or not writable.
+        FileError: the file exists and may not be replaced, the path is a link to a file that does not exist, or the
+            folder is missing or not writable.
     """
     try:
         place = Path(path).resolve()
@@ -109,6 +130,8 @@ def check_writable(path: str | Path, overwrite: bool = False) -> None:
             raise FileError(path, "is a folder, expected the name of a file")
         if place.exists():
             _check_replaceable(path, place, overwrite)
+        elif Path(path).is_symlink():
+            raise FileError(path, f"is a link to {str(place)!r}, which does not exist; remove the link")
         if not place.parent.is_dir():
             raise FileError(path, f"there is no folder {str(place.parent)!r}")
     except (OSError, ValueError, RuntimeError) as error:
@@ -131,7 +154,8 @@ def write_whole(
 ) -> None:
     """Write a file under a temporary name in its folder, and rename it when it is complete.
 
-    Text is written as UTF-8, with line ends as given. `complete` is called when the file is complete and on the disk,
+    Text is written as UTF-8, with line ends as given. A file that replaces another has its permissions and, where that
+    is allowed, its owner. `complete` is called when the file is complete and on the disk,
     before it is renamed; if `complete` raises an error, the file is not put in place.
 
     Raises:
@@ -141,7 +165,8 @@ def write_whole(
     place = Path(path).resolve()
     beside = place.with_name(f".distretarget-{secrets.token_hex(8)}.tmp")
     try:
-        _write_to_disk(beside, encoded(content) if isinstance(content, str) else content)
+        replaced = place if overwrite and place.exists() else None
+        _write_to_disk(beside, encoded(content) if isinstance(content, str) else content, replaced)
         complete()
         if overwrite:
             beside.replace(place)
@@ -156,11 +181,23 @@ def write_whole(
             beside.unlink()
 
 
-def _write_to_disk(path: Path, content: bytes) -> None:
+def _write_to_disk(path: Path, content: bytes, replaced: Path | None) -> None:
+    """Write a new file, which has the owner and permissions of the file that it will replace, if any."""
     with path.open("xb") as file:
+        if replaced:
+            _hand_over(replaced, path)
         file.write(content)
         file.flush()
         os.fsync(file.fileno())
+
+
+def _hand_over(place: Path, beside: Path) -> None:
+    """Give the owner, where that is allowed, and the permissions of a file to the one that will replace it."""
+    status = place.stat()
+    if hasattr(os, "chown"):
+        with contextlib.suppress(PermissionError):
+            os.chown(beside, status.st_uid, status.st_gid)
+    beside.chmod(stat.S_IMODE(status.st_mode))
 
 
 def _move_to_new(beside: Path, place: Path) -> None:

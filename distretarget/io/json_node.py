@@ -11,7 +11,7 @@ from typing import NoReturn
 
 from distretarget.errors import SkeletonFileError, closest, quoted
 from distretarget.io.bvh_parser import is_name
-from distretarget.skeleton import LARGEST
+from distretarget.skeleton import LARGEST, SMALLEST
 
 INVALID_SURROGATES = re.compile(r"[\ud800-\udc7f\udd00-\udfff]")
 """Surrogates that stand for nothing; the other surrogates stand for bytes that are not valid UTF-8."""
@@ -116,8 +116,8 @@ class Node:
         return self.value
 
     def positive(self) -> float:
-        if not self.number() > 0:
-            self.expected("a number above 0")
+        if not self.number() >= SMALLEST:
+            self.expected(f"a number above 0, at least {SMALLEST:g}")
         return self.number()
 
     def flag(self) -> bool:

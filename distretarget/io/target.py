@@ -10,7 +10,7 @@ from distretarget.errors import SkeletonFileError, closest
 from distretarget.io.json_node import entry_place
 from distretarget.matching.pairing import JointMap
 from distretarget.motion import Motion
-from distretarget.skeleton import Skeleton
+from distretarget.skeleton import SMALLEST, Skeleton
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,8 @@ class SkeletonEdit:
 
 
 def with_bones(skeleton: Skeleton, path: str | Path, place: str = "") -> Skeleton:
-    """The skeleton itself; raises an error if all its bones have length 0."""
-    if not skeleton.lengths.any():
-        raise SkeletonFileError(path, place, "all bones have length 0; expected at least one longer bone")
+    """The skeleton itself; raises an error if no bone has a length."""
+    if not skeleton.lengths.max() >= SMALLEST:
+        fault = f"all bones have length 0, or are shorter than {SMALLEST:g}"
+        raise SkeletonFileError(path, place, f"{fault}; expected at least one longer bone")
     return skeleton

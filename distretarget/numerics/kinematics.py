@@ -7,8 +7,9 @@ are x y z w, as in scipy.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from distretarget.numerics.compiled import compiled, inlined
 
 Array = NDArray[np.float64]
 Parents = NDArray[np.intp]
@@ -46,7 +47,7 @@ def rotation_products(first: Array, second: Array) -> Array:
     return product
 
 
-@njit(cache=True)
+@compiled()
 def _world_rotations(parents: Parents, world: Array) -> None:
     """Turn local rotations into world rotations in place."""
     for frame in range(len(world)):
@@ -55,7 +56,7 @@ def _world_rotations(parents: Parents, world: Array) -> None:
             _multiply(p[0], p[1], p[2], p[3], world[frame, joint], world[frame, joint])
 
 
-@njit(cache=True)
+@compiled()
 def _local_rotations(parents: Parents, world: Array, local: Array) -> None:
     """Write local rotations: the inverse of the parent's world rotation times the joint's own."""
     for frame in range(len(world)):
@@ -64,7 +65,7 @@ def _local_rotations(parents: Parents, world: Array, local: Array) -> None:
             _multiply(-p[0], -p[1], -p[2], p[3], world[frame, joint], local[frame, joint])
 
 
-@njit(cache=True)
+@compiled()
 def _products(first: Array, second: Array, product: Array) -> None:
     for frame in range(len(first)):
         for joint in range(first.shape[1]):
@@ -72,7 +73,7 @@ def _products(first: Array, second: Array, product: Array) -> None:
             _multiply(p[0], p[1], p[2], p[3], second[frame, joint], product[frame, joint])
 
 
-@njit(cache=True)
+@inlined()
 def _multiply(x, y, z, w, q, product):  # type: ignore[no-untyped-def]
     """Write the product of the quaternion x y z w and q; `product` may be q itself."""
     i, j, k, r = q[0], q[1], q[2], q[3]
@@ -82,7 +83,7 @@ def _multiply(x, y, z, w, q, product):  # type: ignore[no-untyped-def]
     product[3] = w * r - x * i - y * j - z * k
 
 
-@njit(cache=True)
+@compiled()
 def _positions(parents: Parents, translations: Array, world: Array, positions: Array) -> None:
     """Write positions: each joint stands from its parent by its translation, turned by the parent."""
     for frame in range(len(world)):

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from distretarget.numerics.compiled import inlined
 
 # [body sizes squared] The least squared distance. Two points in one place have a distance without a gradient; so
 # bounded, their pair exerts no force.
 NEAREST = 1e-300
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@inlined(fastmath=True)
 def stress_and_gradient(
     x: NDArray[np.float64], delta: NDArray[np.float64], pi: NDArray[np.float64], gradient: NDArray[np.float64]
 ) -> float:
@@ -37,7 +38,7 @@ def stress_and_gradient(
     return 0.25 * sigma
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@inlined(fastmath=True)
 def target_distances(x: NDArray[np.float64], ratio: NDArray[np.float64], delta: NDArray[np.float64]) -> None:
     """Write delta_uv = tau2_uv D_uv = (tau2_uv / tau1_uv) ||x_u - x_v||, Eq. (1).
 

@@ -4,9 +4,6 @@ A pose says how far each part deviates from the rotation copy, as a rotation vec
 row, how far the root is moved: an array (parts + 1, 3). With world rotations as unknowns the deviations do not depend
 on each other: R_j = exp(v_part(j)) RC_j. A bone b of the copy becomes exp(v) b, so that posing the body takes nothing
 but the bones of the copy.
-
-Numba inlines small functions into their callers. Otherwise a process that compiles them would run another copy of
-their code than one that loads the callers from the cache, and results could differ in their last bits.
 """
 
 from __future__ import annotations
@@ -14,8 +11,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from distretarget.numerics.compiled import inlined
 
 Array = NDArray[np.float64]
 
@@ -54,7 +52,7 @@ class Scratch(NamedTuple):
     arms: Array
 
 
-@njit(cache=True)
+@inlined()
 def scratch_of(joints: int, parts: int) -> Scratch:
     """Scratch arrays for a body with the given numbers of joints and parts."""
     return Scratch(
@@ -66,7 +64,7 @@ def scratch_of(joints: int, parts: int) -> Scratch:
     )
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@inlined(fastmath=True)
 def pose_body(v: Array, body: Articulation, bones: Array, root: Array, scratch: Scratch) -> None:
     """Write the positions and posed bones of the pose `v` to `scratch`.
 
@@ -86,7 +84,7 @@ def pose_body(v: Array, body: Articulation, bones: Array, root: Array, scratch: 
             scratch.x[joint, i] = scratch.x[parent, i] + scratch.bones[joint, i]
 
 
-@njit(error_model="numpy", fastmath=True, inline="always")
+@inlined(fastmath=True)
 def _exp(x: float, y: float, z: float, E: Array) -> None:
     """Write the rotation matrix of a rotation vector to `E`, row by row (Rodrigues)."""
     square = x * x + y * y + z * z
@@ -100,7 +98,7 @@ def _exp(x: float, y: float, z: float, E: Array) -> None:
     E[6], E[7], E[8] = b * x * z - a * y, b * y * z + a * x, 1.0 - b * (x * x + y * y)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@inlined(fastmath=True)
 def pose_gradient(v: Array, body: Articulation, scratch: Scratch, gradient: Array) -> float:
     """Write the gradient with respect to the pose, given that with respect to the positions in `scratch.gradient`.
 
@@ -134,7 +132,7 @@ def pose_gradient(v: Array, body: Articulation, scratch: Scratch, gradient: Arra
     return value
 
 
-@njit(error_model="numpy", fastmath=True, inline="always")
+@inlined(fastmath=True)
 def to_rotation_vector(v: Array, m: Array) -> None:
     """Replace the moment m by J^T m, where J^T = I - a [v] + b [v]^2."""
     x, y, z = v[0], v[1], v[2]
@@ -150,7 +148,7 @@ def to_rotation_vector(v: Array, m: Array) -> None:
     m[2] += b * (x * cy - y * cx) - a * cz
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@inlined(fastmath=True)
 def lever_arms(body: Articulation, scratch: Scratch) -> None:
     """Write the lever arm of each part on each joint, for the pose in `scratch`: the sum of the part's bones on the way
     to the joint. A small turn w of the part moves the joint by w x arm.

@@ -23,9 +23,9 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from distretarget.numerics.compiled import compiled, inlined
 from distretarget.solve.articulation import Articulation, Scratch
 from distretarget.solve.chunks import Mapper, Progress, blocks_of, solve_in_chunks
 from distretarget.solve.contact_pairs import activation_window, candidate_pairs, pair_springs
@@ -91,12 +91,12 @@ class Terms(NamedTuple):
     floor: Floor
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@inlined(fastmath=True)
 def _energy(scratch: Scratch, terms: Terms) -> float:
     return spring_energy(scratch, terms.springs) + floor_energy(scratch, terms.floor)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@inlined(fastmath=True)
 def _like_springs(scratch: Scratch, terms: Terms) -> Springs:
     return with_floor(scratch, terms.springs, terms.floor)
 
@@ -104,7 +104,7 @@ def _like_springs(scratch: Scratch, terms: Terms) -> Springs:
 _solve_pose = compile_pose_solver(_energy, _like_springs)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _solve(body, bones, root, springs, floor, tolerance, v, first, log):  # type: ignore[no-untyped-def]
     """Solve a block of frames, whose first is frame `first` of `v` and `log`, the arrays written.
 

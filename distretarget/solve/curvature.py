@@ -7,9 +7,9 @@ few iterations there.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from distretarget.numerics.compiled import inlined
 from distretarget.solve.articulation import Articulation, Scratch, lever_arms, to_rotation_vector
 from distretarget.solve.springs import NEGLIGIBLE, Springs, stiffness_of
 
@@ -19,7 +19,7 @@ Parts = NDArray[np.intp]
 LEAST_CURVATURE = 0.01  # of any direction, in the scaling alone: so no step turns a part right round
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@inlined(fastmath=True)
 def active_curvature(v: Array, body: Articulation, scratch: Scratch, springs: Springs, H: Array, active: Parts) -> int:
     """Write the upper triangle of the curvature of the active parts at the pose `v` to the front of `H`, and the
     numbers of these parts to `active`; return how many they are. `scratch` has the positions of the pose.
@@ -42,7 +42,7 @@ def active_curvature(v: Array, body: Articulation, scratch: Scratch, springs: Sp
     return count
 
 
-@njit(error_model="numpy", fastmath=True, inline="always")
+@inlined(fastmath=True)
 def _move_block(v, H, p, q, row, column):  # type: ignore[no-untyped-def]
     """Move the block of the parts p and q to a row and column of `H`, and turn it into one for rotation vectors.
 
@@ -67,7 +67,7 @@ def _move_block(v, H, p, q, row, column):  # type: ignore[no-untyped-def]
             H[row + i, column + j] = line[j]
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@inlined(fastmath=True)
 def _spring_curvature(body: Articulation, scratch: Scratch, springs: Springs, H: Array) -> None:
     """Write the upper triangle of the curvature of springs with respect to small turns of all parts.
 
@@ -95,7 +95,7 @@ def _spring_curvature(body: Articulation, scratch: Scratch, springs: Springs, H:
         _add_spring(springs.A[s], Q, on, count, b < 0, H)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@inlined(fastmath=True)
 def _add_spring(A, Q, on, count, grounded, H):  # type: ignore[no-untyped-def]
     """Add the blocks of one spring for the parts `on`; one that is tied to the world also acts on the root's place."""
     root = len(H) - 3
@@ -122,7 +122,7 @@ def _add_spring(A, Q, on, count, grounded, H):  # type: ignore[no-untyped-def]
                 H[root + i, root + j] += A[i, j]
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@inlined(fastmath=True)
 def factorise(H: Array, n: int) -> None:
     """Replace the upper triangle of the first n rows and columns of H by that of its Cholesky factor U, U^T U = H."""
     for i in range(n):
@@ -135,7 +135,7 @@ def factorise(H: Array, n: int) -> None:
             H[i, j] *= scale
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@inlined(fastmath=True)
 def scale(U: Array, active: Parts, v: Array, z: Array) -> None:
     """Write z = U v of the active parts, (active, 3)."""
     for i in range(z.size):
@@ -145,7 +145,7 @@ def scale(U: Array, active: Parts, v: Array, z: Array) -> None:
         z[i // 3, i % 3] = total
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@inlined(fastmath=True)
 def unscale(U: Array, active: Parts, z: Array, v: Array) -> None:
     """Write the v with U v = z of the active parts, and zero of the others."""
     v[:] = 0.0
@@ -158,7 +158,7 @@ def unscale(U: Array, active: Parts, z: Array, v: Array) -> None:
         v[active[i // 3], i % 3] = flat[i]
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@inlined(fastmath=True)
 def scale_gradient(U: Array, active: Parts, gradient: Array, scaled: Array) -> None:
     """Write the gradient with respect to z, (active, 3): the g with U^T g = gradient of the active parts."""
     flat = scaled.reshape(scaled.size)

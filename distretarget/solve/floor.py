@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from distretarget.numerics.compiled import inlined
 from distretarget.solve.articulation import Scratch
 from distretarget.solve.springs import NEGLIGIBLE, Springs
 
@@ -42,14 +42,14 @@ def no_floor(frames: int) -> Floor:
     return Floor(np.zeros(0, np.intp), np.zeros((frames, 0)), np.zeros((frames, 0)), np.zeros(3))
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@inlined(fastmath=True)
 def depth_below(scratch, floor, n):  # type: ignore[no-untyped-def]
     """How far the n-th joint is below its height at the positions `scratch.x`; less than 0 above it."""
     x = scratch.x[floor.joints[n]]
     return floor.heights[n] - (x[0] * floor.up[0] + x[1] * floor.up[1] + x[2] * floor.up[2])
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@inlined(fastmath=True)
 def floor_energy(scratch: Scratch, floor: Floor) -> float:
     """The energy of the floor at the positions `scratch.x`; its gradient is added to `scratch.gradient`."""
     energy = 0.0
@@ -64,7 +64,7 @@ def floor_energy(scratch: Scratch, floor: Floor) -> float:
     return energy
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@inlined(fastmath=True)
 def with_floor(scratch: Scratch, springs: Springs, floor: Floor) -> Springs:
     """The springs, and one for each joint that is below its height at the positions `scratch.x`: they have the same
     curvature as springs and floor.

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.distances import DistanceProblem, columns
+from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.rotations import best_rotation
 from distretarget.numerics.stress import stress_and_gradient, target_distances
 from distretarget.solve.chunks import Progress, blocks_of
@@ -48,7 +48,7 @@ class _Stress(NamedTuple):
     pi: NDArray[np.float64]
 
 
-@njit(cache=True, error_model="numpy")
+@inlined()
 def _objective(x, problem, gradient):  # type: ignore[no-untyped-def]
     return stress_and_gradient(x, problem.delta, problem.pi, gradient)
 
@@ -56,7 +56,7 @@ def _objective(x, problem, gradient):  # type: ignore[no-untyped-def]
 _minimise = spectral_gradient(_objective, steepest, straight)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _solve(source, starts, ratio, pi, solved, first, log):  # type: ignore[no-untyped-def]
     """Solve a block of frames, whose first is column `first` of `log`; distances are computed frame by frame."""
     problem = _Stress(np.empty_like(pi), pi)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from distretarget.distances import DistanceProblem
+from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.stress import stress_and_gradient, target_distances
 from distretarget.solve.articulation import Articulation, Scratch
 from distretarget.solve.chunks import Progress, blocks_of
@@ -83,7 +83,7 @@ def _terms(distances: DistanceProblem) -> Terms:
     )
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@inlined(fastmath=True)
 def _stress(scratch: Scratch, terms: Terms) -> float:
     for point, joint in enumerate(terms.points):
         for i in range(3):
@@ -95,7 +95,7 @@ def _stress(scratch: Scratch, terms: Terms) -> float:
     return sigma
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@inlined(fastmath=True)
 def _pair_springs(scratch: Scratch, terms: Terms) -> Springs:
     """A spring along each pair, as stiff as its priority."""
     springs = terms.springs
@@ -114,7 +114,7 @@ def _pair_springs(scratch: Scratch, terms: Terms) -> Springs:
 _solve_pose = compile_pose_solver(_stress, _pair_springs)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled()
 def _solve(body, bones, root, source, ratio, terms, guess, v, first, log):  # type: ignore[no-untyped-def]
     """Solve a block of frames, whose first is frame `first` of `v` and `log`, the arrays written.
 

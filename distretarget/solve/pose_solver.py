@@ -11,9 +11,9 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from distretarget.numerics.compiled import inlined
 from distretarget.solve.articulation import Articulation, Scratch, pose_body, pose_gradient, scratch_of
 from distretarget.solve.curvature import Parts, active_curvature, factorise, scale, scale_gradient, unscale
 from distretarget.solve.spg import Minimum, Reason, copy_to, spectral_gradient, steepest, straight
@@ -64,13 +64,13 @@ def compile_pose_solver(energy: Callable[..., Any], like_springs: Callable[..., 
     stops when the norm of the search direction in z is at most `tolerance` [square root of the objective].
     """
 
-    @njit(error_model="numpy", fastmath=True)
+    @inlined(fastmath=True)
     def value(v, body, scratch, frame, terms, gradient):  # type: ignore[no-untyped-def]
         pose_body(v, body, frame.bones, frame.root, scratch)
         scratch.gradient[:] = 0.0
         return energy(scratch, terms) + pose_gradient(v, body, scratch, gradient)
 
-    @njit(error_model="numpy", fastmath=True)
+    @inlined(fastmath=True)
     def objective(z, problem, gradient):  # type: ignore[no-untyped-def]
         active, body, scratch, unknowns, frame, terms = problem
         unscale(unknowns.U, active, z, unknowns.v)
@@ -80,7 +80,7 @@ def compile_pose_solver(energy: Callable[..., Any], like_springs: Callable[..., 
 
     minimise = spectral_gradient(objective, steepest, straight)
 
-    @njit(error_model="numpy", fastmath=True)
+    @inlined(fastmath=True)
     def solve(starts, count, body, scratch, unknowns, frame, terms, tolerance, out):  # type: ignore[no-untyped-def]
         best = np.inf
         for start in range(count):
@@ -108,7 +108,7 @@ def compile_pose_solver(energy: Callable[..., Any], like_springs: Callable[..., 
     return solve
 
 
-@njit(cache=True)
+@inlined()
 def solver_arrays(body: Articulation) -> tuple[Scratch, Unknowns, Array]:
     """What the solver of a body writes to: scratch, the unknowns, and three poses to start from."""
     parts = len(body.stiffness)
@@ -117,7 +117,7 @@ def solver_arrays(body: Articulation) -> tuple[Scratch, Unknowns, Array]:
     return scratch_of(len(body.parents), parts - 1), unknowns, np.zeros((3, parts, 3))
 
 
-@njit(cache=True)
+@inlined()
 def warm_starts(v: Array, frame: int, starts: Array) -> None:
     """Write the poses to start a frame from that the frames before it give: to `starts[1]` the pose before, to
     `starts[2]` the two poses before, continued at the same speed.

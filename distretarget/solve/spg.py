@@ -13,8 +13,9 @@ from enum import IntEnum
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from distretarget.numerics.compiled import inlined
 
 ETA = 0.99  # how slowly the line search forgets old values; 0 makes it monotone
 ARMIJO = 1e-4
@@ -79,7 +80,7 @@ class Effort:
         return [Reason(reason).name.lower().replace("_", " ") for reason in self.reasons.tolist()]
 
 
-@njit(cache=True)
+@inlined()
 def record(minimum: Minimum, log: NDArray[np.float64], frame: int) -> None:
     """Write what a frame took to column `frame` of `log`: value, iterations, evaluations, reason."""
     log[0, frame] = minimum.value
@@ -88,7 +89,7 @@ def record(minimum: Minimum, log: NDArray[np.float64], frame: int) -> None:
     log[3, frame] = minimum.reason if np.isfinite(minimum.value) else Reason.LINE_SEARCH_FAILED.value
 
 
-@njit(cache=True)
+@inlined()
 def _inner(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     total = 0.0
     for x, y in zip(a.ravel(), b.ravel()):  # noqa: B905
@@ -96,7 +97,7 @@ def _inner(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     return total
 
 
-@njit  # not cached, nor is `minimise` below: the caller decides what type a problem has
+@inlined()
 def steepest(x, gradient, step, problem, d):  # type: ignore[no-untyped-def] # noqa: ARG001
     """Write the search direction where nothing is projected, d = -step gradient."""
     flat_g, flat_d = gradient.ravel(), d.ravel()
@@ -104,7 +105,7 @@ def steepest(x, gradient, step, problem, d):  # type: ignore[no-untyped-def] # n
         flat_d[i] = -step * flat_g[i]
 
 
-@njit
+@inlined()
 def straight(x, d, alpha, problem, out):  # type: ignore[no-untyped-def] # noqa: ARG001
     """Write the move in a Euclidean space, out = x + alpha d."""
     flat_x, flat_d, flat_out = x.ravel(), d.ravel(), out.ravel()
@@ -112,7 +113,7 @@ def straight(x, d, alpha, problem, out):  # type: ignore[no-untyped-def] # noqa:
         flat_out[i] = flat_x[i] + alpha * flat_d[i]
 
 
-@njit(cache=True)
+@inlined()
 def copy_to(target: NDArray[np.float64], source: NDArray[np.float64]) -> None:
     """target[:] = source, for contiguous arrays of one shape: a loop, which compiles in a tenth of the time."""
     flat_source, flat_target = source.ravel(), target.ravel()
@@ -135,7 +136,7 @@ def spectral_gradient(
     after `limit` iterations, or when no step of at least 1e-12 of the direction lowers the objective enough.
     """
 
-    @njit(error_model="numpy")  # not cached: the compiled functions that call it are, and contain it
+    @inlined()
     def minimise(x, problem, tolerance, limit):  # type: ignore[no-untyped-def]
         g = np.empty_like(x)
         f = objective(x, problem, g)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from distretarget.numerics.compiled import inlined
 from distretarget.solve.articulation import Scratch
 
 Array = NDArray[np.float64]
@@ -45,13 +45,13 @@ def stiffer_along(e: Array, w: Array, k: Array) -> Array:
     return np.asarray(w[..., None, None] * (k[..., None, None] * np.eye(3) + outer))
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@inlined(fastmath=True)
 def stiffness_of(A):  # type: ignore[no-untyped-def]
     """The sum of the stiffness in three directions across each other."""
     return A[0, 0] + A[1, 1] + A[2, 2]
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@inlined(fastmath=True)
 def spring_energy(scratch: Scratch, springs: Springs) -> float:
     """The energy of springs at the positions `scratch.x`; their gradient is added to `scratch.gradient`."""
     energy = 0.0

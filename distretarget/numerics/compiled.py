@@ -1,0 +1,81 @@
+"""Functions compiled by numba: those that Python calls, and those that become parts of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+from numba import njit
+from numba.core import config, event
+
+from distretarget.numerics.code_folder import code_folder
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def compiled(*, fastmath: bool = False) -> Callable[[Function], Function]:
+    """Decorate a function that Python calls. It is compiled at its first call, and its code is kept for later runs."""
+
+    def decorate(function: Function) -> Function:
+        code: Any = njit(error_model="numpy", fastmath=fastmath)(function)
+        if folder := code_folder():
+            with _caching_in(folder):
+                code.enable_caching()
+        return cast(Function, code)
+
+    return decorate
+
+
+@contextmanager
+def _caching_in(folder: Path) -> Iterator[None]:
+    """Let numba keep code in a folder, in the functions for which caching is enabled meanwhile."""
+    settings: Any = config
+    before, settings.CACHE_DIR = settings.CACHE_DIR, str(folder)
+    try:
+        yield
+    finally:
+        settings.CACHE_DIR = before
+
+
+def inlined(*, fastmath: bool = False) -> Callable[[Function], Function]:
+    """Decorate a function that compiled functions call. Its code becomes a part of theirs.
+
+    If it did not, a process that compiles would run another copy of it than a process that loads its callers from the
+    folder of compiled code, and results could differ in their last bits.
+    """
+    decorator: Any = njit(error_model="numpy", fastmath=fastmath, forceinline=True)
+    return cast(Callable[[Function], Function], decorator)
+
+
+@contextmanager
+def announced_compilation(tell: Callable[[str], object]) -> Iterator[None]:
+    """Call `tell` with a line for the user before the first function is compiled, if any is."""
+    with event.install_listener("numba:compile", _Announcer(tell)):
+        yield
+
+
+class _Announcer(event.Listener):
+    """Tells of the first compilation."""
+
+    def __init__(self, tell: Callable[[str], object]) -> None:
+        self._tell = tell
+        self._told = False
+
+    def on_start(self, event: event.Event) -> None:  # noqa: ARG002
+        if not self._told:
+            self._told = True
+            self._tell(_announcement())
+
+    def on_end(self, event: event.Event) -> None:
+        """Do nothing."""
+
+
+def _announcement() -> str:
+    if folder := code_folder():
+        return f"compiling for the first run, which may take half a minute; later runs find the code in {folder}"
+    return (
+        "compiling, which may take half a minute in every run, as there is no folder to keep the code in; "
+        "set NUMBA_CACHE_DIR to a folder that can be written to"
+    )

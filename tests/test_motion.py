@@ -1,0 +1,42 @@
+"""A motion refuses what no recording is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bodies import person, swaying
+
+from distretarget.errors import MotionError
+from distretarget.motion import is_frame_time
+
+MOTION = swaying(person(), frames=3)
+
+
+@pytest.mark.parametrize("text", ["0.01", ".0083333", "1e-5", "1000", "+2.", "1E1"])
+def test_times_between_frames(text):
+    assert is_frame_time(text)
+    assert replace(MOTION, frame_time_text=text).frame_time == float(text)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "0", "-1", "1e-9", "5e-324", "1e308", "1001", "nan", "inf", "1_0", " 1", "1e", "0.01\n1 2 3", "\u0661"]
+)
+def test_what_is_no_time_between_frames(text):
+    assert not is_frame_time(text)
+    with pytest.raises(MotionError, match="expected a number of seconds from 1e-05 to 1000"):
+        replace(MOTION, frame_time_text=text)
+
+
+@pytest.mark.parametrize("rotations", [0.0 * MOTION.rotations, 2.0 * MOTION.rotations, np.nan * MOTION.rotations])
+def test_rotations_are_unit_quaternions(rotations):
+    with pytest.raises(MotionError, match="the rotation of 'Hips' in frame 0 is not a unit quaternion"):
+        replace(MOTION, rotations=rotations)
+
+
+def test_what_is_no_array_and_no_kind_of_rotation():
+    with pytest.raises(MotionError, match="rotations is no array of numbers"):
+        replace(MOTION, rotations=[[1], [2, 3]])
+    with pytest.raises(MotionError, match=r"frame_time_text is 0\.01"):
+        replace(MOTION, frame_time_text=0.01)
+    with pytest.raises(MotionError, match="rotations is 'euler'; expected one of 'quaternion', 'matrix', '6d'"):
+        MOTION.to_dict("euler")
