@@ -11,7 +11,7 @@ from edits import ARMS, LEGS, edited
 from numpy.typing import NDArray
 
 from distretarget import Motion, RetargetResult, Skeleton, read_bvh, retarget
-from distretarget.baseline.root import find_root_scale
+from distretarget.baseline.root import RootScale, find_root_scale
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.body.body import Body
 from distretarget.distances import DistanceProblem, distance_problem, posture_stress
@@ -96,7 +96,7 @@ class Case:
     def copy(self) -> Array:
         """(frames, joints, 3), positions of the rotation copy, from which the paper's solver starts [m]."""
         matching = match(Body.of_motion(self.source), Body.of(self.target))
-        return rotation_copy(matching, find_root_scale(matching)).positions
+        return rotation_copy(matching, RootScale.even(find_root_scale(matching))).positions
 
     def postures(self) -> dict[str, Array]:
         """What the methods make of the motion, (frames, joints, 3) each [m]."""

@@ -14,8 +14,9 @@ from distretarget.io.files import read_text, text_hash
 from distretarget.io.map_json import MapFile, joint_map
 from distretarget.io.target_file import parse_target
 from distretarget.motion import Motion
+from distretarget.performer import Held
 from distretarget.result import RetargetResult
-from distretarget.retargeting import Held, Objective, retarget
+from distretarget.retargeting import Objective, retarget
 from distretarget.solve.chunks import Mapper, Progress
 from distretarget.solve.resting_joints import Scene
 

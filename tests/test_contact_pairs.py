@@ -7,6 +7,7 @@ import pytest
 from bodies import clapping, matched, other_lengths, person
 
 from distretarget import Skeleton
+from distretarget.baseline.root import RootScale
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.body.regions import Regions
 from distretarget.distances import distance_problem
@@ -29,7 +30,7 @@ def smootherstep(D):
 
 
 def copied(source):
-    return rotation_copy(matched(source, TARGET), 1.0).positions
+    return rotation_copy(matched(source, TARGET), RootScale.even(1.0)).positions
 
 
 def springs_of(source, block, lead):

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, MotionError, read_bvh, retarget, write_bvh
 from distretarget.baseline.engine_root import find_engine_root
+from distretarget.baseline.root import RootScale
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.body.body import Body
 from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS
@@ -117,8 +118,8 @@ def test_handles_have_the_pose_of_what_they_are_named_for(name):
 @pytest.mark.parametrize("name", ["squat", "turn"])
 def test_the_body_does_not_move(name, follows):
     result = onto_unreal(name)
-    before = rotation_copy(result.matching, result.root_scale)
-    after = find_engine_root(result.matching, result.root_scale, follows).placed(before)
+    before = rotation_copy(result.matching, RootScale.even(result.root_scale))
+    after = find_engine_root(result.matching, RootScale.even(result.root_scale), follows).placed(before)
     np.testing.assert_allclose(after.positions[:, FLESH], before.positions[:, FLESH], atol=LIMIT)
     dots = (after.world_rotations[:, FLESH] * before.world_rotations[:, FLESH]).sum(axis=-1)
     np.testing.assert_allclose(np.abs(dots), 1, atol=1e-12)
@@ -210,7 +211,7 @@ def test_without_a_root_on_the_floor_the_source_cannot_lead():
 @pytest.mark.parametrize("channels", [ROTATION_CHANNELS, POSITION_CHANNELS])
 def test_a_pelvis_that_cannot_stay_in_place_takes_the_root_along(channels):
     body = with_channels("pelvis", channels)
-    engine_root = find_engine_root(matched(clip("squat"), body), 1.0)
+    engine_root = find_engine_root(matched(clip("squat"), body), RootScale.even(1.0))
     assert 0 not in engine_root.moving
     assert set(engine_root.moving) == {body.index(name) for name in HANDLES}
 

@@ -8,6 +8,7 @@ from bodies import matched, other_lengths, person, swaying
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion
+from distretarget.baseline.root import RootScale
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.solve.fit_to_points import fit_rotations
 
@@ -16,7 +17,7 @@ ALL = np.arange(len(BODY))
 
 
 def copy_of(motion, target):
-    return rotation_copy(matched(motion, target), 1.0)
+    return rotation_copy(matched(motion, target), RootScale.even(1.0))
 
 
 def test_the_copys_own_points_give_the_copy():

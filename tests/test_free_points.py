@@ -9,6 +9,7 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 from table_one import table_one
 
+from distretarget.baseline.root import RootScale
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.distances import distance_problem, posture_stress
 from distretarget.numerics.stress import stress_and_gradient
@@ -20,7 +21,7 @@ def solve(motion, target):
     matching = matched(motion, target)
     problem = distance_problem(motion.skeleton, target, matching.drivers)
     scale = target.path_lengths.max() / motion.skeleton.path_lengths.max()
-    copy = rotation_copy(matching, scale)
+    copy = rotation_copy(matching, RootScale.even(scale))
     return problem, copy, solve_postures(problem, motion.positions, copy.positions)
 
 

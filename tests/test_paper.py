@@ -9,6 +9,7 @@ from bodies import SAMPLES, matched, other_lengths, person, swaying
 from scipy.optimize import minimize
 
 from distretarget import load_target, read_bvh, retarget
+from distretarget.baseline.root import RootScale
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.distances import distance_problem, posture_stress
 from distretarget.numerics.stress import stress_and_gradient
@@ -37,7 +38,7 @@ class Solved:
     def __init__(self, source, target=TARGET):
         self.source, self.matching = source, matched(source, target)
         self.problem = distance_problem(source.skeleton, target, self.matching.drivers)
-        self.copy = rotation_copy(self.matching, 1.0)
+        self.copy = rotation_copy(self.matching, RootScale.even(1.0))
         self.roots = rigid_part_roots(self.matching)
         self.parts = part_of_joint(target, self.roots)
         count = self.parts.max() + 1

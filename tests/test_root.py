@@ -7,7 +7,7 @@ import pytest
 from bodies import lengthened, matched, person, swaying
 
 from distretarget import Skeleton
-from distretarget.baseline.root import find_root_scale, root_path
+from distretarget.baseline.root import RootScale, find_root_scale, root_path
 from distretarget.baseline.rotation_copy import rotation_copy
 
 SIDES = ("Left", "Right")
@@ -45,9 +45,9 @@ def test_the_hips_stand_over_the_scaled_place_of_the_sources():
     source = swaying(person(), angle=0.4)
     target = lengthened(person(), {"LeftHip": 1.6, "RightHip": 1.4, "Knee": 0.7, "Chest": 1.3})
     matching, scale = matched(source, target), 0.8
-    copy = rotation_copy(matching, scale)
+    copy = rotation_copy(matching, RootScale.even(scale))
     translations = np.array(copy.translations)
-    translations[:, 0] = root_path(copy, matching, scale)
+    translations[:, 0] = root_path(copy, matching, RootScale.even(scale))
     moved = replace(copy, translations=translations)
     hips = [target.index(f"{side}Hip") for side in SIDES]
     middle = source.positions[:, hips].mean(axis=1)
@@ -58,5 +58,5 @@ def test_the_hips_stand_over_the_scaled_place_of_the_sources():
 def test_a_body_without_legs_keeps_the_path_of_the_copy():
     source = swaying(chain())
     matching = matched(source, chain())
-    copy = rotation_copy(matching, 2.0)
-    np.testing.assert_array_equal(root_path(copy, matching, 2.0), 2 * source.root_positions)
+    copy = rotation_copy(matching, RootScale.even(2.0))
+    np.testing.assert_array_equal(root_path(copy, matching, RootScale.even(2.0)), 2 * source.root_positions)

@@ -8,7 +8,7 @@ from bodies import SAMPLES, body_of, lengthened, matched, person, posed, swaying
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton, load_target, read_bvh, retarget
-from distretarget.baseline.root import find_root_scale
+from distretarget.baseline.root import RootScale, find_root_scale
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.body.body import Body
 from distretarget.matching.matching import match
@@ -44,7 +44,7 @@ def stance_of(source, target, scale=1.0, up="Y"):
 
 def stance_by(matching, scale):
     shots = find_shots(matching.source_motion.positions, matching.source.unit / 2)
-    return find_stance(matching, rotation_copy(matching, scale), scale, shots, SETTINGS)
+    return find_stance(matching, rotation_copy(matching, RootScale.even(scale)), RootScale.even(scale), shots, SETTINGS)
 
 
 def places_of(stance, target, name):
@@ -137,7 +137,7 @@ def test_places_keep_the_foot_of_the_rotation_copy(factor):
     turns = Rotation.random(40, rng=np.random.default_rng(0)).as_rotvec()
     source = standing(body, turns={"LeftAnkle": turns, "RightAnkle": turns[::-1]})
     stance = stance_of(source, target, 0.9)
-    copy = rotation_copy(matched(source, target), 0.9).positions
+    copy = rotation_copy(matched(source, target), RootScale.even(0.9)).positions
     for side in SIDES:
         ankle, toe = (places_of(stance, target, side + name) for name in ("Ankle", "Toe"))
         expected = copy[:, target.index(f"{side}Ankle")] - copy[:, target.index(f"{side}Toe")]

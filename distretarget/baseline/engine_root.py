@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from distretarget.baseline.root import RootScale
 from distretarget.body.body import Body
 from distretarget.body.handles import moves_freely
 from distretarget.errors import MotionError
@@ -36,7 +37,7 @@ class EngineRoot:
 
     Attributes:
         matching: the matching of source and target.
-        scale: target units per source unit of the root's path.
+        scale: of the root's path.
         follows: whether the root follows the target's pelvis, the source's root or nothing.
         handles: the joint whose position and rotation each handle copies, by handle, without those that a map drives.
         moving: the joints that are placed: the root, if it can move without the body, the handles, and what hangs from
@@ -44,7 +45,7 @@ class EngineRoot:
     """
 
     matching: Matching
-    scale: float
+    scale: RootScale
     follows: RootFollows
     handles: Mapping[int, int]
     moving: tuple[int, ...]
@@ -84,7 +85,8 @@ class EngineRoot:
                 return np.asarray(pelvis - (pelvis @ up)[:, None] * up)
             case "source":
                 root = _roots_on_floor(self.matching.source)[-1]
-                return np.asarray(self.scale * self.matching.source_motion.positions[:, root])
+                path = self.matching.source_motion.positions[:, root]
+                return self.scale.places(path, self.matching.source.up_vector)
             case "nothing":
                 return np.zeros((len(motion), 3))
 
@@ -104,11 +106,11 @@ class EngineRoot:
         return (Rotation.from_rotvec(heading[:, None] * up) * at_rest).as_quat()
 
 
-def find_engine_root(matching: Matching, scale: float, follows: RootFollows | None = None) -> EngineRoot:
+def find_engine_root(matching: Matching, scale: RootScale, follows: RootFollows | None = None) -> EngineRoot:
     """Return which joints of the target are placed last, and how.
 
     Without `follows` the root follows the source's root if that stays on the floor, and moves or drives the target's
-    root; else the target's pelvis. `scale` is in target units per source unit.
+    root; else the target's pelvis.
 
     Raises:
         MotionError: the root is to follow the source's root, and the source has none on the floor.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,32 @@ from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RootScale:
+    """How places in the source's world become places in the target's.
+
+    Performers of different sizes who share a world share the scale along the floor, so that they meet; each keeps its
+    own scale upwards, so that each stands on the floor.
+
+    Attributes:
+        level, height: target units per source unit along the floor, and upwards.
+    """
+
+    level: float
+    height: float
+
+    @classmethod
+    def even(cls, scale: float) -> RootScale:
+        """The same scale in all directions."""
+        return cls(scale, scale)
+
+    def places(self, places: Array, up: Array) -> Array:
+        """Return the places of the target's world for places of the source's, (..., 3); `up` is the unit vector up."""
+        if self.level == self.height:
+            return np.asarray(self.level * places)
+        return np.asarray(self.level * places + (self.height - self.level) * (places @ up)[..., None] * up)
 
 
 def find_root_scale(matching: Matching) -> float:
@@ -27,7 +55,7 @@ def find_root_scale(matching: Matching) -> float:
     return float(to_length / from_length) if from_length > 0 else 1.0
 
 
-def root_path(baseline: Motion, matching: Matching, scale: float) -> Array:
+def root_path(baseline: Motion, matching: Matching, scale: RootScale) -> Array:
     """Return the root's path, (frames, 3) [target file units], that puts the middle between the hip joints where the
     source has it, scaled.
 
@@ -40,4 +68,4 @@ def root_path(baseline: Motion, matching: Matching, scale: float) -> Array:
         motion.positions[:, [leg.hip for leg in legs]].mean(axis=1)
         for motion, legs in zip((matching.source_motion, baseline), matching.legs, strict=True)
     )
-    return np.ascontiguousarray(scale * source_hips - hips + baseline.root_positions)
+    return np.ascontiguousarray(scale.places(source_hips, matching.source.up_vector) - hips + baseline.root_positions)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.rest_pose import rest_alignment
+from distretarget.baseline.root import RootScale
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion, rigid_motion
 from distretarget.numerics.kinematics import local_rotations
@@ -14,11 +15,11 @@ from distretarget.numerics.kinematics import local_rotations
 Array = NDArray[np.float64]
 
 
-def rotation_copy(matching: Matching, scale: float) -> Motion:
+def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
     """Return the motion with the world rotations R_src(t) A, where A is the alignment of the rest poses.
 
     Joints with two rotation sources blend both; joints without one follow their parents. The pelvis joint (`pelvis` of
-    the matching) takes the path of its driver, times `scale` [target units per source unit].
+    the matching) takes the path of its driver, scaled.
     """
     source, skeleton, blend = matching.source_motion, matching.target.skeleton, matching.blend
     alignment = rest_alignment(matching)
@@ -35,8 +36,8 @@ def rotation_copy(matching: Matching, scale: float) -> Motion:
     local = local_rotations(skeleton.parents, world)
     in_place = rigid_motion(skeleton, np.zeros((len(source), 3)), local, source.frame_time_text)
     pelvis = matching.pelvis
-    path = scale * source.positions[:, matching.drivers[pelvis]] - in_place.positions[:, pelvis]
-    return rigid_motion(skeleton, path, local, source.frame_time_text)
+    path = scale.places(source.positions[:, matching.drivers[pelvis]], matching.source.up_vector)
+    return rigid_motion(skeleton, path - in_place.positions[:, pelvis], local, source.frame_time_text)
 
 
 def _aligned(matching: Matching, alignment: Array, joints: NDArray[np.intp], k: int) -> Rotation:

@@ -13,8 +13,9 @@ from distretarget.baseline.world import RootOffset
 from distretarget.batch.plan import Work
 from distretarget.conversion import Options
 from distretarget.io.map_json import MapFile
+from distretarget.performer import Held
 from distretarget.report.index import ClipRecord
-from distretarget.retargeting import Held, Objective
+from distretarget.retargeting import Objective
 from distretarget.solve.resting_joints import Scene
 
 

@@ -14,7 +14,8 @@ from distretarget.baseline.world import RootOffset
 from distretarget.body.axes import AXES
 from distretarget.cli.parameters import positive
 from distretarget.conversion import Options
-from distretarget.retargeting import OBJECTIVES, SUPPORTS, Held, Objective
+from distretarget.performer import Held
+from distretarget.retargeting import OBJECTIVES, SUPPORTS, Objective
 from distretarget.solve.resting_joints import Scene
 
 OPTIONS = (

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.baseline.root import RootScale
 from distretarget.matching.matching import Matching
 from distretarget.solve.floor import Floor
 from distretarget.solve.poses import PoseProblem
@@ -20,18 +21,18 @@ NEAR = 0.3  # a joint that never comes nearer to the floor than this in the copy
 
 
 def with_floor_heights(
-    supports: Supports, matching: Matching, problem: PoseProblem, scale: float, settings: ContactSettings
+    supports: Supports, matching: Matching, problem: PoseProblem, scale: RootScale, settings: ContactSettings
 ) -> Supports:
     """Return the supports with the heights that joints other than the feet's keep above.
 
-    The floor is as high as the lowest joint of the source, times `scale`, while something rests. A joint belongs no
-    nearer to it than the source's, times `scale`, or than `settings.rest_height`, whichever is less. The joints of a
+    The floor is as high as the lowest joint of the source, scaled, while something rests. A joint belongs no
+    nearer to it than the source's, scaled, or than `settings.rest_height`, whichever is less. The joints of a
     region, such as those of a hand, share the stiffness of the floor.
     """
     if matching.legs is None:
         return supports
     up, length = matching.source.up_vector, matching.leg_lengths[1]
-    heights = scale * matching.source_motion.positions @ up
+    heights = scale.height * (matching.source_motion.positions @ up)
     floor, reach = heights.min(axis=1), settings.rest_height * length
     weight = supports.weights.max(axis=1, initial=0.0)
     joints = joints_but_feet(matching)

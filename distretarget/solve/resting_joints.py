@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label, median_filter
 
+from distretarget.baseline.root import RootScale
 from distretarget.body.resting import low_joints, slow_joints, still_joints
 from distretarget.matching.matching import Matching
 from distretarget.numerics.shots import Shots, by_shot
@@ -70,7 +71,7 @@ def find_resting_joints(
     feet: Supports,
     matching: Matching,
     problem: PoseProblem,
-    scale: float,
+    scale: RootScale,
     shots: Shots,
     scene: Scene,
     settings: ContactSettings,
@@ -79,12 +80,12 @@ def find_resting_joints(
 
     A joint rests on the floor while it is slow, and about as low as the lowest joint of the body; a joint of trunk or
     head also somewhat higher, if the body lies or sits on it. There it is as high
-    as the source's, times `scale`. A joint that stands still while its limb moves, such as a hand on a rail, rests
+    as the source's, scaled. A joint that stands still while its limb moves, such as a hand on a rail, rests
     too, as high as in the rotation copy on average. In the plane a joint keeps, over each time it rests, the place of
-    the source's, times `scale`, plus the mean of what the copy is off that: so it does not slide, and nothing draws
+    the source's, scaled, plus the mean of what the copy is off that: so it does not slide, and nothing draws
     the body to where its proportions cannot follow. Where a region farther out in its limb rests as well, as the foot
     does in a kneel, the joint is as far from that as in the copy. In a `scene` that is "scaled", a joint that rests on
-    something else than the floor has the place of the source's, times `scale`.
+    something else than the floor has the place of the source's, scaled.
 
     The copy keeps to the path of the root in `problem`; `shots`, (frames,), are those of the clip.
     """
@@ -103,7 +104,7 @@ def find_resting_joints(
     if not len(on):
         return None
     joints, on_floor, rests = joints[on], on_floor[:, on], rests[:, on]
-    copied, places = problem.copy_on_path, scale * source.positions[:, joints.sources]
+    copied, places = problem.copy_on_path, scale.places(source.positions[:, joints.sources], up)
     held = {int(j): (feet.weights[:, k] >= RESTS, feet.places[:, k] - copied[:, j]) for k, j in enumerate(feet.joints)}
     for column in np.argsort(-joints.targets):  # from the ends of limbs inwards
         joint = int(joints.targets[column])

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from distretarget.baseline.root import RootScale
 from distretarget.body.legs import Leg
 from distretarget.body.resting import feet_at_rest
 from distretarget.body.soles import Sole
@@ -26,12 +27,14 @@ Array = NDArray[np.float64]
 ROLL = 0.05  # the height by which heel and toe differ while the sole rolls from one to the other [leg lengths]
 
 
-def find_stance(matching: Matching, copy: Motion, scale: float, shots: Shots, settings: ContactSettings) -> Supports:
+def find_stance(
+    matching: Matching, copy: Motion, scale: RootScale, shots: Shots, settings: ContactSettings
+) -> Supports:
     """The feet at rest in the source, and where they belong on the target.
 
     A foot rests while it is slow and low. It is held as in the rotation copy, sole to the floor as in the source. Its
-    sole is as high as the source's, times `scale`; its ankle is, on average over the frames of each rest, where the
-    source's ankle is in the plane, times `scale`; and it does not slide against the source's toe. `shots`, (frames,),
+    sole is as high as the source's, scaled; its ankle is, on average over the frames of each rest, where the
+    source's ankle is in the plane, scaled; and it does not slide against the source's toe. `shots`, (frames,),
     are those of the clip; what happens in one says nothing of the others.
     """
     source, legs = matching.source_motion, matching.legs
@@ -47,7 +50,7 @@ def find_stance(matching: Matching, copy: Motion, scale: float, shots: Shots, se
         weights.append(by_shot(blend, shots, feet_at_rest(source, driver, up, length, **limits).astype(np.float64)))
         feet = (
             _Foot.of(source, driver, soles[0], up, rounding),
-            _Foot.of(copy, leg, soles[1], up, scale * rounding),
+            _Foot.of(copy, leg, soles[1], up, scale.height * rounding),
         )
         places += _places(*feet, scale, up, weights[-1].max(axis=1), shots)
     at = np.array(joints)
@@ -61,8 +64,8 @@ def find_stance(matching: Matching, copy: Motion, scale: float, shots: Shots, se
     )
 
 
-def hips_rise(matching: Matching, stance: Supports, scale: float, shots: Shots) -> Array:
-    """Return how much higher the hips belong than the source's, times `scale`, because the ankles do, (frames,) [target
+def hips_rise(matching: Matching, stance: Supports, scale: RootScale, shots: Shots) -> Array:
+    """Return how much higher the hips belong than the source's, scaled, because the ankles do, (frames,) [target
     file units]: the median over the frames of a shot in which an ankle rests, or without any what the soles show.
     """
     source = matching.source_motion
@@ -70,8 +73,9 @@ def hips_rise(matching: Matching, stance: Supports, scale: float, shots: Shots) 
         return np.zeros(len(source))
     ankles = [leg.ankle for leg in matching.legs[0]]
     places, weights = stance.places[:, ::2], stance.weights[:, ::2]
-    higher = (places - scale * source.positions[:, ankles]) @ matching.source.up_vector
-    usual = np.mean([target.ankle - scale * source.ankle for source, target in matching.soles])
+    up = matching.source.up_vector
+    higher = (places - scale.places(source.positions[:, ankles], up)) @ up
+    usual = np.mean([target.ankle - scale.height * source.ankle for source, target in matching.soles])
     return by_shot(partial(_median, usual=float(usual)), shots, higher, weights)
 
 
@@ -107,14 +111,14 @@ class _Foot:
         return cls(toe, bone, (heel + front + np.hypot(heel - front, rounding)) / 2.0)
 
 
-def _places(source: _Foot, copy: _Foot, scale: float, up: Array, weights: Array, shots: Shots) -> list[Array]:
+def _places(source: _Foot, copy: _Foot, scale: RootScale, up: Array, weights: Array, shots: Shots) -> list[Array]:
     """Where ankle and toe belong, (frames, 3) each [target file units], as `find_stance` says.
 
     `weights`, (frames,), are 1 while the foot rests, blended to 0; `shots`, (frames,), are those of the clip.
     """
-    longer = _level(scale * source.bone - copy.bone, up)
-    toe = scale * source.toe + by_shot(over_runs, shots, longer, weights)
-    toe += (copy.below - scale * source.below)[:, None] * up
+    longer = _level(scale.height * source.bone - copy.bone, up)
+    toe = scale.places(source.toe, up) + by_shot(over_runs, shots, longer, weights)
+    toe += (copy.below - scale.height * source.below)[:, None] * up
     return [toe + copy.bone, toe]
 
 
