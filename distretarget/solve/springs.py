@@ -32,6 +32,16 @@ class Springs(NamedTuple):
     rest: Array
     A: Array
 
+    def of_frames(self, frames: slice) -> Springs:
+        """The springs in some of the frames, if `rest` and `A` have these in front."""
+        return self._replace(rest=self.rest[frames], A=self.A[frames])
+
+
+def no_springs(frames: int) -> Springs:
+    """Nothing draws; `rest` and `A` have the frames in front."""
+    none = np.zeros(0, np.intp)
+    return Springs(none, none, np.zeros((frames, 0, 3)), np.zeros((frames, 0, 3, 3)))
+
 
 def joined(one: Springs, other: Springs) -> Springs:
     """The springs of both, whose arrays `rest` and `A` have the frames in front."""

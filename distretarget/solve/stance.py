@@ -20,6 +20,7 @@ from distretarget.numerics.shots import Shots, by_shot
 from distretarget.numerics.smoothing import over_runs, widened
 from distretarget.solve.floor import no_floor
 from distretarget.solve.settings import ContactSettings
+from distretarget.solve.springs import no_springs
 from distretarget.solve.supports import RESTS, Supports, no_supports
 
 Array = NDArray[np.float64]
@@ -61,6 +62,7 @@ def find_stance(
         weights=np.concatenate(weights, axis=1),
         places=np.stack(places, axis=1),
         floor=no_floor(len(source)),
+        touching=no_springs(len(source)),
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.solve.floor import Floor, no_floor
+from distretarget.solve.springs import Springs, no_springs
 
 Array = NDArray[np.float64]
 
@@ -25,6 +26,7 @@ class Supports:
         weights: (frames, supports), 1 while the source's joint rests, blended to 0.
         places: (frames, supports, 3), where the target's joint belongs [target file units].
         floor: how low other joints may be [body units].
+        touching: springs that draw joints to where they touch other performers [body units].
     """
 
     joints: NDArray[np.intp]
@@ -33,6 +35,7 @@ class Supports:
     weights: Array
     places: Array
     floor: Floor
+    touching: Springs
 
     @property
     def standing(self) -> Array:
@@ -40,8 +43,8 @@ class Supports:
         return np.asarray(self.weights[:, : self.feet].max(axis=1, initial=0.0))
 
     def __getitem__(self, frames: slice) -> Supports:
-        floor = self.floor.of_frames(frames)
-        return replace(self, weights=self.weights[frames], places=self.places[frames], floor=floor)
+        floor, touching = self.floor.of_frames(frames), self.touching.of_frames(frames)
+        return replace(self, weights=self.weights[frames], places=self.places[frames], floor=floor, touching=touching)
 
     def with_others(
         self, joints: NDArray[np.intp], regions: NDArray[np.intp], weights: Array, places: Array
@@ -66,4 +69,5 @@ def no_supports(frames: int) -> Supports:
         weights=np.zeros((frames, 0)),
         places=np.zeros((frames, 0, 3)),
         floor=no_floor(frames),
+        touching=no_springs(frames),
     )
