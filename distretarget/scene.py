@@ -28,8 +28,7 @@ from distretarget.solve.touching import Points, Touching, find_touching, touchin
 
 Array = NDArray[np.float64]
 
-SWEEPS = 4  # at most, each with all performers solved again
-SETTLED = 0.005  # no joint that touches moves farther than this in the last sweep [body units]
+SWEEPS = 2  # all performers are solved so many times; more change the gaps by a few percent
 SAME_UNITS = 5.0  # root scales that differ by more than this are those of files in different units
 SAME_TIME = 1e-6  # largest difference between two frame times [of the frame time]
 
@@ -52,11 +51,6 @@ class SceneResult:
     sweeps: int
     moved: float
 
-    @property
-    def settled(self) -> bool:
-        """Whether the last sweep moved nothing any more."""
-        return self.moved <= SETTLED
-
 
 def retarget_scene(
     sources: Sequence[Motion],
@@ -73,14 +67,16 @@ def retarget_scene(
 
     The world has one scale along the floor, so that they meet; each performer has its own upwards, so that each stands
     on the floor. Joints of two performers that come near each other are drawn to their common middle. Each performer
-    is solved by itself, all of them again and again until nothing moves; their order does not matter.
+    is solved by itself, all of them twice; their order does not matter.
 
     Args:
         sources: the performers' motions, in one world, frame by frame.
         targets: a body for each; for its kinds see `retarget`.
         world_scale: target units per source unit along the floor; the mean of the performers' ratios of leg lengths if
             not given.
-        supports, scene, settings: as in `retarget`.
+        supports: as in `retarget`.
+        scene: as in `retarget`.
+        settings: as in `retarget`.
         mapper: solves the chunks of long clips, as in `retarget`.
         progress: called with the number of each sweep as it begins, from 1.
 
@@ -95,9 +91,13 @@ def retarget_scene(
         raise SettingsError(f"world_scale is {world_scale}; expected a number above 0")
     _check_times(sources)
     first = matched_performer(sources[0], targets[0])
-    up = {"source_up": first.world.source_up, "target_up": first.world.up}
-    others = [matched_performer(source, goal, **up) for source, goal in zip(sources[1:], targets[1:], strict=True)]
-    performers = [first, *others]
+    performers = [
+        first,
+        *(
+            matched_performer(source, goal, source_up=first.world.source_up, target_up=first.world.up)
+            for source, goal in zip(sources[1:], targets[1:], strict=True)
+        ),
+    ]
     heights = [find_root_scale(performer.matching) for performer in performers]
     _check_units(heights)
     level = float(np.mean(heights)) if world_scale is None else world_scale
@@ -127,7 +127,7 @@ def _solved(
             (_moved(one, more, x, y) for one, more, x, y in zip(prepared, springs, before, now, strict=True)),
             default=0.0,
         )
-        if moved <= SETTLED or not any(len(more.a) for more in springs):
+        if not any(len(more.a) for more in springs):
             break
     return poses, sweep, moved
 
@@ -198,7 +198,8 @@ def _check_times(sources: Sequence[Motion]) -> None:
     for number, source in enumerate(sources):
         if len(source) != frames:
             raise MotionError(
-                f"performer {number + 1} has {len(source)} frames and performer 1 has {frames}; cut them to the same frames"
+                f"performer {number + 1} has {len(source)} frames and performer 1 has {frames}; cut them to the same "
+                "frames"
             )
         if abs(source.frame_time - time) > SAME_TIME * time:
             raise MotionError(

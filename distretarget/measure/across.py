@@ -40,17 +40,11 @@ def measure_across(
 ) -> Across:
     """Measure the gaps between two performers; `scale` is in target units per source unit along the floor."""
     joints = [np.flatnonzero((each.drivers >= 0) & (each.regions.of_joint >= 0)) for each in matchings]
-    sources = [
-        each.source_motion.positions[:, each.drivers[some]] for each, some in zip(matchings, joints, strict=True)
-    ]
+    sources = [each.source_motion.positions[:, each.drivers[j]] for each, j in zip(matchings, joints, strict=True)]
     near = NEAR * np.mean([each.leg_lengths[0] for each in matchings])
-    sides = [
-        sources,
-        *(
-            [each.positions[:, some] / scale for each, some in zip(pair, joints, strict=True)]
-            for pair in (copies, results)
-        ),
-    ]
+    sides = [sources]
+    for pair in (copies, results):
+        sides.append([each.positions[:, j] / scale for each, j in zip(pair, joints, strict=True)])
     frames, count, totals = 0, 0, np.zeros(3)
     for first in range(0, len(sources[0]), BLOCK):
         block = slice(first, first + BLOCK)

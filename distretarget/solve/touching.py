@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from distretarget.solve.chunks import blocks_of
 from distretarget.solve.contact_pairs import activation
 from distretarget.solve.settings import ContactSettings
-from distretarget.solve.springs import Springs, stiffer_along
+from distretarget.solve.springs import Springs
 
 Array = NDArray[np.float64]
 Joints = NDArray[np.intp]
 
-LEAST_STIFFNESS = 1e-9  # of a joint that is drawn anywhere
+FIRMER = 4.0  # times as stiff as a pair within a body, since whole bodies have to move, and not only their limbs
+LEAST_STIFFNESS = 1e-3  # of a pair that counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,15 +41,17 @@ class Points:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Touching:
-    """The pairs of joints of two performers that come near each other.
+    """The pairs of joints of two performers that are near each other, one entry for each pair and frame.
 
     Attributes:
-        joints: (2, pairs), the joint of each performer.
-        f: (frames, pairs), how far each pair has set in, 0 to 1.
-        w: (frames, pairs), the stiffness of each pair.
-        vectors: (frames, pairs, 3), from the second to the first joint in the source, scaled [target file units].
+        frames: (entries,), the frame.
+        joints: (2, entries), the joint of each performer.
+        f: (entries,), how far the pair has set in, 0 to 1.
+        w: (entries,), its stiffness.
+        vectors: (entries, 3), from the second to the first joint in the source, scaled [target file units].
     """
 
+    frames: NDArray[np.intp]
     joints: Joints
     f: Array
     w: Array
@@ -56,7 +59,7 @@ class Touching:
 
 
 def find_touching(one: Points, other: Points, scale: Array, frame_time: float, settings: ContactSettings) -> Touching:
-    """Return the pairs of joints of two performers that come near each other.
+    """Return the pairs of joints of two performers that are near each other.
 
     `scale`, (3, 3), takes vectors of the source's world into the target's.
     """
@@ -65,8 +68,11 @@ def find_touching(one: Points, other: Points, scale: Array, frame_time: float, s
     D = np.linalg.norm(d, axis=-1) / (one.reach[u] + other.reach[v])
     f = activation(D, settings.lead / frame_time, settings) if len(u) else np.zeros_like(D)
     shared = f / np.sqrt(_sums(f, u, len(one.joints)) * _sums(f, v, len(other.joints)))
-    w = settings.pair_stiffness * shared * settings.close / (D + settings.touch)
-    return Touching(joints=np.stack([one.joints[u], other.joints[v]]), f=f, w=w, vectors=d @ scale.T)
+    w = FIRMER * settings.pair_stiffness * shared * settings.close / (D + settings.touch)
+    frames, pairs = np.nonzero(w > LEAST_STIFFNESS)
+    joints = np.stack([one.joints[u[pairs]], other.joints[v[pairs]]])
+    entries = frames, pairs
+    return Touching(frames=frames, joints=joints, f=f[entries], w=w[entries], vectors=d[entries] @ scale.T)
 
 
 def touching_springs(
@@ -79,41 +85,43 @@ def touching_springs(
     positions, (frames, joints, 3), of both performers in the copy and at present [target file units]; `units` are
     their body units, and pairs nearer than about `range_` body units keep their direction.
     """
-    gathered = [_Gathered(joints, len(touching.f)) for joints in touching.joints]
-    for block in blocks_of(len(touching.f)):
-        ends = [positions[block][:, joints] for positions, joints in zip(now, touching.joints, strict=True)]
-        before = [positions[block][:, joints] for positions, joints in zip(copies, touching.joints, strict=True)]
-        middle, apart = (ends[0] + ends[1]) / 2.0, before[0] - before[1]
-        delta = apart + touching.f[block][..., None] * (touching.vectors[block] - apart)
-        length = np.linalg.norm(touching.vectors[block], axis=-1)
-        e = touching.vectors[block] / np.maximum(length, 1e-12)[..., None]
-        for each, sign, unit in zip(gathered, (0.5, -0.5), units, strict=True):
-            k = range_**2 / (range_**2 + (length / unit) ** 2)
-            each.add(block, stiffer_along(e, touching.w[block], k), (middle + sign * delta) / unit)
-    one, other = (each.springs() for each in gathered)
-    return one, other
+    (a, b), (c, d) = (
+        (positions[touching.frames, joints] for positions, joints in zip(pair, touching.joints, strict=True))
+        for pair in (copies, now)
+    )
+    delta = a - b + touching.f[:, None] * (touching.vectors - (a - b))
+    length = np.linalg.norm(touching.vectors, axis=-1)
+    e = touching.vectors / np.maximum(length, 1e-12)[:, None]
+    springs = []
+    for joints, unit, sign in zip(touching.joints, units, (0.5, -0.5), strict=True):
+        k = range_**2 / (range_**2 + (length / unit) ** 2)
+        places = ((c + d) / 2.0 + sign * delta) / unit
+        springs.append(_gathered(touching, joints, k, e, places, len(now[0])))
+    return springs[0], springs[1]
 
 
-class _Gathered:
-    """The springs of all pairs, gathered into one for each joint: sum of A, and of A times the place."""
+def _gathered(touching: Touching, joints: Joints, k: Array, e: Array, places: Array, count: int) -> Springs:
+    """One spring for each joint, to the place where all of its own are in balance.
 
-    def __init__(self, joints: Joints, frames: int) -> None:
-        self.joints, self.column = np.unique(joints, return_inverse=True)
-        self.A = np.zeros((frames, len(self.joints), 3, 3))
-        self.Ay = np.zeros((frames, len(self.joints), 3))
+    These draw to `places`, (entries, 3), with the stiffness A = w (k I + (1 - k) e e^T); `count` is the number of
+    frames.
+    """
+    kept, column = np.unique(joints, return_inverse=True)
+    cell = touching.frames * len(kept) + column
 
-    def add(self, block: slice, A: Array, places: Array) -> None:
-        """Add springs of the stiffness A (frames, pairs, 3, 3), to places (frames, pairs, 3)."""
-        pulls = (A @ places[..., None])[..., 0]
-        for pair, column in enumerate(self.column):
-            self.A[block, column] += A[:, pair]
-            self.Ay[block, column] += pulls[:, pair]
+    def summed(values: Array) -> Array:
+        return np.bincount(cell, values, count * len(kept)).astype(np.float64).reshape(count, len(kept))
 
-    def springs(self) -> Springs:
-        """One spring for each joint, to the place where all of its own are in balance."""
-        firm = self.A + LEAST_STIFFNESS * np.eye(3)
-        places = np.linalg.solve(firm, self.Ay[..., None])[..., 0]
-        return Springs(self.joints, np.full(len(self.joints), -1), places, self.A)
+    across, along = touching.w * k, touching.w * (1.0 - k)
+    pull = along * (e * places).sum(axis=1)
+    A = summed(across)[..., None, None] * np.eye(3)
+    Ay = np.stack([summed(across * places[:, i] + pull * e[:, i]) for i in range(3)], axis=-1)
+    for i in range(3):
+        for j in range(i + 1):
+            A[..., i, j] += summed(along * e[:, i] * e[:, j])
+            A[..., j, i] = A[..., i, j]
+    balanced = np.linalg.solve(A + LEAST_STIFFNESS * np.eye(3), Ay[..., None])[..., 0]
+    return Springs(kept, np.full(len(kept), -1), np.asarray(balanced, np.float64), A)
 
 
 def _ever_near(one: Points, other: Points, apart: float) -> tuple[Joints, Joints]:
