@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os.path
 from difflib import get_close_matches
 from functools import cached_property
@@ -44,8 +45,13 @@ class ImportedCommand(click.Command):
 
     @cached_property
     def command(self) -> click.Command:
-        """The command itself."""
-        command: click.Command = resolve_name(self._place)
+        """The command itself, imported without searching for garbage: what modules hold is kept to the end."""
+        gc.disable()
+        try:
+            command: click.Command = resolve_name(self._place)
+        finally:
+            gc.enable()
+        gc.freeze()
         return command
 
     def make_context(
