@@ -6,92 +6,19 @@ result = retarget(read_bvh("walk.bvh"), load_target("hero.json"))
 write_bvh("walk_hero.bvh", result.motion)
 """
 
-from distretarget.baseline.world import World
-from distretarget.batch.batch import convert_folder
-from distretarget.batch.record import ManifestRecord
-from distretarget.batch.summary import Tally
-from distretarget.body.anatomy import Anatomy
-from distretarget.body.body import Body
-from distretarget.conversion import Options
-from distretarget.errors import (
-    BatchError,
-    BvhError,
-    DistretargetError,
-    FileError,
-    MapError,
-    MatchingError,
-    MissingPackageError,
-    MotionError,
-    SettingsError,
-    SkeletonError,
-    SkeletonFileError,
-)
-from distretarget.io.bvh import read_bvh
-from distretarget.io.bvh_writer import write_bvh
-from distretarget.io.bvhio_bridge import from_bvhio, to_bvhio
-from distretarget.io.npz import write_npz
-from distretarget.io.target import SkeletonEdit, Target
-from distretarget.io.target_file import load_target
-from distretarget.matching.matching import Matching, match
-from distretarget.measure.diff import Diff, diff
-from distretarget.measure.figures import FIGURES, Figure
-from distretarget.measure.metrics import Comparison
-from distretarget.motion import Motion, MotionArrays
-from distretarget.numerics.kinematics import forward_kinematics
-from distretarget.report.document_types import DiffDocument
-from distretarget.report.report import write_report
-from distretarget.result import RetargetResult
-from distretarget.retargeting import retarget
-from distretarget.run_summary import RunFiguresDocument
-from distretarget.skeleton import Skeleton
-from distretarget.solve.settings import ContactSettings
-from distretarget.solve.spg import Effort
-from distretarget.solve.supports import Supports
+from importlib import import_module
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "FIGURES",
-    "Anatomy",
-    "BatchError",
-    "Body",
-    "BvhError",
-    "Comparison",
-    "ContactSettings",
-    "Diff",
-    "DiffDocument",
-    "DistretargetError",
-    "Effort",
-    "Figure",
-    "FileError",
-    "ManifestRecord",
-    "MapError",
-    "Matching",
-    "MatchingError",
-    "MissingPackageError",
-    "Motion",
-    "MotionArrays",
-    "MotionError",
-    "Options",
-    "RetargetResult",
-    "RunFiguresDocument",
-    "SettingsError",
-    "Skeleton",
-    "SkeletonEdit",
-    "SkeletonError",
-    "SkeletonFileError",
-    "Supports",
-    "Tally",
-    "Target",
-    "World",
-    "convert_folder",
-    "diff",
-    "forward_kinematics",
-    "from_bvhio",
-    "load_target",
-    "match",
-    "read_bvh",
-    "retarget",
-    "to_bvhio",
-    "write_bvh",
-    "write_npz",
-    "write_report",
-]
+if TYPE_CHECKING:
+    from distretarget.public import *  # noqa: F403
+else:
+
+    def __getattr__(name):
+        """Import all public names when the first is used, and return it: `distretarget --help` uses none."""
+        public = import_module("distretarget.public")
+        if not hasattr(public, name):
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        return getattr(public, name)
+
+    def __dir__():
+        return [*globals(), *__getattr__("__all__")]

@@ -11,6 +11,7 @@ from pathlib import Path
 import click
 
 from distretarget.cli import cli
+from distretarget.cli.group import ImportedCommand
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "command_line.md"
 WIDTH = 100
@@ -46,7 +47,8 @@ def contexts(command: click.Command, name: str, parent: click.Context | None = N
     yield context
     if isinstance(command, click.Group):
         for below in command.list_commands(context):
-            yield from contexts(command.commands[below], below, context)
+            found = command.commands[below]
+            yield from contexts(found.command if isinstance(found, ImportedCommand) else found, below, context)
 
 
 def reference() -> str:

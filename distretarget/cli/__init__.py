@@ -13,15 +13,22 @@ from typing import NoReturn
 
 import click
 
-from distretarget.cli.batch import batch_command
-from distretarget.cli.diff import diff_command
-from distretarget.cli.group import DefaultGroup
-from distretarget.cli.retarget import retarget_command
-from distretarget.cli.skeleton import skeleton_group
+from distretarget.cli.group import DefaultGroup, ImportedCommand
 from distretarget.errors import DistretargetError
 from distretarget.io.files import reason_of
-from distretarget.numerics.compiled import announced_compilation
 
+COMMANDS = {  # by name: where the command is, and its help in one line
+    "batch": ("distretarget.cli.batch:batch_command", "Convert many clips to one or several targets."),
+    "diff": ("distretarget.cli.diff:diff_command", "Measure the motion of B against that of A, the reference."),
+    "retarget": (
+        "distretarget.cli.retarget:retarget_command",
+        "Retarget the motion of SOURCE, a BVH file, to the body of TARGET.",
+    ),
+    "skeleton": (
+        "distretarget.cli.skeleton:skeleton_group",
+        "Show, edit and match skeletons, and write skeleton files.",
+    ),
+}
 THREAD_TIMEOUT = 5.0  # time that each remaining thread has to end before the program ends without it [s]
 
 
@@ -37,12 +44,14 @@ def cli() -> None:
     distretarget skeleton match SOURCE.bvh TARGET   which joint drives which
     distretarget skeleton show FILE                 the joints of a file and their bone lengths
     """  # noqa: D301
+    # Imported here, like the commands: --help need not wait for numba.
+    from distretarget.numerics.compiled import announced_compilation
+
+    click.get_current_context().with_resource(announced_compilation(lambda line: click.echo(line, err=True)))
 
 
-cli.add_command(retarget_command)
-cli.add_command(batch_command)
-cli.add_command(diff_command)
-cli.add_command(skeleton_group)
+for name, (place, short_help) in COMMANDS.items():
+    cli.add_command(ImportedCommand(name, place, short_help))
 
 
 def main() -> None:
@@ -51,7 +60,7 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     try:
-        with _interruptible(), announced_compilation(lambda line: click.echo(line, err=True)):
+        with _interruptible():
             status = _run()
         _leave(status)
     except OSError as error:  # of standard output, if the error names no file

@@ -1,9 +1,12 @@
-"""A command group that runs a default command when none is named."""
+"""A command group that runs a default command when none is named, and commands that are imported when they run."""
 
 from __future__ import annotations
 
+import gc
 import os.path
 from difflib import get_close_matches
+from functools import cached_property
+from pkgutil import resolve_name
 from typing import Any
 
 import click
@@ -27,3 +30,31 @@ class DefaultGroup(click.Group):
         if args and args[0] not in self.commands and args[0] not in own:
             args = [self.default, *args]
         return super().parse_args(ctx, args)
+
+
+class ImportedCommand(click.Command):
+    """Stand for a command in a module that is slow to import, and import it when the command is to run.
+
+    Without it the name and the one-line help are known, which is all that the help of a group shows.
+    """
+
+    def __init__(self, name: str, place: str, short_help: str) -> None:
+        """Stand for the command at a place, such as "package.module:command"."""
+        super().__init__(name, short_help=short_help)
+        self._place = place
+
+    @cached_property
+    def command(self) -> click.Command:
+        """The command itself, imported without searching for garbage: what modules hold is kept to the end."""
+        gc.disable()
+        try:
+            command: click.Command = resolve_name(self._place)
+        finally:
+            gc.enable()
+        gc.freeze()
+        return command
+
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
+    ) -> click.Context:
+        return self.command.make_context(info_name, args, parent, **extra)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from distretarget.errors import MotionError, SkeletonError
 from distretarget.io.bvh import rotation_axes
 from distretarget.io.bvh_parser import is_name
+from distretarget.io.decimals import rows_text
 from distretarget.io.files import write_whole
 from distretarget.motion import Motion
 from distretarget.numerics.euler import euler_angles
@@ -55,9 +56,9 @@ def bvh_parts(motion: Motion, mapper: Callable[..., Iterable[str]] = map) -> Ite
     """
     head = [f"Frames: {len(motion)}", f"Frame Time: {motion.frame_time_text}"]
     lines = [*_hierarchy_lines(motion.skeleton), "MOTION", *head]
-    values, words = _channel_values(motion), _frame_words(motion.skeleton)
+    values, decimals = _channel_values(motion), _decimals(motion.skeleton)
     blocks = [values[first : first + TEXT_FRAMES] for first in range(0, len(values), TEXT_FRAMES)]
-    return itertools.chain(["\n".join([*lines, ""])], mapper(_frames_text, blocks, itertools.repeat(words)))
+    return itertools.chain(["\n".join([*lines, ""])], mapper(rows_text, blocks, itertools.repeat(decimals)))
 
 
 def _hierarchy_lines(skeleton: Skeleton) -> Iterator[str]:
@@ -103,16 +104,6 @@ def _written_offset(skeleton: Skeleton, joint: int) -> Array:
 
 def _offset_word(value: float) -> str:
     return np.format_float_positional(value + 0.0, unique=True, min_digits=6)
-
-
-def _frame_words(skeleton: Skeleton) -> str:
-    """How a frame is written, for the operator %."""
-    return " ".join(f"%.{places}f" for places in _decimals(skeleton))
-
-
-def _frames_text(values: Array, words: str) -> str:
-    """Frames, a line each."""
-    return "".join(f"{words % tuple(frame)}\n" for frame in values.tolist())
 
 
 def _decimals(skeleton: Skeleton) -> list[int]:

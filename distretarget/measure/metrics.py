@@ -155,4 +155,8 @@ def _steps(rotations: Array) -> Array:
     """(frames - 1, joints), the angle from each frame's rotation to the next [rad]."""
     if len(rotations) < 2:
         return np.zeros((0, rotations.shape[1]))
-    return np.asarray((Rotation.from_quat(rotations[:-1]).inv() * Rotation.from_quat(rotations[1:])).magnitude())
+    steps = np.empty((len(rotations) - 1, rotations.shape[1]))
+    for block in blocks_of(len(steps)):
+        turns = Rotation.from_quat(rotations[block.start : block.stop + 1])
+        steps[block] = (turns[:-1].inv() * turns[1:]).magnitude()
+    return steps

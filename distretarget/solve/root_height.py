@@ -6,7 +6,6 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_smoothing_spline
 
 from distretarget.numerics.shots import Shots, by_shot
 from distretarget.solve.poses import PoseProblem
@@ -50,5 +49,8 @@ def _smooth(values: Array, weights: Array, frame_time: float) -> Array:
     filled = np.stack([np.interp(frames, known, column[known]) for column in values.T], axis=1)
     if len(frames) < FEWEST:
         return filled
+    # Imported here: scipy.interpolate is slow to import, and most clips rest on nothing but feet.
+    from scipy.interpolate import make_smoothing_spline
+
     stiffness = (BLEND / frame_time) ** 4  # of a spline that bends over `BLEND` where the weights are 1
     return np.asarray(make_smoothing_spline(frames, filled, np.maximum(weights, UNKNOWN), stiffness)(frames))
