@@ -27,6 +27,7 @@ from distretarget.io.npz import write_npz
 from distretarget.io.target import SkeletonEdit, Target
 from distretarget.io.target_file import load_target
 from distretarget.matching.matching import Matching, match
+from distretarget.measure.across import Across
 from distretarget.measure.diff import Diff, diff
 from distretarget.measure.figures import FIGURES, Figure
 from distretarget.measure.metrics import Comparison
@@ -37,6 +38,7 @@ from distretarget.report.report import write_report
 from distretarget.result import RetargetResult
 from distretarget.retargeting import retarget
 from distretarget.run_summary import RunFiguresDocument
+from distretarget.scene import SceneResult, retarget_scene
 from distretarget.skeleton import Skeleton
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.spg import Effort
@@ -44,6 +46,7 @@ from distretarget.solve.supports import Supports
 
 __all__ = [
     "FIGURES",
+    "Across",
     "Anatomy",
     "BatchError",
     "Body",
@@ -67,6 +70,7 @@ __all__ = [
     "Options",
     "RetargetResult",
     "RunFiguresDocument",
+    "SceneResult",
     "SettingsError",
     "Skeleton",
     "SkeletonEdit",
@@ -84,6 +88,7 @@ __all__ = [
     "match",
     "read_bvh",
     "retarget",
+    "retarget_scene",
     "to_bvhio",
     "write_bvh",
     "write_npz",

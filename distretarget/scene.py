@@ -107,16 +107,20 @@ def retarget_scene(
         with_supports(performer.prepared(RootScale(level, height)), supports, scene, settings or ContactSettings())
         for performer, height in zip(performers, heights, strict=True)
     ]
-    poses, sweeps, moved = _solved(prepared, mapper, progress)
+    touching = {(i, j): _touching(prepared[i], prepared[j]) for i, j in combinations(range(len(prepared)), 2)}
+    prepared = [_yielding(one, _activations(number, touching)) for number, one in enumerate(prepared)]
+    poses, sweeps, moved = _solved(prepared, touching, mapper, progress)
     results = tuple(one.result(pose) for one, pose in zip(prepared, poses, strict=True))
     return SceneResult(results=results, world_scale=level, across=_across(results, level), sweeps=sweeps, moved=moved)
 
 
 def _solved(
-    prepared: Sequence[Prepared], mapper: Mapper, progress: Callable[[int], object]
+    prepared: Sequence[Prepared],
+    touching: dict[tuple[int, int], Touching],
+    mapper: Mapper,
+    progress: Callable[[int], object],
 ) -> tuple[list[Poses], int, float]:
     """The poses of all performers, the number of sweeps, and how far a joint that touches moved in the last."""
-    touching = {(i, j): _touching(prepared[i], prepared[j]) for i, j in combinations(range(len(prepared)), 2)}
     now = [one.problem.copy_on_path for one in prepared]
     for sweep in range(1, SWEEPS + 1):
         progress(sweep)
@@ -138,6 +142,28 @@ def _touching(one: Prepared, other: Prepared) -> Touching:
     return find_touching(
         _points(one), _points(other), scale.places(np.eye(3), up).T, one.problem.frame_time, one.settings
     )
+
+
+def _activations(number: int, touching: dict[tuple[int, int], Touching]) -> list[tuple[Touching, NDArray[np.intp]]]:
+    """What a performer touches, with its own joints there."""
+    return [(pairs, pairs.joints[both.index(number)]) for both, pairs in touching.items() if number in both]
+
+
+def _yielding(one: Prepared, touches: list[tuple[Touching, NDArray[np.intp]]]) -> Prepared:
+    """The same, but what stands still off the floor and touches another performer rests on nothing: it goes where the
+    two meet.
+    """
+    supports, matching = one.supports, one.performer.matching
+    up, reach = matching.source.up_vector, one.settings.rest_height * matching.leg_lengths[1]
+    floor = one.scale.height * (matching.source_motion.positions @ up).min(axis=1, keepdims=True)
+    regions = matching.regions.of_joint
+    touched = np.zeros((len(one.problem), len(matching.regions.names)))
+    for pairs, joints in touches:
+        np.maximum.at(touched, (pairs.frames, regions[joints]), pairs.f)
+    yields = np.where(supports.places @ up - floor > 2.0 * reach, touched[:, supports.regions], 0.0)
+    yields[:, : supports.feet] = 0.0
+    held = replace(supports, weights=supports.weights * (1.0 - yields))
+    return replace(one, supports=held, shown=held if len(one.shown.joints) else one.shown)
 
 
 def _points(one: Prepared) -> Points:

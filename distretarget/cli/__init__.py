@@ -24,6 +24,7 @@ COMMANDS = {  # by name: where the command is, and its help in one line
         "distretarget.cli.retarget:retarget_command",
         "Retarget the motion of SOURCE, a BVH file, to the body of TARGET.",
     ),
+    "scene": ("distretarget.cli.scene:scene_command", "Retarget performers who share a world."),
     "skeleton": (
         "distretarget.cli.skeleton:skeleton_group",
         "Show, edit and match skeletons, and write skeleton files.",
@@ -40,6 +41,7 @@ def cli() -> None:
     \b
     distretarget SOURCE.bvh TARGET -o OUT.bvh       one clip; the same as: distretarget retarget ...
     distretarget batch FOLDER TARGET -o FOLDER      a folder of clips
+    distretarget scene A.bvh B.bvh -t TARGET -o FOLDER   performers who share a world
     distretarget diff A.bvh B.bvh -o REPORT.html    how far B is from A
     distretarget skeleton match SOURCE.bvh TARGET   which joint drives which
     distretarget skeleton show FILE                 the joints of a file and their bone lengths

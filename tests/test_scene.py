@@ -1,0 +1,159 @@
+"""Scenes: performers of one world keep touching each other on other bodies."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from bodies import SAMPLES, lengthened, moved
+from program import run
+from scipy.spatial.transform import Rotation
+
+from distretarget import MotionError, SettingsError, load_target, read_bvh, retarget, retarget_scene, write_bvh
+
+H = {"Chest": 0.9, "Elbow": 0.75, "Wrist": 0.8, "Knee": 1.2, "Ankle": 1.2}
+HAND = "RightWrist"
+
+
+@cache
+def leaning():
+    """A person who leans with the right hand on a wall, half a second and more at half the frames."""
+    motion = read_bvh(SAMPLES / "supports" / "hand_on_wall.bvh")
+    return replace(motion, translations=motion.translations[::2], rotations=motion.rotations[::2])
+
+
+@cache
+def pair(gap=2.0):
+    """Two persons, face to face, who lean on each other's right hand: `gap` apart [cm]."""
+    one = leaning()
+    middle = np.median(one.positions[:, one.skeleton.index(HAND)], axis=0)
+    turn = Rotation.from_euler("Y", 180, degrees=True)
+    facing = np.array([0.0, 0.0, gap])
+    other = moved(one, turn, shift=tuple(middle * [2, 0, 2] + facing))
+    return one, other
+
+
+@cache
+def bodies():
+    skeleton = leaning().rigid_skeleton
+    return load_target(SAMPLES / "child.json").for_source(skeleton).skeleton, lengthened(skeleton, H)
+
+
+@cache
+def duet():
+    return retarget_scene(pair(), bodies())
+
+
+def gap_of(motions):
+    hands = [motion.positions[:, motion.skeleton.index(HAND)] for motion in motions]
+    return np.linalg.norm(hands[0] - hands[1], axis=1)
+
+
+def size():
+    return duet().results[0].matching.target.height
+
+
+def test_hands_that_touch_go_on_touching():
+    source = gap_of(pair())
+    together = source < 6
+    assert together.sum() > 40
+    alone = gap_of([retarget(motion, body).motion for motion, body in zip(pair(), bodies(), strict=True)])
+    scene = gap_of([result.motion for result in duet().results])
+    assert alone[together].mean() > 15
+    assert scene[together].mean() < source[together].mean() + 3
+
+
+def test_the_gaps_of_the_scene_are_measured():
+    across = duet().across[0, 1]
+    assert across.frames > 40
+    assert across.result < 2 * across.source < across.rotation_copy
+
+
+def test_both_stand_on_the_floor():
+    for result in duet().results:
+        figures = result.figures["result"]
+        assert figures["foot_height"] < 0.2
+        assert figures["unsolved"] == 0
+
+
+def test_one_performer_alone_has_the_very_result_of_retarget():
+    source, body = leaning(), bodies()[0]
+    (alone,) = retarget_scene([source], [body]).results
+    expected = retarget(source, body).motion
+    assert alone.motion.rotations.tobytes() == expected.rotations.tobytes()
+    assert alone.motion.translations.tobytes() == expected.translations.tobytes()
+
+
+def test_the_order_of_the_performers_does_not_matter():
+    swapped = retarget_scene(pair()[::-1], bodies()[::-1]).results[::-1]
+    for one, other in zip(duet().results, swapped, strict=True):
+        assert np.abs(one.motion.positions - other.motion.positions).max() < 1e-4 * size()
+
+
+def test_a_scene_that_is_moved_and_turned_has_the_same_result():
+    turn, shift = Rotation.from_euler("Y", 70, degrees=True), (300.0, 0.0, -200.0)
+    elsewhere = retarget_scene([moved(motion, turn, shift) for motion in pair()], bodies())
+    scale = duet().world_scale
+    for one, other in zip(duet().results, elsewhere.results, strict=True):
+        expected = turn.apply(one.motion.positions.reshape(-1, 3)) + scale * np.array(shift)
+        assert np.abs(expected - other.motion.positions.reshape(-1, 3)).max() < 1e-3 * size()
+
+
+def test_performers_who_never_meet_move_as_alone_in_that_world():
+    one, other = leaning(), moved(leaning(), Rotation.identity(), shift=(1000.0, 0.0, 0.0))
+    scene = retarget_scene([one, other], [bodies()[0]] * 2)
+    assert scene.sweeps == 1
+    assert scene.across[0, 1].frames == 0
+    expected = retarget(one, bodies()[0]).motion.positions
+    np.testing.assert_allclose(scene.results[0].motion.positions, expected, atol=1e-6 * size())
+
+
+def test_scenes_that_cannot_be_are_refused():
+    one, other = pair()
+    short = replace(other, translations=other.translations[:20], rotations=other.rotations[:20])
+    with pytest.raises(MotionError, match="performer 2 has 20 frames"):
+        retarget_scene([one, short], bodies())
+    with pytest.raises(MotionError, match="frame time"):
+        retarget_scene([one, replace(other, frame_time_text="0.01")], bodies())
+    with pytest.raises(MotionError, match="different units"):
+        retarget_scene([one, other], [bodies()[0], bodies()[1].with_offsets(0.01 * bodies()[1].offsets)])
+    with pytest.raises(SettingsError, match="2 sources and 1 targets"):
+        retarget_scene([one, other], bodies()[:1])
+    with pytest.raises(SettingsError, match="world_scale is 0"):
+        retarget_scene([one, other], bodies(), world_scale=0)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    one, other = pair()
+    write_bvh(tmp_path / "lead.bvh", one)
+    write_bvh(
+        tmp_path / "follow.bvh", replace(other, translations=other.translations[:60], rotations=other.rotations[:60])
+    )
+    return tmp_path
+
+
+def test_the_command_writes_a_file_for_each_performer(folder):
+    done = run("scene", "lead.bvh", "follow.bvh", "--cut", "-t", SAMPLES / "child.json", "-o", "duet")
+    assert done.returncode == 0, done.stderr
+    assert "lead.bvh and follow.bvh: what touches between them in " in done.stdout
+    for name in ("lead", "follow"):
+        assert len(read_bvh(folder / "duet" / f"{name}.bvh")) == 60
+    again = run("scene", "lead.bvh", "follow.bvh", "--cut", "-t", SAMPLES / "child.json", "-o", "duet")
+    assert again.returncode == 1
+    assert "exists" in again.stderr
+
+
+@pytest.mark.usefixtures("folder")
+def test_the_command_refuses_what_cannot_be():
+    child = SAMPLES / "child.json"
+    for arguments, status, words in (
+        (["lead.bvh", "follow.bvh", "-t", child], 1, "performer 2 has 60 frames"),
+        (["lead.bvh", "follow.bvh", "-t", child, "-t", child, "-t", child], 2, "3 targets for 2 performers"),
+        (["lead.bvh", "lead.bvh", "-t", child], 1, "another output"),
+    ):
+        done = run("scene", *arguments, "-o", "out")
+        assert done.returncode == status
+        assert words in done.stderr
+        assert len(done.stderr.splitlines()) == 1
