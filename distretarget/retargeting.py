@@ -90,6 +90,8 @@ def retarget(
     _check_arguments(source, target, settings, root_scale)
     for name, value, known in (
         ("objective", objective, OBJECTIVES),
+        ("supports", supports, SUPPORTS),
+        ("scene", scene, get_args(Scene)),
         ("source_up", source_up, (*AXES, None)),
         ("target_up", target_up, (*AXES, None)),
         ("root_offset", root_offset, (*get_args(RootOffset), None)),
