@@ -17,7 +17,7 @@ from distretarget import read_bvh, retarget, write_bvh
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.skeleton_writer import skeleton_to_json
 
-CLIPS = 5  # of the length LONG
+CLIPS = 16  # of the length LONG
 LONG = 600  # frames, which take a moment to convert
 LONGER = 6000  # frames, which take longer to convert than all other clips
 TINY = 150  # clips of one frame
