@@ -90,13 +90,15 @@ def test_the_order_of_the_performers_does_not_matter():
         assert np.abs(one.motion.positions - other.motion.positions).max() < 1e-4 * size()
 
 
-def test_a_scene_that_is_moved_and_turned_has_the_same_result():
-    turn, shift = Rotation.from_euler("Y", 70, degrees=True), (300.0, 0.0, -200.0)
+@pytest.mark.parametrize(("angle", "bound"), [(0, 1e-9), (70, 1e-3)])
+def test_a_scene_that_is_moved_and_turned_has_the_same_result(angle, bound):
+    """Moved, it is the same; turned, nearly, as jumps are smoothed by the components of rotation vectors."""
+    turn, shift = Rotation.from_euler("Y", angle, degrees=True), (300.0, 0.0, -200.0)
     elsewhere = retarget_scene([moved(motion, turn, shift) for motion in pair()], bodies())
     scale = duet().world_scale
     for one, other in zip(duet().results, elsewhere.results, strict=True):
         expected = turn.apply(one.motion.positions.reshape(-1, 3)) + scale * np.array(shift)
-        assert np.abs(expected - other.motion.positions.reshape(-1, 3)).max() < 1e-3 * size()
+        assert np.abs(expected - other.motion.positions.reshape(-1, 3)).max() < bound * size()
 
 
 def test_performers_who_never_meet_move_as_alone_in_that_world():

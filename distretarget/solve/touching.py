@@ -22,6 +22,7 @@ Joints = NDArray[np.intp]
 
 FIRMER = 4.0  # times as stiff as a pair within a body, since whole bodies have to move, and not only their limbs
 LEAST_STIFFNESS = 1e-3  # of a pair that counts
+NOTHING = 1e-12  # stiffness beside which none is zero: where nothing draws, any place will do
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +121,7 @@ def _gathered(touching: Touching, joints: Joints, k: Array, e: Array, places: Ar
         for j in range(i + 1):
             A[..., i, j] += summed(along * e[:, i] * e[:, j])
             A[..., j, i] = A[..., i, j]
-    balanced = np.linalg.solve(A + LEAST_STIFFNESS * np.eye(3), Ay[..., None])[..., 0]
+    balanced = np.linalg.solve(A + NOTHING * np.eye(3), Ay[..., None])[..., 0]
     return Springs(kept, np.full(len(kept), -1), np.asarray(balanced, np.float64), A)
 
 
