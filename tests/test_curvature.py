@@ -4,15 +4,13 @@ import numpy as np
 import pytest
 from spring_case import Case, at
 
-from distretarget.solve.articulation import lever_arms
-from distretarget.solve.curvature import active_curvature, factorise, scale, scale_gradient, unscale
+from distretarget.solve.curvature import active_curvature, factorise, solve_factored
 
 
 def curvature_at(case, v):
-    """The curvature at a pose, and the active parts."""
-    H, active = np.zeros((v.size, v.size)), np.zeros(len(v), np.intp)
+    """The active parts at a pose, and their curvature."""
     case.positions(v)
-    return H, active[: active_curvature(v, case.body, case.scratch, at(case.springs, 0), H, active)]
+    return active_curvature(v, case.body, case.scratch, at(case.springs, 0))
 
 
 @pytest.mark.parametrize("kind", ["grounded", "between joints", "both"])
@@ -25,15 +23,13 @@ def test_the_curvature_of_springs_at_rest_is_the_hessian_of_the_energy(seed, kin
     case.without_residual(v)
     off = {"grounded": case.springs.b >= 0, "between joints": case.springs.b < 0, "both": False}[kind]
     case.springs.A[0, off] = 0.0
-    U, active = curvature_at(case, v)
-    factorise(U, 3 * len(active))
-    U = np.triu(U)[: 3 * len(active), : 3 * len(active)]
+    active, H = curvature_at(case, v)
     h = 1e-5
     steps = h * np.eye(v.size)
     slopes = [case.energy_and_gradient(v.ravel() + s)[1] - case.energy_and_gradient(v.ravel() - s)[1] for s in steps]
     unknowns = (3 * active[:, None] + np.arange(3)).ravel()
     hessian = np.array(slopes) / (2 * h)
-    np.testing.assert_allclose(U.T @ U, hessian[np.ix_(unknowns, unknowns)], atol=1e-6)
+    np.testing.assert_allclose(H, hessian[np.ix_(unknowns, unknowns)], atol=1e-6)
     others = np.setdiff1d(np.arange(v.size), unknowns)
     np.testing.assert_allclose(hessian[others], np.diag(np.repeat(case.stiffness, 3))[others], atol=1e-6)
 
@@ -41,38 +37,43 @@ def test_the_curvature_of_springs_at_rest_is_the_hessian_of_the_energy(seed, kin
 def test_only_parts_that_a_spring_acts_on_are_unknowns():
     case = Case(0)
     case.springs.A[:] = 0.0
-    assert len(curvature_at(case, np.zeros(case.shape))[1]) == 0
+    assert len(curvature_at(case, np.zeros(case.shape))[0]) == 0
     case.springs.A[0, -1] = np.eye(3)  # a grounded one
     way, joint = set(), int(case.springs.a[-1])
     while joint:
         joint = int(case.body.parents[joint])
         way.add(int(case.body.parts[joint]))
-    assert set(curvature_at(case, np.zeros(case.shape))[1]) == way | {len(case.stiffness) - 1}
+    assert set(curvature_at(case, np.zeros(case.shape))[0]) == way | {len(case.stiffness) - 1}
 
 
-def test_lever_arms_are_updated_with_the_curvature():
+def test_a_bone_of_no_length_is_no_unknown():
     case = Case(0)
-    curvature_at(case, np.ones(case.shape))
-    arms = case.scratch.arms.copy()
-    lever_arms(case.body, case.scratch)
-    np.testing.assert_array_equal(case.scratch.arms, arms)
-    case.positions(np.zeros(case.shape))
-    lever_arms(case.body, case.scratch)
-    assert np.abs(case.scratch.arms - arms).max() > 0.1
+    case.springs.A[:] = 0.0
+    case.springs.A[0, -1] = np.eye(3)
+    joint = int(case.springs.a[-1])
+    case.bones[0, joint] = 0.0
+    part = case.body.parts[case.body.parents[joint]]
+    assert part not in curvature_at(case, np.zeros(case.shape))[0]
 
 
-def test_scaled_unknowns_and_their_gradient_are_those_of_the_factor():
+def test_both_ends_of_a_spring_move_with_what_carries_both():
+    """So a spring between two children of the root turns neither the root nor moves its place."""
+    case = Case(1)
+    children = np.flatnonzero(case.body.parents == 0)[:2]
+    case.springs.A[:] = 0.0
+    case.springs.a[0], case.springs.b[0] = children
+    case.springs.A[0, 0] = np.eye(3)
+    assert set(curvature_at(case, np.zeros(case.shape))[0]) == {case.body.parts[0]}
+
+
+def test_the_factor_solves_what_the_curvature_multiplies():
     draw = np.random.default_rng(0)
-    H = draw.normal(size=(9, 9))
-    U = H @ H.T + np.eye(9)
-    factorise(U, 9)
-    active = np.array([0, 2, 3])
-    v, gradient, back = draw.normal(size=(3, 5, 3))
-    z, scaled = np.empty((2, 3, 3))
-    scale(U, active, v, z)
-    np.testing.assert_allclose(z.ravel(), np.triu(U) @ v[active].ravel())
-    unscale(U, active, z, back)
-    np.testing.assert_allclose(back[active], v[active])
-    np.testing.assert_array_equal(back[[1, 4]], 0)
-    scale_gradient(U, active, gradient, scaled)
-    np.testing.assert_allclose(np.triu(U).T @ scaled.ravel(), gradient[active].ravel())
+    half = draw.normal(size=(9, 9))
+    H = half @ half.T + np.eye(9)
+    U, active = H.copy(), np.array([0, 2, 3])
+    factorise(U)
+    np.testing.assert_allclose(np.triu(U).T @ np.triu(U), H)
+    gradient, d = draw.normal(size=(2, 5, 3))
+    solve_factored(U, active, gradient, d)
+    np.testing.assert_allclose(H @ d[active].ravel(), gradient[active].ravel())
+    np.testing.assert_array_equal(d[[1, 4]], 0)

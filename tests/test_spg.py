@@ -37,11 +37,19 @@ def uphill(x, problem, gradient):
 @njit
 def steepest(_x, gradient, step, _problem, d):
     d[:] = -step * gradient
+    return np.sum(d * d)
 
 
 @njit
 def into_unit_box(x, gradient, step, _problem, d):
     d[:] = np.minimum(np.maximum(x - step * gradient, -1.0), 1.0) - x
+    return np.sum(d * d)
+
+
+@njit
+def steepest_in_metric(_x, gradient, step, problem, d):
+    d[:] = -step * gradient / problem.curvature
+    return np.sum(problem.curvature * d * d)
 
 
 @njit
@@ -53,7 +61,15 @@ free = spectral_gradient(quadratic, steepest, straight)
 boxed = spectral_gradient(quadratic, into_unit_box, straight)
 curved = spectral_gradient(rosenbrock, steepest, straight)
 lying = spectral_gradient(uphill, steepest, straight)
+scaled = spectral_gradient(quadratic, steepest_in_metric, straight)
 ILL = Quadratic(np.array([1.0, 10, 100, 1000]), np.array([3.0, -2, 0.5, -0.1]))
+
+
+def test_one_step_in_the_metric_of_its_curvature_solves_a_quadratic():
+    x = np.zeros(4)
+    minimum = scaled(x, ILL, 1e-10, 10)
+    assert (minimum.iterations, minimum.reason) == (1, Reason.CONVERGED)
+    np.testing.assert_allclose(x, ILL.minimum, atol=1e-12)
 
 
 def test_finds_the_minimum_of_an_ill_conditioned_quadratic():

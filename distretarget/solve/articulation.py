@@ -42,14 +42,12 @@ class Scratch(NamedTuple):
         bones: (joints, 3), the posed bone from the parent to each joint.
         rotations: (parts, 9), exp(v) of each part, row by row.
         gradient: (joints, 3), the gradient with respect to the positions; `pose_gradient` sums it up towards the root.
-        arms: (joints, parts, 3), the lever arm of each part on each joint; see `lever_arms`.
     """
 
     x: Array
     bones: Array
     rotations: Array
     gradient: Array
-    arms: Array
 
 
 @inlined()
@@ -60,7 +58,6 @@ def scratch_of(joints: int, parts: int) -> Scratch:
         np.zeros((joints, 3)),
         np.zeros((parts, 9)),
         np.zeros((joints, 3)),
-        np.zeros((joints, parts, 3)),
     )
 
 
@@ -146,18 +143,3 @@ def to_rotation_vector(v: Array, m: Array) -> None:
     m[0] += b * (y * cz - z * cy) - a * cx
     m[1] += b * (z * cx - x * cz) - a * cy
     m[2] += b * (x * cy - y * cx) - a * cz
-
-
-@inlined(fastmath=True)
-def lever_arms(body: Articulation, scratch: Scratch) -> None:
-    """Write the lever arm of each part on each joint, for the pose in `scratch`: the sum of the part's bones on the way
-    to the joint. A small turn w of the part moves the joint by w x arm.
-    """
-    scratch.arms[:] = 0.0
-    for joint in range(1, len(body.parents)):
-        parent = body.parents[joint]
-        for part in range(len(scratch.rotations)):
-            for i in range(3):
-                scratch.arms[joint, part, i] = scratch.arms[parent, part, i]
-        for i in range(3):
-            scratch.arms[joint, body.parts[parent], i] += scratch.bones[joint, i]

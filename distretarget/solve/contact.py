@@ -111,7 +111,7 @@ def _solve(body, bones, root, springs, floor, tolerance, v, first, log):  # type
 
     Each frame starts from the best of: the copy, the pose before, the two poses before continued.
     """
-    scratch, unknowns, starts = solver_arrays(body)
+    scratch, starts = solver_arrays(body)
     for t in range(len(bones)):
         at = first + t
         count = min(at, 2) + 1
@@ -121,5 +121,5 @@ def _solve(body, bones, root, springs, floor, tolerance, v, first, log):  # type
             Springs(springs.a, springs.b, springs.rest[t], springs.A[t]),
             Floor(floor.joints, floor.heights[t], floor.stiffness[t], floor.up),
         )
-        minimum = _solve_pose(starts, count, body, scratch, unknowns, frame, terms, tolerance, v[at])
+        minimum = _solve_pose(starts, count, body, scratch, frame, terms, tolerance, v[at])
         record(minimum, log, at)

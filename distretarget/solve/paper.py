@@ -120,7 +120,7 @@ def _solve(body, bones, root, source, ratio, terms, guess, v, first, log):  # ty
 
     Each frame starts from the best of: the guess, the pose before, the two poses before continued.
     """
-    scratch, unknowns, starts = solver_arrays(body)
+    scratch, starts = solver_arrays(body)
     for t in range(len(bones)):
         at = first + t
         count = min(at, 2) + 1
@@ -128,5 +128,5 @@ def _solve(body, bones, root, source, ratio, terms, guess, v, first, log):  # ty
         warm_starts(v, at, starts)
         target_distances(source[t], ratio, terms.delta)
         frame = Frame(bones[t], root[t])
-        minimum = _solve_pose(starts, count, body, scratch, unknowns, frame, terms, POSE_TOLERANCE, v[at])
+        minimum = _solve_pose(starts, count, body, scratch, frame, terms, POSE_TOLERANCE, v[at])
         record(minimum, log, at)

@@ -1,7 +1,7 @@
 """Poses of least energy: an objective on positions, minimised over rotations on exact bones. Compiled.
 
 The unknowns are the deviations of the parts and of the root; the objective is any function of positions, plus the
-stiffness terms. The spectral gradient method minimises it in the scaled unknowns z = U v (`curvature`), where about
+stiffness terms. The spectral gradient method minimises it in the metric of its curvature (`curvature`), where about
 three iterations reach a tolerance at which nothing shakes.
 """
 
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import inlined
 from distretarget.solve.articulation import Articulation, Scratch, pose_body, pose_gradient, scratch_of
-from distretarget.solve.curvature import Parts, active_curvature, factorise, scale, scale_gradient, unscale
-from distretarget.solve.spg import Minimum, Reason, copy_to, spectral_gradient, steepest, straight
+from distretarget.solve.curvature import Numbers, active_curvature, factorise, solve_factored
+from distretarget.solve.spg import Minimum, Reason, copy_to, inner, spectral_gradient, straight
 
 Array = NDArray[np.float64]
 
@@ -37,21 +37,6 @@ class Frame(NamedTuple):
     root: Array
 
 
-class Unknowns(NamedTuple):
-    """Scratch arrays of the unknowns of one body.
-
-    Attributes:
-        U: (n, n), the upper triangle of the Cholesky factor of the curvature in its front, n = 3 (parts + 1).
-        active: (parts + 1,), the numbers of the parts that are unknowns in its front.
-        v, gradient: (parts + 1, 3), a pose, and a gradient with respect to it.
-    """
-
-    U: Array
-    active: Parts
-    v: Array
-    gradient: Array
-
-
 def compile_pose_solver(energy: Callable[..., Any], like_springs: Callable[..., Any]) -> Callable[..., Any]:
     """Compile the solver of one kind of objective, given as two compiled functions.
 
@@ -59,9 +44,10 @@ def compile_pose_solver(energy: Callable[..., Any], like_springs: Callable[..., 
         `scratch.gradient`.
     like_springs(scratch, terms) -> Springs: springs with the same Gauss-Newton curvature at `scratch.x`.
 
-    Returns a compiled solve(starts, count, body, scratch, unknowns, frame, terms, tolerance, out) -> Minimum. It starts
-    from the best of the first `count` of `starts`, (starts, parts + 1, 3), and writes the pose it finds to `out`. It
-    stops when the norm of the search direction in z is at most `tolerance` [square root of the objective].
+    Returns a compiled solve(starts, count, body, scratch, frame, terms, tolerance, out) -> Minimum. It starts from the
+    best of the first `count` of `starts`, (starts, parts + 1, 3), and writes the pose it finds to `out`. It stops when
+    the norm of the search direction, in the metric of the curvature, is at most `tolerance` [square root of the
+    objective].
     """
 
     @inlined(fastmath=True)
@@ -71,34 +57,27 @@ def compile_pose_solver(energy: Callable[..., Any], like_springs: Callable[..., 
         return energy(scratch, terms) + pose_gradient(v, body, scratch, gradient)
 
     @inlined(fastmath=True)
-    def objective(z, problem, gradient):  # type: ignore[no-untyped-def]
-        active, body, scratch, unknowns, frame, terms = problem
-        unscale(unknowns.U, active, z, unknowns.v)
-        sigma = value(unknowns.v, body, scratch, frame, terms, unknowns.gradient)
-        scale_gradient(unknowns.U, active, unknowns.gradient, gradient)
-        return sigma
+    def objective(v, problem, gradient):  # type: ignore[no-untyped-def]
+        _, _, body, scratch, frame, terms = problem
+        return value(v, body, scratch, frame, terms, gradient)
 
-    minimise = spectral_gradient(objective, steepest, straight)
+    minimise = spectral_gradient(objective, _steepest_in_metric, straight)
 
     @inlined(fastmath=True)
-    def solve(starts, count, body, scratch, unknowns, frame, terms, tolerance, out):  # type: ignore[no-untyped-def]
-        best = np.inf
+    def solve(starts, count, body, scratch, frame, terms, tolerance, out):  # type: ignore[no-untyped-def]
+        best, gradient = np.inf, np.empty_like(out)
         for start in range(count):
-            sigma = value(starts[start], body, scratch, frame, terms, unknowns.gradient)
+            sigma = value(starts[start], body, scratch, frame, terms, gradient)
             if sigma < best:
                 best = sigma
                 copy_to(out, starts[start])
         iterations, evaluations = 0, count
         for _ in range(ROUNDS):
             pose_body(out, body, frame.bones, frame.root, scratch)
-            springs = like_springs(scratch, terms)
-            active = unknowns.active[: active_curvature(out, body, scratch, springs, unknowns.U, unknowns.active)]
-            factorise(unknowns.U, 3 * len(active))
-            z = np.empty((len(active), 3))
-            scale(unknowns.U, active, out, z)
-            problem = active, body, scratch, unknowns, frame, terms
-            minimum = minimise(z, problem, tolerance, ROUND_ITERATIONS)
-            unscale(unknowns.U, active, z, out)
+            active, H = active_curvature(out, body, scratch, like_springs(scratch, terms))
+            factorise(H)
+            _reset_others(out, active)
+            minimum = minimise(out, (H, active, body, scratch, frame, terms), tolerance, ROUND_ITERATIONS)
             iterations += minimum.iterations
             evaluations += minimum.evaluations
             if minimum.reason == CONVERGED:
@@ -108,13 +87,33 @@ def compile_pose_solver(energy: Callable[..., Any], like_springs: Callable[..., 
     return solve
 
 
+@inlined(fastmath=True)
+def _steepest_in_metric(v, gradient, step, problem, d):  # type: ignore[no-untyped-def] # noqa: ARG001
+    """Write the direction of steepest descent in the metric H = U^T U, d = -step H^-1 gradient; return d^T H d."""
+    U, active = problem[:2]
+    solve_factored(U, active, gradient, d)
+    flat = d.ravel()
+    for i in range(flat.size):
+        flat[i] *= -step
+    return -step * inner(gradient, d)
+
+
 @inlined()
-def solver_arrays(body: Articulation) -> tuple[Scratch, Unknowns, Array]:
-    """What the solver of a body writes to: scratch, the unknowns, and three poses to start from."""
+def _reset_others(v: Array, active: Numbers) -> None:
+    """Let the parts that are not active keep the copy's rotation."""
+    next_active = 0
+    for part in range(len(v)):
+        if next_active < len(active) and active[next_active] == part:
+            next_active += 1
+        else:
+            v[part] = 0.0
+
+
+@inlined()
+def solver_arrays(body: Articulation) -> tuple[Scratch, Array]:
+    """What the solver of a body writes to: scratch, and three poses to start from."""
     parts = len(body.stiffness)
-    pose = np.zeros((parts, 3))
-    unknowns = Unknowns(np.zeros((3 * parts, 3 * parts)), np.zeros(parts, np.intp), pose, np.zeros_like(pose))
-    return scratch_of(len(body.parents), parts - 1), unknowns, np.zeros((3, parts, 3))
+    return scratch_of(len(body.parents), parts - 1), np.zeros((3, parts, 3))
 
 
 @inlined()

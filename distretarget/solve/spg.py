@@ -90,7 +90,8 @@ def record(minimum: Minimum, log: NDArray[np.float64], frame: int) -> None:
 
 
 @inlined()
-def _inner(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+def inner(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """The sum of the products of all elements."""
     total = 0.0
     for x, y in zip(a.ravel(), b.ravel()):  # noqa: B905
         total += x * y
@@ -99,10 +100,11 @@ def _inner(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
 
 @inlined()
 def steepest(x, gradient, step, problem, d):  # type: ignore[no-untyped-def] # noqa: ARG001
-    """Write the search direction where nothing is projected, d = -step gradient."""
+    """Write the search direction where nothing is projected, d = -step gradient; return |d|^2."""
     flat_g, flat_d = gradient.ravel(), d.ravel()
     for i in range(flat_g.size):
         flat_d[i] = -step * flat_g[i]
+    return inner(d, d)
 
 
 @inlined()
@@ -127,13 +129,13 @@ def spectral_gradient(
     """Compile the method for one kind of problem, given as three compiled functions.
 
     objective(x, problem, gradient) -> float: returns the value at `x` and writes the gradient.
-    direction(x, gradient, step, problem, d): writes d = P(x - step gradient) - x, where P projects onto the feasible
-        set, in the metric of the problem where it has one.
+    direction(x, gradient, step, problem, d) -> float: writes d = P(x - step gradient) - x, where P projects onto the
+        feasible set, and returns |d|^2; projection, gradient and |d| are those of the problem's metric, if it has one.
     move(x, d, alpha, problem, out): writes out = x + alpha d, or what corresponds to it on a manifold.
 
     Returns a compiled minimise(x, problem, tolerance, limit) -> Minimum, which overwrites the array `x` with the
-    best iterate. It stops when the Euclidean norm of the search direction is at most `tolerance` [units of x],
-    after `limit` iterations, or when no step of at least 1e-12 of the direction lowers the objective enough.
+    best iterate. It stops when the norm |d| of the search direction is at most `tolerance`, after `limit` iterations,
+    or when no step of at least 1e-12 of the direction lowers the objective enough.
     """
 
     @inlined()
@@ -149,14 +151,14 @@ def spectral_gradient(
         iterations = 0
         while True:
             # Search direction
-            direction(x, g, step, problem, d)
-            if np.sqrt(_inner(d, d)) <= tolerance:
+            square = direction(x, g, step, problem, d)
+            if np.sqrt(square) <= tolerance:
                 reason = Reason.CONVERGED.value
                 break
             if iterations == limit:
                 break
             # Line search
-            slope = _inner(g, d)
+            slope = inner(g, d)
             alpha = 1.0
             while True:
                 move(x, d, alpha, problem, x_new)
@@ -171,8 +173,8 @@ def spectral_gradient(
             iterations += 1
             # Barzilai-Borwein step; where the curvature is not positive the step grows tenfold, not to
             # STEP_MAX as in the paper, which would cost forty halvings.
-            ss = alpha * alpha * _inner(d, d)
-            sy = alpha * (_inner(d, g_new) - slope)
+            ss = alpha * alpha * square
+            sy = alpha * (inner(d, g_new) - slope)
             step = ss / sy if sy > 0.0 else 10.0 * step
             step = min(max(step, STEP_MIN), STEP_MAX)
             # Averaged reference value
