@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -112,7 +111,7 @@ def _motions(sources: Sequence[Path], cut: bool) -> list[Motion]:
     if not cut:
         return motions
     frames = min(len(motion) for motion in motions)
-    return [replace(m, translations=m.translations[:frames], rotations=m.rotations[:frames]) for m in motions]
+    return [motion[:frames] for motion in motions]
 
 
 def _make_folder(folder: Path) -> None:
