@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import get_args
 
 import click
 
 from distretarget.batch.compile_ahead import warm
+from distretarget.cli.options import SCENE_OPTION, SUPPORTS_OPTION
 from distretarget.cli.outputs import check_outputs, say
 from distretarget.cli.parameters import positive
 from distretarget.errors import FileError, MotionError
@@ -47,20 +47,8 @@ from distretarget.solve.resting_joints import Scene
     metavar="NUMBER",
     help="Target units per source unit along the floor. Default: the mean of the performers' ratios of leg lengths.",
 )
-@click.option(
-    "--supports",
-    type=click.Choice(get_args(Held)),
-    default="hold",
-    show_default=True,
-    help="What stays at rest on the world: everything that rests (hold), feet alone (feet), or nothing (free).",
-)
-@click.option(
-    "--scene",
-    type=click.Choice(get_args(Scene)),
-    default="body",
-    show_default=True,
-    help="Where what stands still belongs, apart from the floor, as for 'distretarget retarget'.",
-)
+@SUPPORTS_OPTION
+@SCENE_OPTION
 def scene_command(
     sources: tuple[Path, ...],
     targets: tuple[Path, ...],
