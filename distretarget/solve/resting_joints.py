@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import label, median_filter
 
 from distretarget.baseline.root import RootScale
+from distretarget.body.regions import TRUNK
 from distretarget.body.resting import low_joints, slow_joints, still_joints
 from distretarget.matching.matching import Matching
 from distretarget.numerics.shots import Shots, by_shot
@@ -26,7 +27,6 @@ Scene = Literal["body", "scaled"]
 LITTLE = 1e-6  # weight of frames that hardly count
 INSIDE = 0.25  # a joint inside flesh that rests on the floor is no higher than this [leg lengths]
 HEAD = "head"
-TRUNK = ("trunk", "hips")  # the regions that limbs branch off
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +135,7 @@ def _candidates(matching: Matching) -> _Candidates:
     regions, skeleton, drivers = matching.regions, matching.target.skeleton, matching.drivers
     of_joint = regions.of_joint
     trunk = [number for number, name in enumerate(regions.names) if name in TRUNK]
-    targets = joints_but_feet(matching)
+    targets = matching.joints_but_feet
     bases = []
     for joint in targets:
         line = [each for each in skeleton.line(int(joint)) if of_joint[each] in trunk and drivers[each] >= 0]
@@ -155,13 +155,6 @@ def _lie_on_flesh(matching: Matching, joints: _Candidates, up: Array) -> Flags:
         inside = matching.regions.names[region] in (*TRUNK, HEAD) and near
         columns.append(heights[:, joint] <= heights[:, near].min(axis=1) if inside else np.zeros(len(heights), bool))
     return np.stack(columns, axis=1)
-
-
-def joints_but_feet(matching: Matching) -> NDArray[np.intp]:
-    """Return the target's joints that are part of its body and have drivers, but for those of its feet."""
-    of_joint = matching.regions.of_joint
-    feet = [of_joint[leg.ankle] for leg in (matching.legs or ((), ()))[1]]
-    return np.flatnonzero((matching.drivers >= 0) & (of_joint >= 0) & ~np.isin(of_joint, feet))
 
 
 def _stand_on_others(joints: _Candidates, rests: Flags, feet: Supports, matching: Matching) -> Flags:
