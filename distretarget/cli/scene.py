@@ -12,10 +12,10 @@ from distretarget.batch.compile_ahead import warm
 from distretarget.cli.options import SCENE_OPTION, SUPPORTS_OPTION
 from distretarget.cli.outputs import check_outputs, say
 from distretarget.cli.parameters import positive
-from distretarget.errors import FileError, MotionError
+from distretarget.errors import MotionError
 from distretarget.io.bvh import read_bvh
 from distretarget.io.bvh_writer import format_bvh
-from distretarget.io.files import write_whole
+from distretarget.io.files import make_folder, write_whole
 from distretarget.io.target_file import load_target
 from distretarget.measure.across import Across
 from distretarget.motion import Motion
@@ -72,7 +72,7 @@ def scene_command(
         raise click.UsageError(
             f"{len(targets)} targets for {len(sources)} performers; give one for all, or one for each, in their order."
         )
-    _make_folder(output)
+    make_folder(output)
     check_outputs(outputs, [*sources, *targets], overwrite)
     warm("contact")
     began = time.perf_counter()
@@ -100,13 +100,6 @@ def _motions(sources: Sequence[Path], cut: bool) -> list[Motion]:
         return motions
     frames = min(len(motion) for motion in motions)
     return [motion[:frames] for motion in motions]
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(folder, f"cannot be made: {error.strerror}; name a folder that can be written to") from None
 
 
 def _together(result: SceneResult, sources: Sequence[Path]) -> Iterator[str]:
