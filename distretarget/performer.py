@@ -28,7 +28,7 @@ from distretarget.solve.free_points import Postures
 from distretarget.solve.poses import PoseProblem, Poses
 from distretarget.solve.resting_joints import Scene, find_resting_joints, with_resting_joints
 from distretarget.solve.rigid_parts import part_of_joint, posed_motion, rigid_part_roots
-from distretarget.solve.root_height import root_shift
+from distretarget.solve.root_shift import root_shift
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.stance import find_stance, hips_rise
 from distretarget.solve.supports import Supports, no_supports

@@ -79,13 +79,13 @@ def find_resting_joints(
     """Return the joints other than those of `feet` that rest on the floor or on something that stands still, if any.
 
     A joint rests on the floor while it is slow, and about as low as the lowest joint of the body; a joint of trunk or
-    head also somewhat higher, if the body lies or sits on it. There it is as high
-    as the source's, scaled. A joint that stands still while its limb moves, such as a hand on a rail, rests
-    too, as high as in the rotation copy on average. In the plane a joint keeps, over each time it rests, the place of
-    the source's, scaled, plus the mean of what the copy is off that: so it does not slide, and nothing draws
-    the body to where its proportions cannot follow. Where a region farther out in its limb rests as well, as the foot
-    does in a kneel, the joint is as far from that as in the copy. In a `scene` that is "scaled", a joint that rests on
-    something else than the floor has the place of the source's, scaled.
+    head also somewhat higher, if the body lies or sits on it. There it is as high as the source's, scaled. A joint that
+    stands still while its limb moves, such as a hand on a rail, rests too, as high as in the rotation copy on average.
+    In the plane a joint keeps, over each time it rests, the place of the source's, scaled, plus the mean of what the
+    copy is off that: so it does not slide, and nothing draws the body to where its proportions cannot follow. Where a
+    region farther out in its limb rests as well, as the foot does in a kneel, the joint is as far from that as in the
+    copy. In a `scene` that is "scaled", a joint that rests on something else than the floor has the place of the
+    source's, scaled.
 
     The copy keeps to the path of the root in `problem`; `shots`, (frames,), are those of the clip.
     """
