@@ -10,7 +10,7 @@ import click
 
 from distretarget.batch.compile_ahead import warm
 from distretarget.cli.options import SCENE_OPTION, SUPPORTS_OPTION
-from distretarget.cli.outputs import check_outputs, say
+from distretarget.cli.outputs import OVERWRITE_OPTION, check_outputs, say
 from distretarget.cli.parameters import positive
 from distretarget.errors import MotionError
 from distretarget.io.bvh import read_bvh
@@ -39,7 +39,7 @@ from distretarget.solve.resting_joints import Scene
 @click.option(
     "-o", "--output", required=True, type=click.Path(path_type=Path), help="The folder to write to, a file for each."
 )
-@click.option("--overwrite", is_flag=True, help="Replace files that exist. An input is never replaced.")
+@OVERWRITE_OPTION
 @click.option("--cut", is_flag=True, help="Cut all clips to the frames of the shortest.")
 @click.option(
     "--world-scale",
