@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,4 +15,4 @@ def back_and_forth(motion: Motion, frames: int) -> Motion:
     """The motion played forwards and backwards until it has this many frames; needs at least two frames."""
     last = len(motion) - 1
     order = last - np.abs(np.arange(frames) % (2 * last) - last)
-    return replace(motion, translations=motion.translations[order], rotations=motion.rotations[order])
+    return motion[order]

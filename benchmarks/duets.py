@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -29,11 +28,7 @@ def take(duets: Path, number: str) -> tuple[Motion, Motion]:
     """Both performers of a take, without the first frame, cut to the same frames."""
     lead, follower = (read_bvh(duets / f"{who}_{number}.bvh") for who in ("60", "61"))
     frames = slice(1, min(len(lead), len(follower)))
-    lead, follower = (
-        replace(motion, translations=motion.translations[frames], rotations=motion.rotations[frames])
-        for motion in (lead, follower)
-    )
-    return lead, follower
+    return lead[frames], follower[frames]
 
 
 def rows(duets: Path) -> Iterator[str]:

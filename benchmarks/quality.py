@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fnmatch import fnmatch
 from functools import partial
 from itertools import product
@@ -81,9 +81,7 @@ class Row:
 
 def measure(folder: Path, clip: str, target: str, methods: tuple[str, ...], frames: int | None) -> list[Row]:
     """The rows of a clip on a target: the rotation copy, then each method."""
-    source = read_bvh((folder if "/" in clip else SAMPLES) / clip)
-    if frames:
-        source = replace(source, translations=source.translations[:frames], rotations=source.rotations[:frames])
+    source = read_bvh((folder if "/" in clip else SAMPLES) / clip)[:frames]
     body = edited(source.rigid_skeleton, TARGETS[target])
     rows = []
     for method in methods:

@@ -14,7 +14,7 @@ import time
 import warnings
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -62,8 +62,7 @@ class Run:
 def measured(clip: Path, body: str) -> Run | None:
     """Retarget a clip to a body; None where it cannot be."""
     try:
-        motion = read_bvh(clip)
-        motion = replace(motion, translations=motion.translations[:FRAMES], rotations=motion.rotations[:FRAMES])
+        motion = read_bvh(clip)[:FRAMES]
         target = edited(motion.rigid_skeleton, TARGETS[body])
         results, seconds = [], []
         for supports in ("hold", "feet"):

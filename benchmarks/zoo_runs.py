@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fnmatch import fnmatch
 from functools import partial
 from pathlib import Path
@@ -69,8 +69,7 @@ class OwnBody:
 
 def read_clip(path: Path, frames: int | None) -> Motion:
     """The first frames of a clip; all for None."""
-    motion = read_bvh(path)
-    return replace(motion, translations=motion.translations[:frames], rotations=motion.rotations[:frames])
+    return read_bvh(path)[:frames]
 
 
 def members_like(pattern: str) -> list[str]:

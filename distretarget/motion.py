@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypedDict, get_args
 
@@ -98,6 +98,10 @@ class Motion:
 
     def __len__(self) -> int:
         return len(self.rotations)
+
+    def __getitem__(self, frames: slice | NDArray[np.intp]) -> Motion:
+        """Return the motion of some frames, by a slice or an array of their numbers, at the same frame time."""
+        return replace(self, translations=self.translations[frames], rotations=self.rotations[frames])
 
     def __repr__(self) -> str:
         return f"<Motion of {len(self)} frames, {self.frame_time_text} s each, on {self.skeleton!r}>"

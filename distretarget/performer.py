@@ -28,7 +28,7 @@ from distretarget.solve.free_points import Postures
 from distretarget.solve.poses import PoseProblem, Poses
 from distretarget.solve.resting_joints import Scene, find_resting_joints, with_resting_joints
 from distretarget.solve.rigid_parts import part_of_joint, posed_motion, rigid_part_roots
-from distretarget.solve.root_height import root_shift
+from distretarget.solve.root_shift import root_shift
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.stance import find_stance, hips_rise
 from distretarget.solve.supports import Supports, no_supports
@@ -64,7 +64,6 @@ class Performer:
             copy=copy,
             problem=_pose_problem(self.matching, copy, root_path(copy, self.matching, scale)),
             supports=no_supports(len(copy)),
-            shown=no_supports(len(copy)),
             settings=ContactSettings(),
         )
 
@@ -98,7 +97,6 @@ class Prepared:
         copy: the rotation copy.
         problem: the clip as solvers take it.
         supports: what rests.
-        shown: what the result says rests: the same, or nothing where all is free.
         settings: of the contact objective.
     """
 
@@ -108,7 +106,6 @@ class Prepared:
     copy: Motion
     problem: PoseProblem
     supports: Supports
-    shown: Supports
     settings: ContactSettings
 
     def result(self, poses: Poses, postures: Postures | None = None) -> RetargetResult:
@@ -117,6 +114,7 @@ class Prepared:
         posed = _posed(self.copy, poses, self.problem)
         motion, copy = (self.engine_root.placed(moved) for moved in (posed, self.copy))
         relative = (distances.body_size / matching.target.height) ** 2
+        free = self.settings.support_stiffness == 0.0
         return RetargetResult(
             source=matching.source_motion,
             motion=motion,
@@ -125,7 +123,7 @@ class Prepared:
             world=self.performer.world,
             root_scale=self.scale.height,
             effort=poses.effort,
-            supports=self.shown,
+            supports=no_supports(len(motion)) if free else self.supports,
             postures=postures,
             copy_stress=relative * posture_stress(distances, self.problem.source, copy.positions),
             written_stress=relative * posture_stress(distances, self.problem.source, motion.positions),
@@ -149,9 +147,8 @@ def with_supports(prepared: Prepared, held: Held, scene: Scene, settings: Contac
             supports = with_resting_joints(feet, others, problem, shots, settings)
         supports = with_floor_heights(supports, matching, problem, scale, settings)
     if held == "free":
-        free = replace(settings, support_stiffness=0.0)
-        return replace(prepared, problem=problem, supports=supports, settings=free)
-    return replace(prepared, problem=problem, supports=supports, shown=supports, settings=settings)
+        settings = replace(settings, support_stiffness=0.0)
+    return replace(prepared, problem=problem, supports=supports, settings=settings)
 
 
 def _target_for(source: Motion, target: Motion | Skeleton | Target | SkeletonEdit) -> Target:

@@ -39,7 +39,8 @@ class RetargetResult:
         world: the axes, and the root's OFFSET.
         root_scale: target units per source unit of the root's path.
         effort: what the solver spent on each frame.
-        supports: the joints that rest on the world and where they belong; none for the paper's objective.
+        supports: the joints that rest on the world and where they belong; none where all are free, as with the paper's
+            objective.
         postures: the paper's solved points; None for the contact objective, which needs none.
         copy_stress, written_stress: (frames,), Eq. (2) divided by the squared height of the target's rest pose, of the
             rotation copy and of `motion`.

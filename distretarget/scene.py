@@ -101,8 +101,6 @@ def retarget_scene(
     heights = [find_root_scale(performer.matching) for performer in performers]
     _check_units(heights)
     level = float(np.mean(heights)) if world_scale is None else world_scale
-    if len(heights) == 1 and world_scale is None:
-        level = heights[0]
     prepared = [
         with_supports(performer.prepared(RootScale(level, height)), supports, scene, settings or ContactSettings())
         for performer, height in zip(performers, heights, strict=True)
@@ -162,8 +160,7 @@ def _yielding(one: Prepared, touches: list[tuple[Touching, NDArray[np.intp]]]) -
         np.maximum.at(touched, (pairs.frames, regions[joints]), pairs.f)
     yields = np.where(supports.places @ up - floor > 2.0 * reach, touched[:, supports.regions], 0.0)
     yields[:, : supports.feet] = 0.0
-    held = replace(supports, weights=supports.weights * (1.0 - yields))
-    return replace(one, supports=held, shown=held if len(one.shown.joints) else one.shown)
+    return replace(one, supports=replace(supports, weights=supports.weights * (1.0 - yields)))
 
 
 def _points(one: Prepared) -> Points:

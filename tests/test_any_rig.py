@@ -53,7 +53,7 @@ beings = pytest.mark.parametrize("being", BEINGS)
 @cache
 def walk():
     motion = read_bvh(SAMPLES / "walk.bvh")
-    return Motion(motion.skeleton, motion.translations[:90:2], motion.rotations[:90:2], str(2 * motion.frame_time))
+    return replace(motion[:90:2], frame_time_text=str(2 * motion.frame_time))
 
 
 @cache

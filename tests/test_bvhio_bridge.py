@@ -47,8 +47,7 @@ def bvhio():
 
 
 def first_frames(path, frames=20):
-    motion = read_bvh(path)
-    return replace(motion, translations=motion.translations[:frames], rotations=motion.rotations[:frames])
+    return read_bvh(path)[:frames]
 
 
 def dance():

@@ -108,11 +108,11 @@ def test_the_same_body_keeps_contacts_and_stance_as_they_are(name):
 def test_a_second_after_a_cut_the_result_is_that_of_the_whole_clip(name, body, bound, cut):
     source = sample(name)
     second = round(1 / source.frame_time)
-    later = replace(source, translations=source.translations[cut:], rotations=source.rotations[cut:])
+    later = source[cut:]
     after = retarget(later, target(body)).motion.positions
     off = apart(after, sample_on(name, body)[cut:], target(body))
     assert off[second:].max() < bound
-    earlier = replace(source, translations=source.translations[:-cut], rotations=source.rotations[:-cut])
+    earlier = source[:-cut]
     before = retarget(earlier, target(body)).motion.positions
     off = apart(before, sample_on(name, body)[:-cut], target(body))
     assert off[:-second].max() < bound

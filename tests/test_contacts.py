@@ -143,7 +143,7 @@ def test_what_no_joint_drives_and_no_frame_has_is_no_contact():
     matching = matched(PERSON, PERSON, {name: None for name in PERSON.names if name.startswith("LeftWrist")})
     found = find_contacts(source, source, matching, np.zeros((1, 2), bool))
     assert "left hand - right hand" not in names_of(found)
-    empty = Motion(PERSON, source.translations[:0], source.rotations[:0], "0.02")
+    empty = source[:0]
     assert find_contacts(empty, empty, matching, np.zeros((0, 2), bool)).touches == ()
 
 

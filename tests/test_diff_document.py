@@ -33,10 +33,6 @@ COLUMNS = [
 ]
 
 
-def first(motion, frames):
-    return replace(motion, translations=motion.translations[:frames], rotations=motion.rotations[:frames])
-
-
 def flying(seed, frames=20):
     """A person whose feet never rest: both swing fast."""
     return swaying(PERSON, frames, angle=1.5, seed=seed)
@@ -53,8 +49,8 @@ CLIPS = {
     "sway": lambda: (flying(1), flying(2)),
     "slide": lambda: (standing(0.02), standing(0.05)),
     "still against moving": lambda: (standing(0.0), standing(0.05)),
-    "one frame": lambda: (first(flying(1), 1), first(flying(2), 1)),
-    "three frames": lambda: (first(flying(1), 3), first(flying(2), 3)),
+    "one frame": lambda: (flying(1)[:1], flying(2)[:1]),
+    "three frames": lambda: (flying(1)[:3], flying(2)[:3]),
     "a tail": lambda: (flying(1), swaying(with_bone(PERSON, "Tail", "Hips"))),
     "another body": lambda: (flying(1), swaying(lengthened(PERSON, {"Knee": 0.7}))),
     "frame rates": lambda: (replace(flying(1), frame_time_text="0.01"), flying(2)),
@@ -263,7 +259,7 @@ def test_contacts_name_regions_and_the_joints_of_both_bodies_hands_first():
 
 
 def test_snaps_and_unsolved_frames_are_known_of_a_run_only():
-    run = retarget(first(CLIPS["clap"]()[0], 6), PERSON)
+    run = retarget(CLIPS["clap"]()[0][:6], PERSON)
     of_run, of_files = document(run_diff(run), ABOUT), document(diff(run.source, run.motion), ABOUT)
     for key in OF_RUN:
         assert of_run["figures"]["result"][key] == 0
@@ -271,7 +267,7 @@ def test_snaps_and_unsolved_frames_are_known_of_a_run_only():
 
 
 def test_the_rotation_copy_stands_beside_the_result():
-    run = retarget(first(CLIPS["clap"]()[0], 12), lengthened(PERSON, {"Elbow": 1.3}))
+    run = retarget(CLIPS["clap"]()[0][:12], lengthened(PERSON, {"Elbow": 1.3}))
     found = document(run_diff(run), replace(ABOUT, rotation_copy=run.tracks["rotation_copy"]))
     validator().validate(found)
     figures = found["figures"]

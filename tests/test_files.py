@@ -7,7 +7,7 @@ import stat
 import pytest
 
 from distretarget.errors import FileError
-from distretarget.io.files import check_inside, check_writable, read_text, write_whole
+from distretarget.io.files import check_inside, check_writable, make_folder, read_text, write_whole
 
 
 def read(tmp_path, content):
@@ -200,3 +200,15 @@ def test_the_file_is_complete_before_it_has_its_name(tmp_path, monkeypatch):
     write_whole(tmp_path / "a", "x" * 100_000)
     assert seen == [False]
     assert (tmp_path / "a").read_text() == "x" * 100_000
+
+
+def test_a_folder_is_made_with_those_that_it_is_in(tmp_path):
+    for _ in range(2):
+        make_folder(tmp_path / "a" / "b")
+    assert (tmp_path / "a" / "b").is_dir()
+    (tmp_path / "file").touch()
+    for place in ("file", "file/in"):
+        with pytest.raises(FileError, match=f"{place}: is a file or inside one, expected a folder"):
+            make_folder(tmp_path / place)
+    with pytest.raises(FileError, match="the folder cannot be made"):
+        make_folder(tmp_path / ("a" * 1000))

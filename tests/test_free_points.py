@@ -44,9 +44,7 @@ def test_stress_agrees_with_lbfgs_from_the_same_start():
     motion = swaying(table_one(), frames=6)
     target = other_lengths(motion.skeleton)
     for frame in range(6):
-        one = type(motion)(
-            motion.skeleton, motion.translations[frame : frame + 1], motion.rotations[frame : frame + 1], "1"
-        )
+        one = motion[frame : frame + 1]
         problem, copy, postures = solve(one, target)
         delta = problem.ratio * np.linalg.norm(one.positions[0][:, None] - one.positions[0], axis=-1)
 
@@ -93,7 +91,7 @@ def test_each_frame_is_solved_for_itself():
     motion = swaying(person())
     target = other_lengths(motion.skeleton)
     _, _, whole = solve(motion, target)
-    later = replace(motion, translations=motion.translations[7:], rotations=motion.rotations[7:])
+    later = motion[7:]
     _, _, part = solve(later, target)
     np.testing.assert_allclose(part.positions, whole.positions[7:], atol=1e-12)
 

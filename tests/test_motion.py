@@ -40,3 +40,10 @@ def test_what_is_no_array_and_no_kind_of_rotation():
         replace(MOTION, frame_time_text=0.01)
     with pytest.raises(MotionError, match="rotations is 'euler'; expected one of 'quaternion', 'matrix', '6d'"):
         MOTION.to_dict("euler")
+
+
+@pytest.mark.parametrize("frames", [slice(1, None), slice(None, None, 2), slice(0, 0), np.array([2, 0, 2])], ids=str)
+def test_some_frames_of_a_motion_are_where_they_are_in_the_whole(frames):
+    whole, some = MOTION.positions, MOTION[frames].positions
+    np.testing.assert_array_equal(some, whole[frames])
+    assert MOTION[frames].frame_time == MOTION.frame_time

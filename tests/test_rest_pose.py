@@ -10,7 +10,7 @@ from bodies import CORPUS, SAMPLES, moved, needs_corpus, posed
 from make_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
-from distretarget import Motion, read_bvh, retarget
+from distretarget import read_bvh, retarget
 from distretarget.baseline.world import axis_vector
 from distretarget.body.body import Body
 from distretarget.body.named_anatomy import by_names
@@ -38,9 +38,7 @@ clips = pytest.mark.parametrize("clip", CLIPS, ids=lambda path: path.stem)
 def read(path, step=3, most=60):
     """Some frames of a clip, from its beginning."""
     motion = read_bvh(path)
-    frames = slice(0, step * most, step)
-    time = str(step * motion.frame_time)
-    return Motion(motion.skeleton, motion.translations[frames], motion.rotations[frames], time)
+    return replace(motion[: step * most : step], frame_time_text=str(step * motion.frame_time))
 
 
 @cache

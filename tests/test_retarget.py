@@ -139,7 +139,7 @@ def test_the_smallest_skeletons():
 def test_motions_that_cannot_be_retargeted_are_refused():
     motion = swaying(BODY)
     with pytest.raises(MotionError, match="no frames"):
-        retarget(Motion(BODY, motion.translations[:0], motion.rotations[:0], "1"), BODY)
+        retarget(motion[:0], BODY)
     with pytest.raises(MotionError, match="no bone of the target has a length"):
         retarget(motion, BODY.with_offsets(0 * BODY.offsets))
     with pytest.raises(MotionError, match="no bone of the target has a length"):

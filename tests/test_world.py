@@ -9,7 +9,7 @@ from bodies import SAMPLES, in_world, moved, onto, person, posed, spun
 from make_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
-from distretarget import Motion, read_bvh, retarget
+from distretarget import read_bvh, retarget
 from distretarget.baseline.world import find_root_offset, turned, with_root_offset
 from distretarget.body.axes import AXES, axis_vector
 from distretarget.body.body import Body
@@ -26,7 +26,7 @@ conventions = pytest.mark.parametrize("convention", CONVENTIONS)
 def walk():
     """A walk along +Z with Y up [cm]."""
     motion = read_bvh(SAMPLES / "walk.bvh")
-    return Motion(motion.skeleton, motion.translations[:90:2], motion.rotations[:90:2], str(2 * motion.frame_time))
+    return replace(motion[:90:2], frame_time_text=str(2 * motion.frame_time))
 
 
 def heading(motion):
@@ -113,9 +113,7 @@ def test_the_targets_axis_may_be_given(up):
 def test_one_frame_is_enough():
     motion = walk()
     for up in AXES:
-        frame = in_world(
-            replace(motion, translations=motion.translations[:1], rotations=motion.rotations[:1]), onto(up)
-        )
+        frame = in_world(motion[:1], onto(up))
         assert Body.of_motion(frame).found_up == up
         near(retarget(frame, replace(motion.skeleton, up="Y")).motion.positions, motion.positions[:1])
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from distretarget.batch.plan import MANIFEST, Work
 from distretarget.batch.record import ManifestRecord, Recipe, RecordedOptions, is_of_manifest, read_records
 from distretarget.errors import FileError
-from distretarget.io.files import check_inside, check_writable, hash_of_file, reason_of
+from distretarget.io.files import check_inside, check_writable, hash_of_file, make_folder, reason_of
 
 try:
     import fcntl
@@ -117,12 +117,7 @@ class Manifest(History):
         Raises:
             FileError: the file is not a manifest, or one of the two cannot be created or opened.
         """
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except (FileExistsError, NotADirectoryError) as error:
-            raise FileError(folder, "is a file or inside one, expected a folder for the results") from error
-        except OSError as error:
-            raise FileError(folder, reason_of(error)) from error
+        make_folder(folder)
         check_inside(folder / MANIFEST, folder)
         super().__init__(folder)
         existed = self.path.exists()

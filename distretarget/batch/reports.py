@@ -13,7 +13,7 @@ from distretarget.batch.run import Run, reports
 from distretarget.batch.summary import worst
 from distretarget.batch.task import Outcome
 from distretarget.errors import FileError
-from distretarget.io.files import check_writable, is_folder, reason_of, write_whole
+from distretarget.io.files import check_writable, is_folder, make_folder, reason_of, write_whole
 from distretarget.measure.figures import FIGURES
 from distretarget.report.document import About
 from distretarget.report.index import index_page
@@ -102,8 +102,8 @@ class Pages:
         return Path(os.path.relpath(self.path(work), self.index.parent)).as_posix()
 
     def _write(self, path: Path, html: str) -> None:
+        make_folder(path.parent)
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
             replaceable = self._replaceable(path)
         except OSError as error:
             raise FileError(path, reason_of(error)) from error

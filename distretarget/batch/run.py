@@ -18,7 +18,7 @@ from distretarget.batch.record import ManifestRecord, Recipe, failed_record
 from distretarget.batch.task import Outcome, Task, convert
 from distretarget.conversion import Text
 from distretarget.errors import BatchError, DistretargetError, FileError
-from distretarget.io.files import check_inside, hash_of, hash_of_file, read_bytes, text_of, write_whole
+from distretarget.io.files import check_inside, hash_of, hash_of_file, make_folder, read_bytes, text_of, write_whole
 from distretarget.report.document import About
 
 CHECK_INTERVAL = 5.0  # time without a result after which the run checks that all workers are alive [s]
@@ -192,10 +192,7 @@ class Run:
         """Write an output, with its record just before it is put in place."""
         path = self.folder / work.place
         check_inside(path, self.folder)
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise FileError(path.parent, "the folder cannot be made: " + (error.strerror or str(error))) from error
+        make_folder(path.parent)
         existing_hash = hash_of_file(path)
         try:
             self._put(work, path, existing_hash, text, record)

@@ -149,10 +149,8 @@ class Body:
         if self.moving is None:
             return _axis_of_legs(self.legs, self.motion.positions) if self.legs else None
         axis, cosine = nearest_axis(self.moving.up.mean(axis=0))
-        if self.up_at_rest is None and cosine < UP_FROM_MOTION:
-            return None
         if self.up_at_rest is None:
-            return axis
+            return None if cosine < UP_FROM_MOTION else axis
         off, off_at_rest = (abs(self.lowest(axis_vector(each))) for each in (axis, self.up_at_rest))
         lies = off_at_rest < LIES * self.leg_length
         stands = cosine > STANDS_IN_MOTION and off < OFF_FLOOR * self.leg_length

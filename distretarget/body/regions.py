@@ -30,6 +30,7 @@ REGION_OF_PART = {
     "Toes": "foot",
 }
 WITH_SIDES = ("hand", "forearm", "upper arm", "shin", "foot")
+TRUNK = ("trunk", "hips")  # the regions that limbs branch off
 EXTREMITIES = {"Hand": "LowerArm", "Foot": "LowerLeg"}  # a hand is no longer than its forearm, a foot than its shin
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from distretarget.cli.outputs import LISTED, about, check_outputs, say
+from distretarget.cli.outputs import LISTED, OVERWRITE_OPTION, about, check_outputs, say
 from distretarget.cli.parameters import of_figure
 from distretarget.conversion import needs_map
 from distretarget.errors import DistretargetError, MatchingError, quoted
@@ -61,7 +61,7 @@ def _fail_over_help() -> str:
     metavar="FIGURE=LIMIT",
     help=_fail_over_help(),
 )
-@click.option("--overwrite", is_flag=True, help="Replace files that exist. An input is never replaced.")
+@OVERWRITE_OPTION
 def diff_command(
     a: Path,
     b: Path,

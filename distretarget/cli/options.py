@@ -1,4 +1,4 @@
-"""The options shared by all commands that retarget."""
+"""The options shared by the commands that retarget."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import click
+from click.core import ParameterSource
 
 from distretarget.baseline.engine_root import RootFollows
 from distretarget.baseline.world import RootOffset
@@ -18,6 +19,23 @@ from distretarget.performer import Held
 from distretarget.retargeting import OBJECTIVES, SUPPORTS, Objective
 from distretarget.solve.resting_joints import Scene
 
+SUPPORTS_OPTION = click.option(
+    "--supports",
+    type=click.Choice(SUPPORTS),
+    default="hold",
+    show_default=True,
+    help="hold: feet, hands, knees and whatever else rests on the floor, or on something that stands still, stays at "
+    "rest. feet: feet alone do. free: nothing does.",
+)
+SCENE_OPTION = click.option(
+    "--scene",
+    type=click.Choice(get_args(Scene)),
+    default="body",
+    show_default=True,
+    help="Where rails, walls, rungs and all else that stands still belongs, apart from the floor. body: where the "
+    "limbs of TARGET meet it, on average. scaled: where it is in SOURCE, scaled as the root's path, for a scene "
+    "that is scaled with the body.",
+)
 OPTIONS = (
     click.option(
         "--map",
@@ -58,24 +76,10 @@ OPTIONS = (
         default=OBJECTIVES[0],
         show_default=True,
         help="contact: keep what is near in the source near, and the rest as in the source. "
-        "paper: use the distances and priorities of the paper.",
+        "paper: use the distances and priorities of the paper, and hold nothing in its place.",
     ),
-    click.option(
-        "--supports",
-        type=click.Choice(SUPPORTS),
-        help="hold: feet, hands, knees and whatever else rests on the floor, or on something that stands still, stays "
-        "at rest; the default with the contact objective. feet: feet alone do. free: nothing does; always so with the "
-        "paper's objective.",
-    ),
-    click.option(
-        "--scene",
-        type=click.Choice(get_args(Scene)),
-        default="body",
-        show_default=True,
-        help="Where rails, walls, rungs and all else that stands still belongs, apart from the floor. body: where the "
-        "limbs of TARGET meet it, on average. scaled: where it is in SOURCE, scaled as the root's path, for a scene "
-        "that is scaled with the body.",
-    ),
+    SUPPORTS_OPTION,
+    SCENE_OPTION,
 )
 
 
@@ -91,17 +95,18 @@ def retargeting(command: Callable[..., None]) -> Callable[..., None]:
         root_offset: RootOffset | None,
         root_follows: RootFollows | None,
         objective: Objective,
-        supports: Held | None,
+        supports: Held,
         scene: Scene,
         **others: Any,
     ) -> None:
-        if supports not in (None, "free") and objective == "paper":
+        chosen = click.get_current_context().get_parameter_source("supports") is not ParameterSource.DEFAULT
+        if objective == "paper" and chosen and supports != "free":
             raise click.UsageError(
                 f"--supports {supports}: the paper's objective holds nothing in its place; use --objective contact."
             )
         options = Options(
             objective=objective,
-            supports=supports or "hold",
+            supports=supports,
             scene=scene,
             root_scale=root_scale,
             source_up=source_up,

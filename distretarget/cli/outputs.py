@@ -1,4 +1,4 @@
-"""The outputs of commands: checks of output files, printed lines, and what a report says of the run."""
+"""The outputs of commands: replacing and checking files, printing lines, and what a report says of the run."""
 
 from __future__ import annotations
 
@@ -14,6 +14,9 @@ from distretarget.errors import FileError
 from distretarget.io.files import check_writable
 from distretarget.report.document import About
 
+OVERWRITE_OPTION = click.option(
+    "--overwrite", is_flag=True, help="Replace files that exist. An input is never replaced."
+)
 LISTED = 12  # most joints that are named in a line
 
 

@@ -15,7 +15,7 @@ from distretarget.baseline.world import RootOffset
 from distretarget.batch.compile_ahead import warm
 from distretarget.cli.matching_table import headline, unused
 from distretarget.cli.options import retargeting
-from distretarget.cli.outputs import LISTED, about, check_outputs, say
+from distretarget.cli.outputs import LISTED, OVERWRITE_OPTION, about, check_outputs, say
 from distretarget.conversion import Options, load_text, retarget_onto
 from distretarget.errors import FileError, quoted
 from distretarget.io.bvh import parse_bvh
@@ -33,7 +33,7 @@ from distretarget.run_summary import figures_json, figures_line, summary_line, u
 @click.argument("source", type=click.Path(path_type=Path))
 @click.argument("target", type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="The BVH file to write.")
-@click.option("--overwrite", is_flag=True, help="Replace files that exist. An input is never replaced.")
+@OVERWRITE_OPTION
 @retargeting
 @click.option(
     "--json", "figures", type=click.Path(path_type=Path), help="Write the figures of each frame to this file."

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import get_args
 
 import click
 
 from distretarget.batch.compile_ahead import warm
-from distretarget.cli.outputs import check_outputs, say
+from distretarget.cli.options import SCENE_OPTION, SUPPORTS_OPTION
+from distretarget.cli.outputs import OVERWRITE_OPTION, check_outputs, say
 from distretarget.cli.parameters import positive
-from distretarget.errors import FileError, MotionError
+from distretarget.errors import MotionError
 from distretarget.io.bvh import read_bvh
 from distretarget.io.bvh_writer import format_bvh
-from distretarget.io.files import write_whole
+from distretarget.io.files import make_folder, write_whole
 from distretarget.io.target_file import load_target
 from distretarget.measure.across import Across
 from distretarget.motion import Motion
@@ -40,7 +39,7 @@ from distretarget.solve.resting_joints import Scene
 @click.option(
     "-o", "--output", required=True, type=click.Path(path_type=Path), help="The folder to write to, a file for each."
 )
-@click.option("--overwrite", is_flag=True, help="Replace files that exist. An input is never replaced.")
+@OVERWRITE_OPTION
 @click.option("--cut", is_flag=True, help="Cut all clips to the frames of the shortest.")
 @click.option(
     "--world-scale",
@@ -48,20 +47,8 @@ from distretarget.solve.resting_joints import Scene
     metavar="NUMBER",
     help="Target units per source unit along the floor. Default: the mean of the performers' ratios of leg lengths.",
 )
-@click.option(
-    "--supports",
-    type=click.Choice(get_args(Held)),
-    default="hold",
-    show_default=True,
-    help="What stays at rest on the world: everything that rests (hold), feet alone (feet), or nothing (free).",
-)
-@click.option(
-    "--scene",
-    type=click.Choice(get_args(Scene)),
-    default="body",
-    show_default=True,
-    help="Where what stands still belongs, apart from the floor, as for 'distretarget retarget'.",
-)
+@SUPPORTS_OPTION
+@SCENE_OPTION
 def scene_command(
     sources: tuple[Path, ...],
     targets: tuple[Path, ...],
@@ -85,7 +72,7 @@ def scene_command(
         raise click.UsageError(
             f"{len(targets)} targets for {len(sources)} performers; give one for all, or one for each, in their order."
         )
-    _make_folder(output)
+    make_folder(output)
     check_outputs(outputs, [*sources, *targets], overwrite)
     warm("contact")
     began = time.perf_counter()
@@ -112,14 +99,7 @@ def _motions(sources: Sequence[Path], cut: bool) -> list[Motion]:
     if not cut:
         return motions
     frames = min(len(motion) for motion in motions)
-    return [replace(m, translations=m.translations[:frames], rotations=m.rotations[:frames]) for m in motions]
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(folder, f"cannot be made: {error.strerror}; name a folder that can be written to") from None
+    return [motion[:frames] for motion in motions]
 
 
 def _together(result: SceneResult, sources: Sequence[Path]) -> Iterator[str]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from distretarget.body.body import Body
 from distretarget.cli.matching_table import headline, recognised, rows, unused
-from distretarget.cli.outputs import check_outputs, say
+from distretarget.cli.outputs import OVERWRITE_OPTION, check_outputs, say
 from distretarget.cli.parameters import of_bone, positive
 from distretarget.errors import FileError, closest
 from distretarget.io.bvh import read_bvh
@@ -50,7 +50,7 @@ def show_command(file: Path) -> None:
     type=click.Path(path_type=Path),
     help="The skeleton file to write. Default: standard output.",
 )
-@click.option("--overwrite", is_flag=True, help="Replace the output if it exists.")
+@OVERWRITE_OPTION
 def export_command(file: Path, output: Path | None, overwrite: bool) -> None:
     """Write the skeleton of FILE as a target skeleton file, to edit it or to retarget to it.
 
@@ -86,7 +86,7 @@ def export_command(file: Path, output: Path | None, overwrite: bool) -> None:
     help="An additional factor for a bone. May be given several times.",
 )
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="The skeleton file to write.")
-@click.option("--overwrite", is_flag=True, help="Replace the output if it exists.")
+@OVERWRITE_OPTION
 def edit_command(
     file: Path,
     scale: float | None,
@@ -137,7 +137,7 @@ def edit_command(
     help="A map file whose pairs overrule all others.",
 )
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="The map file to write.")
-@click.option("--overwrite", is_flag=True, help="Replace the output if it exists.")
+@OVERWRITE_OPTION
 def match_command(source: Path, target: Path, map_path: Path | None, output: Path | None, overwrite: bool) -> None:
     """Print which joint of SOURCE drives which joint of TARGET, and write it as a map to edit.
 

@@ -117,6 +117,20 @@ def check_inside(path: Path, folder: Path) -> None:
         raise FileError(path, f"leads out of the folder {str(folder)!r}; remove the link")
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder, and those that it is in, unless they exist.
+
+    Raises:
+        FileError: it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        raise FileError(folder, "is a file or inside one, expected a folder") from error
+    except (OSError, ValueError) as error:
+        raise FileError(folder, f"the folder cannot be made: {reason_of(error)}") from error
+
+
 def check_writable(path: str | Path, overwrite: bool = False) -> None:
     """Check, without writing, that `write_whole` could write this file.
 
@@ -155,8 +169,8 @@ def write_whole(
     """Write a file under a temporary name in its folder, and rename it when it is complete.
 
     Text is written as UTF-8, with line ends as given. A file that replaces another has its permissions and, where that
-    is allowed, its owner. `complete` is called when the file is complete and on the disk,
-    before it is renamed; if `complete` raises an error, the file is not put in place.
+    is allowed, its owner. `complete` is called when the file is complete and on the disk, before it is renamed; if
+    `complete` raises an error, the file is not put in place.
 
     Raises:
         FileError: the file exists and `overwrite` is false, or it cannot be written; then nothing has changed.

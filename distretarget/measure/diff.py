@@ -94,7 +94,7 @@ def diff(a: Motion, b: Motion, joint_map: JointMap | None = None) -> Diff:
         frames = min(len(a), len(b))
         compared = "the first was" if frames == 1 else f"the first {frames} were"
         notes.append(f"A has {_frames(a)} and B has {len(b)}; {compared} compared")
-        a, b = _first(a, frames), _first(b, frames)
+        a, b = a[:frames], b[:frames]
     problem = distance_problem(source.skeleton, target.skeleton, matching.drivers)
     relative = (problem.body_size / target.height) ** 2
     stress = relative * posture_stress(problem, a.positions, b.positions)
@@ -144,7 +144,3 @@ def _check(motion: Motion, name: str) -> None:
 
 def _frames(motion: Motion) -> str:
     return "1 frame" if len(motion) == 1 else f"{len(motion)} frames"
-
-
-def _first(motion: Motion, frames: int) -> Motion:
-    return replace(motion, translations=motion.translations[:frames], rotations=motion.rotations[:frames])

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
+from distretarget.body.regions import TRUNK
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import speeds_along
@@ -25,7 +26,6 @@ SWAY = 8.0  # while the joint where its limb begins goes this many times as far,
 FARTHER = 0.04  # ... this much farther [leg lengths]
 BETWEEN = 0.5  # the body takes about so long from its feet to other supports [s]
 ENDS = ("left hand", "right hand", "head")  # the regions that hold on to things
-TRUNK = ("trunk", "hips")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -63,7 +63,7 @@ class SupportsMeasured:
 
 def measure_supports(source: Motion, result: Motion, matching: Matching, up: Array) -> SupportsMeasured:
     """Measure the resting joints of a result against those of its source; `up`, (3,), points up in both."""
-    joints = _joints(matching)
+    joints = matching.joints_but_feet
     drivers = matching.drivers[joints]
     source_leg, leg = matching.leg_lengths if matching.legs else (1.0, 1.0)
     paths, source_paths = result.positions[:, joints] / leg, source.positions[:, drivers] / source_leg
@@ -80,15 +80,6 @@ def measure_supports(source: Motion, result: Motion, matching: Matching, up: Arr
         slide=_along_floor(paths[:, some], up, result.frame_time),
         height=100.0 * off[:, some],
     )
-
-
-def _joints(matching: Matching) -> NDArray[np.intp]:
-    """The joints of the target's body with drivers, but for its feet; none without legs."""
-    if matching.legs is None:
-        return np.zeros(0, np.intp)
-    of_joint = matching.regions.of_joint
-    feet = [of_joint[leg.ankle] for leg in matching.legs[1]]
-    return np.flatnonzero((matching.drivers >= 0) & (of_joint >= 0) & ~np.isin(of_joint, feet))
 
 
 def _holds(source: Motion, matching: Matching, joints: NDArray[np.intp], leg: float) -> Flags:

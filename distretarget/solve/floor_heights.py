@@ -11,7 +11,6 @@ from distretarget.baseline.root import RootScale
 from distretarget.matching.matching import Matching
 from distretarget.solve.floor import Floor
 from distretarget.solve.poses import PoseProblem
-from distretarget.solve.resting_joints import joints_but_feet
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.supports import Supports
 
@@ -35,7 +34,7 @@ def with_floor_heights(
     heights = scale.height * (matching.source_motion.positions @ up)
     floor, reach = heights.min(axis=1), settings.rest_height * length
     weight = supports.weights.max(axis=1, initial=0.0)
-    joints = joints_but_feet(matching)
+    joints = matching.joints_but_feet
     lowest = floor[:, None] + np.minimum(heights[:, matching.drivers[joints]] - floor[:, None], reach)
     over = problem.copy_on_path[:, joints] @ up - lowest
     near = ((over < NEAR * length) & (weight[:, None] > 0.0)).any(axis=0)

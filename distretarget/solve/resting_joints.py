@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import label, median_filter
 
 from distretarget.baseline.root import RootScale
+from distretarget.body.regions import TRUNK
 from distretarget.body.resting import low_joints, slow_joints, still_joints
 from distretarget.matching.matching import Matching
 from distretarget.numerics.shots import Shots, by_shot
@@ -26,7 +27,6 @@ Scene = Literal["body", "scaled"]
 LITTLE = 1e-6  # weight of frames that hardly count
 INSIDE = 0.25  # a joint inside flesh that rests on the floor is no higher than this [leg lengths]
 HEAD = "head"
-TRUNK = ("trunk", "hips")  # the regions that limbs branch off
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,13 +79,13 @@ def find_resting_joints(
     """Return the joints other than those of `feet` that rest on the floor or on something that stands still, if any.
 
     A joint rests on the floor while it is slow, and about as low as the lowest joint of the body; a joint of trunk or
-    head also somewhat higher, if the body lies or sits on it. There it is as high
-    as the source's, scaled. A joint that stands still while its limb moves, such as a hand on a rail, rests
-    too, as high as in the rotation copy on average. In the plane a joint keeps, over each time it rests, the place of
-    the source's, scaled, plus the mean of what the copy is off that: so it does not slide, and nothing draws
-    the body to where its proportions cannot follow. Where a region farther out in its limb rests as well, as the foot
-    does in a kneel, the joint is as far from that as in the copy. In a `scene` that is "scaled", a joint that rests on
-    something else than the floor has the place of the source's, scaled.
+    head also somewhat higher, if the body lies or sits on it. There it is as high as the source's, scaled. A joint that
+    stands still while its limb moves, such as a hand on a rail, rests too, as high as in the rotation copy on average.
+    In the plane a joint keeps, over each time it rests, the place of the source's, scaled, plus the mean of what the
+    copy is off that: so it does not slide, and nothing draws the body to where its proportions cannot follow. Where a
+    region farther out in its limb rests as well, as the foot does in a kneel, the joint is as far from that as in the
+    copy. In a `scene` that is "scaled", a joint that rests on something else than the floor has the place of the
+    source's, scaled.
 
     The copy keeps to the path of the root in `problem`; `shots`, (frames,), are those of the clip.
     """
@@ -135,7 +135,7 @@ def _candidates(matching: Matching) -> _Candidates:
     regions, skeleton, drivers = matching.regions, matching.target.skeleton, matching.drivers
     of_joint = regions.of_joint
     trunk = [number for number, name in enumerate(regions.names) if name in TRUNK]
-    targets = joints_but_feet(matching)
+    targets = matching.joints_but_feet
     bases = []
     for joint in targets:
         line = [each for each in skeleton.line(int(joint)) if of_joint[each] in trunk and drivers[each] >= 0]
@@ -155,13 +155,6 @@ def _lie_on_flesh(matching: Matching, joints: _Candidates, up: Array) -> Flags:
         inside = matching.regions.names[region] in (*TRUNK, HEAD) and near
         columns.append(heights[:, joint] <= heights[:, near].min(axis=1) if inside else np.zeros(len(heights), bool))
     return np.stack(columns, axis=1)
-
-
-def joints_but_feet(matching: Matching) -> NDArray[np.intp]:
-    """Return the target's joints that are part of its body and have drivers, but for those of its feet."""
-    of_joint = matching.regions.of_joint
-    feet = [of_joint[leg.ankle] for leg in (matching.legs or ((), ()))[1]]
-    return np.flatnonzero((matching.drivers >= 0) & (of_joint >= 0) & ~np.isin(of_joint, feet))
 
 
 def _stand_on_others(joints: _Candidates, rests: Flags, feet: Supports, matching: Matching) -> Flags:

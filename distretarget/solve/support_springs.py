@@ -19,8 +19,9 @@ def support_springs(supports: Supports, body: Articulation, bones: Array, unit: 
     """The springs of resting joints; their arrays have the frames in front.
 
     A joint of weight s is drawn the share s of the way to its place, whatever the `stiffness` k at its place: with M,
-    the compliance of the body at the joint, its spring is A = ((1 - s) / s M + n I / k)^-1. n is 1, and more where many
-    joints of a region rest, such as the fingers of a hand. A stiffness of 0 leaves the joints free.
+    the compliance of the body at the joint, its spring is A = (m (1 - s) / s M + n I / k)^-1. Joints of one region that
+    rest together, such as the fingers of a hand, share what one of them would have: n is half their number, but at
+    least 1; m is their number, and n for foot joints. A stiffness of 0 leaves the joints free.
 
     `bones`, (frames, joints, 3), are those of the copy, and `unit` is the body unit [file units].
     """

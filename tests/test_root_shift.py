@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from distretarget.solve.resting_joints import RestingJoints
-from distretarget.solve.root_height import root_shift
+from distretarget.solve.root_shift import root_shift
 from distretarget.solve.supports import no_supports
 
 FRAMES = 120

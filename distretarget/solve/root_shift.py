@@ -1,4 +1,4 @@
-"""How high the root belongs where the body rests on other joints than its feet."""
+"""Where the root belongs while the body rests on other joints than its feet."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from distretarget.solve.supports import RESTS, Supports
 Array = NDArray[np.float64]
 
 SEAT = 10.0  # weight of a region of the trunk that rests, which turns of the joints do not bring to its place
-BLEND = 0.2  # the root takes about twice this time from one height to the next [s]
-UNKNOWN = 1e-3  # weight of the nearest known height in frames in which nothing rests; a region that rests has 1
+BLEND = 0.2  # the root takes about twice this time from one shift to the next [s]
+UNKNOWN = 1e-3  # weight of the nearest known shift in frames in which nothing rests; a region that rests has 1
 FEWEST = 5  # frames that a smoothing spline needs
 
 
@@ -41,7 +41,7 @@ def root_shift(problem: PoseProblem, feet: Supports, resting: RestingJoints, sho
 
 
 def _smooth(values: Array, weights: Array, frame_time: float) -> Array:
-    """(frames,), a smooth curve through the values by their weights, (frames,) each."""
+    """(frames, 3), a smooth curve through the values, (frames, 3), by their weights, (frames,)."""
     known = np.flatnonzero(weights)
     if not len(known) or not values[known].any():
         return np.zeros_like(values)
