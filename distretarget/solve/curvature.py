@@ -95,7 +95,7 @@ def _active(way: NDArray[np.bool_], body: Articulation, scratch: Scratch) -> Num
 
 @inlined()
 def _has_length(bone: Array) -> bool:
-    return bone[0] != 0.0 or bone[1] != 0.0 or bone[2] != 0.0
+    return bool(bone[0] != 0.0 or bone[1] != 0.0 or bone[2] != 0.0)
 
 
 @inlined(fastmath=True)
