@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, read_bvh, retarget
 from distretarget.body.body import Body
-from distretarget.numerics.rotations import normalised
+from distretarget.numerics.vectors import normalised
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.append(str(ROOT / "tools"))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from distretarget.errors import MotionError, quoted
 from distretarget.numerics.kinematics import forward_kinematics, world_rotations
 from distretarget.numerics.rotations import RotationKind, represented
+from distretarget.numerics.vectors import lengths
 from distretarget.skeleton import Skeleton
 
 SHORTEST_FRAME, LONGEST_FRAME = 1e-5, 1e3  # the times between frames that a recording may have [s]
@@ -87,7 +88,7 @@ class Motion:
             object.__setattr__(self, name, array)
         if len(self.translations) != len(self.rotations):
             raise MotionError(f"{len(self.translations)} frames of translations, {len(self.rotations)} of rotations")
-        wrong = ~(np.abs(np.linalg.norm(self.rotations, axis=-1) - 1.0) < UNIT_ERROR)
+        wrong = ~(np.abs(lengths(self.rotations) - 1.0) < UNIT_ERROR)
         if wrong.any():
             frame, joint = np.argwhere(wrong)[0]
             where = f"of {self.skeleton.keys[joint]!r} in frame {frame}"
@@ -161,9 +162,9 @@ class Motion:
             return self.skeleton
         offsets = np.array(self.skeleton.offsets)
         offsets[moving] = np.median(self.translations[:, moving], axis=0)
-        lengths = np.linalg.norm(offsets, axis=1)
-        lengths[moving] = np.median(np.linalg.norm(self.translations[:, moving], axis=2), axis=0)
-        return self.skeleton.with_offsets(offsets).with_lengths(lengths)
+        bones = lengths(offsets)
+        bones[moving] = np.median(lengths(self.translations[:, moving]), axis=0)
+        return self.skeleton.with_offsets(offsets).with_lengths(bones)
 
 
 def rigid_motion(

@@ -18,6 +18,7 @@ from distretarget.measure.needs_look import what_needs_a_look
 from distretarget.measure.snaps import find_snaps
 from distretarget.measure.verdict import verdict
 from distretarget.motion import Motion
+from distretarget.numerics.vectors import lengths
 from distretarget.solve.free_points import Postures
 from distretarget.solve.spg import Effort
 from distretarget.solve.supports import RESTS, Supports
@@ -112,7 +113,7 @@ class RetargetResult:
 
     def _missed_places(self) -> Iterator[str]:
         held, keys = self.supports, self.motion.skeleton.keys
-        away = np.linalg.norm(self.motion.positions[:, held.joints] - held.places, axis=-1) / self.matching.target.unit
+        away = lengths(self.motion.positions[:, held.joints] - held.places) / self.matching.target.unit
         short = np.where((held.weights > RESTS) & (away > REACH), away, 0.0)
         frames = np.flatnonzero(short.any(axis=1))
         if len(frames):

@@ -14,6 +14,7 @@ from distretarget.errors import MotionError, SettingsError
 from distretarget.io.target import SkeletonEdit, Target
 from distretarget.measure.across import Across, measure_across
 from distretarget.motion import Motion
+from distretarget.numerics.vectors import lengths
 from distretarget.performer import Held, Prepared, matched_performer, with_supports
 from distretarget.result import RetargetResult
 from distretarget.skeleton import Skeleton
@@ -200,7 +201,7 @@ def _positions(one: Prepared, poses: Poses) -> Array:
 def _moved(one: Prepared, springs: Springs, before: Array, now: Array) -> float:
     """How far a joint that touches moved at most [body units]."""
     firm = np.trace(springs.A, axis1=-2, axis2=-1) > 1.0
-    ways = np.linalg.norm(now[:, springs.a] - before[:, springs.a], axis=-1) / one.problem.unit
+    ways = lengths(now[:, springs.a] - before[:, springs.a]) / one.problem.unit
     return float(np.where(firm, ways, 0.0).max(initial=0.0))
 
 

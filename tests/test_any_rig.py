@@ -15,7 +15,7 @@ from distretarget.body.body import Body
 from distretarget.body.named_anatomy import by_names
 from distretarget.errors import MatchingError
 from distretarget.matching.matching import find_matching
-from distretarget.numerics.rotations import normalised
+from distretarget.numerics.vectors import normalised
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 
 # The names of the sample's joints in Bandai Namco's files.

@@ -14,7 +14,7 @@ from distretarget import read_bvh, retarget
 from distretarget.body.axes import Directions
 from distretarget.body.body import Body
 from distretarget.body.reference_pose import FOOT_PITCH, bend_axes, standing_frame, synthetic_t_pose
-from distretarget.numerics.rotations import normalised
+from distretarget.numerics.vectors import normalised
 
 UP = np.array([0.0, 1.0, 0.0])
 SIDES = {"left": 1.0, "right": -1.0}

@@ -21,6 +21,7 @@ from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import local_rotations
 from distretarget.numerics.rotations import least
+from distretarget.numerics.vectors import level
 
 Array = NDArray[np.float64]
 RootFollows = Literal["pelvis", "source", "nothing"]
@@ -81,8 +82,7 @@ class EngineRoot:
         body, up = self.matching.target, self.matching.target.up_vector
         match self.follows:
             case "pelvis":
-                pelvis = motion.positions[:, _pelvis(body)]
-                return np.asarray(pelvis - (pelvis @ up)[:, None] * up)
+                return level(motion.positions[:, _pelvis(body)], up)
             case "source":
                 root = _roots_on_floor(self.matching.source)[-1]
                 path = self.matching.source_motion.positions[:, root]

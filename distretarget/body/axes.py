@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.anatomy import LEG, SIDES, Anatomy
-from distretarget.numerics.rotations import normalised
+from distretarget.numerics.vectors import normalised
 
 Array = NDArray[np.float64]
 

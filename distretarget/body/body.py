@@ -17,7 +17,7 @@ from distretarget.body.reference_pose import bend_axes, standing_frame, stands_a
 from distretarget.body.regions import Regions, find_regions
 from distretarget.body.shape import by_shape
 from distretarget.motion import Motion
-from distretarget.numerics.rotations import normalised
+from distretarget.numerics.vectors import normalised
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]

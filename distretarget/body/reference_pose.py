@@ -17,7 +17,8 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.anatomy import ARM, LEG, SIDES, Anatomy
 from distretarget.body.axes import Directions, squared
 from distretarget.motion import Motion
-from distretarget.numerics.rotations import least, normalised
+from distretarget.numerics.rotations import least
+from distretarget.numerics.vectors import normalised
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]

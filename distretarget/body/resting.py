@@ -6,10 +6,10 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import label
 
 from distretarget.body.legs import Leg
 from distretarget.motion import Motion
+from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.kinematics import speeds_along
 from distretarget.numerics.shots import Shots, by_shot
 
@@ -72,32 +72,36 @@ def still_joints(
     `bases`, moves. `length` is that of a leg [file units].
     """
     slow = slow_joints(motion, joints, STILL_SPEED * length, shots)
+    holding = np.zeros_like(slow)
     least = max(STILL_TIME / motion.frame_time, 2.0)
-    columns = [
-        by_shot(partial(_holding, length=length, least=least), shots, slow[:, k], *positions)
-        for k, positions in enumerate(zip(_paths(motion, joints), _paths(motion, bases), strict=True))
-    ]
-    return np.stack(columns, axis=1) if columns else slow
-
-
-def _holding(slow: Flags, path: Array, base_path: Array, length: float, least: float) -> Flags:
-    """(frames,), the frames of those runs of slow frames, at least so many, in which a joint keeps its place while the
-    base of its limb moves.
-    """
-    runs, count = label(slow)
-    holding = np.zeros(len(slow), bool)
-    for run in range(1, count + 1):
-        frames = np.flatnonzero(runs == run)
-        moves = _reach(base_path[frames]) > TIMES_AS_FAR * _reach(path[frames]) + FARTHER * length
-        holding[frames] = len(frames) >= least and moves
+    _find_holding(slow, motion.positions, joints, bases, length, least, shots, holding)
     return holding
 
 
-def _paths(motion: Motion, joints: NDArray[np.intp]) -> Array:
-    """(len(joints), frames, 3), where each of the joints is."""
-    return motion.positions[:, joints].swapaxes(0, 1)
+@compiled()
+def _find_holding(slow, positions, joints, bases, length, least, shots, holding):  # type: ignore[no-untyped-def]
+    """Set `holding`, (frames, len(joints)), in those runs of `slow` frames of a shot, at least so many, in which a
+    joint keeps its place while the base of its limb moves.
+    """
+    for k in range(len(joints)):
+        first = 0
+        for frame in range(1, len(slow) + 1):
+            if frame == len(slow) or slow[frame, k] != slow[first, k] or shots[frame] != shots[first]:
+                if slow[first, k] and frame - first >= least:
+                    moves = _reach(positions, bases[k], first, frame)
+                    if moves > TIMES_AS_FAR * _reach(positions, joints[k], first, frame) + FARTHER * length:
+                        holding[first:frame, k] = True
+                first = frame
 
 
-def _reach(places: Array) -> float:
-    """How far places (frames, 3) are at most from their mean."""
-    return float(np.linalg.norm(places - places.mean(axis=0), axis=-1).max())
+@inlined()
+def _reach(positions: Array, joint: int, first: int, end: int) -> float:
+    """How far a joint goes at most from its mean place in some frames."""
+    mean = np.zeros(3)
+    for frame in range(first, end):
+        mean += positions[frame, joint]
+    mean /= end - first
+    farthest = 0.0
+    for frame in range(first, end):
+        farthest = max(farthest, np.sum((positions[frame, joint] - mean) ** 2))
+    return float(np.sqrt(farthest))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from distretarget.body.anatomy import SIDES, Anatomy, spine_roles
 from distretarget.body.axes import FOLDED, STRETCHED
 from distretarget.body.limbs import Limb, LimbPair, find_limbs, forks, like_chains
-from distretarget.numerics.rotations import normalised
+from distretarget.numerics.vectors import lengths, normalised
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -110,7 +110,7 @@ def _collar(skeleton: Skeleton, arms: LimbPair, arm: Limb, posture: Array) -> li
         return list(arm.collar)
     x = posture if len(posture) else skeleton.rest_positions[None]
     a, b = ([*arm.collar, arm.upper] for arm in arms)
-    apart = np.linalg.norm(x[:, a] - x[:, b], axis=2).mean(axis=0)
+    apart = lengths(x[:, a] - x[:, b]).mean(axis=0)
     return [joint for joint, width in zip(arm.collar, apart, strict=False) if 2 * width < apart[-1]][-1:]
 
 
@@ -190,7 +190,7 @@ def _agreement(forward: Array, legs: LimbPair, x: Array) -> float:
     """
     up = _up(x, legs)
     front = normalised(np.cross(x[:, legs[0].upper] - x[:, legs[1].upper], up))
-    level = np.linalg.norm(_across(forward, up), axis=-1).sum()
+    level = lengths(_across(forward, up)).sum()
     slight = SLIGHT * legs[0].length * len(x)
     return float((forward * front).sum() / level) if level > slight else 0.0
 

@@ -13,7 +13,8 @@ from distretarget.body.body import Body
 from distretarget.body.legs import Leg, Legs
 from distretarget.body.reference_pose import FOOT_PITCH
 from distretarget.body.resting import feet_at_rest
-from distretarget.numerics.rotations import least, normalised
+from distretarget.numerics.rotations import least
+from distretarget.numerics.vectors import normalised
 
 Array = NDArray[np.float64]
 

@@ -15,6 +15,7 @@ from distretarget.errors import SkeletonError
 from distretarget.io.bvh_parser import Words, take_frames, take_hierarchy, take_motion_keyword
 from distretarget.io.files import read_text
 from distretarget.motion import Motion
+from distretarget.numerics.vectors import lengths
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 
 Array = NDArray[np.float64]
@@ -154,7 +155,7 @@ def added_joints(skeleton: Skeleton, translations: Array) -> NDArray[np.intp]:
     joints = np.array([j for j in slides if skeleton.lengths[j] > 0], dtype=np.intp)
     if len(joints) < 2 or not len(translations):
         return joints[:0]
-    largest = np.linalg.norm(translations[:, joints], axis=-1).max(axis=0)
+    largest = lengths(translations[:, joints]).max(axis=0)
     return joints if np.median(largest / skeleton.lengths[joints]) < NOISE else joints[:0]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.numerics.rotations import normalised
+from distretarget.numerics.vectors import normalised
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]

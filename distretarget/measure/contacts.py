@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from distretarget.matching.matching import Matching
 from distretarget.measure.points import blocks_of, normalised_distances, points_of
 from distretarget.motion import Motion
+from distretarget.numerics.vectors import lengths
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
@@ -211,4 +212,4 @@ def _between_feet(regions: Numbers, matching: Matching) -> NDArray[np.bool_]:
 def _distances(motion: Motion, frame: Numbers, u: Numbers, v: Numbers) -> Array:
     """(rows,), D of joints u and v in a frame each."""
     tau = motion.rigid_skeleton.path_lengths[u, v]
-    return np.asarray(np.linalg.norm(motion.positions[frame, u] - motion.positions[frame, v], axis=-1) / tau)
+    return np.asarray(lengths(motion.positions[frame, u] - motion.positions[frame, v]) / tau)

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from distretarget.baseline.rest_pose import rest_alignment
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
+from distretarget.numerics.vectors import angles_between
 
 Array = NDArray[np.float64]
 
@@ -31,8 +32,7 @@ def direction_error(source: Motion, result: Motion, matching: Matching) -> Array
     if own.any():
         expected[:, own] = _by_rotation(source, matching, upper[own], lower[own])
     bones = result.positions[:, lower] - result.positions[:, upper]
-    sine = np.linalg.norm(np.cross(expected, bones), axis=-1)
-    return np.asarray(np.degrees(np.arctan2(sine, np.einsum("fbi,fbi->fb", expected, bones))))
+    return np.asarray(np.degrees(angles_between(expected, bones)))
 
 
 def bones_of(matching: Matching) -> NDArray[np.intp]:

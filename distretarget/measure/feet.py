@@ -17,6 +17,7 @@ from distretarget.matching.matching import Matching
 from distretarget.measure.soles import Sole, find_sole
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import speeds_along
+from distretarget.numerics.vectors import level
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -84,7 +85,7 @@ def measure_feet(source: Motion, result: Motion, matching: Matching, up: Array) 
     soles = _soles(matching.target, matching.legs[1], matching.target.motion, matching.target.up_vector)
     compared = _Compared(source, result, matching, up)
     legs = list(zip(source_soles, soles, strict=True))
-    level = np.stack([np.abs(a.pitch(source.positions, up) - a.flat_pitch) <= FLAT for a in source_soles], axis=1)
+    flat = np.stack([np.abs(a.pitch(source.positions, up) - a.flat_pitch) <= FLAT for a in source_soles], axis=1)
     return Feet(
         joints=np.array(_foot_joints(matching.legs[1]), np.intp),
         stance=stance,
@@ -92,7 +93,7 @@ def measure_feet(source: Motion, result: Motion, matching: Matching, up: Array) 
         slide=_slide(result, matching.legs[1], up),
         foot_height=_where(ankle_rests | toe_rests, [compared.sole_off(a, b) for a, b in legs]),
         foot_pitch=_where(ankle_rests & toe_rests, [compared.pitch_off(a, b) for a, b in legs]),
-        ankle_height=_where(ankle_rests & toe_rests & level, [compared.ankle_off(a, b) for a, b in legs]),
+        ankle_height=_where(ankle_rests & toe_rests & flat, [compared.ankle_off(a, b) for a, b in legs]),
         hips_height=_where(ankle_rests, [compared.hips_off(a.leg, b.leg) for a, b in legs]),
     )
 
@@ -162,7 +163,7 @@ def _stance(motion: Motion, legs: Legs, up: Array) -> Flags:
 def _slide(motion: Motion, legs: Legs, up: Array) -> Array:
     """(frames, foot joints), the horizontal speed of the foot joints [leg lengths / s]."""
     paths = _foot_paths(motion, legs)
-    return speeds_along(paths - (paths @ up)[..., None] * up, motion.frame_time)
+    return speeds_along(level(paths, up), motion.frame_time)
 
 
 def _foot_paths(motion: Motion, legs: Legs) -> Array:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
 from distretarget.matching.matching import Matching
@@ -14,10 +13,12 @@ from distretarget.measure.contacts import Contacts, find_contacts
 from distretarget.measure.directions import bones_of, direction_error
 from distretarget.measure.feet import Feet, measure_feet
 from distretarget.measure.figures import Track, Tracks
-from distretarget.measure.points import blocks_of, normalised_distances, points_of
+from distretarget.measure.points import points_of
 from distretarget.measure.snaps import INSTANT
 from distretarget.measure.supports import SupportsMeasured, measure_supports
 from distretarget.motion import Motion
+from distretarget.numerics.compiled import compiled
+from distretarget.numerics.vectors import lengths
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -121,28 +122,44 @@ def compare(source: Motion, result: Motion, matching: Matching, up: Array) -> Co
 def _distance_error(source: Motion, result: Motion, matching: Matching) -> Array:
     joints, drivers = points_of(matching), matching.drivers
     u, v = (joints[end] for end in np.triu_indices(len(joints), 1))
-    mean = np.zeros(len(source))
-    for block in blocks_of(len(source)):
-        D_source = normalised_distances(source, drivers[u], drivers[v], block)
-        error = np.abs(D_source - normalised_distances(result, u, v, block))
-        known = np.isfinite(error)
-        mean[block] = np.where(known, error, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
-    return mean
+    tau = result.rigid_skeleton.path_lengths[u, v]
+    tau_source = source.rigid_skeleton.path_lengths[drivers[u], drivers[v]]
+    known = (tau > 0) & (tau_source > 0)
+    u, v, tau, tau_source = u[known], v[known], tau[known], tau_source[known]
+    source_pairs = source.positions, drivers[u], drivers[v], tau_source
+    return np.asarray(_mean_difference(*source_pairs, result.positions, u, v, tau))
+
+
+@compiled(fastmath=True)
+def _mean_difference(x, a, b, tau_x, y, u, v, tau_y):  # type: ignore[no-untyped-def]
+    """(frames,), the mean difference of the distances between points a and b of x, over tau_x, and those between u and
+    v of y, over tau_y; 0 without pairs.
+    """
+    means = np.zeros(len(x))
+    for frame in range(len(x)):
+        total = 0.0
+        p, q = x[frame], y[frame]
+        for pair in range(len(a)):
+            i, j, k, m = a[pair], b[pair], u[pair], v[pair]
+            one = np.sqrt((p[i, 0] - p[j, 0]) ** 2 + (p[i, 1] - p[j, 1]) ** 2 + (p[i, 2] - p[j, 2]) ** 2)
+            other = np.sqrt((q[k, 0] - q[m, 0]) ** 2 + (q[k, 1] - q[m, 1]) ** 2 + (q[k, 2] - q[m, 2]) ** 2)
+            total += abs(one / tau_x[pair] - other / tau_y[pair])
+        means[frame] = total / max(len(a), 1)
+    return means
 
 
 def _bone_error(result: Motion, matching: Matching) -> Array:
     of_body = matching.target.regions.of_joint >= 0
     lower = np.flatnonzero((result.skeleton.lengths > 0) & of_body & of_body[result.skeleton.parents])
     bones = result.positions[:, lower] - result.positions[:, result.skeleton.parents[lower]]
-    lengths = result.skeleton.lengths[lower]
-    return np.asarray(np.abs(np.linalg.norm(bones, axis=-1) / lengths - 1).max(axis=1, initial=0.0))
+    return np.asarray(np.abs(lengths(bones) / result.skeleton.lengths[lower] - 1).max(axis=1, initial=0.0))
 
 
 def _jerk(motion: Motion, body: Body) -> Array:
     """(frames - 3,), the mean norm of the third difference of the positions of the body's joints [body sizes / s^3]."""
     size = body.skeleton.path_lengths.max() * motion.frame_time**3
     third = np.diff(motion.positions[:, body.regions.of_joint >= 0], 3, axis=0) / size
-    return np.asarray(np.linalg.norm(third, axis=-1).mean(axis=1))
+    return np.asarray(lengths(third).mean(axis=1))
 
 
 def _turn(source: Motion, result: Motion, drivers: NDArray[np.intp]) -> Array:
@@ -152,11 +169,8 @@ def _turn(source: Motion, result: Motion, drivers: NDArray[np.intp]) -> Array:
 
 
 def _steps(rotations: Array) -> Array:
-    """(frames - 1, joints), the angle from each frame's rotation to the next [rad]."""
-    if len(rotations) < 2:
-        return np.zeros((0, rotations.shape[1]))
-    steps = np.empty((len(rotations) - 1, rotations.shape[1]))
-    for block in blocks_of(len(steps)):
-        turns = Rotation.from_quat(rotations[block.start : block.stop + 1])
-        steps[block] = (turns[:-1].inv() * turns[1:]).magnitude()
-    return steps
+    """(frames - 1, joints), the angle from each frame's rotation to the next [rad]: that of unit quaternions apart by
+    2 sin(angle / 4), of which q and -q are the same.
+    """
+    steps = np.minimum(lengths(rotations[1:] - rotations[:-1]), lengths(rotations[1:] + rotations[:-1]))
+    return np.asarray(4.0 * np.arcsin(np.minimum(steps / 2.0, 1.0)))

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from distretarget.body.body import Body
 from distretarget.motion import Motion
 from distretarget.numerics.shots import find_shots
+from distretarget.numerics.vectors import lengths
 
 Array = NDArray[np.float64]
 
@@ -31,5 +32,5 @@ def find_snaps(copy: Motion, result: Motion, body: Body) -> Array:
 
 def _steps(motion: Motion, body: Body) -> Array:
     """(frames - 1, joints), how far each joint moves to the next frame [% of leg length in `INSTANT`]."""
-    ways = np.linalg.norm(np.diff(motion.positions, axis=0), axis=-1)
+    ways = lengths(np.diff(motion.positions, axis=0))
     return np.asarray(100 * ways / (0.5 * body.unit) * INSTANT / motion.frame_time)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from distretarget.body.axes import axis_vector
 from distretarget.body.body import Body
 from distretarget.body.legs import Leg
+from distretarget.numerics.vectors import lengths
 
 Array = NDArray[np.float64]
 
@@ -38,7 +39,7 @@ class Sole:
         (..., joints, 3), are those of the body, `up`, (3,), is the unit vector up.
         """
         bone = positions[..., self.leg.toe, :] - positions[..., self.leg.ankle, :]
-        length = np.linalg.norm(bone, axis=-1)
+        length = lengths(bone)
         sine = np.divide(bone @ up, length, out=np.full_like(length, np.nan), where=length > 0)
         return np.asarray(np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0))))
 

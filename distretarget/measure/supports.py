@@ -14,6 +14,7 @@ from distretarget.body.regions import TRUNK
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import speeds_along
+from distretarget.numerics.vectors import lengths, level
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -101,9 +102,9 @@ def _extent(path: Array, reach: int) -> Array:
     """(frames,), the diagonal of the box that a path (frames, 3) fills within `reach` frames before and after."""
     size = 2 * reach + 1
     box = maximum_filter1d(path, size, axis=0) - minimum_filter1d(path, size, axis=0)
-    return np.asarray(np.linalg.norm(box, axis=-1))
+    return np.asarray(lengths(box))
 
 
 def _along_floor(paths: Array, up: Array, frame_time: float) -> Array:
     """(frames, joints), the horizontal speed along paths (frames, joints, 3)."""
-    return speeds_along(paths - (paths @ up)[..., None] * up, frame_time)
+    return speeds_along(level(paths, up), frame_time)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import compiled, inlined
+from distretarget.numerics.vectors import lengths
 
 Array = NDArray[np.float64]
 Parents = NDArray[np.intp]
@@ -108,4 +109,4 @@ def speeds_along(paths: Array, frame_time: float) -> Array:
     """
     if len(paths) < 2:
         return np.zeros(paths.shape[:2])
-    return np.asarray(np.linalg.norm(np.gradient(paths, frame_time, axis=0), axis=-1))
+    return lengths(np.gradient(paths, frame_time, axis=0))

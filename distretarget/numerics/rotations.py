@@ -1,4 +1,4 @@
-"""Rotations that bring vectors onto vectors, and vectors of length 1."""
+"""Rotations that bring vectors onto vectors, and rotations as arrays of numbers."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+
+from distretarget.numerics.vectors import dots, lengths
 
 PULL = 1e-6  # how much the fit of several vectors prefers no rotation, against the vectors
 
@@ -32,25 +34,19 @@ def least_rotation(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np
     Opposite directions turn about the axis across `a` that is nearest to a coordinate axis; a zero vector is not
     turned.
     """
-    scale = np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1)
-    cosine = np.einsum("ij,ij->i", a, b)
+    scale = lengths(a) * lengths(b)
+    cosine = dots(a, b)
     quaternions = np.concatenate([np.cross(a, b), (scale + cosine)[:, None]], axis=1)
     opposite = scale + cosine <= 1e-12 * scale
     across = np.cross(a, np.eye(3)[np.argmin(np.abs(a), axis=1)])
     quaternions[opposite] = np.pad(across[opposite], ((0, 0), (0, 1)))
     quaternions[scale == 0] = [0.0, 0.0, 0.0, 1.0]
-    return np.asarray(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True))
+    return np.asarray(quaternions / lengths(quaternions)[:, None])
 
 
 def least(a: NDArray[np.float64], b: NDArray[np.float64]) -> Rotation:
     """The rotation that takes vectors a nearest to b, both (vectors, 3); see `best_rotation`."""
     return Rotation.from_quat(best_rotation(a[None], b[None])[0])
-
-
-def normalised(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Vectors of length 1 in the same directions, (..., 3); a zero vector stays zero."""
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.asarray(np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0))
 
 
 RotationKind = Literal["quaternion", "matrix", "6d"]

@@ -9,6 +9,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.numerics.vectors import lengths
+
 Array = NDArray[np.float64]
 Value = TypeVar("Value", bound=np.generic)
 Shots = NDArray[np.intp]  # (frames,), the number of the shot that each frame belongs to
@@ -23,7 +25,7 @@ def find_shots(positions: Array, length: float) -> Shots:
     `positions`, (frames, joints, 3), are those of a body, and `length` is a length of it, such as that of its legs, in
     the same unit.
     """
-    steps = np.linalg.norm(np.diff(positions, axis=0), axis=-1).mean(axis=1)
+    steps = lengths(np.diff(positions, axis=0)).mean(axis=1)
     before, after = np.insert(steps, 0, 0.0)[:-1], np.append(steps, 0.0)[1:]
     cuts = steps > np.maximum(STEP * np.maximum(before, after), FAR * length)
     return np.insert(np.cumsum(cuts), 0, 0).astype(np.intp)

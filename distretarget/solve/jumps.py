@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from distretarget.numerics.smoothing import averaged, widened
+from distretarget.numerics.vectors import lengths
 from distretarget.solve.settings import ContactSettings
 
 Array = NDArray[np.float64]
@@ -32,5 +33,5 @@ def smooth_jumps(v: Array, frame_time: float, settings: ContactSettings) -> Arra
 def _jumps(v: Array, limit: float) -> Array:
     """(frames, parts + 1), 1 where a part's deviation changes by more than `limit` [rad] to the next frame, else 0."""
     jumps = np.zeros(v.shape[:2])
-    jumps[:-1, :-1] = np.linalg.norm(np.diff(v[:, :-1], axis=0), axis=-1) > limit
+    jumps[:-1, :-1] = lengths(np.diff(v[:, :-1], axis=0)) > limit
     return jumps

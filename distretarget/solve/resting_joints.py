@@ -16,6 +16,7 @@ from distretarget.body.resting import low_joints, slow_joints, still_joints
 from distretarget.matching.matching import Matching
 from distretarget.numerics.shots import Shots, by_shot
 from distretarget.numerics.smoothing import over_runs, widened
+from distretarget.numerics.vectors import lengths, level
 from distretarget.solve.poses import PoseProblem
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.supports import RESTS, Supports
@@ -126,7 +127,7 @@ def with_resting_joints(
     that is from the copy, whose root keeps to its path in `problem`.
     """
     blend = partial(_blended, frame_time=problem.frame_time, settings=settings)
-    far = np.linalg.norm(resting.places - problem.copy_on_path[:, resting.joints], axis=-1) / (0.5 * problem.unit)
+    far = lengths(resting.places - problem.copy_on_path[:, resting.joints]) / (0.5 * problem.unit)
     weights = [by_shot(blend, shots, *columns) for columns in zip(resting.rests.T, far.T, strict=True)]
     return feet.with_others(resting.joints, resting.regions, np.stack(weights, axis=1), resting.places)
 
@@ -194,8 +195,7 @@ def _offsets(off: Array, rests: Flags, on_floor: Flags, carried: Flags, up: Arra
     """
     runs = label(rests)[0]
     with_floor = np.isin(runs, np.unique(runs[on_floor]))[:, None]
-    level = off - (off @ up)[:, None] * up
-    off = np.where(with_floor, level, off if scene == "body" else 0.0)
+    off = np.where(with_floor, level(off, up), off if scene == "body" else 0.0)
     counts = carried | ~np.isin(runs, np.unique(runs[carried & rests]))
     return over_runs(off, np.where(rests, np.maximum(counts, LITTLE), 0.0))
 

@@ -18,6 +18,7 @@ from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.shots import Shots, by_shot
 from distretarget.numerics.smoothing import over_runs, widened
+from distretarget.numerics.vectors import level
 from distretarget.solve.floor import no_floor
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.springs import no_springs
@@ -118,12 +119,7 @@ def _places(source: _Foot, copy: _Foot, scale: RootScale, up: Array, weights: Ar
 
     `weights`, (frames,), are 1 while the foot rests, blended to 0; `shots`, (frames,), are those of the clip.
     """
-    longer = _level(scale.height * source.bone - copy.bone, up)
+    longer = level(scale.height * source.bone - copy.bone, up)
     toe = scale.places(source.toe, up) + by_shot(over_runs, shots, longer, weights)
     toe += (copy.below - scale.height * source.below)[:, None] * up
     return [toe + copy.bone, toe]
-
-
-def _level(vectors: Array, up: Array) -> Array:
-    """The part of vectors (frames, 3) along the floor."""
-    return np.asarray(vectors - (vectors @ up)[:, None] * up)
