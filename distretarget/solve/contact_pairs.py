@@ -11,7 +11,9 @@ from scipy.ndimage import median_filter
 from distretarget.body.legs import Legs
 from distretarget.body.regions import Regions
 from distretarget.distances import DistanceProblem
+from distretarget.numerics.compiled import compiled
 from distretarget.numerics.smoothing import widened
+from distretarget.numerics.vectors import lengths
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.springs import Springs, stiffer_along
 
@@ -91,20 +93,37 @@ def pair_springs(
     margin = activation_window(lead)
     first, last = max(block.start - margin, 0), min(block.stop + margin, len(source))
     window = source[first:last]
-    D = np.linalg.norm(window[:, pairs.u] - window[:, pairs.v], axis=-1) / pairs.tau1
-    on = np.flatnonzero((settings.apart > D).any(axis=0))
+    on = np.flatnonzero(_come_near(window, pairs.u, pairs.v, settings.apart * pairs.tau1))
     u, v = pairs.u[on], pairs.v[on]
+    d_source = window[:, u] - window[:, v]
+    D = lengths(d_source) / pairs.tau1[on]
     inside = slice(block.start - first, block.stop - first)
-    f = activation(D[:, on], lead, settings)[inside] * (1.0 - np.outer(standing, pairs.feet[on]))
+    f = activation(D, lead, settings)[inside] * (1.0 - np.outer(standing, pairs.feet[on]))
     shared = _shared(f, u, v, len(distances))
-    w = settings.pair_stiffness * shared * settings.close / (D[inside][:, on] + settings.touch)
-    d_source = (source[block][:, u] - source[block][:, v]) * (pairs.tau2[on] / pairs.tau1[on])[:, None]
+    w = settings.pair_stiffness * shared * settings.close / (D[inside] + settings.touch)
+    d_source = d_source[inside] * (pairs.tau2[on] / pairs.tau1[on])[:, None]
     d_copy = copy[block][:, u] - copy[block][:, v]
     delta = d_copy + f[..., None] * (d_source - d_copy)
-    length = np.linalg.norm(d_source, axis=-1)
+    length = lengths(d_source)
     e = d_source / np.maximum(length, 1e-12)[..., None]
     k = settings.direction_range**2 / (settings.direction_range**2 + length**2)
     return Springs(distances.targets[u], distances.targets[v], delta, stiffer_along(e, w, k))
+
+
+@compiled(fastmath=True)
+def _come_near(points, u, v, reach):  # type: ignore[no-untyped-def]
+    """Whether each pair of points, (frames, points, 3), is nearer than its reach in any frame, (pairs,)."""
+    near = np.zeros(len(u), np.bool_)
+    for pair in range(len(u)):
+        a, b, square = u[pair], v[pair], reach[pair] ** 2
+        for frame in range(len(points)):
+            x = points[frame, a, 0] - points[frame, b, 0]
+            y = points[frame, a, 1] - points[frame, b, 1]
+            z = points[frame, a, 2] - points[frame, b, 2]
+            if x * x + y * y + z * z < square:
+                near[pair] = True
+                break
+    return near
 
 
 def _shared(f: Array, u: NDArray[np.intp], v: NDArray[np.intp], points: int) -> Array:
