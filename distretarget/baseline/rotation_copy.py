@@ -10,7 +10,7 @@ from distretarget.baseline.rest_pose import rest_alignment
 from distretarget.baseline.root import RootScale
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion, rigid_motion
-from distretarget.numerics.kinematics import local_rotations
+from distretarget.numerics.kinematics import local_rotations, rotation_products
 
 Array = NDArray[np.float64]
 
@@ -25,9 +25,9 @@ def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
     alignment = rest_alignment(matching)
     world = np.tile([0.0, 0.0, 0.0, 1.0], (len(source), len(skeleton), 1))
     driven, between = np.flatnonzero(matching.rotation_sources[:, 0] >= 0), np.flatnonzero(blend > 0)
-    world[:, driven] = _aligned(matching, alignment, driven, 0).as_quat()
+    world[:, driven] = _aligned(matching, alignment, driven, 0)
     if len(between):
-        first, second = (_aligned(matching, alignment, between, k) for k in (0, 1))
+        first, second = (Rotation.from_quat(_aligned(matching, alignment, between, k)) for k in (0, 1))
         steps = (first.inv() * second).as_rotvec() * blend[between, None]
         world[:, between] = (first * Rotation.from_rotvec(steps)).as_quat()
     for joint in range(1, len(skeleton)):
@@ -40,9 +40,7 @@ def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
     return rigid_motion(skeleton, path - in_place.positions[:, pelvis], local, source.frame_time_text)
 
 
-def _aligned(matching: Matching, alignment: Array, joints: NDArray[np.intp], k: int) -> Rotation:
-    """(frames, joints), the world rotations of target joints by their first (k = 0) or second (k = 1) source."""
-    sources = matching.rotation_sources[joints, k]
-    return Rotation.from_quat(matching.source_motion.world_rotations[:, sources]) * Rotation.from_quat(
-        alignment[joints, k]
-    )
+def _aligned(matching: Matching, alignment: Array, joints: NDArray[np.intp], k: int) -> Array:
+    """(frames, joints, 4), the world rotations of target joints by their first (k = 0) or second (k = 1) source."""
+    turned = matching.source_motion.world_rotations[:, matching.rotation_sources[joints, k]]
+    return rotation_products(turned, np.repeat(alignment[None, joints, k], len(turned), axis=0))

@@ -58,10 +58,9 @@ def _by_rotation(source: Motion, matching: Matching, upper: NDArray[np.intp], lo
     """(frames, bones, 3), the target's own bones turned by the rotations of the source, R A b."""
     alignment, bones = rest_alignment(matching), matching.target.skeleton.offsets[lower]
     first, second = (
-        (
-            Rotation.from_quat(source.world_rotations[:, matching.rotation_sources[upper, k]])
-            * Rotation.from_quat(alignment[upper, k])
-        ).apply(bones)
+        Rotation.from_quat(source.world_rotations[:, matching.rotation_sources[upper, k]]).apply(
+            Rotation.from_quat(alignment[upper, k]).apply(bones)
+        )
         for k in (0, 1)
     )
     weight = matching.blend[upper, None]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.numerics.vectors import dots, lengths
+from distretarget.numerics.vectors import cross, dots, lengths
 
 PULL = 1e-6  # how much the fit of several vectors prefers no rotation, against the vectors
 
@@ -36,10 +36,11 @@ def least_rotation(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np
     """
     scale = lengths(a) * lengths(b)
     cosine = dots(a, b)
-    quaternions = np.concatenate([np.cross(a, b), (scale + cosine)[:, None]], axis=1)
+    quaternions = np.concatenate([cross(a, b), (scale + cosine)[:, None]], axis=1)
     opposite = scale + cosine <= 1e-12 * scale
-    across = np.cross(a, np.eye(3)[np.argmin(np.abs(a), axis=1)])
-    quaternions[opposite] = np.pad(across[opposite], ((0, 0), (0, 1)))
+    if opposite.any():
+        away = a[opposite]
+        quaternions[opposite] = np.pad(cross(away, np.eye(3)[np.argmin(np.abs(away), axis=1)]), ((0, 0), (0, 1)))
     quaternions[scale == 0] = [0.0, 0.0, 0.0, 1.0]
     return np.asarray(quaternions / lengths(quaternions)[:, None])
 

@@ -21,6 +21,12 @@ def dots(a: Array, b: Array) -> Array:
     return np.asarray(np.einsum("...i,...i->...", a, b))
 
 
+def cross(a: Array, b: Array) -> Array:
+    """The vector products of vectors (..., 3) of the same shape, (..., 3)."""
+    (ax, ay, az), (bx, by, bz) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+
+
 def normalised(vectors: Array) -> Array:
     """Vectors of length 1 in the same directions, (..., n); a zero vector stays zero."""
     sizes = lengths(vectors)[..., None]
