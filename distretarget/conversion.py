@@ -14,6 +14,7 @@ from distretarget.io.files import read_text, text_hash
 from distretarget.io.map_json import MapFile, joint_map
 from distretarget.io.target_file import parse_target
 from distretarget.motion import Motion
+from distretarget.numerics.threads import in_threads
 from distretarget.performer import Held
 from distretarget.result import RetargetResult
 from distretarget.retargeting import Objective, retarget
@@ -60,7 +61,7 @@ def retarget_onto(
     source: str | Path,
     map_file: MapFile,
     options: Options,
-    mapper: Mapper = map,
+    mapper: Mapper = in_threads,
     progress: Progress = lambda _frames: None,
 ) -> RetargetResult:
     """Retarget a motion onto the target in a file that has been read, with the pairs of a map file.

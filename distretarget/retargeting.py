@@ -17,6 +17,7 @@ from distretarget.errors import SettingsError
 from distretarget.io.target import SkeletonEdit, Target
 from distretarget.matching.pairing import JointMap
 from distretarget.motion import Motion
+from distretarget.numerics.threads import in_threads
 from distretarget.performer import Held, Prepared, matched_performer, with_supports
 from distretarget.result import RetargetResult
 from distretarget.skeleton import LARGEST, SMALLEST, Skeleton
@@ -50,7 +51,7 @@ def retarget(
     root_offset: RootOffset | None = None,
     root_follows: RootFollows | None = None,
     settings: ContactSettings = DEFAULT_SETTINGS,
-    mapper: Mapper = map,
+    mapper: Mapper = in_threads,
     progress: Progress = lambda _frames: None,
 ) -> RetargetResult:
     """Retarget a motion to another body.
@@ -76,8 +77,8 @@ def retarget(
         root_follows: what a root on the floor of the target follows: "pelvis", on the floor; "source", the source's own
             root; or "nothing", it stays at the origin. Found if not given (`engine_root`); no effect on other targets.
         settings: what shapes the result of the contact objective; the paper's objective has none.
-        mapper: solves the chunks of a long clip: `map`, or that of an executor, with the same result. The paper's
-            objective starts each frame from the one before and has no chunks.
+        mapper: solves the chunks of a long clip, all with the same result: `map`, that of an executor, or a thread for
+            each core if not given. The paper's objective starts each frame from the one before and has no chunks.
         progress: called with numbers of frames as they are solved.
 
     Raises:

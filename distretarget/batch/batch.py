@@ -12,7 +12,7 @@ from typing import Any
 from distretarget.batch.clips import find_clips
 from distretarget.batch.manifest import Manifest
 from distretarget.batch.plan import Work, check_page, plan
-from distretarget.batch.pools import Pool, Processes, cores
+from distretarget.batch.pools import Pool, Processes
 from distretarget.batch.record import ManifestRecord, Recipe
 from distretarget.batch.reports import Pages
 from distretarget.batch.run import Run
@@ -22,6 +22,7 @@ from distretarget.conversion import Options, load_text
 from distretarget.errors import BatchError
 from distretarget.io.map_json import load_map
 from distretarget.io.target_file import parse_target
+from distretarget.numerics.threads import cores
 from distretarget.report.document import About
 
 Paths = str | Path | Sequence[str | Path]

@@ -180,13 +180,6 @@ async def _identity(address: str) -> dict[str, Any]:
         return cast(dict[str, Any], await asyncio.wait_for(process.identity(), CONNECT_TIMEOUT))
 
 
-def cores() -> int:
-    """Return how many cores this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 def _start_worker(parent: Connection, temporary: str) -> None:
     """Make a worker ignore Ctrl-C, which its parent process handles, and end when the parent dies.
 

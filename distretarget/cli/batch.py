@@ -19,7 +19,7 @@ from distretarget.batch.batch import Batch
 from distretarget.batch.clips import FoundClips, find_clips
 from distretarget.batch.manifest import History, Manifest
 from distretarget.batch.plan import Work, check_page, plan
-from distretarget.batch.pools import Cluster, Pool, Processes, cores
+from distretarget.batch.pools import Cluster, Pool, Processes
 from distretarget.batch.record import ManifestRecord, Recipe
 from distretarget.batch.reports import Pages
 from distretarget.batch.summary import Tally
@@ -32,6 +32,7 @@ from distretarget.io.files import hash_of, hash_of_file, is_folder, read_bytes
 from distretarget.io.map_json import load_map
 from distretarget.io.target_file import parse_target
 from distretarget.measure.figures import FIGURES
+from distretarget.numerics.threads import cores
 
 INTERRUPTED = 130  # exit status
 

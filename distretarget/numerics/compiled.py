@@ -16,10 +16,13 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def compiled(*, fastmath: bool = False) -> Callable[[Function], Function]:
-    """Decorate a function that Python calls. It is compiled at its first call, and its code is kept for later runs."""
+    """Decorate a function that Python calls. It is compiled at its first call, and its code is kept for later runs.
+
+    Several threads may run it at the same time.
+    """
 
     def decorate(function: Function) -> Function:
-        code: Any = njit(error_model="numpy", fastmath=fastmath)(function)
+        code: Any = njit(error_model="numpy", fastmath=fastmath, nogil=True)(function)
         if folder := code_folder():
             with _caching_in(folder):
                 code.enable_caching()
