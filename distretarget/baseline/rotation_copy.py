@@ -43,4 +43,4 @@ def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
 def _aligned(matching: Matching, alignment: Array, joints: NDArray[np.intp], k: int) -> Array:
     """(frames, joints, 4), the world rotations of target joints by their first (k = 0) or second (k = 1) source."""
     turned = matching.source_motion.world_rotations[:, matching.rotation_sources[joints, k]]
-    return rotation_products(turned, np.repeat(alignment[None, joints, k], len(turned), axis=0))
+    return rotation_products(turned, alignment[None, joints, k])

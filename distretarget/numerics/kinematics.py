@@ -42,8 +42,8 @@ def local_rotations(parents: Parents, world: Array) -> Array:
 
 
 def rotation_products(first: Array, second: Array) -> Array:
-    """The product of each rotation of `first` with that of `second`, all (frames, joints, 4)."""
-    product = np.empty_like(second)
+    """The product of each rotation of `first`, (frames, joints, 4), with that of `second`, the same or one frame."""
+    product = np.empty_like(first)
     _products(first, second, product)
     return product
 
@@ -71,7 +71,7 @@ def _products(first: Array, second: Array, product: Array) -> None:
     for frame in range(len(first)):
         for joint in range(first.shape[1]):
             p = first[frame, joint]
-            _multiply(p[0], p[1], p[2], p[3], second[frame, joint], product[frame, joint])
+            _multiply(p[0], p[1], p[2], p[3], second[min(frame, len(second) - 1), joint], product[frame, joint])
 
 
 @inlined()
