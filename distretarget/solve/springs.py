@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.numerics.compiled import inlined
+from distretarget.numerics.compiled import compiled, inlined
 from distretarget.solve.articulation import Scratch
 
 Array = NDArray[np.float64]
@@ -51,8 +51,18 @@ def joined(one: Springs, other: Springs) -> Springs:
 
 def stiffer_along(e: Array, w: Array, k: Array) -> Array:
     """(..., 3, 3), w (k I + (1 - k) e e^T): the stiffness w along unit vectors e (..., 3), and k w across them."""
-    outer = e[..., :, None] * ((1.0 - k)[..., None] * e)[..., None, :]
-    return np.asarray(w[..., None, None] * (k[..., None, None] * np.eye(3) + outer))
+    A = np.empty((*w.shape, 3, 3))
+    _write_stiffness(e.reshape(-1, 3), w.ravel(), k.ravel(), A.reshape(-1, 3, 3))
+    return A
+
+
+@compiled(fastmath=True)
+def _write_stiffness(e: Array, w: Array, k: Array, A: Array) -> None:
+    for s in range(len(w)):
+        for i in range(3):
+            for j in range(3):
+                A[s, i, j] = w[s] * (1.0 - k[s]) * e[s, i] * e[s, j]
+            A[s, i, i] += w[s] * k[s]
 
 
 @inlined(fastmath=True)
