@@ -21,7 +21,7 @@ from PIL import Image
 from distretarget import Motion, read_bvh
 
 RATE = 20  # of the picture [frames/s]
-COLOURS = 40  # of all frames together; fewer make a smaller file
+COLOURS = 32  # of all frames together; fewer make a smaller file
 DPI = 96
 
 
@@ -32,7 +32,7 @@ class Loop:
     Attributes:
         stage: what every scene shows.
         scenes: the figures from left to right, at each time.
-        labels: of the figures.
+        labels: from left to right, equally many figures for each.
         duration: of each scene [ms].
     """
 
@@ -62,9 +62,16 @@ class Loop:
         step = max(1, round(1 / RATE / frame_time))
         size = max(body_height(motion.skeleton) for _, motion in rows) if same_scale else None
         columns = [cells(motion, range(*frames, step), None, size) for _, motion in rows]
+        return cls.of_columns([label for label, _ in rows], columns, 1000 * step * frame_time, view)
+
+    @classmethod
+    def of_columns(
+        cls, labels: Sequence[str], columns: Sequence[Sequence[Cell]], duration: float, view: str = "three-quarter"
+    ) -> Loop:
+        """Figures that change in place, from left to right: of each, a cell for every scene."""
         scenes = list(zip(*columns, strict=True))
-        stage = Stage.around([cell for scene in scenes for cell in scene], Camera(*VIEWS[view]))
-        return cls(stage, scenes, [label for label, _ in rows], 1000 * step * frame_time)
+        stage = Stage.around([cell for column in columns for cell in column], Camera(*VIEWS[view]))
+        return cls(stage, scenes, labels, duration)
 
     def write_gif(self, path: Path, dpi: int = DPI) -> None:
         """Write a GIF that repeats for ever; `dpi` is pixels per inch, where a body is 2.3 inches tall."""
@@ -79,7 +86,7 @@ class Loop:
 
     def _drawn(self, scene: Sequence[Cell], dpi: int) -> Image.Image:
         stage = self.stage
-        size = (stage.pitch * len(scene) * INCHES_PER_HEIGHT, (stage.high - stage.low) * INCHES_PER_HEIGHT)
+        size = (stage.pitch * len(self.labels) * INCHES_PER_HEIGHT, (stage.high - stage.low) * INCHES_PER_HEIGHT)
         figure = Figure(size, dpi=dpi, facecolor="white")
         canvas = FigureCanvasAgg(figure)
         stage.draw(figure.add_axes((0, 0, 1, 1)), scene, self.labels)

@@ -3,8 +3,8 @@
     python tools/make_pictures.py [FOLDER]
 
 Writes a moving picture, and a still of one frame for readers who prefer no motion. FOLDER is `docs/pictures` by
-default. Needs matplotlib (the extra `docs`). tools/make_gallery.py draws the gallery, benchmarks/pictures.py the pictures
-of docs/results.md.
+default. Needs matplotlib (the extra `docs`). tools/make_gallery.py draws the gallery, benchmarks/pictures.py the
+pictures of docs/results.md.
 """
 
 from __future__ import annotations
