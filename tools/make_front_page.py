@@ -60,12 +60,12 @@ def _of_summary() -> list[Row]:
     source_slide, peer_slide, _ = means(cells("motionbuilder"), 5)
     return [
         (
-            "error of the distances of what touches, relative",
+            "how far parts that touch are off, relative to copied rotations",
             {**row("contact error, mean over clips"), MOTIONBUILDER: f"{peer / copied:.2f}"},
         ),
         ("clap on long forearms: gap of the wrists, % of arm (source: 4.0)", row("clap on long forearms", 1)),
         (
-            "sliding of feet at rest, relative to the source's",
+            "sliding of resting feet, relative to the source's",
             {**row("slide in stance", number=2), MOTIONBUILDER: f"{peer_slide / source_slide:.2f}"},
         ),
         ("bones off the source's direction, degrees", row("direction error, mean", 1)),
