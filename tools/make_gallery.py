@@ -2,7 +2,8 @@
 
     python tools/make_gallery.py [FOLDER] [--only GLOB]
 
-FOLDER is `docs/pictures/gallery` by default. Needs matplotlib (the extra `docs`).
+Each loop has a still of the same name, for readers who prefer no motion. FOLDER is `docs/pictures/gallery` by default.
+Needs matplotlib (the extra `docs`).
 """
 
 from __future__ import annotations
@@ -112,7 +113,7 @@ def draw_duet(path: Path) -> None:
     alone = [result.rotation_copy for result in scene.results]
     pairs = ([one, other], alone, [result.motion for result in scene.results])
     columns = [column for pair in pairs for column in _together(pair, DUET_FRAMES)]
-    Loop.of_columns(METHODS, columns, 1000 * DUET_FRAMES.step * one.frame_time, "side").write_gif(path, LOOP_DPI)
+    _write_loop(Loop.of_columns(METHODS, columns, 1000 * DUET_FRAMES.step * one.frame_time, "side"), path)
 
 
 def _two_performers() -> tuple[Motion, Motion]:
@@ -143,7 +144,13 @@ def draw_loop(name: str, path: Path) -> None:
     clip, body, frames, view = LOOPS[name]
     result = result_of(clip, body)
     columns = figures_of(result, range(*frames, STEP))
-    Loop.of_columns(METHODS, columns, 1000 * STEP * result.source.frame_time, view).write_gif(path, LOOP_DPI)
+    _write_loop(Loop.of_columns(METHODS, columns, 1000 * STEP * result.source.frame_time, view), path)
+
+
+def _write_loop(loop: Loop, path: Path) -> None:
+    """Write a moving picture, and its middle as a still."""
+    loop.write_gif(path, LOOP_DPI)
+    loop.write_still(path.with_suffix(".png"), len(loop.scenes) // 2, LOOP_DPI)
 
 
 def _write_sheet(
