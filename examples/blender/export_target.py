@@ -20,7 +20,7 @@ def main() -> None:
     armature.data.pose_position = "REST"
     armature.animation_data_clear()
     bpy.context.view_layer.objects.active = armature
-    bpy.ops.export_anim.bvh(filepath=target, frame_start=1, frame_end=1, root_transform_only=True)
+    bpy.ops.export_anim.bvh(filepath=target, frame_start=1, frame_end=1, root_transform_only=False)
     print(f"{target}: {len(armature.data.bones)} bones of {armature.name}")
 
 
