@@ -3,6 +3,7 @@
 import re
 import shlex
 import shutil
+import subprocess
 from dataclasses import fields
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from bodies import SAMPLES
 from make_reference import PAGE, reference
 from program import run
 
-from distretarget import public
+from distretarget import public, read_bvh, write_bvh
 from distretarget.solve.settings import ContactSettings
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -96,6 +97,22 @@ def test_every_example_runs_and_prints_what_the_page_says(page, tmp_path, monkey
             if "import pandas" in text:
                 pytest.importorskip("pandas")
             exec(compile(text, page.name, "exec"), names)
+
+
+def test_the_example_for_three_js_runs(tmp_path):
+    """Needs `npm install three` in the folder of the project."""
+    if not shutil.which("node") or not (ROOT / "node_modules" / "three").is_dir():
+        pytest.skip("node or three.js is not installed")
+    page = (ROOT / "docs" / "programs.md").read_text("utf-8")
+    (block,) = (text for language, text in BLOCK.findall(page) if language == "js")
+    write_bvh(tmp_path / "clap_long_arms.bvh", read_bvh(SAMPLES / "clap.bvh"))
+    (tmp_path / "node_modules").symlink_to(ROOT / "node_modules")
+    (tmp_path / "play.mjs").write_text(block + "console.log(skeleton.bones.length, clip.duration);\n")
+    played = subprocess.run(["node", "play.mjs"], cwd=tmp_path, capture_output=True, text=True)
+    assert played.returncode == 0, played.stderr
+    bones, duration = map(float, played.stdout.split())
+    assert bones >= 22
+    assert duration == pytest.approx(276 * 0.016667, rel=1e-3)
 
 
 @each(PAGES)
