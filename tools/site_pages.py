@@ -26,6 +26,12 @@ LINK = re.compile(r"""(\]\(|(?:src|srcset|href)=")([^)"\s:#]+)""")
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 
 
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """List the pages of the root, but the first page, at the end of the navigation."""
+    config.nav.append({"Project": [page for page in ROOT_PAGES.values() if page != "index.md"]})
+    return config
+
+
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages of the root."""
     for name, page in ROOT_PAGES.items():
