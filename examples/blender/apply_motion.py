@@ -10,8 +10,10 @@ import sys
 from pathlib import Path
 
 import bpy
-from character import open_character
 from mathutils import Matrix
+
+sys.path.append(str(Path(__file__).parent))  # Blender does not look beside a script
+from character import open_character  # noqa: E402
 
 
 def import_motion(path: str) -> bpy.types.Object:
@@ -71,4 +73,5 @@ def main() -> None:
     print(f"{out}: {scene.frame_end} frames")
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -10,7 +10,9 @@ import sys
 from pathlib import Path
 
 import bpy
-from character import open_character
+
+sys.path.append(str(Path(__file__).parent))  # Blender does not look beside a script
+from character import open_character  # noqa: E402
 
 
 def main() -> None:
@@ -24,4 +26,5 @@ def main() -> None:
     print(f"{target}: {len(armature.data.bones)} bones of {armature.name}")
 
 
-main()
+if __name__ == "__main__":
+    main()
