@@ -13,7 +13,7 @@ import bpy
 from mathutils import Matrix
 
 sys.path.append(str(Path(__file__).parent))  # Blender does not look beside a script
-from character import open_character  # noqa: E402
+from character import open_character
 
 
 def import_motion(path: str) -> bpy.types.Object:

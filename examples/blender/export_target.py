@@ -12,7 +12,7 @@ from pathlib import Path
 import bpy
 
 sys.path.append(str(Path(__file__).parent))  # Blender does not look beside a script
-from character import open_character  # noqa: E402
+from character import open_character
 
 
 def main() -> None:
