@@ -3,21 +3,25 @@
 import re
 import shlex
 import shutil
+import subprocess
 from dataclasses import fields
 from pathlib import Path
 
+import make_front_page
 import make_settings
 import pytest
 from bodies import SAMPLES
 from make_reference import PAGE, reference
 from program import run
 
+from distretarget import public, read_bvh, write_bvh
 from distretarget.solve.settings import ContactSettings
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
 WITH_EXAMPLES = [page for page in PAGES if page.name != "CONTRIBUTING.md"]
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+HEADING = re.compile(r"^#", re.MULTILINE)
 PROGRAM = re.compile(r"(?:^|\.venv/bin/)distretarget (.+)$")
 
 
@@ -30,17 +34,32 @@ def run_line(line):
     found = PROGRAM.search(line)
     if not found:
         assert line in (ROOT / ".ci" / "run").read_text().splitlines()
-        return
+        return ""
     done = run(*shlex.split(found[1]))
     assert done.returncode == 0, f"{line}: {done.stderr or done.stdout}"
+    return done.stdout
 
 
-def run_block(language, text, names):
-    if language == "sh":
-        for line in text.splitlines():
-            run_line(line)
-    elif language == "python":
-        exec(compile(text, "example", "exec"), names)
+def without_times(text):
+    """The lines of an output, without the times that differ from run to run."""
+    return [re.sub(r"[\d.]+ s\b", "# s", line).rstrip() for line in text.splitlines()]
+
+
+def examples(page):
+    """The blocks of a page: language, text, and whether no heading stands between it and the block before."""
+    text, end = page.read_text("utf-8"), 0
+    for block in BLOCK.finditer(text):
+        yield block[1], block[2], not HEADING.search(text[end : block.start()])
+        end = block.end()
+
+
+def anchors(page):
+    """The addresses of the headings of a page."""
+    text = BLOCK.sub("", page.read_text("utf-8"))
+    return {
+        re.sub(r"[^\w\- ]", "", title.lower()).strip().replace(" ", "-")
+        for title in re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    }
 
 
 def test_the_reference_is_up_to_date():
@@ -53,20 +72,73 @@ def test_the_table_of_settings_is_up_to_date_and_has_every_setting():
     assert [name for name, *_ in make_settings.rows()] == [field.name for field in fields(ContactSettings)]
 
 
+def test_the_table_of_the_front_page_has_the_numbers_of_the_results():
+    text = make_front_page.PAGE.read_text("utf-8")
+    assert text == make_front_page.page(text), "run tools/make_front_page.py"
+
+
+def test_the_api_page_has_every_public_name():
+    names = re.findall(r"^::: distretarget\.(\w+)$", (ROOT / "docs" / "api.md").read_text("utf-8"), re.MULTILINE)
+    assert sorted(names) == sorted(public.__all__)
+
+
 @each(WITH_EXAMPLES)
-def test_every_example_runs(page, tmp_path, monkeypatch):
+def test_every_example_runs_and_prints_what_the_page_says(page, tmp_path, monkeypatch):
     shutil.copytree(SAMPLES, tmp_path / SAMPLES.name)
     monkeypatch.chdir(tmp_path)
-    names = {}
-    for language, text in BLOCK.findall(page.read_text("utf-8")):
-        run_block(language, text, names)
+    names, printed = {}, None
+    for language, text, follows in examples(page):
+        if language == "text" and printed is not None and follows:
+            assert [line for line in without_times(text) if line not in ("", "...", *printed)] == []
+        printed = None
+        if language == "sh":
+            printed = without_times("\n".join(map(run_line, text.splitlines())))
+        if language == "python":
+            if "import pandas" in text:
+                pytest.importorskip("pandas")
+            exec(compile(text, page.name, "exec"), names)
+
+
+def test_the_example_for_three_js_runs(tmp_path):
+    """Needs `npm install three` in the folder of the project."""
+    if not shutil.which("node") or not (ROOT / "node_modules" / "three").is_dir():
+        pytest.skip("node or three.js is not installed")
+    page = (ROOT / "docs" / "programs.md").read_text("utf-8")
+    (block,) = (text for language, text in BLOCK.findall(page) if language == "js")
+    write_bvh(tmp_path / "clap_long_arms.bvh", read_bvh(SAMPLES / "clap.bvh"))
+    (tmp_path / "node_modules").symlink_to(ROOT / "node_modules")
+    (tmp_path / "play.mjs").write_text(block + "console.log(skeleton.bones.length, clip.duration);\n")
+    played = subprocess.run(["node", "play.mjs"], cwd=tmp_path, capture_output=True, text=True)
+    assert played.returncode == 0, played.stderr
+    bones, duration = map(float, played.stdout.split())
+    assert bones >= 22
+    assert duration == pytest.approx(276 * 0.016667, rel=1e-3)
 
 
 @each(PAGES)
-def test_links_lead_to_files(page):
-    for link in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text("utf-8")):
-        assert link.startswith("https://") or (page.parent / link).exists(), link
+def test_links_lead_to_files_and_headings(page):
+    text = BLOCK.sub("", page.read_text("utf-8"))
+    links = re.findall(r"""(?:\]\(|(?:src|srcset|href)=")([^)\s"]+)""", text)
+    for link in links:
+        if not link.startswith("https://"):
+            path, _, anchor = link.partition("#")
+            target = page.parent / path if path else page
+            assert target.exists(), link
+            assert not anchor or anchor in anchors(target), link
 
 
-def test_the_front_page_is_short():
-    assert len((ROOT / "README.md").read_text().splitlines()) <= 100
+@each(sorted(ROOT.glob("docs/*.md")))
+def test_every_page_is_on_the_site(page):
+    assert f": {page.name}\n" in (ROOT / "mkdocs.yml").read_text("utf-8"), "add it to `nav` in mkdocs.yml"
+
+
+def test_the_front_page_fits_on_a_screen():
+    lines = (ROOT / "README.md").read_text("utf-8").splitlines()
+    assert len(lines) <= 80
+    assert max(map(len, lines)) <= 260
+
+
+def test_pictures_are_small():
+    pictures = [path for path in (ROOT / "docs" / "pictures").rglob("*") if path.is_file()]
+    assert max(path.stat().st_size for path in pictures) < 2e6
+    assert sum(path.stat().st_size for path in pictures) < 6e6

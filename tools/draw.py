@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from numpy.typing import NDArray
+from PIL import Image
 
 from distretarget.io.bvh import read_bvh
 from distretarget.motion import Motion
@@ -35,6 +36,7 @@ POINTS_PER_HEIGHT = 72 * INCHES_PER_HEIGHT
 THICKNESS = 0.027  # of a bone [body heights]
 DEPTH = 0.42  # of the strip of floor in front of the body, and behind it [body heights]
 ON_THE_SPOT = 0.4  # a root that moves less than this is drawn where it is, not moved to the origin [body heights]
+COLOURS_OF_A_PICTURE = 64  # a smaller file than with all
 MARGIN = np.array([0.08, 0.15])  # around a figure, across and upward [body heights]
 
 Array = NDArray[np.float64]
@@ -102,16 +104,19 @@ def _upright(points: Array, up: str) -> Array:
     return points @ turn.T
 
 
-def cells(motion: Motion, frames: Sequence[int], up: str | None, size: float | None) -> list[Cell]:
+def cells(
+    motion: Motion, frames: Sequence[int], up: str | None, size: float | None, floor: float | None = None
+) -> list[Cell]:
     """The frames as figures, each moved to the origin; moved by one vector if the motion stays on the spot.
 
-    Lengths are divided by `size`, by default the height of the body.
+    Lengths are divided by `size`, by default the height of the body. `floor` is how high the floor is [file units], by
+    default as high as the lowest joint of all frames.
     """
     points = _upright(motion.positions, up or motion.skeleton.up or "Y")
     height = body_height(motion.skeleton)
     size = size or height
     points = points / size
-    points[..., 1] -= points[..., 1].min()
+    points[..., 1] -= points[..., 1].min() if floor is None else floor / size
     grounds = points[frames, 0] * (1, 0, 1)
     if np.all(np.ptp(grounds, axis=0) < ON_THE_SPOT):
         grounds[:] = grounds.mean(axis=0)
@@ -209,13 +214,39 @@ def _draw_floor(ax: Axes, camera: Camera, ground: Array) -> None:
             line.set_clip_path(strip)
 
 
-def _draw_scene(ax: Axes, cells: Sequence[Cell], labels: Sequence[str], camera: Camera, pitch: float) -> None:
-    """Draw figures from left to right, `pitch` apart, on one floor, each with its label below."""
-    _draw_floor(ax, camera, cells[0].ground)
-    left, low = ax.get_xlim()[0], ax.get_ylim()[0]
-    for number, (cell, label) in enumerate(zip(cells, labels, strict=True)):
-        _draw_figure(ax, cell, camera, number * pitch)
-        ax.text(left + (number + 0.5) * pitch, low + 0.03, label, ha="center", color=LABEL, fontsize=8)
+@dataclass(frozen=True)
+class Stage:
+    """What every cell of a picture shows: a part of the screen of a camera [body heights]."""
+
+    camera: Camera
+    left: float
+    right: float
+    low: float
+    high: float
+
+    @classmethod
+    def around(cls, cells: Iterable[Cell], camera: Camera) -> Stage:
+        """The smallest part of the screen with all figures, a margin and the floor."""
+        screen = np.concatenate([camera(cell.points)[0] for cell in cells])
+        left, low = screen.min(axis=0) - MARGIN
+        right, high = screen.max(axis=0) + MARGIN
+        return cls(camera, left, right, min(low, -DEPTH * camera.slope - MARGIN[0]), high)
+
+    @property
+    def pitch(self) -> float:
+        """The width of a cell [body heights]."""
+        return self.right - self.left
+
+    def draw(self, ax: Axes, cells: Sequence[Cell], labels: Sequence[str]) -> None:
+        """Draw figures from left to right on one floor, above the labels; equally many for each label."""
+        ax.set(xlim=(self.left, self.left + self.pitch * len(labels)), ylim=(self.low, self.high))
+        ax.axis("off")
+        _draw_floor(ax, self.camera, cells[0].ground)
+        for number, cell in enumerate(cells):
+            _draw_figure(ax, cell, self.camera, number * len(labels) // len(cells) * self.pitch)
+        for number, label in enumerate(labels):
+            middle = self.left + (number + 0.5) * self.pitch
+            ax.text(middle, self.low + 0.03, label, ha="center", color=LABEL, fontsize=8)
 
 
 def _grid(
@@ -274,19 +305,15 @@ def write_picture(
     dpi: int = 150,
 ) -> None:
     """Draw scenes below each other, with equal spacing, a title for each and a label for each of their cells."""
-    screen = np.concatenate([camera(cell.points)[0] for scene in scenes for cell in scene])
-    left, low = screen.min(axis=0) - MARGIN
-    right, high = screen.max(axis=0) + MARGIN
-    low = min(low, -DEPTH * camera.slope - MARGIN[0])
-    across, upward = (right - left) * len(scenes[0]), high - low
+    stage = Stage.around([cell for scene in scenes for cell in scene], camera)
+    across, upward = stage.pitch * len(scenes[0]), stage.high - stage.low
     figure = Figure((across * INCHES_PER_HEIGHT, upward * len(scenes) * INCHES_PER_HEIGHT), dpi=dpi)
     for number, (scene, title, names) in enumerate(zip(scenes, titles, labels, strict=True)):
         ax = figure.add_axes((0, 1 - (number + 1) / len(scenes), 1, 1 / len(scenes)))
-        ax.set(xlim=(left, left + across), ylim=(low, high))
-        ax.axis("off")
-        ax.text(left + 0.04, high - 0.09, title, color=LABEL, fontsize=10, fontweight="bold")
-        _draw_scene(ax, scene, names, camera, right - left)
+        ax.text(stage.left + 0.04, stage.high - 0.09, title, color=LABEL, fontsize=10, fontweight="bold")
+        stage.draw(ax, scene, names)
     figure.savefig(path, facecolor="white")
+    Image.open(path).convert("RGB").quantize(COLOURS_OF_A_PICTURE, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
 def main() -> None:

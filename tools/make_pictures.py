@@ -1,9 +1,10 @@
-"""Draw the picture of the front page: a sample clip, its rotation copy on another body, and the result.
+"""Draw the pictures of the front page: a sample clip, its rotation copy on another body, and the result.
 
     python tools/make_pictures.py [FOLDER]
 
-FOLDER is `docs/pictures` by default. Needs matplotlib (the extra `docs`). benchmarks/pictures.py draws the pictures of
-docs/results.md.
+Writes a moving picture, and a still of one frame for readers who prefer no motion. FOLDER is `docs/pictures` by
+default. Needs matplotlib (the extra `docs`). tools/make_gallery.py draws the gallery, benchmarks/pictures.py the
+pictures of docs/results.md.
 """
 
 from __future__ import annotations
@@ -11,34 +12,33 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from draw import draw_strip
+from animate import Loop
 
-from distretarget import load_target, read_bvh, retarget
+from distretarget import Motion, load_target, read_bvh, retarget
 
 ROOT = Path(__file__).resolve().parents[1]
 SAMPLES = ROOT / "sample_bvh"
-PICTURES = (("clap", "long_arms", [93, 140]),)
+FRAMES = (66, 228)  # of the clap: from one meeting of the hands to another, six claps later
+DPI = 170
 
 
-def draw_result(clip: str, target: str, frames: list[int], folder: Path) -> None:
-    """Draw frames of a sample clip, its rotation copy on a sample target and the result, side by side, into
-    `clip_target.png`.
-    """
+def rows_of(clip: str, target: str) -> list[tuple[str, Motion]]:
+    """A sample clip, its rotation copy on a sample target, and the result, each with a label."""
     source = read_bvh(SAMPLES / f"{clip}.bvh")
-    body = load_target(SAMPLES / f"{target}.json").for_source(source.rigid_skeleton)
-    result = retarget(source, body.skeleton, joint_map=body.map)
-    motions = [("source", source), ("rotation copy", result.rotation_copy), ("distretarget", result.motion)]
-    draw_strip(motions, frames, folder / f"{clip}_{target}.png", view="front", columns=True, same_scale=True)
+    result = retarget(source, load_target(SAMPLES / f"{target}.json"))
+    return [("source", source), ("copied rotations", result.rotation_copy), ("distretarget", result.motion)]
 
 
 def main() -> None:
-    """Draw all pictures into the folder on the command line."""
+    """Draw both pictures into the folder on the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "docs" / "pictures")
     folder = parser.parse_args().folder
     folder.mkdir(parents=True, exist_ok=True)
-    for clip, target, frames in PICTURES:
-        draw_result(clip, target, frames, folder)
+    rows = rows_of("clap", "long_arms")
+    loop = Loop.of_motions(rows, FRAMES, view="front", same_scale=True)
+    loop.write_gif(folder / "clap_long_arms.gif", DPI)
+    loop.write_still(folder / "clap_long_arms.png", 0, DPI)
 
 
 if __name__ == "__main__":
