@@ -183,7 +183,7 @@ def _springs(
     for (i, j), pairs in touching.items():
         copies = prepared[i].problem.copy_on_path, prepared[j].problem.copy_on_path
         units = prepared[i].problem.unit, prepared[j].problem.unit
-        both = touching_springs(pairs, copies, (now[i], now[j]), units, prepared[i].settings.direction_range)
+        both = touching_springs(pairs, copies, (now[i], now[j]), units, prepared[i].settings)
         for number, more in zip((i, j), both, strict=True):
             springs[number] = joined(springs[number], more)
     return springs

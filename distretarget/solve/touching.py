@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.solve.chunks import blocks_of
-from distretarget.solve.contact_pairs import activation
+from distretarget.solve.contact_pairs import activation, pair_stiffness, share_across
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.springs import Springs
 
@@ -68,8 +68,8 @@ def find_touching(one: Points, other: Points, scale: Array, frame_time: float, s
     d = one.source[:, u] - other.source[:, v]
     D = np.linalg.norm(d, axis=-1) / (one.reach[u] + other.reach[v])
     f = activation(D, settings.lead / frame_time, settings) if len(u) else np.zeros_like(D)
-    shared = f / np.sqrt(_sums(f, u, len(one.joints)) * _sums(f, v, len(other.joints)))
-    w = FIRMER * settings.pair_stiffness * shared * settings.close / (D + settings.touch)
+    ends = u, v + len(one.joints)
+    w = FIRMER * pair_stiffness(f, D, ends, len(one.joints) + len(other.joints), settings)
     frames, pairs = np.nonzero(w > LEAST_STIFFNESS)
     joints = np.stack([one.joints[u[pairs]], other.joints[v[pairs]]])
     entries = frames, pairs
@@ -77,14 +77,18 @@ def find_touching(one: Points, other: Points, scale: Array, frame_time: float, s
 
 
 def touching_springs(
-    touching: Touching, copies: tuple[Array, Array], now: tuple[Array, Array], units: tuple[float, float], range_: float
+    touching: Touching,
+    copies: tuple[Array, Array],
+    now: tuple[Array, Array],
+    units: tuple[float, float],
+    settings: ContactSettings,
 ) -> tuple[Springs, Springs]:
     """The springs that draw the joints of either performer to where they touch, in its body units; their arrays have
     the frames in front.
 
     A joint that touches several others has one spring, with the sum of their energies. `copies` and `now` are the
     positions, (frames, joints, 3), of both performers in the copy and at present [target file units]; `units` are
-    their body units, and pairs nearer than about `range_` body units keep their direction.
+    their body units.
     """
     (a, b), (c, d) = (
         (positions[touching.frames, joints] for positions, joints in zip(pair, touching.joints, strict=True))
@@ -95,7 +99,7 @@ def touching_springs(
     e = touching.vectors / np.maximum(length, 1e-12)[:, None]
     springs = []
     for joints, unit, sign in zip(touching.joints, units, (0.5, -0.5), strict=True):
-        k = range_**2 / (range_**2 + (length / unit) ** 2)
+        k = share_across(length / unit, settings)
         places = ((c + d) / 2.0 + sign * delta) / unit
         springs.append(_gathered(touching, joints, k, e, places, len(now[0])))
     return springs[0], springs[1]
@@ -134,10 +138,3 @@ def _ever_near(one: Points, other: Points, apart: float) -> tuple[Joints, Joints
         near |= (np.linalg.norm(gaps, axis=-1) < reach).any(axis=0)
     u, v = np.nonzero(near)
     return u, v
-
-
-def _sums(f: Array, points: Joints, count: int) -> Array:
-    """(frames, pairs), 1 plus the sum of the activations of the point that each pair has."""
-    sums = np.ones((count, len(f)))
-    np.add.at(sums, points, f.T)
-    return np.asarray(sums[points].T)
