@@ -90,9 +90,8 @@ def test_the_order_of_the_performers_does_not_matter():
         assert np.abs(one.motion.positions - other.motion.positions).max() < 1e-4 * size()
 
 
-@pytest.mark.parametrize(("angle", "bound"), [(0, 1e-9), (70, 1e-3)])
+@pytest.mark.parametrize(("angle", "bound"), [(0, 1e-9), (70, 1e-4)])
 def test_a_scene_that_is_moved_and_turned_has_the_same_result(angle, bound):
-    """Moved, it is the same; turned, nearly, as jumps are smoothed by the components of rotation vectors."""
     turn, shift = Rotation.from_euler("Y", angle, degrees=True), (300.0, 0.0, -200.0)
     elsewhere = retarget_scene([moved(motion, turn, shift) for motion in pair()], bodies())
     scale = duet().world_scale
@@ -119,7 +118,7 @@ def test_scenes_that_cannot_be_are_refused():
         retarget_scene([one, replace(other, frame_time_text="0.01")], bodies())
     with pytest.raises(MotionError, match="different units"):
         retarget_scene([one, other], [bodies()[0], bodies()[1].with_offsets(0.01 * bodies()[1].offsets)])
-    with pytest.raises(SettingsError, match="2 sources and 1 targets"):
+    with pytest.raises(SettingsError, match="2 sources, 1 targets"):
         retarget_scene([one, other], bodies()[:1])
     with pytest.raises(SettingsError, match="world_scale is 0"):
         retarget_scene([one, other], bodies(), world_scale=0)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from distretarget.numerics.smoothing import averaged, widened
 from distretarget.solve.settings import ContactSettings
@@ -22,7 +22,7 @@ def smooth_jumps(v: Array, frame_time: float, settings: ContactSettings) -> Arra
     limit = settings.jump_speed * frame_time
     if not _jumps(v, limit).any():
         return v
-    lasting = median_filter(v, (5, 1, 1), mode="nearest")
+    lasting = _without_spikes(v)
     jumps = _jumps(lasting, limit)
     reach = round(settings.jump_blend / frame_time)
     share = widened(np.maximum(jumps, np.roll(jumps, 1, axis=0)), reach)[..., None]
@@ -34,3 +34,13 @@ def _jumps(v: Array, limit: float) -> Array:
     jumps = np.zeros(v.shape[:2])
     jumps[:-1, :-1] = np.linalg.norm(np.diff(v[:, :-1], axis=0), axis=-1) > limit
     return jumps
+
+
+def _without_spikes(v: Array) -> Array:
+    """Of each five frames around a frame the deviation that is nearest to all others: their median, which turns with
+    the world.
+    """
+    around = sliding_window_view(np.pad(v, ((2, 2), (0, 0), (0, 0)), mode="edge"), 5, axis=0)
+    away = sum(np.linalg.norm(around - around[..., [other]], axis=2) for other in range(5))
+    chosen = np.argmin(away, axis=-1)[..., None, None]
+    return np.asarray(np.take_along_axis(around, chosen, axis=-1)[..., 0])
