@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from distretarget.alignment import same_time
 from distretarget.baseline.root import RootScale, find_root_scale
 from distretarget.baseline.world import turned
 from distretarget.errors import MotionError, SettingsError
@@ -30,7 +31,6 @@ from distretarget.together import PlacedThing, Together, brought_together, solve
 Array = NDArray[np.float64]
 
 SAME_UNITS = 5.0  # root scales that differ by more than this are those of files in different units
-SAME_TIME = 1e-6  # largest difference between two frame times [of the frame time]
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,7 +240,7 @@ def _check_times(sources: Sequence[Motion], things: Sequence[Thing]) -> None:
             raise MotionError(
                 f"{name} has {len(motion)} frames and performer 1 has {frames}; cut them to the same frames"
             )
-        if abs(motion.frame_time - time) > SAME_TIME * time:
+        if not same_time(time, motion.frame_time):
             raise MotionError(
                 f"{name} has a frame time of {motion.frame_time:g} s and performer 1 of {time:g} s; "
                 "resample one of them"

@@ -4,26 +4,26 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import click
 
 from distretarget.batch.compile_ahead import warm
 from distretarget.cli.outputs import check_outputs, say
 from distretarget.cli.parameters import positive
-from distretarget.errors import FileError, MotionError
-from distretarget.io.bvh import read_bvh
+from distretarget.errors import FileError
 from distretarget.io.bvh_writer import format_bvh
-from distretarget.io.files import write_whole
-from distretarget.io.target_file import load_target
+from distretarget.io.files import is_folder, write_whole
 from distretarget.measure.across import Across
-from distretarget.motion import Motion
 from distretarget.performer import Held
 from distretarget.run_summary import summary_line
-from distretarget.scene import SceneResult, retarget_scene
+from distretarget.scene import SceneResult
+from distretarget.scene_file import load_scene
+from distretarget.scene_setup import Cast, SceneSetup
 from distretarget.solve.resting_joints import Scene
+
+SCENE_NAME = "scene.json"  # of scenes in a folder of scenes
 
 
 @click.command("scene")
@@ -33,7 +33,6 @@ from distretarget.solve.resting_joints import Scene
     "--target",
     "targets",
     multiple=True,
-    required=True,
     type=click.Path(path_type=Path),
     help="The body of a performer, a skeleton file or any BVH file: once for all, or once for each, in their order.",
 )
@@ -42,6 +41,15 @@ from distretarget.solve.resting_joints import Scene
 )
 @click.option("--overwrite", is_flag=True, help="Replace files that exist. An input is never replaced.")
 @click.option("--cut", is_flag=True, help="Cut all clips to the frames of the shortest.")
+@click.option("--resample", is_flag=True, help="Give all clips the frame time of the first.")
+@click.option(
+    "--start",
+    "starts",
+    multiple=True,
+    type=click.FloatRange(min=0.0),
+    metavar="SECONDS",
+    help="The time left out at the beginning of a clip: once for all, or once for each, in their order. Default: 0.",
+)
 @click.option(
     "--world-scale",
     type=positive,
@@ -51,68 +59,101 @@ from distretarget.solve.resting_joints import Scene
 @click.option(
     "--supports",
     type=click.Choice(get_args(Held)),
-    default="hold",
-    show_default=True,
-    help="What stays at rest on the world: everything that rests (hold), feet alone (feet), or nothing (free).",
+    help="What stays at rest on the world: everything that rests (hold), feet alone (feet), or nothing (free). "
+    "Default: hold.",
 )
 @click.option(
     "--scene",
     type=click.Choice(get_args(Scene)),
-    default="body",
-    show_default=True,
-    help="Where what stands still belongs, apart from the floor, as for 'distretarget retarget'.",
+    help="Where what stands still belongs, apart from the floor, as for 'distretarget retarget'. Default: body.",
 )
 def scene_command(
-    sources: tuple[Path, ...],
-    targets: tuple[Path, ...],
-    output: Path,
-    overwrite: bool,
-    cut: bool,
-    world_scale: float | None,
-    supports: Held,
-    scene: Scene,
+    sources: tuple[Path, ...], targets: tuple[Path, ...], output: Path, overwrite: bool, **options: Any
 ) -> None:
     """Retarget performers who share a world.
 
     SOURCES are their BVH files, which belong together frame for frame. Each performer gets a body; hands that hold each
-    other do so on the other bodies, too. The results have the names of the sources.
+    other do so on the other bodies, too. The results have the names of the sources. A single SCENE.json says all of
+    that, and which things the performers touch; of a folder, every scene.json below it is converted, each to the folder
+    of OUTPUT that it has there.
 
     \b
     distretarget scene lead.bvh follow.bvh -t hero.json -t child.json -o duet
+    distretarget scene staff.json -o staff
+    distretarget scene sample_bvh/scenes -o scenes
     """  # noqa: D301
-    outputs = [output / f"{source.stem}.bvh" for source in sources]
-    if len(targets) not in (1, len(sources)):
-        raise click.UsageError(
-            f"{len(targets)} targets for {len(sources)} performers; give one for all, or one for each, in their order."
-        )
-    _make_folder(output)
-    check_outputs(outputs, [*sources, *targets], overwrite)
+    if not targets:
+        _check_alone(sources, options)
+        setups = list(_setups(sources[0], output))
+    else:
+        setups = [(_setup(sources, targets, options), output)]
     warm("contact")
+    for setup, folder in setups:
+        _convert(setup, folder, overwrite)
+
+
+def _check_alone(sources: tuple[Path, ...], options: dict[str, Any]) -> None:
+    """Check that what comes without targets is one scene file or folder, which has all options in it."""
+    if len(sources) > 1 or sources[0].suffix.lower() == ".bvh":
+        raise click.UsageError("Missing option '-t' / '--target', or name one SCENE.json.")
+    given = [name for name, value in options.items() if value not in (None, False, ())]
+    if given:
+        raise click.UsageError(f"--{given[0].rstrip('s').replace('_', '-')} belongs into the scene file.")
+
+
+def _setups(path: Path, output: Path) -> Iterator[tuple[SceneSetup, Path]]:
+    """The scene in a file, or all scenes in a folder, with the folders to write to."""
+    if not is_folder(path):
+        yield load_scene(path), output
+        return
+    found = sorted(path.rglob(SCENE_NAME))
+    if not found:
+        raise FileError(path, f"has no {SCENE_NAME} in it or below")
+    for file in found:
+        yield load_scene(file), output / file.parent.relative_to(path)
+
+
+def _setup(sources: Sequence[Path], targets: Sequence[Path], options: dict[str, Any]) -> SceneSetup:
+    """The scene that the command line describes."""
+    starts = options["starts"] or (0.0,)
+    for given, what in ((targets, "targets"), (starts, "starts")):
+        if len(given) not in (1, len(sources)):
+            raise click.UsageError(
+                f"{len(given)} {what} for {len(sources)} performers; give one for all, or one for each, in their order."
+            )
+    bodies, times = (given * len(sources) if len(given) == 1 else given for given in (tuple(targets), starts))
+    cast = tuple(
+        Cast(name=source.stem, source=source, target=target, start=start)
+        for source, target, start in zip(sources, bodies, times, strict=True)
+    )
+    return SceneSetup(
+        performers=cast,
+        world_scale=options["world_scale"],
+        supports=options["supports"] or "hold",
+        scene=options["scene"] or "body",
+        cut=options["cut"],
+        resample=options["resample"],
+    )
+
+
+def _convert(setup: SceneSetup, folder: Path, overwrite: bool) -> None:
+    """Retarget a scene into a folder, and print what came of it."""
+    outputs = [folder / f"{name}.bvh" for name in setup.names]
+    _make_folder(folder)
+    check_outputs(outputs, setup.inputs, overwrite)
     began = time.perf_counter()
-    motions = _motions(sources, cut)
-    bodies = [load_target(target) for target in (targets * len(sources) if len(targets) == 1 else targets)]
-    try:
-        result = retarget_scene(motions, bodies, world_scale=world_scale, supports=supports, scene=scene)
-    except MotionError as error:
-        raise error.in_file(sources[0]) from None
-    texts = [format_bvh(one.motion) for one in result.results]
+    result = setup.retargeted()
+    motions = [one.motion for one in result.results] + [thing.motion for thing in result.things]
+    texts = [format_bvh(motion) for motion in motions]
     seconds = time.perf_counter() - began
     for path, text in zip(outputs, texts, strict=True):
         write_whole(path, text, overwrite=overwrite)
-    for source, one in zip(sources, result.results, strict=True):
+    for path, one in zip(outputs, result.results, strict=False):
         for warning in one.warnings:
-            say(f"warning: {source.name}: {warning}", err=True)
-        say(f"{source.name}: {summary_line(one, seconds)}")
-    for line in _together(result, sources):
+            say(f"warning: {path.name}: {warning}", err=True)
+        say(f"{path.name}: {summary_line(one, seconds)}")
+    for line in _together(result, setup.names):
         say(line)
-
-
-def _motions(sources: Sequence[Path], cut: bool) -> list[Motion]:
-    motions = [read_bvh(source) for source in sources]
-    if not cut:
-        return motions
-    frames = min(len(motion) for motion in motions)
-    return [replace(m, translations=m.translations[:frames], rotations=m.rotations[:frames]) for m in motions]
 
 
 def _make_folder(folder: Path) -> None:
@@ -122,17 +163,15 @@ def _make_folder(folder: Path) -> None:
         raise FileError(folder, f"cannot be made: {error.strerror}; name a folder that can be written to") from None
 
 
-def _together(result: SceneResult, sources: Sequence[Path]) -> Iterator[str]:
-    """A line for each two performers: how near what touches is, in the source, copied, and in the result."""
+def _together(result: SceneResult, names: Sequence[str]) -> Iterator[str]:
+    """A line for each two that may touch: how near what touches is, in the source, copied, and in the result."""
     for (i, j), across in result.across.items():
-        names = f"{sources[i].name} and {sources[j].name}"
-        yield f"{names}: {_gaps(across, result)}"
+        yield f"{names[i]} and {names[j]}: {_gaps(across, result.results[i].matching.leg_lengths[0] or 1.0)}"
 
 
-def _gaps(across: Across, result: SceneResult) -> str:
+def _gaps(across: Across, leg: float) -> str:
     if not across.frames:
         return "nothing touches between them in the source"
-    leg = result.results[0].matching.leg_lengths[0] or 1.0
     source, copy, now = (100 * gap / leg for gap in (across.source, across.rotation_copy, across.result))
     return (
         f"what touches between them in {across.frames} frames is {now:.1f} % of a leg apart "

@@ -10,7 +10,6 @@ from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 from scipy.spatial.distance import cdist
 
 from distretarget.errors import BvhError
-from distretarget.io.files import read_text
 from distretarget.motion import Motion, rigid_motion
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
 
@@ -19,22 +18,19 @@ Array = NDArray[np.float64]
 MOST_POINTS = 100  # vertices that are kept, spread evenly
 
 
-def read_obj(path: str | Path) -> Motion:
-    """Return the vertices of an OBJ file as a motion of one frame: a thing that stands still.
+def parse_obj(text: str, path: str | Path) -> Motion:
+    """Return the vertices in the text of an OBJ file as a motion of one frame: a thing that stands still. `path` is for
+    errors, and names the root.
 
-    Its root is the origin of the file; the vertices, at most `MOST_POINTS` of them, hang from it as fixed joints, each
-    from one near to it.
+    Its joints are the vertices, at most `MOST_POINTS` of them, each fixed to one near to it; the root is the first.
 
     Raises:
-        FileError: the file cannot be read.
-        BvhError: a vertex has no three numbers, or there is no vertex.
+        BvhError: a vertex is not three numbers, or there is no vertex.
     """
-    vertices = thinned(_vertices(read_text(path), path), MOST_POINTS)
-    points = np.concatenate([np.zeros((1, 3)), vertices[np.linalg.norm(vertices, axis=1) > 0]])
+    points = thinned(_vertices(text, path), MOST_POINTS)
     order, before = breadth_first_order(minimum_spanning_tree(cdist(points, points)), 0, directed=False)
     parents = np.argsort(order)[before[order[1:]]]
-    offsets = np.diff(points[order], axis=0, prepend=0.0)
-    offsets[1:] = points[order[1:]] - points[order[parents]]
+    offsets = points[order] - points[order[np.append(0, parents)]]
     leaves = ~np.isin(np.arange(len(order)), parents)
     leaves[0] = False
     skeleton = Skeleton(
@@ -45,7 +41,7 @@ def read_obj(path: str | Path) -> Motion:
         end_sites=leaves,
     )
     rotations = np.tile([0.0, 0.0, 0.0, 1.0], (1, len(skeleton), 1))
-    return rigid_motion(skeleton, np.zeros((1, 3)), rotations, "1")
+    return rigid_motion(skeleton, points[:1], rotations, "1")
 
 
 def thinned(points: Array, most: int) -> Array:
@@ -66,7 +62,7 @@ def _vertices(text: str, path: str | Path) -> Array:
         if words[:1] == ["v"]:
             vertices.append(_vertex(words[1:4], path, number))
     if not vertices:
-        raise BvhError(path, 0, 'has no vertices, expected an OBJ file with lines "v x y z"')
+        raise BvhError(path, 0, 'has no vertices, expected a BVH file, or an OBJ file with lines "v x y z"')
     return np.array(vertices)
 
 

@@ -18,8 +18,8 @@ from distretarget.baseline.root import RootScale
 from distretarget.solve.chunks import blocks_of
 from distretarget.solve.contact_pairs import activation, pair_stiffness, share_across
 from distretarget.solve.settings import ContactSettings
-from distretarget.solve.springs import Springs, stiffer_along
-from distretarget.solve.touching import FIRMER, Points
+from distretarget.solve.springs import Springs
+from distretarget.solve.touching import Points, firmness
 
 Array = NDArray[np.float64]
 Joints = NDArray[np.intp]
@@ -142,27 +142,25 @@ def find_touched(
 ) -> Touched:
     """Return the joints of a performer that come near the points of a thing, (frames, points, 3).
 
-    The normalised distance of a joint is its distance from the nearest point over the sum of its path length to the
-    root and the length of a `leg` [source file units], so that the root can touch things, too. Joints in the same of
-    the `regions`, (points,), share their stiffness. `free`, (frames, points), is 0 where a joint is held elsewhere.
+    The normalised distance of a joint is its distance from the nearest point over the length of a `leg` [source file
+    units], since no path leads from it to the thing. Joints in the same of the `regions`, (points,), share their
+    stiffness. `free`, (frames, points), is 0 where a joint is held elsewhere.
     """
-    nearest = _nearest(points.source, thing)
-    length = np.linalg.norm(nearest, axis=-1)
-    D = length / (points.reach + leg)
+    length = _nearest(points.source, thing)
+    D = length / leg
     f = activation(D, settings.lead / frame_time, settings) * free
     on = np.flatnonzero(f.any(axis=0))
     ends = np.arange(len(on)), len(on) + regions[on]
-    w = FIRMER * pair_stiffness(f[:, on], D[:, on], ends, len(on) + int(regions.max(initial=0)) + 1, settings)
-    e = nearest[:, on] / np.maximum(length[:, on], 1e-12)[..., None]
-    k = share_across(length[:, on] / (2.0 * leg), settings)
-    return Touched(joints=points.joints[on], source=points.source[:, on], f=f[:, on], A=stiffer_along(e, w, k))
+    f, D = f[:, on], D[:, on]
+    w = firmness(D, settings) * pair_stiffness(f, D, ends, len(on) + int(regions.max(initial=0)) + 1, settings)
+    w *= share_across(length[:, on] / (2.0 * leg), settings)
+    A = w[..., None, None] * np.eye(3)
+    return Touched(joints=points.joints[on], source=points.source[:, on], f=f, A=A)
 
 
 def _nearest(joints: Array, thing: Array) -> Array:
-    """(frames, joints, 3), the vector from the nearest point of a thing to each joint."""
-    vectors = np.empty_like(joints)
+    """(frames, joints), how far each joint is from the nearest point of a thing."""
+    length = np.empty(joints.shape[:2])
     for block in blocks_of(len(joints)):
-        ways = joints[block][:, :, None] - thing[block][:, None]
-        near = np.linalg.norm(ways, axis=-1).argmin(axis=-1)
-        vectors[block] = np.take_along_axis(ways, near[..., None, None], axis=2)[:, :, 0]
-    return vectors
+        length[block] = np.linalg.norm(joints[block][:, :, None] - thing[block][:, None], axis=-1).min(axis=-1)
+    return length

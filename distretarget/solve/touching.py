@@ -20,7 +20,8 @@ from distretarget.solve.springs import Springs
 Array = NDArray[np.float64]
 Joints = NDArray[np.intp]
 
-FIRMER = 4.0  # times as stiff as a pair within a body, since whole bodies have to move, and not only their limbs
+FIRMER = 2.0  # times as stiff as a pair within a body at D = `settings.close` ...
+NEAREST = 0.01  # [D] ... and more for nearer pairs, up to those nearer than this
 LEAST_STIFFNESS = 1e-3  # of a pair that counts
 NOTHING = 1e-12  # stiffness beside which none is zero: where nothing draws, any place will do
 
@@ -69,11 +70,20 @@ def find_touching(one: Points, other: Points, scale: Array, frame_time: float, s
     D = np.linalg.norm(d, axis=-1) / (one.reach[u] + other.reach[v])
     f = activation(D, settings.lead / frame_time, settings) if len(u) else np.zeros_like(D)
     ends = u, v + len(one.joints)
-    w = FIRMER * pair_stiffness(f, D, ends, len(one.joints) + len(other.joints), settings)
+    w = firmness(D, settings) * pair_stiffness(f, D, ends, len(one.joints) + len(other.joints), settings)
     frames, pairs = np.nonzero(w > LEAST_STIFFNESS)
     joints = np.stack([one.joints[u[pairs]], other.joints[v[pairs]]])
     entries = frames, pairs
     return Touching(frames=frames, joints=joints, f=f[entries], w=w[entries], vectors=d[entries] @ scale.T)
+
+
+def firmness(D: Array, settings: ContactSettings) -> Array:
+    """How many times as stiff pairs across bodies are as pairs within a body, by their normalised distances D.
+
+    Whole bodies have to move, and not only their limbs. The nearest pairs decide: where hands differ in size, those who
+    hold each other cannot keep all distances between their joints.
+    """
+    return FIRMER * (settings.close + NEAREST) / (D + NEAREST)
 
 
 def touching_springs(
