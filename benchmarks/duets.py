@@ -20,7 +20,7 @@ from tables import insert
 
 from distretarget import Motion, RetargetResult, read_bvh, retarget, retarget_scene
 from distretarget.batch.compile_ahead import warm
-from distretarget.measure.across import measure_across
+from distretarget.measure.across import body_side, measure_across
 
 PAIRS = (("its own", "child"), ("H", "its own"), ("H", "child"))  # bodies of lead and follower
 
@@ -49,14 +49,9 @@ def rows(duets: Path) -> Iterator[str]:
             scene = retarget_scene(motions, bodies)
             seconds = middle - began, time.perf_counter() - middle
             across, scale = scene.across[0, 1], scene.world_scale
-            one, other = alone
-            apart = measure_across(
-                (one.matching, other.matching),
-                (one.rotation_copy, other.rotation_copy),
-                (one.motion, other.motion),
-                float(np.mean([result.root_scale for result in alone])),
-            ).result
-            leg = one.matching.leg_lengths[0] / 100.0
+            sides = [body_side(result.matching, result.rotation_copy, result.motion) for result in alone]
+            apart = measure_across(*sides, float(np.mean([result.root_scale for result in alone]))).result
+            leg = alone[0].matching.leg_lengths[0] / 100.0
             gaps = [gap / leg for gap in (across.source, across.rotation_copy, apart, across.result)]
             yield (
                 f"| {number}, {names[0]} and {names[1]} | {across.frames} | "
