@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from distretarget.baseline.root import RootScale
 from distretarget.motion import Motion
+from distretarget.numerics.spread import spread_out
 from distretarget.performer import Prepared
 from distretarget.solve.chunks import Mapper
 from distretarget.solve.contact import solve_contact
@@ -26,6 +27,7 @@ Joints = NDArray[np.intp]
 Grips = Mapping[int, tuple[int, ...]]
 """The joints of targets that hold a thing, by the numbers of their performers."""
 
+REGION_POINTS = 6  # most joints of a region that may touch others
 SWEEPS = 2  # all performers are solved so many times; more change the gaps by a few percent
 
 
@@ -173,12 +175,18 @@ def _touched(one: Prepared, thing: PlacedThing, number: int) -> Touched:
 
 
 def _points(one: Prepared) -> Points:
-    """The joints of a performer's body."""
+    """The joints of a performer's body that may touch, a few of each region: fingers follow the hand."""
     matching, distances = one.performer.matching, one.problem.distances
-    flesh = matching.regions.of_joint[distances.targets] >= 0
-    sources = distances.sources[flesh]
-    reach = matching.source.skeleton.path_lengths[matching.drivers[matching.pelvis]][sources]
-    return Points(distances.targets[flesh], matching.source_motion.positions[:, sources], reach)
+    tau = matching.source.skeleton.path_lengths
+    regions = matching.regions.of_joint[distances.targets]
+    kept: list[int] = []
+    for region in range(len(matching.regions.names)):
+        points = np.flatnonzero(regions == region)
+        sources = distances.sources[points]
+        kept += points[spread_out(tau[np.ix_(sources, sources)], REGION_POINTS)].tolist() if len(points) else []
+    sources = distances.sources[kept]
+    reach = tau[matching.drivers[matching.pelvis]][sources]
+    return Points(distances.targets[kept], matching.source_motion.positions[:, sources], reach)
 
 
 def _resting_on(supports: Supports, near: Touched, free: Placement) -> Supports:

@@ -6,7 +6,7 @@ import pytest
 from distretarget import BvhError
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
-from distretarget.io.obj import MOST_POINTS, parse_obj, thinned
+from distretarget.io.obj import MOST_POINTS, parse_obj
 
 CUBE = "".join(f"v {x} {y} {z}\n" for x in (0, 1) for y in (1, 2) for z in (-1, 0)) + "f 1 2 3\n"
 
@@ -26,9 +26,9 @@ def test_a_thing_survives_a_bvh_file():
     np.testing.assert_allclose(sorted(back.positions[0].tolist()), sorted(motion.positions[0].tolist()), atol=1e-6)
 
 
-def test_many_points_are_thinned_evenly():
-    x = np.linspace(0, 1, 1001)
-    kept = np.sort(thinned(np.stack([x, 0 * x, 0 * x], axis=1), MOST_POINTS)[:, 0])
+def test_many_points_are_thinned():
+    text = "".join(f"v {x} 0 0\n" for x in np.linspace(0, 1, 1001))
+    kept = np.sort(parse_obj(text, "line.obj").positions[0, :, 0])
     assert len(kept) == MOST_POINTS
     assert np.diff(kept).max() < 3.0 / MOST_POINTS
 

@@ -11,6 +11,7 @@ from scipy.spatial.distance import cdist
 
 from distretarget.errors import BvhError
 from distretarget.motion import Motion, rigid_motion
+from distretarget.numerics.spread import spread_out
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
 
 Array = NDArray[np.float64]
@@ -27,7 +28,8 @@ def parse_obj(text: str, path: str | Path) -> Motion:
     Raises:
         BvhError: a vertex is not three numbers, or there is no vertex.
     """
-    points = thinned(_vertices(text, path), MOST_POINTS)
+    vertices = np.unique(_vertices(text, path), axis=0)
+    points = vertices[spread_out(vertices, MOST_POINTS)]
     order, before = breadth_first_order(minimum_spanning_tree(cdist(points, points)), 0, directed=False)
     parents = np.argsort(order)[before[order[1:]]]
     offsets = points[order] - points[order[np.append(0, parents)]]
@@ -42,16 +44,6 @@ def parse_obj(text: str, path: str | Path) -> Motion:
     )
     rotations = np.tile([0.0, 0.0, 0.0, 1.0], (1, len(skeleton), 1))
     return rigid_motion(skeleton, points[:1], rotations, "1")
-
-
-def thinned(points: Array, most: int) -> Array:
-    """Return at most so many of the points, (points, 3): each next one is the farthest from those before it."""
-    points = np.unique(points, axis=0)
-    chosen, away = [0], np.full(len(points), np.inf)
-    while len(chosen) < min(most, len(points)):
-        away = np.minimum(away, np.linalg.norm(points - points[chosen[-1]], axis=1))
-        chosen.append(int(away.argmax()))
-    return points[chosen]
 
 
 def _vertices(text: str, path: str | Path) -> Array:
