@@ -28,6 +28,7 @@ Grips = Mapping[int, tuple[int, ...]]
 """The joints of targets that hold a thing, by the numbers of their performers."""
 
 REGION_POINTS = 6  # most joints of a region that may touch others
+LOOSER = 1000.0  # times the tolerance of the last sweep is enough for those before it
 SWEEPS = 2  # all performers are solved so many times; more change the gaps by a few percent
 
 
@@ -142,11 +143,16 @@ class Solved:
 def solve_together(together: Together, mapper: Mapper, progress: Callable[[int], object]) -> Solved:
     """Solve all performers, each by itself, as often as `SWEEPS` says; only once where nothing touches."""
     now = [_on_path(one) for one in together.performers]
+    starts = [one.problem.start for one in together.performers]
     sweeps = SWEEPS if together.anything_touches else 1
     for sweep in range(1, sweeps + 1):
         progress(sweep)
         springs = together.springs(now)
-        poses = [_solve(one, more, mapper) for one, more in zip(together.performers, springs, strict=True)]
+        poses = [
+            _solve(one, more, start, 1.0 if sweep == sweeps else LOOSER, mapper)
+            for one, more, start in zip(together.performers, springs, starts, strict=True)
+        ]
+        starts = [pose.v for pose in poses]
         before, now = now, [_posed(one, pose) for one, pose in zip(together.performers, poses, strict=True)]
     moved = max(map(_moved, together.performers, springs, before, now))
     return Solved(poses, [together.placement(thing, now) for thing in range(len(together.things))], sweeps, moved)
@@ -218,8 +224,11 @@ def _with_supports(one: Prepared, supports: Supports) -> Prepared:
     return replace(one, supports=supports, shown=supports if len(one.shown.joints) else one.shown)
 
 
-def _solve(one: Prepared, springs: Springs, mapper: Mapper) -> Poses:
-    return solve_contact(one.problem, replace(one.supports, touching=springs), one.settings, mapper=mapper)
+def _solve(one: Prepared, springs: Springs, start: Array, looser: float, mapper: Mapper) -> Poses:
+    """The poses of a performer from a start, with a tolerance that is `looser` times that of its settings."""
+    settings = replace(one.settings, tolerance=looser * one.settings.tolerance)
+    problem, supports = replace(one.problem, start=start), replace(one.supports, touching=springs)
+    return solve_contact(problem, supports, settings, mapper=mapper)
 
 
 def _on_path(one: Prepared) -> Motion:
