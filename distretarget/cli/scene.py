@@ -17,6 +17,7 @@ from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.files import is_folder, write_whole
 from distretarget.measure.across import Across
 from distretarget.performer import Held
+from distretarget.report.together import scene_page
 from distretarget.run_summary import summary_line
 from distretarget.scene import SceneResult
 from distretarget.scene_file import load_scene
@@ -40,6 +41,12 @@ SCENE_NAME = "scene.json"  # of scenes in a folder of scenes
     "-o", "--output", required=True, type=click.Path(path_type=Path), help="The folder to write to, a file for each."
 )
 @click.option("--overwrite", is_flag=True, help="Replace files that exist. An input is never replaced.")
+@click.option(
+    "--report",
+    is_flag=True,
+    help="Write report.html to the folder, too: all performers and things in one player, with lines between what "
+    "touches.",
+)
 @click.option("--cut", is_flag=True, help="Cut all clips to the frames of the shortest.")
 @click.option("--resample", is_flag=True, help="Give all clips the frame time of the first.")
 @click.option(
@@ -68,7 +75,7 @@ SCENE_NAME = "scene.json"  # of scenes in a folder of scenes
     help="Where what stands still belongs, apart from the floor, as for 'distretarget retarget'. Default: body.",
 )
 def scene_command(
-    sources: tuple[Path, ...], targets: tuple[Path, ...], output: Path, overwrite: bool, **options: Any
+    sources: tuple[Path, ...], targets: tuple[Path, ...], output: Path, overwrite: bool, report: bool, **options: Any
 ) -> None:
     """Retarget performers who share a world.
 
@@ -89,7 +96,7 @@ def scene_command(
         setups = [(_setup(sources, targets, options), output)]
     warm("contact")
     for setup, folder in setups:
-        _convert(setup, folder, overwrite)
+        _convert(setup, folder, overwrite, report)
 
 
 def _check_alone(sources: tuple[Path, ...], options: dict[str, Any]) -> None:
@@ -136,17 +143,19 @@ def _setup(sources: Sequence[Path], targets: Sequence[Path], options: dict[str, 
     )
 
 
-def _convert(setup: SceneSetup, folder: Path, overwrite: bool) -> None:
+def _convert(setup: SceneSetup, folder: Path, overwrite: bool, report: bool) -> None:
     """Retarget a scene into a folder, and print what came of it."""
     outputs = [folder / f"{name}.bvh" for name in setup.names]
+    page = folder / "report.html"
     _make_folder(folder)
-    check_outputs(outputs, setup.inputs, overwrite)
+    check_outputs([*outputs, page if report else None], setup.inputs, overwrite)
     began = time.perf_counter()
     result = setup.retargeted()
     motions = [one.motion for one in result.results] + [thing.motion for thing in result.things]
     texts = [format_bvh(motion) for motion in motions]
     seconds = time.perf_counter() - began
-    for path, text in zip(outputs, texts, strict=True):
+    written = dict(zip(outputs, texts, strict=True)) | ({page: scene_page(result, setup.names)} if report else {})
+    for path, text in written.items():
         write_whole(path, text, overwrite=overwrite)
     for path, one in zip(outputs, result.results, strict=False):
         for warning in one.warnings:
