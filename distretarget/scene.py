@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.alignment import same_time
 from distretarget.baseline.root import RootScale, find_root_scale
+from distretarget.baseline.strides import longest_strides
 from distretarget.baseline.world import turned
 from distretarget.errors import MotionError, SettingsError
 from distretarget.io.target import SkeletonEdit, Target
@@ -50,6 +51,19 @@ class ThingResult:
     scale: float
 
 
+@dataclass(frozen=True)
+class Strides:
+    """How long the strides of a performer are, against what its legs alone would make of the source's.
+
+    Attributes:
+        factor: in the scene's world.
+        longest: that its legs can reach.
+    """
+
+    factor: float
+    longest: float
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SceneResult:
     """Retargeted performers in one world.
@@ -58,6 +72,7 @@ class SceneResult:
         results: one for each performer, in their order.
         things: one for each thing, in their order.
         world_scale: target units per source unit along the floor.
+        strides: of each performer, in this world.
         across: for each two of them, performers counted before things, how well they keep touching; things among each
             other are left out.
         sweeps: how many times all performers were solved.
@@ -67,6 +82,7 @@ class SceneResult:
     results: tuple[RetargetResult, ...]
     things: tuple[ThingResult, ...]
     world_scale: float
+    strides: tuple[Strides, ...]
     across: dict[tuple[int, int], Across]
     sweeps: int
     moved: float
@@ -97,8 +113,8 @@ def retarget_scene(
         targets: a body for each; for its kinds see `retarget`.
         things: what else is in their world, such as chairs, tables and props.
         joint_maps: for each performer as in `retarget`.
-        world_scale: target units per source unit along the floor; the mean of the performers' ratios of leg lengths if
-            not given.
+        world_scale: target units per source unit along the floor; if not given, the mean of the performers' ratios of
+            leg lengths, or as much less as the legs of all can follow.
         supports: as in `retarget`.
         scene: as in `retarget`.
         settings: as in `retarget`.
@@ -118,7 +134,8 @@ def retarget_scene(
     performers = _matched(sources, targets, maps)
     heights = [find_root_scale(performer.matching) for performer in performers]
     _check_units(heights)
-    level = world_scale or (float(np.mean(heights)) if len(heights) > 1 else heights[0])
+    longest = [longest_strides(performer.matching) for performer in performers]
+    level = world_scale or _level(heights, longest)
     prepared = [
         with_supports(performer.prepared(RootScale(level, height)), supports, scene, settings or ContactSettings())
         for performer, height in zip(performers, heights, strict=True)
@@ -136,6 +153,7 @@ def retarget_scene(
         results=results,
         things=moved,
         world_scale=level,
+        strides=tuple(Strides(level / height, most) for height, most in zip(heights, longest, strict=True)),
         across=_across(together, results, solved.placements, level),
         sweeps=solved.sweeps,
         moved=solved.moved,
@@ -154,6 +172,14 @@ def _check_arguments(
         )
     if world_scale is not None and not world_scale > 0:
         raise SettingsError(f"world_scale is {world_scale}; expected a number above 0")
+
+
+def _level(heights: Sequence[float], longest: Sequence[float]) -> float:
+    """The scale of the world along the floor in which all can follow."""
+    if len(heights) == 1:
+        return heights[0]
+    followed = [height * most for height, most in zip(heights, longest, strict=True)]
+    return min(float(np.mean(heights)), *followed)
 
 
 def _matched(

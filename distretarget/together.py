@@ -28,7 +28,7 @@ Grips = Mapping[int, tuple[int, ...]]
 """The joints of targets that hold a thing, by the numbers of their performers."""
 
 REGION_POINTS = 6  # most joints of a region that may touch others
-LOOSER = 1000.0  # times the tolerance of the last sweep is enough for those before it
+LOOSER = 30.0  # times the tolerance of the last sweep is enough for those before it
 SWEEPS = 2  # all performers are solved so many times; more change the gaps by a few percent
 
 

@@ -124,6 +124,18 @@ def test_scenes_that_cannot_be_are_refused():
         retarget_scene([one, other], bodies(), world_scale=0)
 
 
+def test_the_world_is_no_larger_than_the_shortest_legs_can_follow():
+    walk = read_bvh(SAMPLES / "walk.bvh")
+    child = load_target(SAMPLES / "child.json").for_source(walk.rigid_skeleton).skeleton
+    giant = load_target(SAMPLES / "giant.json").for_source(walk.rigid_skeleton).skeleton
+    sources = [walk, moved(walk, Rotation.identity(), shift=(500.0, 0.0, 0.0))]
+    done = retarget_scene(sources, [child, giant])
+    small = done.strides[0]
+    assert done.world_scale == pytest.approx(0.6 * small.longest)
+    assert small.factor == pytest.approx(small.longest)
+    assert retarget_scene(sources, [child, giant], world_scale=1.25).strides[0].factor > small.longest
+
+
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -61,7 +61,8 @@ SCENE_NAME = "scene.json"  # of scenes in a folder of scenes
     "--world-scale",
     type=positive,
     metavar="NUMBER",
-    help="Target units per source unit along the floor. Default: the mean of the performers' ratios of leg lengths.",
+    help="Target units per source unit along the floor. Default: the mean of the performers' ratios of leg lengths, "
+    "or as much less as the legs of all can follow.",
 )
 @click.option(
     "--supports",
@@ -161,8 +162,13 @@ def _convert(setup: SceneSetup, folder: Path, overwrite: bool, report: bool) -> 
         for warning in one.warnings:
             say(f"warning: {path.name}: {warning}", err=True)
         say(f"{path.name}: {summary_line(one, seconds)}")
+    for line in _too_long(result, setup.names):
+        say(f"warning: {line}", err=True)
     for line in _together(result, setup.names):
         say(line)
+    if result.sweeps > 1:
+        moved = f"what touches moved by at most {_percent(result)} % of a leg"
+        say(f"solved in {result.sweeps} sweeps; in the last, {moved}")
 
 
 def _make_folder(folder: Path) -> None:
@@ -176,6 +182,20 @@ def _together(result: SceneResult, names: Sequence[str]) -> Iterator[str]:
     """A line for each two that may touch: how near what touches is, in the source, copied, and in the result."""
     for (i, j), across in result.across.items():
         yield f"{names[i]} and {names[j]}: {_gaps(across, result.results[i].matching.leg_lengths[0] or 1.0)}"
+
+
+def _too_long(result: SceneResult, names: Sequence[str]) -> Iterator[str]:
+    """A line for each performer whose legs cannot follow in this world."""
+    for name, strides in zip(names, result.strides, strict=False):
+        if strides.factor > strides.longest:
+            yield (
+                f"{name}: with a world scale of {result.world_scale:.3g} its strides are {strides.factor:.2f} times as "
+                f"long as its legs make them, and they reach {strides.longest:.2f} times; choose a smaller --world-scale"
+            )
+
+
+def _percent(result: SceneResult) -> str:
+    return f"{200 * result.moved:.1f}"  # a body unit is twice the leg's length
 
 
 def _gaps(across: Across, leg: float) -> str:
