@@ -58,16 +58,16 @@ def test_a_prop_stays_in_the_hand_that_holds_it():
 
 
 def test_a_thing_that_nobody_holds_stands_still_in_its_own_size():
-    points = np.array([[40.0, 0.0, 60.0], [60.0, 0.0, 60.0], [50.0, 30.0, 60.0]])
-    box = Thing(name="box", motion=standing_thing("box", points), scale=1.0)
+    box = Thing(name="box", motion=standing_thing("box", np.array([[40, 0, 60], [60, 0, 60], [50, 30, 60]])), scale=1.0)
+    points = box.motion.positions[0]
     done = retarget_scene([drummer()], [child()], [box])
     (thing,) = done.things
     assert len(thing.motion) == len(drummer())
     assert np.ptp(thing.motion.positions, axis=0).max() == 0
     scale = done.world_scale
-    middle = box.motion.positions[0].mean(axis=0)
+    middle = points.mean(axis=0)
     expected = points - middle + middle * [scale, 1.0, scale]
-    np.testing.assert_allclose(thing.motion.positions[0, 1:], expected, atol=1e-9)
+    np.testing.assert_allclose(thing.motion.positions[0], expected, atol=1e-9)
 
 
 def test_a_scene_with_a_thing_that_is_turned_has_the_same_result():

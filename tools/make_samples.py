@@ -13,12 +13,11 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
 from sample_body import SKELETON
 from sample_motions import CLIPS
 from sample_partners import SampleScene
 from sample_supported import SUPPORTED
-from sample_things import SCENES
+from sample_things import SCENES, obj_text
 
 from distretarget.io.bvh_writer import write_bvh
 from distretarget.io.skeleton_json import FORMAT, VERSION
@@ -74,7 +73,7 @@ def write_scene(folder: Path, scene: SampleScene) -> None:
     for thing in scene.things:
         file = f"{thing.name}.{'obj' if len(thing.motion) == 1 else 'bvh'}"
         if file.endswith("obj"):
-            (folder / file).write_text(_obj(thing.motion.positions[0, 1:]), encoding="utf-8", newline="\n")
+            (folder / file).write_text(obj_text(thing.motion.positions[0]), encoding="utf-8", newline="\n")
         else:
             write_bvh(folder / file, thing.motion, overwrite=True)
         held_by = [{"performer": names[grip.performer], "joint": grip.joint} for grip in thing.held_by]
@@ -83,11 +82,6 @@ def write_scene(folder: Path, scene: SampleScene) -> None:
     document = {"format": SCENE_FORMAT, "version": VERSION, "performers": performers}
     text = json.dumps(document | ({"things": things} if things else {}), indent=2)
     (folder / "scene.json").write_text(f"{text}\n", encoding="utf-8", newline="\n")
-
-
-def _obj(points: np.ndarray) -> str:
-    """The text of an OBJ file with these vertices, (points, 3)."""
-    return "".join(f"v {x:.6f} {y:.6f} {z:.6f}\n" for x, y, z in points)
 
 
 def write_samples(folder: Path) -> None:

@@ -13,6 +13,7 @@ from sample_partners import NEAREST, Reach, SampleScene, contact, performer
 from sample_tracks import Track, bump, clock, columns, cosine, held
 from scipy.spatial.transform import Rotation
 
+from distretarget.io.obj import parse_obj
 from distretarget.motion import Motion, rigid_motion
 from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
 from distretarget.thing import Grip, Thing
@@ -105,7 +106,12 @@ def drum_on_table() -> SampleScene:
 
 def standing_thing(name: str, points: np.ndarray) -> Motion:
     """A thing that stands still, with these points, (points, 3) [cm]."""
-    return _thing(name, points, np.zeros((1, 3)), Rotation.identity(1))
+    return parse_obj(obj_text(points), f"{name}.obj")
+
+
+def obj_text(points: np.ndarray) -> str:
+    """The text of an OBJ file with these vertices, (points, 3)."""
+    return "".join(f"v {x:.6f} {y:.6f} {z:.6f}\n" for x, y, z in points)
 
 
 def _thing(name: str, points: np.ndarray, path: Track, turn: Rotation) -> Motion:

@@ -190,7 +190,7 @@ def _too_long(result: SceneResult, names: Sequence[str]) -> Iterator[str]:
         if strides.factor > strides.longest:
             yield (
                 f"{name}: with a world scale of {result.world_scale:.3g} its strides are {strides.factor:.2f} times as "
-                f"long as its legs make them, and they reach {strides.longest:.2f} times; choose a smaller --world-scale"
+                f"long as its legs make them; these reach {strides.longest:.2f} times: choose a smaller --world-scale"
             )
 
 
