@@ -76,7 +76,7 @@ class SceneResult:
         across: for each two of them, performers counted before things, how well they keep touching; things among each
             other are left out.
         sweeps: how many times all performers were solved.
-        moved: how far a joint that touches moved at most in the last sweep [body units].
+        off: how far what touches is on average from where it belongs, after the last sweep [body units].
     """
 
     results: tuple[RetargetResult, ...]
@@ -85,7 +85,7 @@ class SceneResult:
     strides: tuple[Strides, ...]
     across: dict[tuple[int, int], Across]
     sweeps: int
-    moved: float
+    off: float
 
 
 def retarget_scene(
@@ -104,9 +104,9 @@ def retarget_scene(
     """Retarget several performers who share a world, and keep together what touches between them.
 
     The world has one scale along the floor, so that they meet; each performer has its own upwards, so that each stands
-    on the floor. Joints of two performers that come near each other are drawn to their common middle, joints that come
-    near a thing to their place on it. Each performer is solved by itself, all of them twice; their order does not
-    matter.
+    on the floor. Joints of two performers that come near each other are drawn to each other, joints that come near a
+    thing to their place on it. Each performer is solved by itself, all of them again until what touches is where it
+    belongs; their order does not matter.
 
     Args:
         sources: the performers' motions, in one world, frame by frame.
@@ -156,7 +156,7 @@ def retarget_scene(
         strides=tuple(Strides(level / height, most) for height, most in zip(heights, longest, strict=True)),
         across=_across(together, results, solved.placements, level),
         sweeps=solved.sweeps,
-        moved=solved.moved,
+        off=solved.off,
     )
 
 

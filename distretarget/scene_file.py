@@ -17,6 +17,7 @@ from distretarget.thing import Grip, ThingScale
 
 FORMAT = "distretarget-scene"
 VERSION = 1
+SCENE_NAME = "scene.json"  # of scenes in a folder of scenes
 HEADER_KEYS = ("format", "version")
 OPTION_KEYS = ("things", "world_scale", "supports", "scene", "cut", "resample")
 

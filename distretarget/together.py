@@ -20,16 +20,16 @@ from distretarget.solve.rigid_parts import posed_motion
 from distretarget.solve.springs import Springs, joined, no_springs
 from distretarget.solve.supports import Supports
 from distretarget.solve.things import LEVER, Held, Placement, Touched, find_touched, held_placement, turn_of
-from distretarget.solve.touching import Points, Touching, find_touching, touching_springs
+from distretarget.solve.touching import NOTHING, Points, Touching, find_touching, touching_springs
 
 Array = NDArray[np.float64]
 Joints = NDArray[np.intp]
 Grips = Mapping[int, tuple[int, ...]]
 """The joints of targets that hold a thing, by the numbers of their performers."""
 
-REGION_POINTS = 6  # most joints of a region that may touch others
-LOOSER = 30.0  # times the tolerance of the last sweep is enough for those before it
-SWEEPS = 2  # all performers are solved so many times; more change the gaps by a few percent
+REGION_POINTS = 12  # most joints of a region that may touch others
+MOST_SWEEPS = 3  # all performers are solved at most so many times
+SETTLED = 0.015  # what touches is nearer than this to where it belongs, on average [body units]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,13 +62,6 @@ class Together:
     things: tuple[PlacedThing, ...]
     touching: Mapping[tuple[int, int], Touching]
     touched: Mapping[tuple[int, int], Touched]
-
-    @property
-    def anything_touches(self) -> bool:
-        """Whether anything draws a performer to another or to a thing."""
-        return any(len(pairs.frames) for pairs in self.touching.values()) or any(
-            len(touched.joints) for touched in self.touched.values()
-        )
 
     def placement(self, thing: int, now: Sequence[Motion]) -> Placement:
         """Where a thing is while the performers are where they are now."""
@@ -131,31 +124,33 @@ class Solved:
         poses: one for each performer.
         placements: one for each thing.
         sweeps: how many times all performers were solved.
-        moved: how far a joint that touches moved at most in the last sweep [body units].
+        off: how far what touches is on average from where it belongs [body units].
     """
 
     poses: list[Poses]
     placements: list[Placement]
     sweeps: int
-    moved: float
+    off: float
 
 
 def solve_together(together: Together, mapper: Mapper, progress: Callable[[int], object]) -> Solved:
-    """Solve all performers, each by itself, as often as `SWEEPS` says; only once where nothing touches."""
+    """Solve all performers, each by itself, until what touches is where it belongs, or `MOST_SWEEPS` times."""
     now = [_on_path(one) for one in together.performers]
     starts = [one.problem.start for one in together.performers]
-    sweeps = SWEEPS if together.anything_touches else 1
-    for sweep in range(1, sweeps + 1):
+    springs = together.springs(now)
+    for sweep in range(1, MOST_SWEEPS + 1):
         progress(sweep)
-        springs = together.springs(now)
         poses = [
-            _solve(one, more, start, 1.0 if sweep == sweeps else LOOSER, mapper)
+            _solve(one, more, start, mapper)
             for one, more, start in zip(together.performers, springs, starts, strict=True)
         ]
         starts = [pose.v for pose in poses]
-        before, now = now, [_posed(one, pose) for one, pose in zip(together.performers, poses, strict=True)]
-    moved = max(map(_moved, together.performers, springs, before, now))
-    return Solved(poses, [together.placement(thing, now) for thing in range(len(together.things))], sweeps, moved)
+        now = [_posed(one, pose) for one, pose in zip(together.performers, poses, strict=True)]
+        springs = together.springs(now)
+        off = max(map(_off, together.performers, springs, now))
+        if off < SETTLED:
+            break
+    return Solved(poses, [together.placement(thing, now) for thing in range(len(together.things))], sweep, off)
 
 
 def _touching(one: Prepared, other: Prepared) -> Touching:
@@ -224,11 +219,9 @@ def _with_supports(one: Prepared, supports: Supports) -> Prepared:
     return replace(one, supports=supports, shown=supports if len(one.shown.joints) else one.shown)
 
 
-def _solve(one: Prepared, springs: Springs, start: Array, looser: float, mapper: Mapper) -> Poses:
-    """The poses of a performer from a start, with a tolerance that is `looser` times that of its settings."""
-    settings = replace(one.settings, tolerance=looser * one.settings.tolerance)
+def _solve(one: Prepared, springs: Springs, start: Array, mapper: Mapper) -> Poses:
     problem, supports = replace(one.problem, start=start), replace(one.supports, touching=springs)
-    return solve_contact(problem, supports, settings, mapper=mapper)
+    return solve_contact(problem, supports, one.settings, mapper=mapper)
 
 
 def _on_path(one: Prepared) -> Motion:
@@ -242,8 +235,8 @@ def _posed(one: Prepared, poses: Poses) -> Motion:
     return posed_motion(one.copy, poses.v, one.problem.parts, one.problem.root + poses.v[:, -1])
 
 
-def _moved(one: Prepared, springs: Springs, before: Motion, now: Motion) -> float:
-    """How far a joint that touches moved at most [body units]."""
-    firm = np.trace(springs.A, axis1=-2, axis2=-1) > 1.0
-    ways = now.positions[:, springs.a] - before.positions[:, springs.a]
-    return float(np.where(firm, np.linalg.norm(ways, axis=-1) / one.problem.unit, 0.0).max(initial=0.0))
+def _off(one: Prepared, springs: Springs, now: Motion) -> float:
+    """How far joints that touch are from their places [body units], the mean by stiffness; 0 where nothing touches."""
+    ways = np.linalg.norm(now.positions[:, springs.a] / one.problem.unit - springs.rest, axis=-1)
+    weights = np.trace(springs.A, axis1=-2, axis2=-1)
+    return float((weights * ways).sum() / max(weights.sum(), NOTHING))

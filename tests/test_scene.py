@@ -69,6 +69,11 @@ def test_the_gaps_of_the_scene_are_measured():
     assert across.result < 2 * across.source < across.rotation_copy
 
 
+def test_one_sweep_is_enough_where_arms_can_reach_and_the_rest_is_told():
+    assert duet().sweeps == 1
+    assert 0 < duet().off < 0.015
+
+
 def test_both_stand_on_the_floor():
     for result in duet().results:
         figures = result.figures["result"]

@@ -20,11 +20,9 @@ from distretarget.performer import Held
 from distretarget.report.together import scene_page
 from distretarget.run_summary import summary_line
 from distretarget.scene import SceneResult
-from distretarget.scene_file import load_scene
+from distretarget.scene_file import SCENE_NAME, load_scene
 from distretarget.scene_setup import Cast, SceneSetup
 from distretarget.solve.resting_joints import Scene
-
-SCENE_NAME = "scene.json"  # of scenes in a folder of scenes
 
 
 @click.command("scene")
@@ -166,9 +164,9 @@ def _convert(setup: SceneSetup, folder: Path, overwrite: bool, report: bool) -> 
         say(f"warning: {line}", err=True)
     for line in _together(result, setup.names):
         say(line)
-    if result.sweeps > 1:
-        moved = f"what touches moved by at most {_percent(result)} % of a leg"
-        say(f"solved in {result.sweeps} sweeps; in the last, {moved}")
+    if any(across.frames for across in result.across.values()):
+        off = 200.0 * result.off  # a body unit is twice the leg's length
+        say(f"sweeps: {result.sweeps}; what touches is {off:.1f} % of a leg off its place on average")
 
 
 def _make_folder(folder: Path) -> None:
@@ -192,10 +190,6 @@ def _too_long(result: SceneResult, names: Sequence[str]) -> Iterator[str]:
                 f"{name}: with a world scale of {result.world_scale:.3g} its strides are {strides.factor:.2f} times as "
                 f"long as its legs make them; these reach {strides.longest:.2f} times: choose a smaller --world-scale"
             )
-
-
-def _percent(result: SceneResult) -> str:
-    return f"{200 * result.moved:.1f}"  # a body unit is twice the leg's length
 
 
 def _gaps(across: Across, leg: float) -> str:
