@@ -214,6 +214,8 @@ def _placed(
             raise SettingsError(f"{thing.name!r} is held by performer {grip.performer}; there are {len(performers)}")
         matching = performers[grip.performer].matching
         driven = np.flatnonzero(matching.drivers == matching.source.skeleton.index(grip.joint))
+        if not len(driven):
+            raise SettingsError(f"{thing.name!r} is held by {grip.joint!r}, which drives no joint of the target")
         grips[grip.performer] = (*grips.get(grip.performer, ()), *driven[:1].tolist())
     up, scale = performers[0].matching.source.up_vector, _scale_of(thing, level, heights)
     return PlacedThing(motion.positions, free_placement(motion.positions, scale, level, up), grips)

@@ -11,7 +11,8 @@ from distretarget import Motion, read_bvh, retarget
 from distretarget.baseline.world import turned
 from distretarget.errors import MapError, MatchingError, MotionError
 from distretarget.io.target_file import load_full_target
-from distretarget.measure.diff import diff, resampled
+from distretarget.alignment import resampled
+from distretarget.measure.diff import diff
 from distretarget.measure.points import points_of
 
 LEG = 0.435 + 0.453

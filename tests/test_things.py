@@ -89,9 +89,10 @@ def test_things_that_cannot_be_are_refused():
         ({"scale": 3}, SettingsError, "scale of performer 3"),
         ({"held_by": (Grip(2, "RightWrist"),)}, SettingsError, "held by performer 2"),
         ({"held_by": (Grip(0, "RightWrst"),)}, SkeletonError, "RightWrist"),
+        ({"held_by": (Grip(0, "Stick"),)}, SettingsError, "drives no joint"),
     ):
         with pytest.raises(error, match=words):
-            retarget_scene([drummer()], [child()], [replace(thing, **wrong)])
+            retarget_scene([with_stick(drummer())], [child()], [replace(thing, **wrong)])
     for scale in (0.0, -1.0, "big"):
         with pytest.raises(SettingsError, match="the scale of 'box'"):
             replace(thing, scale=scale)
