@@ -27,7 +27,7 @@ Joints = NDArray[np.intp]
 Grips = Mapping[int, tuple[int, ...]]
 """The joints of targets that hold a thing, by the numbers of their performers."""
 
-REGION_POINTS = 12  # most joints of a region that may touch others
+REGION_POINTS = 9  # most joints of a region that may touch others
 MOST_SWEEPS = 3  # all performers are solved at most so many times
 SETTLED = 0.015  # what touches is nearer than this to where it belongs, on average [body units]
 
