@@ -170,19 +170,17 @@ def _pose_problem(matching: Matching, copy: Motion, root: Array) -> PoseProblem:
     source, body = matching.source_motion, matching.target
     distances = distance_problem(matching.source.skeleton, body.skeleton, matching.drivers)
     roots = rigid_part_roots(matching)
-    parts = part_of_joint(body.skeleton, roots)
     return PoseProblem(
         skeleton=body.skeleton,
         legs=body.legs,
         unit=body.unit,
         roots=roots,
-        parts=parts,
+        parts=part_of_joint(body.skeleton, roots),
         distances=distances,
         regions=matching.regions,
         source=source.positions,
         copy=copy.positions,
         root=root,
-        start=np.zeros((len(copy), int(parts.max()) + 2, 3)),
         frame_time=source.frame_time,
     )
 

@@ -136,15 +136,10 @@ class Solved:
 def solve_together(together: Together, mapper: Mapper, progress: Callable[[int], object]) -> Solved:
     """Solve all performers, each by itself, until what touches is where it belongs, or `MOST_SWEEPS` times."""
     now = [_on_path(one) for one in together.performers]
-    starts = [one.problem.start for one in together.performers]
     springs = together.springs(now)
     for sweep in range(1, MOST_SWEEPS + 1):
         progress(sweep)
-        poses = [
-            _solve(one, more, start, mapper)
-            for one, more, start in zip(together.performers, springs, starts, strict=True)
-        ]
-        starts = [pose.v for pose in poses]
+        poses = [_solve(one, more, mapper) for one, more in zip(together.performers, springs, strict=True)]
         now = [_posed(one, pose) for one, pose in zip(together.performers, poses, strict=True)]
         springs = together.springs(now)
         off = max(map(_off, together.performers, springs, now))
@@ -219,9 +214,8 @@ def _with_supports(one: Prepared, supports: Supports) -> Prepared:
     return replace(one, supports=supports, shown=supports if len(one.shown.joints) else one.shown)
 
 
-def _solve(one: Prepared, springs: Springs, start: Array, mapper: Mapper) -> Poses:
-    problem, supports = replace(one.problem, start=start), replace(one.supports, touching=springs)
-    return solve_contact(problem, supports, one.settings, mapper=mapper)
+def _solve(one: Prepared, springs: Springs, mapper: Mapper) -> Poses:
+    return solve_contact(one.problem, replace(one.supports, touching=springs), one.settings, mapper=mapper)
 
 
 def _on_path(one: Prepared) -> Motion:

@@ -64,7 +64,6 @@ class Solved:
             source=source,
             copy=copy,
             root=copy[:, 0],
-            start=np.zeros((frames, self.parts.max() + 2, 3)),
             frame_time=self.source.frame_time,
         )
 

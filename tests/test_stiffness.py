@@ -27,7 +27,6 @@ def test_stiffness_grows_with_what_a_part_carries_and_feet_are_stiff():
         source=PERSON.rest_positions[None],
         copy=PERSON.rest_positions[None],
         root=np.zeros((1, 3)),
-        start=np.zeros((1, len(PERSON) + 1, 3)),
         frame_time=1.0,
     )
     stiffness = part_stiffness(problem, SETTINGS)

@@ -34,7 +34,7 @@ from distretarget.solve.jumps import smooth_jumps
 from distretarget.solve.pose_solver import Frame, compile_pose_solver, solver_arrays, warm_starts
 from distretarget.solve.poses import PoseProblem, Poses
 from distretarget.solve.settings import ContactSettings
-from distretarget.solve.spg import Effort, copy_to, record
+from distretarget.solve.spg import Effort, record
 from distretarget.solve.springs import Springs, joined, spring_energy
 from distretarget.solve.stiffness import part_stiffness
 from distretarget.solve.support_springs import support_springs
@@ -69,7 +69,6 @@ def _solve_frames(problem: PoseProblem, supports: Supports, frames: slice, setti
     pairs = candidate_pairs(distances, problem.regions, problem.legs, unit, settings.least_path)
     source, copy = problem.source[:, distances.sources], problem.copy[:, distances.targets] / unit
     bones, root = problem.bones / unit, problem.root / unit
-    start = problem.start / np.append(np.ones(len(stiffness) - 1), unit)[:, None]
     lead = settings.lead / problem.frame_time
     count = frames.stop - frames.start
     v = np.zeros((count, len(stiffness), 3))
@@ -81,7 +80,7 @@ def _solve_frames(problem: PoseProblem, supports: Supports, frames: slice, setti
         held = support_springs(supports[block], body, bones[block], unit, settings.support_stiffness)
         springs = joined(joined(near, held), supports.touching.of_frames(block))
         floor = supports.floor.of_frames(block)
-        _solve(body, bones[block], root[block], start[block], springs, floor, settings.tolerance, v, solved.start, log)
+        _solve(body, bones[block], root[block], springs, floor, settings.tolerance, v, solved.start, log)
     v[:, -1] *= unit
     return Poses(v, Effort.from_log(log))
 
@@ -107,16 +106,15 @@ _solve_pose = compile_pose_solver(_energy, _like_springs)
 
 
 @compiled()
-def _solve(body, bones, root, given, springs, floor, tolerance, v, first, log):  # type: ignore[no-untyped-def]
+def _solve(body, bones, root, springs, floor, tolerance, v, first, log):  # type: ignore[no-untyped-def]
     """Solve a block of frames, whose first is frame `first` of `v` and `log`, the arrays written.
 
-    Each frame starts from the best of: the pose given for it, the pose before, the two poses before continued.
+    Each frame starts from the best of: the copy, the pose before, the two poses before continued.
     """
     scratch, unknowns, starts = solver_arrays(body)
     for t in range(len(bones)):
         at = first + t
         count = min(at, 2) + 1
-        copy_to(starts[0], given[t])
         warm_starts(v, at, starts)
         frame = Frame(bones[t], root[t])
         terms = Terms(

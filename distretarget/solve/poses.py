@@ -31,7 +31,6 @@ class PoseProblem:
         source: (frames, source joints, 3), positions [source file units].
         copy: (frames, joints, 3), positions of the rotation copy [target file units].
         root: (frames, 3), the path the root keeps to [target file units].
-        start: (frames, parts + 1, 3), poses to start from, as in `Poses`; zero for the copy.
         frame_time: [s].
     """
 
@@ -45,15 +44,13 @@ class PoseProblem:
     source: Array
     copy: Array
     root: Array
-    start: Array
     frame_time: float
 
     def __len__(self) -> int:
         return len(self.copy)
 
     def __getitem__(self, frames: slice) -> PoseProblem:
-        of_frames = {name: getattr(self, name)[frames] for name in ("source", "copy", "root", "start")}
-        return replace(self, **of_frames)
+        return replace(self, source=self.source[frames], copy=self.copy[frames], root=self.root[frames])
 
     def raised(self, by: Array) -> PoseProblem:
         """The same clip with the path of the root displaced by vectors (frames, 3) [target file units]."""
