@@ -11,7 +11,7 @@ from distretarget.errors import closest
 from distretarget.io.files import read_text
 from distretarget.io.json_node import Node, parse_json
 from distretarget.performer import Held
-from distretarget.scene_setup import Cast, Property, SceneSetup
+from distretarget.scene_setup import PerformerFiles, SceneSetup, ThingFiles
 from distretarget.solve.resting_joints import Scene
 from distretarget.thing import Grip, ThingScale
 
@@ -44,7 +44,7 @@ def parse_scene(text: str, path: str | Path) -> SceneSetup:
     if not performers:
         fields["performers"].expected("at least one performer")
     names = [each.name for each in performers]
-    things = tuple(_property(node, folder, names) for node in fields["things"].items()) if "things" in fields else ()
+    things = tuple(_thing(node, folder, names) for node in fields["things"].items()) if "things" in fields else ()
     _check_names(fields, [*names, *(thing.name for thing in things)])
     return SceneSetup(
         performers=performers,
@@ -57,10 +57,10 @@ def parse_scene(text: str, path: str | Path) -> SceneSetup:
     )
 
 
-def _performer(node: Node, folder: Path) -> Cast:
+def _performer(node: Node, folder: Path) -> PerformerFiles:
     fields = node.fields(("source", "target"), ("name", "map", "start"))
     source = folder / fields["source"].text()
-    return Cast(
+    return PerformerFiles(
         name=_name(fields["name"]) if "name" in fields else source.stem,
         source=source,
         target=folder / fields["target"].text(),
@@ -69,12 +69,12 @@ def _performer(node: Node, folder: Path) -> Cast:
     )
 
 
-def _property(node: Node, folder: Path, performers: Sequence[str]) -> Property:
+def _thing(node: Node, folder: Path, performers: Sequence[str]) -> ThingFiles:
     fields = node.fields(("name",), ("file", "prop", "scale", "held_by", "start"))
     if ("file" in fields) == ("prop" in fields):
         node.fail('expected either "file" or "prop"')
     held_by = fields["held_by"].items() if "held_by" in fields else []
-    return Property(
+    return ThingFiles(
         name=_name(fields["name"]),
         origin=folder / fields["file"].text() if "file" in fields else _grip(fields["prop"], performers),
         scale=_scale(fields["scale"], performers) if "scale" in fields else "world",

@@ -21,8 +21,8 @@ from distretarget.thing import Grip, Thing, ThingScale, prop_of
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cast:
-    """A performer of a scene.
+class PerformerFiles:
+    """A performer of a scene, by files.
 
     Attributes:
         name: of the performer, and of its result.
@@ -40,8 +40,8 @@ class Cast:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Property:
-    """A thing of a scene.
+class ThingFiles:
+    """A thing of a scene, by files.
 
     Attributes:
         name: of the thing, and of its result.
@@ -62,16 +62,16 @@ class Property:
         """The file of its own, if it has one."""
         return self.origin if isinstance(self.origin, Path) else None
 
-    def made(self, files: Mapping[Path, Motion], sources: Sequence[Motion]) -> Thing:
-        """Return the thing, given the motions of files, and those of the performers.
+    def made(self, own: Mapping[str, Motion], sources: Sequence[Motion]) -> Thing:
+        """Return the thing, given the motions of things with a file of their own, by name, and those of the performers.
 
         A prop is held by the joint that it hangs on, unless something else is said to hold it.
         """
         if isinstance(self.origin, Path):
-            return Thing(name=self.name, motion=files[self.origin], scale=self.scale, held_by=self.held_by)
+            return Thing(name=self.name, motion=own[self.name], scale=self.scale, held_by=self.held_by)
         source, joint = sources[self.origin.performer], self.origin.joint
-        parent = source.skeleton.keys[source.skeleton.parents[source.skeleton.index(joint)]]
-        held_by = self.held_by or (Grip(self.origin.performer, parent),)
+        above = source.skeleton.line(source.skeleton.index(joint))[1:2]
+        held_by = self.held_by or tuple(Grip(self.origin.performer, source.skeleton.keys[each]) for each in above)
         return Thing(name=self.name, motion=prop_of(source, joint), scale=self.scale, held_by=held_by)
 
 
@@ -86,8 +86,8 @@ class SceneSetup:
         resample: give all clips the frame time of the first.
     """
 
-    performers: tuple[Cast, ...]
-    things: tuple[Property, ...] = ()
+    performers: tuple[PerformerFiles, ...]
+    things: tuple[ThingFiles, ...] = ()
     world_scale: float | None = None
     supports: Held = "hold"
     scene: Scene = "body"
@@ -113,7 +113,7 @@ class SceneSetup:
         """
         clips = self._clips()
         sources = clips[: len(self.performers)]
-        own = dict(zip(self._own_files(), clips[len(sources) :], strict=True))
+        own = dict(zip((thing.name for thing in self.things if thing.file), clips[len(sources) :], strict=True))
         targets, maps = [], []
         for performer, source in zip(self.performers, sources, strict=True):
             target = load_target(performer.target).for_source(source.rigid_skeleton)

@@ -115,6 +115,19 @@ def test_the_command_converts_a_scene_and_a_folder_of_scenes(tmp_path):
     assert (tmp_path / "all" / "staff" / "staff.bvh").read_bytes() == (tmp_path / "one" / "staff.bvh").read_bytes()
 
 
+def test_a_prop_in_a_performers_file_is_held_by_the_joint_above_it(tmp_path):
+    source = SAMPLES / "scenes" / "staff" / "performer.bvh"
+    document = {
+        **HEAD,
+        "performers": [{"source": str(source), "target": str(SAMPLES / "child.json")}],
+        "things": [{"name": "hand", "prop": {"performer": "performer", "joint": "RightWrist"}}],
+    }
+    setup = load_scene(written(tmp_path, document))
+    thing = setup.things[0].made({}, [read_bvh(source)])
+    assert thing.held_by == (Grip(0, "RightElbow"),)
+    assert thing.motion.skeleton.names[0] == "RightWrist"
+
+
 def test_one_performer_has_the_very_bytes_of_retarget(tmp_path):
     source, child = SAMPLES / "walk.bvh", SAMPLES / "child.json"
     document = {**HEAD, "performers": [{"source": str(source), "target": str(child)}]}

@@ -21,7 +21,7 @@ from distretarget.report.together import scene_page
 from distretarget.run_summary import summary_line
 from distretarget.scene import SceneResult
 from distretarget.scene_file import SCENE_NAME, load_scene
-from distretarget.scene_setup import Cast, SceneSetup
+from distretarget.scene_setup import PerformerFiles, SceneSetup
 from distretarget.solve.resting_joints import Scene
 
 
@@ -129,7 +129,7 @@ def _setup(sources: Sequence[Path], targets: Sequence[Path], options: dict[str, 
             )
     bodies, times = (given * len(sources) if len(given) == 1 else given for given in (tuple(targets), starts))
     cast = tuple(
-        Cast(name=source.stem, source=source, target=target, start=start)
+        PerformerFiles(name=source.stem, source=source, target=target, start=start)
         for source, target, start in zip(sources, bodies, times, strict=True)
     )
     return SceneSetup(
