@@ -28,8 +28,8 @@ Grips = Mapping[int, tuple[int, ...]]
 """The joints of targets that hold a thing, by the numbers of their performers."""
 
 REGION_POINTS = 9  # most joints of a region that may touch others
-MOST_SWEEPS = 3  # all performers are solved at most so many times
-SETTLED = 0.015  # what touches is nearer than this to where it belongs, on average [body units]
+MOST_SWEEPS = 2  # all performers are solved at most so many times
+SETTLED = 0.02  # what touches is nearer than this to where it belongs, on average [body units]
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +134,7 @@ class Solved:
 
 
 def solve_together(together: Together, mapper: Mapper, progress: Callable[[int], object]) -> Solved:
-    """Solve all performers, each by itself, until what touches is where it belongs, or `MOST_SWEEPS` times."""
+    """Solve all performers, each by itself, until what touches is where it belongs, at most `MOST_SWEEPS` times."""
     now = [_on_path(one) for one in together.performers]
     springs = together.springs(now)
     for sweep in range(1, MOST_SWEEPS + 1):
