@@ -105,8 +105,8 @@ def retarget_scene(
 
     The world has one scale along the floor, so that they meet; each performer has its own upwards, so that each stands
     on the floor. Joints of two performers that come near each other are drawn to each other, joints that come near a
-    thing to their place on it. Each performer is solved by itself, all of them once more if what touches is not where it
-    belongs; their order does not matter.
+    thing to their place on it. Each performer is solved by itself, all of them once more if what touches is not in its
+    place; their order does not matter.
 
     Args:
         sources: the performers' motions, in one world, frame by frame.
