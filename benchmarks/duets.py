@@ -17,9 +17,9 @@ import numpy as np
 from edits import TARGETS, edited
 from tables import insert
 
-from distretarget import Motion, RetargetResult, read_bvh, retarget, retarget_scene
+from distretarget import Motion, RetargetResult, SceneResult, read_bvh, retarget, retarget_scene
 from distretarget.batch.compile_ahead import warm
-from distretarget.measure.across import measure_across
+from distretarget.measure.across import body_side, measure_across
 
 PAIRS = (("its own", "child"), ("H", "its own"), ("H", "child"))  # bodies of lead and follower
 
@@ -38,27 +38,23 @@ def rows(duets: Path) -> Iterator[str]:
         motions = take(duets, number)
         for names in PAIRS:
             bodies = [edited(m.rigid_skeleton, TARGETS.get(name, {})) for m, name in zip(motions, names, strict=True)]
-            began = time.perf_counter()
+            began = time.process_time()
             alone = [retarget(motion, body) for motion, body in zip(motions, bodies, strict=True)]
-            middle = time.perf_counter()
+            middle = time.process_time()
             scene = retarget_scene(motions, bodies)
-            seconds = middle - began, time.perf_counter() - middle
+            seconds = middle - began, time.process_time() - middle
             across, scale = scene.across[0, 1], scene.world_scale
-            one, other = alone
-            apart = measure_across(
-                (one.matching, other.matching),
-                (one.rotation_copy, other.rotation_copy),
-                (one.motion, other.motion),
-                float(np.mean([result.root_scale for result in alone])),
-            ).result
-            leg = one.matching.leg_lengths[0] / 100.0
+            sides = [body_side(result.matching, result.rotation_copy, result.motion) for result in alone]
+            apart = measure_across(*sides, float(np.mean([result.root_scale for result in alone]))).result
+            leg = alone[0].matching.leg_lengths[0] / 100.0
             gaps = [gap / leg for gap in (across.source, across.rotation_copy, apart, across.result)]
             yield (
                 f"| {number}, {names[0]} and {names[1]} | {across.frames} | "
                 f"{' / '.join(f'{gap:.1f}' for gap in gaps)} | {scale * across.result / across.source:.2f} | "
-                f"{_both(scene.results, 'slide', 3)} ({_source(scene.results)}) | "
+                f"{_both(scene.results, 'slide', 3)} ({_strides(scene)}) | "
                 f"{_both(scene.results, 'foot_height', 2)} | {_jerks(scene.results)} | "
-                f"{_both(scene.results, 'turn', 1)} | {_both(scene.results, 'unsolved', 0)} | "
+                f"{_both(scene.results, 'turn', 1)} | {_both(scene.results, 'snap', 0)} | "
+                f"{_both(scene.results, 'unsolved', 0)} | "
                 f"{seconds[0] / seconds[1]:.2f} |"
             )
 
@@ -67,8 +63,11 @@ def _both(results: tuple[RetargetResult, ...], key: str, decimals: int) -> str:
     return " / ".join(f"{result.figures['result'][key] or 0.0:.{decimals}f}" for result in results)
 
 
-def _source(results: tuple[RetargetResult, ...]) -> str:
-    return " / ".join(f"{result.figures['source']['slide'] or 0.0:.3f}" for result in results)
+def _strides(scene: SceneResult) -> str:
+    """The slide of the source's feet, in the strides that the world's scale asks of each body."""
+    return " / ".join(
+        f"{(one.figures['source']['slide'] or 0.0) * scene.world_scale / one.root_scale:.3f}" for one in scene.results
+    )
 
 
 def _jerks(results: tuple[RetargetResult, ...]) -> str:
@@ -87,12 +86,13 @@ def main() -> None:
         "frames that touch",
         "gap, % of leg: source / rotation copy / each alone / scene",
         "gap in the world, scene over source",
-        "slide of feet (source)",
+        "slide of feet (source, strides as in this world)",
         "foot height, % of leg",
         "jerk / copy's",
         "turn, degrees",
+        "snaps",
         "unsolved",
-        "speed against each alone",
+        "speed against each alone, processor time",
     ]
     table = f"| {' | '.join(columns)} |\n{'|---' * len(columns)}|\n" + "".join(
         f"{row}\n" for row in rows(arguments.duets)

@@ -38,11 +38,14 @@ from distretarget.report.report import write_report
 from distretarget.result import RetargetResult
 from distretarget.retargeting import retarget
 from distretarget.run_summary import RunFiguresDocument
-from distretarget.scene import SceneResult, retarget_scene
+from distretarget.scene import SceneResult, ThingResult, retarget_scene
+from distretarget.scene_file import load_scene
+from distretarget.scene_setup import SceneSetup
 from distretarget.skeleton import Skeleton
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.spg import Effort
 from distretarget.solve.supports import Supports
+from distretarget.thing import Grip, Thing, prop_of
 
 __all__ = [
     "FIGURES",
@@ -59,6 +62,7 @@ __all__ = [
     "Effort",
     "Figure",
     "FileError",
+    "Grip",
     "ManifestRecord",
     "MapError",
     "Matching",
@@ -71,6 +75,7 @@ __all__ = [
     "RetargetResult",
     "RunFiguresDocument",
     "SceneResult",
+    "SceneSetup",
     "SettingsError",
     "Skeleton",
     "SkeletonEdit",
@@ -79,13 +84,17 @@ __all__ = [
     "Supports",
     "Tally",
     "Target",
+    "Thing",
+    "ThingResult",
     "World",
     "convert_folder",
     "diff",
     "forward_kinematics",
     "from_bvhio",
+    "load_scene",
     "load_target",
     "match",
+    "prop_of",
     "read_bvh",
     "retarget",
     "retarget_scene",

@@ -1,37 +1,68 @@
-"""Several performers in one world: each on another body, and what touches between them goes on touching."""
+"""Several performers, and things, in one world: each on another body, and what touches goes on touching."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from itertools import combinations
+from dataclasses import dataclass
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
+from distretarget.alignment import same_time
 from distretarget.baseline.root import RootScale, find_root_scale
+from distretarget.baseline.strides import longest_strides
+from distretarget.baseline.world import turned
 from distretarget.errors import MotionError, SettingsError
 from distretarget.io.target import SkeletonEdit, Target
-from distretarget.measure.across import Across, measure_across
+from distretarget.matching.pairing import JointMap
+from distretarget.measure.across import Across, Side, body_side, measure_across
 from distretarget.motion import Motion
-from distretarget.numerics.vectors import lengths
-from distretarget.performer import Held, Prepared, matched_performer, with_supports
+from distretarget.numerics.threads import in_threads
+from distretarget.performer import Held, Performer, matched_performer, with_supports
 from distretarget.result import RetargetResult
 from distretarget.skeleton import Skeleton
 from distretarget.solve.chunks import Mapper
-from distretarget.solve.contact import solve_contact
-from distretarget.solve.poses import Poses
 from distretarget.solve.resting_joints import Scene
-from distretarget.solve.rigid_parts import posed_motion
 from distretarget.solve.settings import ContactSettings
-from distretarget.solve.springs import Springs, joined, no_springs
-from distretarget.solve.touching import Points, Touching, find_touching, touching_springs
+from distretarget.solve.things import Placement, free_placement
+from distretarget.thing import Thing
+from distretarget.together import PlacedThing, Together, brought_together, solve_together
 
 Array = NDArray[np.float64]
 
-SWEEPS = 2  # all performers are solved so many times; more change the gaps by a few percent
 SAME_UNITS = 5.0  # root scales that differ by more than this are those of files in different units
-SAME_TIME = 1e-6  # largest difference between two frame times [of the frame time]
+
+
+@dataclass(frozen=True, eq=False)
+class ThingResult:
+    """A thing among the retargeted performers.
+
+    Attributes:
+        name: what it is called.
+        motion: where it is, in its own size.
+        source: where it was in the source, in the target's axes.
+        scale: target units per source unit of its size.
+    """
+
+    name: str
+    motion: Motion
+    source: Motion
+    scale: float
+
+
+@dataclass(frozen=True)
+class Strides:
+    """How long the strides of a performer are, against what its legs alone would make of the source's.
+
+    Attributes:
+        factor: in the scene's world.
+        longest: that its legs can reach.
+    """
+
+    factor: float
+    longest: float
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -40,41 +71,51 @@ class SceneResult:
 
     Attributes:
         results: one for each performer, in their order.
+        things: one for each thing, in their order.
         world_scale: target units per source unit along the floor.
-        across: for each two performers, by their numbers, how well they keep touching.
+        strides: of each performer, in this world.
+        across: for each two of them, performers counted before things, how well they keep touching; things among each
+            other are left out.
         sweeps: how many times all performers were solved.
-        moved: how far a joint that touches moved at most in the last sweep [body units].
+        off: how far what touches is on average from where it belongs, after the last sweep [body units].
     """
 
     results: tuple[RetargetResult, ...]
+    things: tuple[ThingResult, ...]
     world_scale: float
+    strides: tuple[Strides, ...]
     across: dict[tuple[int, int], Across]
     sweeps: int
-    moved: float
+    off: float
 
 
 def retarget_scene(
     sources: Sequence[Motion],
     targets: Sequence[Motion | Skeleton | Target | SkeletonEdit],
+    things: Sequence[Thing] = (),
     *,
+    joint_maps: Sequence[JointMap | None] | None = None,
     world_scale: float | None = None,
     supports: Held = "hold",
     scene: Scene = "body",
     settings: ContactSettings | None = None,
-    mapper: Mapper = map,
+    mapper: Mapper = in_threads,
     progress: Callable[[int], object] = lambda _sweep: None,
 ) -> SceneResult:
     """Retarget several performers who share a world, and keep together what touches between them.
 
     The world has one scale along the floor, so that they meet; each performer has its own upwards, so that each stands
-    on the floor. Joints of two performers that come near each other are drawn to their common middle. Each performer
-    is solved by itself, all of them twice; their order does not matter.
+    on the floor. Joints of two performers that come near each other are drawn to each other, joints that come near a
+    thing to their place on it. Each performer is solved by itself, all of them once more if what touches is not in its
+    place; their order does not matter.
 
     Args:
         sources: the performers' motions, in one world, frame by frame.
         targets: a body for each; for its kinds see `retarget`.
-        world_scale: target units per source unit along the floor; the mean of the performers' ratios of leg lengths if
-            not given.
+        things: what else is in their world, such as chairs, tables and props.
+        joint_maps: for each performer as in `retarget`.
+        world_scale: target units per source unit along the floor; if not given, the mean of the performers' ratios of
+            leg lengths, or as much less as the legs of all can follow.
         supports: as in `retarget`.
         scene: as in `retarget`.
         settings: as in `retarget`.
@@ -82,152 +123,155 @@ def retarget_scene(
         progress: called with the number of each sweep as it begins, from 1.
 
     Raises:
-        SettingsError: there is not a target for each source, or the world's scale is not above 0.
+        SettingsError: there is not a target or map for each source, the world's scale is not above 0, or a thing has
+            the scale of no performer or is held by none.
         MotionError: the sources differ in frames or frame times, or targets are in different units.
         MatchingError: a source and its target cannot be matched.
+        SkeletonError: a thing is held by a joint that its performer does not have.
     """
-    if not sources or len(sources) != len(targets):
-        raise SettingsError(f"{len(sources)} sources and {len(targets)} targets; expected a target for each source")
-    if world_scale is not None and not world_scale > 0:
-        raise SettingsError(f"world_scale is {world_scale}; expected a number above 0")
-    _check_times(sources)
-    first = matched_performer(sources[0], targets[0])
-    performers = [
-        first,
-        *(
-            matched_performer(source, goal, source_up=first.world.source_up, target_up=first.world.up)
-            for source, goal in zip(sources[1:], targets[1:], strict=True)
-        ),
-    ]
+    maps = [None] * len(sources) if joint_maps is None else joint_maps
+    _check_arguments(sources, targets, maps, world_scale)
+    _check_times(sources, things)
+    performers = _matched(sources, targets, maps)
     heights = [find_root_scale(performer.matching) for performer in performers]
     _check_units(heights)
-    level = float(np.mean(heights)) if world_scale is None else world_scale
+    longest = [longest_strides(performer.matching) for performer in performers]
+    level = world_scale or _level(heights, longest)
     prepared = [
         with_supports(performer.prepared(RootScale(level, height)), supports, scene, settings or ContactSettings())
         for performer, height in zip(performers, heights, strict=True)
     ]
-    touching = {(i, j): _touching(prepared[i], prepared[j]) for i, j in combinations(range(len(prepared)), 2)}
-    prepared = [_yielding(one, _activations(number, touching)) for number, one in enumerate(prepared)]
-    poses, sweeps, moved = _solved(prepared, touching, mapper, progress)
-    results = tuple(one.result(pose) for one, pose in zip(prepared, poses, strict=True))
-    return SceneResult(results=results, world_scale=level, across=_across(results, level), sweeps=sweeps, moved=moved)
-
-
-def _solved(
-    prepared: Sequence[Prepared],
-    touching: dict[tuple[int, int], Touching],
-    mapper: Mapper,
-    progress: Callable[[int], object],
-) -> tuple[list[Poses], int, float]:
-    """The poses of all performers, the number of sweeps, and how far a joint that touches moved in the last."""
-    now = [one.problem.copy_on_path for one in prepared]
-    for sweep in range(1, SWEEPS + 1):
-        progress(sweep)
-        springs = _springs(prepared, touching, now)
-        poses = [_solve(one, more, mapper) for one, more in zip(prepared, springs, strict=True)]
-        before, now = now, [_positions(one, pose) for one, pose in zip(prepared, poses, strict=True)]
-        moved = max(
-            (_moved(one, more, x, y) for one, more, x, y in zip(prepared, springs, before, now, strict=True)),
-            default=0.0,
-        )
-        if not any(len(more.a) for more in springs):
-            break
-    return poses, sweep, moved
-
-
-def _touching(one: Prepared, other: Prepared) -> Touching:
-    scale = RootScale(one.scale.level, (one.scale.height + other.scale.height) / 2.0)
-    up = one.performer.matching.source.up_vector
-    return find_touching(
-        _points(one), _points(other), scale.places(np.eye(3), up).T, one.problem.frame_time, one.settings
+    motions = [_in_target_axes(thing.motion, performers[0], len(sources[0])) for thing in things]
+    placed = [_placed(thing, motion, performers, level, heights) for thing, motion in zip(things, motions, strict=True)]
+    together = brought_together(prepared, placed)
+    solved = solve_together(together, mapper, progress)
+    results = tuple(one.result(pose) for one, pose in zip(together.performers, solved.poses, strict=True))
+    moved = tuple(
+        ThingResult(thing.name, _moved(motion, place), motion, place.scale)
+        for thing, motion, place in zip(things, motions, solved.placements, strict=True)
+    )
+    return SceneResult(
+        results=results,
+        things=moved,
+        world_scale=level,
+        strides=tuple(Strides(level / height, most) for height, most in zip(heights, longest, strict=True)),
+        across=_across(together, results, solved.placements, level),
+        sweeps=solved.sweeps,
+        off=solved.off,
     )
 
 
-def _activations(number: int, touching: dict[tuple[int, int], Touching]) -> list[tuple[Touching, NDArray[np.intp]]]:
-    """What a performer touches, with its own joints there."""
-    return [(pairs, pairs.joints[both.index(number)]) for both, pairs in touching.items() if number in both]
-
-
-def _yielding(one: Prepared, touches: list[tuple[Touching, NDArray[np.intp]]]) -> Prepared:
-    """The same, but what stands still off the floor and touches another performer rests on nothing: it goes where the
-    two meet.
-    """
-    supports, matching = one.supports, one.performer.matching
-    up, reach = matching.source.up_vector, one.settings.rest_height * matching.leg_lengths[1]
-    floor = one.scale.height * (matching.source_motion.positions @ up).min(axis=1, keepdims=True)
-    regions = matching.regions.of_joint
-    touched = np.zeros((len(one.problem), len(matching.regions.names)))
-    for pairs, joints in touches:
-        np.maximum.at(touched, (pairs.frames, regions[joints]), pairs.f)
-    yields = np.where(supports.places @ up - floor > 2.0 * reach, touched[:, supports.regions], 0.0)
-    yields[:, : supports.feet] = 0.0
-    return replace(one, supports=replace(supports, weights=supports.weights * (1.0 - yields)))
-
-
-def _points(one: Prepared) -> Points:
-    """The joints of a performer's body."""
-    matching, distances = one.performer.matching, one.problem.distances
-    flesh = matching.regions.of_joint[distances.targets] >= 0
-    sources = distances.sources[flesh]
-    reach = matching.source.skeleton.path_lengths[matching.drivers[matching.pelvis]][sources]
-    return Points(distances.targets[flesh], matching.source_motion.positions[:, sources], reach)
-
-
-def _springs(
-    prepared: Sequence[Prepared], touching: dict[tuple[int, int], Touching], now: Sequence[Array]
-) -> list[Springs]:
-    """The springs that draw each performer to the others."""
-    springs = [no_springs(len(one.problem)) for one in prepared]
-    for (i, j), pairs in touching.items():
-        copies = prepared[i].problem.copy_on_path, prepared[j].problem.copy_on_path
-        units = prepared[i].problem.unit, prepared[j].problem.unit
-        both = touching_springs(pairs, copies, (now[i], now[j]), units, prepared[i].settings.direction_range)
-        for number, more in zip((i, j), both, strict=True):
-            springs[number] = joined(springs[number], more)
-    return springs
-
-
-def _solve(one: Prepared, springs: Springs, mapper: Mapper) -> Poses:
-    supports = replace(one.supports, touching=springs)
-    return solve_contact(one.problem, supports, one.settings, mapper=mapper)
-
-
-def _positions(one: Prepared, poses: Poses) -> Array:
-    """(frames, joints, 3), where the joints are [target file units]."""
-    root = one.problem.root + poses.v[:, -1]
-    return posed_motion(one.copy, poses.v, one.problem.parts, root).positions
-
-
-def _moved(one: Prepared, springs: Springs, before: Array, now: Array) -> float:
-    """How far a joint that touches moved at most [body units]."""
-    firm = np.trace(springs.A, axis1=-2, axis2=-1) > 1.0
-    ways = lengths(now[:, springs.a] - before[:, springs.a]) / one.problem.unit
-    return float(np.where(firm, ways, 0.0).max(initial=0.0))
-
-
-def _across(results: Sequence[RetargetResult], level: float) -> dict[tuple[int, int], Across]:
-    return {
-        (i, j): measure_across(
-            (results[i].matching, results[j].matching),
-            (results[i].rotation_copy, results[j].rotation_copy),
-            (results[i].motion, results[j].motion),
-            level,
+def _check_arguments(
+    sources: Sequence[Motion],
+    targets: Sequence[Motion | Skeleton | Target | SkeletonEdit],
+    maps: Sequence[JointMap | None],
+    world_scale: float | None,
+) -> None:
+    if not sources or len(sources) != len(targets) or len(maps) != len(sources):
+        raise SettingsError(
+            f"{len(sources)} sources, {len(targets)} targets and {len(maps)} maps; expected one for each source"
         )
-        for i, j in combinations(range(len(results)), 2)
-    }
+    if world_scale is not None and not world_scale > 0:
+        raise SettingsError(f"world_scale is {world_scale}; expected a number above 0")
 
 
-def _check_times(sources: Sequence[Motion]) -> None:
+def _level(heights: Sequence[float], longest: Sequence[float]) -> float:
+    """The scale of the world along the floor in which all can follow."""
+    if len(heights) == 1:
+        return heights[0]
+    followed = [height * most for height, most in zip(heights, longest, strict=True)]
+    return min(float(np.mean(heights)), *followed)
+
+
+def _matched(
+    sources: Sequence[Motion],
+    targets: Sequence[Motion | Skeleton | Target | SkeletonEdit],
+    maps: Sequence[JointMap | None],
+) -> list[Performer]:
+    """The performers, all in the axes of the first."""
+    first = matched_performer(sources[0], targets[0], joint_map=maps[0])
+    up, target_up = first.world.source_up, first.world.up
+    others = [
+        matched_performer(source, goal, joint_map=pairs, source_up=up, target_up=target_up)
+        for source, goal, pairs in zip(sources[1:], targets[1:], maps[1:], strict=True)
+    ]
+    return [first, *others]
+
+
+def _in_target_axes(motion: Motion, first: Performer, frames: int) -> Motion:
+    """A thing's motion in the target's axes, with a frame for each of the scene's."""
+    motion = turned(motion, first.world.source_up, first.world.up)
+    time = first.matching.source_motion.frame_time_text
+    every = np.minimum(np.arange(frames), len(motion) - 1)
+    return Motion(motion.skeleton, motion.translations[every], motion.rotations[every], time)
+
+
+def _placed(
+    thing: Thing, motion: Motion, performers: Sequence[Performer], level: float, heights: Sequence[float]
+) -> PlacedThing:
+    grips: dict[int, tuple[int, ...]] = {}
+    for grip in thing.held_by:
+        if not 0 <= grip.performer < len(performers):
+            raise SettingsError(f"{thing.name!r} is held by performer {grip.performer}; there are {len(performers)}")
+        matching = performers[grip.performer].matching
+        driven = np.flatnonzero(matching.drivers == matching.source.skeleton.index(grip.joint))
+        if not len(driven):
+            raise SettingsError(f"{thing.name!r} is held by {grip.joint!r}, which drives no joint of the target")
+        grips[grip.performer] = (*grips.get(grip.performer, ()), *driven[:1].tolist())
+    up, scale = performers[0].matching.source.up_vector, _scale_of(thing, level, heights)
+    return PlacedThing(motion.positions, free_placement(motion.positions, scale, level, up), grips)
+
+
+def _scale_of(thing: Thing, level: float, heights: Sequence[float]) -> float:
+    match thing.scale:
+        case float():
+            return thing.scale
+        case int():
+            if not 0 <= thing.scale < len(heights):
+                raise SettingsError(
+                    f"{thing.name!r} has the scale of performer {thing.scale}; there are {len(heights)}"
+                )
+            return heights[thing.scale]
+        case _:
+            return level
+
+
+def _moved(motion: Motion, placement: Placement) -> Motion:
+    """A thing's motion where its placement takes it."""
+    turn = Rotation.from_matrix(placement.turn)
+    translations, rotations = placement.scale * motion.translations, np.array(motion.rotations)
+    translations[:, 0] = placement(motion.positions[:, :1])[:, 0]
+    rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
+    skeleton = motion.skeleton.with_offsets(placement.scale * motion.skeleton.offsets)
+    return Motion(skeleton, translations, rotations, motion.frame_time_text)
+
+
+def _across(
+    together: Together, results: Sequence[RetargetResult], placements: Sequence[Placement], level: float
+) -> dict[tuple[int, int], Across]:
+    """How well each two keep touching, performers before things."""
+    bodies = [body_side(each.matching, each.rotation_copy, each.motion) for each in results]
+    copies = [each.rotation_copy for each in results]
+    across = {(i, j): measure_across(bodies[i], bodies[j], level) for i, j in combinations(range(len(bodies)), 2)}
+    for i, (k, place) in product(range(len(bodies)), enumerate(placements)):
+        points = together.things[k].points
+        thing = Side(points, together.placement(k, copies)(points), place(points), bodies[i].leg)
+        across[i, len(bodies) + k] = measure_across(bodies[i], thing, place.scale)
+    return across
+
+
+def _check_times(sources: Sequence[Motion], things: Sequence[Thing]) -> None:
     frames, time = len(sources[0]), sources[0].frame_time
-    for number, source in enumerate(sources):
-        if len(source) != frames:
+    everything = [(f"performer {number + 1}", source) for number, source in enumerate(sources)]
+    everything += [(repr(thing.name), thing.motion) for thing in things if len(thing.motion) != 1]
+    for name, motion in everything:
+        if len(motion) != frames:
             raise MotionError(
-                f"performer {number + 1} has {len(source)} frames and performer 1 has {frames}; cut them to the same "
-                "frames"
+                f"{name} has {len(motion)} frames and performer 1 has {frames}; cut them to the same frames"
             )
-        if abs(source.frame_time - time) > SAME_TIME * time:
+        if not same_time(time, motion.frame_time):
             raise MotionError(
-                f"performer {number + 1} has a frame time of {source.frame_time:g} s and performer 1 of {time:g} s; "
+                f"{name} has a frame time of {motion.frame_time:g} s and performer 1 of {time:g} s; "
                 "resample one of them"
             )
 

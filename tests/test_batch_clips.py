@@ -129,3 +129,10 @@ def test_pipes_that_would_never_end_are_not_opened(tmp_path):
         (),
         [f"{tmp_path / 'pipe.bvh'}: is not a regular file"],
     )
+
+
+def test_folders_of_scenes_are_left_out(tmp_path):
+    for name in ("alone.bvh", "duet/lead.bvh", "duet/scene.json"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    assert [clip.place.as_posix() for clip in find_clips([tmp_path]).clips] == ["alone.bvh"]

@@ -12,7 +12,11 @@ from distretarget.report.page import SCRIPTS
 
 FOLDER = Path(distretarget.report.__file__).parent
 TEMPLATE, STYLE = ((FOLDER / name).read_text("utf-8") for name in ("template.html", "style.css"))
-SOURCES = {path.name: path.read_text("utf-8") for path in sorted(FOLDER.glob("*.js")) if path.name != "index.js"}
+SOURCES = {
+    path.name: path.read_text("utf-8")
+    for path in sorted(FOLDER.glob("*.js"))
+    if path.name not in ("index.js", "together.js")
+}
 SCRIPT = "\n".join(SOURCES[name] for name in SCRIPTS)
 CODE = re.sub(r"/\*.*?\*/|^\s*//[^\n]*", "", SCRIPT, flags=re.DOTALL | re.MULTILINE)  # without comments
 IDS = set(re.findall(r'\bid="([\w-]+)"', TEMPLATE))

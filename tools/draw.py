@@ -295,6 +295,36 @@ def draw_strip(
     write_picture(scenes, titles, labels, path, camera=camera)
 
 
+def draw_together(
+    columns: Sequence[tuple[str, Sequence[Motion]]], frame: int, path: str | Path, *, view: str = "three-quarter"
+) -> None:
+    """Draw one frame of several scenes side by side, each of motions in one world with Y up, all in the same scale."""
+    camera = Camera(*VIEWS[view])
+    size = max(body_height(motions[0].skeleton) for _, motions in columns)
+    scenes = []
+    for _, motions in columns:
+        points = [motion.positions[frame] / size for motion in motions]
+        everything = np.concatenate(points)
+        ground = np.array([*(everything.min(axis=0) + everything.max(axis=0)) / 2.0]) * (1, 0, 1)
+        scenes.append(
+            [Cell(motion.skeleton, x - ground, ground, 1.0) for motion, x in zip(motions, points, strict=True)]
+        )
+    screen = np.concatenate([camera(cell.points)[0] for scene in scenes for cell in scene])
+    left, low = screen.min(axis=0) - MARGIN
+    right, high = screen.max(axis=0) + MARGIN
+    low, pitch = min(low, -DEPTH * camera.slope - MARGIN[0]), right - left
+    figure = Figure((pitch * len(columns) * INCHES_PER_HEIGHT, (high - low) * INCHES_PER_HEIGHT), dpi=150)
+    ax = figure.add_axes((0, 0, 1, 1))
+    ax.set(xlim=(left, left + pitch * len(columns)), ylim=(low, high))
+    ax.axis("off")
+    _draw_floor(ax, camera, np.zeros(3))
+    for number, ((label, _), scene) in enumerate(zip(columns, scenes, strict=True)):
+        for cell in scene:
+            _draw_figure(ax, cell, camera, number * pitch)
+        ax.text(left + (number + 0.5) * pitch, low + 0.03, label, ha="center", color=LABEL, fontsize=8)
+    figure.savefig(path, facecolor="white")
+
+
 def write_picture(
     scenes: Sequence[Sequence[Cell]],
     titles: Sequence[str],

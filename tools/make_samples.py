@@ -15,11 +15,14 @@ from pathlib import Path
 
 from sample_body import SKELETON
 from sample_motions import CLIPS
+from sample_partners import SampleScene
 from sample_supported import SUPPORTED
+from sample_things import SCENES, obj_text
 
 from distretarget.io.bvh_writer import write_bvh
 from distretarget.io.skeleton_json import FORMAT, VERSION
 from distretarget.io.skeleton_writer import skeleton_to_json
+from distretarget.scene_file import FORMAT as SCENE_FORMAT
 from distretarget.skeleton import Skeleton
 
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"
@@ -60,15 +63,38 @@ def reshaped(skeleton: Skeleton, factors: Mapping[str, float]) -> Skeleton:
     return skeleton.with_offsets(offsets.round(6))
 
 
+def write_scene(folder: Path, scene: SampleScene) -> None:
+    """Write a scene into a folder: clips, things, and `scene.json`, with the child as the target of all."""
+    folder.mkdir(parents=True, exist_ok=True)
+    names = list(scene.performers)
+    for name, motion in scene.performers.items():
+        write_bvh(folder / f"{name}.bvh", motion, overwrite=True)
+    things = []
+    for thing in scene.things:
+        file = f"{thing.name}.{'obj' if len(thing.motion) == 1 else 'bvh'}"
+        if file.endswith("obj"):
+            (folder / file).write_text(obj_text(thing.motion.positions[0]), encoding="utf-8", newline="\n")
+        else:
+            write_bvh(folder / file, thing.motion, overwrite=True)
+        held_by = [{"performer": names[grip.performer], "joint": grip.joint} for grip in thing.held_by]
+        things.append({"name": thing.name, "file": file} | ({"held_by": held_by} if held_by else {}))
+    performers = [{"source": f"{name}.bvh", "target": "../../child.json"} for name in names]
+    document = {"format": SCENE_FORMAT, "version": VERSION, "performers": performers}
+    text = json.dumps(document | ({"things": things} if things else {}), indent=2)
+    (folder / "scene.json").write_text(f"{text}\n", encoding="utf-8", newline="\n")
+
+
 def write_samples(folder: Path) -> None:
-    """Write all clips and targets into a folder, the clips with known supports into its folder `supports`; replace
-    files of the same names.
+    """Write all clips and targets into a folder, the clips with known supports into its folder `supports`, the
+    scenes into `scenes`; replace files of the same names.
     """
     (folder / "supports").mkdir(parents=True, exist_ok=True)
     for name, clip in CLIPS.items():
         write_bvh(folder / f"{name}.bvh", clip(), overwrite=True)
     for name, sample in SUPPORTED.items():
         write_bvh(folder / "supports" / f"{name}.bvh", sample().motion, overwrite=True)
+    for name, scene in SCENES.items():
+        write_scene(folder / "scenes" / name, scene())
     texts = {name: skeleton_to_json(reshaped(SKELETON, factors), name) for name, factors in BODIES.items()}
     for name, factors in EDITS.items():
         document = {"format": FORMAT, "version": VERSION, "name": name, "factors": factors}

@@ -11,6 +11,7 @@ from pathlib import Path, PurePath
 
 from distretarget.errors import FileError
 from distretarget.io.files import is_folder, reason_of
+from distretarget.scene_file import SCENE_NAME
 
 SUFFIX = ".bvh"
 WILDCARDS = frozenset("*?[")
@@ -45,9 +46,9 @@ def find_clips(
     """Find the clips in files and folders.
 
     Results keep the tree of a folder; with several sources, each folder's tree goes below the folder's name. In
-    folders, files named *.bvh are clips, unless their name or that of a folder on their path begins with a dot. Links
-    are followed, but not in circles. The results of files in `sources` go to the top, those of `listed` files to their
-    places below the deepest folder that contains them all.
+    folders, files named *.bvh are clips, unless their name or that of a folder on their path begins with a dot. Folders
+    of scenes, which have a scene.json, are left out. Links are followed, but not in circles. The results of files in
+    `sources` go to the top, those of `listed` files to their places below the deepest folder that contains them all.
 
     `include` and `exclude` are shell patterns for the names of files in folders, or for their paths in the folder.
     Patterns that end in / or have no wildcards match names and paths of folders as well.
@@ -111,6 +112,8 @@ def _files_below(
             inside = sorted((entry for entry in entries if not entry.name.startswith(".")), key=lambda one: one.name)
     except OSError as error:
         unread.append(FileError(folder / place, reason_of(error)))
+        return
+    if any(entry.name == SCENE_NAME for entry in inside):
         return
     for entry in inside:
         try:

@@ -5,24 +5,24 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from distretarget.batch.compile_ahead import warm
 from distretarget.cli.options import SCENE_OPTION, SUPPORTS_OPTION
 from distretarget.cli.outputs import OVERWRITE_OPTION, check_outputs, say
 from distretarget.cli.parameters import positive
-from distretarget.errors import MotionError
-from distretarget.io.bvh import read_bvh
+from distretarget.errors import FileError
 from distretarget.io.bvh_writer import format_bvh
-from distretarget.io.files import make_folder, write_whole
-from distretarget.io.target_file import load_target
+from distretarget.io.files import is_folder, make_folder, write_whole
 from distretarget.measure.across import Across
-from distretarget.motion import Motion
-from distretarget.performer import Held
+from distretarget.report.together import scene_page
 from distretarget.run_summary import summary_line
-from distretarget.scene import SceneResult, retarget_scene
-from distretarget.solve.resting_joints import Scene
+from distretarget.scene import SceneResult
+from distretarget.scene_file import SCENE_NAME, load_scene
+from distretarget.scene_setup import PerformerFiles, SceneSetup
 
 
 @click.command("scene")
@@ -32,7 +32,6 @@ from distretarget.solve.resting_joints import Scene
     "--target",
     "targets",
     multiple=True,
-    required=True,
     type=click.Path(path_type=Path),
     help="The body of a performer, a skeleton file or any BVH file: once for all, or once for each, in their order.",
 )
@@ -40,79 +39,147 @@ from distretarget.solve.resting_joints import Scene
     "-o", "--output", required=True, type=click.Path(path_type=Path), help="The folder to write to, a file for each."
 )
 @OVERWRITE_OPTION
+@click.option(
+    "--report",
+    is_flag=True,
+    help="Write report.html to the folder, too: all performers and things in one player, with lines between what "
+    "touches.",
+)
 @click.option("--cut", is_flag=True, help="Cut all clips to the frames of the shortest.")
+@click.option("--resample", is_flag=True, help="Give all clips the frame time of the first.")
+@click.option(
+    "--start",
+    "starts",
+    multiple=True,
+    type=click.FloatRange(min=0.0),
+    metavar="SECONDS",
+    help="The time left out at the beginning of a clip: once for all, or once for each, in their order. Default: 0.",
+)
 @click.option(
     "--world-scale",
     type=positive,
     metavar="NUMBER",
-    help="Target units per source unit along the floor. Default: the mean of the performers' ratios of leg lengths.",
+    help="Target units per source unit along the floor. Default: the mean of the performers' ratios of leg lengths, "
+    "or as much less as the legs of all can follow.",
 )
 @SUPPORTS_OPTION
 @SCENE_OPTION
 def scene_command(
-    sources: tuple[Path, ...],
-    targets: tuple[Path, ...],
-    output: Path,
-    overwrite: bool,
-    cut: bool,
-    world_scale: float | None,
-    supports: Held,
-    scene: Scene,
+    sources: tuple[Path, ...], targets: tuple[Path, ...], output: Path, overwrite: bool, report: bool, **options: Any
 ) -> None:
     """Retarget performers who share a world.
 
     SOURCES are their BVH files, which belong together frame for frame. Each performer gets a body; hands that hold each
-    other do so on the other bodies, too. The results have the names of the sources.
+    other do so on the other bodies, too. The results have the names of the sources. A single SCENE.json says all of
+    that, and which things the performers touch; of a folder, every scene.json below it is converted, each to the folder
+    of OUTPUT that it has there.
 
     \b
     distretarget scene lead.bvh follow.bvh -t hero.json -t child.json -o duet
+    distretarget scene staff.json -o staff
+    distretarget scene sample_bvh/scenes -o scenes
     """  # noqa: D301
-    outputs = [output / f"{source.stem}.bvh" for source in sources]
-    if len(targets) not in (1, len(sources)):
-        raise click.UsageError(
-            f"{len(targets)} targets for {len(sources)} performers; give one for all, or one for each, in their order."
-        )
-    make_folder(output)
-    check_outputs(outputs, [*sources, *targets], overwrite)
+    if not targets:
+        _check_alone(sources, options)
+        setups = list(_setups(sources[0], output))
+    else:
+        setups = [(_setup(sources, targets, options), output)]
     warm("contact")
+    for setup, folder in setups:
+        _convert(setup, folder, overwrite, report)
+
+
+def _check_alone(sources: tuple[Path, ...], options: dict[str, Any]) -> None:
+    """Check that what comes without targets is one scene file or folder, which has all options in it."""
+    if len(sources) > 1 or sources[0].suffix.lower() == ".bvh":
+        raise click.UsageError("Missing option '-t' / '--target', or name one SCENE.json.")
+    context = click.get_current_context()
+    given = [name for name in options if context.get_parameter_source(name) is ParameterSource.COMMANDLINE]
+    if given:
+        raise click.UsageError(f"--{given[0].rstrip('s').replace('_', '-')} belongs into the scene file.")
+
+
+def _setups(path: Path, output: Path) -> Iterator[tuple[SceneSetup, Path]]:
+    """The scene in a file, or all scenes in a folder, with the folders to write to."""
+    if not is_folder(path):
+        yield load_scene(path), output
+        return
+    found = sorted(path.rglob(SCENE_NAME))
+    if not found:
+        raise FileError(path, f"has no {SCENE_NAME} in it or below")
+    for file in found:
+        yield load_scene(file), output / file.parent.relative_to(path)
+
+
+def _setup(sources: Sequence[Path], targets: Sequence[Path], options: dict[str, Any]) -> SceneSetup:
+    """The scene that the command line describes."""
+    starts = options["starts"] or (0.0,)
+    for given, what in ((targets, "targets"), (starts, "starts")):
+        if len(given) not in (1, len(sources)):
+            raise click.UsageError(
+                f"{len(given)} {what} for {len(sources)} performers; give one for all, or one for each, in their order."
+            )
+    bodies, times = (given * len(sources) if len(given) == 1 else given for given in (tuple(targets), starts))
+    cast = tuple(
+        PerformerFiles(name=source.stem, source=source, target=target, start=start)
+        for source, target, start in zip(sources, bodies, times, strict=True)
+    )
+    return SceneSetup(
+        performers=cast,
+        world_scale=options["world_scale"],
+        supports=options["supports"],
+        scene=options["scene"],
+        cut=options["cut"],
+        resample=options["resample"],
+    )
+
+
+def _convert(setup: SceneSetup, folder: Path, overwrite: bool, report: bool) -> None:
+    """Retarget a scene into a folder, and print what came of it."""
+    outputs = [folder / f"{name}.bvh" for name in setup.names]
+    page = folder / "report.html"
+    make_folder(folder)
+    check_outputs([*outputs, page if report else None], setup.inputs, overwrite)
     began = time.perf_counter()
-    motions = _motions(sources, cut)
-    bodies = [load_target(target) for target in (targets * len(sources) if len(targets) == 1 else targets)]
-    try:
-        result = retarget_scene(motions, bodies, world_scale=world_scale, supports=supports, scene=scene)
-    except MotionError as error:
-        raise error.in_file(sources[0]) from None
-    texts = [format_bvh(one.motion) for one in result.results]
+    result = setup.retargeted()
+    motions = [one.motion for one in result.results] + [thing.motion for thing in result.things]
+    texts = [format_bvh(motion) for motion in motions]
     seconds = time.perf_counter() - began
-    for path, text in zip(outputs, texts, strict=True):
+    written = dict(zip(outputs, texts, strict=True)) | ({page: scene_page(result, setup.names)} if report else {})
+    for path, text in written.items():
         write_whole(path, text, overwrite=overwrite)
-    for source, one in zip(sources, result.results, strict=True):
+    for path, one in zip(outputs, result.results, strict=False):
         for warning in one.warnings:
-            say(f"warning: {source.name}: {warning}", err=True)
-        say(f"{source.name}: {summary_line(one, seconds)}")
-    for line in _together(result, sources):
+            say(f"warning: {path.name}: {warning}", err=True)
+        say(f"{path.name}: {summary_line(one, seconds)}")
+    for line in _too_long(result, setup.names):
+        say(f"warning: {line}", err=True)
+    for line in _together(result, setup.names):
         say(line)
+    if any(across.frames for across in result.across.values()):
+        off = 200.0 * result.off  # a body unit is twice the leg's length
+        say(f"sweeps: {result.sweeps}; what touches is {off:.1f} % of a leg off its place on average")
 
 
-def _motions(sources: Sequence[Path], cut: bool) -> list[Motion]:
-    motions = [read_bvh(source) for source in sources]
-    if not cut:
-        return motions
-    frames = min(len(motion) for motion in motions)
-    return [motion[:frames] for motion in motions]
-
-
-def _together(result: SceneResult, sources: Sequence[Path]) -> Iterator[str]:
-    """A line for each two performers: how near what touches is, in the source, copied, and in the result."""
+def _together(result: SceneResult, names: Sequence[str]) -> Iterator[str]:
+    """A line for each two that may touch: how near what touches is, in the source, copied, and in the result."""
     for (i, j), across in result.across.items():
-        names = f"{sources[i].name} and {sources[j].name}"
-        yield f"{names}: {_gaps(across, result)}"
+        yield f"{names[i]} and {names[j]}: {_gaps(across, result.results[i].matching.leg_lengths[0] or 1.0)}"
 
 
-def _gaps(across: Across, result: SceneResult) -> str:
+def _too_long(result: SceneResult, names: Sequence[str]) -> Iterator[str]:
+    """A line for each performer whose legs cannot follow in this world."""
+    for name, strides in zip(names, result.strides, strict=False):
+        if strides.factor > strides.longest:
+            yield (
+                f"{name}: with a world scale of {result.world_scale:.3g} its strides are {strides.factor:.2f} times as "
+                f"long as its legs make them; these reach {strides.longest:.2f} times: choose a smaller --world-scale"
+            )
+
+
+def _gaps(across: Across, leg: float) -> str:
     if not across.frames:
         return "nothing touches between them in the source"
-    leg = result.results[0].matching.leg_lengths[0] or 1.0
     source, copy, now = (100 * gap / leg for gap in (across.source, across.rotation_copy, across.result))
     return (
         f"what touches between them in {across.frames} frames is {now:.1f} % of a leg apart "

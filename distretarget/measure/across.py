@@ -1,4 +1,4 @@
-"""How well two performers keep touching each other."""
+"""How well two performers, or a performer and a thing, keep touching each other."""
 
 from __future__ import annotations
 
@@ -9,20 +9,21 @@ from numpy.typing import NDArray
 
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
+from distretarget.numerics.vectors import lengths
 
 Array = NDArray[np.float64]
 
-NEAR = 0.07  # joints of two performers touch where they are nearer than this in the source [leg lengths]
+NEAR = 0.07  # points of two sides touch where they are nearer than this in the source [leg lengths]
 BLOCK = 256  # frames measured at once
 
 
 @dataclass(frozen=True)
 class Across:
-    """The gaps between joints of two performers that touch in the source, in units of the source's world.
+    """The gaps between points of two sides that touch in the source, in units of the source's world.
 
     Attributes:
         frames: in how many frames anything touches.
-        source, rotation_copy, result: mean gap over all pairs of joints that touch and all frames in which they do
+        source, rotation_copy, result: mean gap over all pairs of points that touch and all frames in which they do
             [source file units]; nan where nothing touches.
     """
 
@@ -32,23 +33,39 @@ class Across:
     result: float
 
 
-def measure_across(
-    matchings: tuple[Matching, Matching],
-    copies: tuple[Motion, Motion],
-    results: tuple[Motion, Motion],
-    scale: float,
-) -> Across:
-    """Measure the gaps between two performers; `scale` is in target units per source unit along the floor."""
-    joints = [np.flatnonzero((each.drivers >= 0) & (each.regions.of_joint >= 0)) for each in matchings]
-    sources = [each.source_motion.positions[:, each.drivers[j]] for each, j in zip(matchings, joints, strict=True)]
-    near = NEAR * np.mean([each.leg_lengths[0] for each in matchings])
-    sides = [sources]
-    for pair in (copies, results):
-        sides.append([each.positions[:, j] / scale for each, j in zip(pair, joints, strict=True)])
+@dataclass(frozen=True, eq=False)
+class Side:
+    """The points of a performer or a thing, in the source, the rotation copy and the result.
+
+    Attributes:
+        source, rotation_copy, result: (frames, points, 3) each [file units].
+        leg: length of a leg in the source, of the performer who touches a thing [source file units].
+    """
+
+    source: Array
+    rotation_copy: Array
+    result: Array
+    leg: float
+
+
+def body_side(matching: Matching, copy: Motion, result: Motion) -> Side:
+    """Return the points of a performer: all driven joints of its body."""
+    joints = np.flatnonzero((matching.drivers >= 0) & (matching.regions.of_joint >= 0))
+    source = matching.source_motion.positions[:, matching.drivers[joints]]
+    return Side(source, copy.positions[:, joints], result.positions[:, joints], matching.leg_lengths[0])
+
+
+def measure_across(one: Side, other: Side, scale: float) -> Across:
+    """Measure the gaps between two sides; `scale` is in target units per source unit."""
+    near = NEAR * (one.leg + other.leg) / 2.0
+    sides = [
+        (one.source, other.source),
+        *((a / scale, b / scale) for a, b in ((one.rotation_copy, other.rotation_copy), (one.result, other.result))),
+    ]
     frames, count, totals = 0, 0, np.zeros(3)
-    for first in range(0, len(sources[0]), BLOCK):
+    for first in range(0, len(one.source), BLOCK):
         block = slice(first, first + BLOCK)
-        gaps = [np.linalg.norm(a[block][:, :, None] - b[block][:, None], axis=-1) for a, b in sides]
+        gaps = [lengths(a[block][:, :, None] - b[block][:, None]) for a, b in sides]
         touch = gaps[0] < near
         frames += int(touch.any(axis=(1, 2)).sum())
         count += int(touch.sum())

@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation, Slerp
 
+from distretarget.alignment import resampled
 from distretarget.baseline.world import World, find_root_offset, find_world, with_root_offset
 from distretarget.body.body import Body
 from distretarget.distances import distance_problem, posture_stress
@@ -107,24 +107,6 @@ def diff(a: Motion, b: Motion, joint_map: JointMap | None = None) -> Diff:
         comparison=compare(a, b, matching, world.up_vector),
         notes=tuple(notes),
     )
-
-
-def resampled(motion: Motion, frame_time_text: str) -> Motion:
-    """The motion at another frame time, as far as it goes: rotations along the shortest way, translations straight."""
-    times = np.arange(len(motion)) * motion.frame_time
-    step = float(frame_time_text)
-    wanted = np.arange(int(np.floor(times[-1] / step * (1 + 1e-9))) + 1) * step
-    wanted = np.minimum(wanted, times[-1])
-    if len(motion) == 1:
-        return replace(motion, frame_time_text=frame_time_text)
-    lower = np.clip(np.searchsorted(times, wanted, side="right") - 1, 0, len(times) - 2)
-    share = ((wanted - times[lower]) / motion.frame_time)[:, None]
-    ways = motion.translations[lower + 1] - motion.translations[lower]
-    translations = motion.translations[lower] + share[..., None] * ways
-    rotations = np.empty((len(wanted), len(motion.skeleton), 4))
-    for joint in range(len(motion.skeleton)):
-        rotations[:, joint] = Slerp(times, Rotation.from_quat(motion.rotations[:, joint]))(wanted).as_quat()
-    return Motion(motion.skeleton, translations, rotations, frame_time_text)
 
 
 def turned_note(world: World) -> tuple[str, ...]:

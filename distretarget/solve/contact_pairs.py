@@ -99,15 +99,15 @@ def pair_springs(
     D = lengths(d_source) / pairs.tau1[on]
     inside = slice(block.start - first, block.stop - first)
     f = activation(D, lead, settings)[inside] * (1.0 - np.outer(standing, pairs.feet[on]))
-    shared = _shared(f, u, v, len(distances))
-    w = settings.pair_stiffness * shared * settings.close / (D[inside] + settings.touch)
+    w = pair_stiffness(f, D[inside], (u, v), len(distances), settings)
     d_source = d_source[inside] * (pairs.tau2[on] / pairs.tau1[on])[:, None]
     d_copy = copy[block][:, u] - copy[block][:, v]
     delta = d_copy + f[..., None] * (d_source - d_copy)
     length = lengths(d_source)
     e = d_source / np.maximum(length, 1e-12)[..., None]
-    k = settings.direction_range**2 / (settings.direction_range**2 + length**2)
-    return Springs(distances.targets[u], distances.targets[v], delta, stiffer_along(e, w, k))
+    return Springs(
+        distances.targets[u], distances.targets[v], delta, stiffer_along(e, w, share_across(length, settings))
+    )
 
 
 @compiled(fastmath=True)
@@ -126,12 +126,23 @@ def _come_near(points, u, v, reach):  # type: ignore[no-untyped-def]
     return near
 
 
-def _shared(f: Array, u: NDArray[np.intp], v: NDArray[np.intp], points: int) -> Array:
-    """Activations over sqrt((1 + F_u) (1 + F_v)), where F is the sum of the activations of a point.
+def pair_stiffness(
+    f: Array, D: Array, ends: tuple[NDArray[np.intp], NDArray[np.intp]], points: int, settings: ContactSettings
+) -> Array:
+    """w: (frames, pairs), the stiffness of pairs with activations f and normalised distances D, (frames, pairs), whose
+    ends, (pairs,) each, are numbers of `points` points.
 
-    So a point that comes near a cluster of points is drawn about as strongly as one that comes near a single point.
+    Activations count over sqrt((1 + F_u) (1 + F_v)), where F is the sum of the activations of a point. So a point that
+    comes near a cluster of points is drawn about as strongly as one that comes near a single point.
     """
+    u, v = ends
     sums = np.ones((points, len(f)))
     np.add.at(sums, u, f.T)
     np.add.at(sums, v, f.T)
-    return np.asarray(f / np.sqrt(sums[u] * sums[v]).T)
+    shared = f / np.sqrt(sums[u] * sums[v]).T
+    return np.asarray(settings.pair_stiffness * shared * settings.close / (D + settings.touch))
+
+
+def share_across(lengths: Array, settings: ContactSettings) -> Array:
+    """k: the stiffness across the direction of a pair, as a share of that along it, by its length [body units]."""
+    return settings.direction_range**2 / (settings.direction_range**2 + lengths**2)

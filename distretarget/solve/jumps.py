@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from distretarget.numerics.smoothing import averaged, widened
 from distretarget.numerics.vectors import lengths
@@ -21,17 +21,32 @@ def smooth_jumps(v: Array, frame_time: float, settings: ContactSettings) -> Arra
     is left as it is. `frame_time` is in [s].
     """
     limit = settings.jump_speed * frame_time
-    if not _jumps(v, limit).any():
+    parts = np.flatnonzero(_jumps(v[:, :-1], limit).any(axis=0))
+    if not len(parts):
         return v
-    lasting = median_filter(v, (5, 1, 1), mode="nearest")
+    lasting = _without_spikes(v[:, parts])
     jumps = _jumps(lasting, limit)
     reach = round(settings.jump_blend / frame_time)
     share = widened(np.maximum(jumps, np.roll(jumps, 1, axis=0)), reach)[..., None]
-    return np.asarray(v + share * (averaged(lasting, reach) - v))
+    smooth = np.array(v)
+    smooth[:, parts] += share * (averaged(lasting, reach) - v[:, parts])
+    return smooth
 
 
 def _jumps(v: Array, limit: float) -> Array:
-    """(frames, parts + 1), 1 where a part's deviation changes by more than `limit` [rad] to the next frame, else 0."""
+    """(frames, parts), 1 where the deviation v, (frames, parts, 3), of a part changes by more than `limit` [rad] to the
+    next frame, else 0.
+    """
     jumps = np.zeros(v.shape[:2])
-    jumps[:-1, :-1] = lengths(np.diff(v[:, :-1], axis=0)) > limit
+    jumps[:-1] = lengths(np.diff(v, axis=0)) > limit
     return jumps
+
+
+def _without_spikes(v: Array) -> Array:
+    """Of each five frames around a frame the deviation that is nearest to all others: their median, which turns with
+    the world.
+    """
+    around = sliding_window_view(np.pad(v, ((2, 2), (0, 0), (0, 0)), mode="edge"), 5, axis=0)
+    away = sum(np.linalg.norm(around - around[..., [other]], axis=2) for other in range(5))
+    chosen = np.argmin(away, axis=-1)[..., None, None]
+    return np.asarray(np.take_along_axis(around, chosen, axis=-1)[..., 0])

@@ -2,7 +2,8 @@
 
 A pair is treated as one within a body (`contact_pairs`), but for two things. The normalised distance of two joints is
 their distance over the path lengths from each to the root of its body. And each body is solved by itself, so that both
-joints are drawn to places in the world: to their common middle, plus and minus half the vector between them.
+joints are drawn to places in the world that have the right vector between them. Both bodies move there in proportion to
+their sizes, so that a small one is not torn about.
 """
 
 from __future__ import annotations
@@ -12,16 +13,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.numerics.vectors import lengths
 from distretarget.solve.chunks import blocks_of
-from distretarget.solve.contact_pairs import activation
+from distretarget.solve.contact_pairs import activation, activation_window, pair_stiffness, share_across
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.springs import Springs
 
 Array = NDArray[np.float64]
 Joints = NDArray[np.intp]
 
-FIRMER = 4.0  # times as stiff as a pair within a body, since whole bodies have to move, and not only their limbs
-LEAST_STIFFNESS = 1e-3  # of a pair that counts
+FIRMER = 2.0  # times as stiff as a pair within a body at D = `settings.close` ...
+NEAREST = 0.01  # [D] ... and more for nearer pairs, up to those nearer than this
+LEAST_STIFFNESS = 0.05  # of a pair that counts
 NOTHING = 1e-12  # stiffness beside which none is zero: where nothing draws, any place will do
 
 
@@ -64,39 +67,68 @@ def find_touching(one: Points, other: Points, scale: Array, frame_time: float, s
 
     `scale`, (3, 3), takes vectors of the source's world into the target's.
     """
-    u, v = _ever_near(one, other, settings.apart)
-    d = one.source[:, u] - other.source[:, v]
-    D = np.linalg.norm(d, axis=-1) / (one.reach[u] + other.reach[v])
-    f = activation(D, settings.lead / frame_time, settings) if len(u) else np.zeros_like(D)
-    shared = f / np.sqrt(_sums(f, u, len(one.joints)) * _sums(f, v, len(other.joints)))
-    w = FIRMER * settings.pair_stiffness * shared * settings.close / (D + settings.touch)
+    count, lead = len(one.source), settings.lead / frame_time
+    found = [_found(one, other, block, lead, settings) for block in blocks_of(count)]
+    frames, u, v, f, w, d = (np.concatenate(columns) for columns in zip(*found, strict=True))
+    return Touching(frames=frames, joints=np.stack([one.joints[u], other.joints[v]]), f=f, w=w, vectors=d @ scale.T)
+
+
+def _found(
+    one: Points, other: Points, block: slice, lead: float, settings: ContactSettings
+) -> tuple[Joints, Joints, Joints, Array, Array, Array]:
+    """The near pairs in a block of frames, an entry for each pair and frame: the frame, the number of either point, the
+    activation, the stiffness, and the vector between them.
+    """
+    margin = activation_window(lead)
+    first = max(block.start - margin, 0)
+    a, b = (points.source[first : block.stop + margin] for points in (one, other))
+    u, v = _ever_near(a, b, settings.apart * (one.reach[:, None] + other.reach))
+    inside = slice(block.start - first, block.stop - first)
+    D = lengths(a[:, u] - b[:, v]) / (one.reach[u] + other.reach[v])
+    f, D = activation(D, lead, settings)[inside] if len(u) else D[inside], D[inside]
+    ends = u, v + len(one.joints)
+    w = firmness(D, settings) * pair_stiffness(f, D, ends, len(one.joints) + len(other.joints), settings)
     frames, pairs = np.nonzero(w > LEAST_STIFFNESS)
-    joints = np.stack([one.joints[u[pairs]], other.joints[v[pairs]]])
-    entries = frames, pairs
-    return Touching(frames=frames, joints=joints, f=f[entries], w=w[entries], vectors=d[entries] @ scale.T)
+    u, v = u[pairs], v[pairs]
+    vectors = a[inside][frames, u] - b[inside][frames, v]
+    return frames + block.start, u, v, f[frames, pairs], w[frames, pairs], vectors
+
+
+def firmness(D: Array, settings: ContactSettings) -> Array:
+    """How many times as stiff pairs across bodies are as pairs within a body, by their normalised distances D.
+
+    Whole bodies have to move, and not only their limbs. The nearest pairs decide: where hands differ in size, those who
+    hold each other cannot keep all distances between their joints.
+    """
+    return FIRMER * (settings.close + NEAREST) / (D + NEAREST)
 
 
 def touching_springs(
-    touching: Touching, copies: tuple[Array, Array], now: tuple[Array, Array], units: tuple[float, float], range_: float
+    touching: Touching,
+    copies: tuple[Array, Array],
+    now: tuple[Array, Array],
+    units: tuple[float, float],
+    settings: ContactSettings,
 ) -> tuple[Springs, Springs]:
     """The springs that draw the joints of either performer to where they touch, in its body units; their arrays have
     the frames in front.
 
     A joint that touches several others has one spring, with the sum of their energies. `copies` and `now` are the
     positions, (frames, joints, 3), of both performers in the copy and at present [target file units]; `units` are
-    their body units, and pairs nearer than about `range_` body units keep their direction.
+    their body units.
     """
     (a, b), (c, d) = (
         (positions[touching.frames, joints] for positions, joints in zip(pair, touching.joints, strict=True))
         for pair in (copies, now)
     )
     delta = a - b + touching.f[:, None] * (touching.vectors - (a - b))
-    length = np.linalg.norm(touching.vectors, axis=-1)
+    length = lengths(touching.vectors)
     e = touching.vectors / np.maximum(length, 1e-12)[:, None]
+    change = delta - (c - d)
     springs = []
-    for joints, unit, sign in zip(touching.joints, units, (0.5, -0.5), strict=True):
-        k = range_**2 / (range_**2 + (length / unit) ** 2)
-        places = ((c + d) / 2.0 + sign * delta) / unit
+    for joints, unit, present, sign in zip(touching.joints, units, (c, d), (1.0, -1.0), strict=True):
+        k = share_across(length / unit, settings)
+        places = (present + sign * unit / sum(units) * change) / unit
         springs.append(_gathered(touching, joints, k, e, places, len(now[0])))
     return springs[0], springs[1]
 
@@ -107,8 +139,9 @@ def _gathered(touching: Touching, joints: Joints, k: Array, e: Array, places: Ar
     These draw to `places`, (entries, 3), with the stiffness A = w (k I + (1 - k) e e^T); `count` is the number of
     frames.
     """
-    kept, column = np.unique(joints, return_inverse=True)
-    cell = touching.frames * len(kept) + column
+    touches = np.bincount(joints) > 0
+    kept, column = np.flatnonzero(touches), np.cumsum(touches) - 1
+    cell = touching.frames * len(kept) + column[joints]
 
     def summed(values: Array) -> Array:
         return np.bincount(cell, values, count * len(kept)).astype(np.float64).reshape(count, len(kept))
@@ -125,19 +158,13 @@ def _gathered(touching: Touching, joints: Joints, k: Array, e: Array, places: Ar
     return Springs(kept, np.full(len(kept), -1), np.asarray(balanced, np.float64), A)
 
 
-def _ever_near(one: Points, other: Points, apart: float) -> tuple[Joints, Joints]:
-    """The numbers of the points of one and of the other that come nearer than `apart` [D] in any frame."""
-    reach = apart * (one.reach[:, None] + other.reach)
-    near = np.zeros(reach.shape, bool)
-    for block in blocks_of(len(one.source)):
-        gaps = one.source[block][:, :, None] - other.source[block][:, None]
-        near |= (np.linalg.norm(gaps, axis=-1) < reach).any(axis=0)
-    u, v = np.nonzero(near)
-    return u, v
-
-
-def _sums(f: Array, points: Joints, count: int) -> Array:
-    """(frames, pairs), 1 plus the sum of the activations of the point that each pair has."""
-    sums = np.ones((count, len(f)))
-    np.add.at(sums, points, f.T)
-    return np.asarray(sums[points].T)
+def _ever_near(a: Array, b: Array, reach: Array) -> tuple[Joints, Joints]:
+    """The numbers of the points of `a` and of `b`, (frames, points, 3), that come nearer than `reach`, (points,
+    points), in any frame.
+    """
+    u, v = np.nonzero(reach > 0)
+    apart = np.full(len(u), np.inf)
+    for x, y in zip(a, b, strict=True):
+        apart = np.minimum(apart, ((x[u] - y[v]) ** 2).sum(axis=1))
+    near = apart < reach[u, v] ** 2
+    return u[near], v[near]

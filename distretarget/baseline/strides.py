@@ -1,0 +1,33 @@
+"""How long the strides of a motion may become before its legs cannot reach the floor."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from distretarget.body.resting import feet_at_rest
+from distretarget.matching.matching import Matching
+
+SINK = 0.1  # how much lower than in the source hips may be in a stride [leg lengths]
+MOST_FRAMES = 95.0  # strides are within reach in this share of the resting feet's frames [%]
+
+
+def longest_strides(matching: Matching) -> float:
+    """Return how many times as long, against the legs, the strides may be along the floor; infinite without legs.
+
+    A foot that rests at the distance d along the floor from its hip joint, which is h above it, can be s d away where
+    (s d)^2 + (h - sink)^2 is the square of the leg's length.
+    """
+    if matching.legs is None:
+        return float("inf")
+    motion, up, leg_length = matching.source_motion, matching.source.up_vector, matching.leg_lengths[0]
+    factors = []
+    for leg in matching.legs[0]:
+        rests = feet_at_rest(motion, leg, up, leg_length).any(axis=1)
+        way = motion.positions[rests, leg.hip] - motion.positions[rests, leg.ankle]
+        height = way @ up
+        along = np.linalg.norm(way - height[:, None] * up, axis=1)
+        reach = np.sqrt(np.maximum(leg_length**2 - (height - SINK * leg_length) ** 2, 0.0))
+        factors.append(reach / np.maximum(along, 1e-9 * leg_length))
+    return (
+        float(np.percentile(np.concatenate(factors), 100.0 - MOST_FRAMES)) if sum(map(len, factors)) else float("inf")
+    )

@@ -1,0 +1,68 @@
+"""The points of Wavefront OBJ files: things that performers touch."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
+from scipy.spatial.distance import cdist
+
+from distretarget.errors import BvhError
+from distretarget.motion import Motion, rigid_motion
+from distretarget.numerics.spread import spread_out
+from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
+
+Array = NDArray[np.float64]
+
+MOST_POINTS = 100  # vertices that are kept, spread evenly
+
+
+def parse_obj(text: str, path: str | Path) -> Motion:
+    """Return the vertices in the text of an OBJ file as a motion of one frame: a thing that stands still. `path` is for
+    errors, and names the root.
+
+    Its joints are the vertices, at most `MOST_POINTS` of them, each fixed to one near to it; the root is the first.
+
+    Raises:
+        BvhError: a vertex is not three numbers, or there is no vertex.
+    """
+    vertices = np.unique(_vertices(text, path), axis=0)
+    points = vertices[spread_out(vertices, MOST_POINTS)]
+    order, before = breadth_first_order(minimum_spanning_tree(cdist(points, points)), 0, directed=False)
+    parents = np.argsort(order)[before[order[1:]]]
+    offsets = points[order] - points[order[np.append(0, parents)]]
+    leaves = ~np.isin(np.arange(len(order)), parents)
+    leaves[0] = False
+    skeleton = Skeleton(
+        names=(Path(path).stem, *(f"point{number}" for number in range(1, len(order)))),
+        parents=np.append(-1, parents),
+        offsets=offsets,
+        channels=(POSITION_CHANNELS + ROTATION_CHANNELS, *[()] * (len(order) - 1)),
+        end_sites=leaves,
+    )
+    rotations = np.tile([0.0, 0.0, 0.0, 1.0], (1, len(skeleton), 1))
+    return rigid_motion(skeleton, points[:1], rotations, "1")
+
+
+def _vertices(text: str, path: str | Path) -> Array:
+    """(vertices, 3), the coordinates in the lines that begin with v."""
+    vertices = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        words = line.split()
+        if words[:1] == ["v"]:
+            vertices.append(_vertex(words[1:4], path, number))
+    if not vertices:
+        raise BvhError(path, 0, 'has no vertices, expected a BVH file, or an OBJ file with lines "v x y z"')
+    return np.array(vertices)
+
+
+def _vertex(words: list[str], path: str | Path, line: int) -> list[float]:
+    try:
+        place = [float(word) for word in words]
+    except ValueError:
+        place = []
+    if len(place) != 3 or not np.abs(place).max() <= LARGEST:
+        raise BvhError(path, line, f"found {' '.join(words)!r}, expected three finite coordinates after v")
+    return place

@@ -1,0 +1,233 @@
+"""Performers and things together: what touches between them, and the sweeps that keep it together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.baseline.root import RootScale
+from distretarget.motion import Motion
+from distretarget.numerics.spread import spread_out
+from distretarget.numerics.vectors import lengths
+from distretarget.performer import Prepared
+from distretarget.solve.chunks import Mapper
+from distretarget.solve.contact import solve_contact
+from distretarget.solve.poses import Poses
+from distretarget.solve.rigid_parts import posed_motion
+from distretarget.solve.springs import Springs, joined, no_springs
+from distretarget.solve.supports import Supports
+from distretarget.solve.things import LEVER, Held, Placement, Touched, find_touched, held_placement, turn_of
+from distretarget.solve.touching import NOTHING, Points, Touching, find_touching, touching_springs
+
+Array = NDArray[np.float64]
+Joints = NDArray[np.intp]
+Grips = Mapping[int, tuple[int, ...]]
+"""The joints of targets that hold a thing, by the numbers of their performers."""
+
+REGION_POINTS = 9  # most joints of a region that may touch others
+MOST_SWEEPS = 2  # all performers are solved at most so many times
+SETTLED = 0.02  # what touches is nearer than this to where it belongs, on average [body units]
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedThing:
+    """A thing in the world of the performers.
+
+    Attributes:
+        points: (frames, points, 3), where it is in the source [source file units].
+        free: where it is while nobody holds it.
+        grips: what holds it.
+    """
+
+    points: Array
+    free: Placement
+    grips: Grips
+
+
+@dataclass(frozen=True, eq=False)
+class Together:
+    """Performers and things, and what touches between them.
+
+    Attributes:
+        performers: as they are solved, one by one.
+        things: what else is in their world.
+        touching: for each two performers, by their numbers, their joints that come near each other.
+        touched: for each performer and thing, by their numbers, the joints that come near it.
+    """
+
+    performers: tuple[Prepared, ...]
+    things: tuple[PlacedThing, ...]
+    touching: Mapping[tuple[int, int], Touching]
+    touched: Mapping[tuple[int, int], Touched]
+
+    def placement(self, thing: int, now: Sequence[Motion]) -> Placement:
+        """Where a thing is while the performers are where they are now."""
+        placed = self.things[thing]
+        holds = [hold for number in placed.grips for hold in self._holds(number, thing, now[number])]
+        return held_placement(placed.free, holds) if holds else placed.free
+
+    def _holds(self, number: int, thing: int, now: Motion) -> Iterator[Held]:
+        """How a performer holds a thing."""
+        one, touched = self.performers[number], self.touched[number, thing]
+        for column in np.flatnonzero(np.isin(touched.joints, self.things[thing].grips[number])):
+            joint = touched.joints[column]
+            turn = turn_of(one.copy.world_rotations[:, joint], now.world_rotations[:, joint])
+            place = now.positions[:, joint]
+            yield Held(touched.f[:, column], touched.source[:, column], place, turn, LEVER * one.problem.unit)
+
+    def springs(self, now: Sequence[Motion]) -> list[Springs]:
+        """The springs that draw each performer to the others, and to things."""
+        springs = [no_springs(len(one.problem)) for one in self.performers]
+        copies = [one.problem.copy_on_path for one in self.performers]
+        units = [one.problem.unit for one in self.performers]
+        for (i, j), pairs in self.touching.items():
+            both = (copies[i], copies[j]), (now[i].positions, now[j].positions), (units[i], units[j])
+            for number, more in zip((i, j), touching_springs(pairs, *both, self.performers[i].settings), strict=True):
+                springs[number] = joined(springs[number], more)
+        places = [self.placement(thing, now) for thing in range(len(self.things))]
+        for (i, thing), touched in self.touched.items():
+            springs[i] = joined(springs[i], touched.springs(places[thing], copies[i], units[i]))
+        return springs
+
+
+def brought_together(performers: Sequence[Prepared], things: Sequence[PlacedThing]) -> Together:
+    """Find what touches, and let what rests on another performer or on a thing rest there."""
+    touching = {(i, j): _touching(performers[i], performers[j]) for i, j in combinations(range(len(performers)), 2)}
+    touched = {(i, k): _touched(one, thing, i) for i, one in enumerate(performers) for k, thing in enumerate(things)}
+    placed = []
+    for number, one in enumerate(performers):
+        of_others = [
+            (pairs.frames, pairs.joints[both.index(number)], pairs.f)
+            for both, pairs in touching.items()
+            if number in both
+        ]
+        supports = one.supports
+        for k, thing in enumerate(things):
+            near = touched[number, k]
+            if thing.grips:
+                frames, columns = np.nonzero(near.f)
+                of_others.append((frames, near.joints[columns], near.f[frames, columns]))
+            else:
+                supports = _resting_on(supports, near, thing.free)
+        placed.append(replace(one, supports=_yielding(one, supports, of_others)))
+    return Together(tuple(placed), tuple(things), touching, touched)
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """Performers and things after the last sweep.
+
+    Attributes:
+        poses: one for each performer.
+        placements: one for each thing.
+        sweeps: how many times all performers were solved.
+        off: how far what touches is on average from where it belongs [body units].
+    """
+
+    poses: list[Poses]
+    placements: list[Placement]
+    sweeps: int
+    off: float
+
+
+def solve_together(together: Together, mapper: Mapper, progress: Callable[[int], object]) -> Solved:
+    """Solve all performers, each by itself, until what touches is where it belongs, at most `MOST_SWEEPS` times."""
+    now = [_on_path(one) for one in together.performers]
+    springs = together.springs(now)
+    for sweep in range(1, MOST_SWEEPS + 1):
+        progress(sweep)
+        poses = [_solve(one, more, mapper) for one, more in zip(together.performers, springs, strict=True)]
+        now = [_posed(one, pose) for one, pose in zip(together.performers, poses, strict=True)]
+        springs = together.springs(now)
+        off = max(map(_off, together.performers, springs, now))
+        if off < SETTLED:
+            break
+    return Solved(poses, [together.placement(thing, now) for thing in range(len(together.things))], sweep, off)
+
+
+def _touching(one: Prepared, other: Prepared) -> Touching:
+    scale = RootScale(one.scale.level, (one.scale.height + other.scale.height) / 2.0)
+    up = one.performer.matching.source.up_vector
+    return find_touching(
+        _points(one), _points(other), scale.places(np.eye(3), up).T, one.problem.frame_time, one.settings
+    )
+
+
+def _touched(one: Prepared, thing: PlacedThing, number: int) -> Touched:
+    points, matching, supports = _points(one), one.performer.matching, one.supports
+    regions = matching.regions.of_joint[points.joints]
+    free = np.ones((len(one.problem), len(points.joints)))
+    for support, region in enumerate(supports.regions[: supports.feet]):
+        free[:, regions == region] *= 1.0 - supports.weights[:, support, None]
+    leg = matching.leg_lengths[0] or matching.source.unit
+    touched = find_touched(points, regions, thing.points, leg, free, one.problem.frame_time, one.settings)
+    holders = thing.grips.get(number, ())
+    alone = sum(map(len, thing.grips.values())) == 1
+    held = np.isin(matching.regions.of_joint[touched.joints], matching.regions.of_joint[[*holders]])
+    return touched.without(held if alone else held & ~np.isin(touched.joints, holders))
+
+
+def _points(one: Prepared) -> Points:
+    """The joints of a performer's body that may touch, a few of each region: fingers follow the hand."""
+    matching, distances = one.performer.matching, one.problem.distances
+    tau = matching.source.skeleton.path_lengths
+    regions = matching.regions.of_joint[distances.targets]
+    kept: list[int] = []
+    for region in range(len(matching.regions.names)):
+        points = np.flatnonzero(regions == region)
+        sources = distances.sources[points]
+        kept += points[spread_out(tau[np.ix_(sources, sources)], REGION_POINTS)].tolist() if len(points) else []
+    sources = distances.sources[kept]
+    reach = tau[matching.drivers[matching.pelvis]][sources]
+    return Points(distances.targets[kept], matching.source_motion.positions[:, sources], reach)
+
+
+def _resting_on(supports: Supports, near: Touched, free: Placement) -> Supports:
+    """The same, but what rests, apart from feet, and touches a thing that stands has its place on the thing."""
+    places, on_thing = np.array(supports.places), free(near.source)
+    for support in range(supports.feet, len(supports.joints)):
+        for column in np.flatnonzero(near.joints == supports.joints[support]):
+            places[:, support] += near.f[:, column, None] * (on_thing[:, column] - places[:, support])
+    return replace(supports, places=places)
+
+
+def _yielding(one: Prepared, supports: Supports, touches: Sequence[tuple[Joints, Joints, Array]]) -> Supports:
+    """The same, but what stands still off the floor and touches another performer, or a thing that somebody holds,
+    rests on nothing: it goes where the two meet. `touches` are frames, joints and activations.
+    """
+    matching = one.performer.matching
+    up, reach = matching.source.up_vector, one.settings.rest_height * matching.leg_lengths[1]
+    floor = one.scale.height * (matching.source_motion.positions @ up).min(axis=1, keepdims=True)
+    regions = matching.regions.of_joint
+    touched = np.zeros((len(one.problem), len(matching.regions.names)))
+    for frames, joints, f in touches:
+        np.maximum.at(touched, (frames, regions[joints]), f)
+    yields = np.where(supports.places @ up - floor > 2.0 * reach, touched[:, supports.regions], 0.0)
+    yields[:, : supports.feet] = 0.0
+    return replace(supports, weights=supports.weights * (1.0 - yields))
+
+
+def _solve(one: Prepared, springs: Springs, mapper: Mapper) -> Poses:
+    return solve_contact(one.problem, replace(one.supports, touching=springs), one.settings, mapper=mapper)
+
+
+def _on_path(one: Prepared) -> Motion:
+    """The rotation copy whose root keeps to its path."""
+    translations = np.array(one.copy.translations)
+    translations[:, 0] = one.problem.root
+    return replace(one.copy, translations=translations)
+
+
+def _posed(one: Prepared, poses: Poses) -> Motion:
+    return posed_motion(one.copy, poses.v, one.problem.parts, one.problem.root + poses.v[:, -1])
+
+
+def _off(one: Prepared, springs: Springs, now: Motion) -> float:
+    """How far joints that touch are from their places [body units], the mean by stiffness; 0 where nothing touches."""
+    ways = lengths(now.positions[:, springs.a] / one.problem.unit - springs.rest)
+    weights = np.trace(springs.A, axis1=-2, axis2=-1)
+    return float((weights * ways).sum() / max(weights.sum(), NOTHING))

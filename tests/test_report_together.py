@@ -1,0 +1,68 @@
+"""The report on a scene: everybody in one player, and lines between what touches."""
+
+import json
+import re
+from functools import cache
+
+import numpy as np
+import pytest
+from bodies import SAMPLES
+from pages import settle
+from program import run
+
+from distretarget.report.together import scene_page
+from distretarget.scene_file import load_scene
+
+
+@cache
+def page(name):
+    setup = load_scene(SAMPLES / "scenes" / name / "scene.json")
+    return scene_page(setup.retargeted(), setup.names)
+
+
+def data(name):
+    (text,) = re.findall(r'<script type="application/json" id="scene">(.*?)</script>', page(name), re.DOTALL)
+    return json.loads(text)
+
+
+def test_everybody_and_everything_is_in_it():
+    drawn = data("staff")
+    assert [(body["name"], body["thing"]) for body in drawn["bodies"]] == [("performer", False), ("staff", True)]
+    assert drawn["frame_count"] == drawn["drawn"] == 157
+    ((between, frames, *gaps),) = drawn["gaps"]
+    assert (between, frames) == ("performer and staff", "157")
+    assert all(float(gap) >= 0 for gap in gaps)
+
+
+def test_a_line_is_drawn_while_hands_touch():
+    lines = data("high_five")["lines"]
+    assert lines
+    for bodies, source, result, first, end in lines:
+        assert bodies == [0, 1]
+        assert len(source) == len(result) == 2
+        assert 0 <= first < end <= 121
+    touched = np.zeros(121, bool)
+    for *_, first, end in lines:
+        touched[first:end] = True
+    assert touched[54:61].all()
+    assert not touched[:20].any()
+
+
+def test_the_command_writes_it(tmp_path):
+    done = run("scene", SAMPLES / "scenes" / "staff", "-o", tmp_path, "--report")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "report.html").read_text("utf-8") == page("staff")
+
+
+@pytest.mark.parametrize("name", ["waltz", "sit_on_chair"])
+def test_it_plays_in_a_browser(name, tmp_path, open_page):
+    file = tmp_path / "report.html"
+    file.write_text(page(name), "utf-8")
+    tab = open_page(file)
+    settle(tab)
+    assert tab.locator("#now").inner_text().startswith("0 / 156")
+    tab.keyboard.press("Shift+ArrowRight")
+    settle(tab)
+    assert tab.locator("#now").inner_text().startswith("10 / 156")
+    assert tab.locator("#gaps tr").count() == 1
+    assert tab.locator("#legend span").count() == 2

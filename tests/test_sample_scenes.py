@@ -1,0 +1,70 @@
+"""The sample scenes: what touches by construction goes on touching on other bodies."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from bodies import SAMPLES
+from sample_things import SCENES
+
+from distretarget.scene_file import load_scene
+
+ARM = 53.1  # length of the sample body's arm [cm]
+OFF = 0.01  # how far the gap of a contact may be off the source's, in the source's world [arms]
+
+scenes = pytest.mark.parametrize("name", SCENES)
+
+
+@cache
+def made(name):
+    return SCENES[name]()
+
+
+@cache
+def result(name):
+    return load_scene(SAMPLES / "scenes" / name / "scene.json").retargeted()
+
+
+def gaps(contact, sources, motions):
+    """(frames,), how far what touches is apart."""
+    frames = slice(contact.first, contact.last + 1)
+    one, other = contact.one[0], contact.other[0]
+    x = motions[one][frames, joint_of(contact.one, sources)]
+    if other < len(sources):
+        return np.linalg.norm(x - motions[other][frames, joint_of(contact.other, sources)], axis=1)
+    return np.linalg.norm(x[:, None] - motions[other][frames], axis=2).min(axis=1)
+
+
+def joint_of(place, sources):
+    number, joint = place
+    return sources[number].skeleton.index(joint)
+
+
+@scenes
+def test_what_touches_in_the_sample_touches_on_a_child(name):
+    done = result(name)
+    sources = [one.source for one in done.results]
+    before = [motion.positions for motion in [*sources, *(thing.source for thing in done.things)]]
+    after = [each.motion.positions for each in (*done.results, *done.things)]
+    for contact in made(name).contacts:
+        thing = contact.other[0] - len(sources)
+        scale = done.things[thing].scale if thing >= 0 else done.world_scale
+        source, now = gaps(contact, sources, before), gaps(contact, sources, after) / scale
+        assert source.max() < 0.2 * ARM, contact
+        assert np.abs(now - source).max() < OFF * ARM, contact
+
+
+@scenes
+def test_performers_are_solved_and_their_feet_stand(name):
+    for one in result(name).results:
+        figures = one.figures["result"]
+        assert figures["unsolved"] == 0
+        assert figures["turn"] < 15
+        assert (figures["foot_height"] or 0.0) < 0.5
+
+
+def test_a_staff_keeps_its_shape_in_both_hands():
+    (staff,) = result("staff").things
+    assert staff.scale == pytest.approx(0.6)
+    lengths = np.linalg.norm(staff.motion.positions[:, 1] - staff.motion.positions[:, -1], axis=1)
+    np.testing.assert_allclose(lengths, 0.6 * 160)

@@ -1,0 +1,152 @@
+"""Scene files: what they may say, what is refused, and that the schema agrees."""
+
+import json
+from importlib.resources import files
+
+import jsonschema
+import pytest
+from bodies import SAMPLES
+from program import run
+
+from distretarget import SkeletonFileError, read_bvh
+from distretarget.scene_file import load_scene
+from distretarget.thing import Grip
+
+SCENES = sorted((SAMPLES / "scenes").glob("*/scene.json"))
+ONE = {"source": "one.bvh", "target": "child.json"}
+HEAD = {"format": "distretarget-scene", "version": 1}
+STAFF = {"name": "staff", "file": "staff.bvh"}
+
+
+def schema():
+    return json.loads(files("distretarget.io").joinpath("scene.schema.json").read_text("utf-8"))
+
+
+def valid(document):
+    return jsonschema.Draft202012Validator(schema()).is_valid(document)
+
+
+def written(folder, document):
+    path = folder / "scene.json"
+    path.write_text(json.dumps(document))
+    return path
+
+
+def test_the_schema_is_one():
+    jsonschema.Draft202012Validator.check_schema(schema())
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.parent.name)
+def test_the_samples_are_valid(path):
+    assert valid(json.loads(path.read_text()))
+    assert all(file.exists() for file in load_scene(path).inputs)
+
+
+def test_everything_that_a_scene_may_say(tmp_path):
+    document = {
+        **HEAD,
+        "performers": [{**ONE, "name": "lead", "map": "lead.map.json", "start": 0.5}, {**ONE, "name": "follower"}],
+        "things": [
+            {**STAFF, "scale": 1, "start": 0.5, "held_by": [{"performer": "follower", "joint": "LeftWrist"}]},
+            {"name": "sword", "prop": {"performer": "lead", "joint": "Sword"}, "scale": "lead"},
+        ],
+        "world_scale": 0.9,
+        "supports": "feet",
+        "scene": "scaled",
+        "cut": True,
+        "resample": True,
+    }
+    assert valid(document)
+    setup = load_scene(written(tmp_path, document))
+    assert setup.names == ["lead", "follower", "staff", "sword"]
+    staff, sword = setup.things
+    assert staff.origin == tmp_path / "staff.bvh"
+    assert staff.scale == 1.0
+    assert isinstance(staff.scale, float)
+    assert staff.held_by == (Grip(1, "LeftWrist"),)
+    assert sword.origin == Grip(0, "Sword")
+    assert sword.scale == 0
+    assert (setup.world_scale, setup.supports, setup.scene, setup.cut, setup.resample) == (0.9, "feet", "scaled", 1, 1)
+    assert setup.performers[0].start == 0.5
+
+
+BAD = {
+    "unknown key": ({**HEAD, "performers": [{**ONE, "targt": "x"}]}, "performers[0].targt", "unknown key"),
+    "other format": ({**HEAD, "format": "x", "performers": [ONE]}, "format", '"distretarget-scene"'),
+    "nobody": ({**HEAD, "performers": []}, "performers", "at least one performer"),
+    "file and prop": (
+        {**HEAD, "performers": [ONE], "things": [{**STAFF, "prop": {"performer": "one", "joint": "x"}}]},
+        "things[0]",
+        'either "file" or "prop"',
+    ),
+    "negative start": ({**HEAD, "performers": [{**ONE, "start": -1}]}, "performers[0].start", "from 0"),
+    "name of a path": ({**HEAD, "performers": [{**ONE, "name": "../x"}]}, "performers[0].name", "without slashes"),
+    "other supports": ({**HEAD, "performers": [ONE], "supports": "all"}, "supports", "one of"),
+    "no flag": ({**HEAD, "performers": [ONE], "cut": 1}, "cut", "true or false"),
+    "same names": ({**HEAD, "performers": [ONE, ONE]}, "performers", "the name of two"),
+    "no such performer": (
+        {**HEAD, "performers": [ONE], "things": [{**STAFF, "scale": "two"}]},
+        "things[0].scale",
+        "did you mean",
+    ),
+}
+BEYOND_THE_SCHEMA = {"same names", "no such performer"}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_what_is_refused(name, tmp_path):
+    document, place, words = BAD[name]
+    with pytest.raises(SkeletonFileError) as caught:
+        load_scene(written(tmp_path, document))
+    assert caught.value.place == place
+    assert words in caught.value.reason or name == "no such performer"
+    assert valid(document) == (name in BEYOND_THE_SCHEMA)
+
+
+def test_the_command_converts_a_scene_and_a_folder_of_scenes(tmp_path):
+    staff = SAMPLES / "scenes" / "staff"
+    done = run("scene", staff / "scene.json", "-o", tmp_path / "one")
+    assert done.returncode == 0, done.stderr
+    assert "performer and staff: what touches between them in 157 frames" in done.stdout
+    assert len(read_bvh(tmp_path / "one" / "staff.bvh")) == 157
+    done = run("scene", staff.parent, "-o", tmp_path / "all")
+    assert done.returncode == 0, done.stderr
+    assert {path.parent.name for path in (tmp_path / "all").rglob("*.bvh")} == {path.parent.name for path in SCENES}
+    assert (tmp_path / "all" / "staff" / "staff.bvh").read_bytes() == (tmp_path / "one" / "staff.bvh").read_bytes()
+
+
+def test_a_prop_in_a_performers_file_is_held_by_the_joint_above_it(tmp_path):
+    source = SAMPLES / "scenes" / "staff" / "performer.bvh"
+    document = {
+        **HEAD,
+        "performers": [{"source": str(source), "target": str(SAMPLES / "child.json")}],
+        "things": [{"name": "hand", "prop": {"performer": "performer", "joint": "RightWrist"}}],
+    }
+    setup = load_scene(written(tmp_path, document))
+    thing = setup.things[0].made({}, [read_bvh(source)])
+    assert thing.held_by == (Grip(0, "RightElbow"),)
+    assert thing.motion.skeleton.names[0] == "RightWrist"
+
+
+def test_one_performer_has_the_very_bytes_of_retarget(tmp_path):
+    source, child = SAMPLES / "walk.bvh", SAMPLES / "child.json"
+    document = {**HEAD, "performers": [{"source": str(source), "target": str(child)}]}
+    assert run("scene", written(tmp_path, document), "-o", tmp_path / "out").returncode == 0
+    assert run(source, child, "-o", tmp_path / "walk.bvh").returncode == 0
+    assert (tmp_path / "out" / "walk.bvh").read_bytes() == (tmp_path / "walk.bvh").read_bytes()
+
+
+def test_the_command_refuses_in_one_line(tmp_path):
+    walk, staff = SAMPLES / "walk.bvh", SAMPLES / "scenes" / "staff" / "scene.json"
+    (tmp_path / "empty").mkdir()
+    bad = {**HEAD, "performers": [{"source": str(walk), "target": str(SAMPLES / "child.json"), "start": 99}]}
+    for arguments, status, words in (
+        ([walk], 2, "Missing option"),
+        ([staff, "--cut"], 2, "--cut belongs into the scene file"),
+        ([tmp_path / "empty"], 1, "has no scene.json"),
+        ([written(tmp_path, bad)], 1, "start before that"),
+    ):
+        done = run("scene", *arguments, "-o", tmp_path / "out")
+        assert done.returncode == status
+        assert words in done.stderr
+        assert len(done.stderr.splitlines()) == 1
