@@ -10,7 +10,7 @@ from pathlib import Path
 from distretarget.baseline.engine_root import RootFollows
 from distretarget.baseline.world import RootOffset
 from distretarget.errors import SAY_IN_A_MAP, DistretargetError, MatchingError
-from distretarget.io.files import read_text, text_hash
+from distretarget.io.files import STANDARD_INPUT, read_text, text_hash
 from distretarget.io.map_json import MapFile, joint_map
 from distretarget.io.target_file import parse_target
 from distretarget.motion import Motion
@@ -82,6 +82,11 @@ def retarget_onto(
 
 def needs_map(error: MatchingError, source: str | Path, target: str | Path) -> MatchingError:
     """Return a matching error with the advice to write a map, and the command for that."""
-    command = f"distretarget skeleton match {shlex.quote(str(source))} {shlex.quote(str(target))} -o MAP.json"
+    command = f"distretarget skeleton match {argument(source)} {argument(target)} -o MAP.json"
     advice = f"{SAY_IN_A_MAP}: write one with `{command}`, and give it with --map MAP.json"
     return error.advised(advice).in_file(target)
+
+
+def argument(path: str | Path) -> str:
+    """Return how a file is given on a command line, quoted for a shell."""
+    return "-" if path == STANDARD_INPUT else shlex.quote(str(path))

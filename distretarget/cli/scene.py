@@ -11,7 +11,7 @@ from typing import get_args
 import click
 
 from distretarget.batch.compile_ahead import warm
-from distretarget.cli.outputs import check_outputs, say
+from distretarget.cli.outputs import check_outputs, quiet, say
 from distretarget.cli.parameters import positive
 from distretarget.errors import FileError, MotionError
 from distretarget.io.bvh import read_bvh
@@ -62,6 +62,7 @@ from distretarget.solve.resting_joints import Scene
     show_default=True,
     help="Where what stands still belongs, apart from the floor, as for 'distretarget retarget'.",
 )
+@quiet
 def scene_command(
     sources: tuple[Path, ...],
     targets: tuple[Path, ...],

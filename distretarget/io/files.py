@@ -17,6 +17,7 @@ from distretarget.errors import FileError
 # Formats of motion that other programs convert to BVH, by suffix.
 OTHER_FORMATS = {".fbx": "FBX", ".glb": "glTF", ".gltf": "glTF", ".c3d": "C3D", ".dae": "Collada", ".blend": "Blender"}
 CTRL_Z = "\x1a"
+STANDARD_INPUT = Path("standard input")  # stands for it in errors
 
 REASONS = {
     errno.ENOENT: "there is no such file",

@@ -38,7 +38,12 @@ def load_full_target(path: str | Path) -> Target:
     Raises:
         SkeletonFileError: also for the short form, which needs a source to be a skeleton.
     """
-    target = load_target(path)
+    return parse_full_target(read_text(path), path)
+
+
+def parse_full_target(text: str, path: str | Path) -> Target:
+    """Return the target in the text of a file as `load_full_target` does; `path` is for errors."""
+    target = parse_target(text, path)
     if isinstance(target, SkeletonEdit):
         raise SkeletonFileError(path, "", 'has no "joints"; this short form needs a source to change')
     return target
