@@ -18,6 +18,7 @@ from distretarget.errors import MotionError
 from distretarget.io.target import SkeletonEdit, Target
 from distretarget.matching.matching import Matching, match
 from distretarget.matching.pairing import JointMap
+from distretarget.measure.soundness import check_bones, check_places
 from distretarget.motion import Motion
 from distretarget.numerics.shots import find_shots
 from distretarget.result import RetargetResult
@@ -112,10 +113,16 @@ class Prepared:
     settings: ContactSettings
 
     def result(self, poses: Poses, postures: Postures | None = None) -> RetargetResult:
-        """Return the result of the poses, and of the paper's solved points where there are any."""
+        """Return the result of the poses, and of the paper's solved points where there are any.
+
+        Raises:
+            MotionError: a frame of the result is wrong, and which.
+        """
         matching, distances = self.performer.matching, self.problem.distances
         posed = _posed(self.copy, poses, self.problem)
+        check_bones(posed)
         motion, copy = (self.engine_root.placed(moved) for moved in (posed, self.copy))
+        check_places(motion, copy, matching)
         relative = (distances.body_size / matching.target.height) ** 2
         return RetargetResult(
             source=matching.source_motion,
