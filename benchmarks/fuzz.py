@@ -2,10 +2,10 @@
 
     python benchmarks/fuzz.py [--readers N] [--pipeline N] [--processes N] [--seed N] [--keep FOLDER]
 
-Readers: N texts as clips, skeleton files, maps and manifests, which are read, written and read again. Pipeline: N clips,
-targets, maps and options through the whole of a retargeting, and the result read again. Processes: N runs of the command
-line. Each ends in one of the outcomes below; the first two are right, and the exit status is 1 if there is any other.
-`--keep` writes the inputs of all others to a folder. The same seed gives the same inputs.
+Readers: N texts as clips, skeleton files, maps and manifests, which are read, written and read again. Pipeline: N
+clips, targets, maps and options through the whole of a retargeting, and the result read again. Processes: N runs of the
+command line. Each input ends in one of the outcomes below; the first two are right, and the exit status is 1 if there
+is any other. `--keep` writes the inputs of all others to a folder. The same seed gives the same inputs.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from distretarget.errors import MotionError
 from distretarget.io.target import SkeletonEdit, Target
 from distretarget.matching.matching import Matching, match
 from distretarget.matching.pairing import JointMap
-from distretarget.measure.soundness import check_bones, check_places
+from distretarget.measure.soundness import check_bones, check_finite, check_places
 from distretarget.motion import Motion
 from distretarget.numerics.shots import find_shots
 from distretarget.result import RetargetResult
@@ -121,8 +121,9 @@ class Prepared:
         matching, distances = self.performer.matching, self.problem.distances
         posed = _posed(self.copy, poses, self.problem)
         check_bones(posed)
+        check_places(posed, self.problem.copy_on_path, matching)
         motion, copy = (self.engine_root.placed(moved) for moved in (posed, self.copy))
-        check_places(motion, copy, matching)
+        check_finite(motion)
         relative = (distances.body_size / matching.target.height) ** 2
         return RetargetResult(
             source=matching.source_motion,

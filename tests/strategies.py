@@ -28,11 +28,10 @@ lengths = st.one_of(usual, usual, usual, st.just(0.0), extreme)
 angles = st.one_of(st.floats(-360, 360, width=32), st.sampled_from((0.0, 90.0, -90.0, 180.0, 5000.0, 1e9)))
 offsets = st.tuples(lengths, lengths, lengths)
 frame_times = st.sampled_from(("0.0333333", "0.0083333", ".01", "1", "1e-5", "1000", "0.5"))
-strange_words = st.sampled_from(
-    ("nan", "inf", "-inf", "1e400", "1e13", "5e-324", "1e-9", "-1", "0", "00", "9" * 40, "1_0", "0x1", "1,5", "٣", "")
-    + ("{", "}", "ROOT", "JOINT", "End Site", "OFFSET", "CHANNELS", "HIERARCHY", "MOTION", "Frames:", "Frame Time:")
-    + ("Xrotation", "Wrotation", "\0", "\x1a", "\ufeff", "\udce9", "\u2028", "\r", "\t", "a" * 500, '"', "[", "]", ":")
-)
+STRANGE_NUMBERS = "nan inf -inf 1e400 1e13 5e-324 1e-9 -1 0 00 1_0 0x1 1,5 ٣".split()
+KEYWORDS = "{ } ROOT JOINT End OFFSET CHANNELS HIERARCHY MOTION Frames: Frame Time: Xrotation Wrotation [ ] : \"".split()
+STRANGE_LETTERS = ("", "\0", "\x1a", "\ufeff", "\udce9", "\u2028", "\r", "\t", "a" * 500, "9" * 40)
+strange_words = st.sampled_from((*STRANGE_NUMBERS, *KEYWORDS, *STRANGE_LETTERS))
 strange_values = st.one_of(
     st.none(),
     st.booleans(),
@@ -223,7 +222,9 @@ options = st.fixed_dictionaries(
 )
 strange_options = st.dictionaries(
     st.sampled_from(("objective", "supports", "scene", "root_scale", "source_up", "root_follows", "jobs", "q")),
-    st.one_of(st.text(max_size=4).filter(lambda text: "\0" not in text), st.sampled_from(("nan", "-1", "1e999", "papr"))),
+    st.one_of(
+        st.text(max_size=4).filter(lambda text: "\0" not in text), st.sampled_from(("nan", "-1", "1e999", "papr"))
+    ),
     max_size=2,
 )
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from distretarget.errors import SkeletonFileError, closest
+from distretarget.errors import SkeletonError, SkeletonFileError, closest
 from distretarget.io.json_node import entry_place
 from distretarget.matching.pairing import JointMap
 from distretarget.motion import Motion
@@ -59,7 +59,7 @@ class SkeletonEdit:
 
         Raises:
             SkeletonFileError: a named joint does not exist in the source, has a bone of length 0, or is in both
-                `lengths` and `factors`; or all bones of the source have length 0.
+                `lengths` and `factors`; or all bones have length 0, or one becomes too long.
         """
         lengths = self.scale * source.lengths
         for key, factor in self.factors.items():
@@ -68,9 +68,12 @@ class SkeletonEdit:
             lengths[self._bone("lengths", key, source)] = length
         if both := [entry_place("lengths", key) for key in self.lengths if key in self.factors]:
             raise SkeletonFileError(self.path, both[0], "is in factors too; give only one of them")
-        offsets = source.with_lengths(lengths).offsets.copy()
-        offsets[0] *= self.scale
-        return with_bones(source.with_offsets(offsets), self.path)
+        try:
+            offsets = source.with_lengths(lengths).offsets.copy()
+            offsets[0] *= self.scale
+            return with_bones(source.with_offsets(offsets), self.path)
+        except SkeletonError as error:
+            raise SkeletonFileError(self.path, "", str(error)) from error
 
     def _bone(self, field: str, key: str, source: Skeleton) -> int:
         """The number of the joint with this key, which must have a bone to change."""
