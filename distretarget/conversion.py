@@ -16,14 +16,18 @@ from distretarget.io.target_file import parse_target
 from distretarget.motion import Motion
 from distretarget.performer import Held
 from distretarget.result import RetargetResult
-from distretarget.retargeting import Objective, retarget
+from distretarget.retargeting import Objective, check_options, retarget
 from distretarget.solve.chunks import Mapper, Progress
 from distretarget.solve.resting_joints import Scene
 
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """How to retarget a motion: the arguments of `retarget` with these names."""
+    """How to retarget a motion: the arguments of `retarget` with these names.
+
+    Raises:
+        SettingsError: one is none of its choices, or of another kind.
+    """
 
     objective: Objective = "contact"
     supports: Held = "hold"
@@ -33,6 +37,9 @@ class Options:
     target_up: str | None = None
     root_offset: RootOffset | None = None
     root_follows: RootFollows | None = None
+
+    def __post_init__(self) -> None:
+        check_options(**asdict(self))
 
 
 @dataclass(frozen=True)

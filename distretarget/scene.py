@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from types import NoneType
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.arguments import check_choice, check_kind, check_number
 from distretarget.baseline.root import RootScale, find_root_scale
 from distretarget.errors import MotionError, SettingsError
 from distretarget.io.target import SkeletonEdit, Target
@@ -16,7 +19,7 @@ from distretarget.measure.across import Across, measure_across
 from distretarget.motion import Motion
 from distretarget.performer import Held, Prepared, matched_performer, with_supports
 from distretarget.result import RetargetResult
-from distretarget.skeleton import Skeleton
+from distretarget.skeleton import LARGEST, SMALLEST, Skeleton
 from distretarget.solve.chunks import Mapper
 from distretarget.solve.contact import solve_contact
 from distretarget.solve.poses import Poses
@@ -85,10 +88,20 @@ def retarget_scene(
         MotionError: the sources differ in frames or frame times, or targets are in different units.
         MatchingError: a source and its target cannot be matched.
     """
+    for name, values, kinds in (
+        ("sources", sources, (Motion,)),
+        ("targets", targets, (Motion, Skeleton, Target, SkeletonEdit)),
+    ):
+        check_kind(name, values, Sequence)
+        for number, value in enumerate(values):
+            check_kind(f"{name}[{number}]", value, *kinds)
+    check_choice("supports", supports, get_args(Held))
+    check_choice("scene", scene, get_args(Scene))
+    check_kind("settings", settings, ContactSettings, NoneType)
     if not sources or len(sources) != len(targets):
         raise SettingsError(f"{len(sources)} sources and {len(targets)} targets; expected a target for each source")
-    if world_scale is not None and not world_scale > 0:
-        raise SettingsError(f"world_scale is {world_scale}; expected a number above 0")
+    if world_scale is not None:
+        check_number("world_scale", world_scale, SMALLEST, LARGEST)
     _check_times(sources)
     first = matched_performer(sources[0], targets[0])
     performers = [

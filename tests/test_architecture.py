@@ -33,6 +33,7 @@ FLOORS = (
     "distances motion",
     "skeleton",
     "numerics",
+    "arguments",
     "errors",
 )
 
