@@ -91,9 +91,11 @@ class Skeleton:
         ):
             try:
                 array = np.array(getattr(self, name))
-                exact = array.astype(dtype)
-                if array.dtype.kind not in "biuf" or ((exact != array).any() and np.isfinite(array).all()):
+                if array.dtype.kind not in "biuf":
                     raise ValueError(f"found {array.dtype} values")
+                exact = array.astype(dtype)
+                if (exact != array).any() and np.isfinite(array).all():
+                    raise ValueError("found fractions")
             except (TypeError, ValueError) as error:
                 raise SkeletonError(f"{name} is no array of {np.dtype(dtype).name} values: {error}") from error
             if exact.shape != shape:
