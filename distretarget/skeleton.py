@@ -245,6 +245,15 @@ class Skeleton:
         """Return the axes of a joint's rotation channels in file order, such as "ZXY"."""
         return "".join(channel[0] for channel in self.channels[joint] if channel in ROTATION_CHANNELS)
 
+    @property
+    def without_namespaces(self) -> Skeleton:
+        """The same skeleton with names from the last colon on: `Hips` for `mixamorig:Hips`.
+
+        Raises:
+            SkeletonError: joints cannot be told apart without their namespaces.
+        """
+        return replace(self, names=tuple(name.rpartition(":")[2].strip() or name for name in self.names))
+
     def with_offsets(self, offsets: ArrayLike) -> Skeleton:
         """Return the same tree with other offsets, (joints, 3).
 

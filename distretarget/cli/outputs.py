@@ -70,6 +70,13 @@ def check_suffix(path: Path | None, suffix: str) -> None:
         raise FileError(path, f"the output is {kind}, so its name has to end in {suffix}, such as {str(better)!r}")
 
 
+strip_namespace = click.option(
+    "--strip-namespace",
+    is_flag=True,
+    help="Write names of joints without a namespace: Hips for mixamorig:Hips, which three.js cannot play.",
+)
+
+
 def _same_file(path: Path, other: Path) -> bool:
     """Whether two paths lead to the same file; False where permissions hide that: reading or writing will fail then."""
     try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -14,7 +15,7 @@ from distretarget.baseline.world import RootOffset
 from distretarget.batch.compile_ahead import warm
 from distretarget.cli.matching_table import headline, unused
 from distretarget.cli.options import retargeting
-from distretarget.cli.outputs import LISTED, about, check_outputs, check_suffix, is_quiet, quiet, say
+from distretarget.cli.outputs import LISTED, about, check_outputs, check_suffix, is_quiet, quiet, say, strip_namespace
 from distretarget.cli.streams import FileOrStandard, read_input, write_output
 from distretarget.conversion import Options, Text, argument, retarget_onto
 from distretarget.errors import FileError, quoted
@@ -34,6 +35,7 @@ from distretarget.run_summary import figures_json, figures_line, summary_line, u
 @click.option("-o", "--output", required=True, type=FileOrStandard(), help="The BVH file to write.")
 @click.option("--overwrite", is_flag=True, help="Replace files that exist. An input is never replaced.")
 @retargeting
+@strip_namespace
 @click.option("--json", "figures", type=FileOrStandard(), help="Write the figures of each frame to this file.")
 @click.option(
     "--report",
@@ -53,6 +55,7 @@ def retarget_command(
     options: Options,
     figures: Path | None,
     report: Path | None,
+    strip_namespace: bool,
     verbose: bool,
 ) -> None:
     """Retarget the motion of SOURCE, a BVH file, to the body of TARGET.
@@ -77,7 +80,8 @@ def retarget_command(
         result = retarget_onto(
             motion, target_text, source=source_text.path, map_file=map_file, options=options, progress=bar.update
         )
-    texts = {output: format_bvh(result.motion)}
+    motion, skeleton = result.motion, result.motion.skeleton
+    texts = {output: format_bvh(replace(motion, skeleton=skeleton.without_namespaces) if strip_namespace else motion)}
     seconds = time.perf_counter() - started
     texts |= {figures: figures_json(result)} if figures else {}
     texts |= {report: run_page(result, about(Path(source_text.path), output))} if report else {}
@@ -88,6 +92,9 @@ def retarget_command(
         say(line, err=True)
     for warning in result.warnings:
         say(f"warning: {warning}", err=True)
+    if not strip_namespace and (names := [name for name in skeleton.names if ":" in name]):
+        plain = names[0].rpartition(":")[2]
+        say(f"three.js cannot play joints with names like {names[0]!r}; --strip-namespace writes {plain!r}", err=True)
     say(summary_line(result, seconds))
 
 

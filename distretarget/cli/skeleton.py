@@ -11,7 +11,7 @@ import numpy as np
 
 from distretarget.body.body import Body
 from distretarget.cli.matching_table import headline, recognised, rows, unused
-from distretarget.cli.outputs import check_outputs, check_suffix, quiet, say
+from distretarget.cli.outputs import check_outputs, check_suffix, quiet, say, strip_namespace
 from distretarget.cli.parameters import of_bone, positive
 from distretarget.cli.streams import STANDARD, FileOrStandard, read_input, write_output
 from distretarget.conversion import Text
@@ -52,8 +52,9 @@ def show_command(file: Path) -> None:
     default=STANDARD,
     help="The skeleton file to write. Default: standard output.",
 )
+@strip_namespace
 @click.option("--overwrite", is_flag=True, help="Replace the output if it exists.")
-def export_command(file: Path, output: Path, overwrite: bool) -> None:
+def export_command(file: Path, output: Path, strip_namespace: bool, overwrite: bool) -> None:
     """Write the skeleton of FILE as a target skeleton file, to edit it or to retarget to it.
 
     \b
@@ -63,7 +64,11 @@ def export_command(file: Path, output: Path, overwrite: bool) -> None:
     check_suffix(output, ".json")
     text = read_input(file)
     target = _full_target(text)
-    write_output(output, skeleton_to_json(target.skeleton, _name(target, text), target.map), overwrite)
+    skeleton, joint_map = target.skeleton, target.map
+    if strip_namespace:
+        skeleton = skeleton.without_namespaces
+        joint_map = {skeleton.keys[target.skeleton.index(key)]: driver for key, driver in joint_map.items()}
+    write_output(output, skeleton_to_json(skeleton, _name(target, text), joint_map), overwrite)
 
 
 @skeleton_group.command("edit")
