@@ -160,3 +160,26 @@ def test_a_source_without_frames_and_a_target_with_frames_are_swapped(tmp_path):
     assert done.stderr.endswith("if it is the target, it comes last: distretarget in.bvh body.bvh -o OUT.bvh\n")
     (tmp_path / "cut.bvh").write_text(CLIP[: len(CLIP) // 2])
     assert "comes last" not in run("cut.bvh", "in.bvh", "-o", "out.bvh").stderr
+
+
+def test_namespaces_are_left_out_where_that_is_asked_for(folder):
+    names = BODY.replace('"name": "', '"name": "mixamorig:').replace('"parent": "', '"parent": "mixamorig:')
+    (folder / "rig.json").write_text(names.replace("mixamorig:body", "body"))
+    told = run("in.bvh", "rig.json", "-o", "named.bvh")
+    assert (
+        "three.js cannot play joints with names like 'mixamorig:Hips'; --strip-namespace writes 'Hips'" in told.stderr
+    )
+    plain = run("in.bvh", "rig.json", "-o", "plain.bvh", "--strip-namespace")
+    assert "three.js" not in plain.stderr
+    named = (folder / "named.bvh").read_text()
+    assert "ROOT mixamorig:Hips\n" in named
+    assert (folder / "plain.bvh").read_text() == named.replace("mixamorig:", "")
+    assert run("skeleton", "export", "rig.json", "--strip-namespace").stdout == BODY
+
+
+@pytest.mark.usefixtures("folder")
+def test_joints_that_only_their_namespaces_tell_apart_keep_them(tmp_path):
+    (tmp_path / "twins.bvh").write_text(CLIP.replace("LeftHip\n", "a:Hip\n").replace("RightHip\n", "b:Hip\n"))
+    done = run("skeleton", "export", "twins.bvh", "--strip-namespace")
+    assert done.returncode == 1
+    assert "joints that cannot be told apart" in done.stderr
