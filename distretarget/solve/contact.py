@@ -68,7 +68,8 @@ def _solve_frames(problem: PoseProblem, supports: Supports, frames: slice, setti
     body = Articulation(problem.skeleton.parents, problem.parts, stiffness)
     pairs = candidate_pairs(distances, problem.regions, problem.legs, unit, settings.least_path)
     source, copy = problem.source[:, distances.sources], problem.copy[:, distances.targets] / unit
-    bones, root = problem.bones / unit, problem.root / unit
+    # One layout of arrays, for which the solver is compiled once.
+    bones, root = np.ascontiguousarray(problem.bones / unit), np.ascontiguousarray(problem.root / unit)
     lead = settings.lead / problem.frame_time
     count = frames.stop - frames.start
     v = np.zeros((count, len(stiffness), 3))
@@ -79,7 +80,7 @@ def _solve_frames(problem: PoseProblem, supports: Supports, frames: slice, setti
         near = pair_springs(pairs, distances, source, copy, standing, block=block, lead=lead, settings=settings)
         held = support_springs(supports[block], body, bones[block], unit, settings.support_stiffness)
         springs = joined(joined(near, held), supports.touching.of_frames(block))
-        floor = supports.floor.of_frames(block)
+        floor = Floor(*map(np.ascontiguousarray, supports.floor.of_frames(block)))
         _solve(body, bones[block], root[block], springs, floor, settings.tolerance, v, solved.start, log)
     v[:, -1] *= unit
     return Poses(v, Effort.from_log(log))
