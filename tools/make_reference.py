@@ -28,7 +28,8 @@ Written by `tools/make_reference.py` from the help texts of the program; each st
 | 2 | wrong usage: an option or argument that is missing or unknown |
 | 130 | interrupted |
 
-Results go to standard output, errors and warnings to standard error. On a terminal a bar counts the frames;
+Results go to standard output, errors and warnings to standard error. In place of a clip, a skeleton or an output, - is
+standard input or output; with an output there, all lines go to standard error. A file called - is given as ./-. On a terminal a bar counts the frames;
 elsewhere there is none. A file that exists is replaced with `--overwrite` only, an input never. Files are
 written beside their place and moved there when they are complete.
 

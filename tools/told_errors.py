@@ -25,7 +25,7 @@ CURES = {
     "the disk quota is used up": "free some of your space and run again; nothing is left half written",
     "is closed": "redirect a file to standard input, or name the file instead of `-`",
     "is not a text file: character … is NUL": "name a BVH or JSON file; convert FBX, glTF or C3D with Blender first",
-    "is …, expected BVH; …": "convert it first, with Blender: File > Import, then File > Export > Motion Capture (.bvh)",
+    "is …, expected BVH; …": "convert it first, with Blender: File > Import, then File > Export > Motion Capture",
     "is empty": EXPORT,
     "permission denied to write into the folder …": "choose another folder, or ask its owner for permission",
     "is not a regular file": "name a file instead of a device, pipe or socket; `-o -` writes to standard output",
