@@ -36,7 +36,9 @@ def is_refused(call):
         {"end_sites": None},
         {"end_sites": np.ones(JOINTS, bool)},
         {"channels": None},
-        {"channels": (("Wrotation",),) * JOINTS},
+        {"channels": (("Wrotation",), *BODY.channels[1:])},
+        {"channels": BODY.channels[1:]},
+        {"channels": (("Xrotation",),) * JOINTS},
         {"channels": ((7,),) * JOINTS},
         {"up": "Q"},
         {"up": 3},
@@ -99,6 +101,8 @@ def test_edits(scale):
 
 OTHER_KINDS = {
     "motion": lambda: d.Motion(None, CLIP.translations, CLIP.rotations, "0.01"),
+    "shape of a motion": lambda: d.Motion(BODY, CLIP.translations[0], CLIP.rotations, "0.01"),
+    "frames of a motion": lambda: d.Motion(BODY, CLIP.translations[:1], CLIP.rotations, "0.01"),
     "to_dict": lambda: CLIP.to_dict(["6d"]),
     "retarget": lambda: d.retarget("clip.bvh", BODY),
     "target": lambda: d.retarget(CLIP, "child.json"),
@@ -106,6 +110,7 @@ OTHER_KINDS = {
     "mapper": lambda: d.retarget(CLIP, BODY, mapper=3),
     "progress": lambda: d.retarget(CLIP, BODY, progress=3),
     "value of a setting": lambda: d.ContactSettings(close="a"),
+    "order of two settings": lambda: d.ContactSettings(support_blend=1.0, longest_blend=0.5),
     "scene": lambda: d.retarget_scene(None, None),
     "performer": lambda: d.retarget_scene(["clip.bvh"], [BODY]),
     "scale of the world": lambda: d.retarget_scene([CLIP], [BODY], world_scale="a"),

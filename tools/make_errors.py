@@ -59,7 +59,7 @@ class Message:
     @property
     def pattern(self) -> re.Pattern[str]:
         """What matches the messages of this text."""
-        return re.compile(".*".join(map(re.escape, self.text.split(GAP))), re.DOTALL)
+        return re.compile(".*".join(map(re.escape, self.text.split(GAP))))
 
     @property
     def cause_and_cure(self) -> tuple[str, str]:
@@ -135,8 +135,9 @@ def _cell(text: str) -> str:
 
 
 def missing(record: str) -> Iterator[Message]:
-    """The messages that are not in a record."""
-    yield from (message for message in messages() if not message.pattern.search(record))
+    """The messages that are not in a record, which has one in a line."""
+    lines = set(record.splitlines())
+    yield from (message for message in messages() if not any(map(message.pattern.search, lines)))
 
 
 def main() -> None:
