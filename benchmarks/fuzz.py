@@ -5,7 +5,8 @@
 Readers: N texts as clips, skeleton files, maps and manifests, which are read, written and read again. Pipeline: N
 clips, targets, maps and options through the whole of a retargeting, and the result read again. Processes: N runs of the
 command line. Each input ends in one of the outcomes below; the first two are right, and the exit status is 1 if there
-is any other. `--keep` writes the inputs of all others to a folder. The same seed gives the same inputs.
+is any other. `--keep` writes the inputs of all others to a folder. The same seed gives the same inputs. Ctrl-C ends a
+part early.
 """
 
 from __future__ import annotations
@@ -270,25 +271,26 @@ class Tried:
 
 
 def tried(action: Callable[[Any], str | None], cases: st.SearchStrategy[Any], count: int, first_seed: int) -> Tried:
-    """Try so many inputs of a strategy."""
+    """Try so many inputs of a strategy, or as many as there is time for until Ctrl-C."""
     all_tried = Tried()
-    while left := count - all_tried.counts.total():
+    with contextlib.suppress(KeyboardInterrupt):
+        while left := count - all_tried.counts.total():
 
-        @seed(first_seed)
-        @settings(
-            max_examples=min(left, ROUND),
-            database=None,
-            deadline=None,
-            phases=[Phase.generate],
-            suppress_health_check=list(HealthCheck),
-        )
-        @given(cases)
-        def one_round(case: Any) -> None:
-            if all_tried.counts.total() < count:
-                all_tried.add(action, case)
+            @seed(first_seed)
+            @settings(
+                max_examples=min(left, ROUND),
+                database=None,
+                deadline=None,
+                phases=[Phase.generate],
+                suppress_health_check=list(HealthCheck),
+            )
+            @given(cases)
+            def one_round(case: Any) -> None:
+                if all_tried.counts.total() < count:
+                    all_tried.add(action, case)
 
-        one_round()
-        first_seed += 1
+            one_round()
+            first_seed += 1
     return all_tried
 
 
