@@ -10,21 +10,25 @@ from pathlib import Path
 from distretarget.baseline.engine_root import RootFollows
 from distretarget.baseline.world import RootOffset
 from distretarget.errors import SAY_IN_A_MAP, DistretargetError, MatchingError
-from distretarget.io.files import read_text, text_hash
+from distretarget.io.files import STANDARD_INPUT, read_text, text_hash
 from distretarget.io.map_json import MapFile, joint_map
 from distretarget.io.target_file import parse_target
 from distretarget.motion import Motion
 from distretarget.numerics.threads import in_threads
 from distretarget.performer import Held
 from distretarget.result import RetargetResult
-from distretarget.retargeting import Objective, retarget
+from distretarget.retargeting import Objective, check_options, retarget
 from distretarget.solve.chunks import Mapper, Progress
 from distretarget.solve.resting_joints import Scene
 
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """How to retarget a motion: the arguments of `retarget` with these names."""
+    """How to retarget a motion: the arguments of `retarget` with these names.
+
+    Raises:
+        SettingsError: one is none of its choices, or of another kind.
+    """
 
     objective: Objective = "contact"
     supports: Held = "hold"
@@ -34,6 +38,9 @@ class Options:
     target_up: str | None = None
     root_offset: RootOffset | None = None
     root_follows: RootFollows | None = None
+
+    def __post_init__(self) -> None:
+        check_options(**asdict(self))
 
 
 @dataclass(frozen=True)
@@ -83,6 +90,11 @@ def retarget_onto(
 
 def needs_map(error: MatchingError, source: str | Path, target: str | Path) -> MatchingError:
     """Return a matching error with the advice to write a map, and the command for that."""
-    command = f"distretarget skeleton match {shlex.quote(str(source))} {shlex.quote(str(target))} -o MAP.json"
+    command = f"distretarget skeleton match {argument(source)} {argument(target)} -o MAP.json"
     advice = f"{SAY_IN_A_MAP}: write one with `{command}`, and give it with --map MAP.json"
     return error.advised(advice).in_file(target)
+
+
+def argument(path: str | Path) -> str:
+    """Return how a file is given on a command line, quoted for a shell."""
+    return "-" if path == STANDARD_INPUT else shlex.quote(str(path))

@@ -91,7 +91,7 @@ class MotionError(DistretargetError):
 
 
 class SettingsError(DistretargetError):
-    """A setting of an objective with a value that has no meaning there."""
+    """An argument, or a setting of an objective, with a value that has no meaning there."""
 
 
 class MatchingError(DistretargetError):

@@ -9,6 +9,7 @@ from typing import TypedDict, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.arguments import check_kind
 from distretarget.errors import MotionError, quoted
 from distretarget.numerics.kinematics import forward_kinematics, world_rotations
 from distretarget.numerics.rotations import RotationKind, represented
@@ -68,6 +69,7 @@ class Motion:
     Raises:
         MotionError: the shapes of the arrays do not fit the skeleton or each other, a rotation is not a unit
             quaternion, or the frame time is not a number from 1e-5 to 1e3.
+        SettingsError: `skeleton` is something else.
     """
 
     skeleton: Skeleton
@@ -76,6 +78,7 @@ class Motion:
     frame_time_text: str
 
     def __post_init__(self) -> None:
+        check_kind("skeleton", self.skeleton, Skeleton)
         joints = len(self.skeleton)
         for name, width in (("translations", 3), ("rotations", 4)):
             try:
@@ -135,7 +138,7 @@ class Motion:
         Raises:
             MotionError: `rotations` is none of these.
         """
-        if rotations not in get_args(RotationKind):
+        if not isinstance(rotations, str) or rotations not in get_args(RotationKind):
             raise MotionError(f"rotations is {rotations!r}; expected one of {quoted(get_args(RotationKind))}")
         return MotionArrays(
             names=np.array(self.skeleton.keys),

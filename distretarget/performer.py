@@ -18,6 +18,7 @@ from distretarget.errors import MotionError
 from distretarget.io.target import SkeletonEdit, Target
 from distretarget.matching.matching import Matching, match
 from distretarget.matching.pairing import JointMap
+from distretarget.measure.soundness import check_bones, check_finite, check_places
 from distretarget.motion import Motion
 from distretarget.numerics.shots import find_shots
 from distretarget.result import RetargetResult
@@ -109,10 +110,17 @@ class Prepared:
     settings: ContactSettings
 
     def result(self, poses: Poses, postures: Postures | None = None) -> RetargetResult:
-        """Return the result of the poses, and of the paper's solved points where there are any."""
+        """Return the result of the poses, and of the paper's solved points where there are any.
+
+        Raises:
+            MotionError: a frame of the result is wrong, and which.
+        """
         matching, distances = self.performer.matching, self.problem.distances
         posed = _posed(self.copy, poses, self.problem)
+        check_bones(posed)
+        check_places(posed, self.problem.copy_on_path, matching)
         motion, copy = (self.engine_root.placed(moved) for moved in (posed, self.copy))
+        check_finite(motion)
         relative = (distances.body_size / matching.target.height) ** 2
         free = self.settings.support_stiffness == 0.0
         return RetargetResult(

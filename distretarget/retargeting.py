@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-import reprlib
+from collections.abc import Mapping
+from types import NoneType
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from distretarget.arguments import check_callable, check_choice, check_kind, check_number
 from distretarget.baseline.engine_root import RootFollows
 from distretarget.baseline.root import RootScale, find_root_scale
 from distretarget.baseline.world import RootOffset
-from distretarget.body.axes import AXES
-from distretarget.errors import SettingsError
 from distretarget.io.target import SkeletonEdit, Target
 from distretarget.matching.pairing import JointMap
 from distretarget.motion import Motion
 from distretarget.numerics.threads import in_threads
 from distretarget.performer import Held, Prepared, matched_performer, with_supports
 from distretarget.result import RetargetResult
-from distretarget.skeleton import LARGEST, SMALLEST, Skeleton
+from distretarget.skeleton import AXES, LARGEST, SMALLEST, Skeleton
 from distretarget.solve.chunks import Mapper, Progress
 from distretarget.solve.contact import solve_contact
 from distretarget.solve.fit_to_points import fit_rotations
@@ -88,18 +88,22 @@ def retarget(
             the root is to follow the source's root, and the source has none on the floor.
         SettingsError: an argument is none of its choices, or of another kind.
     """
-    _check_arguments(source, target, settings, root_scale)
-    for name, value, known in (
-        ("objective", objective, OBJECTIVES),
-        ("supports", supports, SUPPORTS),
-        ("scene", scene, get_args(Scene)),
-        ("source_up", source_up, (*AXES, None)),
-        ("target_up", target_up, (*AXES, None)),
-        ("root_offset", root_offset, (*get_args(RootOffset), None)),
-        ("root_follows", root_follows, (*get_args(RootFollows), None)),
-    ):
-        if value not in known:
-            raise SettingsError(f"{name} is {value!r}; expected one of {', '.join(map(repr, known))}")
+    check_kind("source", source, Motion)
+    check_kind("target", target, Motion, Skeleton, Target, SkeletonEdit)
+    check_kind("joint_map", joint_map, Mapping, NoneType)
+    check_kind("settings", settings, ContactSettings)
+    check_callable("mapper", mapper)
+    check_callable("progress", progress)
+    check_options(
+        objective=objective,
+        supports=supports,
+        scene=scene,
+        root_scale=root_scale,
+        source_up=source_up,
+        target_up=target_up,
+        root_offset=root_offset,
+        root_follows=root_follows,
+    )
     performer = matched_performer(
         source, target, joint_map=joint_map, source_up=source_up, target_up=target_up, root_offset=root_offset
     )
@@ -110,6 +114,33 @@ def retarget(
     prepared = with_supports(prepared, supports, scene, settings)
     poses = solve_contact(prepared.problem, prepared.supports, prepared.settings, mapper=mapper, progress=progress)
     return prepared.result(poses)
+
+
+def check_options(
+    *,
+    objective: object,
+    supports: object,
+    scene: object,
+    root_scale: object,
+    source_up: object,
+    target_up: object,
+    root_offset: object,
+    root_follows: object,
+) -> None:
+    """Check the arguments of `retarget` with these names.
+
+    Raises:
+        SettingsError: one is none of its choices, or of another kind.
+    """
+    check_choice("objective", objective, OBJECTIVES)
+    check_choice("supports", supports, SUPPORTS)
+    check_choice("scene", scene, get_args(Scene))
+    check_choice("source_up", source_up, (*AXES, None))
+    check_choice("target_up", target_up, (*AXES, None))
+    check_choice("root_offset", root_offset, (*get_args(RootOffset), None))
+    check_choice("root_follows", root_follows, (*get_args(RootFollows), None))
+    if root_scale is not None:
+        check_number("root_scale", root_scale, SMALLEST, LARGEST)
 
 
 def _by_paper(prepared: Prepared, progress: Progress) -> RetargetResult:
@@ -127,20 +158,3 @@ def _fitted_poses(copy: Motion, problem: PoseProblem, postures: Postures) -> Arr
     roots = np.unique(problem.parts, return_index=True)[1]
     before, after = (Rotation.from_quat(motion.world_rotations[:, roots]) for motion in (copy, fitted))
     return np.pad((after * before.inv()).as_rotvec(), ((0, 0), (0, 1), (0, 0)))
-
-
-def _check_arguments(source: object, target: object, settings: object, root_scale: object) -> None:
-    """Check the kinds of arguments, which type checkers see and scripts may not.
-
-    Raises: SettingsError: one is of another kind, or the scale is no number above 0.
-    """
-    for name, value, kinds in (
-        ("source", source, (Motion,)),
-        ("target", target, (Motion, Skeleton, Target, SkeletonEdit)),
-        ("settings", settings, (ContactSettings,)),
-    ):
-        if not isinstance(value, kinds):
-            wanted = " or ".join(kind.__name__ for kind in kinds)
-            raise SettingsError(f"{name} is {reprlib.repr(value)}; expected a {wanted}")
-    if root_scale is not None and not (isinstance(root_scale, int | float) and SMALLEST <= root_scale <= LARGEST):
-        raise SettingsError(f"root_scale is {root_scale!r}; expected a number from {SMALLEST:g} to {LARGEST:g}")

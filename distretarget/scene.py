@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
+from types import NoneType
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.alignment import same_time
+from distretarget.arguments import check_choice, check_kind, check_number
 from distretarget.baseline.root import RootScale, find_root_scale
 from distretarget.baseline.strides import longest_strides
 from distretarget.baseline.world import turned
@@ -22,7 +25,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.threads import in_threads
 from distretarget.performer import Held, Performer, matched_performer, with_supports
 from distretarget.result import RetargetResult
-from distretarget.skeleton import Skeleton
+from distretarget.skeleton import LARGEST, SMALLEST, Skeleton
 from distretarget.solve.chunks import Mapper
 from distretarget.solve.resting_joints import Scene
 from distretarget.solve.settings import ContactSettings
@@ -129,8 +132,16 @@ def retarget_scene(
         MatchingError: a source and its target cannot be matched.
         SkeletonError: a thing is held by a joint that its performer does not have.
     """
+    _check_kinds(
+        sources=(sources, (Motion,)),
+        targets=(targets, (Motion, Skeleton, Target, SkeletonEdit)),
+        things=(things, (Thing,)),
+    )
     maps = [None] * len(sources) if joint_maps is None else joint_maps
     _check_arguments(sources, targets, maps, world_scale)
+    check_choice("supports", supports, get_args(Held))
+    check_choice("scene", scene, get_args(Scene))
+    check_kind("settings", settings, ContactSettings, NoneType)
     _check_times(sources, things)
     performers = _matched(sources, targets, maps)
     heights = [find_root_scale(performer.matching) for performer in performers]
@@ -161,6 +172,14 @@ def retarget_scene(
     )
 
 
+def _check_kinds(**sequences: tuple[Sequence[object], tuple[type, ...]]) -> None:
+    """Check that each argument is a sequence, and that all in it are of its kinds."""
+    for name, (values, kinds) in sequences.items():
+        check_kind(name, values, Sequence)
+        for number, value in enumerate(values):
+            check_kind(f"{name}[{number}]", value, *kinds)
+
+
 def _check_arguments(
     sources: Sequence[Motion],
     targets: Sequence[Motion | Skeleton | Target | SkeletonEdit],
@@ -171,8 +190,8 @@ def _check_arguments(
         raise SettingsError(
             f"{len(sources)} sources, {len(targets)} targets and {len(maps)} maps; expected one for each source"
         )
-    if world_scale is not None and not world_scale > 0:
-        raise SettingsError(f"world_scale is {world_scale}; expected a number above 0")
+    if world_scale is not None:
+        check_number("world_scale", world_scale, SMALLEST, LARGEST)
 
 
 def _level(heights: Sequence[float], longest: Sequence[float]) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +17,8 @@ from distretarget.numerics.kinematics import forward_kinematics
 
 POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
 ROTATION_CHANNELS = ("Xrotation", "Yrotation", "Zrotation")
+AXES = ("X", "Y", "Z", "-X", "-Y", "-Z")  # that may point up in a file
+UNITS = ("mm", "cm", "m", "dm", "in", "ft")  # of the lengths in a file
 # Bounds within which all computations stay finite and exact to a few digits [file units].
 LARGEST = 1e12  # largest coordinate of an offset or a position; also the largest scale
 SMALLEST = 1e-12  # least length of a body's longest bone; also the least scale
@@ -34,11 +37,12 @@ class Skeleton:
         offsets: (joints, 3), each joint's translation from its parent in the rest pose [file units].
         channels: the BVH channels of each joint, in file order.
         end_sites: (joints,), true for End Sites.
-        units: the unit of the offsets ("cm", ...); None where the file does not state it.
-        up: the axis that points up ("Y", "-Z", ...); None where the file does not state it.
+        units: the unit of the offsets, one of `UNITS`; None where the file does not state it.
+        up: the axis that points up, one of `AXES`; None where the file does not state it.
 
     Raises:
-        SkeletonError: the arrays are not a tree in that order, a channel is unknown or occurs twice in a joint, or two
+        SkeletonError: the arrays are not a tree in that order or hold no numbers, a name is no text, a channel is
+            unknown or occurs twice in a joint, an End Site has channels or children, unit or axis are unknown, or two
             joints cannot be told apart.
     """
 
@@ -51,35 +55,74 @@ class Skeleton:
     up: str | None = None
 
     def __post_init__(self) -> None:
-        count = len(self.names)
-        for name, dtype, shape in (
-            ("parents", np.intp, (count,)),
-            ("offsets", np.float64, (count, 3)),
-            ("end_sites", np.bool_, (count,)),
-        ):
-            array = np.array(getattr(self, name), dtype)
-            if array.shape != shape:
-                raise SkeletonError(f"{name} has shape {array.shape}, {count} joints need {shape}")
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
-        if len(self.channels) != count:
-            raise SkeletonError(f"channels are given for {len(self.channels)} of {count} joints")
-        for name, channels in zip(self.names, self.channels, strict=True):
-            if unknown := [channel for channel in channels if channel not in POSITION_CHANNELS + ROTATION_CHANNELS]:
-                known = closest(unknown[0], POSITION_CHANNELS + ROTATION_CHANNELS)
-                raise SkeletonError(f"{name!r} has the unknown channel {unknown[0]!r}; {known}")
-            if len(set(channels)) < len(channels):
-                raise SkeletonError(f"{name!r} has a channel twice: {quoted(channels)}")
-        if not count or self.parents[0] != -1:
-            raise SkeletonError("a skeleton needs a root as its first joint")
-        if np.any(self.parents[1:] < 0) or np.any(self.parents[1:] >= np.arange(1, count)):
-            raise SkeletonError("parents must come before their children, and only the root has none")
+        self._check_names()
+        self._check_arrays()
+        self._check_tree()
+        self._check_channels()
+        for name, value, known in (("units", self.units, UNITS), ("up", self.up, AXES)):
+            if value is not None and value not in known:
+                raise SkeletonError(f"{name} is {value!r}; expected one of {quoted(known)} or None")
         valid = np.abs(self.offsets) <= LARGEST
         if not np.all(valid):
             raise SkeletonError(f"the offset of {quoted(self._where(~valid))} is not finite, or beyond {LARGEST:g}")
         twins = [key for key, times in Counter(self.keys).items() if times > 1]
         if twins:
             raise SkeletonError(f"joints that cannot be told apart: {quoted(twins)}; rename all but one of each")
+
+    def _check_names(self) -> None:
+        """Check that names and channels are texts for each joint, and keep them as tuples."""
+        try:
+            object.__setattr__(self, "names", tuple(self.names))
+            object.__setattr__(self, "channels", tuple(map(tuple, self.channels)))
+        except TypeError as error:
+            raise SkeletonError(f"names and channels need an entry for each joint: {error}") from error
+        if wrong := [name for name in self.names if not isinstance(name, str)]:
+            raise SkeletonError(f"{wrong[0]!r} is no name; expected a text")
+        if len(self.channels) != len(self.names):
+            raise SkeletonError(f"channels are given for {len(self.channels)} of {len(self.names)} joints")
+
+    def _check_arrays(self) -> None:
+        """Check the shapes of the arrays, and keep them read-only."""
+        count = len(self.names)
+        for name, dtype, shape in (
+            ("parents", np.intp, (count,)),
+            ("offsets", np.float64, (count, 3)),
+            ("end_sites", np.bool_, (count,)),
+        ):
+            try:
+                array = np.array(getattr(self, name))
+                if array.dtype.kind not in "biuf":
+                    raise ValueError(f"found {array.dtype} values")
+                exact = array.astype(dtype)
+                if (exact != array).any() and np.isfinite(array).all():
+                    raise ValueError("found fractions")
+            except (TypeError, ValueError) as error:
+                raise SkeletonError(f"{name} is no array of {np.dtype(dtype).name} values: {error}") from error
+            if exact.shape != shape:
+                raise SkeletonError(f"{name} has shape {exact.shape}, {count} joints need {shape}")
+            exact.flags.writeable = False
+            object.__setattr__(self, name, exact)
+
+    def _check_tree(self) -> None:
+        """Check that the root is the first joint, that parents come before children, and that End Sites are leaves."""
+        count = len(self.names)
+        if not count or self.parents[0] != -1:
+            raise SkeletonError("a skeleton needs a root as its first joint")
+        if np.any(self.parents[1:] < 0) or np.any(self.parents[1:] >= np.arange(1, count)):
+            raise SkeletonError("parents must come before their children, and only the root has none")
+        inner = np.isin(np.arange(count), self.parents)
+        for joint in np.flatnonzero(self.end_sites):
+            if not joint or inner[joint] or self.channels[joint]:
+                raise SkeletonError(f"{self.names[joint]!r} is an End Site, but the root, or with channels or children")
+
+    def _check_channels(self) -> None:
+        """Check that the channels of each joint are known, and different."""
+        for name, channels in zip(self.names, self.channels, strict=True):
+            if unknown := [channel for channel in channels if channel not in POSITION_CHANNELS + ROTATION_CHANNELS]:
+                known = closest(str(unknown[0]), POSITION_CHANNELS + ROTATION_CHANNELS)
+                raise SkeletonError(f"{name!r} has the unknown channel {unknown[0]!r}; {known}")
+            if len(set(channels)) < len(channels):
+                raise SkeletonError(f"{name!r} has a channel twice: {quoted(channels)}")
 
     def _where(self, mask: NDArray[np.bool_]) -> list[str]:
         """The names of the joints that a mask (joints, ...) marks."""
@@ -114,7 +157,7 @@ class Skeleton:
         try:
             return self.keys.index(key)
         except ValueError:
-            raise SkeletonError(f"no joint {key!r}; {closest(key, self.keys)}") from None
+            raise SkeletonError(f"no joint {key!r}; {closest(str(key), self.keys)}") from None
 
     @cached_property
     def children(self) -> tuple[tuple[int, ...], ...]:
@@ -202,11 +245,30 @@ class Skeleton:
         """Return the axes of a joint's rotation channels in file order, such as "ZXY"."""
         return "".join(channel[0] for channel in self.channels[joint] if channel in ROTATION_CHANNELS)
 
+    @property
+    def without_namespaces(self) -> Skeleton:
+        """The same skeleton with names from the last colon on: `Hips` for `mixamorig:Hips`.
+
+        Raises:
+            SkeletonError: joints cannot be told apart without their namespaces.
+        """
+        return replace(self, names=tuple(name.rpartition(":")[2].strip() or name for name in self.names))
+
     def with_offsets(self, offsets: ArrayLike) -> Skeleton:
-        """Return the same tree with other offsets, (joints, 3)."""
-        return replace(self, offsets=np.asarray(offsets, np.float64))
+        """Return the same tree with other offsets, (joints, 3).
+
+        Raises:
+            SkeletonError: they are no such array, or not finite.
+        """
+        return replace(self, offsets=cast(NDArray[np.float64], offsets))  # checked as it is made
 
     def with_lengths(self, lengths: ArrayLike) -> Skeleton:
-        """Return the same tree and rest directions with other bone lengths, (joints,); bones of length 0 stay so."""
+        """Return the same tree and rest directions with other bone lengths, (joints,); bones of length 0 stay so.
+
+        Raises:
+            SkeletonError: they are no such array, or one is negative or not finite.
+        """
+        if np.shape(lengths) != self.lengths.shape or not np.all(np.asarray(lengths) >= 0):
+            raise SkeletonError(f"lengths have to be {len(self)} numbers, from 0")
         factors = np.divide(lengths, self.lengths, out=np.ones(len(self)), where=self.lengths > 0)
         return self.with_offsets(self.offsets * factors[:, None])

@@ -36,6 +36,7 @@ FLOORS = (
     "distances motion",
     "skeleton",
     "numerics",
+    "arguments",
     "errors",
 )
 

@@ -9,8 +9,9 @@ from bodies import WAYS, person, posed, swaying, turned
 from make_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
-from distretarget.body.axes import AXES, Directions, axis_vector, nearest_axis, squared, upright
+from distretarget.body.axes import Directions, axis_vector, nearest_axis, squared, upright
 from distretarget.body.body import Body
+from distretarget.skeleton import AXES
 
 PEOPLE = [person(), *(rig(convention, pose) for convention, pose in itertools.product(CONVENTIONS, "TA"))]
 

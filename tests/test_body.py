@@ -26,8 +26,9 @@ from scipy.spatial.transform import Rotation
 
 import distretarget
 from distretarget import Motion, Skeleton, read_bvh, retarget
-from distretarget.body.axes import AXES, Directions, axis_vector
+from distretarget.body.axes import Directions, axis_vector
 from distretarget.body.body import Body
+from distretarget.skeleton import AXES
 
 SIDES = [("Left", "Right"), ("_l", "_r")]
 PEOPLE = [person(), *(rig(convention, pose) for convention, pose in itertools.product(CONVENTIONS, "TA"))]

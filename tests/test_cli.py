@@ -79,7 +79,7 @@ BAD = {
     "output in no folder": (["in.bvh", "body.json", "-o", "no/out.bvh"], 1, "no"),
     "output equal to input": (["in.bvh", "body.json", "-o", "in.bvh", "--overwrite"], 1, "in.bvh"),
     "output equal to target": (["in.bvh", "body.json", "-o", "./body.json", "--overwrite"], 1, "body.json"),
-    "figures over the output": (["in.bvh", "body.json", "-o", "o", "--json", "o"], 1, "another output"),
+    "figures over the output": (["in.bvh", "body.json", "-o", "o.bvh", "--json", "o.bvh"], 1, "another output"),
     "existing output": (["in.bvh", "body.json", "-o", "there.bvh"], 1, "--overwrite"),
     "existing figures": (["in.bvh", "body.json", "-o", "out.bvh", "--json", "there.bvh"], 1, "--overwrite"),
     "truncated source": (["short.bvh", "body.json", "-o", "out.bvh"], 1, "short.bvh:"),
@@ -91,7 +91,7 @@ BAD = {
     "missing map": (["in.bvh", "body.json", "-o", "out.bvh", "--map", "none.json"], 1, "none.json"),
     "output equal to the map": (["in.bvh", "body.json", "-o", "o", "--map", "o"], 1, "o: is an input"),
     "nothing in common": (
-        ["in.bvh", "blocks.json", "-o", "o"],
+        ["in.bvh", "blocks.json", "-o", "o.bvh"],
         1,
         "`distretarget skeleton match in.bvh blocks.json -o",
     ),

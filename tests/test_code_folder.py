@@ -37,6 +37,25 @@ def test_code_is_kept_in_the_first_place_that_can_be_written_to(places):
     assert chosen() is None
 
 
+def test_code_of_versions_that_have_not_run_for_long_is_removed(places, tmp_path):
+    names = {"old": f"compiled-{16 * '0'}", "recent": f"compiled-{16 * '1'}", "other": "compiled-notes"}
+    folders = {kind: places[0] / name for kind, name in names.items()}
+    for folder in folders.values():
+        (folder / "code").mkdir(parents=True)
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    link = places[0] / f"compiled-{16 * '2'}"
+    link.symlink_to(elsewhere, target_is_directory=True)
+    for path in (folders["old"], folders["other"], elsewhere):
+        os.utime(path, (0, 0))
+    assert chosen().parent == places[0]
+    assert [kind for kind, folder in folders.items() if folder.exists()] == ["recent", "other"]
+    assert elsewhere.exists()
+    os.utime(folders["recent"], (0, 0))
+    assert chosen().exists()
+    assert folders["recent"].exists(), "only the first run of a version searches"
+
+
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="temporary files are private here")
 @pytest.mark.parametrize("kind", ["open to all", "a link"])
 def test_no_code_is_taken_from_a_folder_that_others_may_have_filled(places, tmp_path, kind):

@@ -4,8 +4,12 @@ import os
 import subprocess
 import sys
 
+import numba
 import pytest
-from bodies import SAMPLES
+from bodies import SAMPLES, other_lengths, person, swaying
+
+from distretarget import load_target, read_bvh, retarget
+from distretarget.batch.compile_ahead import warm
 
 WATCHED = """
 import sys
@@ -52,3 +56,17 @@ def test_nothing_is_compiled_after_warming_up(objective):
     done = subprocess.run([sys.executable, "-c", WATCHED, objective, *files], capture_output=True, text=True)
     assert done.stderr == ""
     assert done.stdout == "[]\n"
+
+
+def test_the_solver_is_compiled_for_one_layout_of_arrays(monkeypatch):
+    seen = set()
+
+    def note(*arguments):
+        seen.add(tuple(str(numba.typeof(argument)) for argument in arguments))
+
+    monkeypatch.setattr("distretarget.solve.contact._solve", note)
+    warm("contact")
+    for supports in ("hold", "free"):
+        retarget(swaying(person(), frames=3), other_lengths(person()), supports=supports)
+    retarget(read_bvh(SAMPLES / "squat.bvh"), load_target(SAMPLES / "child.json"))
+    assert len(seen) == 1

@@ -11,8 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import read_bvh, retarget
 from distretarget.baseline.world import find_root_offset, turned, with_root_offset
-from distretarget.body.axes import AXES, axis_vector
+from distretarget.body.axes import axis_vector
 from distretarget.body.body import Body
+from distretarget.skeleton import AXES
 
 INCH = 2.54  # cm
 UNITS = {"mm": 10.0, "cm": 1.0, "m": 0.01, "inches": 1 / INCH}

@@ -28,9 +28,10 @@ Written by `tools/make_reference.py` from the help texts of the program; each st
 | 2 | wrong usage: an option or argument that is missing or unknown |
 | 130 | interrupted |
 
-Results go to standard output, errors and warnings to standard error. On a terminal a bar counts the frames;
-elsewhere there is none. A file that exists is replaced with `--overwrite` only, an input never. Files are
-written beside their place and moved there when they are complete.
+Results go to standard output, errors and warnings to standard error. In place of a clip, a skeleton or an output, - is
+standard input or output; with an output there, all lines go to standard error. A file called - is given as ./-.
+On a terminal a bar counts the frames; elsewhere there is none. A file that exists is replaced with `--overwrite` only,
+an input never. Files are written beside their place and moved there when they are complete.
 
 The first run compiles, which may take half a minute, and says so in one line. Later runs find the code in the first
 of these folders that can be written to: `NUMBA_CACHE_DIR`, where that variable is set; the folder of the package;

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from distretarget.arguments import check_choice
 from distretarget.body.axes import axis_vector
 from distretarget.body.body import OFF_FLOOR, Body
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import least_rotation
-from distretarget.skeleton import POSITION_CHANNELS
+from distretarget.skeleton import AXES, POSITION_CHANNELS
 
 Array = NDArray[np.float64]
 RootOffset = Literal["replaced", "added"]
@@ -33,6 +34,11 @@ class World:
     source_up: str
     up: str
     root_offset: RootOffset
+
+    def __post_init__(self) -> None:
+        check_choice("source_up", self.source_up, AXES)
+        check_choice("up", self.up, AXES)
+        check_choice("root_offset", self.root_offset, get_args(RootOffset))
 
     @property
     def up_vector(self) -> Array:

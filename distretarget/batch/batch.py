@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
+from types import NoneType
 from typing import Any
 
+from distretarget.arguments import check_kind, check_number, check_path
 from distretarget.batch.clips import find_clips
 from distretarget.batch.manifest import Manifest
 from distretarget.batch.plan import Work, check_page, plan
@@ -147,14 +150,20 @@ def convert_folder(
     Raises:
         BatchError: there is nothing to convert, results would replace clips, or `fail_fast` stopped the batch.
         DistretargetError: a target, the map or the folder of results cannot be used.
+        SettingsError: an argument is of another kind, or out of its bounds.
     """
-    if jobs is not None and jobs < 1:
-        raise BatchError(f"jobs is {jobs}; expected a number of processes, 1 or more")
-    paths = _listed(sources)
+    check_kind("options", options, Options)
+    for name, patterns in (("include", include), ("exclude", exclude)):
+        check_kind(name, patterns, Sequence)
+    for name, number, least in (("jobs", jobs, 1), ("reports", reports, 0)):
+        check_kind(name, number, int, NoneType)
+        check_number(name, least if number is None else number, least, sys.maxsize)
+    check_path("folder", folder)
+    paths = _listed("sources", sources)
     found = find_clips(paths, (), include, exclude)
     if found.unread:
         raise found.unread[0]
-    texts = [load_text(target) for target in _listed(targets)]
+    texts = [load_text(target) for target in _listed("targets", targets)]
     for text in texts:
         parse_target(text.text, text.path)
     works = plan(found.clips, texts, Path(folder), paths)
@@ -174,8 +183,12 @@ def convert_folder(
     return tally
 
 
-def _listed(paths: Paths) -> list[Path]:
-    return [Path(paths)] if isinstance(paths, (str, Path)) else [Path(path) for path in paths]
+def _listed(name: str, paths: Paths) -> list[Path]:
+    """The paths in an argument that is one or several."""
+    several = paths if isinstance(paths, Sequence) and not isinstance(paths, str) else [paths]
+    for path in several:
+        check_path(name, path)
+    return [Path(path) for path in several]
 
 
 def _about(work: Work) -> About:

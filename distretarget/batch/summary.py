@@ -63,6 +63,10 @@ class Tally:
         for figure, records in self._worst.items():
             if bad := [_value(record, figure) for record in records if _of_result(record, figure) > LEAST]:
                 yield f"worst {figure.label}: {', '.join(bad)}"
+        yield from self.failure_lines()
+
+    def failure_lines(self) -> Iterator[str]:
+        """Which clips failed, and why; nothing if none did."""
         if self.failed:
             yield from ("failed:", *(f"  {failure}" for failure in self._failures))
         if self.failed > FAILURES:

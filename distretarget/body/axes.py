@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from distretarget.body.anatomy import LEG, SIDES, Anatomy
 from distretarget.numerics.vectors import normalised
+from distretarget.skeleton import AXES
 
 Array = NDArray[np.float64]
 
-AXES = ("X", "Y", "Z", "-X", "-Y", "-Z")
 STRETCHED = 125.0  # least angle between trunk and legs of an upright body, rarely reached on four legs [degrees]
 FOLDED = 45.0  # a rest pose with a smaller angle between trunk and legs does not show how the body stands [degrees]
 SQUARE = np.cos(np.radians(25))  # a direction within this angle of an axis of the file counts as that axis [cosine]

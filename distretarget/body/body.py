@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import NoneType
 
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.arguments import check_kind
 from distretarget.body.anatomy import SIDES, Anatomy
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, nearest_axis, squared, upright
 from distretarget.body.handles import find_handles
@@ -56,6 +58,8 @@ class Body:
 
         `motion`, any motion of these joints, shows what the rest pose may not: shape, axes and how limbs bend.
         """
+        check_kind("skeleton", skeleton, Skeleton)
+        check_kind("motion", motion, Motion, NoneType)
         moving = motion if motion is not None and len(motion) else None
         positions = None if moving is None else moving.positions
         return cls(skeleton, by_names(skeleton) or by_shape(skeleton, positions), moving)
@@ -63,6 +67,7 @@ class Body:
     @classmethod
     def of_motion(cls, motion: Motion) -> Body:
         """Return the body that moves in a motion, with the bone lengths that its frames show."""
+        check_kind("motion", motion, Motion)
         return cls.of(motion.rigid_skeleton, motion)
 
     # ---- legs and size

@@ -47,9 +47,10 @@ def cli() -> None:
     distretarget skeleton show FILE                 the joints of a file and their bone lengths
     """  # noqa: D301
     # Imported here, like the commands: --help need not wait for numba.
+    from distretarget.cli.outputs import say
     from distretarget.numerics.compiled import announced_compilation
 
-    click.get_current_context().with_resource(announced_compilation(lambda line: click.echo(line, err=True)))
+    click.get_current_context().with_resource(announced_compilation(lambda line: say(line, err=True)))
 
 
 for name, (place, short_help) in COMMANDS.items():

@@ -24,8 +24,9 @@ from distretarget.batch.record import ManifestRecord, Recipe
 from distretarget.batch.reports import Pages
 from distretarget.batch.summary import Tally
 from distretarget.cli.options import retargeting
-from distretarget.cli.outputs import about, say
+from distretarget.cli.outputs import about, complain, is_quiet, quiet, say
 from distretarget.cli.parameters import of_reports
+from distretarget.cli.streams import STANDARD
 from distretarget.conversion import Options, Text, load_text
 from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import hash_of, hash_of_file, is_folder, read_bytes
@@ -91,6 +92,7 @@ INTERRUPTED = 130  # exit status
     help=f"The clips that get a report, with --report: worst:N by {FIGURES[0].label}, all or none.",
 )
 @click.option("--dry-run", is_flag=True, help="Print what would be done, and do nothing.")
+@quiet
 def batch_command(
     sources: tuple[Path, ...],
     folder: Path,
@@ -126,6 +128,8 @@ def batch_command(
         raise click.UsageError("no sources; expected files, folders or --input-list.")
     if jobs and dask is not None:
         raise click.UsageError("--jobs sets the processes of this machine; give either --jobs or --dask.")
+    if STANDARD in sources:
+        raise click.UsageError("results are named after their sources, and standard input has no name; give a file.")
     if missing := [source for source in sources if not os.path.lexists(source)]:
         raise click.UsageError(f"{missing[0]}: there is no such file or folder.")
     found = find_clips(sources, listed, include, exclude)
@@ -153,12 +157,14 @@ def batch_command(
         stopped, status = _convert(batch, manifest, pool, progress)
     for line in progress.tally.lines(len(works), progress.seconds - pool.start_seconds, pool.workers):
         say(line)
+    for line in progress.tally.failure_lines() if is_quiet() else ():
+        complain(line)
     _print_unread(found)
     problems = pages.problems if pages else {}
     for problem in problems.values():
-        say(f"no report: {problem}", err=True)
+        complain(f"no report: {problem}")
     if stopped:
-        say(f"distretarget: {stopped}", err=True)
+        complain(f"distretarget: {stopped}")
     sys.exit(status or int(bool(progress.tally.failed or found.unread or problems)))
 
 
@@ -206,8 +212,8 @@ class Progress:
     def __init__(self, clips: int) -> None:
         self.tally = Tally()
         self._started = time.perf_counter()
-        self._clips = tqdm(total=clips, unit=" clips", disable=None, leave=False)
-        self._frames = tqdm(unit=" frames", unit_scale=True, disable=None, leave=False, position=1)
+        self._clips = tqdm(total=clips, unit=" clips", disable=is_quiet() or None, leave=False)
+        self._frames = tqdm(unit=" frames", unit_scale=True, disable=is_quiet() or None, leave=False, position=1)
 
     @property
     def seconds(self) -> float:
@@ -255,4 +261,4 @@ def _print_broken(history: History) -> None:
 def _print_unread(found: FoundClips) -> None:
     """Print the errors of files and folders that could not be searched."""
     for error in found.unread:
-        say(f"not searched: {error}", err=True)
+        complain(f"not searched: {error}")

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import click
 
-from distretarget.cli.outputs import LISTED, OVERWRITE_OPTION, about, check_outputs, say
+from distretarget.cli.outputs import LISTED, OVERWRITE_OPTION, about, check_outputs, quiet, say
 from distretarget.cli.parameters import of_figure
+from distretarget.cli.streams import FileOrStandard, read_input, write_output
 from distretarget.conversion import needs_map
 from distretarget.errors import DistretargetError, MatchingError, quoted
-from distretarget.io.bvh import read_bvh
-from distretarget.io.files import write_whole
+from distretarget.io.bvh import parse_bvh
 from distretarget.io.map_json import joint_map, load_map
 from distretarget.io.target import Target
 from distretarget.measure.diff import diff
@@ -35,14 +35,14 @@ def _fail_over_help() -> str:
 
 
 @click.command("diff")
-@click.argument("a", type=click.Path(path_type=Path))
-@click.argument("b", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="The HTML report to write: one file, no network.")
-@click.option("--json", "json_path", type=click.Path(path_type=Path), help="Write all figures to this file.")
+@click.argument("a", type=FileOrStandard())
+@click.argument("b", type=FileOrStandard())
+@click.option("-o", "--output", type=FileOrStandard(), help="The HTML report to write: one file, no network.")
+@click.option("--json", "json_path", type=FileOrStandard(), help="Write all figures to this file.")
 @click.option(
     "--csv",
     "csv_path",
-    type=click.Path(path_type=Path),
+    type=FileOrStandard(),
     help="Write the figures of the frames to this file, a row each.",
 )
 @click.option(
@@ -62,6 +62,7 @@ def _fail_over_help() -> str:
     help=_fail_over_help(),
 )
 @OVERWRITE_OPTION
+@quiet
 def diff_command(
     a: Path,
     b: Path,
@@ -75,7 +76,7 @@ def diff_command(
     """Measure the motion of B against that of A, the reference. Both are BVH files.
 
     Their skeletons may differ, and so may frame times and numbers of frames: A is resampled at B's, and the longer
-    one is cut.
+    one is cut. - stands for standard input or output.
 
     \b
     distretarget diff walk.bvh walk_hero.bvh
@@ -83,26 +84,27 @@ def diff_command(
     distretarget diff old.bvh new.bvh --fail-over contact_error=0.02 --fail-over slide=1.1
     """  # noqa: D301
     check_outputs([output, json_path, csv_path], [a, b, map_path], overwrite)
-    first, second = read_bvh(a), read_bvh(b)
+    texts = read_input(a), read_input(b)
+    first, second = (parse_bvh(one.text, one.path) for one in texts)
     goal = Target(second.rigid_skeleton, {}, "")
-    pairs = joint_map(first.rigid_skeleton, goal, b, load_map(map_path))
+    pairs = joint_map(first.rigid_skeleton, goal, texts[1].path, load_map(map_path))
     try:
         result = diff(first, second, pairs)
     except MatchingError as error:
-        raise needs_map(error, a, b) from error
+        raise needs_map(error, *(one.path for one in texts)) from error
     except DistretargetError as error:
-        raise error.in_file(b) from None
-    figures = document(result, replace(about(a, b), limits=limits))
+        raise error.in_file(texts[1].path) from None
+    figures = document(result, replace(about(*(Path(one.path) for one in texts)), limits=limits))
     if output:
-        write_whole(output, page(result, figures), overwrite=overwrite)
+        write_output(output, page(result, figures), overwrite)
     if json_path:
-        write_whole(json_path, json_text(figures), overwrite=overwrite)
+        write_output(json_path, json_text(figures), overwrite)
     if csv_path:
-        write_whole(csv_path, csv_text(figures), overwrite=overwrite)
+        write_output(csv_path, csv_text(figures), overwrite)
     for line in _account(figures):
         say(line)
     if over := list(_over(figures["limits"])):
-        raise click.ClickException(f"{b}: {'; '.join(over)}")
+        raise click.ClickException(f"{texts[1].path}: {'; '.join(over)}")
 
 
 def _account(figures: DiffDocument) -> Iterator[str]:

@@ -12,11 +12,11 @@ from click.core import ParameterSource
 
 from distretarget.baseline.engine_root import RootFollows
 from distretarget.baseline.world import RootOffset
-from distretarget.body.axes import AXES
 from distretarget.cli.parameters import positive
 from distretarget.conversion import Options
 from distretarget.performer import Held
 from distretarget.retargeting import OBJECTIVES, SUPPORTS, Objective
+from distretarget.skeleton import AXES
 from distretarget.solve.resting_joints import Scene
 
 SUPPORTS_OPTION = click.option(

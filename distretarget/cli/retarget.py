@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import shlex
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -15,12 +15,22 @@ from distretarget.baseline.world import RootOffset
 from distretarget.batch.compile_ahead import warm
 from distretarget.cli.matching_table import headline, unused
 from distretarget.cli.options import retargeting
-from distretarget.cli.outputs import LISTED, OVERWRITE_OPTION, about, check_outputs, say
-from distretarget.conversion import Options, load_text, retarget_onto
+from distretarget.cli.outputs import (
+    LISTED,
+    OVERWRITE_OPTION,
+    about,
+    check_outputs,
+    check_suffix,
+    is_quiet,
+    quiet,
+    say,
+    strip_namespace,
+)
+from distretarget.cli.streams import FileOrStandard, read_input, write_output
+from distretarget.conversion import Options, Text, argument, retarget_onto
 from distretarget.errors import FileError, quoted
-from distretarget.io.bvh import parse_bvh
+from distretarget.io.bvh import declared_frames, parse_bvh
 from distretarget.io.bvh_writer import format_bvh
-from distretarget.io.files import write_whole
 from distretarget.io.map_json import load_map
 from distretarget.io.target_file import is_json
 from distretarget.motion import Motion
@@ -30,22 +40,22 @@ from distretarget.run_summary import figures_json, figures_line, summary_line, u
 
 
 @click.command("retarget")
-@click.argument("source", type=click.Path(path_type=Path))
-@click.argument("target", type=click.Path(path_type=Path))
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="The BVH file to write.")
+@click.argument("source", type=FileOrStandard())
+@click.argument("target", type=FileOrStandard())
+@click.option("-o", "--output", required=True, type=FileOrStandard(), help="The BVH file to write.")
 @OVERWRITE_OPTION
 @retargeting
-@click.option(
-    "--json", "figures", type=click.Path(path_type=Path), help="Write the figures of each frame to this file."
-)
+@strip_namespace
+@click.option("--json", "figures", type=FileOrStandard(), help="Write the figures of each frame to this file.")
 @click.option(
     "--report",
-    type=click.Path(path_type=Path),
+    type=FileOrStandard(),
     help="Write an HTML report to this file: the result and the rotation copy, measured against the source.",
 )
 @click.option(
     "-v", "--verbose", is_flag=True, help="Print what was recognised and matched, and the axes, OFFSET and scale used."
 )
+@quiet
 def retarget_command(
     source: Path,
     target: Path,
@@ -55,49 +65,59 @@ def retarget_command(
     options: Options,
     figures: Path | None,
     report: Path | None,
+    strip_namespace: bool,
     verbose: bool,
 ) -> None:
     """Retarget the motion of SOURCE, a BVH file, to the body of TARGET.
 
     TARGET is a skeleton file (.json) or any BVH file of that body. Names, rest pose and axes may differ from those of
-    SOURCE; 'distretarget skeleton match' shows which joint drives which.
+    SOURCE; 'distretarget skeleton match' shows which joint drives which. - stands for standard input or output.
 
     \b
     distretarget walk.bvh child.json -o walk_child.bvh
     distretarget walk.bvh hero.bvh -o walk_hero.bvh --json walk_hero.figures.json
     distretarget walk.bvh hero.bvh -o walk_hero.bvh --report walk_hero.html
     distretarget walk.bvh robot.bvh -o walk_robot.bvh --map walk_robot.map.json -v
+    cat walk.bvh | distretarget - child.json -o - > walk_child.bvh
     """  # noqa: D301
     check_outputs([output, figures, report], [source, target, map_path], overwrite)
+    check_suffix(output, ".bvh")
     warm(options.objective)
     started = time.perf_counter()
-    motion = _read_source(source, target)
-    map_file, target_text = load_map(map_path), load_text(target)
-    with tqdm(total=len(motion), unit=" frames", desc=source.name, disable=None, leave=False) as bar:
+    source_text, target_text, map_file = read_input(source), read_input(target), load_map(map_path)
+    motion = _source_motion(source_text, target_text)
+    with tqdm(total=len(motion), unit=" frames", desc=source.name, disable=is_quiet() or None, leave=False) as bar:
         result = retarget_onto(
-            motion, target_text, source=source, map_file=map_file, options=options, progress=bar.update
+            motion, target_text, source=source_text.path, map_file=map_file, options=options, progress=bar.update
         )
-    texts = {output: format_bvh(result.motion)}
+    motion, skeleton = result.motion, result.motion.skeleton
+    texts = {output: format_bvh(replace(motion, skeleton=skeleton.without_namespaces) if strip_namespace else motion)}
     seconds = time.perf_counter() - started
     texts |= {figures: figures_json(result)} if figures else {}
-    texts |= {report: run_page(result, about(source, output))} if report else {}
+    texts |= {report: run_page(result, about(Path(source_text.path), output))} if report else {}
     for path, text in texts.items():
-        write_whole(path, text, overwrite=overwrite)
+        write_output(path, text, overwrite)
     short = (f"warning: {joints}; see -v" for joints in unmatched(result.matching))
     for line in _account(result) if verbose else short:
         say(line, err=True)
     for warning in result.warnings:
-        click.echo(f"warning: {warning}", err=True)
-    click.echo(summary_line(result, seconds))
+        say(f"warning: {warning}", err=True)
+    if not strip_namespace and (names := [name for name in skeleton.names if ":" in name]):
+        plain = names[0].rpartition(":")[2]
+        say(f"three.js cannot play joints with names like {names[0]!r}; --strip-namespace writes {plain!r}", err=True)
+    say(summary_line(result, seconds))
 
 
-def _read_source(source: Path, target: Path) -> Motion:
-    """The motion of the source; an error says so where source and target are likely to be swapped."""
-    text = load_text(source)
-    if is_json(text.text):
-        order = f"if it is the target, it comes last: distretarget {shlex.join([str(target), str(source)])} -o OUT.bvh"
-        raise FileError(source, f"is a skeleton file, which has no motion, expected a BVH file as SOURCE; {order}")
-    return parse_bvh(text.text, source)
+def _source_motion(source: Text, target: Text) -> Motion:
+    """The motion of the source; an error says so where source and target are swapped."""
+    order = (
+        f"if it is the target, it comes last: distretarget {argument(target.path)} {argument(source.path)} -o OUT.bvh"
+    )
+    if is_json(source.text):
+        raise FileError(source.path, f"is a skeleton file, which has no motion, expected a BVH file as SOURCE; {order}")
+    if declared_frames(source.text) == 0 and declared_frames(target.text):
+        raise FileError(source.path, f"has no frames, expected a BVH file with motion as SOURCE; {order}")
+    return parse_bvh(source.text, source.path)
 
 
 def _account(result: RetargetResult) -> Iterator[str]:

@@ -12,7 +12,7 @@ from click.core import ParameterSource
 
 from distretarget.batch.compile_ahead import warm
 from distretarget.cli.options import SCENE_OPTION, SUPPORTS_OPTION
-from distretarget.cli.outputs import OVERWRITE_OPTION, check_outputs, say
+from distretarget.cli.outputs import OVERWRITE_OPTION, check_outputs, quiet, say
 from distretarget.cli.parameters import positive
 from distretarget.errors import FileError
 from distretarget.io.bvh_writer import format_bvh
@@ -64,6 +64,7 @@ from distretarget.scene_setup import PerformerFiles, SceneSetup
 )
 @SUPPORTS_OPTION
 @SCENE_OPTION
+@quiet
 def scene_command(
     sources: tuple[Path, ...], targets: tuple[Path, ...], output: Path, overwrite: bool, report: bool, **options: Any
 ) -> None:

@@ -11,63 +11,68 @@ import numpy as np
 
 from distretarget.body.body import Body
 from distretarget.cli.matching_table import headline, recognised, rows, unused
-from distretarget.cli.outputs import OVERWRITE_OPTION, check_outputs, say
+from distretarget.cli.outputs import OVERWRITE_OPTION, check_outputs, check_suffix, quiet, say, strip_namespace
 from distretarget.cli.parameters import of_bone, positive
+from distretarget.cli.streams import STANDARD, FileOrStandard, read_input, write_output
+from distretarget.conversion import Text
 from distretarget.errors import FileError, closest
-from distretarget.io.bvh import read_bvh
-from distretarget.io.files import read_text, write_whole
+from distretarget.io.bvh import parse_bvh
 from distretarget.io.map_json import joint_map, load_map, map_to_json
 from distretarget.io.skeleton_writer import skeleton_to_json
-from distretarget.io.target import SkeletonEdit
-from distretarget.io.target_file import is_json, load_full_target, load_target
+from distretarget.io.target import SkeletonEdit, Target
+from distretarget.io.target_file import is_json, parse_full_target, parse_target
 from distretarget.matching.matching import find_matching, refusal
 from distretarget.skeleton import Skeleton
 
 
 @click.group("skeleton")
 def skeleton_group() -> None:
-    """Show, edit and match skeletons, and write skeleton files."""
+    """Show, edit and match skeletons, and write skeleton files. - stands for standard input or output."""
 
 
 @skeleton_group.command("show")
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=FileOrStandard())
 def show_command(file: Path) -> None:
     """Print the tree of FILE, a BVH or skeleton file, with its bone lengths.
 
     \b
     distretarget skeleton show walk.bvh
     """  # noqa: D301
-    skeleton = load_full_target(file).skeleton
+    skeleton = _full_target(read_input(file)).skeleton
     for line in (_headline(skeleton), *_tree(skeleton)):
         say(line)
 
 
 @skeleton_group.command("export")
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=FileOrStandard())
 @click.option(
     "-o",
     "--output",
-    type=click.Path(path_type=Path),
+    type=FileOrStandard(),
+    default=STANDARD,
     help="The skeleton file to write. Default: standard output.",
 )
+@strip_namespace
 @OVERWRITE_OPTION
-def export_command(file: Path, output: Path | None, overwrite: bool) -> None:
+def export_command(file: Path, output: Path, strip_namespace: bool, overwrite: bool) -> None:
     """Write the skeleton of FILE as a target skeleton file, to edit it or to retarget to it.
 
     \b
     distretarget skeleton export hero.bvh -o hero.json
     """  # noqa: D301
     check_outputs([output], [file], overwrite)
-    target = load_full_target(file)
-    text = skeleton_to_json(target.skeleton, target.name or file.stem, target.map)
-    if output:
-        write_whole(output, text, overwrite=overwrite)
-    else:
-        click.echo(text, nl=False)
+    check_suffix(output, ".json")
+    text = read_input(file)
+    target = _full_target(text)
+    skeleton, joint_map = target.skeleton, target.map
+    if strip_namespace:
+        skeleton = skeleton.without_namespaces
+        joint_map = {skeleton.keys[target.skeleton.index(key)]: driver for key, driver in joint_map.items()}
+    write_output(output, skeleton_to_json(skeleton, _name(target, text), joint_map), overwrite)
 
 
 @skeleton_group.command("edit")
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=FileOrStandard())
 @click.option("--scale", type=positive, metavar="FACTOR", help="The factor for all bones and the root's offset.")
 @click.option(
     "--length",
@@ -85,8 +90,9 @@ def export_command(file: Path, output: Path | None, overwrite: bool) -> None:
     metavar="BONE=FACTOR",
     help="An additional factor for a bone. May be given several times.",
 )
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="The skeleton file to write.")
+@click.option("-o", "--output", required=True, type=FileOrStandard(), help="The skeleton file to write.")
 @OVERWRITE_OPTION
+@quiet
 def edit_command(
     file: Path,
     scale: float | None,
@@ -107,37 +113,40 @@ def edit_command(
     if scale is None and not lengths and not factors:
         raise click.UsageError("nothing to change; give --scale, --length or --factor.")
     check_outputs([output], [file], overwrite)
-    target = load_full_target(file)
+    check_suffix(output, ".json")
+    text = read_input(file)
+    target = _full_target(text)
     options = [
         *(("--length", name, number) for name, number in lengths),
         *(("--factor", name, number) for name, number in factors),
     ]
-    chosen = _bones(file, target.skeleton, options)
+    chosen = _bones(text.path, target.skeleton, options)
     per_option = {
         option: {key: number for key, (by, _, number) in chosen.items() if by == option}
         for option in ("--length", "--factor")
     }
-    edit = SkeletonEdit(1.0 if scale is None else scale, per_option["--length"], per_option["--factor"], file)
+    edit = SkeletonEdit(1.0 if scale is None else scale, per_option["--length"], per_option["--factor"], text.path)
     edited = edit.apply(target.skeleton)
-    write_whole(output, skeleton_to_json(edited, target.name or file.stem, target.map), overwrite=overwrite)
+    write_output(output, skeleton_to_json(edited, _name(target, text), target.map), overwrite)
     changed = int(np.sum(edited.lengths != target.skeleton.lengths))
     unit = f" {edited.units}" if edited.units else ""
     bones = "1 bone" if changed == 1 else f"{changed} bones"
-    click.echo(f"{bones} changed; height {Body.of(target.skeleton).height:.6g} -> {Body.of(edited).height:.6g}{unit}")
+    say(f"{bones} changed; height {Body.of(target.skeleton).height:.6g} -> {Body.of(edited).height:.6g}{unit}")
 
 
 @skeleton_group.command("match")
-@click.argument("source", type=click.Path(path_type=Path))
-@click.argument("target", type=click.Path(path_type=Path))
+@click.argument("source", type=FileOrStandard())
+@click.argument("target", type=FileOrStandard())
 @click.option(
     "--map",
     "map_path",
-    type=click.Path(path_type=Path),
+    type=FileOrStandard(),
     metavar="FILE",
     help="A map file whose pairs overrule all others.",
 )
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="The map file to write.")
+@click.option("-o", "--output", type=FileOrStandard(), help="The map file to write.")
 @OVERWRITE_OPTION
+@quiet
 def match_command(source: Path, target: Path, map_path: Path | None, output: Path | None, overwrite: bool) -> None:
     """Print which joint of SOURCE drives which joint of TARGET, and write it as a map to edit.
 
@@ -152,9 +161,11 @@ def match_command(source: Path, target: Path, map_path: Path | None, output: Pat
     distretarget skeleton match walk.bvh robot.bvh -o walk_robot.map.json
     """  # noqa: D301
     check_outputs([output], [source, target, map_path], overwrite)
-    source_body = _load_body(source)
-    whole_target = load_target(target).for_source(source_body.skeleton)
-    pairs = joint_map(source_body.skeleton, whole_target, target, load_map(map_path))
+    check_suffix(output, ".json")
+    source_text, target_text = read_input(source), read_input(target)
+    source_body = _body(source_text)
+    whole_target = parse_target(target_text.text, target_text.path).for_source(source_body.skeleton)
+    pairs = joint_map(source_body.skeleton, whole_target, target_text.path, load_map(map_path))
     matching = find_matching(source_body, Body.of(whole_target.skeleton, whole_target.motion), pairs)
     lines = [
         *headline(matching),
@@ -167,19 +178,30 @@ def match_command(source: Path, target: Path, map_path: Path | None, output: Pat
     for line in lines:
         say(line)
     if output:
-        write_whole(output, map_to_json(matching), overwrite=overwrite)
+        write_output(output, map_to_json(matching), overwrite)
     if reason := refusal(matching):
         map_name = str(output) if output else "a map, which -o MAP.json writes,"
-        raise FileError(target, f"{reason}; fill in {map_name} and give it with --map")
+        raise FileError(target_text.path, f"{reason}; fill in {map_name} and give it with --map")
 
 
-def _load_body(path: Path) -> Body:
-    """The body in a BVH or skeleton file."""
-    return Body.of(load_full_target(path).skeleton) if is_json(read_text(path)) else Body.of_motion(read_bvh(path))
+def _full_target(text: Text) -> Target:
+    """The target in the text of a BVH file or of a skeleton file of the full form."""
+    return parse_full_target(text.text, text.path)
+
+
+def _name(target: Target, text: Text) -> str:
+    """The name of a target, or else of its file."""
+    return target.name or Path(text.path).stem
+
+
+def _body(text: Text) -> Body:
+    """The body in the text of a BVH or skeleton file."""
+    is_motion = not is_json(text.text)
+    return Body.of_motion(parse_bvh(text.text, text.path)) if is_motion else Body.of(_full_target(text).skeleton)
 
 
 def _bones(
-    file: Path, skeleton: Skeleton, options: Iterable[tuple[str, str, float]]
+    file: str | Path, skeleton: Skeleton, options: Iterable[tuple[str, str, float]]
 ) -> dict[str, tuple[str, str, float]]:
     """For each bone named by an option: the option, the name or pattern, and the number.
 

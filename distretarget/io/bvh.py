@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.errors import SkeletonError
-from distretarget.io.bvh_parser import Words, take_frames, take_hierarchy, take_motion_keyword
+from distretarget.errors import BvhError, SkeletonError
+from distretarget.io.bvh_parser import Words, take_frame_count, take_frames, take_hierarchy, take_motion_keyword
 from distretarget.io.files import read_text
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import lengths
@@ -65,6 +65,18 @@ def parse_bvh_skeleton(text: str, path: str | Path) -> Skeleton:
     has_motion = take_motion_keyword(words)
     slides = any(channel in POSITION_CHANNELS for channels in skeleton.channels[1:] for channel in channels)
     return _take_motion(words, skeleton).rigid_skeleton if has_motion and slides else skeleton
+
+
+def declared_frames(text: str) -> int | None:
+    """The number of frames that the text of a BVH file declares, 0 if it ends after its HIERARCHY; None if the text is
+    not BVH up to there.
+    """
+    words = Words("", text)
+    try:
+        _take_skeleton(words)
+        return take_frame_count(words) if take_motion_keyword(words) else 0
+    except BvhError:
+        return None
 
 
 def _take_skeleton(words: Words) -> Skeleton:

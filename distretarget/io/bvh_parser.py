@@ -229,14 +229,19 @@ class FramesText:
     values: NDArray[np.float64]
 
 
+def take_frame_count(words: Words) -> int:
+    """The number of frames that stands after MOTION."""
+    words.label("Frames")
+    return words.count("the number of frames")
+
+
 def take_frames(words: Words, channels: int) -> FramesText:
     """The frames of so many channels each, after MOTION up to the end of the file.
 
     Raises:
         BvhError: a word that is no finite number, or not as many numbers as declared.
     """
-    words.label("Frames")
-    declared, at = words.count("the number of frames"), words.at
+    declared, at = take_frame_count(words), words.at
     words.label("Frame Time")
     time = words.take()
     if not is_frame_time(time):

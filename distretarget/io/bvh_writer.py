@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.arguments import check_kind
 from distretarget.errors import MotionError, SkeletonError
 from distretarget.io.bvh import rotation_axes
 from distretarget.io.bvh_parser import is_name
@@ -54,6 +55,7 @@ def bvh_parts(motion: Motion, mapper: Callable[..., Iterable[str]] = map) -> Ite
 
     `mapper` is like `map`; that of an executor has the parts made while the caller does something else.
     """
+    check_kind("motion", motion, Motion)
     head = [f"Frames: {len(motion)}", f"Frame Time: {motion.frame_time_text}"]
     lines = [*_hierarchy_lines(motion.skeleton), "MOTION", *head]
     values, decimals = _channel_values(motion), _decimals(motion.skeleton)

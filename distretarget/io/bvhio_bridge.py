@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.arguments import check_kind
 from distretarget.errors import MissingPackageError, MotionError, SkeletonError, quoted
 from distretarget.io.bvh import added_joints, joint_names
 from distretarget.motion import Motion
@@ -73,6 +74,7 @@ def to_bvhio(motion: Motion) -> bvhio.BvhContainer:
         SkeletonError: a joint has several End Sites, or an End Site beside other children.
         MotionError: a value that is not finite, or beyond float32.
     """
+    check_kind("motion", motion, Motion)
     package = _bvhio()
     skeleton = motion.skeleton
     _check_end_sites(skeleton)

@@ -12,11 +12,13 @@ import stat
 from collections.abc import Callable
 from pathlib import Path
 
+from distretarget.arguments import check_path
 from distretarget.errors import FileError
 
 # Formats of motion that other programs convert to BVH, by suffix.
 OTHER_FORMATS = {".fbx": "FBX", ".glb": "glTF", ".gltf": "glTF", ".c3d": "C3D", ".dae": "Collada", ".blend": "Blender"}
 CTRL_Z = "\x1a"
+STANDARD_INPUT = Path("standard input")  # stands for it in errors
 
 REASONS = {
     errno.ENOENT: "there is no such file",
@@ -51,6 +53,7 @@ def read_bytes(path: str | Path) -> bytes:
     Raises:
         FileError: the file is missing, a folder or not readable.
     """
+    check_path("path", path)
     try:
         return Path(path).read_bytes()
     except (OSError, ValueError) as error:
@@ -138,6 +141,7 @@ def check_writable(path: str | Path, overwrite: bool = False) -> None:
         FileError: the file exists and may not be replaced, the path is a link to a file that does not exist, or the
             folder is missing or not writable.
     """
+    check_path("path", path)
     try:
         place = Path(path).resolve()
         if place.is_dir():

@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from distretarget.arguments import check_kind
 from distretarget.io.files import write_whole
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import RotationKind
@@ -23,6 +24,7 @@ def write_npz(
     Raises:
         FileError: the file exists and `overwrite` is false, or it cannot be written.
     """
+    check_kind("motion", motion, Motion)
     content = io.BytesIO()
     np.savez(content, allow_pickle=False, **cast(dict[str, Any], motion.to_dict(rotations)))
     write_whole(path, content.getvalue(), overwrite)

@@ -8,17 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
-from distretarget.body.axes import AXES
 from distretarget.errors import SkeletonError, closest, quoted
 from distretarget.io.joint_reference import joints_meant
 from distretarget.io.json_node import Node, described, field_place, parse_json
 from distretarget.io.target import SkeletonEdit, Target, with_bones
 from distretarget.matching.pairing import JointMap
-from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
+from distretarget.skeleton import AXES, POSITION_CHANNELS, ROTATION_CHANNELS, UNITS, Skeleton
 
 FORMAT = "distretarget-skeleton"
 VERSION = 1
-UNITS = ("mm", "cm", "m", "dm", "in", "ft")
 ALL_CHANNELS = POSITION_CHANNELS + ROTATION_CHANNELS
 JOINT_CHANNELS = ("Zrotation", "Xrotation", "Yrotation")  # of a joint for which the file states none
 ROOT_CHANNELS = POSITION_CHANNELS + JOINT_CHANNELS  # of a root for which the file states none

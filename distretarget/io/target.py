@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import NoneType
 
-from distretarget.errors import SkeletonFileError, closest
+from distretarget.arguments import check_kind, check_number
+from distretarget.errors import SkeletonError, SkeletonFileError, closest
 from distretarget.io.json_node import entry_place
 from distretarget.matching.pairing import JointMap
 from distretarget.motion import Motion
-from distretarget.skeleton import SMALLEST, Skeleton
+from distretarget.skeleton import LARGEST, SMALLEST, Skeleton
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,12 +24,20 @@ class Target:
         map: the map in the file, source key by target key; empty where the file has none.
         name: the name of the skeleton in the file; empty where it has none.
         motion: the motion of a BVH file, if it has a valid one; it can show what the rest pose does not.
+
+    Raises:
+        SettingsError: a field is of another kind.
     """
 
     skeleton: Skeleton
     map: JointMap
     name: str
     motion: Motion | None = None
+
+    def __post_init__(self) -> None:
+        check_kind("skeleton", self.skeleton, Skeleton)
+        check_kind("map", self.map, Mapping)
+        check_kind("motion", self.motion, Motion, NoneType)
 
     def for_source(self, source: Skeleton) -> Target:  # noqa: ARG002
         """Return the target itself: a whole skeleton is the same for every source."""
@@ -43,12 +53,22 @@ class SkeletonEdit:
         lengths: by joint key, the final length of the joint's bone, whatever the scale [file units].
         factors: by joint key, an additional factor for the length of the joint's bone.
         path: the path of the file, for errors.
+
+    Raises:
+        SettingsError: a number is not above 0, or a field of another kind.
     """
 
     scale: float
     lengths: Mapping[str, float]
     factors: Mapping[str, float]
     path: str | Path
+
+    def __post_init__(self) -> None:
+        check_number("scale", self.scale, SMALLEST, LARGEST)
+        for field, numbers in (("lengths", self.lengths), ("factors", self.factors)):
+            check_kind(field, numbers, Mapping)
+            for key, number in numbers.items():
+                check_number(entry_place(field, str(key)), number, SMALLEST, LARGEST)
 
     def for_source(self, source: Skeleton) -> Target:
         """Return the target for a source: the source's skeleton with these lengths; errors as in `apply`."""
@@ -59,8 +79,9 @@ class SkeletonEdit:
 
         Raises:
             SkeletonFileError: a named joint does not exist in the source, has a bone of length 0, or is in both
-                `lengths` and `factors`; or all bones of the source have length 0.
+                `lengths` and `factors`; or all bones have length 0, or one becomes too long.
         """
+        check_kind("source", source, Skeleton)
         lengths = self.scale * source.lengths
         for key, factor in self.factors.items():
             lengths[self._bone("factors", key, source)] *= factor
@@ -68,9 +89,12 @@ class SkeletonEdit:
             lengths[self._bone("lengths", key, source)] = length
         if both := [entry_place("lengths", key) for key in self.lengths if key in self.factors]:
             raise SkeletonFileError(self.path, both[0], "is in factors too; give only one of them")
-        offsets = source.with_lengths(lengths).offsets.copy()
-        offsets[0] *= self.scale
-        return with_bones(source.with_offsets(offsets), self.path)
+        try:
+            offsets = source.with_lengths(lengths).offsets.copy()
+            offsets[0] *= self.scale
+            return with_bones(source.with_offsets(offsets), self.path)
+        except SkeletonError as error:
+            raise SkeletonFileError(self.path, "", str(error)) from error
 
     def _bone(self, field: str, key: str, source: Skeleton) -> int:
         """The number of the joint with this key, which must have a bone to change."""

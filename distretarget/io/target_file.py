@@ -9,7 +9,7 @@ from distretarget.errors import BvhError, SkeletonFileError
 from distretarget.io.bvh import parse_bvh, parse_bvh_skeleton
 from distretarget.io.files import read_text
 from distretarget.io.skeleton_json import parse_skeleton_json
-from distretarget.io.target import SkeletonEdit, Target
+from distretarget.io.target import SkeletonEdit, Target, with_bones
 
 CACHED_TARGETS = 4  # parsed BVH targets that are kept for the next clip [files]
 
@@ -21,7 +21,7 @@ def load_target(path: str | Path) -> Target | SkeletonEdit:
 
     Raises:
         FileError: the file cannot be read.
-        SkeletonFileError: the file is JSON that breaks the format.
+        SkeletonFileError: the file is JSON that breaks the format, or no bone of the body has a length.
         BvhError: the file is anything else than JSON or BVH.
     """
     return parse_target(read_text(path), path)
@@ -38,7 +38,12 @@ def load_full_target(path: str | Path) -> Target:
     Raises:
         SkeletonFileError: also for the short form, which needs a source to be a skeleton.
     """
-    target = load_target(path)
+    return parse_full_target(read_text(path), path)
+
+
+def parse_full_target(text: str, path: str | Path) -> Target:
+    """Return the target in the text of a file as `load_full_target` does; `path` is for errors."""
+    target = parse_target(text, path)
     if isinstance(target, SkeletonEdit):
         raise SkeletonFileError(path, "", 'has no "joints"; this short form needs a source to change')
     return target
@@ -55,5 +60,5 @@ def _bvh_target(text: str, path: str | Path) -> Target:
     try:
         motion = parse_bvh(text, path)
     except BvhError:
-        return Target(parse_bvh_skeleton(text, path), {}, "")
-    return Target(motion.rigid_skeleton, {}, "", motion if len(motion) else None)
+        return Target(with_bones(parse_bvh_skeleton(text, path), path), {}, "")
+    return Target(with_bones(motion.rigid_skeleton, path), {}, "", motion if len(motion) else None)

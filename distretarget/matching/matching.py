@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import NoneType
 
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.arguments import check_kind
 from distretarget.body.body import Body
 from distretarget.body.legs import Leg, Legs, leg_length
 from distretarget.body.regions import Regions
@@ -172,7 +175,11 @@ def match(source: Body, target: Body, joint_map: JointMap | None = None) -> Matc
     Raises:
         MatchingError: it cannot; the message lists joints of both bodies, and those with the closest names.
         MapError: `joint_map` names joints that do not exist.
+        SettingsError: an argument is of another kind.
     """
+    check_kind("source", source, Body)
+    check_kind("target", target, Body)
+    check_kind("joint_map", joint_map, Mapping, NoneType)
     matching = find_matching(source, target, joint_map)
     if reason := refusal(matching):
         source_keys, target_keys = ([body.skeleton.keys[j] for j in body.skeleton.joints] for body in (source, target))

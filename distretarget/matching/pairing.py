@@ -49,9 +49,9 @@ def pairs_of_map(source: Skeleton, target: Skeleton, joint_map: JointMap) -> Joi
     pairs: JointPairs = {}
     for key, driver in joint_map.items():
         if key not in target.keys:
-            raise MapError(key, f"the target has no such joint; {closest(key, target.keys)}")
+            raise MapError(key, f"the target has no such joint; {closest(str(key), target.keys)}")
         if driver is not None and driver not in source.keys:
-            raise MapError(key, f"the source has no joint {driver!r}; {closest(driver, source.keys)}")
+            raise MapError(key, f"the source has no joint {driver!r}; {closest(str(driver), source.keys)}")
         pairs[target.index(key)] = (-1 if driver is None else source.index(driver), "map")
     return pairs
 

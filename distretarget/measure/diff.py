@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.alignment import resampled
+from distretarget.arguments import check_kind
 from distretarget.baseline.world import World, find_root_offset, find_world, with_root_offset
 from distretarget.body.body import Body
 from distretarget.distances import distance_problem, posture_stress
@@ -75,7 +76,10 @@ def diff(a: Motion, b: Motion, joint_map: JointMap | None = None) -> Diff:
         MatchingError: the two bodies cannot be matched.
         MapError: `joint_map` names joints that are not there.
         MotionError: a motion has no frames, positions too large to compute with, or no bone with a length.
+        SettingsError: an argument is of another kind.
     """
+    check_kind("a", a, Motion)
+    check_kind("b", b, Motion)
     for motion, name in ((a, "A"), (b, "B")):
         _check(motion, name)
     bodies = Body.of_motion(a), Body.of_motion(b)

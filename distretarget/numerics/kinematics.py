@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.errors import SettingsError
 from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.vectors import lengths
 
@@ -21,7 +22,14 @@ def forward_kinematics(parents: Parents, translations: Array, world: Array) -> A
 
     `translations`, (frames, joints, 3), are from each joint's parent to it, for the root its place in the world;
     `world`, (frames, joints, 4), are the joints' rotations in the world.
+
+    Raises:
+        SettingsError: the arrays do not fit each other.
     """
+    frames, joints = np.shape(translations)[:1], np.shape(parents)
+    if np.shape(translations) != (*frames, *joints, 3) or np.shape(world) != (*frames, *joints, 4):
+        shapes = f"{np.shape(parents)}, {np.shape(translations)} and {np.shape(world)}"
+        raise SettingsError(f"the shapes are {shapes}; expected (joints,), (frames, joints, 3) and (frames, joints, 4)")
     positions = np.empty_like(translations)
     _positions(parents, translations, world, positions)
     return positions

@@ -6,6 +6,7 @@ from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
+from distretarget.arguments import check_kind
 from distretarget.io.files import write_whole
 from distretarget.measure.diff import Diff, turned_note
 from distretarget.report.document import About, document
@@ -27,13 +28,14 @@ def write_report(
 
     Raises:
         FileError: the file exists and `overwrite` is false, or it cannot be written.
+        SettingsError: `compared` is something else.
     """
+    check_kind("compared", compared, RetargetResult, Diff)
     about = About(a=source_name, b=result_name, command="", version=version("distretarget"))
-    match compared:
-        case RetargetResult():
-            html = run_page(compared, about)
-        case Diff():
-            html = page(compared, document(compared, about))
+    if isinstance(compared, RetargetResult):
+        html = run_page(compared, about)
+    else:
+        html = page(compared, document(compared, about))
     write_whole(path, html, overwrite)
 
 

@@ -68,7 +68,8 @@ def _solve_frames(problem: PoseProblem, supports: Supports, frames: slice, setti
     body = Articulation(problem.skeleton.parents, problem.parts, stiffness)
     pairs = candidate_pairs(distances, problem.regions, problem.legs, unit, settings.least_path)
     source, copy = problem.source[:, distances.sources], problem.copy[:, distances.targets] / unit
-    bones, root = problem.bones / unit, problem.root / unit
+    # One layout of arrays, for which the solver is compiled once.
+    bones, root = np.ascontiguousarray(problem.bones / unit), np.ascontiguousarray(problem.root / unit)
     lead = settings.lead / problem.frame_time
     count = frames.stop - frames.start
     v = np.zeros((count, len(stiffness), 3))

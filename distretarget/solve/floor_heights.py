@@ -41,4 +41,4 @@ def with_floor_heights(
     joints, lowest = joints[near], lowest[:, near]
     _, region, count = np.unique(matching.regions.of_joint[joints], return_inverse=True, return_counts=True)
     stiffness = settings.floor_stiffness * weight[:, None] / count[region]
-    return replace(supports, floor=Floor(joints, lowest / problem.unit, stiffness, up))
+    return replace(supports, floor=Floor(joints, np.ascontiguousarray(lowest / problem.unit), stiffness, up))

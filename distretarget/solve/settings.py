@@ -84,8 +84,8 @@ class ContactSettings:
 
     def __post_init__(self) -> None:
         for name, value in asdict(self).items():
-            if not 0 <= value < math.inf:
-                raise SettingsError(f"{name} is {value}; it has to be a finite number, not less than 0")
+            if not isinstance(value, int | float) or not 0 <= value < math.inf:
+                raise SettingsError(f"{name} is {value!r}; it has to be a finite number, not less than 0")
         for name in ("touch", "direction_range", "tolerance", "approach_speed"):
             if getattr(self, name) == 0:
                 raise SettingsError(f"{name} is 0; it has to be more than 0")

@@ -1,0 +1,330 @@
+"""Give the program generated inputs, valid and broken, and count what becomes of them.
+
+    python benchmarks/fuzz.py [--readers N] [--pipeline N] [--processes N] [--seed N] [--keep FOLDER]
+
+Readers: N texts as clips, skeleton files, maps and manifests, which are read, written and read again. Pipeline: N
+clips, targets, maps and options through the whole of a retargeting, and the result read again. Processes: N runs of the
+command line. Each input ends in one of the outcomes below; the first two are right, and the exit status is 1 if there
+is any other. `--keep` writes the inputs of all others to a folder. The same seed gives the same inputs. Ctrl-C ends a
+part early.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import strategies as st
+
+from distretarget import DistretargetError, Motion, Options, Skeleton, Tally, Target
+from distretarget.batch.compile_ahead import warm
+from distretarget.batch.manifest import History
+from distretarget.conversion import Text, retarget_onto
+from distretarget.io.bvh import parse_bvh
+from distretarget.io.bvh_writer import format_bvh
+from distretarget.io.map_json import parse_map
+from distretarget.io.skeleton_writer import skeleton_to_json
+from distretarget.io.target_file import parse_target
+from distretarget.retargeting import OBJECTIVES
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
+import strategies as made
+
+RIGHT, REFUSED, TRACEBACK, HANG, UNREADABLE = OUTCOMES = (
+    "written right",
+    "refused in one line",
+    "traceback",
+    "no end within 10 s",
+    "not finite or not read back",
+)
+LIMIT = 10  # time after which an input counts as one that hangs [s]
+ROUND = 500  # inputs from one seed
+SAME = 1e-6  # how far positions may be off when they are read back [of the largest coordinate]
+
+texts = st.one_of(
+    st.tuples(st.just("clip"), st.one_of(made.clips, made.broken(made.clips))),
+    st.tuples(st.just("target"), st.one_of(made.targets, made.broken_json(made.skeleton_files()))),
+    st.tuples(st.just("map"), st.one_of(made.map_files, made.broken_json(made.map_files))),
+    st.tuples(st.just("manifest"), st.one_of(made.manifests(), made.broken_json(made.manifests()))),
+)
+jobs = made.often(
+    st.tuples(made.pairs, st.just("{}"), made.options),
+    st.tuples(made.pairs, made.map_files, made.strange_options),
+    st.tuples(st.tuples(made.broken(made.clips), made.targets), st.just("{}"), made.options),
+)
+lines = st.tuples(
+    st.sampled_from(("retarget", "retarget", "diff", "show", "export", "match", "batch")),
+    made.often(made.pairs, st.tuples(made.broken(made.clips), made.broken_json(made.skeleton_files()))),
+    made.often(st.just("{}"), made.broken_json(made.map_files)),
+    st.one_of(st.just("\n"), made.manifests(), made.broken_json(made.manifests())),
+    made.often(made.options, made.strange_options),
+)
+
+
+class NotReadBackError(Exception):
+    """What was written is not finite, or is not read back as it was."""
+
+
+class TooLongError(Exception):
+    """No end within the limit."""
+
+
+# ---- what is done with an input
+
+
+def read(case: tuple[str, str]) -> None:
+    """Read a text, write what it says, and read that."""
+    kind, text = case
+    {"clip": _read_clip, "target": _read_target, "map": _read_map, "manifest": _read_manifest}[kind](text)
+
+
+def _read_clip(text: str) -> None:
+    motion = parse_bvh(text, "clip.bvh")
+    _same_motion(motion, _again(lambda: parse_bvh(format_bvh(motion), "again.bvh")))
+
+
+def _read_target(text: str) -> None:
+    target = parse_target(text, "target.json")
+    if isinstance(target, Target):
+        written = skeleton_to_json(target.skeleton, target.name, target.map)
+        again = _again(lambda: parse_target(written, "again.json"))
+        assert isinstance(again, Target)
+        if target.skeleton.keys != again.skeleton.keys or target.skeleton.channels != again.skeleton.channels:
+            raise NotReadBackError("joints or channels")
+        _close(target.skeleton.offsets, again.skeleton.offsets, "offsets")
+
+
+def _read_map(text: str) -> None:
+    pairs = dict(parse_map(text, "map.json").pairs)
+    if dict(parse_map(json.dumps(pairs), "again.json").pairs) != pairs:
+        raise NotReadBackError("the map")
+
+
+def _read_manifest(text: str) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "manifest.jsonl").write_bytes(text.encode("utf-8", "surrogatepass"))
+        tally = Tally()
+        for record in History(Path(folder)).latest([]):
+            tally.add(record)
+        list(tally.lines(3, 1.0, 1))
+
+
+def convert(case: tuple[tuple[str, str], str, dict[str, Any]]) -> None:
+    """Retarget a clip, write the result and read that."""
+    (source, target), joint_map, options = case
+    options = {key: value for key, value in options.items() if key not in ("jobs", "q")}
+    result = retarget_onto(
+        parse_bvh(source, "clip.bvh"),
+        Text(target, "target"),
+        source="clip.bvh",
+        map_file=parse_map(joint_map, "map.json"),
+        options=Options(**options),
+    )
+    again = _again(lambda: parse_bvh(format_bvh(result.motion), "again.bvh"))
+    _same_motion(result.motion, again)
+    if len(again) != len(result.source):
+        raise NotReadBackError(f"{len(again)} frames of {len(result.source)}")
+    json.dumps(result.figures, allow_nan=False)
+    list(result.warnings)
+
+
+def run(case: tuple[str, tuple[str, str], str, str, dict[str, Any]]) -> str:
+    """Run the program once on files with these texts, and return the outcome."""
+    command, (clip, target), joint_map, manifest, options = case
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for file, text in (("in.bvh", clip), ("target", target), ("map.json", joint_map)):
+            (folder / file).write_bytes(text.encode("utf-8", "surrogatepass"))
+        (folder / "out").mkdir()
+        (folder / "out" / "manifest.jsonl").write_bytes(manifest.encode("utf-8", "surrogatepass"))
+        chosen = [f"--{key.replace('_', '-')}={value}" for key, value in options.items()]
+        arguments = {
+            "retarget": ["in.bvh", "target", "-o", "out.bvh", "--json", "out.json", *chosen],
+            "diff": ["diff", "in.bvh", "in.bvh", "--json", "out.json"],
+            "show": ["skeleton", "show", "target"],
+            "export": ["skeleton", "export", "in.bvh", "-o", "out.json"],
+            "match": ["skeleton", "match", "in.bvh", "target", "--map", "map.json"],
+            "batch": ["batch", "in.bvh", "target", "-o", "out", "--jobs", "1", "--map", "map.json"],
+        }[command]
+        program = [sys.executable, "-m", "distretarget", *arguments]
+        try:
+            done = subprocess.run(program, cwd=folder, capture_output=True, timeout=LIMIT, stdin=subprocess.DEVNULL)
+        except subprocess.TimeoutExpired as error:
+            raise TooLongError from error
+        errors = done.stderr.decode("utf-8", "replace")
+        if "Traceback" in errors or "Exception ignored" in errors or done.returncode not in (0, 1, 2):
+            raise RuntimeError(f"status {done.returncode}: {errors[-600:]}")
+        if done.returncode == 0:
+            _check_written(folder)
+            return RIGHT
+        last = errors.splitlines()[-1:] if command != "batch" else ["distretarget: "]
+        if not last or not last[0].startswith("distretarget: "):
+            raise RuntimeError(f"status {done.returncode}, and no line says why: {errors[-600:]}")
+        return REFUSED
+
+
+def _check_written(folder: Path) -> None:
+    for path in (folder / "out.bvh", folder / "out" / "in.bvh"):
+        if path.exists():
+            text = path.read_bytes().decode("utf-8", "surrogateescape")
+            motion = _again(lambda text=text: parse_bvh(text, "out.bvh"))
+            if not np.all(np.isfinite(motion.positions)):
+                raise NotReadBackError(path.name)
+    if (folder / "out.json").exists():
+        json.loads((folder / "out.json").read_bytes())
+
+
+def _again(reading: Callable[[], Any]) -> Any:
+    """What is read from a text that the program has written."""
+    try:
+        return reading()
+    except DistretargetError as error:
+        raise NotReadBackError(str(error)) from error
+
+
+def _same_motion(motion: Motion, again: Motion) -> None:
+    order = list(motion.skeleton.depth_first)  # in which BVH files list joints; their End Sites have no names
+    if _named(motion.skeleton) != _named(again.skeleton):
+        raise NotReadBackError("joints or channels")
+    _close(motion.skeleton.offsets[order[1:]], again.skeleton.offsets[1:], "offsets")
+    if motion.positions.shape != again.positions.shape or motion.frame_time_text != again.frame_time_text:
+        raise NotReadBackError("frames or frame time")
+    channels = motion.skeleton.channels[0]
+    if sum(channel.endswith("position") for channel in channels) == 3:
+        _close(motion.positions[:, order], again.positions, "positions")
+
+
+def _named(skeleton: Skeleton) -> list[tuple[str, tuple[str, ...]]]:
+    """Names and channels of all joints, depth first, without the names of End Sites."""
+    ends = skeleton.end_sites
+    return [("" if ends[j] else skeleton.names[j], skeleton.channels[j]) for j in skeleton.depth_first]
+
+
+def _close(values: Any, again: Any, what: str) -> None:
+    if not (np.all(np.isfinite(values)) and np.all(np.isfinite(again))):
+        raise NotReadBackError(f"{what} are not finite")
+    if values.size and np.abs(values - again).max() > SAME * max(1.0, np.abs(values).max()):
+        raise NotReadBackError(f"{what} are off by {np.abs(values - again).max():g}")
+
+
+# ---- how it ends
+
+
+@contextlib.contextmanager
+def within_limit() -> Iterator[None]:
+    """Raise TooLongError where there is no end within the limit."""
+
+    def late(_number: int, _frame: object) -> None:
+        raise TooLongError
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.alarm(LIMIT)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def outcome_of(action: Callable[[Any], str | None], case: Any) -> tuple[str, str]:
+    """Return the outcome of an action on an input, and what is known of it."""
+    try:
+        with within_limit():
+            return action(case) or RIGHT, ""
+    except DistretargetError as error:
+        return (REFUSED, "") if "\n" not in str(error) else (TRACEBACK, f"several lines: {error}")
+    except TooLongError:
+        return HANG, ""
+    except NotReadBackError as error:
+        return UNREADABLE, str(error)
+    except Exception as error:  # whatever a user would see as a traceback
+        return TRACEBACK, "".join(traceback.format_exception(error)[-3:])
+
+
+@dataclass
+class Tried:
+    """Inputs that were tried: how many ended how, and those that went wrong, with what is known of them."""
+
+    counts: Counter[str] = field(default_factory=Counter)
+    wrong: list[tuple[Any, str]] = field(default_factory=list)
+
+    def add(self, action: Callable[[Any], str | None], case: Any) -> None:
+        """Try an input."""
+        outcome, known = outcome_of(action, case)
+        self.counts[outcome] += 1
+        if outcome not in (RIGHT, REFUSED):
+            self.wrong.append((case, f"{outcome}: {known}"))
+
+
+def tried(action: Callable[[Any], str | None], cases: st.SearchStrategy[Any], count: int, first_seed: int) -> Tried:
+    """Try so many inputs of a strategy, or as many as there is time for until Ctrl-C."""
+    all_tried = Tried()
+    with contextlib.suppress(KeyboardInterrupt):
+        while left := count - all_tried.counts.total():
+
+            @seed(first_seed)
+            @settings(
+                max_examples=min(left, ROUND),
+                database=None,
+                deadline=None,
+                phases=[Phase.generate],
+                suppress_health_check=list(HealthCheck),
+            )
+            @given(cases)
+            def one_round(case: Any) -> None:
+                if all_tried.counts.total() < count:
+                    all_tried.add(action, case)
+
+            one_round()
+            first_seed += 1
+    return all_tried
+
+
+PARTS: dict[str, tuple[Callable[[Any], str | None], st.SearchStrategy[Any]]] = {
+    "readers": (read, texts),
+    "pipeline": (convert, jobs),
+    "processes": (run, lines),
+}
+
+
+def main() -> int:
+    """Try as many inputs as asked for, and print a line for each outcome."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    for part in PARTS:
+        parser.add_argument(f"--{part}", type=int, default=0, metavar="N")
+    parser.add_argument("--seed", type=int, default=0, metavar="N")
+    parser.add_argument("--keep", type=Path, metavar="FOLDER")
+    chosen = parser.parse_args()
+    for objective in OBJECTIVES:
+        warm(objective)  # compilation is not counted as time taken
+    wrong = 0
+    for part, (action, cases) in PARTS.items():
+        started = time.perf_counter()
+        found = tried(action, cases, getattr(chosen, part), 1000 * chosen.seed)
+        counts = ", ".join(f"{found.counts[outcome]:,} {outcome}" for outcome in OUTCOMES)
+        print(f"{part}: {found.counts.total():,} inputs in {time.perf_counter() - started:.0f} s: {counts}", flush=True)
+        for number, (case, known) in enumerate(found.wrong):
+            print(f"--- {part} {number}: {known}", flush=True)
+            if chosen.keep:
+                chosen.keep.mkdir(parents=True, exist_ok=True)
+                (chosen.keep / f"{part}_{number}.json").write_text(json.dumps(case, indent=1))
+        wrong += len(found.wrong)
+    return int(wrong > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

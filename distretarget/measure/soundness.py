@@ -1,0 +1,75 @@
+"""Checks of a result before it is written: finite, on bones of the target, hips and feet where they can be."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.errors import MotionError
+from distretarget.matching.matching import Matching
+from distretarget.motion import Motion
+from distretarget.skeleton import LARGEST
+
+Array = NDArray[np.float64]
+
+BONE_ERROR = 1e-9  # how far a bone may be off the target's [body units]
+HIPS_RANGE = 2.0  # how far the hips may be from where the root's path has them [body units]
+FEET_RANGE = 3.0  # how far an ankle may be from where copied rotations have it on that path [body units]
+DIGITS = 1e-9  # what is left of exactness far from the origin [of the distance from it]
+REPORT = "please report this with the clip and the target"
+
+
+def check_bones(motion: Motion) -> None:
+    """Check that all joints below the root are at their offsets in all frames.
+
+    Raises:
+        MotionError: one is not; the message names joint and frame.
+    """
+    away = np.linalg.norm(motion.translations[:, 1:] - motion.skeleton.offsets[1:], axis=2)
+    size = float(motion.skeleton.lengths.max())
+    _refuse_first(~(away <= BONE_ERROR * size), motion, np.arange(1, len(motion.skeleton)), "is off its bone")
+
+
+def check_places(posed: Motion, copy: Array, matching: Matching) -> None:
+    """Check that a result has the frames of its source and finite positions, with hips and feet near the copy's.
+
+    `copy`, (frames, joints, 3), is where copied rotations put the joints if the root keeps to its path.
+
+    Raises:
+        MotionError: it does not; the message names joint and frame.
+    """
+    if len(posed) != len(matching.source_motion):
+        raise MotionError(f"the result has {len(posed)} frames, the source {len(matching.source_motion)}; {REPORT}")
+    check_finite(posed)
+    unit = matching.target.unit + DIGITS * float(np.abs(copy).max())
+    away = np.linalg.norm(posed.positions - copy, axis=2) / unit
+    for joints, most in ((np.array([matching.pelvis]), HIPS_RANGE), (_ankles(matching), FEET_RANGE)):
+        far = f"is more than {most:g} heights away from where copied rotations put it"
+        _refuse_first(~(away[:, joints] <= most), posed, joints, far)
+
+
+def check_finite(motion: Motion) -> None:
+    """Check that all positions are finite, and within the bound for positions.
+
+    Raises:
+        MotionError: one is not; the message names joint and frame.
+    """
+    joints, extent = np.arange(len(motion.skeleton)), np.abs(motion.positions).max(axis=2)
+    _refuse_first(~np.isfinite(extent), motion, joints, "is nowhere, at no finite position")
+    _refuse_first(
+        extent > LARGEST, motion, joints, f"is beyond {LARGEST:g}", "use other units, or a smaller root scale"
+    )
+
+
+def _ankles(matching: Matching) -> NDArray[np.intp]:
+    return np.array([leg.ankle for leg in matching.legs[1]] if matching.legs else [], np.intp)
+
+
+def _refuse_first(
+    wrong: NDArray[np.bool_], motion: Motion, joints: NDArray[np.intp], fault: str, advice: str = REPORT
+) -> None:
+    """Raise an error for the first frame in which a joint is wrong, (frames, joints), if there is one."""
+    if wrong.any():
+        frame, column = np.argwhere(wrong)[0]
+        key = motion.skeleton.keys[joints[column]]
+        raise MotionError(f"frame {frame} of the result is wrong: {key!r} {fault}; {advice}")

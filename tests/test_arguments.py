@@ -1,0 +1,158 @@
+"""Every public call checks what it is given, and raises an error of this package in one line."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bodies import SAMPLES, person, swaying
+
+import distretarget as d
+
+BODY, CLIP = person(), swaying(person(), frames=2)
+EDIT = d.SkeletonEdit(1.0, {}, {}, "edit.json")
+CLIPS = SAMPLES / "clap.bvh", SAMPLES / "child.json"
+JOINTS = len(BODY)
+
+
+def is_refused(call):
+    """Check that a call is refused in one line by an error of this package."""
+    with pytest.raises(d.DistretargetError) as refused:
+        call()
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"names": None},
+        {"names": tuple(range(JOINTS))},
+        {"parents": None},
+        {"parents": ["a"] * JOINTS},
+        {"parents": BODY.parents + 0.5},
+        {"parents": np.zeros(JOINTS, int)},
+        {"offsets": "a"},
+        {"offsets": BODY.offsets * 1j},
+        {"offsets": np.nan * BODY.offsets},
+        {"end_sites": None},
+        {"end_sites": np.ones(JOINTS, bool)},
+        {"channels": None},
+        {"channels": (("Wrotation",), *BODY.channels[1:])},
+        {"channels": BODY.channels[1:]},
+        {"channels": (("Xrotation",),) * JOINTS},
+        {"channels": ((7,),) * JOINTS},
+        {"up": "Q"},
+        {"up": 3},
+        {"units": "parsec"},
+    ],
+    ids="".join,
+)
+def test_skeletons(changes):
+    is_refused(lambda: replace(BODY, **changes))
+
+
+@pytest.mark.parametrize("lengths", ["x", [1, 2], -np.ones(JOINTS), np.full(JOINTS, np.nan), 1e30 * np.ones(JOINTS)])
+def test_lengths_of_bones(lengths):
+    is_refused(lambda: BODY.with_lengths(lengths))
+
+
+@pytest.mark.parametrize("key", ["Tail", 3, None])
+def test_keys_of_joints(key):
+    is_refused(lambda: BODY.index(key))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"objective": "papr"},
+        {"objective": ["paper"]},
+        {"supports": "all"},
+        {"scene": 1},
+        {"root_scale": -1},
+        {"root_scale": float("nan")},
+        {"root_scale": "1"},
+        {"root_scale": True},
+        {"source_up": "Q"},
+        {"target_up": np.eye(3)},
+        {"root_offset": "both"},
+        {"root_follows": "hips"},
+    ],
+    ids="".join,
+)
+def test_options_of_retarget(options):
+    is_refused(lambda: d.retarget(CLIP, BODY, **options))
+    is_refused(lambda: d.Options(**options))
+
+
+@pytest.mark.parametrize("joint_map", [["Hips"], 3, {1: 2}, {"Hips": 2}, {"Tail": None}, {"Hips": "Tail"}], ids=str)
+def test_maps(joint_map):
+    bodies = d.Body.of(BODY), d.Body.of(BODY)
+    is_refused(lambda: d.retarget(CLIP, BODY, joint_map=joint_map))
+    is_refused(lambda: d.diff(CLIP, CLIP, joint_map))
+    is_refused(lambda: d.match(*bodies, joint_map))
+    is_refused(lambda: d.retarget(CLIP, d.Target(BODY, joint_map, "")))
+
+
+@pytest.mark.parametrize("scale", [-1, 0, "a", None, float("inf")])
+def test_edits(scale):
+    is_refused(lambda: d.SkeletonEdit(scale, {}, {}, "x"))
+    is_refused(lambda: d.SkeletonEdit(1.0, {"LeftElbow": scale}, {}, "x"))
+    is_refused(lambda: d.SkeletonEdit(1.0, {}, {"LeftElbow": scale}, "x"))
+
+
+OTHER_KINDS = {
+    "motion": lambda: d.Motion(None, CLIP.translations, CLIP.rotations, "0.01"),
+    "shape of a motion": lambda: d.Motion(BODY, CLIP.translations[0], CLIP.rotations, "0.01"),
+    "frames of a motion": lambda: d.Motion(BODY, CLIP.translations[:1], CLIP.rotations, "0.01"),
+    "to_dict": lambda: CLIP.to_dict(["6d"]),
+    "retarget": lambda: d.retarget("clip.bvh", BODY),
+    "target": lambda: d.retarget(CLIP, "child.json"),
+    "settings": lambda: d.retarget(CLIP, BODY, settings={}),
+    "mapper": lambda: d.retarget(CLIP, BODY, mapper=3),
+    "progress": lambda: d.retarget(CLIP, BODY, progress=3),
+    "value of a setting": lambda: d.ContactSettings(close="a"),
+    "order of two settings": lambda: d.ContactSettings(support_blend=1.0, longest_blend=0.5),
+    "scene": lambda: d.retarget_scene(None, None),
+    "performer": lambda: d.retarget_scene(["clip.bvh"], [BODY]),
+    "scale of the world": lambda: d.retarget_scene([CLIP], [BODY], world_scale="a"),
+    "supports of a scene": lambda: d.retarget_scene([CLIP], [BODY], supports="all"),
+    "settings of a scene": lambda: d.retarget_scene([CLIP], [BODY], settings=3),
+    "diff": lambda: d.diff("a.bvh", "b.bvh"),
+    "diff of skeletons": lambda: d.diff(CLIP, BODY),
+    "match": lambda: d.match(CLIP, BODY),
+    "body": lambda: d.Body.of("x"),
+    "body of a motion": lambda: d.Body.of_motion(BODY),
+    "lengths": lambda: d.SkeletonEdit(1.0, ["LeftElbow"], {}, "x"),
+    "edit of a motion": lambda: EDIT.apply(CLIP),
+    "skeleton of a target": lambda: d.Target(None, {}, ""),
+    "motion of a target": lambda: d.Target(BODY, {}, "", 3),
+    "world": lambda: d.World("Q", "Y", "added"),
+    "read_bvh": lambda: d.read_bvh(None),
+    "load_target": lambda: d.load_target(3),
+    "write_bvh": lambda: d.write_bvh("x.bvh", BODY),
+    "path of write_bvh": lambda: d.write_bvh(b"x", CLIP),
+    "write_npz": lambda: d.write_npz("x.npz", BODY),
+    "rotations of write_npz": lambda: d.write_npz("x.npz", CLIP, rotations="euler"),
+    "write_report": lambda: d.write_report("x.html", CLIP),
+    "forward_kinematics": lambda: d.forward_kinematics([-1], [1], [2]),
+    "frames of forward_kinematics": lambda: d.forward_kinematics(
+        BODY.parents, CLIP.translations, CLIP.world_rotations[:1]
+    ),
+    "sources": lambda: d.convert_folder(3, CLIPS[1], "out"),
+    "folder": lambda: d.convert_folder(*CLIPS, None),
+    "options": lambda: d.convert_folder(*CLIPS, "out", options={}),
+    "jobs": lambda: d.convert_folder(*CLIPS, "out", jobs="2"),
+    "no jobs": lambda: d.convert_folder(*CLIPS, "out", jobs=0),
+    "include": lambda: d.convert_folder(*CLIPS, "out", include=3),
+    "reports": lambda: d.convert_folder(*CLIPS, "out", report="x.html", reports="all"),
+}
+
+
+@pytest.mark.parametrize("call", OTHER_KINDS.values(), ids=OTHER_KINDS)
+def test_arguments_of_another_kind(call, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    is_refused(call)
+    assert not list(tmp_path.iterdir())
+
+
+def test_numbers_of_numpy_are_numbers():
+    assert d.Options(root_scale=np.float32(2)).root_scale == 2

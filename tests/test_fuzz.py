@@ -1,0 +1,43 @@
+"""A short run of generated inputs: each is written right, or refused in one line (`benchmarks/fuzz.py` runs more)."""
+
+import fuzz
+import pytest
+from program import compile_all
+
+FINDINGS = {  # inputs that once went wrong
+    "a clip without bones as a target": ("target", "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 0\n}\n"),
+    "a manifest of a wrong kind": ("manifest", '[1]\n{"input": 3}\n'),
+    "brackets": ("manifest", "[" * 100_000),
+    "an object of brackets": ("target", "{" + "[" * 100_000),
+    "a map to a number": ("map", '{"Hips": 3}'),
+    "a frame time of nothing": (
+        "clip",
+        "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 0\n}\nMOTION\nFrames: 0\nFrame Time: 5e-324\n",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", FINDINGS.values(), ids=FINDINGS)
+def test_findings_stay_mended(case):
+    outcome, known = fuzz.outcome_of(fuzz.read, case)
+    assert outcome in (fuzz.RIGHT, fuzz.REFUSED), known
+
+
+@pytest.mark.parametrize(("part", "count"), [("readers", 150), ("pipeline", 40), ("processes", 2)])
+def test_generated_inputs(part, count):
+    compile_all()
+    action, cases = fuzz.PARTS[part]
+    tried = fuzz.tried(action, cases, count, first_seed=10**6)
+    assert tried.counts.total() == count
+    assert not tried.wrong
+
+
+def test_what_goes_wrong_is_told_apart():
+    def fails(case):
+        raise case
+
+    assert fuzz.outcome_of(fails, ValueError("x"))[0] == fuzz.TRACEBACK
+    assert fuzz.outcome_of(fails, fuzz.NotReadBackError("x"))[0] == fuzz.UNREADABLE
+    assert fuzz.outcome_of(fails, fuzz.TooLongError())[0] == fuzz.HANG
+    assert fuzz.outcome_of(fails, fuzz.DistretargetError("one line"))[0] == fuzz.REFUSED
+    assert fuzz.outcome_of(fails, fuzz.DistretargetError("two\nlines"))[0] == fuzz.TRACEBACK

@@ -1,0 +1,69 @@
+"""A result is checked before anybody writes it: the first frame that is wrong is named, and no file appears."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bodies import SAMPLES, matched, other_lengths, person, swaying
+from program import compile_all, run
+
+from distretarget.errors import MotionError
+from distretarget.measure.soundness import check_bones, check_finite, check_places
+
+MOTION = swaying(person(), frames=4)
+MATCHING = matched(MOTION, other_lengths(person()))
+FAR = 4.0 * MATCHING.target.unit
+
+
+def shifted(joint, frame, way):
+    """The motion with one joint elsewhere in one frame."""
+    translations = np.array(MOTION.translations)
+    translations[frame, MOTION.skeleton.index(joint)] += way
+    return replace(MOTION, translations=translations)
+
+
+def test_a_sound_motion_passes():
+    check_bones(MOTION)
+    check_finite(MOTION)
+    check_places(MOTION, MOTION.positions, MATCHING)
+
+
+@pytest.mark.parametrize("way", [1e-6, np.nan, np.inf])
+def test_joints_off_their_bones(way):
+    with pytest.raises(MotionError, match="frame 2 of the result is wrong: 'LeftKnee' is off its bone; please report"):
+        check_bones(shifted("LeftKnee", 2, way))
+
+
+def test_positions_that_are_not_finite_or_too_large():
+    with pytest.raises(MotionError, match="frame 1 of the result is wrong: 'Hips' is nowhere"):
+        check_finite(shifted("Hips", 1, np.nan))
+    with pytest.raises(MotionError, match=r"frame 3 .* 'Hips' is beyond .*; use other units, or a smaller root scale"):
+        check_finite(shifted("Hips", 3, 1e13))
+
+
+@pytest.mark.parametrize(("joint", "heights"), [("Hips", 2), ("LeftAnkle", 3)])
+def test_hips_and_feet_that_fly_off(joint, heights):
+    copy = MOTION.positions
+    with pytest.raises(MotionError, match=f"frame 1 .* '{joint}' is more than {heights} heights away"):
+        check_places(shifted(joint, 1, [FAR, 0, 0]), copy, MATCHING)
+
+
+def test_another_number_of_frames():
+    fewer = replace(MOTION, translations=MOTION.translations[:3], rotations=MOTION.rotations[:3])
+    with pytest.raises(MotionError, match="the result has 3 frames, the source 4"):
+        check_places(fewer, fewer.positions, MATCHING)
+
+
+def test_nothing_is_written_where_the_solver_fails(tmp_path, monkeypatch):
+    compile_all()
+
+    def solve_wrongly(_body, _bones, _root, _springs, _floor, _tolerance, v, *_):
+        v[:] = np.nan
+
+    monkeypatch.setattr("distretarget.solve.contact._solve", solve_wrongly)
+    monkeypatch.setattr("distretarget.cli.retarget.warm", lambda _objective: None)
+    done = run(SAMPLES / "clap.bvh", SAMPLES / "long_arms.json", "-o", tmp_path / "out.bvh")
+    assert done.returncode == 1
+    assert "clap.bvh: " in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,185 @@
+"""`-` for standard input and output, names of outputs, --quiet, and source and target that are swapped."""
+
+import io
+import sys
+
+import pytest
+from bodies import other_lengths, person, swaying
+from program import run
+
+from distretarget.io.bvh_writer import format_bvh
+from distretarget.io.skeleton_writer import skeleton_to_json
+
+CLIP = format_bvh(swaying(person()))
+BODY = skeleton_to_json(other_lengths(person()), "body")
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The working folder, with a clip and a target."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "in.bvh").write_text(CLIP)
+    (tmp_path / "body.json").write_text(BODY)
+    return tmp_path
+
+
+@pytest.fixture
+def converted(folder):
+    """The text of the clip on the target."""
+    run("in.bvh", "body.json", "-o", "out.bvh")
+    return (folder / "out.bvh").read_text()
+
+
+def test_source_and_target_are_read_from_standard_input(folder, converted):
+    for source, target, given in (("-", "body.json", CLIP), ("in.bvh", "-", BODY)):
+        assert run(source, target, "-o", "again.bvh", "--overwrite", given=given).returncode == 0
+        assert (folder / "again.bvh").read_text() == converted
+
+
+def test_with_standard_output_as_output_the_summary_goes_to_standard_error(converted):
+    done = run("in.bvh", "body.json", "-o", "-")
+    assert done.stdout == converted
+    assert done.stderr.startswith("20 frames in ")
+
+
+def test_diff_reads_standard_input_and_writes_standard_output(converted):
+    read = run("diff", "in.bvh", "-", given=converted)
+    assert read.returncode == 0
+    assert "B: standard input, 22 joints" in read.stdout
+    written = run("diff", "in.bvh", "out.bvh", "--csv", "-")
+    assert written.stdout.startswith("frame,")
+    assert "worst frames by" in written.stderr
+
+
+@pytest.mark.usefixtures("folder")
+def test_skeletons_are_read_from_standard_input_and_written_to_standard_output():
+    assert run("skeleton", "show", "-", given=CLIP).stdout == run("skeleton", "show", "in.bvh").stdout
+    exported = run("skeleton", "export", "-", given=CLIP).stdout
+    assert exported == run("skeleton", "export", "in.bvh", "-o", "-").stdout.replace('"in"', '"standard input"')
+    edited = run("skeleton", "edit", "-", "--scale", "1", "-o", "-", given=exported)
+    assert edited.stdout == exported
+    assert edited.stderr.startswith("0 bones changed")
+    matched = run("skeleton", "match", "in.bvh", "-", "-o", "-", given=exported)
+    assert matched.stdout.startswith('{\n  "Hips": "Hips"')
+    assert "matched: " in matched.stderr
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("-", "-", "-o", "out.bvh"), "standard input, which can stand for one file only"),
+        (("in.bvh", "body.json", "-o", "-", "--json", "-"), "standard output, which can stand for one file only"),
+        (("batch", "-", "body.json", "-o", "out"), "standard input has no name"),
+    ],
+)
+def test_a_stream_stands_for_one_file(arguments, words):
+    done = run(*arguments)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    assert words in done.stderr
+
+
+@pytest.mark.usefixtures("folder")
+def test_errors_in_standard_input_say_so():
+    assert run("-", "body.json", "-o", "out.bvh", given="HIERARCHY\nROOT").stderr.startswith(
+        "distretarget: standard input:2: the file ends"
+    )
+    strange = '{"format": "distretarget-skeleton", "version": 1, "lengths": {"Tail": 2}}'
+    done = run("in.bvh", "-", "-o", "out.bvh", given=strange)
+    assert done.stderr.startswith('distretarget: standard input: lengths["Tail"]: no such joint')
+
+
+@pytest.mark.usefixtures("folder")
+def test_closed_standard_input_is_an_error(monkeypatch):
+    monkeypatch.setattr("distretarget.cli.streams.sys", type("Closed", (), {"stdin": None}))
+    assert run("-", "body.json", "-o", "out.bvh").stderr == "distretarget: standard input: is closed\n"
+
+
+def test_a_file_may_be_called_minus(folder, converted):
+    (folder / "-").write_text(CLIP)
+    run("./-", "body.json", "-o", "again.bvh")
+    assert (folder / "again.bvh").read_text() == converted
+
+
+@pytest.mark.parametrize(
+    ("arguments", "better"),
+    [
+        (("in.bvh", "body.json", "-o", "y.txt"), "'y.bvh'"),
+        (("in.bvh", "body.json", "-o", "y"), "'y.bvh'"),
+        (("skeleton", "export", "in.bvh", "-o", "y.bvh"), "'y.json'"),
+        (("skeleton", "edit", "in.bvh", "--scale", "2", "-o", "y.bvh"), "'y.json'"),
+        (("skeleton", "match", "in.bvh", "body.json", "-o", "y.txt"), "'y.json'"),
+    ],
+)
+def test_an_output_with_the_name_of_another_format_is_refused(folder, arguments, better):
+    done = run(*arguments)
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert better in done.stderr
+    assert len(list(folder.iterdir())) == 2
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.mark.parametrize("answer", ["y", "n"])
+def test_on_a_terminal_such_a_name_is_asked_about(folder, monkeypatch, answer):
+    monkeypatch.setattr(
+        "distretarget.cli.outputs.sys", type("OnATerminal", (), {"stdin": Terminal(), "argv": sys.argv})
+    )
+    done = run("in.bvh", "body.json", "-o", "y.txt", given=f"{answer}\n")
+    assert "y.txt: the name does not end in .bvh; write BVH to it all the same? [y/N]" in done.stderr
+    assert done.returncode == (0 if answer == "y" else 130)
+    assert (folder / "y.txt").exists() == (answer == "y")
+
+
+def test_quiet_prints_nothing_but_errors(folder):
+    tail = BODY.replace("\n  ]", ',\n    {"name": "Tail", "parent": "Hips", "offset": [0, 0, -1]}\n  ]')
+    (folder / "tail.json").write_text(tail)
+    for arguments in (
+        ("in.bvh", "tail.json", "-o", "out.bvh"),
+        ("diff", "in.bvh", "out.bvh"),
+        ("skeleton", "match", "in.bvh", "body.json", "-o", "map.json"),
+        ("batch", "in.bvh", "tail.json", "-o", "folder", "--jobs", "1"),
+    ):
+        done = run(*arguments, "-q")
+        assert (done.returncode, done.stdout, done.stderr) == (0, "", ""), arguments
+    assert run("none.bvh", "body.json", "-o", "o.bvh", "-q").stderr == "distretarget: none.bvh: there is no such file\n"
+    (folder / "broken.bvh").write_text("HIERARCHY")
+    failed = run("batch", "broken.bvh", "body.json", "-o", "folder", "--jobs", "1", "-q")
+    assert (failed.returncode, failed.stdout) == (1, "")
+    assert failed.stderr == "failed:\n  broken.bvh:1: the file ends, expected ROOT\n"
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_source_without_frames_and_a_target_with_frames_are_swapped(tmp_path):
+    hierarchy = CLIP[: CLIP.index("MOTION")]
+    (tmp_path / "body.bvh").write_text(hierarchy)
+    done = run("body.bvh", "in.bvh", "-o", "out.bvh")
+    assert done.stderr.endswith("if it is the target, it comes last: distretarget in.bvh body.bvh -o OUT.bvh\n")
+    (tmp_path / "cut.bvh").write_text(CLIP[: len(CLIP) // 2])
+    assert "comes last" not in run("cut.bvh", "in.bvh", "-o", "out.bvh").stderr
+
+
+def test_namespaces_are_left_out_where_that_is_asked_for(folder):
+    names = BODY.replace('"name": "', '"name": "mixamorig:').replace('"parent": "', '"parent": "mixamorig:')
+    (folder / "rig.json").write_text(names.replace("mixamorig:body", "body"))
+    told = run("in.bvh", "rig.json", "-o", "named.bvh")
+    assert (
+        "three.js cannot play joints with names like 'mixamorig:Hips'; --strip-namespace writes 'Hips'" in told.stderr
+    )
+    plain = run("in.bvh", "rig.json", "-o", "plain.bvh", "--strip-namespace")
+    assert "three.js" not in plain.stderr
+    named = (folder / "named.bvh").read_text()
+    assert "ROOT mixamorig:Hips\n" in named
+    assert (folder / "plain.bvh").read_text() == named.replace("mixamorig:", "")
+    assert run("skeleton", "export", "rig.json", "--strip-namespace").stdout == BODY
+
+
+@pytest.mark.usefixtures("folder")
+def test_joints_that_only_their_namespaces_tell_apart_keep_them(tmp_path):
+    (tmp_path / "twins.bvh").write_text(CLIP.replace("LeftHip\n", "a:Hip\n").replace("RightHip\n", "b:Hip\n"))
+    done = run("skeleton", "export", "twins.bvh", "--strip-namespace")
+    assert done.returncode == 1
+    assert "joints that cannot be told apart" in done.stderr
