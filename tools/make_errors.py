@@ -30,13 +30,15 @@ FILES = "io/files.py cli/streams.py cli/outputs.py"
 BVH = "io/bvh_parser.py io/bvh.py io/bvh_writer.py"
 JSON = "io/json_node.py io/skeleton_ io/target io/map_json.py io/obj.py matching/pairing.py"
 BODIES = "skeleton.py motion.py io/bvhio_bridge.py"
-METHOD = "retargeting.py performer.py scene conversion.py thing.py together.py alignment.py matching/ baseline/ measure/ solve/"
+METHOD = "retargeting.py performer.py conversion.py matching/ baseline/ measure/ solve/"
+SCENES = "scene thing.py together.py alignment.py"
 HEADINGS = {  # the headings, and the beginnings of the paths of files whose messages stand below them
     "Reading and writing files": FILES,
     "BVH files": BVH,
-    "Skeleton files, maps and scenes": JSON,
+    "Skeleton files and maps": JSON,
     "Skeletons and motions": BODIES,
     "Retargeting": METHOD,
+    "Scenes": SCENES,
     "The command line": "cli/ batch/",
     "Arguments of Python functions": "arguments.py numerics/",
 }

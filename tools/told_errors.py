@@ -42,8 +42,7 @@ CURES = {
     ),
     "no performer …; …": NAMES,
     "Missing option '-t' / '--target', or name one SCENE.json.": "add `-t TARGET`, or put all of it into a scene file",
-    "is held by performer …; there are …": "count performers from 0, in the order in which they are given",
-    "--… belongs into the scene file.": "write it into the scene file, which has keys for all options (docs/formats.md)",
+    "--… belongs into the scene file.": "write it into the scene file, which has a key for it",
     "has no … in it or below": "name a scene file, or a folder with one in it",
     # skeleton files and maps
     "is not valid JSON: …": "mend the text at the line and column in the message; editors for JSON show the place",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from distretarget.body.resting import still_joints
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.motion import Motion
@@ -28,3 +29,5 @@ def warm(objective: Objective) -> None:
     result = retarget(source, body.with_offsets(1.5 * offsets), objective=objective)
     result.figures  # noqa: B018 - what it needs is compiled
     format_bvh(result.motion)
+    joints = np.arange(JOINTS)
+    still_joints(source, joints, joints, 1.0, np.zeros(len(source), np.intp))  # which only bodies with legs need
