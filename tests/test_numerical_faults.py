@@ -159,3 +159,11 @@ def test_a_source_far_from_the_origin(far, objective):
     there = is_sound(moved(CLIP, Rotation.identity(), (far, 0.0, far)), TARGET, objective=objective, root_scale=1.0)
     shift = there.motion.positions - here.motion.positions
     np.testing.assert_allclose(shift, np.broadcast_to([far, 0.0, far], shift.shape), atol=1e-8 * far + 1e-3)
+
+
+@pytest.mark.filterwarnings("error")
+@objectives
+def test_a_source_that_drives_the_root_alone(objective):
+    """So no bone of the target is carried by what is driven."""
+    nobody = dict.fromkeys(BODY.names[1:])
+    is_sound(CLIP, TARGET, joint_map={BODY.names[0]: BODY.names[0], **nobody}, objective=objective)

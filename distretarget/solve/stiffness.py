@@ -25,7 +25,8 @@ def part_stiffness(problem: PoseProblem, settings: ContactSettings) -> Array:
     longest = np.zeros(parts.max() + 1)
     bones = np.zeros_like(longest)
     np.add.at(bones, parts[skeleton.parents[1:]], skeleton.lengths[1:] / problem.unit)
-    np.maximum.at(longest, parts[skeleton.parents[1:]], carried[skeleton.parents[1:]] / carried[0])
+    share = np.divide(carried, carried[0], out=np.zeros_like(carried), where=carried[0] > 0)
+    np.maximum.at(longest, parts[skeleton.parents[1:]], share[skeleton.parents[1:]])
     stiffness = settings.base_stiffness * (bones + settings.added_length) * (1.0 + settings.trunk_factor * longest)
     feet = {joint for leg in legs or () for joint in (leg.ankle, leg.toe) if skeleton.children[joint]}
     stiffness[parts[sorted(feet)]] *= settings.foot_factor
