@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from distretarget.errors import MotionError
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
+from distretarget.numerics.vectors import lengths
 from distretarget.skeleton import LARGEST
 
 Array = NDArray[np.float64]
@@ -25,7 +26,7 @@ def check_bones(motion: Motion) -> None:
     Raises:
         MotionError: one is not; the message names joint and frame.
     """
-    away = np.linalg.norm(motion.translations[:, 1:] - motion.skeleton.offsets[1:], axis=2)
+    away = lengths(motion.translations[:, 1:] - motion.skeleton.offsets[1:])
     size = float(motion.skeleton.lengths.max())
     _refuse_first(~(away <= BONE_ERROR * size), motion, np.arange(1, len(motion.skeleton)), "is off its bone")
 
@@ -42,10 +43,10 @@ def check_places(posed: Motion, copy: Array, matching: Matching) -> None:
         raise MotionError(f"the result has {len(posed)} frames, the source {len(matching.source_motion)}; {REPORT}")
     check_finite(posed)
     unit = matching.target.unit + DIGITS * float(np.abs(copy).max())
-    away = np.linalg.norm(posed.positions - copy, axis=2) / unit
     for joints, most in ((np.array([matching.pelvis]), HIPS_RANGE), (_ankles(matching), FEET_RANGE)):
+        away = lengths(posed.positions[:, joints] - copy[:, joints]) / unit
         far = f"is more than {most:g} heights away from where copied rotations put it"
-        _refuse_first(~(away[:, joints] <= most), posed, joints, far)
+        _refuse_first(~(away <= most), posed, joints, far)
 
 
 def check_finite(motion: Motion) -> None:
@@ -54,6 +55,8 @@ def check_finite(motion: Motion) -> None:
     Raises:
         MotionError: one is not; the message names joint and frame.
     """
+    if np.abs(motion.positions).max(initial=0.0) <= LARGEST:
+        return
     joints, extent = np.arange(len(motion.skeleton)), np.abs(motion.positions).max(axis=2)
     _refuse_first(~np.isfinite(extent), motion, joints, "is nowhere, at no finite position")
     _refuse_first(
