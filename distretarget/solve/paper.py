@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 PART_STIFFNESS = 1e-4  # keeps what the stress does not see (twist, the turn of the whole body) near the rotation copy
 ROOT_STIFFNESS = 1.0  # keeps the root on its path, which the stress does not see either
-POSE_TOLERANCE = 1e-5  # a frame is solved when the search direction in the scaled unknowns is shorter than this
+POSE_TOLERANCE = 1e-5  # a frame is solved when the search direction, in the metric of the curvature, is shorter
 
 
 class Terms(NamedTuple):

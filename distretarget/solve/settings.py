@@ -44,8 +44,8 @@ class ContactSettings:
         jump_speed: [rad/s] a part whose deviation changes faster than this (600 degrees/s) jumps from one solution to
             another.
         jump_blend: [s] a jump is replaced by a mean over this time before and after each frame.
-        tolerance: [-] a frame is solved when the search direction in the scaled unknowns is shorter than this: nothing
-            shakes, and cuts between chunks of a clip cannot be seen.
+        tolerance: [-] a frame is solved when the search direction is shorter than this in the metric of the curvature:
+            nothing shakes, and cuts between chunks of a clip cannot be seen.
         rest_speed: [leg lengths/s] a joint that rests on the floor is slower than this.
         rest_height: [leg lengths] a joint that rests on the floor is no higher than this above the lowest joint.
         support_blend: [s] a joint goes to its place over twice this time before it rests, and leaves it over twice this
