@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import inlined
 from distretarget.solve.articulation import Articulation, Scratch, to_rotation_vector
+from distretarget.solve.spg import copy_to
 from distretarget.solve.springs import NEGLIGIBLE, Springs, stiffness_of
 
 Array = NDArray[np.float64]
@@ -30,14 +31,14 @@ def active_curvature(v: Array, body: Articulation, scratch: Scratch, springs: Sp
     A part is active if a spring acts on it; the last one is the root's place. All others only have their stiffness, so
     that they keep the copy's rotation and are no unknowns.
     """
-    way, ends = _ways(springs, body)
+    way, ends, count = _ways(springs, body)
     active = _active(way, body, scratch)
-    K = _end_stiffness(springs, ends)
+    K = _end_stiffness(springs, ends, count)
     forces = np.zeros((len(ends), 3, len(K)))
     for joint, end in enumerate(ends):
         if end >= 0:
             for i in range(3):
-                forces[joint, i] = K[3 * end + i]
+                copy_to(forces[joint, i], K[3 * end + i])
     moments = _moments(forces, v, body, scratch, way, active)
     forces = np.zeros((len(ends), 3, 3 * len(active)))
     for joint, end in enumerate(ends):
@@ -53,9 +54,9 @@ def active_curvature(v: Array, body: Articulation, scratch: Scratch, springs: Sp
 
 
 @inlined()
-def _ways(springs: Springs, body: Articulation) -> tuple[NDArray[np.bool_], Numbers]:
+def _ways(springs: Springs, body: Articulation) -> tuple[NDArray[np.bool_], Numbers, int]:
     """Which bones turning moves a spring, named by their lower joints, and the root where a spring is tied to the
-    world, (joints,); and for each joint the number of the end that it is, -1 if it is none, (joints,).
+    world, (joints,); for each joint the number of the end that it is, -1 if it is none, (joints,); how many ends.
 
     The bones that move a spring between two joints are those on the path between them.
     """
@@ -79,7 +80,7 @@ def _ways(springs: Springs, body: Articulation) -> tuple[NDArray[np.bool_], Numb
         if ends[joint] == 0:
             ends[joint] = count
             count += 1
-    return way, ends
+    return way, ends, count
 
 
 @inlined()
@@ -90,7 +91,12 @@ def _active(way: NDArray[np.bool_], body: Articulation, scratch: Scratch) -> Num
     for joint in range(1, len(way)):
         if way[joint] and _has_length(scratch.bones[joint]):
             is_active[body.parts[body.parents[joint]]] = True
-    return np.flatnonzero(is_active)
+    active, count = np.empty(len(is_active), np.intp), 0
+    for part in range(len(is_active)):
+        if is_active[part]:
+            active[count] = part
+            count += 1
+    return active[:count]
 
 
 @inlined()
@@ -99,10 +105,9 @@ def _has_length(bone: Array) -> bool:
 
 
 @inlined(fastmath=True)
-def _end_stiffness(springs: Springs, ends: Numbers) -> Array:
-    """K, (3 ends, 3 ends): the forces on the ends that small displacements of them cause."""
-    count = 3 * (ends.max() + 1)
-    K = np.zeros((count, count))
+def _end_stiffness(springs: Springs, ends: Numbers, count: int) -> Array:
+    """K, (3 count, 3 count): the forces on the ends that small displacements of them cause."""
+    K = np.zeros((3 * count, 3 * count))
     for s in range(len(springs.a)):
         A = springs.A[s]
         if stiffness_of(A) < NEGLIGIBLE:
@@ -140,7 +145,7 @@ def _moments(forces, v, body, scratch, way, active):  # type: ignore[no-untyped-
     J = np.empty((3, 3))
     for p, part in enumerate(active):
         if part == len(v) - 1:
-            moments[p] = forces[0]
+            copy_to(moments[p], forces[0])
         else:
             _write_jacobian(v[part], J)
             _transform(J, moments[p])

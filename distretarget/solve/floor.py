@@ -69,19 +69,22 @@ def with_floor(scratch: Scratch, springs: Springs, floor: Floor) -> Springs:
     """The springs, and one for each joint that is below its height at the positions `scratch.x`: they have the same
     curvature as springs and floor.
     """
-    if len(floor.joints) == 0:
-        return springs
-    below = [n for n in range(len(floor.joints)) if floor.stiffness[n] >= NEGLIGIBLE]
-    below = [n for n in below if depth_below(scratch, floor, n) > 0.0]
-    if len(below) == 0:
+    below = np.empty(len(floor.joints), np.intp)
+    more = 0
+    for n in range(len(floor.joints)):
+        if floor.stiffness[n] >= NEGLIGIBLE and depth_below(scratch, floor, n) > 0.0:
+            below[more] = n
+            more += 1
+    if more == 0:
         return springs
     count = len(springs.a)
-    a = np.empty(count + len(below), springs.a.dtype)
-    b, rest, A = np.full_like(a, -1), np.zeros((len(a), 3)), np.empty((len(a), 3, 3))
-    a[:count], b[:count], A[:count] = springs.a, springs.b, springs.A
-    for s, n in enumerate(below):
-        a[count + s] = floor.joints[n]
+    a, b = np.empty(count + more, np.intp), np.empty(count + more, np.intp)
+    rest, A = np.zeros((count + more, 3)), np.empty((count + more, 3, 3))
+    for s in range(count + more):
+        n = below[max(s - count, 0)]
+        a[s] = springs.a[s] if s < count else floor.joints[n]
+        b[s] = springs.b[s] if s < count else -1
         for i in range(3):
             for j in range(3):
-                A[count + s, i, j] = floor.stiffness[n] * floor.up[i] * floor.up[j]
+                A[s, i, j] = springs.A[s, i, j] if s < count else floor.stiffness[n] * floor.up[i] * floor.up[j]
     return Springs(a, b, rest, A)
