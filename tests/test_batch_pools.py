@@ -13,6 +13,15 @@ from distretarget.batch.pools import _interrupts_held
 pytestmark = pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="needs signals as Unix has them")
 
 
+@pytest.fixture
+def _heard():
+    """Interrupts are heard, also in a process that was started to ignore them, as shells start those in the background."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("_heard")
 def test_an_interrupt_waits_and_is_not_lost():
     done = []
 
