@@ -15,7 +15,7 @@ pytestmark = pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="
 
 @pytest.fixture
 def _heard():
-    """Interrupts are heard, also in a process that was started to ignore them, as shells start those in the background."""
+    """Interrupts are heard, also where they are ignored, as in processes that shells start in the background."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
