@@ -150,3 +150,4 @@ def test_the_command_refuses_in_one_line(tmp_path):
         assert done.returncode == status
         assert words in done.stderr
         assert len(done.stderr.splitlines()) == 1
+        assert not (tmp_path / "out").exists()

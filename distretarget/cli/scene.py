@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -87,7 +88,21 @@ def scene_command(
         setups = [(_setup(sources, targets, options), output)]
     warm("contact")
     for setup, folder in setups:
-        _convert(setup, folder, overwrite, report)
+        with _folder_of_results(folder):
+            _convert(setup, folder, overwrite, report)
+
+
+@contextlib.contextmanager
+def _folder_of_results(folder: Path) -> Iterator[None]:
+    """Make a folder, and remove it again if nothing was written to it."""
+    existed = is_folder(folder)
+    make_folder(folder)
+    try:
+        yield
+    finally:
+        if not existed:
+            with contextlib.suppress(OSError):  # it is not empty
+                folder.rmdir()
 
 
 def _check_alone(sources: tuple[Path, ...], options: dict[str, Any]) -> None:
@@ -139,7 +154,6 @@ def _convert(setup: SceneSetup, folder: Path, overwrite: bool, report: bool) -> 
     """Retarget a scene into a folder, and print what came of it."""
     outputs = [folder / f"{name}.bvh" for name in setup.names]
     page = folder / "report.html"
-    make_folder(folder)
     check_outputs([*outputs, page if report else None], setup.inputs, overwrite)
     began = time.perf_counter()
     result = setup.retargeted()
