@@ -28,7 +28,7 @@ from distretarget.solve.floor_heights import with_floor_heights
 from distretarget.solve.free_points import Postures
 from distretarget.solve.poses import PoseProblem, Poses
 from distretarget.solve.resting_joints import Scene, find_resting_joints, with_resting_joints
-from distretarget.solve.rigid_parts import part_of_joint, posed_motion, rigid_part_roots
+from distretarget.solve.rigid_parts import LEAST_TURN, part_of_joint, posed_motion, rigid_part_roots
 from distretarget.solve.root_shift import root_shift
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.stance import find_stance, hips_rise
@@ -194,10 +194,17 @@ def _posed(copy: Motion, poses: Poses, problem: PoseProblem) -> Motion:
     """The motion of the poses; where joints have fewer than three rotation channels, as near to it as these allow."""
     skeleton = problem.skeleton
     motion = posed_motion(copy, poses.v, problem.parts, problem.root + poses.v[:, -1])
-    if any(0 < len(skeleton.rotation_axes(joint)) < 3 for joint in range(len(skeleton))):
+    if any(_lacks_channels(motion, joint) for joint in range(len(skeleton))):
         moved = replace(copy, translations=motion.translations)
         return fit_rotations(moved, motion.positions, np.arange(1, len(skeleton)), problem.roots)
     return motion
+
+
+def _lacks_channels(motion: Motion, joint: int) -> bool:
+    """Whether a joint may turn in a way that its channels cannot say: it has one or two, or none and carries a bone."""
+    axes = motion.skeleton.rotation_axes(joint)
+    turned = np.abs(motion.rotations[:, joint, :3]).max(initial=0.0) > LEAST_TURN
+    return 0 < len(axes) < 3 or bool(not axes and motion.skeleton.children[joint] and turned)
 
 
 def _check(source: Motion, target: Skeleton) -> None:

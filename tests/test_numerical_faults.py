@@ -167,3 +167,12 @@ def test_a_source_that_drives_the_root_alone(objective):
     """So no bone of the target is carried by what is driven."""
     nobody = dict.fromkeys(BODY.names[1:])
     is_sound(CLIP, TARGET, joint_map={BODY.names[0]: BODY.names[0], **nobody}, objective=objective)
+
+
+@objectives
+def test_a_joint_without_channels_that_the_source_turns_does_not_turn(objective):
+    """It carries bones, and nothing can be written of how it turns."""
+    joint = BODY.index("Chest2")
+    stiff = replace(TARGET, channels=[() if j == joint else channels for j, channels in enumerate(TARGET.channels)])
+    result = is_sound(CLIP, stiff, objective=objective)
+    np.testing.assert_allclose(result.motion.rotations[:, joint], [[0, 0, 0, 1]] * len(CLIP), atol=1e-9)
