@@ -203,8 +203,9 @@ def _posed(copy: Motion, poses: Poses, problem: PoseProblem) -> Motion:
 def _lacks_channels(motion: Motion, joint: int) -> bool:
     """Whether a joint may turn in a way that its channels cannot say: it has one or two, or none and carries a bone."""
     axes = motion.skeleton.rotation_axes(joint)
-    turned = np.abs(motion.rotations[:, joint, :3]).max(initial=0.0) > LEAST_TURN
-    return 0 < len(axes) < 3 or bool(not axes and motion.skeleton.children[joint] and turned)
+    if axes or not motion.skeleton.children[joint]:
+        return 0 < len(axes) < 3
+    return bool(np.abs(motion.rotations[:, joint, :3]).max(initial=0.0) > LEAST_TURN)
 
 
 def _check(source: Motion, target: Skeleton) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 
 from distretarget.body.resting import feet_at_rest
 from distretarget.matching.matching import Matching
+from distretarget.numerics.vectors import lengths, level
 
 SINK = 0.1  # how much lower than in the source hips may be in a stride [leg lengths]
 MOST_FRAMES = 95.0  # strides are within reach in this share of the resting feet's frames [%]
@@ -24,10 +25,7 @@ def longest_strides(matching: Matching) -> float:
     for leg in matching.legs[0]:
         rests = feet_at_rest(motion, leg, up, leg_length).any(axis=1)
         way = motion.positions[rests, leg.hip] - motion.positions[rests, leg.ankle]
-        height = way @ up
-        along = np.linalg.norm(way - height[:, None] * up, axis=1)
-        reach = np.sqrt(np.maximum(leg_length**2 - (height - SINK * leg_length) ** 2, 0.0))
-        factors.append(reach / np.maximum(along, 1e-9 * leg_length))
-    return (
-        float(np.percentile(np.concatenate(factors), 100.0 - MOST_FRAMES)) if sum(map(len, factors)) else float("inf")
-    )
+        reach = np.sqrt(np.maximum(leg_length**2 - (way @ up - SINK * leg_length) ** 2, 0.0))
+        factors.append(reach / np.maximum(lengths(level(way, up)), 1e-9 * leg_length))
+    known = np.concatenate(factors)
+    return float(np.percentile(known, 100.0 - MOST_FRAMES)) if len(known) else float("inf")
