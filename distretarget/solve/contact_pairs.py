@@ -93,7 +93,7 @@ def pair_springs(
     margin = activation_window(lead)
     first, last = max(block.start - margin, 0), min(block.stop + margin, len(source))
     window = source[first:last]
-    on = np.flatnonzero(_come_near(window, pairs.u, pairs.v, settings.apart * pairs.tau1))
+    on = np.flatnonzero(come_near(window, window, pairs.u, pairs.v, settings.apart * pairs.tau1))
     u, v = pairs.u[on], pairs.v[on]
     d_source = window[:, u] - window[:, v]
     D = lengths(d_source) / pairs.tau1[on]
@@ -111,15 +111,17 @@ def pair_springs(
 
 
 @compiled(fastmath=True)
-def _come_near(points, u, v, reach):  # type: ignore[no-untyped-def]
-    """Whether each pair of points, (frames, points, 3), is nearer than its reach in any frame, (pairs,)."""
+def come_near(a, b, u, v, reach):  # type: ignore[no-untyped-def]
+    """Whether each point u of `a` and point v of `b`, (frames, points, 3) both, are nearer than their reach in any
+    frame, (pairs,).
+    """
     near = np.zeros(len(u), np.bool_)
     for pair in range(len(u)):
-        a, b, square = u[pair], v[pair], reach[pair] ** 2
-        for frame in range(len(points)):
-            x = points[frame, a, 0] - points[frame, b, 0]
-            y = points[frame, a, 1] - points[frame, b, 1]
-            z = points[frame, a, 2] - points[frame, b, 2]
+        i, j, square = u[pair], v[pair], reach[pair] ** 2
+        for frame in range(len(a)):
+            x = a[frame, i, 0] - b[frame, j, 0]
+            y = a[frame, i, 1] - b[frame, j, 1]
+            z = a[frame, i, 2] - b[frame, j, 2]
             if x * x + y * y + z * z < square:
                 near[pair] = True
                 break

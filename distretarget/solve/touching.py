@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from distretarget.numerics.vectors import lengths
 from distretarget.solve.chunks import blocks_of
-from distretarget.solve.contact_pairs import activation, activation_window, pair_stiffness, share_across
+from distretarget.solve.contact_pairs import activation, activation_window, come_near, pair_stiffness, share_across
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.springs import Springs
 
@@ -82,7 +82,10 @@ def _found(
     margin = activation_window(lead)
     first = max(block.start - margin, 0)
     a, b = (points.source[first : block.stop + margin] for points in (one, other))
-    u, v = _ever_near(a, b, settings.apart * (one.reach[:, None] + other.reach))
+    reach = settings.apart * (one.reach[:, None] + other.reach)
+    u, v = np.nonzero(reach > 0)
+    on = come_near(a, b, u, v, reach[u, v])
+    u, v = u[on], v[on]
     inside = slice(block.start - first, block.stop - first)
     D = lengths(a[:, u] - b[:, v]) / (one.reach[u] + other.reach[v])
     f, D = activation(D, lead, settings)[inside] if len(u) else D[inside], D[inside]
@@ -156,15 +159,3 @@ def _gathered(touching: Touching, joints: Joints, k: Array, e: Array, places: Ar
             A[..., j, i] = A[..., i, j]
     balanced = np.linalg.solve(A + NOTHING * np.eye(3), Ay[..., None])[..., 0]
     return Springs(kept, np.full(len(kept), -1), np.asarray(balanced, np.float64), A)
-
-
-def _ever_near(a: Array, b: Array, reach: Array) -> tuple[Joints, Joints]:
-    """The numbers of the points of `a` and of `b`, (frames, points, 3), that come nearer than `reach`, (points,
-    points), in any frame.
-    """
-    u, v = np.nonzero(reach > 0)
-    apart = np.full(len(u), np.inf)
-    for x, y in zip(a, b, strict=True):
-        apart = np.minimum(apart, ((x[u] - y[v]) ** 2).sum(axis=1))
-    near = apart < reach[u, v] ** 2
-    return u[near], v[near]
