@@ -23,9 +23,14 @@ def best_rotation(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.
         return least_rotation(a[:, 0], b[:, 0])
     H = b.transpose(0, 2, 1) @ a
     H += PULL * np.linalg.norm(H, axis=(1, 2))[:, None, None] * np.eye(3)
+    return Rotation.from_matrix(nearest_rotations(H)).as_quat()
+
+
+def nearest_rotations(H: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(frames, 3, 3), the rotation matrices nearest to matrices H, (frames, 3, 3): proper ones, without a mirror."""
     U, _, Vt = np.linalg.svd(H)
     U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]
-    return Rotation.from_matrix(U @ Vt).as_quat()
+    return np.asarray(U @ Vt)
 
 
 def least_rotation(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

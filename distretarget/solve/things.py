@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.root import RootScale
+from distretarget.numerics.rotations import nearest_rotations
 from distretarget.numerics.vectors import lengths
 from distretarget.solve.chunks import blocks_of
 from distretarget.solve.contact_pairs import activation, pair_stiffness, share_across
@@ -89,9 +90,7 @@ def held_placement(free: Placement, holds: Sequence[Held]) -> Placement:
     H += (lever**2 * loose)[:, None, None] * np.eye(3)
     for hold in holds:
         H += (hold.lever**2 * hold.weight)[:, None, None] * hold.turn
-    U, _, Vt = np.linalg.svd(H)
-    U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]
-    turn = U @ Vt
+    turn = nearest_rotations(H)
     return Placement(free.centre, middle_b - np.einsum("fij,fj->fi", turn, middle_a), turn, free.scale)
 
 
