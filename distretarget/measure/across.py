@@ -65,10 +65,10 @@ def measure_across(one: Side, other: Side, scale: float) -> Across:
     frames, count, totals = 0, 0, np.zeros(3)
     for first in range(0, len(one.source), BLOCK):
         block = slice(first, first + BLOCK)
-        gaps = [lengths(a[block][:, :, None] - b[block][:, None]) for a, b in sides]
-        touch = gaps[0] < near
-        frames += int(touch.any(axis=(1, 2)).sum())
-        count += int(touch.sum())
-        totals += [gap[touch].sum() for gap in gaps]
+        touch = lengths(one.source[block][:, :, None] - other.source[block][:, None]) < near
+        frame, u, v = np.nonzero(touch)
+        frames += len(np.unique(frame))
+        count += len(frame)
+        totals += [lengths(a[block][frame, u] - b[block][frame, v]).sum() for a, b in sides]
     means = totals / count if count else np.full(3, np.nan)
     return Across(frames, *means.tolist())
