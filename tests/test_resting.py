@@ -5,7 +5,7 @@ import pytest
 from bodies import person, posed
 
 from distretarget import Motion, Skeleton
-from distretarget.body.resting import low_joints, slow_joints, still_joints
+from distretarget.body.resting import above_lowest, slow_joints, still_joints
 
 FRAMES, STEP = 100, 0.02
 ONE_SHOT = np.zeros(FRAMES, np.intp)
@@ -76,6 +76,6 @@ def test_slow_joints_are_below_the_limit(speed):
 
 def test_low_joints_are_near_the_lowest_one():
     motion = posed(person(), {}, np.tile([0.0, 0.9, 0.0], (3, 1)))
-    low = low_joints(motion, list(range(len(motion.skeleton))), UP, 0.1)
+    low = above_lowest(motion, list(range(len(motion.skeleton))), UP) < 0.1
     keys = {motion.skeleton.keys[joint] for joint in np.flatnonzero(low[0])}
     assert keys == {"LeftAnkle", "RightAnkle", "LeftToe", "RightToe", "LeftToe_End", "RightToe_End"}

@@ -44,7 +44,7 @@ def feet_at_rest(
     shots = np.zeros(len(motion), np.intp) if shots is None else shots
     joints = np.array([leg.ankle, leg.toe])
     below = [leg.ankle, leg.toe, *motion.skeleton.children[leg.toe]]
-    low = low_joints(motion, below, up, height * length).any(axis=1, keepdims=True)
+    low = (above_lowest(motion, below, up) < height * length).any(axis=1, keepdims=True)
     still = still_joints(motion, joints, np.array([leg.hip, leg.hip]), length, shots)
     return (slow_joints(motion, joints, speed * length, shots) & low) | still
 
@@ -55,12 +55,10 @@ def slow_joints(motion: Motion, joints: NDArray[np.intp], speed: float, shots: S
     return np.asarray(by_shot(speeds, shots, motion.positions[:, joints]) < speed)
 
 
-def low_joints(motion: Motion, joints: NDArray[np.intp] | list[int], up: Array, height: float) -> Flags:
-    """Return whether each of the joints is less than `height` [file units] above the lowest one of the frame,
-    (frames, len(joints)).
-    """
+def above_lowest(motion: Motion, joints: NDArray[np.intp] | list[int], up: Array) -> Array:
+    """Return how far each of the joints is above the lowest one of the frame, (frames, len(joints)) [file units]."""
     heights = motion.positions @ up
-    return np.asarray(heights[:, joints] - heights.min(axis=1, keepdims=True) < height)
+    return np.asarray(heights[:, joints] - heights.min(axis=1, keepdims=True))
 
 
 def still_joints(

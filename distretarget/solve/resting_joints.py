@@ -12,7 +12,7 @@ from scipy.ndimage import label, median_filter
 
 from distretarget.baseline.root import RootScale
 from distretarget.body.regions import TRUNK
-from distretarget.body.resting import low_joints, slow_joints, still_joints
+from distretarget.body.resting import above_lowest, slow_joints, still_joints
 from distretarget.matching.matching import Matching
 from distretarget.numerics.shots import Shots, by_shot
 from distretarget.numerics.smoothing import over_runs, widened
@@ -94,10 +94,9 @@ def find_resting_joints(
         return None
     source, up, length = matching.source_motion, matching.source.up_vector, matching.leg_lengths[0]
     joints = _candidates(matching)
-    on_floor = slow_joints(source, joints.sources, settings.rest_speed * length, shots)
-    on_floor &= low_joints(source, joints.sources, up, settings.rest_height * length) | (
-        low_joints(source, joints.sources, up, INSIDE * length) & _lie_on_flesh(matching, joints, up)
-    )
+    height = above_lowest(source, joints.sources, up)
+    low = (height < settings.rest_height * length) | ((height < INSIDE * length) & _lie_on_flesh(matching, joints, up))
+    on_floor = slow_joints(source, joints.sources, settings.rest_speed * length, shots) & low
     still = still_joints(source, joints.sources, joints.bases, length, shots)
     rests = on_floor | still & ~_stand_on_others(joints, on_floor | still, feet, matching)
     rests = median_filter(rests, (3, 1), mode="nearest")  # a single frame unlike both its neighbours is a fault
