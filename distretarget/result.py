@@ -118,9 +118,10 @@ class RetargetResult:
         frames = np.flatnonzero(short.any(axis=1))
         if len(frames):
             worst, support = np.unravel_index(short.argmax(), short.shape)
+            short_of = dict.fromkeys(keys[joint] for joint in held.joints[short.any(axis=0)])  # an ankle may be its toe
             missing = 200 * short[worst, support]  # a body unit is twice the leg's length
             yield (
                 f"resting joints do not reach their places in {len(frames)} of {len(short)} frames (first: frame "
-                f"{frames[0]}): {quoted(keys[joint] for joint in held.joints[short.any(axis=0)])}; most: "
+                f"{frames[0]}): {quoted(short_of)}; most: "
                 f"{keys[held.joints[support]]} in frame {worst}, {missing:.1f} % of a leg away"
             )

@@ -173,6 +173,15 @@ def test_feet_that_miss_their_places_give_a_warning(off, warned):
         assert re.search(r"most: '?\w+'? in frame \d+, \d+\.\d % of a leg away$", line)
 
 
+def test_an_ankle_that_stands_for_its_toe_is_named_once():
+    supports = run().supports
+    ankles = np.repeat(supports.joints[::2], 2)
+    places = supports.places + np.array([0, 0.5, 0])
+    (line,) = result_with(supports=replace(supports, joints=ankles, places=places)).warnings
+    named = re.search(r"\): (.*); most", line)[1].split(", ")
+    assert len(named) == len(set(named)) == len(np.unique(ankles))
+
+
 def test_feet_in_the_air_have_no_place_to_miss():
     result = run()
     places, weights = np.array(result.supports.places) + 1.0, np.zeros_like(result.supports.weights)
