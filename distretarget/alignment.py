@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -26,7 +25,7 @@ def aligned(motions: Sequence[Motion], starts: Sequence[float], *, cut: bool, re
         begun = [resampled(motion, begun[0].frame_time_text) for motion in begun]
     if cut:
         frames = min(map(len, begun))
-        begun = [_frames(motion, slice(frames)) for motion in begun]
+        begun = [motion[:frames] for motion in begun]
     return begun
 
 
@@ -54,8 +53,4 @@ def _from(motion: Motion, start: float) -> Motion:
     first = round(start / motion.frame_time)
     if first >= len(motion):
         raise MotionError(f"begins at {start:g} s of a clip of {len(motion) * motion.frame_time:g} s; begin earlier")
-    return _frames(motion, slice(first, None)) if first else motion
-
-
-def _frames(motion: Motion, frames: slice) -> Motion:
-    return replace(motion, translations=motion.translations[frames], rotations=motion.rotations[frames])
+    return motion[first:] if first else motion

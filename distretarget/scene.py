@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, product
 from types import NoneType
 from typing import get_args
@@ -222,7 +222,7 @@ def _in_target_axes(motion: Motion, first: Performer, frames: int) -> Motion:
     motion = turned(motion, first.world.source_up, first.world.up)
     time = first.matching.source_motion.frame_time_text
     every = np.minimum(np.arange(frames), len(motion) - 1)
-    return Motion(motion.skeleton, motion.translations[every], motion.rotations[every], time)
+    return replace(motion[every], frame_time_text=time)
 
 
 def _placed(
