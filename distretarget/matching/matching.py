@@ -122,13 +122,18 @@ class Matching:
         return self.target.regions.with_joints(self.target.skeleton, mapped)
 
     @cached_property
+    def body_joints(self) -> NDArray[np.intp]:
+        """The target's joints that are part of its body and have drivers."""
+        return np.flatnonzero((self.drivers >= 0) & (self.regions.of_joint >= 0))
+
+    @cached_property
     def joints_but_feet(self) -> NDArray[np.intp]:
-        """The target's joints that are part of its body and have drivers, but for its feet's; none without legs."""
+        """The `body_joints` but for the feet's; none without legs."""
         if self.legs is None:
             return np.zeros(0, np.intp)
         of_joint = self.regions.of_joint
         feet = [of_joint[leg.ankle] for leg in self.legs[1]]
-        return np.flatnonzero((self.drivers >= 0) & (of_joint >= 0) & ~np.isin(of_joint, feet))
+        return self.body_joints[~np.isin(of_joint[self.body_joints], feet)]
 
     @cached_property
     def bone_drivers(self) -> NDArray[np.intp]:

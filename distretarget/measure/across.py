@@ -50,7 +50,7 @@ class Side:
 
 def body_side(matching: Matching, copy: Motion, result: Motion) -> Side:
     """Return the points of a performer: all driven joints of its body."""
-    joints = np.flatnonzero((matching.drivers >= 0) & (matching.regions.of_joint >= 0))
+    joints = matching.body_joints
     source = matching.source_motion.positions[:, matching.drivers[joints]]
     return Side(source, copy.positions[:, joints], result.positions[:, joints], matching.leg_lengths[0])
 
