@@ -50,10 +50,10 @@ def scene(diff: Diff) -> Scene:
         "facing": _facing(diff),
         "a": _drawing(diff.a, diff.matching.source.skeleton, legs[0], (a_points, a_resting), diff.up, step),
         "b": _drawing(diff.b, diff.matching.target.skeleton, legs[1], (b_points, resting), diff.up, step),
-        "bone_errors": _base64(_bone_errors(diff, step), "<u1"),
+        "bone_errors": in_base64(_bone_errors(diff, step), "<u1"),
         "pelvis": [int(diff.matching.drivers[diff.matching.pelvis]), diff.matching.pelvis],
-        "sizes": _base64(sizes, "<u1"),
-        "rests": _base64(np.packbits(rests, axis=1, bitorder="little"), "<u1"),
+        "sizes": in_base64(sizes, "<u1"),
+        "rests": in_base64(np.packbits(rests, axis=1, bitorder="little"), "<u1"),
         "largest_difference": _largest_difference(diff, a_points, b_points),
         "contacts": _contacts(diff, b_points.tolist()),
     }
@@ -89,7 +89,7 @@ def _drawing(
     """
     points, resting = joints
     unit = (2 * leg_length(body, legs) if legs else float(body.path_lengths.max())) or 1.0
-    placed = Rotation.from_quat(_upright(up)).apply(motion.positions[::step].reshape(-1, 3)) / unit
+    placed = upright(up).apply(motion.positions[::step].reshape(-1, 3)) / unit
     positions = placed.reshape(-1, len(body), 3)
     positions[..., 1] -= np.percentile(positions[..., 1].min(axis=1), LOWEST)
     numbers, offset, scale = quantised(positions)
@@ -98,16 +98,16 @@ def _drawing(
         "parents": body.parents.tolist(),
         "points": points.tolist(),
         "resting": resting.tolist(),
-        "tau": _base64(body.path_lengths[np.ix_(points, points)] / unit, "<f4"),
+        "tau": in_base64(body.path_lengths[np.ix_(points, points)] / unit, "<f4"),
         "offset": offset.tolist(),
         "scale": scale.tolist(),
-        "positions": _base64(numbers, "<i2"),
+        "positions": in_base64(numbers, "<i2"),
     }
 
 
-def _upright(up: Array) -> Array:
-    """(4,), quaternion x y z w of the rotation that turns `up` to y."""
-    return np.asarray(least_rotation(up[None], np.array([[0.0, 1.0, 0.0]]))[0])
+def upright(up: Array) -> Rotation:
+    """The rotation that turns `up`, (3,), to y."""
+    return Rotation.from_quat(least_rotation(up[None], np.array([[0.0, 1.0, 0.0]]))[0])
 
 
 def _facing(diff: Diff) -> float:
@@ -115,7 +115,7 @@ def _facing(diff: Diff) -> float:
     if diff.matching.legs is None:
         return 0.0
     left, right = (diff.b.positions[0, leg.hip] for leg in diff.matching.legs[1])
-    front = Rotation.from_quat(_upright(diff.up)).apply(np.cross(left - right, diff.up))
+    front = upright(diff.up).apply(np.cross(left - right, diff.up))
     return float(np.arctan2(front[0], front[2]))
 
 
@@ -176,5 +176,6 @@ def _notes(step: int, diff: Diff) -> list[str]:
     return notes
 
 
-def _base64(array: NDArray[Any], dtype: str) -> str:
+def in_base64(array: NDArray[Any], dtype: str) -> str:
+    """An array of numbers, of another type, as the text that the players read."""
     return b64encode(np.ascontiguousarray(array, dtype).tobytes()).decode("ascii")

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import math
-from base64 import b64encode
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from distretarget.measure.across import NEAR
 from distretarget.motion import Motion
-from distretarget.numerics.rotations import least_rotation
 from distretarget.report.page import filled
-from distretarget.report.scene import drawn_step, quantised, spans
+from distretarget.report.scene import drawn_step, in_base64, quantised, spans, upright
 from distretarget.scene import SceneResult
 
 Array = NDArray[np.float64]
@@ -87,9 +84,8 @@ def scene_page(result: SceneResult, names: Sequence[str]) -> str:
 
 def _performers(result: SceneResult) -> Iterator[_Body]:
     for one in result.results:
-        matching = one.matching
-        joints = np.flatnonzero((matching.drivers >= 0) & (matching.regions.of_joint >= 0))
-        yield _Body(one.source, one.motion, (matching.drivers[joints], joints), thing=False)
+        joints = one.matching.body_joints
+        yield _Body(one.source, one.motion, (one.drivers[joints], joints), thing=False)
 
 
 def _things(result: SceneResult) -> Iterator[_Body]:
@@ -99,9 +95,9 @@ def _things(result: SceneResult) -> Iterator[_Body]:
 
 
 def _drawing(name: str, body: _Body, up: Array, unit: float, scale: float, step: int) -> BodyDrawing:
-    upright = Rotation.from_quat(least_rotation(up[None], np.array([[0.0, 1.0, 0.0]]))[0])
+    turn = upright(up)
     sides = [
-        _side(upright.apply((motion.positions[::step] / size).reshape(-1, 3)).reshape(-1, len(motion.skeleton), 3))
+        _side(turn.apply((motion.positions[::step] / size).reshape(-1, 3)).reshape(-1, len(motion.skeleton), 3))
         for motion, size in ((body.source, unit), (body.result, unit * scale))
     ]
     parents = [motion.skeleton.parents.tolist() for motion in (body.source, body.result)]
@@ -110,17 +106,15 @@ def _drawing(name: str, body: _Body, up: Array, unit: float, scale: float, step:
 
 def _side(positions: Array) -> Side:
     numbers, offset, scale = quantised(positions)
-    packed = b64encode(np.ascontiguousarray(numbers, "<i2").tobytes()).decode("ascii")
-    return {"offset": offset.tolist(), "scale": scale.tolist(), "positions": packed}
+    return {"offset": offset.tolist(), "scale": scale.tolist(), "positions": in_base64(numbers, "<i2")}
 
 
 def _across_them(bodies: Sequence[_Body], up: Array) -> float:
     """The angle about y from which the first two performers are seen side by side [rad]."""
     if len(bodies) < 2 or bodies[1].thing:
         return 0.6
-    upright = Rotation.from_quat(least_rotation(up[None], np.array([[0.0, 1.0, 0.0]]))[0])
     middles = [body.source.positions.mean(axis=(0, 1)) for body in bodies[:2]]
-    x, _, z = upright.apply(middles[1] - middles[0])
+    x, _, z = upright(up).apply(middles[1] - middles[0])
     return math.atan2(-z, x)
 
 
