@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from distretarget.numerics.euler import euler_angles, restrict
+from distretarget.numerics.euler import euler_angles, from_euler_angles, restrict
 
 ORDERS = ["".join(axes) for axes in permutations("XYZ")]
 SHORT_ORDERS = ["".join(axes) for count in (1, 2) for axes in permutations("XYZ", count)]
@@ -28,6 +28,17 @@ def error(rotations, axes, angles):
 def walk(rng, frames=300):
     """Angles (frames, 3) that change by less than 0.2 rad per frame and pass every gimbal lock."""
     return np.cumsum(rng.uniform(-0.2, 0.2, (frames, 3)), axis=0)
+
+
+@pytest.mark.parametrize("axes", [*SHORT_ORDERS, *ORDERS])
+def test_rotations_of_angles_are_those_of_scipy(axes):
+    angles = np.random.default_rng(5).uniform(-9, 9, (40, 3, len(axes)))
+    expected = Rotation.from_euler(axes, angles.reshape(-1, len(axes))).as_quat()
+    np.testing.assert_allclose(from_euler_angles(angles, axes).reshape(-1, 4), expected, atol=1e-15)
+
+
+def test_no_axes_make_no_rotation():
+    assert from_euler_angles(np.zeros((2, 0)), "").tolist() == [[0.0, 0.0, 0.0, 1.0]] * 2
 
 
 @settings(max_examples=300, deadline=None)

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from distretarget.errors import BvhError, SkeletonError
 from distretarget.io.bvh_parser import Words, take_frame_count, take_frames, take_hierarchy, take_motion_keyword
 from distretarget.io.files import read_text
 from distretarget.motion import Motion
+from distretarget.numerics.euler import from_euler_angles
 from distretarget.numerics.vectors import lengths
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 
@@ -180,6 +180,5 @@ def _rotations(skeleton: Skeleton, values: Array) -> Array:
     columns = _columns(skeleton)
     for axes in filter(None, orders):
         chosen = [[columns[joint][f"{axis}rotation"] for axis in axes] for joint in orders[axes]]
-        turned = Rotation.from_euler(axes, values[:, chosen], degrees=True)
-        rotations[:, orders[axes]] = turned.as_quat()
+        rotations[:, orders[axes]] = from_euler_angles(np.radians(values[:, chosen]), axes)
     return rotations

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.errors import BvhError
+from distretarget.io.numbers import parse_numbers
 from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME, is_frame_time
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS
 
@@ -259,20 +259,8 @@ def take_frames(words: Words, channels: int) -> FramesText:
 
 def _take_numbers(words: Words) -> NDArray[np.float64]:
     """All numbers up to the end of the text, (numbers,)."""
-    rest = words.text[words.at :].encode("utf-8", "surrogateescape")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", DeprecationWarning)
-            numbers = np.fromstring(rest, sep=" ")
-    except (ValueError, DeprecationWarning):
-        return _take_numbers_singly(words)
-    sound = numbers.size == _word_count(rest) and np.all(np.isfinite(numbers))
-    return numbers if sound else _take_numbers_singly(words)
-
-
-def _word_count(text: bytes) -> int:
-    blank = np.isin(np.frombuffer(b" " + text, np.uint8), list(b" \t\n\v\f\r"))
-    return int(np.count_nonzero(blank[:-1] > blank[1:]))
+    numbers = parse_numbers(words.text[words.at :].encode("utf-8", "surrogateescape"))
+    return _take_numbers_singly(words) if numbers is None else numbers
 
 
 def _take_numbers_singly(words: Words) -> NDArray[np.float64]:
