@@ -21,7 +21,7 @@ from tables import insert
 
 from distretarget import Motion, read_bvh, retarget
 from distretarget.measure.figures import BY_KEY
-from distretarget.measure.metrics import compare
+from distretarget.measure.metrics import Reference
 
 HEAD = (
     "| clip | frames | direction, copy and MotionBuilder, degrees | direction, result and MotionBuilder "
@@ -35,7 +35,8 @@ def measure(folder: Path, clip: str) -> str:
     source, reference = read_bvh(folder / "cmu_mb" / clip), read_bvh(folder / "cmu_daz" / clip)
     run = retarget(source, reference.skeleton)
     motions = (run.rotation_copy, reference, run.motion)
-    compared = [compare(run.source, motion, run.matching, run.world.up_vector) for motion in motions]
+    reference = Reference(run.source, run.matching, run.world.up_vector)
+    compared = [reference.compare(motion) for motion in motions]
     contact = " / ".join(f"{BY_KEY['contact_error'].of_clip(one.tracks) or 0.0:.4f}" for one in compared)
     tracks = compared[2].source_tracks, compared[1].tracks, compared[2].tracks
     slide = " / ".join(f"{BY_KEY['slide'].of_clip(one) or 0.0:.3f}" for one in tracks)

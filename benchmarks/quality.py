@@ -25,7 +25,7 @@ from tables import insert
 
 from distretarget import Motion, RetargetResult, read_bvh, retarget
 from distretarget.measure.figures import clip_figures
-from distretarget.measure.metrics import compare
+from distretarget.measure.metrics import Reference
 
 CLIPS = [
     *(f"cmu_mb/{clip}.bvh" for clip in ("02_01", "02_05", "02_10", "05_03", "05_12", "12_01")),
@@ -103,7 +103,7 @@ def measure(folder: Path, clip: str, target: str, methods: tuple[str, ...], fram
 def _figures(run: RetargetResult, result: Motion) -> dict[str, float]:
     """The figures of one motion of a run, compared with its source."""
     source, drivers = run.source, run.drivers
-    comparison = compare(source, result, run.matching, run.world.up_vector)
+    comparison = Reference(source, run.matching, run.world.up_vector).compare(result)
     values = {
         **clip_figures(comparison.tracks),
         **{f"{key}_source": value for key, value in clip_figures(comparison.source_tracks).items()},

@@ -28,7 +28,7 @@ from distretarget import Motion, RetargetResult, Skeleton, read_bvh, retarget
 from distretarget.body.axes import axis_vector, nearest_axis
 from distretarget.body.legs import Leg, Legs, leg_length, tree_legs
 from distretarget.measure.figures import clip_figures
-from distretarget.measure.metrics import compare
+from distretarget.measure.metrics import Reference
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
 from make_rigs import CONVENTIONS, POSES, rig
@@ -120,7 +120,7 @@ def measure(result: RetargetResult) -> dict[str, float]:
     driving, legs = paired_legs(result)
     up = target_up(result)
     check_upright(source, driving, up)
-    values = clip_figures(compare(source, motion, result.matching, up).tracks)
+    values = clip_figures(Reference(source, result.matching, up).compare(motion).tracks)
     head = head_of(motion.skeleton)
     if result.drivers[head] < 0:
         raise CheckError("the head has no driver")

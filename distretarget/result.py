@@ -13,7 +13,7 @@ from distretarget.baseline.world import World
 from distretarget.errors import quoted
 from distretarget.matching.matching import Matching
 from distretarget.measure.figures import NOT_RUN, Side, Track, Tracks, clip_figures
-from distretarget.measure.metrics import Comparison, compare
+from distretarget.measure.metrics import Comparison, Reference
 from distretarget.measure.needs_look import what_needs_a_look
 from distretarget.measure.snaps import find_snaps
 from distretarget.measure.verdict import verdict
@@ -72,12 +72,16 @@ class RetargetResult:
     @cached_property
     def comparison(self) -> Comparison:
         """The result measured against the source, frame by frame."""
-        return compare(self.source, self.motion, self.matching, self.world.up_vector)
+        return self._reference.compare(self.motion)
+
+    @cached_property
+    def _reference(self) -> Reference:
+        return Reference(self.source, self.matching, self.world.up_vector)
 
     @cached_property
     def tracks(self) -> dict[Side, Tracks]:
         """What the figures of source, rotation copy and result are taken from, frame by frame."""
-        baseline = compare(self.source, self.rotation_copy, self.matching, self.world.up_vector)
+        baseline = self._reference.compare(self.rotation_copy)
         return {
             "source": self.comparison.source_tracks,
             "rotation_copy": {**baseline.tracks, "stress": Track(self.copy_stress), **NOT_RUN},

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from distretarget import Motion, Skeleton
 from distretarget.measure.contacts import Contacts, find_contacts
 from distretarget.measure.figures import BY_KEY
-from distretarget.measure.metrics import compare
+from distretarget.measure.metrics import Reference
 
 PERSON = person()
 UP = np.array([0.0, 1.0, 0.0])
@@ -36,7 +36,7 @@ def hook(last, frames=2, links=3):
 def contacts_of(source, result, rest=()):
     """The contacts of two motions; `rest` is whether both feet rest in each frame."""
     feet_rest = np.repeat(np.array(rest, bool)[:, None], 2, axis=1) if len(rest) else np.zeros((len(source), 0), bool)
-    return find_contacts(source, result, matched(source.rigid_skeleton, result.skeleton), feet_rest)
+    return find_contacts(source, matched(source.rigid_skeleton, result.skeleton), feet_rest).in_result(result)
 
 
 def standing(frames, path=0.0, turns=None):
@@ -79,7 +79,7 @@ def test_contact_error_is_the_mean_over_the_contacts_of_a_frame_then_over_frames
     assert (head.name, head.error, head.worst_frame) == ("hand - head", pytest.approx(0.1), 0)
     assert (hips.error, hips.worst_frame, hips.u, hips.v) == (pytest.approx(0.45), 2, 3, 6)
     source = standing(3)
-    comparison = replace(compare(source, source, matched(PERSON, PERSON), UP), contacts=contacts)
+    comparison = replace(Reference(source, matched(PERSON, PERSON), UP).compare(source), contacts=contacts)
     assert BY_KEY["contact_error"].of_clip(comparison.tracks) == pytest.approx(0.4)
 
 
@@ -110,7 +110,7 @@ def test_feet_touch_unless_both_rest():
 @pytest.mark.parametrize(("speed", "feet_touch"), [(0.1, False), (2.0, True)])
 def test_feet_of_a_person_carried_fast_do_not_rest(speed, feet_touch):
     source = standing(30, np.outer(np.arange(30) * 0.02 * speed, ALONG))
-    assert bool(compare(source, source, matched(PERSON, PERSON), UP).contacts.touches) == feet_touch
+    assert bool(Reference(source, matched(PERSON, PERSON), UP).compare(source).contacts.touches) == feet_touch
 
 
 def test_regions_of_a_hand_make_no_contact_with_each_other():
@@ -141,10 +141,10 @@ def test_regions_of_a_hand_make_no_contact_with_each_other():
 def test_what_no_joint_drives_and_no_frame_has_is_no_contact():
     source = clapping(np.array([1.0]))
     matching = matched(PERSON, PERSON, {name: None for name in PERSON.names if name.startswith("LeftWrist")})
-    found = find_contacts(source, source, matching, np.zeros((1, 2), bool))
+    found = find_contacts(source, matching, np.zeros((1, 2), bool))
     assert "left hand - right hand" not in names_of(found)
     empty = source[:0]
-    assert find_contacts(empty, empty, matching, np.zeros((0, 2), bool)).touches == ()
+    assert find_contacts(empty, matching, np.zeros((0, 2), bool)).touches == ()
 
 
 def test_contacts_do_not_depend_on_where_the_body_is():

@@ -6,14 +6,15 @@ from bodies import matched, person, posed, swaying
 from scipy.spatial.transform import Rotation
 
 from distretarget import retarget
-from distretarget.measure.directions import direction_error
+from distretarget.measure.directions import bones_of, direction_error, expected_directions
 
 PERSON = person()
 
 
 def errors(source, result):
     """The mean error of each bone by the name of its lower joint."""
-    values = direction_error(source, result, matched(source, result.skeleton))
+    matching = matched(source, result.skeleton)
+    values = direction_error(expected_directions(source, matching), result, bones_of(matching))
     assert values.shape == (len(source), len(PERSON) - 1)
     return dict(zip(PERSON.names[1:], values.mean(axis=0), strict=True))
 

@@ -6,9 +6,9 @@ from bodies import matched, moved, person, posed
 from scipy.spatial.transform import Rotation
 
 from distretarget import Skeleton
-from distretarget.measure.feet import measure_feet
+from distretarget.measure.feet import find_feet
 from distretarget.measure.figures import clip_figures
-from distretarget.measure.metrics import compare
+from distretarget.measure.metrics import Reference
 
 LEG = 0.435 + 0.453
 TIME = 0.02
@@ -24,12 +24,12 @@ def standing(body=PERSON, frames=30, path=0.0, height=LEG, turns=None):
 
 
 def measured(source, result, up=UP):
-    return measure_feet(source, result, matched(source, result), up)
+    return find_feet(source, matched(source, result), up).in_result(result)
 
 
 def figures(source, result):
     """The figures of the clip; the bodies have their motions."""
-    return clip_figures(compare(source, result, matched(source, result.skeleton), UP).tracks)
+    return clip_figures(Reference(source, matched(source, result.skeleton), UP).compare(result).tracks)
 
 
 def high_ankles(angle=30.0):
@@ -177,7 +177,7 @@ def test_feet_that_point_down_in_the_rest_pose_are_flat_as_they_rest():
 
 
 def test_a_flat_sole_that_neither_rest_pose_nor_motion_shows_is_not_measured():
-    feet = measure_feet(standing(), standing(high_ankles(90.0)), matched(PERSON, high_ankles(90.0)), UP)
+    feet = find_feet(standing(), matched(PERSON, high_ankles(90.0)), UP).in_result(standing(high_ankles(90.0)))
     assert np.isnan(feet.foot_pitch).all()
     assert np.isnan(feet.ankle_height).all()
     assert np.isfinite(feet.hips_height).all()

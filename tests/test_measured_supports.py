@@ -9,7 +9,7 @@ from sample_supported import SUPPORTED
 from scipy.spatial.transform import Rotation
 
 from distretarget import read_bvh
-from distretarget.measure.supports import measure_supports
+from distretarget.measure.supports import find_supports
 
 UP = np.array([0.0, 1.0, 0.0])
 FEET = ("Ankle", "Toe", "Toe_End")
@@ -23,7 +23,7 @@ def source(name):
 
 def measured(name, result=None):
     motion = source(name)
-    return measure_supports(motion, motion if result is None else result, matched(motion, motion), UP)
+    return find_supports(motion, matched(motion, motion), UP).in_result(motion if result is None else result)
 
 
 @pytest.mark.parametrize("name", ["cartwheel", "crawl", "kneel", "push_up"])

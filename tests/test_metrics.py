@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton, read_bvh, retarget
 from distretarget.measure.figures import clip_figures
-from distretarget.measure.metrics import compare
+from distretarget.measure.metrics import Reference
 from distretarget.measure.points import blocks_of, normalised_distances
 
 LEG = 0.435 + 0.453
@@ -45,7 +45,7 @@ def standing(frames=30, path=0.0, height=LEG + 0.1, turns=None):
 
 
 def compared(source, result, up=UP):
-    return compare(source, result, matched(source.rigid_skeleton, result.skeleton), up)
+    return Reference(source, matched(source.rigid_skeleton, result.skeleton), up).compare(result)
 
 
 def of_clip(comparison):
@@ -184,7 +184,7 @@ def test_joints_that_are_no_part_of_the_body_count_for_nothing():
     translations = np.concatenate([result.motion.translations, np.tile(tail.offsets[-2:], (40, 1, 1))], axis=1)
     matching = matched(source.skeleton, tail)
     np.testing.assert_array_equal(matching.drivers, [*range(len(PERSON)), -1, -1])
-    figures = compare(source, Motion(tail, translations, rotations, "0.02"), matching, UP)
+    figures = Reference(source, matching, UP).compare(Motion(tail, translations, rotations, "0.02"))
     values = of_clip(figures)
     assert_same(values, expected)
     assert figures.turn.shape == (39, len(body))

@@ -11,7 +11,7 @@ from bodies import clapping, lengthened, other_lengths, person, swaying
 
 from distretarget import Skeleton, retarget
 from distretarget.measure.figures import FIGURES, NOT_RUN, Track, clip_figures, figures_at
-from distretarget.measure.metrics import compare
+from distretarget.measure.metrics import Reference
 from distretarget.run_summary import figures_json, figures_line, summary_line
 from distretarget.solve.spg import Reason
 
@@ -32,7 +32,7 @@ def result_with(objective="contact", **changes):
 
 
 def compared(result, motion):
-    return compare(result.source, motion, result.matching, result.world.up_vector)
+    return Reference(result.source, result.matching, result.world.up_vector).compare(motion)
 
 
 def refuse(constant):

@@ -7,7 +7,7 @@ each other.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,6 +102,10 @@ class Contacts:
     distance_source: Array
     distance_result: Array
 
+    def in_result(self, result: Motion) -> Contacts:
+        """The same contacts, and how near the joints are in a result."""
+        return replace(self, distance_result=_distances(result, self.frame, self.u, self.v))
+
     @property
     def error(self) -> Array:
         """(rows,), |D_source - D_result|."""
@@ -138,15 +142,15 @@ class Contacts:
         )
 
 
-def find_contacts(source: Motion, result: Motion, matching: Matching, feet_rest: NDArray[np.bool_]) -> Contacts:
-    """The contacts of a source, and how near the same joints are in the result.
+def find_contacts(source: Motion, matching: Matching, feet_rest: NDArray[np.bool_]) -> Contacts:
+    """The contacts of a source; the result they are measured in is as yet the source itself.
 
-    `feet_rest`, (frames, legs), is whether each foot rests in the source; without legs it has no columns.
+    `feet_rest`, (frames, foot joints), is whether each foot joint rests in the source; without legs it has no columns.
     """
     pairs = find_candidates(matching)
     frame, regions, nearest = touching(source, pairs, matching.drivers, feet_rest)
     u, v = pairs.u[nearest], pairs.v[nearest]
-    drivers = matching.drivers
+    distance = _distances(source, frame, matching.drivers[u], matching.drivers[v])
     return Contacts(
         names=pairs.names,
         frames=len(source),
@@ -154,8 +158,8 @@ def find_contacts(source: Motion, result: Motion, matching: Matching, feet_rest:
         regions=regions,
         u=u,
         v=v,
-        distance_source=_distances(source, frame, drivers[u], drivers[v]),
-        distance_result=_distances(result, frame, u, v),
+        distance_source=distance,
+        distance_result=distance,
     )
 
 

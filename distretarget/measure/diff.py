@@ -17,7 +17,7 @@ from distretarget.errors import MotionError
 from distretarget.matching.matching import Matching, match
 from distretarget.matching.pairing import JointMap
 from distretarget.measure.figures import NOT_RUN, Side, Track, Tracks, clip_figures
-from distretarget.measure.metrics import Comparison, compare
+from distretarget.measure.metrics import Comparison, Reference
 from distretarget.motion import Motion
 from distretarget.skeleton import LARGEST
 
@@ -108,7 +108,7 @@ def diff(a: Motion, b: Motion, joint_map: JointMap | None = None) -> Diff:
         matching=matching,
         up=world.up_vector,
         stress=stress,
-        comparison=compare(a, b, matching, world.up_vector),
+        comparison=Reference(a, matching, world.up_vector).compare(b),
         notes=tuple(notes),
     )
 

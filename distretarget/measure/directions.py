@@ -17,8 +17,16 @@ Array = NDArray[np.float64]
 BUILT_DIFFERENTLY = ("hips", "spine", "chest", "upperChest", "neck", "head", "Shoulder", "Hand", "Foot", "Toes")
 
 
-def direction_error(source: Motion, result: Motion, matching: Matching) -> Array:
-    """(frames, bones), the angle between the bones that both bodies have and their expected directions [degrees].
+def direction_error(expected: Array, result: Motion, lower: NDArray[np.intp]) -> Array:
+    """(frames, bones), the angle between the bones that end at the joints `lower`, (bones,), and their expected
+    directions, (frames, bones, 3), of any length [degrees].
+    """
+    bones = result.positions[:, lower] - result.positions[:, result.skeleton.parents[lower]]
+    return np.asarray(np.degrees(angles_between(expected, bones)))
+
+
+def expected_directions(source: Motion, matching: Matching) -> Array:
+    """(frames, bones, 3), where the bones that both bodies have (`bones_of`) are expected to point; lengths vary.
 
     A bone of an arm, a leg or a finger, and any other, is expected to point as the source's bone does. The bones of
     trunk, collar bones, hands, head and feet point differently in every build: they are expected to point where the
@@ -31,8 +39,7 @@ def direction_error(source: Motion, result: Motion, matching: Matching) -> Array
     own = np.isin(upper, _built_differently(matching))
     if own.any():
         expected[:, own] = _by_rotation(source, matching, upper[own], lower[own])
-    bones = result.positions[:, lower] - result.positions[:, upper]
-    return np.asarray(np.degrees(angles_between(expected, bones)))
+    return expected
 
 
 def bones_of(matching: Matching) -> NDArray[np.intp]:

@@ -6,13 +6,14 @@ own foot stands on its sole, so that a foot of another build is no error.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.body import Body
-from distretarget.body.legs import Leg, Legs, leg_length
+from distretarget.body.legs import Leg
 from distretarget.matching.matching import Matching
 from distretarget.measure.soles import Sole, find_sole
 from distretarget.motion import Motion
@@ -59,123 +60,139 @@ class Feet:
         """The same, without the height of the hips in the frames, (frames,), in which others carry the body as well."""
         return replace(self, hips_height=np.where(others[:, None], np.nan, self.hips_height))
 
-    @property
-    def rest(self) -> Flags:
-        """(frames, legs), whether ankle or toe rests."""
-        return np.asarray(self.stance[:, ::2] | self.stance[:, 1::2])
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FootHeights:
+    """The feet of a motion in numbers that are compared between bodies; of one without legs they have no columns.
+
+    Attributes:
+        sole: (frames, legs), the height of the sole [leg lengths].
+        pitch: (frames, legs), that of the foot from its flat sole [degrees].
+        flat_ankle: (frames, legs), the height of the ankle less that over a flat sole [leg lengths].
+        hips: (frames, legs), the height of the middle between the hip joints over the ankle [leg lengths].
+    """
+
+    sole: Array
+    pitch: Array
+    flat_ankle: Array
+    hips: Array
 
 
-def measure_feet(source: Motion, result: Motion, matching: Matching, up: Array) -> Feet:
-    """Measure the feet of a result against those of its source; `up`, (3,), points up in both."""
-    if matching.legs is None:
-        nothing = np.zeros((len(source), 0))
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SourceFeet:
+    """The feet of a source, which those of results are measured against.
+
+    Attributes:
+        matching: that of source and target.
+        up: (3,), the unit vector up in source and results.
+        soles: the target's.
+        stance, slide: as in `Feet`.
+        heights: the source's.
+    """
+
+    matching: Matching
+    up: Array
+    soles: Sequence[Sole]
+    stance: Flags
+    slide: Array
+    heights: FootHeights
+
+    def in_result(self, result: Motion) -> Feet:
+        """The feet of a result against these."""
+        ankle_rests, toe_rests = self.stance[:, ::2], self.stance[:, 1::2]
+        legs, length = _legs_of_target(self.matching)
+        source, own = self.heights, _heights(result, self.soles, length, self.up)
+        flat = ankle_rests & toe_rests & (np.abs(source.pitch) <= FLAT)
         return Feet(
-            joints=np.zeros(0, np.intp),
-            stance=nothing.astype(bool),
-            slide_source=nothing,
-            slide=nothing,
-            foot_height=nothing,
-            foot_pitch=nothing,
-            ankle_height=nothing,
-            hips_height=nothing,
+            joints=_foot_joints(legs),
+            stance=self.stance,
+            slide_source=self.slide,
+            slide=_slide(result, legs, length, self.up),
+            foot_height=_where(ankle_rests | toe_rests, 100 * np.abs(own.sole - source.sole)),
+            foot_pitch=_where(ankle_rests & toe_rests, np.abs(own.pitch - source.pitch)),
+            ankle_height=_where(flat, 100 * np.abs(own.flat_ankle - source.sole)),
+            hips_height=_where(ankle_rests, 100 * np.abs(own.hips - source.hips)),
         )
-    stance = _stance(source, matching.legs[0], up)
-    ankle_rests, toe_rests = stance[:, ::2], stance[:, 1::2]
-    source_soles = _soles(matching.source, matching.legs[0], source, up)
-    soles = _soles(matching.target, matching.legs[1], matching.target.motion, matching.target.up_vector)
-    compared = _Compared(source, result, matching, up)
-    legs = list(zip(source_soles, soles, strict=True))
-    flat = np.stack([np.abs(a.pitch(source.positions, up) - a.flat_pitch) <= FLAT for a in source_soles], axis=1)
-    return Feet(
-        joints=np.array(_foot_joints(matching.legs[1]), np.intp),
-        stance=stance,
-        slide_source=_slide(source, matching.legs[0], up),
-        slide=_slide(result, matching.legs[1], up),
-        foot_height=_where(ankle_rests | toe_rests, [compared.sole_off(a, b) for a, b in legs]),
-        foot_pitch=_where(ankle_rests & toe_rests, [compared.pitch_off(a, b) for a, b in legs]),
-        ankle_height=_where(ankle_rests & toe_rests & flat, [compared.ankle_off(a, b) for a, b in legs]),
-        hips_height=_where(ankle_rests, [compared.hips_off(a.leg, b.leg) for a, b in legs]),
+
+
+def find_feet(source: Motion, matching: Matching, up: Array) -> SourceFeet:
+    """The feet of a source, for measuring those of results; `up`, (3,), points up in source and results."""
+    legs, (length, _) = matching.legs[0] if matching.legs else (), matching.leg_lengths
+    rest = _stance(source, legs, length, up)
+    soles = _soles(matching.source, legs, source.positions, rest, up)
+    return SourceFeet(
+        matching=matching,
+        up=up,
+        soles=_soles_of_target(matching),
+        stance=rest,
+        slide=_slide(source, legs, length, up),
+        heights=_heights(source, soles, length, up),
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Compared:
-    """A source and a result, of which heights are compared in the target's units.
+def _legs_of_target(matching: Matching) -> tuple[Sequence[Leg], float]:
+    """The target's legs and their length [file units]; none without those of the source."""
+    return matching.legs[1] if matching.legs else (), matching.leg_lengths[1]
 
-    Attributes:
-        source, result: the two motions.
-        matching: the matching of their bodies, which have legs.
-        up: (3,), the unit vector up in both.
+
+def _soles_of_target(matching: Matching) -> list[Sole]:
+    """The soles of the target's legs."""
+    body, (legs, length), up = matching.target, _legs_of_target(matching), matching.target.up_vector
+    if body.motion is None:
+        no_frames = np.zeros((0, len(body.skeleton), 3))
+        return _soles(body, legs, no_frames, np.zeros((0, 2 * len(legs)), bool), up)
+    return _soles(body, legs, body.motion.positions, _stance(body.motion, legs, length, up), up)
+
+
+def _soles(body: Body, legs: Sequence[Leg], positions: Array, rest: Flags, up: Array) -> list[Sole]:
+    """The soles of legs; `positions`, (frames, joints, 3), are of their body, and `rest`, (frames, foot joints), is
+    whether the foot joints rest there.
     """
-
-    source: Motion
-    result: Motion
-    matching: Matching
-    up: Array
-
-    def _off(self, source_height: Array, height: Array) -> Array:
-        """(frames,), how far a height is off the scaled source's [% of leg length]."""
-        source_leg, leg = self.matching.leg_lengths
-        return np.asarray(100 * np.abs(height / leg - source_height / source_leg))
-
-    def sole_off(self, a: Sole, b: Sole) -> Array:
-        """(frames,), how far the height of a sole is off [% of leg length]."""
-        return self._off(a.lowest(self.source.positions, self.up), b.lowest(self.result.positions, self.up))
-
-    def pitch_off(self, a: Sole, b: Sole) -> Array:
-        """(frames,), how far the pitch of a foot, from its flat sole, is off [degrees]."""
-        pitches = (s.pitch(x.positions, self.up) - s.flat_pitch for s, x in ((a, self.source), (b, self.result)))
-        source_pitch, pitch = pitches
-        return np.asarray(np.abs(pitch - source_pitch))
-
-    def ankle_off(self, a: Sole, b: Sole) -> Array:
-        """(frames,), how far the ankle over the source's floor is off its height in the flat foot [% of leg length]."""
-        height = self.result.positions[:, b.leg.ankle] @ self.up - b.flat_height
-        return self._off(a.lowest(self.source.positions, self.up), height)
-
-    def hips_off(self, a: Leg, b: Leg) -> Array:
-        """(frames,), how far the hips over the ankle of a leg are off [% of leg length]."""
-        pairs = zip((self.source, self.result), self.matching.legs or (), (a, b), strict=True)
-        heights = (
-            (motion.positions[:, [leg.hip for leg in legs]].mean(axis=1) - motion.positions[:, one.ankle]) @ self.up
-            for motion, legs, one in pairs
-        )
-        return self._off(*heights)
+    flat = rest[:, ::2] & rest[:, 1::2]
+    return [find_sole(body, leg, positions[flat[:, k]], up) for k, leg in enumerate(legs)]
 
 
-def _soles(body: Body, legs: Legs, motion: Motion | None, up: Array) -> list[Sole]:
-    """The soles of a body; `motion` is one of this body, in which `up`, (3,), points up."""
-    if motion is None:
-        return [find_sole(body, leg, np.zeros((0, len(body.skeleton), 3)), up) for leg in legs]
-    rest = _stance(motion, legs, up)
-    flat = (rest[:, 2 * k] & rest[:, 2 * k + 1] for k in range(len(legs)))
-    return [find_sole(body, leg, motion.positions[frames], up) for leg, frames in zip(legs, flat, strict=True)]
+def _heights(motion: Motion, soles: Sequence[Sole], length: float, up: Array) -> FootHeights:
+    """The heights and pitches of feet in a motion; legs are of this length, `up`, (3,), is the unit vector up."""
+    positions = motion.positions
+    ankles = [positions[:, sole.leg.ankle] for sole in soles]
+    hips = [positions[:, [sole.leg.hip for sole in soles]].mean(axis=1) - ankle for ankle in ankles]
+    flat_ankles = [ankle @ up - sole.flat_height for ankle, sole in zip(ankles, soles, strict=True)]
+
+    def columns(values: list[Array]) -> Array:
+        return np.reshape(values, (len(soles), len(motion))).T
+
+    return FootHeights(
+        sole=columns([sole.lowest(positions, up) for sole in soles]) / length,
+        pitch=columns([sole.pitch(positions, up) - sole.flat_pitch for sole in soles]),
+        flat_ankle=columns(flat_ankles) / length,
+        hips=columns([over @ up for over in hips]) / length,
+    )
 
 
-def _stance(motion: Motion, legs: Legs, up: Array) -> Flags:
+def _stance(motion: Motion, legs: Sequence[Leg], length: float, up: Array) -> Flags:
     """(frames, foot joints), whether each foot joint rests: it is slow, and near its lowest heights."""
-    paths = _foot_paths(motion, legs)
+    paths = _foot_paths(motion, legs, length)
     heights = paths @ up
     low = heights - np.percentile(heights, LOWEST, axis=0) < LOW
     return np.asarray(low & (speeds_along(paths, motion.frame_time) < SLOW))
 
 
-def _slide(motion: Motion, legs: Legs, up: Array) -> Array:
+def _slide(motion: Motion, legs: Sequence[Leg], length: float, up: Array) -> Array:
     """(frames, foot joints), the horizontal speed of the foot joints [leg lengths / s]."""
-    paths = _foot_paths(motion, legs)
-    return speeds_along(level(paths, up), motion.frame_time)
+    return speeds_along(level(_foot_paths(motion, legs, length), up), motion.frame_time)
 
 
-def _foot_paths(motion: Motion, legs: Legs) -> Array:
-    """(frames, foot joints, 3), where the foot joints are [leg lengths]."""
-    return motion.positions[:, _foot_joints(legs)] / leg_length(motion.rigid_skeleton, legs)
+def _foot_paths(motion: Motion, legs: Sequence[Leg], length: float) -> Array:
+    """(frames, foot joints, 3), where the foot joints of legs of this length are [leg lengths]."""
+    return motion.positions[:, _foot_joints(legs)] / length
 
 
-def _foot_joints(legs: Legs) -> list[int]:
+def _foot_joints(legs: Sequence[Leg]) -> NDArray[np.intp]:
     """Ankle and toe of the one leg, then of the other."""
-    return [joint for leg in legs for joint in (leg.ankle, leg.toe)]
+    return np.array([joint for leg in legs for joint in (leg.ankle, leg.toe)], np.intp)
 
 
-def _where(measured: Flags, columns: list[Array]) -> Array:
-    """(frames, legs), the columns of the legs where they are measured, nan elsewhere."""
-    return np.where(measured, np.stack(columns, axis=1), np.nan)
+def _where(measured: Flags, values: Array) -> Array:
+    """(frames, legs), the values where they are measured, nan elsewhere."""
+    return np.where(measured, values, np.nan)

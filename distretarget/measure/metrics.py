@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,12 +11,12 @@ from numpy.typing import NDArray
 from distretarget.body.body import Body
 from distretarget.matching.matching import Matching
 from distretarget.measure.contacts import Contacts, find_contacts
-from distretarget.measure.directions import bones_of, direction_error
-from distretarget.measure.feet import Feet, measure_feet
+from distretarget.measure.directions import bones_of, direction_error, expected_directions
+from distretarget.measure.feet import Feet, SourceFeet, find_feet
 from distretarget.measure.figures import Track, Tracks
 from distretarget.measure.points import points_of
 from distretarget.measure.snaps import INSTANT
-from distretarget.measure.supports import SupportsMeasured, measure_supports
+from distretarget.measure.supports import SourceSupports, SupportsMeasured, find_supports
 from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled
 from distretarget.numerics.vectors import lengths
@@ -96,27 +97,66 @@ class Comparison:
         }
 
 
-def compare(source: Motion, result: Motion, matching: Matching, up: Array) -> Comparison:
-    """Measure a result against its source.
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """A source, for measuring results on a target against it. What is measured of the source alone is measured once.
 
-    `matching` is between their skeletons; the two have the same number of frames, and `up`, (3,), points up in both.
+    Attributes:
+        source: the motion.
+        matching: that of its body and the target.
+        up: (3,), points up in source and results.
     """
-    feet = measure_feet(source, result, matching, up)
-    supports = measure_supports(source, result, matching, up)
-    return Comparison(
-        contacts=find_contacts(source, result, matching, feet.rest),
-        feet=feet.standing_alone(supports.carry(source.frame_time)),
-        supports=supports,
-        skeleton=result.skeleton,
-        distance_error=_distance_error(source, result, matching),
-        bones=bones_of(matching),
-        direction_error=direction_error(source, result, matching),
-        bone_error=_bone_error(result, matching),
-        jerk_source=_jerk(source, matching.source),
-        jerk=_jerk(result, matching.target),
-        turned=np.flatnonzero(matching.drivers >= 0),
-        turn=_turn(source, result, matching.drivers),
-    )
+
+    source: Motion
+    matching: Matching
+    up: Array
+
+    @cached_property
+    def _feet(self) -> SourceFeet:
+        return find_feet(self.source, self.matching, self.up)
+
+    @cached_property
+    def _contacts(self) -> Contacts:
+        return find_contacts(self.source, self.matching, self._feet.stance)
+
+    @cached_property
+    def _supports(self) -> SourceSupports:
+        return find_supports(self.source, self.matching, self.up)
+
+    @cached_property
+    def _directions(self) -> Array:
+        return expected_directions(self.source, self.matching)
+
+    @cached_property
+    def _jerk(self) -> Array:
+        return _jerk(self.source, self.matching.source)
+
+    @cached_property
+    def _steps(self) -> Array:
+        return _steps(self.source.world_rotations[:, self.matching.drivers[self._turned]])
+
+    @property
+    def _turned(self) -> NDArray[np.intp]:
+        return np.flatnonzero(self.matching.drivers >= 0)
+
+    def compare(self, result: Motion) -> Comparison:
+        """Measure a result with the same number of frames."""
+        supports, bones, turned = self._supports.in_result(result), bones_of(self.matching), self._turned
+        further = np.degrees(_steps(result.world_rotations[:, turned]) - self._steps)
+        return Comparison(
+            contacts=self._contacts.in_result(result),
+            feet=self._feet.in_result(result).standing_alone(supports.carry(result.frame_time)),
+            supports=supports,
+            skeleton=result.skeleton,
+            distance_error=_distance_error(self.source, result, self.matching),
+            bones=bones,
+            direction_error=direction_error(self._directions, result, bones),
+            bone_error=_bone_error(result, self.matching),
+            jerk_source=self._jerk,
+            jerk=_jerk(result, self.matching.target),
+            turned=turned,
+            turn=further * INSTANT / result.frame_time,
+        )
 
 
 def _distance_error(source: Motion, result: Motion, matching: Matching) -> Array:
@@ -160,12 +200,6 @@ def _jerk(motion: Motion, body: Body) -> Array:
     size = body.skeleton.path_lengths.max() * motion.frame_time**3
     third = np.diff(motion.positions[:, body.regions.of_joint >= 0], 3, axis=0) / size
     return np.asarray(lengths(third).mean(axis=1))
-
-
-def _turn(source: Motion, result: Motion, drivers: NDArray[np.intp]) -> Array:
-    joints = np.flatnonzero(drivers >= 0)
-    source_steps, steps = _steps(source.world_rotations[:, drivers[joints]]), _steps(result.world_rotations[:, joints])
-    return np.asarray(np.degrees(steps - source_steps) * INSTANT / result.frame_time)
 
 
 def _steps(rotations: Array) -> Array:

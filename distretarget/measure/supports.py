@@ -62,24 +62,56 @@ class SupportsMeasured:
         return np.asarray(maximum_filter1d(rests, 2 * reach + 1, mode="nearest"))
 
 
-def measure_supports(source: Motion, result: Motion, matching: Matching, up: Array) -> SupportsMeasured:
-    """Measure the resting joints of a result against those of its source; `up`, (3,), points up in both."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SourceSupports:
+    """The resting joints of a source, which those of results are measured against.
+
+    Attributes:
+        joints, on_floor, holds, slide: as those of `SupportsMeasured`.
+        height: (frames, joints), over the origin [leg lengths].
+        up: (3,), the unit vector up.
+        leg: the length of the target's leg [file units]; 1 without legs.
+    """
+
+    joints: NDArray[np.intp]
+    on_floor: Flags
+    holds: Flags
+    slide: Array
+    height: Array
+    up: Array
+    leg: float
+
+    def in_result(self, result: Motion) -> SupportsMeasured:
+        """The resting joints of a result against these."""
+        paths = result.positions[:, self.joints] / self.leg
+        return SupportsMeasured(
+            joints=self.joints,
+            on_floor=self.on_floor,
+            holds=self.holds,
+            slide_source=self.slide,
+            slide=_along_floor(paths, self.up, result.frame_time),
+            height=100.0 * np.abs(paths @ self.up - self.height),
+        )
+
+
+def find_supports(source: Motion, matching: Matching, up: Array) -> SourceSupports:
+    """The resting joints of a source, but for the feet; `up`, (3,), points up in source and results."""
     joints = matching.joints_but_feet
-    drivers = matching.drivers[joints]
     source_leg, leg = matching.leg_lengths if matching.legs else (1.0, 1.0)
-    paths, source_paths = result.positions[:, joints] / leg, source.positions[:, drivers] / source_leg
-    low = source_paths @ up - (source.positions @ up).min(axis=1, keepdims=True) / source_leg < LOW
-    on_floor = low & (speeds_along(source_paths, source.frame_time) < SLOW)
+    paths = source.positions[:, matching.drivers[joints]] / source_leg
+    height = paths @ up
+    low = height - (source.positions @ up).min(axis=1, keepdims=True) / source_leg < LOW
+    on_floor = low & (speeds_along(paths, source.frame_time) < SLOW)
     holds = _holds(source, matching, joints, source_leg) & ~on_floor
     some = (on_floor | holds).any(axis=0)
-    off = np.abs(paths @ up - source_paths @ up)
-    return SupportsMeasured(
+    return SourceSupports(
         joints=joints[some],
         on_floor=on_floor[:, some],
         holds=holds[:, some],
-        slide_source=_along_floor(source_paths[:, some], up, source.frame_time),
-        slide=_along_floor(paths[:, some], up, result.frame_time),
-        height=100.0 * off[:, some],
+        slide=_along_floor(paths[:, some], up, source.frame_time),
+        height=height[:, some],
+        up=up,
+        leg=leg,
     )
 
 

@@ -13,7 +13,10 @@ Array = NDArray[np.float64]
 
 def lengths(vectors: Array) -> Array:
     """The lengths of vectors (..., n), (...)."""
-    return np.sqrt(sum((vectors[..., i] ** 2 for i in range(vectors.shape[-1])), start=np.zeros(vectors.shape[:-1])))
+    squares = np.zeros(vectors.shape[:-1])
+    for component in np.moveaxis(vectors, -1, 0):
+        squares += component**2
+    return np.sqrt(squares)
 
 
 def dots(a: Array, b: Array) -> Array:

@@ -130,7 +130,7 @@ def _bone_errors(diff: Diff, step: int) -> NDArray[np.float64]:
 def _contacts(diff: Diff, points: list[int]) -> list[ContactDrawing]:
     """The regions that touch in A, with the spans of frames in which they do in A and in B."""
     pairs, everything = find_candidates(diff.matching), np.arange(len(diff.b.skeleton))
-    frame, regions, _ = touching(diff.b, pairs, everything, diff.comparison.feet.rest)
+    frame, regions, _ = touching(diff.b, pairs, everything, diff.comparison.feet.stance)
     return [
         {
             "pair": [points.index(touch.u), points.index(touch.v)],
