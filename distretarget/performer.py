@@ -118,9 +118,9 @@ class Prepared:
         matching, distances = self.performer.matching, self.problem.distances
         posed = _posed(self.copy, poses, self.problem)
         check_bones(posed)
-        check_places(posed, self.problem.copy_on_path, matching)
         motion, copy = (self.engine_root.placed(moved) for moved in (posed, self.copy))
         check_finite(motion)
+        check_places(posed, self.problem.copy_on_path(), matching)
         relative = (distances.body_size / matching.target.height) ** 2
         free = self.settings.support_stiffness == 0.0
         return RetargetResult(

@@ -82,7 +82,7 @@ class Together:
     def springs(self, now: Sequence[Motion]) -> list[Springs]:
         """The springs that draw each performer to the others, and to things."""
         springs = [no_springs(len(one.problem)) for one in self.performers]
-        copies = [one.problem.copy_on_path for one in self.performers]
+        copies = [one.problem.copy_on_path() for one in self.performers]
         units = [one.problem.unit for one in self.performers]
         for (i, j), pairs in self.touching.items():
             both = (copies[i], copies[j]), (now[i].positions, now[j].positions), (units[i], units[j])

@@ -29,8 +29,10 @@ def resting(rests, off=OFF, in_trunk=False):
 class Still:
     """A clip in which the copy does not move."""
 
-    copy_on_path = np.zeros((FRAMES, 1, 3))
     frame_time = 1 / 60
+
+    def copy_on_path(self, joints):
+        return np.zeros((FRAMES, 1, 3))[:, joints]
 
     def __len__(self):
         return FRAMES

@@ -14,8 +14,8 @@ Array = NDArray[np.float64]
 def lengths(vectors: Array) -> Array:
     """The lengths of vectors (..., n), (...)."""
     squares = np.zeros(vectors.shape[:-1])
-    for component in np.moveaxis(vectors, -1, 0):
-        squares += component**2
+    for i in range(vectors.shape[-1]):
+        squares += vectors[..., i] ** 2
     return np.sqrt(squares)
 
 
@@ -26,7 +26,7 @@ def dots(a: Array, b: Array) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """The vector products of vectors (..., 3) of the same shape, (..., 3)."""
-    (ax, ay, az), (bx, by, bz) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
+    ax, ay, az, bx, by, bz = (vectors[..., i] for vectors in (a, b) for i in range(3))
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 

@@ -36,7 +36,7 @@ def with_floor_heights(
     weight = supports.weights.max(axis=1, initial=0.0)
     joints = matching.joints_but_feet
     lowest = floor[:, None] + np.minimum(heights[:, matching.drivers[joints]] - floor[:, None], reach)
-    over = problem.copy_on_path[:, joints] @ up - lowest
+    over = problem.copy_on_path(joints) @ up - lowest
     near = ((over < NEAR * length) & (weight[:, None] > 0.0)).any(axis=0)
     joints, lowest = joints[near], lowest[:, near]
     _, region, count = np.unique(matching.regions.of_joint[joints], return_inverse=True, return_counts=True)

@@ -15,6 +15,8 @@ from distretarget.solve.spg import Effort
 
 Array = NDArray[np.float64]
 
+ALL = slice(None)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PoseProblem:
@@ -56,10 +58,11 @@ class PoseProblem:
         """The same clip with the path of the root displaced by vectors (frames, 3) [target file units]."""
         return replace(self, root=self.root + by)
 
-    @property
-    def copy_on_path(self) -> Array:
-        """(frames, joints, 3), positions of the rotation copy whose root keeps to its path [target file units]."""
-        return np.asarray(self.copy + (self.root - self.copy[:, 0])[:, None])
+    def copy_on_path(self, joints: slice | NDArray[np.intp] = ALL) -> Array:
+        """(frames, joints, 3), positions of joints in the rotation copy whose root keeps to its path [target file
+        units].
+        """
+        return np.asarray(self.copy[:, joints] + (self.root - self.copy[:, 0])[:, None])
 
     @property
     def bones(self) -> Array:

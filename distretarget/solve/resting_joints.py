@@ -104,7 +104,7 @@ def find_resting_joints(
     if not len(on):
         return None
     joints, on_floor, rests = joints[on], on_floor[:, on], rests[:, on]
-    copied, places = problem.copy_on_path, scale.places(source.positions[:, joints.sources], up)
+    copied, places = problem.copy_on_path(), scale.places(source.positions[:, joints.sources], up)
     held = {int(j): (feet.weights[:, k] >= RESTS, feet.places[:, k] - copied[:, j]) for k, j in enumerate(feet.joints)}
     for column in np.argsort(-joints.targets):  # from the ends of limbs inwards
         joint = int(joints.targets[column])
@@ -126,7 +126,7 @@ def with_resting_joints(
     that is from the copy, whose root keeps to its path in `problem`.
     """
     blend = partial(_blended, frame_time=problem.frame_time, settings=settings)
-    far = lengths(resting.places - problem.copy_on_path[:, resting.joints]) / (0.5 * problem.unit)
+    far = lengths(resting.places - problem.copy_on_path(resting.joints)) / (0.5 * problem.unit)
     weights = [by_shot(blend, shots, *columns) for columns in zip(resting.rests.T, far.T, strict=True)]
     return feet.with_others(resting.joints, resting.regions, np.stack(weights, axis=1), resting.places)
 

@@ -27,7 +27,7 @@ def root_shift(problem: PoseProblem, feet: Supports, resting: RestingJoints, sho
     a body moves as arms and trunk are long. So the root is displaced by what the regions of the body that rest are off
     their places in the copy, on average; feet at rest count as in place. A smoothing spline leads from one to the next.
     """
-    off = resting.places - problem.copy_on_path[:, resting.joints]
+    off = resting.places - problem.copy_on_path(resting.joints)
     sums, count = np.zeros((len(problem), 3)), np.zeros(len(problem))
     for region in np.unique(resting.regions):
         on = resting.rests & (resting.regions == region)
