@@ -21,10 +21,11 @@ def quadratic(x, problem, gradient):
 
 
 @njit
-def rosenbrock(x, _, gradient):
-    gradient[0] = -400 * x[0] * (x[1] - x[0] ** 2) - 2 * (1 - x[0])
-    gradient[1] = 200 * (x[1] - x[0] ** 2)
-    return 100 * (x[1] - x[0] ** 2) ** 2 + (1 - x[0]) ** 2
+def rosenbrock(v, _, gradient):
+    x, y = v[0]
+    gradient[0, 0] = -400 * x * (y - x**2) - 2 * (1 - x)
+    gradient[0, 1] = 200 * (y - x**2)
+    return 100 * (y - x**2) ** 2 + (1 - x) ** 2
 
 
 @njit
@@ -62,18 +63,18 @@ boxed = spectral_gradient(quadratic, into_unit_box, straight)
 curved = spectral_gradient(rosenbrock, steepest, straight)
 lying = spectral_gradient(uphill, steepest, straight)
 scaled = spectral_gradient(quadratic, steepest_in_metric, straight)
-ILL = Quadratic(np.array([1.0, 10, 100, 1000]), np.array([3.0, -2, 0.5, -0.1]))
+ILL = Quadratic(np.array([[1.0, 10, 100, 1000]]), np.array([[3.0, -2, 0.5, -0.1]]))
 
 
 def test_one_step_in_the_metric_of_its_curvature_solves_a_quadratic():
-    x = np.zeros(4)
+    x = np.zeros((1, 4))
     minimum = scaled(x, ILL, 1e-10, 10)
     assert (minimum.iterations, minimum.reason) == (1, Reason.CONVERGED)
     np.testing.assert_allclose(x, ILL.minimum, atol=1e-12)
 
 
 def test_finds_the_minimum_of_an_ill_conditioned_quadratic():
-    x = np.zeros(4)
+    x = np.zeros((1, 4))
     found = free(x, ILL, 1e-10, 1000)
     np.testing.assert_allclose(x, ILL.minimum, atol=1e-8)
     assert found.reason == Reason.CONVERGED
@@ -81,13 +82,13 @@ def test_finds_the_minimum_of_an_ill_conditioned_quadratic():
 
 
 def test_projection_keeps_the_variables_in_the_feasible_set():
-    x = np.zeros(4)
+    x = np.zeros((1, 4))
     assert boxed(x, ILL, 1e-10, 1000).reason == Reason.CONVERGED
     np.testing.assert_allclose(x, np.clip(ILL.minimum, -1, 1), atol=1e-8)
 
 
 def test_follows_a_curved_valley():
-    x = np.array([-1.2, 1.0])
+    x = np.array([[-1.2, 1.0]])
     assert curved(x, ILL, 1e-9, 5000).reason == Reason.CONVERGED
     np.testing.assert_allclose(x, 1.0, atol=1e-6)
 
@@ -99,18 +100,18 @@ def test_takes_no_step_from_a_minimum():
 
 
 def test_a_failed_line_search_is_not_converged():
-    x = np.zeros(4)
+    x = np.zeros((1, 4))
     found = lying(x, ILL, 1e-10, 1000)
     assert found.reason == Reason.LINE_SEARCH_FAILED
-    assert found.value == pytest.approx(quadratic(x, ILL, np.empty(4)))
+    assert found.value == pytest.approx(quadratic(x, ILL, np.empty((1, 4))))
 
 
 @pytest.mark.parametrize("limit", range(1, 40, 3))
 def test_returns_the_best_iterate_though_the_search_is_not_monotone(limit):
-    x = np.array([-1.2, 1.0])
+    x = np.array([[-1.2, 1.0]])
     found = curved(x, ILL, 1e-12, limit)
     assert found.iterations == limit
     assert found.reason == Reason.ITERATION_LIMIT
-    assert found.value == pytest.approx(rosenbrock(x, ILL, np.empty(2)))
-    shorter = np.array([-1.2, 1.0])
+    assert found.value == pytest.approx(rosenbrock(x, ILL, np.empty((1, 2))))
+    shorter = np.array([[-1.2, 1.0]])
     assert found.value <= curved(shorter, ILL, 1e-12, limit - 1).value

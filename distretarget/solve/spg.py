@@ -2,7 +2,8 @@
 
 Birgin, Martinez and Raydan, "Nonmonotone spectral projected gradient methods on convex sets", SIAM J.
 Optim. 10 (2000), doi:10.1137/S1052623497330963, with the averaged line search of Zhang and Hager, SIAM J.
-Optim. 14 (2004), doi:10.1137/S1052623403428208. It knows no skeleton: a problem is three functions.
+Optim. 14 (2004), doi:10.1137/S1052623403428208. It knows no skeleton: a problem is three functions
+of an array with rows and columns.
 """
 
 from __future__ import annotations
@@ -89,30 +90,31 @@ def record(minimum: Minimum, log: NDArray[np.float64], frame: int) -> None:
     log[3, frame] = minimum.reason if np.isfinite(minimum.value) else Reason.LINE_SEARCH_FAILED.value
 
 
-@inlined()
+@inlined(fastmath=True)
 def inner(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    """The sum of the products of all elements."""
+    """The sum of the products of all elements of two arrays with rows and columns."""
     total = 0.0
-    for x, y in zip(a.ravel(), b.ravel()):  # noqa: B905
-        total += x * y
+    for i in range(a.shape[0]):
+        for j in range(a.shape[1]):
+            total += a[i, j] * b[i, j]
     return total
 
 
 @inlined()
 def steepest(x, gradient, step, problem, d):  # type: ignore[no-untyped-def] # noqa: ARG001
     """Write the search direction where nothing is projected, d = -step gradient; return |d|^2."""
-    flat_g, flat_d = gradient.ravel(), d.ravel()
-    for i in range(flat_g.size):
-        flat_d[i] = -step * flat_g[i]
+    for i in range(d.shape[0]):
+        for j in range(d.shape[1]):
+            d[i, j] = -step * gradient[i, j]
     return inner(d, d)
 
 
 @inlined()
 def straight(x, d, alpha, problem, out):  # type: ignore[no-untyped-def] # noqa: ARG001
     """Write the move in a Euclidean space, out = x + alpha d."""
-    flat_x, flat_d, flat_out = x.ravel(), d.ravel(), out.ravel()
-    for i in range(flat_x.size):
-        flat_out[i] = flat_x[i] + alpha * flat_d[i]
+    for i in range(d.shape[0]):
+        for j in range(d.shape[1]):
+            out[i, j] = x[i, j] + alpha * d[i, j]
 
 
 @inlined()
@@ -133,9 +135,9 @@ def spectral_gradient(
         feasible set, and returns |d|^2; projection, gradient and |d| are those of the problem's metric, if it has one.
     move(x, d, alpha, problem, out): writes out = x + alpha d, or what corresponds to it on a manifold.
 
-    Returns a compiled minimise(x, problem, tolerance, limit) -> Minimum, which overwrites the array `x` with the
-    best iterate. It stops when the norm |d| of the search direction is at most `tolerance`, after `limit` iterations,
-    or when no step of at least 1e-12 of the direction lowers the objective enough.
+    Returns a compiled minimise(x, problem, tolerance, limit) -> Minimum, which overwrites `x`, an array with rows and
+    columns, with the best iterate. It stops when the norm |d| of the search direction is at most `tolerance`, after
+    `limit` iterations, or when no step of at least 1e-12 of the direction lowers the objective enough.
     """
 
     @inlined()
@@ -144,7 +146,7 @@ def spectral_gradient(
         f = objective(x, problem, g)
         evaluations = 1
         d, g_new = np.empty_like(g), np.empty_like(g)
-        x_new, x_best, f_best = np.empty_like(x), x.copy(), f
+        given, x_new, x_best, f_best = x, np.empty_like(x), x.copy(), f
         C, Q = f, 1.0
         step = 1.0
         reason = Reason.ITERATION_LIMIT.value
@@ -180,13 +182,13 @@ def spectral_gradient(
             # Averaged reference value
             C = (ETA * Q * C + f_new) / (ETA * Q + 1.0)
             Q = ETA * Q + 1.0
-            copy_to(x, x_new)
-            copy_to(g, g_new)
+            x, x_new = x_new, x
+            g, g_new = g_new, g
             f = f_new
             if f < f_best:
                 f_best = f
                 copy_to(x_best, x)
-        copy_to(x, x_best)
+        copy_to(given, x_best)
         return Minimum(f_best, iterations, evaluations, reason)
 
     return minimise
