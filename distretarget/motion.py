@@ -120,9 +120,9 @@ class Motion:
         """(frames, 3), the root's path [file units]."""
         return self.translations[:, 0]
 
-    @cached_property
+    @property
     def world_rotations(self) -> NDArray[np.float64]:
-        """(frames, joints, 4), each joint's rotation in the world."""
+        """(frames, joints, 4), each joint's rotation in the world; computed whenever it is asked for."""
         return world_rotations(self.skeleton.parents, self.rotations)
 
     @cached_property

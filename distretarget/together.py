@@ -73,9 +73,10 @@ class Together:
     def _holds(self, number: int, thing: int, now: Motion) -> Iterator[Held]:
         """How a performer holds a thing."""
         one, touched = self.performers[number], self.touched[number, thing]
+        copied, turned = one.copy.world_rotations, now.world_rotations
         for column in np.flatnonzero(np.isin(touched.joints, self.things[thing].grips[number])):
             joint = touched.joints[column]
-            turn = turn_of(one.copy.world_rotations[:, joint], now.world_rotations[:, joint])
+            turn = turn_of(copied[:, joint], turned[:, joint])
             place = now.positions[:, joint]
             yield Held(touched.f[:, column], touched.source[:, column], place, turn, LEVER * one.problem.unit)
 

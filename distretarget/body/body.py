@@ -202,7 +202,7 @@ class Body:
         frame = standing_frame(self.moving, self.up_vector, self.unit) if self.moving else None
         if frame is None or self.motion is None:
             return synthetic_t_pose(self.skeleton, self.at_rest)
-        return np.array(self.motion.world_rotations[frame])
+        return np.asarray(self.motion[frame : frame + 1].world_rotations[0])
 
     @cached_property
     def bend_axes(self) -> dict[str, Array]:

@@ -84,13 +84,14 @@ def bend_axes(anatomy: Anatomy, motion: Motion, world: Array) -> dict[str, Array
     The axes are those in the pose of the world rotations `world`, (joints, 4). Limbs that hardly bend have none.
     """
     axes: dict[str, Array] = {}
+    turned = motion.world_rotations
     for side in SIDES:
         for limb in (ARM[1:], LEG[:3]):
             bones = list(_bones(anatomy, side, limb))
             if len(bones) == 2:
                 joint = bones[0][0]
                 upper, lower = (normalised(motion.positions[:, b] - motion.positions[:, a]) for a, b in bones)
-                to_joint = Rotation.from_quat(motion.world_rotations[:, joint]).inv()
+                to_joint = Rotation.from_quat(turned[:, joint]).inv()
                 axis = to_joint.apply(np.cross(upper, lower)).mean(axis=0)
                 if np.linalg.norm(axis) > CLEAR_BEND:
                     axes[side + limb[0]] = np.asarray(Rotation.from_quat(world[joint]).apply(normalised(axis)))

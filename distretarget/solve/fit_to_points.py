@@ -41,7 +41,7 @@ def fit_rotations(
         if carried[joint]:
             bones = copy.positions[:, carried[joint]] - copy.positions[:, joint, None]
             deviations[joint] = best_rotation(bones, points[:, carried[joint]] - positions[:, joint, None])
-        world[:, joint] = _product(deviations[root], copy.world_rotations[:, joint])
+        world[:, joint] = _product(deviations[root], world[:, joint])
         local[:, joint] = _product(above * [-1, -1, -1, 1], world[:, joint])
         axes = skeleton.rotation_axes(joint)
         if len(axes) < 3:
