@@ -18,7 +18,7 @@ from distretarget.solve.spg import Effort
 
 CHUNK_FRAMES = 1024  # frames of a chunk, about
 LEAD_IN = 32  # frames solved before a chunk, so that it begins where the chunk before it ends
-BLOCK_FRAMES = 256  # frames solved at once: bounds the memory they take, and the time between two reports of progress
+BLOCK_FRAMES = 384  # most frames solved at once: bounds the memory they take, and the time between reports of progress
 
 Mapper = Callable[..., Iterable[Any]]  # like `map` and an executor's: calls a function on items, results in order
 Progress = Callable[[int], Any]
@@ -52,9 +52,10 @@ def chunks_of(frames: int, margin: int, lead_in: int = LEAD_IN) -> list[Chunk]:
 
 
 def blocks_of(frames: int) -> Iterator[slice]:
-    """The blocks of at most `BLOCK_FRAMES` frames in which compiled functions get a chunk."""
-    for first in range(0, frames, BLOCK_FRAMES):
-        yield slice(first, min(first + BLOCK_FRAMES, frames))
+    """The blocks of at most `BLOCK_FRAMES` frames, all about as long, in which compiled functions get a chunk."""
+    edges = np.linspace(0, frames, -(-frames // BLOCK_FRAMES) + 1).astype(int).tolist()
+    for first, end in pairwise(edges):
+        yield slice(first, end)
 
 
 def solve_in_chunks(

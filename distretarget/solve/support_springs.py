@@ -28,14 +28,15 @@ def support_springs(supports: Supports, body: Articulation, bones: Array, unit: 
     weights, joints = supports.weights, supports.joints
     A = np.zeros((*weights.shape, 3, 3))
     for support, joint in enumerate(joints if stiffness > 0.0 else ()):
-        frames = np.flatnonzero(weights[:, support] > LEAST_WEIGHT)
-        s = weights[frames, support, None, None]
-        together = (weights[frames][:, supports.regions == supports.regions[support]] > LEAST_WEIGHT).sum(axis=1)
-        n = np.maximum(together / FIRM, 1.0)[:, None, None]
-        m = n if support < supports.feet else together[:, None, None]
-        A[frames, support] = np.linalg.inv(
-            m * (1.0 - s) / s * compliance(body, bones[frames], int(joint)) + n * np.eye(3) / stiffness
-        )
+        s = weights[:, support, None, None]
+        together = (weights[:, supports.regions == supports.regions[support]] > LEAST_WEIGHT).sum(axis=1)[:, None, None]
+        n = np.maximum(together / FIRM, 1.0)
+        m = n if support < supports.feet else together
+        A[:, support] = np.where(s < 1.0, 0.0, stiffness / n) * np.eye(3)
+        setting_in = np.flatnonzero((weights[:, support] > LEAST_WEIGHT) & (weights[:, support] < 1.0))
+        s, m, n = s[setting_in], m[setting_in], n[setting_in]
+        M = compliance(body, bones[setting_in], int(joint))
+        A[setting_in, support] = np.linalg.inv(m * (1.0 - s) / s * M + n * np.eye(3) / stiffness)
     return Springs(joints, np.full(len(joints), -1), supports.places / unit, A)
 
 
