@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from distretarget.numerics.compiled import inlined
 from distretarget.solve.articulation import Articulation, Scratch, to_rotation_vector
 from distretarget.solve.spg import copy_to
-from distretarget.solve.springs import NEGLIGIBLE, Springs, stiffness_of
+from distretarget.solve.springs import Springs, is_negligible
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
@@ -62,7 +62,7 @@ def _ways(springs: Springs, body: Articulation) -> tuple[NDArray[np.bool_], Numb
     """
     way, ends = np.zeros(len(body.parents), np.bool_), np.full(len(body.parents), -1)
     for s in range(len(springs.a)):
-        if stiffness_of(springs.A[s]) < NEGLIGIBLE:
+        if is_negligible(springs.A, s):
             continue
         a, b = springs.a[s], springs.b[s]
         ends[a] = 0
@@ -107,19 +107,18 @@ def _has_length(bone: Array) -> bool:
 @inlined(fastmath=True)
 def _end_stiffness(springs: Springs, ends: Numbers, count: int) -> Array:
     """K, (3 count, 3 count): the forces on the ends that small displacements of them cause."""
-    K = np.zeros((3 * count, 3 * count))
+    K, A = np.zeros((3 * count, 3 * count)), springs.A
     for s in range(len(springs.a)):
-        A = springs.A[s]
-        if stiffness_of(A) < NEGLIGIBLE:
+        if is_negligible(springs.A, s):
             continue
         a, b = 3 * ends[springs.a[s]], 3 * ends[springs.b[s]] if springs.b[s] >= 0 else -1
         for i in range(3):
             for j in range(3):
-                K[a + i, a + j] += A[i, j]
+                K[a + i, a + j] += A[s, i, j]
                 if b >= 0:
-                    K[b + i, b + j] += A[i, j]
-                    K[a + i, b + j] -= A[i, j]
-                    K[b + i, a + j] -= A[i, j]
+                    K[b + i, b + j] += A[s, i, j]
+                    K[a + i, b + j] -= A[s, i, j]
+                    K[b + i, a + j] -= A[s, i, j]
     return K
 
 

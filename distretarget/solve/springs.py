@@ -66,27 +66,32 @@ def _write_stiffness(e: Array, w: Array, k: Array, A: Array) -> None:
 
 
 @inlined(fastmath=True)
-def stiffness_of(A):  # type: ignore[no-untyped-def]
-    """The sum of the stiffness in three directions across each other."""
-    return A[0, 0] + A[1, 1] + A[2, 2]
+def is_negligible(A: Array, s: int) -> bool:
+    """Whether spring s of those with the stiffness A, (springs, 3, 3), is too soft to count."""
+    return bool(A[s, 0, 0] + A[s, 1, 1] + A[s, 2, 2] < NEGLIGIBLE)
 
 
 @inlined(fastmath=True)
 def spring_energy(scratch: Scratch, springs: Springs) -> float:
     """The energy of springs at the positions `scratch.x`; their gradient is added to `scratch.gradient`."""
     energy = 0.0
-    r = np.empty(3)
+    x, gradient, A, rest = scratch.x, scratch.gradient, springs.A, springs.rest
     for s in range(len(springs.a)):
-        A = springs.A[s]
-        if stiffness_of(A) < NEGLIGIBLE:
+        if is_negligible(A, s):
             continue
         a, b = springs.a[s], springs.b[s]
-        for i in range(3):
-            r[i] = scratch.x[a, i] - springs.rest[s, i] - (scratch.x[b, i] if b >= 0 else 0.0)
-        for i in range(3):
-            force = A[i, 0] * r[0] + A[i, 1] * r[1] + A[i, 2] * r[2]
-            energy += 0.5 * force * r[i]
-            scratch.gradient[a, i] += force
-            if b >= 0:
-                scratch.gradient[b, i] -= force
+        rx, ry, rz = x[a, 0] - rest[s, 0], x[a, 1] - rest[s, 1], x[a, 2] - rest[s, 2]
+        if b >= 0:
+            rx, ry, rz = rx - x[b, 0], ry - x[b, 1], rz - x[b, 2]
+        fx = A[s, 0, 0] * rx + A[s, 0, 1] * ry + A[s, 0, 2] * rz
+        fy = A[s, 1, 0] * rx + A[s, 1, 1] * ry + A[s, 1, 2] * rz
+        fz = A[s, 2, 0] * rx + A[s, 2, 1] * ry + A[s, 2, 2] * rz
+        energy += 0.5 * (fx * rx + fy * ry + fz * rz)
+        gradient[a, 0] += fx
+        gradient[a, 1] += fy
+        gradient[a, 2] += fz
+        if b >= 0:
+            gradient[b, 0] -= fx
+            gradient[b, 1] -= fy
+            gradient[b, 2] -= fz
     return energy
