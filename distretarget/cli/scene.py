@@ -112,7 +112,7 @@ def _check_alone(sources: tuple[Path, ...], options: dict[str, Any]) -> None:
     context = click.get_current_context()
     given = [name for name in options if context.get_parameter_source(name) is ParameterSource.COMMANDLINE]
     if given:
-        raise click.UsageError(f"--{given[0].rstrip('s').replace('_', '-')} belongs into the scene file.")
+        raise click.UsageError(f"--{given[0].rstrip('s').replace('_', '-')} belongs in the scene file.")
 
 
 def _setups(path: Path, output: Path) -> Iterator[tuple[SceneSetup, Path]]:
