@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
+from scipy.sparse.csgraph import depth_first_order, minimum_spanning_tree
 from scipy.spatial.distance import cdist
 
 from distretarget.errors import BvhError
@@ -23,14 +23,15 @@ def parse_obj(text: str, path: str | Path) -> Motion:
     """Return the vertices in the text of an OBJ file as a motion of one frame: a thing that stands still. `path` is for
     errors, and names the root.
 
-    Its joints are the vertices, at most `MOST_POINTS` of them, each fixed to one near to it; the root is the first.
+    Its joints are the vertices, at most `MOST_POINTS` of them, each fixed to one near to it, in the order of a BVH file; the root is
+    the first.
 
     Raises:
         BvhError: a vertex is not three numbers, or there is no vertex.
     """
     vertices = np.unique(_vertices(text, path), axis=0)
     points = vertices[spread_out(vertices, MOST_POINTS)]
-    order, before = breadth_first_order(minimum_spanning_tree(cdist(points, points)), 0, directed=False)
+    order, before = depth_first_order(minimum_spanning_tree(cdist(points, points)), 0, directed=False)
     parents = np.argsort(order)[before[order[1:]]]
     offsets = points[order] - points[order[np.append(0, parents)]]
     leaves = ~np.isin(np.arange(len(order)), parents)

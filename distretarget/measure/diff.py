@@ -87,8 +87,10 @@ def diff(
     Args:
         a: the reference.
         b: what is measured.
-        joint_map: the joint of A for joints of B, None for those to leave out; the others are matched by names or shape.
-        a_up, b_up: the axes that point up, such as "Z"; detected if not given.
+        joint_map: the joint of A for joints of B, None for those to leave out; the others are matched by names or
+            shape.
+        a_up: the axis that points up in A, such as "Z"; if not given, it is detected.
+        b_up: the same in B.
 
     Raises:
         MatchingError: the two bodies cannot be matched.
