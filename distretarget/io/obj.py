@@ -23,8 +23,8 @@ def parse_obj(text: str, path: str | Path) -> Motion:
     """Return the vertices in the text of an OBJ file as a motion of one frame: a thing that stands still. `path` is for
     errors, and names the root.
 
-    Its joints are the vertices, at most `MOST_POINTS` of them, each fixed to one near to it, in the order of a BVH file; the root is
-    the first.
+    Its joints are the vertices, at most `MOST_POINTS` of them, each fixed to one near to it; the root is the first.
+    They are in the order in which a BVH file has them.
 
     Raises:
         BvhError: a vertex is not three numbers, or there is no vertex.
