@@ -152,9 +152,7 @@ def solve_together(together: Together, mapper: Mapper, progress: Callable[[int],
 def _touching(one: Prepared, other: Prepared) -> Touching:
     scale = RootScale(one.scale.level, (one.scale.height + other.scale.height) / 2.0)
     up = one.performer.matching.source.up_vector
-    return find_touching(
-        _points(one), _points(other), scale.places(np.eye(3), up).T, one.problem.frame_time, one.settings
-    )
+    return find_touching(_points(one), _points(other), scale, up, one.problem.frame_time, one.settings)
 
 
 def _touched(one: Prepared, thing: PlacedThing, number: int) -> Touched:
@@ -182,8 +180,13 @@ def _points(one: Prepared) -> Points:
         sources = distances.sources[points]
         kept += points[spread_out(tau[np.ix_(sources, sources)], REGION_POINTS)].tolist() if len(points) else []
     sources = distances.sources[kept]
-    reach = tau[matching.drivers[matching.pelvis]][sources]
-    return Points(distances.targets[kept], matching.source_motion.positions[:, sources], reach)
+    joints = distances.targets[kept]
+    return Points(
+        joints=joints,
+        source=matching.source_motion.positions[:, sources],
+        reach=tau[matching.drivers[matching.pelvis]][sources],
+        target_reach=matching.target.skeleton.path_lengths[matching.pelvis][joints],
+    )
 
 
 def _resting_on(supports: Supports, near: Touched, free: Placement) -> Supports:
