@@ -80,7 +80,7 @@ class SceneResult:
         across: for each two of them, performers counted before things, how well they keep touching; things among each
             other are left out.
         sweeps: how many times all performers were solved.
-        off: how far what touches is on average from where it belongs, after the last sweep [body units].
+        off: how far the gaps between what touches are off after the last sweep, on average [leg lengths].
     """
 
     results: tuple[RetargetResult, ...]

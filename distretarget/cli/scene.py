@@ -172,8 +172,8 @@ def _convert(setup: SceneSetup, folder: Path, overwrite: bool, report: bool) -> 
     for line in _together(result, setup.names):
         say(line)
     if any(across.frames for across in result.across.values()):
-        off = 200.0 * result.off  # a body unit is twice the leg's length
-        say(f"sweeps: {result.sweeps}; what touches is {off:.1f} % of a leg off its place on average")
+        off = 100.0 * result.off
+        say(f"sweeps: {result.sweeps}; gaps between what touches are {off:.1f} % of a leg off on average")
 
 
 def _together(result: SceneResult, names: Sequence[str]) -> Iterator[str]:

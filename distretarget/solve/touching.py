@@ -115,6 +115,14 @@ def firmness(D: Array, settings: ContactSettings) -> Array:
     return FIRMER * (settings.close + NEAREST) / (D + NEAREST)
 
 
+def gap_errors(touching: Touching, one: Array, other: Array) -> Array:
+    """(entries,), how far the gap of each pair is off the length of its vector, given the positions of both performers,
+    (frames, joints, 3) [target file units].
+    """
+    u, v = touching.joints
+    return np.abs(lengths(one[touching.frames, u] - other[touching.frames, v]) - lengths(touching.vectors))
+
+
 def touching_springs(
     touching: Touching,
     copies: tuple[Array, Array],
