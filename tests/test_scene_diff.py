@@ -94,7 +94,8 @@ def test_the_gaps_of_a_result_are_those_that_the_scene_tells():
     scene = setup.retargeted()
     across, found = scene.across[0, 1], diff_scenes([run_diff(one) for one in scene.results])
     assert found.world_scale == pytest.approx(scene.world_scale)
-    a, b, _ = found.mean_gaps
+    a, b, error = found.mean_gaps
+    assert error == pytest.approx(scene.off, rel=0.02)
     assert (a, b) == pytest.approx((across.source / across.leg, across.result / across.leg))
 
 

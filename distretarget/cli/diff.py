@@ -132,7 +132,7 @@ def _check_clips(limits: tuple[tuple[str, float], ...], world_scale: float | Non
     """Check that there are no options for scenes."""
     if world_scale is not None or any(key == GAP_ERROR for key, _ in limits):
         option = f"--fail-over {GAP_ERROR}" if world_scale is None else "--world-scale"
-        raise click.UsageError(f"{option} is for scenes, and A and B are clips.")
+        raise click.UsageError(f"{option} is for scenes; leave it out to compare two clips.")
 
 
 def _account(figures: DiffDocument) -> Iterator[str]:

@@ -94,7 +94,7 @@ def _check(performers: Sequence[Diff], things: Sequence[tuple[Motion, Motion]], 
         if not same_time(first.b.frame_time, performer.b.frame_time):
             raise MotionError(
                 f"performer {number} of B has a frame time of {performer.b.frame_time:g} s and performer 1 of "
-                f"{first.b.frame_time:g} s; they do not belong together"
+                f"{first.b.frame_time:g} s; resample one of them"
             )
         if (performer.world.source_up, performer.world.up) != (first.world.source_up, first.world.up):
             raise MotionError(
