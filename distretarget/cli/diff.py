@@ -70,8 +70,8 @@ def _fail_over_help() -> str:
     "--world-scale",
     type=positive,
     metavar="NUMBER",
-    help="Of scenes: units of B per unit of A along the floor. Default: what a scene file says, else what "
-    "`distretarget scene` chooses.",
+    help="Of scenes: units of B per unit of A along the floor. Default: what the scene file of A says where B is a folder of "
+    "results, else what `distretarget scene` chooses.",
 )
 @OVERWRITE_OPTION
 @quiet

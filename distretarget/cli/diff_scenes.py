@@ -53,9 +53,10 @@ def measure_scenes(request: Request) -> None:
     things = [name for name in a.motions if name in things_of(a, b)]
     performers = [name for name in a.motions if name not in things]
     measured = _measured(a, b, performers, load_map(request.map_path))
+    told_scale = a.world_scale if b.things is None else None  # of the results of a scene file, not of another scene
     try:
         pairs = [(a.motions[name], b.motions[name]) for name in things]
-        result = diff_scenes(measured, pairs, world_scale=request.world_scale or a.world_scale)
+        result = diff_scenes(measured, pairs, world_scale=request.world_scale or told_scale)
     except DistretargetError as error:
         raise error.in_file(b.path) from None
     told = about(request.a, request.b)

@@ -50,9 +50,10 @@ def read_scene(path: Path) -> SceneInput:
     if (path / SCENE_NAME).is_file():
         return _of_setup(path, load_scene(path / SCENE_NAME))
     try:
-        found = sorted(each for each in path.iterdir() if each.suffix.lower() == ".bvh")
+        inside = [each for each in path.iterdir() if not each.name.startswith(".")]
     except OSError as error:
         raise FileError(path, reason_of(error)) from error
+    found = sorted(each for each in inside if each.suffix.lower() == ".bvh")
     if not found:
         raise FileError(path, f"has no BVH file and no {SCENE_NAME} in it")
     files = {each.stem: each for each in found}
