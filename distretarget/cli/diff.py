@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from distretarget.cli.diff_scenes import Request, measure_scenes
+from distretarget.cli.figure_lines import number, over
 from distretarget.cli.outputs import LISTED, OVERWRITE_OPTION, about, check_outputs, quiet, say
 from distretarget.cli.parameters import of_figure, positive
 from distretarget.cli.scene_input import is_scene
@@ -21,7 +22,7 @@ from distretarget.io.target import Target
 from distretarget.measure.diff import diff
 from distretarget.measure.figures import BY_KEY, FIGURES, Figure, figures_at
 from distretarget.report.document import csv_text, document, json_text
-from distretarget.report.document_types import DiffContact, DiffDocument, DiffLimit, FigureValues
+from distretarget.report.document_types import DiffContact, DiffDocument, FigureValues
 from distretarget.report.page import page
 from distretarget.report.scene_diff import GAP_ERROR
 
@@ -70,8 +71,8 @@ def _fail_over_help() -> str:
     "--world-scale",
     type=positive,
     metavar="NUMBER",
-    help="Of scenes: units of B per unit of A along the floor. Default: what the scene file of A says where B is a folder of "
-    "results, else what `distretarget scene` chooses.",
+    help="Of scenes: units of B per unit of A along the floor. Default: what the scene file of A says where B is a "
+    "folder of results, else what `distretarget scene` chooses.",
 )
 @OVERWRITE_OPTION
 @quiet
@@ -124,8 +125,8 @@ def diff_command(
         write_output(csv_path, csv_text(figures), overwrite)
     for line in _account(figures):
         say(line)
-    if over := list(_over(figures["limits"])):
-        raise click.ClickException(f"{texts[1].path}: {'; '.join(over)}")
+    if faults := list(over(figures["limits"])):
+        raise click.ClickException(f"{texts[1].path}: {'; '.join(faults)}")
 
 
 def _check_clips(limits: tuple[tuple[str, float], ...], world_scale: float | None) -> None:
@@ -156,8 +157,8 @@ def _table(a: FigureValues, b: FigureValues) -> Iterator[str]:
     """A line per figure, of the figures of A and those of B."""
     rows = [("figure", "A", "B", "")]
     for figure in FIGURES:
-        own = _number(a[figure.key]) if figure.of_source else ""
-        rows.append((figure.label, own, _number(b[figure.key]), _meaning(figure, a.get(figure.key), b[figure.key])))
+        own = number(a[figure.key]) if figure.of_source else ""
+        rows.append((figure.label, own, number(b[figure.key]), _meaning(figure, a.get(figure.key), b[figure.key])))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for name, of_a, of_b, meaning in rows:
         yield f"{name:<{widths[0]}}  {of_a:>{widths[1]}}  {of_b:>{widths[2]}}  {meaning}".rstrip()
@@ -170,10 +171,6 @@ def _meaning(figure: Figure, a: float | None, b: float | None) -> str:
     if not figure.of_source or judged is None or a is None or a <= figure.still:
         return meaning
     return f"{meaning}; {figure.comparison('A', 'B')} {judged:.4g}"
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.4g}"
 
 
 def _worst_frames(figure: Figure, frames: Sequence[FigureValues]) -> str:
@@ -193,10 +190,3 @@ def _contacts(contacts: Sequence[DiffContact]) -> Iterator[str]:
         yield f"  {contact['regions']}: {distances}; worst in frame {contact['worst_frame']}"
     if len(contacts) > MOST:
         yield f"  and {len(contacts) - MOST} more"
-
-
-def _over(limits: Sequence[DiffLimit]) -> Iterator[str]:
-    """The figures that are over their limits."""
-    for limit in limits:
-        if limit["over"]:
-            yield f"{limit['figure']} is {limit['value']:.6g}, over {limit['limit']:g}"

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 
+from distretarget.cli.figure_lines import number, over
 from distretarget.cli.outputs import LISTED, about, check_outputs, say
 from distretarget.cli.scene_input import SceneInput, is_scene, read_scene, things_of
 from distretarget.cli.streams import write_output
@@ -19,7 +20,7 @@ from distretarget.measure.diff import Diff, diff
 from distretarget.measure.figures import FIGURES
 from distretarget.measure.scene_diff import SceneDiff, diff_scenes
 from distretarget.report.document import document, json_text
-from distretarget.report.document_types import DiffDocument, DiffLimit
+from distretarget.report.document_types import DiffDocument
 from distretarget.report.scene_diff import GAP_ERROR, SceneDiffDocument, part, scene_csv, scene_document
 from distretarget.report.scene_diff_page import scene_diff_page
 
@@ -47,31 +48,37 @@ def measure_scenes(request: Request) -> None:
         if not is_scene(path):
             raise FileError(path, f"is not a scene, but {str(other)!r} is; name two scenes or two BVH files")
     a, b = read_scene(request.a), read_scene(request.b)
-    files = [*a.files.values(), *b.files.values(), request.a, request.b, request.map_path]
-    check_outputs([request.output, request.json_path, request.csv_path], files, request.overwrite)
+    inputs = [*a.files.values(), *b.files.values(), request.a, request.b, request.map_path]
+    check_outputs([request.output, request.json_path, request.csv_path], inputs, request.overwrite)
     _check_names(a, b)
-    things = [name for name in a.motions if name in things_of(a, b)]
-    performers = [name for name in a.motions if name not in things]
+    result, figures = _compared(a, b, request)
+    _write(request, result, figures)
+    for line in _account(figures):
+        say(line)
+    if faults := list(_over(figures)):
+        raise click.ClickException(f"{request.b}: {'; '.join(faults)}")
+
+
+def _compared(a: SceneInput, b: SceneInput, request: Request) -> tuple[SceneDiff, SceneDiffDocument]:
+    """The diff of two scenes, and its document."""
+    known = things_of(a, b)
+    things = [name for name in a.motions if name in known]
+    performers = [name for name in a.motions if name not in known]
     measured = _measured(a, b, performers, load_map(request.map_path))
     told_scale = a.world_scale if b.things is None else None  # of the results of a scene file, not of another scene
     try:
         pairs = [(a.motions[name], b.motions[name]) for name in things]
         result = diff_scenes(measured, pairs, world_scale=request.world_scale or told_scale)
     except DistretargetError as error:
-        raise error.in_file(b.path) from None
+        raise error.in_file(request.b) from None
     told = about(request.a, request.b)
-    of_clips = tuple(limit for limit in request.limits if limit[0] != GAP_ERROR)
+    of_scene = tuple(limit for limit in request.limits if limit[0] == GAP_ERROR)
+    of_each = tuple(limit for limit in request.limits if limit[0] != GAP_ERROR)
     documents = {
-        name: document(one, replace(told, a=a.files[name].name, b=b.files[name].name, limits=of_clips))
+        name: document(one, replace(told, a=a.files[name].name, b=b.files[name].name, limits=of_each))
         for name, one in zip(performers, measured, strict=True)
     }
-    of_scene = tuple(limit for limit in request.limits if limit[0] == GAP_ERROR)
-    figures = scene_document(result, documents, things, replace(told, limits=of_scene))
-    _write(request, result, figures)
-    for line in _account(figures):
-        say(line)
-    if over := list(_over(figures)):
-        raise click.ClickException(f"{b.path}: {'; '.join(over)}")
+    return result, scene_document(result, documents, things, replace(told, limits=of_scene))
 
 
 def _check_names(a: SceneInput, b: SceneInput) -> None:
@@ -131,17 +138,13 @@ def _table(performers: dict[str, DiffDocument]) -> Iterator[str]:
     columns = [["figure", *(figure.label for figure in FIGURES)]]
     for name, one in performers.items():
         of_a, of_b = one["figures"]["source"], one["figures"]["result"]
-        columns.append([f"{name} A", *(_number(of_a[figure.key]) if figure.of_source else "" for figure in FIGURES)])
-        columns.append([f"{name} B", *(_number(of_b[figure.key]) for figure in FIGURES)])
+        columns.append([f"{name} A", *(number(of_a[figure.key]) if figure.of_source else "" for figure in FIGURES)])
+        columns.append([f"{name} B", *(number(of_b[figure.key]) for figure in FIGURES)])
     columns.append(["", *(f"[{figure.unit}]" if figure.unit else "" for figure in FIGURES)])
     widths = [max(map(len, column)) for column in columns]
     for label, *values, unit in zip(*columns, strict=True):
         numbers = "  ".join(f"{value:>{width}}" for value, width in zip(values, widths[1:-1], strict=True))
         yield f"{label:<{widths[0]}}  {numbers}  {unit}".rstrip()
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.4g}"
 
 
 def _gaps(figures: SceneDiffDocument) -> Iterator[str]:
@@ -166,8 +169,6 @@ def _gaps(figures: SceneDiffDocument) -> Iterator[str]:
 
 def _over(figures: SceneDiffDocument) -> Iterator[str]:
     """The figures that are over their limits."""
-    limits: list[tuple[str, DiffLimit]] = [("", limit) for limit in figures["limits"]]
-    limits += [(f"{name}'s ", limit) for name, one in figures["performers"].items() for limit in one["limits"]]
-    for of, limit in limits:
-        if limit["over"]:
-            yield f"{of}{limit['figure']} is {limit['value']:.6g}, over {limit['limit']:g}"
+    yield from over(figures["limits"])
+    for name, one in figures["performers"].items():
+        yield from (f"{name}'s {fault}" for fault in over(one["limits"]))
