@@ -46,8 +46,7 @@ def rows(duets: Path) -> Iterator[str]:
             across, scale = scene.across[0, 1], scene.world_scale
             sides = [body_side(result.matching, result.rotation_copy, result.motion) for result in alone]
             apart = measure_across(*sides, float(np.mean([result.root_scale for result in alone]))).result
-            leg = alone[0].matching.leg_lengths[0] / 100.0
-            gaps = [gap / leg for gap in (across.source, across.rotation_copy, apart, across.result)]
+            gaps = [100 * gap / across.leg for gap in (across.source, across.rotation_copy, apart, across.result)]
             yield (
                 f"| {number}, {names[0]} and {names[1]} | {across.frames} | "
                 f"{' / '.join(f'{gap:.1f}' for gap in gaps)} | {scale * across.result / across.source:.2f} | "

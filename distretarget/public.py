@@ -30,7 +30,9 @@ from distretarget.matching.matching import Matching, match
 from distretarget.measure.across import Across
 from distretarget.measure.diff import Diff, diff
 from distretarget.measure.figures import FIGURES, Figure
+from distretarget.measure.gaps import Gaps
 from distretarget.measure.metrics import Comparison
+from distretarget.measure.scene_diff import SceneDiff, diff_scenes
 from distretarget.motion import Motion, MotionArrays
 from distretarget.numerics.kinematics import forward_kinematics
 from distretarget.report.document_types import DiffDocument
@@ -62,6 +64,7 @@ __all__ = [
     "Effort",
     "Figure",
     "FileError",
+    "Gaps",
     "Grip",
     "ManifestRecord",
     "MapError",
@@ -74,6 +77,7 @@ __all__ = [
     "Options",
     "RetargetResult",
     "RunFiguresDocument",
+    "SceneDiff",
     "SceneResult",
     "SceneSetup",
     "SettingsError",
@@ -89,6 +93,7 @@ __all__ = [
     "World",
     "convert_folder",
     "diff",
+    "diff_scenes",
     "forward_kinematics",
     "from_bvhio",
     "load_scene",

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from distretarget.alignment import same_time
 from distretarget.arguments import check_choice, check_kind, check_number
 from distretarget.baseline.root import RootScale, find_root_scale
-from distretarget.baseline.strides import longest_strides
+from distretarget.baseline.strides import followed_scale, longest_strides
 from distretarget.baseline.world import turned
 from distretarget.errors import MotionError, SettingsError
 from distretarget.io.target import SkeletonEdit, Target
@@ -80,7 +80,7 @@ class SceneResult:
         across: for each two of them, performers counted before things, how well they keep touching; things among each
             other are left out.
         sweeps: how many times all performers were solved.
-        off: how far what touches is on average from where it belongs, after the last sweep [body units].
+        off: how far the gaps between what touches are off after the last sweep, on average [leg lengths].
     """
 
     results: tuple[RetargetResult, ...]
@@ -147,7 +147,7 @@ def retarget_scene(
     heights = [find_root_scale(performer.matching) for performer in performers]
     _check_units(heights)
     longest = [longest_strides(performer.matching) for performer in performers]
-    level = world_scale or _level(heights, longest)
+    level = world_scale or followed_scale(heights, longest)
     prepared = [
         with_supports(performer.prepared(RootScale(level, height)), supports, scene, settings or ContactSettings())
         for performer, height in zip(performers, heights, strict=True)
@@ -192,14 +192,6 @@ def _check_arguments(
         )
     if world_scale is not None:
         check_number("world_scale", world_scale, SMALLEST, LARGEST)
-
-
-def _level(heights: Sequence[float], longest: Sequence[float]) -> float:
-    """The scale of the world along the floor in which all can follow."""
-    if len(heights) == 1:
-        return heights[0]
-    followed = [height * most for height, most in zip(heights, longest, strict=True)]
-    return min(float(np.mean(heights)), *followed)
 
 
 def _matched(

@@ -105,15 +105,32 @@ class SceneSetup:
         """The names of performers and things, in their order."""
         return [each.name for each in self.performers] + [thing.name for thing in self.things]
 
+    @property
+    def files(self) -> dict[str, Path]:
+        """The file in which the motion of each performer and thing is, by name."""
+        sources = [each.source for each in self.performers]
+        origins = [each.origin for each in self.things]
+        files = [origin if isinstance(origin, Path) else sources[origin.performer] for origin in origins]
+        return dict(zip(self.names, [*sources, *files], strict=True))
+
+    def read(self) -> tuple[list[Motion], list[Thing]]:
+        """Read the motions of the performers, and the things.
+
+        Raises:
+            DistretargetError: a file cannot be read, or ends before its start, or has no such prop.
+        """
+        clips = self._clips()
+        sources = clips[: len(self.performers)]
+        own = dict(zip((thing.name for thing in self.things if thing.file), clips[len(sources) :], strict=True))
+        return sources, [self._made(thing, own, sources) for thing in self.things]
+
     def retargeted(self, progress: Callable[[int], object] = lambda _sweep: None) -> SceneResult:
         """Read all files, and retarget the scene.
 
         Raises:
             DistretargetError: a file cannot be read, or the scene cannot be retargeted.
         """
-        clips = self._clips()
-        sources = clips[: len(self.performers)]
-        own = dict(zip((thing.name for thing in self.things if thing.file), clips[len(sources) :], strict=True))
+        sources, things = self.read()
         targets, maps = [], []
         for performer, source in zip(self.performers, sources, strict=True):
             target = load_target(performer.target).for_source(source.rigid_skeleton)
@@ -123,7 +140,7 @@ class SceneSetup:
             return retarget_scene(
                 sources,
                 targets,
-                [thing.made(own, sources) for thing in self.things],
+                things,
                 joint_maps=maps,
                 world_scale=self.world_scale,
                 supports=self.supports,
@@ -132,6 +149,12 @@ class SceneSetup:
             )
         except DistretargetError as error:
             raise error.in_file(error.path or self.performers[0].source) from None
+
+    def _made(self, thing: ThingFiles, own: Mapping[str, Motion], sources: Sequence[Motion]) -> Thing:
+        try:
+            return thing.made(own, sources)
+        except DistretargetError as error:
+            raise error.in_file(self.files[thing.name]) from None
 
     def _own_files(self) -> list[Path]:
         """The files of things that have one of their own."""

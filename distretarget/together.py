@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.baseline.root import RootScale
+from distretarget.measure.across import NEAR
 from distretarget.motion import Motion
 from distretarget.numerics.spread import spread_out
 from distretarget.numerics.vectors import lengths
@@ -18,10 +19,11 @@ from distretarget.solve.chunks import Mapper
 from distretarget.solve.contact import solve_contact
 from distretarget.solve.poses import Poses
 from distretarget.solve.rigid_parts import posed_motion
+from distretarget.solve.shortfall import with_shortfall
 from distretarget.solve.springs import Springs, joined, no_springs
 from distretarget.solve.supports import Supports
-from distretarget.solve.things import LEVER, Held, Placement, Touched, find_touched, held_placement, turn_of
-from distretarget.solve.touching import NOTHING, Points, Touching, find_touching, touching_springs
+from distretarget.solve.things import LEVER, Held, Placement, Touched, find_touched, held_placement, nearest, turn_of
+from distretarget.solve.touching import Points, Touching, find_touching, gap_errors, touching_springs
 
 Array = NDArray[np.float64]
 Joints = NDArray[np.intp]
@@ -30,7 +32,7 @@ Grips = Mapping[int, tuple[int, ...]]
 
 REGION_POINTS = 9  # most joints of a region that may touch others
 MOST_SWEEPS = 2  # all performers are solved at most so many times
-SETTLED = 0.02  # what touches is nearer than this to where it belongs, on average [body units]
+SETTLED = 0.018  # gaps between what touches are less than this off, on average [leg lengths]
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +96,21 @@ class Together:
             springs[i] = joined(springs[i], touched.springs(places[thing], copies[i], units[i]))
         return springs
 
+    def off(self, now: Sequence[Motion]) -> float:
+        """How far the gaps between what touches are off, on average [leg lengths]; 0 where nothing touches."""
+        off = [np.zeros(0)]
+        for (i, j), pairs in self.touching.items():
+            leg = (self.performers[i].problem.unit + self.performers[j].problem.unit) / 4.0
+            near = lengths(pairs.vectors) < NEAR * leg
+            off.append(gap_errors(pairs, now[i].positions, now[j].positions)[near] / leg)
+        for (i, thing), touched in self.touched.items():
+            placement, leg = self.placement(thing, now), self.performers[i].problem.unit / 2.0
+            gaps = nearest(now[i].positions[:, touched.joints], placement(self.things[thing].points))
+            wanted = placement.scale * touched.gaps
+            off.append(np.abs(gaps - wanted)[wanted < NEAR * leg] / leg)
+        values = np.concatenate(off)
+        return float(values.mean()) if len(values) else 0.0
+
 
 def brought_together(performers: Sequence[Prepared], things: Sequence[PlacedThing]) -> Together:
     """Find what touches, and let what rests on another performer or on a thing rest there."""
@@ -126,7 +143,7 @@ class Solved:
         poses: one for each performer.
         placements: one for each thing.
         sweeps: how many times all performers were solved.
-        off: how far what touches is on average from where it belongs [body units].
+        off: how far what touches is off, on average [leg lengths].
     """
 
     poses: list[Poses]
@@ -136,26 +153,28 @@ class Solved:
 
 
 def solve_together(together: Together, mapper: Mapper, progress: Callable[[int], object]) -> Solved:
-    """Solve all performers, each by itself, until what touches is where it belongs, at most `MOST_SWEEPS` times."""
-    now = [_on_path(one) for one in together.performers]
+    """Solve all performers, each by itself, until what touches is as near as it should, at most `MOST_SWEEPS` times."""
+    performers = together.performers
+    now = [_on_path(one) for one in performers]
     springs = together.springs(now)
     for sweep in range(1, MOST_SWEEPS + 1):
         progress(sweep)
-        poses = [_solve(one, more, mapper) for one, more in zip(together.performers, springs, strict=True)]
-        now = [_posed(one, pose) for one, pose in zip(together.performers, poses, strict=True)]
-        springs = together.springs(now)
-        off = max(map(_off, together.performers, springs, now))
-        if off < SETTLED:
+        poses = [_solve(one, more, mapper) for one, more in zip(performers, springs, strict=True)]
+        now = [_posed(one, pose) for one, pose in zip(performers, poses, strict=True)]
+        off = together.off(now)
+        if off < SETTLED or sweep == MOST_SWEEPS:
             break
+        springs = [
+            with_shortfall(more, before, at.positions / one.problem.unit, one.performer.matching.regions.of_joint)
+            for one, more, before, at in zip(performers, together.springs(now), springs, now, strict=True)
+        ]
     return Solved(poses, [together.placement(thing, now) for thing in range(len(together.things))], sweep, off)
 
 
 def _touching(one: Prepared, other: Prepared) -> Touching:
     scale = RootScale(one.scale.level, (one.scale.height + other.scale.height) / 2.0)
     up = one.performer.matching.source.up_vector
-    return find_touching(
-        _points(one), _points(other), scale.places(np.eye(3), up).T, one.problem.frame_time, one.settings
-    )
+    return find_touching(_points(one), _points(other), scale, up, one.problem.frame_time, one.settings)
 
 
 def _touched(one: Prepared, thing: PlacedThing, number: int) -> Touched:
@@ -183,8 +202,13 @@ def _points(one: Prepared) -> Points:
         sources = distances.sources[points]
         kept += points[spread_out(tau[np.ix_(sources, sources)], REGION_POINTS)].tolist() if len(points) else []
     sources = distances.sources[kept]
-    reach = tau[matching.drivers[matching.pelvis]][sources]
-    return Points(distances.targets[kept], matching.source_motion.positions[:, sources], reach)
+    joints = distances.targets[kept]
+    return Points(
+        joints=joints,
+        source=matching.source_motion.positions[:, sources],
+        reach=tau[matching.drivers[matching.pelvis]][sources],
+        target_reach=matching.target.skeleton.path_lengths[matching.pelvis][joints],
+    )
 
 
 def _resting_on(supports: Supports, near: Touched, free: Placement) -> Supports:
@@ -225,10 +249,3 @@ def _on_path(one: Prepared) -> Motion:
 
 def _posed(one: Prepared, poses: Poses) -> Motion:
     return posed_motion(one.copy, poses.v, one.problem.parts, one.problem.root + poses.v[:, -1])
-
-
-def _off(one: Prepared, springs: Springs, now: Motion) -> float:
-    """How far joints that touch are from their places [body units], the mean by stiffness; 0 where nothing touches."""
-    ways = lengths(now.positions[:, springs.a] / one.problem.unit - springs.rest)
-    weights = np.trace(springs.A, axis1=-2, axis2=-1)
-    return float((weights * ways).sum() / max(weights.sum(), NOTHING))

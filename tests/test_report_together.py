@@ -10,7 +10,7 @@ from bodies import SAMPLES
 from pages import settle
 from program import run
 
-from distretarget.report.together import scene_page
+from distretarget.report.scene_pages import scene_page
 from distretarget.scene_file import load_scene
 
 
@@ -29,7 +29,8 @@ def test_everybody_and_everything_is_in_it():
     drawn = data("staff")
     assert [(body["name"], body["thing"]) for body in drawn["bodies"]] == [("performer", False), ("staff", True)]
     assert drawn["frame_count"] == drawn["drawn"] == 157
-    ((between, frames, *gaps),) = drawn["gaps"]
+    (table,) = drawn["tables"]
+    ((between, frames, *gaps),) = table["rows"]
     assert (between, frames) == ("performer and staff", "157")
     assert all(float(gap) >= 0 for gap in gaps)
 
@@ -64,5 +65,5 @@ def test_it_plays_in_a_browser(name, tmp_path, open_page):
     tab.keyboard.press("Shift+ArrowRight")
     settle(tab)
     assert tab.locator("#now").inner_text().startswith("10 / 156")
-    assert tab.locator("#gaps tr").count() == 1
+    assert tab.locator("#tables tbody tr").count() == 1
     assert tab.locator("#legend span").count() == 2

@@ -1,6 +1,10 @@
-"""How long the strides of a motion may become before its legs cannot reach the floor."""
+"""How long the strides of a motion may become before its legs cannot reach the floor, and the scale of a world in which
+several performers stride.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -29,3 +33,13 @@ def longest_strides(matching: Matching) -> float:
         factors.append(reach / np.maximum(lengths(level(way, up)), 1e-9 * leg_length))
     known = np.concatenate(factors)
     return float(np.percentile(known, 100.0 - MOST_FRAMES)) if len(known) else float("inf")
+
+
+def followed_scale(heights: Sequence[float], longest: Sequence[float]) -> float:
+    """Return the scale along the floor in which all performers of a world can follow: the mean of the scales of their
+    `heights`, or as much less as the legs of all can reach; `longest` is of each, as `longest_strides` says.
+    """
+    if len(heights) == 1:
+        return heights[0]
+    followed = [height * most for height, most in zip(heights, longest, strict=True)]
+    return min(float(np.mean(heights)), *followed)

@@ -8,8 +8,11 @@ from pathlib import Path
 
 import click
 
+from distretarget.cli.diff_scenes import Request, measure_scenes
+from distretarget.cli.figure_lines import number, over
 from distretarget.cli.outputs import LISTED, OVERWRITE_OPTION, about, check_outputs, quiet, say
-from distretarget.cli.parameters import of_figure
+from distretarget.cli.parameters import of_figure, positive
+from distretarget.cli.scene_input import is_scene
 from distretarget.cli.streams import FileOrStandard, read_input, write_output
 from distretarget.conversion import needs_map
 from distretarget.errors import DistretargetError, MatchingError, quoted
@@ -19,8 +22,9 @@ from distretarget.io.target import Target
 from distretarget.measure.diff import diff
 from distretarget.measure.figures import BY_KEY, FIGURES, Figure, figures_at
 from distretarget.report.document import csv_text, document, json_text
-from distretarget.report.document_types import DiffContact, DiffDocument, DiffLimit, FigureValues
+from distretarget.report.document_types import DiffContact, DiffDocument, FigureValues
 from distretarget.report.page import page
+from distretarget.report.scene_diff import GAP_ERROR
 
 MOST = 5  # frames and contacts that are printed
 
@@ -30,7 +34,9 @@ def _fail_over_help() -> str:
     ratios = " and ".join(figure.key for figure in FIGURES if figure.judged == "ratio")
     return (
         f"Exit with status 1 if a figure is over a limit. FIGURE is one of {', '.join(BY_KEY)}. The limit is for the "
-        f"value of B; for {ratios}, for its ratio to the value of A. May be given several times."
+        f"value of B; for {ratios}, for its ratio to the value of A. In scenes it is for each performer; their own "
+        f"figure {GAP_ERROR} is how far gaps between what touches are off those in A, in % of a leg. May be given "
+        "several times."
     )
 
 
@@ -61,6 +67,13 @@ def _fail_over_help() -> str:
     metavar="FIGURE=LIMIT",
     help=_fail_over_help(),
 )
+@click.option(
+    "--world-scale",
+    type=positive,
+    metavar="NUMBER",
+    help="Of scenes: units of B per unit of A along the floor. Default: what the scene file of A says where B is a "
+    "folder of results, else what `distretarget scene` chooses.",
+)
 @OVERWRITE_OPTION
 @quiet
 def diff_command(
@@ -71,6 +84,7 @@ def diff_command(
     csv_path: Path | None,
     map_path: Path | None,
     limits: tuple[tuple[str, float], ...],
+    world_scale: float | None,
     overwrite: bool,
 ) -> None:
     """Measure the motion of B against that of A, the reference. Both are BVH files.
@@ -78,11 +92,19 @@ def diff_command(
     Their skeletons may differ, and so may frame times and numbers of frames: A is resampled at B's, and the longer
     one is cut. - stands for standard input or output.
 
+    Two scenes are two folders of BVH files, one for each performer and thing, with the same names in both; a SCENE.json
+    may stand for either. Each performer is measured, and how far what touches between them in A is apart in B.
+
     \b
     distretarget diff walk.bvh walk_hero.bvh
     distretarget diff walk.bvh walk_hero.bvh -o walk_hero.html --csv walk_hero.csv
     distretarget diff old.bvh new.bvh --fail-over contact_error=0.02 --fail-over slide=1.1
+    distretarget diff scene.json duet -o duet.html --fail-over gap_error=2
     """  # noqa: D301
+    if is_scene(a) or is_scene(b):
+        measure_scenes(Request(a, b, output, json_path, csv_path, map_path, limits, world_scale, overwrite))
+        return
+    _check_clips(limits, world_scale)
     check_outputs([output, json_path, csv_path], [a, b, map_path], overwrite)
     texts = read_input(a), read_input(b)
     first, second = (parse_bvh(one.text, one.path) for one in texts)
@@ -103,8 +125,15 @@ def diff_command(
         write_output(csv_path, csv_text(figures), overwrite)
     for line in _account(figures):
         say(line)
-    if over := list(_over(figures["limits"])):
-        raise click.ClickException(f"{texts[1].path}: {'; '.join(over)}")
+    if faults := list(over(figures["limits"])):
+        raise click.ClickException(f"{texts[1].path}: {'; '.join(faults)}")
+
+
+def _check_clips(limits: tuple[tuple[str, float], ...], world_scale: float | None) -> None:
+    """Check that there are no options for scenes."""
+    if world_scale is not None or any(key == GAP_ERROR for key, _ in limits):
+        option = f"--fail-over {GAP_ERROR}" if world_scale is None else "--world-scale"
+        raise click.UsageError(f"{option} is for scenes; leave it out to compare two clips.")
 
 
 def _account(figures: DiffDocument) -> Iterator[str]:
@@ -128,8 +157,8 @@ def _table(a: FigureValues, b: FigureValues) -> Iterator[str]:
     """A line per figure, of the figures of A and those of B."""
     rows = [("figure", "A", "B", "")]
     for figure in FIGURES:
-        own = _number(a[figure.key]) if figure.of_source else ""
-        rows.append((figure.label, own, _number(b[figure.key]), _meaning(figure, a.get(figure.key), b[figure.key])))
+        own = number(a[figure.key]) if figure.of_source else ""
+        rows.append((figure.label, own, number(b[figure.key]), _meaning(figure, a.get(figure.key), b[figure.key])))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for name, of_a, of_b, meaning in rows:
         yield f"{name:<{widths[0]}}  {of_a:>{widths[1]}}  {of_b:>{widths[2]}}  {meaning}".rstrip()
@@ -142,10 +171,6 @@ def _meaning(figure: Figure, a: float | None, b: float | None) -> str:
     if not figure.of_source or judged is None or a is None or a <= figure.still:
         return meaning
     return f"{meaning}; {figure.comparison('A', 'B')} {judged:.4g}"
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.4g}"
 
 
 def _worst_frames(figure: Figure, frames: Sequence[FigureValues]) -> str:
@@ -165,10 +190,3 @@ def _contacts(contacts: Sequence[DiffContact]) -> Iterator[str]:
         yield f"  {contact['regions']}: {distances}; worst in frame {contact['worst_frame']}"
     if len(contacts) > MOST:
         yield f"  and {len(contacts) - MOST} more"
-
-
-def _over(limits: Sequence[DiffLimit]) -> Iterator[str]:
-    """The figures that are over their limits."""
-    for limit in limits:
-        if limit["over"]:
-            yield f"{limit['figure']} is {limit['value']:.6g}, over {limit['limit']:g}"

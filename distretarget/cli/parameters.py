@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from distretarget.measure.figures import BY_KEY
+from distretarget.report.scene_diff import GAP_ERROR
 from distretarget.skeleton import LARGEST, SMALLEST
 
 
@@ -40,8 +41,9 @@ def of_reports(text: str) -> int | None:
 def of_figure(text: str) -> tuple[str, float]:
     """The key of a figure and its limit, a number from 0 up, in a text FIGURE=LIMIT."""
     name, _, number = text.partition("=")
-    if name not in BY_KEY:
-        raise click.BadParameter(f"expected one of {', '.join(BY_KEY)}, = and a limit, found {text!r}")
+    known = (*BY_KEY, GAP_ERROR)
+    if name not in known:
+        raise click.BadParameter(f"expected one of {', '.join(known)}, = and a limit, found {text!r}")
     try:
         limit = float(number)
     except ValueError:

@@ -19,7 +19,7 @@ from distretarget.errors import FileError
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.files import is_folder, make_folder, write_whole
 from distretarget.measure.across import Across
-from distretarget.report.together import scene_page
+from distretarget.report.scene_pages import scene_page
 from distretarget.run_summary import summary_line
 from distretarget.scene import SceneResult
 from distretarget.scene_file import SCENE_NAME, load_scene
@@ -112,7 +112,7 @@ def _check_alone(sources: tuple[Path, ...], options: dict[str, Any]) -> None:
     context = click.get_current_context()
     given = [name for name in options if context.get_parameter_source(name) is ParameterSource.COMMANDLINE]
     if given:
-        raise click.UsageError(f"--{given[0].rstrip('s').replace('_', '-')} belongs into the scene file.")
+        raise click.UsageError(f"--{given[0].rstrip('s').replace('_', '-')} belongs in the scene file.")
 
 
 def _setups(path: Path, output: Path) -> Iterator[tuple[SceneSetup, Path]]:
@@ -172,14 +172,14 @@ def _convert(setup: SceneSetup, folder: Path, overwrite: bool, report: bool) -> 
     for line in _together(result, setup.names):
         say(line)
     if any(across.frames for across in result.across.values()):
-        off = 200.0 * result.off  # a body unit is twice the leg's length
-        say(f"sweeps: {result.sweeps}; what touches is {off:.1f} % of a leg off its place on average")
+        off = 100.0 * result.off
+        say(f"sweeps: {result.sweeps}; gaps between what touches are {off:.1f} % of a leg off on average")
 
 
 def _together(result: SceneResult, names: Sequence[str]) -> Iterator[str]:
     """A line for each two that may touch: how near what touches is, in the source, copied, and in the result."""
     for (i, j), across in result.across.items():
-        yield f"{names[i]} and {names[j]}: {_gaps(across, result.results[i].matching.leg_lengths[0] or 1.0)}"
+        yield f"{names[i]} and {names[j]}: {_gaps(across)}"
 
 
 def _too_long(result: SceneResult, names: Sequence[str]) -> Iterator[str]:
@@ -192,10 +192,10 @@ def _too_long(result: SceneResult, names: Sequence[str]) -> Iterator[str]:
             )
 
 
-def _gaps(across: Across, leg: float) -> str:
+def _gaps(across: Across) -> str:
     if not across.frames:
         return "nothing touches between them in the source"
-    source, copy, now = (100 * gap / leg for gap in (across.source, across.rotation_copy, across.result))
+    source, copy, now = (100 * gap / across.leg for gap in (across.source, across.rotation_copy, across.result))
     return (
         f"what touches between them in {across.frames} frames is {now:.1f} % of a leg apart "
         f"({source:.1f} in the source, {copy:.1f} in copied rotations)"

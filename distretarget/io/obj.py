@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
+from scipy.sparse.csgraph import depth_first_order, minimum_spanning_tree
 from scipy.spatial.distance import cdist
 
 from distretarget.errors import BvhError
@@ -24,13 +24,14 @@ def parse_obj(text: str, path: str | Path) -> Motion:
     errors, and names the root.
 
     Its joints are the vertices, at most `MOST_POINTS` of them, each fixed to one near to it; the root is the first.
+    They are in the order in which a BVH file has them.
 
     Raises:
         BvhError: a vertex is not three numbers, or there is no vertex.
     """
     vertices = np.unique(_vertices(text, path), axis=0)
     points = vertices[spread_out(vertices, MOST_POINTS)]
-    order, before = breadth_first_order(minimum_spanning_tree(cdist(points, points)), 0, directed=False)
+    order, before = depth_first_order(minimum_spanning_tree(cdist(points, points)), 0, directed=False)
     parents = np.argsort(order)[before[order[1:]]]
     offsets = points[order] - points[order[np.append(0, parents)]]
     leaves = ~np.isin(np.arange(len(order)), parents)

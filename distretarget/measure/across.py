@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.vectors import lengths
 
 Array = NDArray[np.float64]
+Numbers = NDArray[np.intp]
 
 NEAR = 0.07  # points of two sides touch where they are nearer than this in the source [leg lengths]
 BLOCK = 256  # frames measured at once
@@ -22,11 +24,13 @@ class Across:
     """The gaps between points of two sides that touch in the source, in units of the source's world.
 
     Attributes:
+        leg: the length of a leg in the source, the mean of both sides [source file units].
         frames: in how many frames anything touches.
         source, rotation_copy, result: mean gap over all pairs of points that touch and all frames in which they do
             [source file units]; nan where nothing touches.
     """
 
+    leg: float
     frames: int
     source: float
     rotation_copy: float
@@ -57,18 +61,25 @@ def body_side(matching: Matching, copy: Motion, result: Motion) -> Side:
 
 def measure_across(one: Side, other: Side, scale: float) -> Across:
     """Measure the gaps between two sides; `scale` is in target units per source unit."""
-    near = NEAR * (one.leg + other.leg) / 2.0
+    leg = (one.leg + other.leg) / 2.0
     sides = [
         (one.source, other.source),
         *((a / scale, b / scale) for a, b in ((one.rotation_copy, other.rotation_copy), (one.result, other.result))),
     ]
     frames, count, totals = 0, 0, np.zeros(3)
-    for first in range(0, len(one.source), BLOCK):
-        block = slice(first, first + BLOCK)
-        touch = lengths(one.source[block][:, :, None] - other.source[block][:, None]) < near
-        frame, u, v = np.nonzero(touch)
+    for frame, u, v in touching_points(one.source, other.source, leg):
         frames += len(np.unique(frame))
         count += len(frame)
-        totals += [lengths(a[block][frame, u] - b[block][frame, v]).sum() for a, b in sides]
+        totals += [lengths(a[frame, u] - b[frame, v]).sum() for a, b in sides]
     means = totals / count if count else np.full(3, np.nan)
-    return Across(frames, *means.tolist())
+    return Across(leg, frames, *means.tolist())
+
+
+def touching_points(one: Array, other: Array, leg: float) -> Iterator[tuple[Numbers, Numbers, Numbers]]:
+    """The points of two sides, (frames, points, 3) each, that touch: block by block the frame of each pair, and the
+    number of either point. `leg` is in the unit of the points.
+    """
+    for first in range(0, len(one), BLOCK):
+        block = slice(first, first + BLOCK)
+        frame, u, v = np.nonzero(lengths(one[block][:, :, None] - other[block][:, None]) < NEAR * leg)
+        yield first + frame, u, v

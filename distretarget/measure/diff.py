@@ -34,7 +34,7 @@ class Diff:
     Attributes:
         a, b: the motions, A in B's world and both with B's frame time and the frames they share.
         matching: which joint of A stands for each joint of B.
-        up: (3,), up in both.
+        world: how A's world was taken into B's.
         stress: (frames,), Eq. (2) of B against A's distances, over the squared height of B.
         comparison: what else was measured, per frame.
         run_tracks: what is known of B if it was made here: its snaps, and the frames that did not converge.
@@ -44,7 +44,7 @@ class Diff:
     a: Motion
     b: Motion
     matching: Matching
-    up: Array
+    world: World
     stress: Array
     comparison: Comparison
     notes: tuple[str, ...]
@@ -52,6 +52,11 @@ class Diff:
 
     def __len__(self) -> int:
         return len(self.b)
+
+    @property
+    def up(self) -> Array:
+        """(3,), the unit vector up in both."""
+        return self.world.up_vector
 
     @property
     def tracks(self) -> Tracks:
@@ -66,24 +71,39 @@ class Diff:
         return {"source": clip_figures(self.comparison.source_tracks), "result": clip_figures(self.tracks)}
 
 
-def diff(a: Motion, b: Motion, joint_map: JointMap | None = None) -> Diff:
+def diff(
+    a: Motion,
+    b: Motion,
+    joint_map: JointMap | None = None,
+    *,
+    a_up: str | None = None,
+    b_up: str | None = None,
+) -> Diff:
     """Measure a motion B against a motion A, on the same skeleton or another.
 
     If frame times differ, A is resampled at B's; if the numbers of frames do, the longer one is cut. If the axes that
     point up do, A is turned.
 
+    Args:
+        a: the reference.
+        b: what is measured.
+        joint_map: the joint of A for joints of B, None for those to leave out; the others are matched by names or
+            shape.
+        a_up: the axis that points up in A, such as "Z"; if not given, it is detected.
+        b_up: the same in B.
+
     Raises:
         MatchingError: the two bodies cannot be matched.
         MapError: `joint_map` names joints that are not there.
         MotionError: a motion has no frames, positions too large to compute with, or no bone with a length.
-        SettingsError: an argument is of another kind.
+        SettingsError: an argument is of another kind, or there is no such axis.
     """
     check_kind("a", a, Motion)
     check_kind("b", b, Motion)
     for motion, name in ((a, "A"), (b, "B")):
         _check(motion, name)
     bodies = Body.of_motion(a), Body.of_motion(b)
-    world = find_world(*bodies)
+    world = find_world(*bodies, source_up=a_up, target_up=b_up)
     notes = list(turned_note(world))
     source, target = world.to_target_axes(bodies[0]), bodies[1].with_up(world.up)
     matching = match(source, target, joint_map)
@@ -106,7 +126,7 @@ def diff(a: Motion, b: Motion, joint_map: JointMap | None = None) -> Diff:
         a=a,
         b=b,
         matching=matching,
-        up=world.up_vector,
+        world=world,
         stress=stress,
         comparison=Reference(a, matching, world.up_vector).compare(b),
         notes=tuple(notes),

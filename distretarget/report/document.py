@@ -82,7 +82,7 @@ def document(diff: Diff, about: About) -> DiffDocument:
     }
 
 
-def json_text(document: DiffDocument) -> str:
+def json_text(document: Mapping[str, object]) -> str:
     """The document as JSON."""
     return json.dumps(document, indent=1, allow_nan=False) + "\n"
 

@@ -54,7 +54,7 @@ def run_diff(result: RetargetResult) -> Diff:
         a=result.source,
         b=result.motion,
         matching=result.matching,
-        up=result.world.up_vector,
+        world=result.world,
         stress=result.written_stress,
         comparison=result.comparison,
         notes=turned_note(result.world),

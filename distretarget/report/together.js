@@ -1,5 +1,5 @@
 'use strict';
-// The player of a scene: all performers and things, in the source and in the result.
+// The player of a scene: all performers and things on both sides, such as source and result.
 
 const COLOURS = ['--b', '--e2', '--e1', '--stance'];
 const GRID = 0.25;
@@ -16,8 +16,8 @@ function unpacked({offset, scale, positions}, joints) {
     axis => offset[axis] + scale[axis] * numbers[(frame * joints + joint) * 3 + axis]);
 }
 
-const bodies = scene.bodies.map(({name, parents, source, result, thing}, number) => ({
-  name, parents, thing, sides: [source, result].map((side, k) => unpacked(side, parents[k].length)),
+const bodies = scene.bodies.map(({name, parents, sides, thing}, number) => ({
+  name, parents, thing, sides: sides.map((side, k) => unpacked(side, parents[k].length)),
   colour: getComputedStyle(document.documentElement).getPropertyValue(
     thing ? '--muted' : COLOURS[number % COLOURS.length]),
 }));
@@ -87,9 +87,9 @@ function drawSide(context, box, side, style) {
       if (upper >= 0) line(context, at[upper], at[lower], body.colour, Math.max(1.5, 0.012 * at[lower][2]));
     });
   }
-  for (const [numbers, inSource, inResult, first, end] of scene.lines) {
+  for (const [numbers, onLeft, onRight, first, end] of scene.lines) {
     if (frame < first || frame >= end) continue;
-    const joints = [inSource, inResult][side];
+    const joints = [onLeft, onRight][side];
     const [from, to] = numbers.map((number, k) => bodies[number].sides[side](frame, joints[k]));
     const apart = Math.hypot(...from.map((x, axis) => x - to[axis]));
     const dash = side && apart > 1.5 * scene.near ? [4, 3] : [];
@@ -97,7 +97,7 @@ function drawSide(context, box, side, style) {
   }
   context.fillStyle = style('--muted');
   context.font = '600 13px system-ui, sans-serif';
-  context.fillText(['Source', 'Result'][side], box.x + 12, 22);
+  context.fillText(scene.sides[side], box.x + 12, 22);
   context.restore();
 }
 
@@ -150,6 +150,40 @@ function onKey(event) {
   keys[event.key]();
 }
 
+function addCell(row, content) {
+  const cell = row.insertCell();
+  if (typeof content === 'string') {
+    cell.textContent = content;
+    return;
+  }
+  const button = document.createElement('button');
+  button.type = 'button';
+  button.textContent = content;
+  button.setAttribute('aria-label', `Go to frame ${content}`);
+  button.addEventListener('click', () => goTo(content));
+  cell.append(button);
+}
+
+function addTable({title, columns, rows}) {
+  const section = document.createElement('section'), heading = document.createElement('h2');
+  const frame = document.createElement('div'), table = document.createElement('table');
+  heading.textContent = title;
+  frame.className = 'table';
+  const head = table.createTHead().insertRow(), body = table.createTBody();
+  for (const column of columns) {
+    const cell = document.createElement('th');
+    cell.textContent = column;
+    head.append(cell);
+  }
+  for (const cells of rows) {
+    const row = body.insertRow();
+    cells.forEach(content => addCell(row, content));
+  }
+  frame.append(table);
+  section.append(heading, frame);
+  $('tables').append(section);
+}
+
 function build() {
   for (const {name, colour} of bodies) {
     const item = document.createElement('span');
@@ -157,10 +191,7 @@ function build() {
     item.style.color = colour;
     $('legend').append(item);
   }
-  for (const cells of scene.gaps) {
-    const row = $('gaps').insertRow();
-    cells.forEach(cell => { row.insertCell().textContent = cell; });
-  }
+  scene.tables.forEach(addTable);
   const player = $('player');
   player.addEventListener('pointerdown', event => player.setPointerCapture(event.pointerId));
   player.addEventListener('pointermove', event => {

@@ -108,12 +108,14 @@ class Touched:
     Attributes:
         joints: (joints,), of the target.
         source: (frames, joints, 3), where their drivers are in the source [source file units].
+        gaps: (frames, joints), how far these are from the nearest point of the thing [source file units].
         f: (frames, joints), how far each is drawn to the thing, 0 to 1.
         A: (frames, joints, 3, 3), the stiffness.
     """
 
     joints: Joints
     source: Array
+    gaps: Array
     f: Array
     A: Array
 
@@ -146,7 +148,7 @@ def find_touched(
     units], since no path leads from it to the thing. Joints in the same of the `regions`, (points,), share their
     stiffness. `free`, (frames, points), is 0 where a joint is held elsewhere.
     """
-    length = _nearest(points.source, thing)
+    length = nearest(points.source, thing)
     D = length / leg
     f = activation(D, settings.lead / frame_time, settings) * free
     on = np.flatnonzero(f.any(axis=0))
@@ -155,11 +157,11 @@ def find_touched(
     w = firmness(D, settings) * pair_stiffness(f, D, ends, len(on) + int(regions.max(initial=0)) + 1, settings)
     w *= share_across(length[:, on] / (2.0 * leg), settings)
     A = w[..., None, None] * np.eye(3)
-    return Touched(joints=points.joints[on], source=points.source[:, on], f=f, A=A)
+    return Touched(joints=points.joints[on], source=points.source[:, on], gaps=length[:, on], f=f, A=A)
 
 
-def _nearest(joints: Array, thing: Array) -> Array:
-    """(frames, joints), how far each joint is from the nearest point of a thing."""
+def nearest(joints: Array, thing: Array) -> Array:
+    """(frames, joints), how far each joint is from the nearest point of a thing, (frames, points, 3)."""
     length = np.empty(joints.shape[:2])
     for block in blocks_of(len(joints)):
         length[block] = lengths(joints[block][:, :, None] - thing[block][:, None]).min(axis=-1)

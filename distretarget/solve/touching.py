@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.baseline.root import RootScale
 from distretarget.numerics.vectors import lengths
 from distretarget.solve.chunks import blocks_of
 from distretarget.solve.contact_pairs import activation, activation_window, come_near, pair_stiffness, share_across
@@ -35,12 +36,14 @@ class Points:
     Attributes:
         joints: (points,), joints of the target.
         source: (frames, points, 3), where their drivers are in the source's world [source file units].
-        reach: (points,), path lengths from the root to them in the source [source file units].
+        reach: (points,), path lengths from the pelvis to them in the source [source file units].
+        target_reach: (points,), the same on the target [target file units].
     """
 
     joints: Joints
     source: Array
     reach: Array
+    target_reach: Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -62,15 +65,21 @@ class Touching:
     vectors: Array
 
 
-def find_touching(one: Points, other: Points, scale: Array, frame_time: float, settings: ContactSettings) -> Touching:
+def find_touching(
+    one: Points, other: Points, scale: RootScale, up: Array, frame_time: float, settings: ContactSettings
+) -> Touching:
     """Return the pairs of joints of two performers that are near each other.
 
-    `scale`, (3, 3), takes vectors of the source's world into the target's.
+    Their vectors have the `scale` of the world, `up` being the unit vector up in it; or that of Eq. (1), with the path
+    lengths of both bodies, if it is less: where legs make the world larger than arms are long, hands that touch do not
+    part.
     """
     count, lead = len(one.source), settings.lead / frame_time
     found = [_found(one, other, block, lead, settings) for block in blocks_of(count)]
     frames, u, v, f, w, d = (np.concatenate(columns) for columns in zip(*found, strict=True))
-    return Touching(frames=frames, joints=np.stack([one.joints[u], other.joints[v]]), f=f, w=w, vectors=d @ scale.T)
+    of_paths = (one.target_reach[u] + other.target_reach[v]) / (one.reach[u] + other.reach[v])
+    vectors = np.minimum(of_paths / scale.level, 1.0)[:, None] * scale.places(d, up)
+    return Touching(frames=frames, joints=np.stack([one.joints[u], other.joints[v]]), f=f, w=w, vectors=vectors)
 
 
 def _found(
@@ -104,6 +113,14 @@ def firmness(D: Array, settings: ContactSettings) -> Array:
     hold each other cannot keep all distances between their joints.
     """
     return FIRMER * (settings.close + NEAREST) / (D + NEAREST)
+
+
+def gap_errors(touching: Touching, one: Array, other: Array) -> Array:
+    """(entries,), how far the gap of each pair is off the length of its vector, given the positions of both performers,
+    (frames, joints, 3) [target file units].
+    """
+    u, v = touching.joints
+    return np.abs(lengths(one[touching.frames, u] - other[touching.frames, v]) - lengths(touching.vectors))
 
 
 def touching_springs(

@@ -1,0 +1,46 @@
+"""The report on a scene that was retargeted: source and result, and the gaps between what touches."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from distretarget.report.together import ShownBody, Stage, Table, together_page
+from distretarget.scene import SceneResult
+
+NO_GAP = "\u2013"  # where nothing touches
+
+
+def scene_page(result: SceneResult, names: Sequence[str]) -> str:
+    """The HTML of the report on a scene; `names` are those of performers and things."""
+    first = result.results[0]
+    stage = Stage(
+        sides=("Source", "Result"),
+        up=first.world.up_vector,
+        leg=first.matching.leg_lengths[0] or first.matching.source.unit / 2.0,
+        scale=result.world_scale,
+    )
+    gaps: Table = {
+        "title": "What touches: mean gap, % of a leg, in the source\u2019s world",
+        "columns": ["between", "frames", "source", "copied rotations", "result"],
+        "rows": list(_gaps(result, names)),
+    }
+    return together_page(" and ".join(names), list(_bodies(result, names)), stage, [gaps])
+
+
+def _bodies(result: SceneResult, names: Sequence[str]) -> Iterator[ShownBody]:
+    for name, one in zip(names, result.results, strict=False):
+        joints = one.matching.body_joints
+        yield ShownBody(name=name, left=one.source, right=one.motion, joints=(one.drivers[joints], joints))
+    for name, thing in zip(names[len(result.results) :], result.things, strict=True):
+        joints = np.arange(len(thing.motion.skeleton))
+        yield ShownBody(name=name, left=thing.source, right=thing.motion, joints=(joints, joints), thing=True)
+
+
+def _gaps(result: SceneResult, names: Sequence[str]) -> Iterator[list[str | int]]:
+    """The rows of the table of gaps."""
+    for (i, j), across in result.across.items():
+        means = (across.source, across.rotation_copy, across.result)
+        numbers = [f"{100 * gap / across.leg:.1f}" if across.frames else NO_GAP for gap in means]
+        yield [f"{names[i]} and {names[j]}", str(across.frames), *numbers]

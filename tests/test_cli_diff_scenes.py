@@ -1,0 +1,147 @@
+"""`distretarget diff` of two scenes, as a user meets it."""
+
+import csv
+import io
+import json
+from functools import cache
+from importlib.resources import files
+
+import jsonschema
+import pytest
+from bodies import SAMPLES
+from pages import settle
+from program import run
+from referencing import Registry, Resource
+from sample_things import SCENES
+
+from distretarget import write_bvh
+from distretarget.report.document_types import DiffLimit
+from distretarget.report.scene_diff import DiffGaps, SceneDiffDocument
+
+HANDSHAKE = SAMPLES / "scenes" / "handshake"
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """The folders of results of two sample scenes."""
+    folder = tmp_path_factory.mktemp("results")
+    for name in ("handshake", "staff"):
+        assert run("scene", SAMPLES / "scenes" / name, "-o", folder / name).returncode == 0
+    return folder
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The working folder."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@cache
+def schema(name):
+    return json.loads(files("distretarget.report").joinpath(name).read_text("utf-8"))
+
+
+def check_schema(document):
+    parts = Registry().with_resource("diff.schema.json", Resource.from_contents(schema("diff.schema.json")))
+    jsonschema.Draft202012Validator.check_schema(schema("scene_diff.schema.json"))
+    jsonschema.Draft202012Validator(schema("scene_diff.schema.json"), registry=parts).validate(document)
+
+
+def test_a_result_is_measured_against_its_scene_file(results, folder):
+    done = run("diff", HANDSHAKE / "scene.json", results / "handshake", "--json", "d.json", "--csv", "d.csv")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "performers: one, other" in done.stdout
+    figures = json.loads((folder / "d.json").read_text())
+    check_schema(figures)
+    (gaps,) = figures["gaps"]
+    line = (
+        f"  one's right hand - other's right hand: {gaps['gap_a']:.1f}, {gaps['gap_b']:.1f} in {gaps['frames']} frames"
+    )
+    assert line in done.stdout
+    rows = list(csv.DictReader(io.StringIO((folder / "d.csv").read_text())))
+    assert [row["performer"] for row in rows] == ["one"] * 157 + ["other"] * 157
+    assert float(rows[0]["jerk"]) == figures["performers"]["one"]["frames"][0]["jerk"]
+
+
+def test_the_types_have_the_keys_of_the_schema():
+    whole = schema("scene_diff.schema.json")
+    for type_, described in (
+        (SceneDiffDocument, whole),
+        (DiffGaps, whole["$defs"]["gaps"]),
+        (DiffLimit, whole["$defs"]["limit"]),
+    ):
+        assert type_.__required_keys__ == set(described["properties"]), type_
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_folder_with_a_scene_file_is_that_scene_and_things_are_followed(results):
+    done = run("diff", SAMPLES / "scenes" / "staff", results / "staff", "--fail-over", "gap_error=1")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "things: staff" in done.stdout
+    assert "performer's left hand - staff: " in done.stdout
+
+
+def test_folders_without_a_scene_file_are_scenes_too(results):
+    done = run("diff", results / "staff", results / "staff", *("--fail-over", "gap_error=0"))
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "things: staff" in done.stdout
+    assert "off by 0.0 on average; a unit of A's world is 1 of B's" in done.stdout
+
+
+def test_who_never_meets_touches_nothing(folder):
+    for name in ("a", "b"):
+        (folder / name).mkdir()
+        write_bvh(folder / name / "one.bvh", next(iter(SCENES["handshake"]().performers.values())))
+    done = run("diff", "a", "b", "--json", "d.json", "--fail-over", "gap_error=0")
+    assert done.returncode == 0
+    assert "nothing touches between them in A" in done.stdout
+    check_schema(json.loads((folder / "d.json").read_text()))
+
+
+@pytest.mark.usefixtures("folder")
+def test_figures_over_their_limits_fail(results):
+    limits = ("--fail-over", "gap_error=0.001", "--fail-over", "direction_error=0.1")
+    done = run("diff", HANDSHAKE, results / "handshake", *limits)
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1
+    for words in ("handshake: gap_error is ", "over 0.001", "one's direction_error is ", "other's direction_error is "):
+        assert words in done.stderr
+
+
+def test_scenes_that_cannot_be_compared_are_refused(results, folder):
+    (folder / "empty").mkdir()
+    before = sorted(folder.rglob("*"))
+    scene, result = HANDSHAKE / "scene.json", results / "handshake"
+    for arguments, status, words in (
+        ((result, results / "staff"), 1, f"{results / 'staff'}: lacks 'one', 'other', in {str(result)!r}"),
+        ((results / "staff", result), 1, f"{result}: lacks 'performer', 'staff', in "),
+        ((result, "empty"), 1, "empty: has no BVH file and no scene.json in it"),
+        ((result / "one.bvh", result), 1, f"{result / 'one.bvh'}: is not a scene, but {str(result)!r} is"),
+        ((scene, result / "one.bvh"), 1, "name two scenes or two BVH files"),
+        ((scene, "missing.json"), 1, "missing.json: there is no such file"),
+        ((scene, result, "-o", result / "one.bvh", "--overwrite"), 1, "is an input"),
+        ((scene, result, "--json", "d", "--csv", "d"), 1, "another output"),
+        ((scene, result, "--world-scale", "0"), 2, "expected a number above 0"),
+        ((result / "one.bvh", result / "other.bvh", "--world-scale", "1"), 2, "--world-scale is for scenes"),
+        ((result / "one.bvh",) * 2 + ("--fail-over", "gap_error=1"), 2, "--fail-over gap_error is for scenes"),
+    ):
+        done = run("diff", *arguments)
+        assert (done.returncode, done.stdout) == (status, ""), arguments
+        assert done.stderr.startswith("distretarget: ")
+        assert len(done.stderr.splitlines()) == 1
+        assert words in done.stderr
+    assert sorted(folder.rglob("*")) == before
+
+
+def test_the_report_plays_in_a_browser(results, folder, open_page):
+    assert run("diff", HANDSHAKE, results / "handshake", "-o", "d.html", "--json", "d.json", "-q").stdout == ""
+    (gaps,) = json.loads((folder / "d.json").read_text())["gaps"]
+    tab = open_page(folder / "d.html")
+    assert tab.locator("#legend span").count() == 2
+    touch, figures = tab.locator("#tables table").all()
+    assert touch.locator("tbody tr").count() == 1
+    assert figures.locator("thead th").all_inner_texts() == ["figure", "one A", "one B", "other A", "other B"]
+    touch.get_by_role("button").click()
+    settle(tab)
+    assert tab.locator("#now").inner_text().startswith(f"{gaps['worst_frame']} / 156")

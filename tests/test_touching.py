@@ -1,0 +1,44 @@
+"""The pairs of joints of two performers that touch, and the vectors that they are drawn to."""
+
+import numpy as np
+import pytest
+
+from distretarget.baseline.root import RootScale
+from distretarget.solve.settings import ContactSettings
+from distretarget.solve.touching import Points, find_touching, gap_errors
+
+FRAMES = 5
+UP = np.array([0.0, 1.0, 0.0])
+BETWEEN = np.array([2.0, 1.0, 2.0])  # from the joint of the second performer to that of the first
+
+
+def points(place, target_reach):
+    """A performer's only joint, with a path of 60 from the pelvis in the source."""
+    source = np.broadcast_to(place, (FRAMES, 1, 3))
+    return Points(np.array([0]), np.array(source), np.array([60.0]), np.array([target_reach]))
+
+
+def found(scale, *reaches):
+    one, other = points(BETWEEN, reaches[0]), points(np.zeros(3), reaches[1])
+    return find_touching(one, other, scale, UP, 0.02, ContactSettings())
+
+
+@pytest.mark.parametrize("reaches", [(90.0, 90.0), (60.0, 120.0)])
+def test_gaps_have_the_scale_of_the_world(reaches):
+    """As the floor's along it, and as the bodies' upwards."""
+    touching = found(RootScale(1.5, 1.2), *reaches)
+    assert touching.frames.tolist() == list(range(FRAMES))
+    np.testing.assert_allclose(touching.vectors, np.tile([3.0, 1.2, 3.0], (FRAMES, 1)))
+
+
+@pytest.mark.parametrize("reaches", [(60.0, 60.0), (45.0, 75.0)])
+def test_gaps_do_not_grow_with_legs_alone(reaches):
+    """Both paths together are as long as in the source, so the gap is, although the world is half as large again."""
+    np.testing.assert_allclose(found(RootScale.even(1.5), *reaches).vectors, np.tile(BETWEEN, (FRAMES, 1)))
+
+
+def test_a_gap_is_off_by_what_its_length_is():
+    touching = found(RootScale.even(1.0), 60.0, 60.0)
+    one = np.full((FRAMES, 1, 3), 4.0)
+    assert gap_errors(touching, one, one - 2.0 * BETWEEN) == pytest.approx(3.0)
+    assert gap_errors(touching, one, one + BETWEEN) == pytest.approx(0.0)
