@@ -13,6 +13,7 @@ from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.distances import distance_problem, posture_stress
 from distretarget.numerics.stress import stress_and_gradient
 from distretarget.solve.articulation import Articulation, pose_body, pose_gradient, scratch_of
+from distretarget.solve.chunks import BLOCK_FRAMES
 from distretarget.solve.paper import PART_STIFFNESS, ROOT_STIFFNESS, solve_paper
 from distretarget.solve.poses import PoseProblem
 from distretarget.solve.rigid_parts import part_of_joint, posed_motion, rigid_part_roots
@@ -168,7 +169,7 @@ def test_a_guess_that_is_better_than_the_copy_is_used():
 
 
 def test_progress_counts_every_frame():
-    source, seen = swaying(PERSON, frames=300), []
+    source, seen = swaying(PERSON, frames=BLOCK_FRAMES + 1), []
     retarget(source, PERSON, objective="paper", progress=seen.append)
-    assert sum(seen) == 300
+    assert sum(seen) == BLOCK_FRAMES + 1
     assert len(seen) > 1

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 
 from distretarget.body.joint_names import JointName, joint_names, without_digits
@@ -21,7 +21,8 @@ class NameMeanings:
 
     Attributes:
         names: the name of each joint.
-        readings: per term, the parts that it means, each with the best fit of the conventions in which it does, 0 to 1.
+        readings: per term of the names, the parts that it means, each with the best fit of the conventions in which it
+            does, 0 to 1.
         convention: the title of the recognised convention; empty where none is.
     """
 
@@ -56,31 +57,33 @@ def name_meanings(skeleton: Skeleton) -> NameMeanings:
     """Return what the names of a skeleton's joints mean."""
     conventions = vocabulary().conventions
     names = joint_names(skeleton, {convention.prefix for convention in conventions} - {()})
-    fits = _fits(names)
+    terms = vocabulary().terms.intersection(map(_term, names))
+    fits = _fits(names, terms)
     readings: dict[Term, dict[str, float]] = defaultdict(dict)
     for convention, (fit, _) in zip(conventions, fits, strict=True):
-        for term, part in convention.parts.items():
+        for term in terms & convention.parts.keys():
+            part = convention.parts[term]
             readings[term][part] = max(readings[term].get(part, 0.0), min(fit, 1.0))
     best = max(range(len(fits)), key=fits.__getitem__)
     title = conventions[best].title if fits[best][0] >= RECOGNISED else ""
     return NameMeanings(names, readings, title)
 
 
-def _fits(names: Sequence[JointName]) -> list[tuple[float, int]]:
-    """How well the names fit each convention, and how many of its other terms they have.
+def _fits(names: Sequence[JointName], known: Set[Term]) -> list[tuple[float, int]]:
+    """How well the names fit each convention, and how many of its other terms they have; `known` are their terms that
+    any convention knows.
 
     The fit is the number of terms that names and convention share, over the number of terms that either has. Terms that
     no convention knows and the convention's other terms are left out. The convention's prefix adds `PREFIX_FIT`.
     """
     conventions = vocabulary().conventions
-    known = {term for convention in conventions for term in convention.parts}
     terms = set(map(_term, names))
     prefixes = Counter(name.prefix for name in names if name.stem)
     prefix = max(prefixes, key=prefixes.__getitem__, default=())
     fits = []
     for convention in conventions:
         own = convention.parts.keys()
-        fit = len(own & terms) / len(own | ((known & terms) - convention.also))
+        fit = len(own & known) / len(own | (known - convention.also))
         fits.append((fit + PREFIX_FIT * (prefix != () and prefix == convention.prefix), len(convention.also & terms)))
     return fits
 

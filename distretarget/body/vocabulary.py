@@ -43,12 +43,14 @@ class Vocabulary:
 
     Attributes:
         conventions: all conventions, the preferred one first where names fit several.
+        terms: all terms that mean a part in any of them.
         fingers: per finger, the words for it.
         palm: the words for a bone in the palm.
         necks: the words for joints of the neck, without digits at the end.
     """
 
     conventions: tuple[Convention, ...]
+    terms: frozenset[Term]
     fingers: Mapping[str, tuple[str, ...]]
     palm: tuple[str, ...]
     necks: frozenset[str]
@@ -61,6 +63,7 @@ def vocabulary() -> Vocabulary:
     conventions = tuple(_convention(**entry) for entry in data["conventions"])
     return Vocabulary(
         conventions,
+        frozenset(term for convention in conventions for term in convention.parts),
         {finger: tuple(names) for finger, names in data["fingers"].items()},
         tuple(data["palm"]),
         frozenset(
