@@ -113,7 +113,9 @@ class Skeleton:
         inner = np.isin(np.arange(count), self.parents)
         for joint in np.flatnonzero(self.end_sites):
             if not joint or inner[joint] or self.channels[joint]:
-                raise SkeletonError(f"{self.names[joint]!r} is an End Site, but it is the root, or has channels or children")
+                raise SkeletonError(
+                    f"{self.names[joint]!r} is an End Site, but it is the root, or has channels or children"
+                )
 
     def _check_channels(self) -> None:
         """Check that the channels of each joint are known, and different."""

@@ -29,9 +29,9 @@ Written by `tools/make_reference.py`: the help texts that the program prints wit
 | 130 | interrupted |
 
 Results go to standard output, errors and warnings to standard error. In place of a clip, a skeleton or an output,
-`-` means standard input or output; if a result goes to standard output, all lines for the user go to standard error. For a
-file that is called `-`, write `./-`. On a terminal a bar counts the frames. A file that exists is replaced only with
-`--overwrite`, an input never. A file is written under a temporary name, and gets its own when it is complete.
+`-` means standard input or output; if a result goes to standard output, all lines for the user go to standard error.
+For a file that is called `-`, write `./-`. On a terminal a bar counts the frames. A file that exists is replaced only
+with `--overwrite`, an input never. A file is written under a temporary name, and gets its own when it is complete.
 
 The first run compiles, which may take half a minute, and says so in one line. Later runs find the code in the first
 of these folders that can be written to: `NUMBA_CACHE_DIR`, where that variable is set; the folder of the package;
