@@ -22,8 +22,8 @@ TEXT = """\
 # Other programs
 
 Written by `tools/make_interop.py`. Other programs read files that `distretarget` has written, and the
-positions that they compute for the joints are compared with those of `distretarget`, over {frames} frames. The table has
-the largest distance between the two, in heights of the body. `tests/interop/` asks for less than 1e-4.
+positions that they compute for the joints are compared with those of `distretarget`, over {frames} frames. The table
+has the largest distance between the two, in heights of the body. `tests/interop/` asks for less than 1e-4.
 
 {table}
 
