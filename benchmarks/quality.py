@@ -277,7 +277,7 @@ def clip_table(rows: list[Row]) -> str:
     """A table with a line for each clip and target."""
     methods = list(dict.fromkeys(row.method for row in rows))
     lines = [
-        f"Contact error (D), direction error (degrees) and jerk: {' / '.join(methods)}.",
+        f"Contact error (D), direction error (degrees) and jerk are those of {' / '.join(methods)}.",
         "",
         "| clip | target | contact pairs | contact error | direction error | jerk against rotation copy's "
         "| paper's written / free stress |",

@@ -77,7 +77,7 @@ class Skeleton:
         except TypeError as error:
             raise SkeletonError(f"names and channels need an entry for each joint: {error}") from error
         if wrong := [name for name in self.names if not isinstance(name, str)]:
-            raise SkeletonError(f"{wrong[0]!r} is no name; expected a text")
+            raise SkeletonError(f"{wrong[0]!r} is not a name; expected a text")
         if len(self.channels) != len(self.names):
             raise SkeletonError(f"channels are given for {len(self.channels)} of {len(self.names)} joints")
 
@@ -97,7 +97,7 @@ class Skeleton:
                 if (exact != array).any() and np.isfinite(array).all():
                     raise ValueError("found fractions")
             except (TypeError, ValueError) as error:
-                raise SkeletonError(f"{name} is no array of {np.dtype(dtype).name} values: {error}") from error
+                raise SkeletonError(f"{name} is not an array of {np.dtype(dtype).name} values: {error}") from error
             if exact.shape != shape:
                 raise SkeletonError(f"{name} has shape {exact.shape}, {count} joints need {shape}")
             exact.flags.writeable = False
@@ -113,7 +113,9 @@ class Skeleton:
         inner = np.isin(np.arange(count), self.parents)
         for joint in np.flatnonzero(self.end_sites):
             if not joint or inner[joint] or self.channels[joint]:
-                raise SkeletonError(f"{self.names[joint]!r} is an End Site, but the root, or with channels or children")
+                raise SkeletonError(
+                    f"{self.names[joint]!r} is an End Site, but it is the root, or has channels or children"
+                )
 
     def _check_channels(self) -> None:
         """Check that the channels of each joint are known, and different."""

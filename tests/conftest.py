@@ -4,7 +4,11 @@ import json
 import shutil
 
 import pytest
+from hypothesis import settings
 from pages import settle
+
+settings.register_profile("however slow", deadline=None)  # a busy machine is no fault of the program
+settings.load_profile("however slow")
 
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 

@@ -297,6 +297,15 @@ def test_a_clip_that_kills_its_worker_fails_alone(folder):
     assert "the process that converted it died" in seen.records[-1]["error"]
 
 
+def test_workers_that_cannot_start_end_the_run(folder):
+    class NeverStarting(Inline):
+        def submit(self, *_):
+            raise BrokenProcessPool("dead")
+
+    with pytest.raises(BatchError, match="the workers die as they start"):
+        go(folder, Pool(NeverStarting()))
+
+
 def test_a_cluster_that_goes_away_ends_the_run(folder):
     class Gone(Inline):
         def submit(self, *_):

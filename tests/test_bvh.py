@@ -332,7 +332,7 @@ def outcome(content):
     return result
 
 
-@settings(max_examples=250, deadline=None)
+@settings(max_examples=250)
 @given(st.integers(0, len(TEXT)))
 def test_fuzz_truncated(end):
     motion = outcome(TEXT.encode()[:end])
@@ -340,7 +340,7 @@ def test_fuzz_truncated(end):
     assert isinstance(motion, Motion) == (end >= len(whole) - 2)
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=400)
 @given(st.integers(0, len(TEXT) - 1), st.integers(0, 255))
 def test_fuzz_one_byte(at, byte):
     content = bytearray(TEXT.encode())
@@ -348,7 +348,7 @@ def test_fuzz_one_byte(at, byte):
     outcome(bytes(content))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.lists(st.tuples(st.integers(0, TEXT.count("\n")), st.integers(0, TEXT.count("\n"))), min_size=1, max_size=3))
 def test_fuzz_lines_moved_or_lost(moves):
     lines = TEXT.splitlines()
@@ -359,7 +359,7 @@ def test_fuzz_lines_moved_or_lost(moves):
     outcome("\n".join(lines))
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.binary(max_size=60))
 def test_fuzz_any_bytes(content):
     assert isinstance(outcome(content), DistretargetError)

@@ -143,7 +143,7 @@ def motions(draw):
     return Motion(skeleton, translations, rotations, draw(st.sampled_from(["0.01", ".04", "1e-2"])))
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(motions())
 def test_what_is_written_reads_back_the_same(motion):
     again = read(format_bvh(motion))

@@ -12,6 +12,8 @@ from bodies import SAMPLES
 from distretarget.numerics import code_folder as module
 from distretarget.numerics.code_folder import PACKAGE
 
+NOBODY = 65534  # a user who is not the one that runs the tests
+
 
 @pytest.fixture
 def places(tmp_path, monkeypatch):
@@ -56,17 +58,29 @@ def test_code_of_versions_that_have_not_run_for_long_is_removed(places, tmp_path
     assert folders["recent"].exists(), "only the first run of a version searches"
 
 
+def make_link(folder, elsewhere):
+    elsewhere.mkdir(0o700)
+    folder.symlink_to(elsewhere)
+
+
+def make_open_to_all(folder, _elsewhere):
+    folder.mkdir()
+    folder.chmod(0o777)
+
+
+def make_of_another_user(folder, _elsewhere):
+    if os.getuid() != 0:
+        pytest.skip("only root can give a folder to another user")
+    folder.mkdir(0o700)
+    os.chown(folder, NOBODY, NOBODY)
+
+
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="temporary files are private here")
-@pytest.mark.parametrize("kind", ["open to all", "a link"])
-def test_no_code_is_taken_from_a_folder_that_others_may_have_filled(places, tmp_path, kind):
+@pytest.mark.parametrize("make", [make_link, make_open_to_all, make_of_another_user])
+def test_no_code_is_taken_from_a_folder_that_others_may_have_filled(places, tmp_path, make):
     for place in places[:3]:
         place.touch()
-    if kind == "a link":
-        (tmp_path / "elsewhere").mkdir(0o700)
-        places[3].symlink_to(tmp_path / "elsewhere")
-    else:
-        places[3].mkdir()
-        places[3].chmod(0o777)
+    make(places[3], tmp_path / "elsewhere")
     assert chosen() is None
 
 

@@ -41,7 +41,7 @@ def test_no_axes_make_no_rotation():
     assert from_euler_angles(np.zeros((2, 0)), "").tolist() == [[0.0, 0.0, 0.0, 1.0]] * 2
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.sampled_from(ORDERS), st.lists(triple, min_size=1, max_size=6))
 def test_three_angles_make_the_rotation_at_and_near_gimbal_lock(axes, triples):
     rotations = Rotation.from_euler(axes, triples).as_quat()
@@ -73,7 +73,7 @@ def test_a_lock_in_the_first_frame_leaves_the_first_angle_zero():
     np.testing.assert_allclose(found, [[0.0, np.pi / 2, 0.75]], atol=1e-7)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.sampled_from(ORDERS), st.lists(triple, min_size=1, max_size=4))
 def test_no_equivalent_triple_is_nearer_to_the_frame_before(axes, triples):
     found = euler_angles(Rotation.from_euler(axes, triples).as_quat(), axes)
@@ -83,7 +83,7 @@ def test_no_equivalent_triple_is_nearer_to_the_frame_before(axes, triples):
         assert np.all(np.linalg.norm(found - before, axis=1) <= np.linalg.norm(away, axis=1) + 1e-6)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.sampled_from(SHORT_ORDERS), st.lists(st.tuples(angle, near_lock | angle), min_size=1, max_size=6))
 def test_fewer_axes_reproduce_the_rotations_they_can_make(axes, pairs):
     rotations = Rotation.from_euler(axes, np.array(pairs)[:, : len(axes)]).as_quat()
@@ -93,7 +93,7 @@ def test_fewer_axes_reproduce_the_rotations_they_can_make(axes, pairs):
     np.testing.assert_allclose(np.abs(np.sum(restrict(rotations, axes) * rotations, axis=1)), 1.0, atol=1e-12)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.sampled_from("XYZ"), triple, angle)
 def test_no_rotation_about_one_axis_is_nearer(axis, angles, other):
     rotation = Rotation.from_euler("XYZ", angles)

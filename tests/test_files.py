@@ -161,6 +161,7 @@ def test_places_without_permission(tmp_path, monkeypatch):
     ("number", "reason"),
     [
         (errno.ENOSPC, "the disk is full"),
+        (errno.EDQUOT, "the disk quota is used up"),
         (errno.EACCES, "permission denied"),
         (errno.EIO, os.strerror(errno.EIO)),
     ],

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, reject, settings
+from hypothesis import assume, given, reject
 from hypothesis import strategies as st
 from skeleton_files import HIPS, SPINE, assert_same, full, load_json, valid
 from table_one import table_one
@@ -56,7 +56,6 @@ def skeletons(draw):
         reject()
 
 
-@settings(deadline=None)
 @given(skeletons(), st.text())
 def test_round_trip(skeleton, name):
     assume(skeleton.lengths.max() >= SMALLEST)

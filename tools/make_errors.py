@@ -46,8 +46,8 @@ HEAD = """\
 # Messages
 
 Written by `tools/make_errors.py` from the source. An error is one line: the file or option, the place in it where that
-is known, the cause, and mostly what would have worked. {gap} stands for names and numbers. Wrong usage ends with status
-2, anything else with 1.
+is known, the cause, and in most cases what would have worked. {gap} stands for names and numbers. Wrong usage ends
+with status 2, anything else with 1.
 """
 
 

@@ -21,9 +21,9 @@ PAGE = Path(__file__).resolve().parents[1] / "docs" / "interop.md"
 TEXT = """\
 # Other programs
 
-Written by `tools/make_interop.py`. Each file that `distretarget` writes is read by other programs, each in its own
-way, and the positions that they find for the joints are compared with those that `distretarget` has, over {frames}
-frames: the largest distance between the two, in heights of the body. `tests/interop/` asks for less than 1e-4.
+Written by `tools/make_interop.py`. Other programs read files that `distretarget` has written, and the
+positions that they compute for the joints are compared with those of `distretarget`, over {frames} frames. The table
+has the largest distance between the two, in heights of the body. `tests/interop/` asks for less than 1e-4.
 
 {table}
 

@@ -14,12 +14,12 @@ from distretarget.cli import cli
 from distretarget.cli.group import ImportedCommand
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "command_line.md"
-WIDTH = 100
+WIDTH = 96  # characters of a line, as many as the site shows on a desktop
 
 INTRODUCTION = """\
 # The command line
 
-Written by `tools/make_reference.py` from the help texts of the program; each stands there under `--help` too.
+Written by `tools/make_reference.py`: the help texts that the program prints with `--help`.
 
 | exit status | |
 |---|---|
@@ -28,14 +28,14 @@ Written by `tools/make_reference.py` from the help texts of the program; each st
 | 2 | wrong usage: an option or argument that is missing or unknown |
 | 130 | interrupted |
 
-Results go to standard output, errors and warnings to standard error. In place of a clip, a skeleton or an output, - is
-standard input or output; with an output there, all lines go to standard error. A file called - is given as ./-.
-On a terminal a bar counts the frames; elsewhere there is none. A file that exists is replaced with `--overwrite` only,
-an input never. Files are written beside their place and moved there when they are complete.
+Results go to standard output, errors and warnings to standard error. In place of a clip, a skeleton or an output,
+`-` means standard input or output; if a result goes to standard output, all lines for the user go to standard error.
+For a file that is called `-`, write `./-`. On a terminal a bar counts the frames. A file that exists is replaced only
+with `--overwrite`, an input never. A file is written under a temporary name, and gets its own when it is complete.
 
 The first run compiles, which may take half a minute, and says so in one line. Later runs find the code in the first
 of these folders that can be written to: `NUMBA_CACHE_DIR`, where that variable is set; the folder of the package;
-`~/.cache/distretarget`; a private folder among the temporary files. Where none can be, each run compiles again. Times
+`~/.cache/distretarget`; a private folder among the temporary files. If none of them can, each run compiles again. Times
 and frames per second do not include compilation.
 """
 

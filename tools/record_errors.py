@@ -17,7 +17,7 @@ def pytest_addoption(parser: Any) -> None:
 
 def pytest_configure(config: Any) -> None:
     """Append the message of each error to the file, as it is made."""
-    path: Path = config.getoption("--record-errors")
+    path: Path = config.getoption("--record-errors").absolute()  # tests change the working folder
     for kind in (DistretargetError, click.ClickException):
         _record(kind, path)
 

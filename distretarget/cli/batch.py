@@ -89,7 +89,8 @@ INTERRUPTED = 130  # exit status
     default="worst:10",
     show_default=True,
     metavar="WHICH",
-    help=f"The clips that get a report, with --report: worst:N by {FIGURES[0].label}, all or none.",
+    help="With --report, the clips that get a report of their own: worst:N for the N with the largest "
+    f"{FIGURES[0].label}, all or none.",
 )
 @click.option("--dry-run", is_flag=True, help="Print what would be done, and do nothing.")
 @quiet

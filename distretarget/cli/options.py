@@ -24,17 +24,17 @@ SUPPORTS_OPTION = click.option(
     type=click.Choice(SUPPORTS),
     default="hold",
     show_default=True,
-    help="hold: feet, hands, knees and whatever else rests on the floor, or on something that stands still, stays at "
-    "rest. feet: feet alone do. free: nothing does.",
+    help="What stays where it rests. hold: feet, hands, knees and all else that rests on the floor or holds on to "
+    "something. feet: feet alone. free: nothing.",
 )
 SCENE_OPTION = click.option(
     "--scene",
     type=click.Choice(get_args(Scene)),
     default="body",
     show_default=True,
-    help="Where rails, walls, rungs and all else that stands still belongs, apart from the floor. body: where the "
-    "limbs of TARGET meet it, on average. scaled: where it is in SOURCE, scaled as the root's path, for a scene "
-    "that is scaled with the body.",
+    help="Where walls, rails, rungs and all else that the body holds on to are in the result. body: where the limbs of "
+    "TARGET meet them, on average. scaled: where they are in SOURCE, scaled like the root's path, for a set that is "
+    "scaled with the body.",
 )
 OPTIONS = (
     click.option(
@@ -66,17 +66,17 @@ OPTIONS = (
     click.option(
         "--root-follows",
         type=click.Choice(get_args(RootFollows)),
-        help="What a root on the floor of TARGET follows, as rigs for game engines have it. pelvis: it stays on the "
-        "floor under the pelvis and turns with it. source: it follows the root of SOURCE. nothing: it stays at the "
-        "origin. Default: source, if that has a root that moves on the floor, else pelvis.",
+        help="What the root of TARGET follows if it is on the floor, as in rigs for game engines. pelvis: it stays on "
+        "the floor under the pelvis and turns with it. source: it follows the root of SOURCE. nothing: it stays at the "
+        "origin. Default: source, if SOURCE has a root that moves on the floor, else pelvis.",
     ),
     click.option(
         "--objective",
         type=click.Choice(OBJECTIVES),
         default=OBJECTIVES[0],
         show_default=True,
-        help="contact: keep what is near in the source near, and the rest as in the source. "
-        "paper: use the distances and priorities of the paper, and hold nothing in its place.",
+        help="contact: parts of the body that nearly touch in SOURCE stay as near, all else keeps its rotations. "
+        "paper: the method of Mucherino et al. (2017), which holds neither hands nor feet in place.",
     ),
     SUPPORTS_OPTION,
     SCENE_OPTION,

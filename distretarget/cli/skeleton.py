@@ -108,7 +108,7 @@ def edit_command(
 
     \b
     distretarget skeleton edit hero.bvh --scale 1.1 -o tall_hero.json
-    distretarget skeleton edit hero.bvh --length LeftLeg=42 --factor '*ForeArm=1.5' -o other_hero.json
+    distretarget skeleton edit hero.bvh --length LeftLeg=42 --factor '*ForeArm=1.5' -o other.json
     """  # noqa: D301
     if scale is None and not lengths and not factors:
         raise click.UsageError("nothing to change; give --scale, --length or --factor.")
@@ -150,9 +150,10 @@ def edit_command(
 def match_command(source: Path, target: Path, map_path: Path | None, output: Path | None, overwrite: bool) -> None:
     """Print which joint of SOURCE drives which joint of TARGET, and write it as a map to edit.
 
-    Both are BVH or skeleton files. The method of a pair is a map, an equal name, names or shape (both joints are the
-    same part of the body, by their names or by their place in it), or tip (both end matched joints). Where source and
-    target have different numbers of joints in the spine or neck, a target joint may blend two source joints.
+    Both are BVH or skeleton files. The method says how a pair was found: by a map, by equal names, by names or shape
+    (both joints are the same part of the body, by their names or by their place in it), or as tips of matched joints.
+    Where source and target have different numbers of joints in the spine or neck, a target joint may blend two source
+    joints.
 
     Give the map to 'distretarget retarget' with --map. It has null for joints that nothing drives.
 

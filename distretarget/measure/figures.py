@@ -407,7 +407,7 @@ FIGURES = (  # the most telling first
         limit=Limit(
             margin=0.0,
             reason="a joint jumps that does not in copied rotations",
-            cause="a contact or a resting foot sets in too fast, or a limb flips over",
+            cause="a contact or the stance of a foot begins too suddenly, or a limb flips over",
         ),
         decimals=0,
         places=("card", "page over clips"),
@@ -454,7 +454,7 @@ FIGURES = (  # the most telling first
             factor=1.5,
             of="rotation_copy",
             reason="the motion shakes or twitches",
-            cause="contacts or resting feet set in and let go too often",
+            cause="contacts or stances of the feet begin and end too often",
         ),
         symbol="sizes/s³",
         decimals=1,
@@ -471,7 +471,7 @@ FIGURES = (  # the most telling first
         limit=Limit(
             margin=12.0,
             reason="a joint pops",
-            cause="a contact or a resting foot sets in too fast, or a limb flips over",
+            cause="a contact or the stance of a foot begins too suddenly, or a limb flips over",
         ),
         symbol="°",
         decimals=1,

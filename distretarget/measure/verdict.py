@@ -8,10 +8,10 @@ from collections.abc import Iterator, Mapping
 from distretarget.measure.figures import BY_KEY, FIGURES, Figures, Side, Tracks
 
 SAME = 1.15  # contacts that are kept less than this times better are kept as well as by copied rotations
-MOST_TIMES = 100.0  # a larger ratio of contact errors is told as "more than"
+MOST_TIMES = 100.0  # a larger ratio of contact errors is given as "more than"
 STILL = 0.01  # feet slower than this do not slide [leg lengths/s]
 UNCHANGED = 0.05  # a smaller change of direction is none [degrees]
-LEAST_BOUND = 0.1  # hips are told to be within this at least [% of leg length]
+LEAST_BOUND = 0.1  # the least distance that hips are said to be within [% of leg length]
 
 
 def verdict(figures: Figures, tracks: Mapping[Side, Tracks]) -> str:
