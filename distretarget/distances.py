@@ -82,7 +82,7 @@ def distance_problem(source: Skeleton, target: Skeleton, drivers: NDArray[np.int
 
 def point_of_joint(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]) -> NDArray[np.intp]:
     """(target joints,), the target joint whose point each joint is: itself, or the ancestor with which it coincides on
-    both skeletons; -1 for joints without a driver, which are no points.
+    both skeletons; -1 for joints without a driver, which are not points.
     """
     points = np.where(drivers >= 0, np.arange(len(target)), -1)
     coincide = (target.lengths == 0.0) & (source.lengths[drivers] == 0.0)

@@ -84,7 +84,7 @@ class Motion:
             try:
                 array = np.asarray(getattr(self, name), np.float64).view()
             except (TypeError, ValueError) as error:
-                raise MotionError(f"{name} is no array of numbers: {error}") from error
+                raise MotionError(f"{name} is not an array of numbers: {error}") from error
             if array.ndim != 3 or array.shape[1:] != (joints, width):
                 raise MotionError(f"{name} has shape {array.shape}, {joints} joints need (frames, {joints}, {width})")
             array.flags.writeable = False

@@ -41,7 +41,7 @@ class Skeleton:
         up: the axis that points up, one of `AXES`; None where the file does not state it.
 
     Raises:
-        SkeletonError: the arrays are not a tree in that order or hold no numbers, a name is no text, a channel is
+        SkeletonError: the arrays are not a tree in that order or hold no numbers, a name is not text, a channel is
             unknown or occurs twice in a joint, an End Site has channels or children, unit or axis are unknown, or two
             joints cannot be told apart.
     """
@@ -260,7 +260,7 @@ class Skeleton:
         """Return the same tree with other offsets, (joints, 3).
 
         Raises:
-            SkeletonError: they are no such array, or not finite.
+            SkeletonError: they are not such an array, or not finite.
         """
         return replace(self, offsets=cast(NDArray[np.float64], offsets))  # checked as it is made
 
@@ -268,7 +268,7 @@ class Skeleton:
         """Return the same tree and rest directions with other bone lengths, (joints,); bones of length 0 stay so.
 
         Raises:
-            SkeletonError: they are no such array, or one is negative or not finite.
+            SkeletonError: they are not such an array, or one is negative or not finite.
         """
         if np.shape(lengths) != self.lengths.shape or not np.all(np.asarray(lengths) >= 0):
             raise SkeletonError(f"lengths have to be {len(self)} numbers, from 0")

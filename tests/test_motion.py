@@ -34,7 +34,7 @@ def test_rotations_are_unit_quaternions(rotations):
 
 
 def test_what_is_no_array_and_no_kind_of_rotation():
-    with pytest.raises(MotionError, match="rotations is no array of numbers"):
+    with pytest.raises(MotionError, match="rotations is not an array of numbers"):
         replace(MOTION, rotations=[[1], [2, 3]])
     with pytest.raises(MotionError, match=r"frame_time_text is 0\.01"):
         replace(MOTION, frame_time_text=0.01)

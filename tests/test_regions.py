@@ -1,4 +1,4 @@
-"""The regions of bodies: hands with their fingers, and nothing that is no part of the body."""
+"""The regions of bodies: hands with their fingers, and nothing that is not part of the body."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ CURES = {
     "the rotation … is not a unit quaternion: …": "divide the quaternions, x y z w, by their lengths",
     "… has shape …, … joints need (frames, …, …)": CHECK,
     "… has shape …, … joints need …": CHECK,
-    "… is no array of numbers: …": CHECK,
+    "… is not an array of numbers: …": CHECK,
     "… is not an array of … values: …": CHECK,
     "the offset of … is not finite, or beyond …": "correct the offset or the scale, or use larger units",
     "channels are given for … of … joints": CHECK,

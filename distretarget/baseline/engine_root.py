@@ -1,4 +1,4 @@
-"""The joints of a rig for game engines that are no part of the body: the root on the floor, and IK handles.
+"""The joints of a rig for game engines that are not part of the body: the root on the floor, and IK handles.
 
 They are placed last. The body's own joints keep their positions and rotations in the world.
 """
@@ -42,7 +42,7 @@ class EngineRoot:
         follows: whether the root follows the target's pelvis, the source's root or nothing.
         handles: the joint whose position and rotation each handle copies, by handle, without those that a map drives.
         moving: the joints that are placed: the root, if it can move without the body, the handles, and what hangs from
-            both and is no part of the body.
+            both and is not part of the body.
     """
 
     matching: Matching
@@ -125,7 +125,7 @@ def find_engine_root(matching: Matching, scale: RootScale, follows: RootFollows 
 
 
 def _moving(body: Body, handles: Collection[int], roots: Collection[int]) -> tuple[int, ...]:
-    """The joints that move without the body: handles, `roots`, and what hangs from these and is no part of the body.
+    """The joints that move without the body: handles, `roots`, and what hangs from these and is not part of the body.
 
     The roots are left out unless each part of the body that hangs from them has all six channels to stay in place.
     """

@@ -32,7 +32,7 @@ class History:
 
     Attributes:
         path: the path of the manifest.
-        broken: the numbers of its lines, from 1, that are no records. They are not used: the clips that they are about
+        broken: the numbers of its lines, from 1, that are not records. They are not used: the clips that they are about
             count as not converted.
     """
 

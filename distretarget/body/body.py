@@ -89,7 +89,7 @@ class Body:
 
     @cached_property
     def height(self) -> float:
-        """Height of the body in its rest pose [file units], without joints that are no part of the body: its extent
+        """Height of the body in its rest pose [file units], without joints that are not part of the body: its extent
         along the axis of the legs, without legs its largest one.
         """
         rest = self.skeleton.rest_positions[self.regions.of_joint >= 0]
@@ -104,7 +104,7 @@ class Body:
 
     @cached_property
     def above_hips(self) -> tuple[int, ...]:
-        """The joints above hips and legs: they carry the body and are no part of it, such as a root on the floor."""
+        """The joints above hips and legs: they carry the body and are not part of it, such as a root on the floor."""
         hips = self.anatomy.roles.get("hips") if self.anatomy else None
         tops = [joint for joint in (hips, self.pelvis_joint) if joint is not None]
         return tuple(self.skeleton.line(min(tops))[1:]) if tops else ()

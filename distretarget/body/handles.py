@@ -1,4 +1,4 @@
-"""The IK handles of a rig: joints that mark where hands and feet belong, and are no part of the body."""
+"""The IK handles of a rig: joints that mark where hands and feet belong, and are not part of the body."""
 
 from __future__ import annotations
 

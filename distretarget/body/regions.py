@@ -41,7 +41,7 @@ class Regions:
     Attributes:
         names: of the regions, such as "left hand", those of most interest first; in a body without anatomy the name of
             the first joint of each limb.
-        of_joint: (joints,), the region of each joint and End Site; -1 for what is no part of the body: joints above
+        of_joint: (joints,), the region of each joint and End Site; -1 for what is not part of the body: joints above
             the hips, handles, props, hair and cloth.
         neighbours: (regions, regions), whether two regions are the same or joined by a bone; they always touch.
     """
@@ -60,7 +60,7 @@ class Regions:
 
 
 def find_regions(skeleton: Skeleton, anatomy: Anatomy | None, above_hips: tuple[int, ...]) -> Regions:
-    """Return the regions of a body, of which the joints `above_hips` are no part."""
+    """Return the regions of a body, of which the joints `above_hips` are not part."""
     labels = _limbs(skeleton) if anatomy is None else _by_anatomy(skeleton, anatomy)
     for joint in above_hips:
         labels.pop(joint, None)

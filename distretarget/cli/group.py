@@ -15,7 +15,7 @@ import click
 class DefaultGroup(click.Group):
     """A group that passes arguments to the `default` command if they do not begin with the name of a command.
 
-    A first argument that is no file, and nearly the name of a command, is refused.
+    A first argument that is not a file, but nearly the name of a command, is refused.
     """
 
     def __init__(self, *args: Any, default: str, **kwargs: Any) -> None:

@@ -28,7 +28,7 @@ def read_bvh(path: str | Path) -> Motion:
 
     Raises:
         FileError: the file cannot be read as text.
-        BvhError: it is no whole BVH file.
+        BvhError: it is not a whole BVH file.
     """
     return parse_bvh(read_text(path), path)
 
@@ -42,7 +42,7 @@ def parse_bvh(text: str, path: str | Path) -> Motion:
     End Sites become joints called `<parent>_End`, `<parent>_End2`, ...
 
     Raises:
-        BvhError: it is no whole BVH file.
+        BvhError: it is not a whole BVH file.
     """
     words = Words(path, text)
     skeleton = _take_skeleton(words)

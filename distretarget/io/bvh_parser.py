@@ -140,7 +140,7 @@ def take_hierarchy(words: Words) -> list[JointText]:
     """The joints and End Sites in the order of the text, up to the root's last brace.
 
     Raises:
-        BvhError: the text is no HIERARCHY with one ROOT.
+        BvhError: the text is not a HIERARCHY with one ROOT.
     """
     words.keyword("HIERARCHY")
     words.keyword("ROOT")
@@ -239,7 +239,7 @@ def take_frames(words: Words, channels: int) -> FramesText:
     """The frames of so many channels each, after MOTION up to the end of the file.
 
     Raises:
-        BvhError: a word that is no finite number, or not as many numbers as declared.
+        BvhError: a word that is not a finite number, or not as many numbers as declared.
     """
     declared, at = take_frame_count(words), words.at
     words.label("Frame Time")
@@ -264,7 +264,7 @@ def _take_numbers(words: Words) -> NDArray[np.float64]:
 
 
 def _take_numbers_singly(words: Words) -> NDArray[np.float64]:
-    """The same, slowly, to name the first word that is no finite number."""
+    """The same, slowly, to name the first word that is not a finite number."""
     numbers: list[float] = []
     while word := words.take():
         if not is_finite(word):

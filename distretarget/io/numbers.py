@@ -21,7 +21,7 @@ BLANKS = b" \t\n\v\f\r"
 def parse_numbers(text: bytes) -> Array | None:
     """Return all numbers of a text, (numbers,), each the double nearest to its decimals.
 
-    Numbers are separated by blanks. None if a word is no finite number.
+    Numbers are separated by blanks. None if a word is not a finite number.
     """
     padded = np.frombuffer(text + b"\n", np.uint8)
     numbers = np.empty(len(text) // 2 + 1)

@@ -1,7 +1,7 @@
 """Contacts as people name them: which regions of a body touch, such as hand and hip, and how well a result keeps that.
 
-Two regions of the target's body that are no neighbours touch in a frame if the nearest of their joints are near each
-other in the source and far apart along the tree. Feet are no contact while one of them rests: in a stride they pass
+Two regions of the target's body that are not neighbours touch in a frame if the nearest of their joints are near each
+other in the source and far apart along the tree. Feet are not a contact while one of them rests: in a stride they pass
 each other.
 """
 
@@ -164,7 +164,7 @@ def find_contacts(source: Motion, matching: Matching, feet_rest: NDArray[np.bool
 
 
 def find_candidates(matching: Matching) -> Candidates:
-    """The pairs of joints of the target that may touch: of regions that are no neighbours, and far apart along the
+    """The pairs of joints of the target that may touch: of regions that are not neighbours, and far apart along the
     tree.
     """
     body, drivers = matching.target, matching.drivers

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.rest_pose import rest_alignment
 from distretarget.matching.matching import Matching
+from distretarget.measure.points import in_blocks
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import angles_between
 
@@ -21,8 +22,13 @@ def direction_error(expected: Array, result: Motion, lower: NDArray[np.intp]) ->
     """(frames, bones), the angle between the bones that end at the joints `lower`, (bones,), and their expected
     directions, (frames, bones, 3), of any length [degrees].
     """
-    bones = result.positions[:, lower] - result.positions[:, result.skeleton.parents[lower]]
-    return np.asarray(np.degrees(angles_between(expected, bones)))
+
+    def error(block: slice) -> Array:
+        positions = result.positions[block]
+        bones = positions[:, lower] - positions[:, result.skeleton.parents[lower]]
+        return np.asarray(np.degrees(angles_between(expected[block], bones)))
+
+    return in_blocks(error, len(result))
 
 
 def expected_directions(source: Motion, matching: Matching) -> Array:
@@ -63,12 +69,17 @@ def _built_differently(matching: Matching) -> list[int]:
 
 def _by_rotation(source: Motion, matching: Matching, upper: NDArray[np.intp], lower: NDArray[np.intp]) -> Array:
     """(frames, bones, 3), the target's own bones turned by the rotations of the source, R A b."""
-    alignment, bones = rest_alignment(matching), matching.target.skeleton.offsets[lower]
-    first, second = (
-        Rotation.from_quat(source.world_rotations[:, matching.rotation_sources[upper, k]]).apply(
-            Rotation.from_quat(alignment[upper, k]).apply(bones)
-        )
-        for k in (0, 1)
-    )
+    alignment, world = rest_alignment(matching), source.world_rotations
+
+    def turned(bones: NDArray[np.intp], k: int) -> Array:
+        """The target's own bones, turned by their first (k = 0) or second (k = 1) rotation source."""
+        own = Rotation.from_quat(alignment[upper[bones], k]).apply(matching.target.skeleton.offsets[lower[bones]])
+        return np.asarray(Rotation.from_quat(world[:, matching.rotation_sources[upper[bones], k]]).apply(own))
+
     weight = matching.blend[upper, None]
-    return np.asarray((1.0 - weight) * first + weight * second)
+    between = np.flatnonzero(weight)
+    directions = turned(np.arange(len(upper)), 0)
+    if len(between):
+        first, second = (1.0 - weight[between]) * directions[:, between], weight[between] * turned(between, 1)
+        directions[:, between] = first + second
+    return directions

@@ -1,7 +1,7 @@
 """Feet and hips over resting feet: when feet rest, whether they slide, and whether they and the hips are in place.
 
 Heights and lengths are compared after scaling by the ratio of leg lengths, and a foot is compared with how the target's
-own foot stands on its sole, so that a foot of another build is no error.
+own foot stands on its sole, so that a foot of another build is not an error.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from distretarget.measure.contacts import Contacts, find_contacts
 from distretarget.measure.directions import bones_of, direction_error, expected_directions
 from distretarget.measure.feet import Feet, SourceFeet, find_feet
 from distretarget.measure.figures import Track, Tracks
-from distretarget.measure.points import points_of
+from distretarget.measure.points import in_blocks, points_of
 from distretarget.measure.snaps import INSTANT
 from distretarget.measure.supports import SourceSupports, SupportsMeasured, find_supports
 from distretarget.motion import Motion
@@ -133,7 +133,7 @@ class Reference:
 
     @cached_property
     def _steps(self) -> Array:
-        return _steps(self.source.world_rotations[:, self.matching.drivers[self._turned]])
+        return _steps(self.source, self.matching.drivers[self._turned])
 
     @property
     def _turned(self) -> NDArray[np.intp]:
@@ -142,7 +142,7 @@ class Reference:
     def compare(self, result: Motion) -> Comparison:
         """Measure a result with the same number of frames."""
         supports, bones, turned = self._supports.in_result(result), bones_of(self.matching), self._turned
-        further = np.degrees(_steps(result.world_rotations[:, turned]) - self._steps)
+        further = np.degrees(_steps(result, turned) - self._steps)
         return Comparison(
             contacts=self._contacts.in_result(result),
             feet=self._feet.in_result(result).standing_alone(supports.carry(result.frame_time)),
@@ -189,22 +189,37 @@ def _mean_difference(x, a, b, tau_x, y, u, v, tau_y):  # type: ignore[no-untyped
 
 
 def _bone_error(result: Motion, matching: Matching) -> Array:
-    of_body = matching.target.regions.of_joint >= 0
-    lower = np.flatnonzero((result.skeleton.lengths > 0) & of_body & of_body[result.skeleton.parents])
-    bones = result.positions[:, lower] - result.positions[:, result.skeleton.parents[lower]]
-    return np.asarray(np.abs(lengths(bones) / result.skeleton.lengths[lower] - 1).max(axis=1, initial=0.0))
+    skeleton, of_body = result.skeleton, matching.target.regions.of_joint >= 0
+    lower = np.flatnonzero((skeleton.lengths > 0) & of_body & of_body[skeleton.parents])
+
+    def error(block: slice) -> Array:
+        positions = result.positions[block]
+        bones = lengths(positions[:, lower] - positions[:, skeleton.parents[lower]])
+        return np.asarray(np.abs(bones / skeleton.lengths[lower] - 1).max(axis=1, initial=0.0))
+
+    return in_blocks(error, len(result))
 
 
 def _jerk(motion: Motion, body: Body) -> Array:
     """(frames - 3,), the mean norm of the third difference of the positions of the body's joints [body sizes / s^3]."""
     size = body.skeleton.path_lengths.max() * motion.frame_time**3
-    third = np.diff(motion.positions[:, body.regions.of_joint >= 0], 3, axis=0) / size
-    return np.asarray(lengths(third).mean(axis=1))
+
+    def jerk(block: slice) -> Array:
+        positions = motion.positions[block.start : block.stop + 3, body.regions.of_joint >= 0]
+        return np.asarray(lengths(np.diff(positions, 3, axis=0) / size).mean(axis=1))
+
+    return in_blocks(jerk, max(len(motion) - 3, 0))
 
 
-def _steps(rotations: Array) -> Array:
+def _steps(motion: Motion, joints: NDArray[np.intp]) -> Array:
     """(frames - 1, joints), the angle from each frame's rotation to the next [rad]: that of unit quaternions apart by
     2 sin(angle / 4), of which q and -q are the same.
     """
-    steps = np.minimum(lengths(rotations[1:] - rotations[:-1]), lengths(rotations[1:] + rotations[:-1]))
-    return np.asarray(4.0 * np.arcsin(np.minimum(steps / 2.0, 1.0)))
+    world = motion.world_rotations
+
+    def steps(block: slice) -> Array:
+        rotations = world[block.start : block.stop + 1, joints]
+        apart = np.minimum(lengths(rotations[1:] - rotations[:-1]), lengths(rotations[1:] + rotations[:-1]))
+        return np.asarray(4.0 * np.arcsin(np.minimum(apart / 2.0, 1.0)))
+
+    return in_blocks(steps, max(len(motion) - 1, 0))

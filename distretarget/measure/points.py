@@ -6,7 +6,7 @@ path.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from distretarget.motion import Motion
 
 Array = NDArray[np.float64]
 
-PAIR_FRAMES = 256  # frames whose pairs are in memory at a time
+BLOCK_FRAMES = 256  # frames that are measured at a time
 
 
 def points_of(matching: Matching) -> NDArray[np.intp]:
@@ -30,9 +30,14 @@ def points_of(matching: Matching) -> NDArray[np.intp]:
 
 
 def blocks_of(frames: int) -> Iterator[slice]:
-    """The frames of a clip in blocks of `PAIR_FRAMES`."""
-    for first in range(0, frames, PAIR_FRAMES):
-        yield slice(first, min(first + PAIR_FRAMES, frames))
+    """The frames of a clip in blocks of `BLOCK_FRAMES`."""
+    for first in range(0, frames, BLOCK_FRAMES):
+        yield slice(first, min(first + BLOCK_FRAMES, frames))
+
+
+def in_blocks(measure: Callable[[slice], Array], frames: int) -> Array:
+    """What `measure` returns for the frames of each block of a clip, joined; so it needs memory for a block alone."""
+    return np.concatenate([measure(block) for block in blocks_of(frames)] or [measure(slice(0, 0))])
 
 
 def normalised_distances(motion: Motion, u: NDArray[np.intp], v: NDArray[np.intp], frames: slice) -> Array:

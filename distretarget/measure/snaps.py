@@ -21,7 +21,7 @@ def find_snaps(copy: Motion, result: Motion, body: Body) -> Array:
     """(frames - 1, joints), how far each joint of a result moves to the next frame, where that is a snap, else 0 [% of
     leg length in `INSTANT`].
 
-    `copy` is the rotation copy on the same body. What is no part of the body, such as a root on the floor, does not
+    `copy` is the rotation copy on the same body. What is not part of the body, such as a root on the floor, does not
     snap, and nothing does at a cut.
     """
     flesh = body.regions.of_joint >= 0

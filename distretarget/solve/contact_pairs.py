@@ -40,7 +40,7 @@ class CandidatePairs:
 def candidate_pairs(
     distances: DistanceProblem, regions: Regions, legs: Legs | None, unit: float, least_path: int
 ) -> CandidatePairs:
-    """All pairs of points in two regions of the target that are no neighbours, with a path size |P| of at least
+    """All pairs of points in two regions of the target that are not neighbours, with a path size |P| of at least
     `least_path`; `legs` are the target's and `unit` is its body unit [file units].
     """
     of_point = regions.of_joint[distances.targets]

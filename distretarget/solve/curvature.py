@@ -29,7 +29,7 @@ def active_curvature(v: Array, body: Articulation, scratch: Scratch, springs: Sp
     posed bones.
 
     A part is active if a spring acts on it; the last one is the root's place. All others only have their stiffness, so
-    that they keep the copy's rotation and are no unknowns.
+    that they keep the copy's rotation and are not unknowns.
     """
     way, ends, count = _ways(springs, body)
     active = _active(way, body, scratch)

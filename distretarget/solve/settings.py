@@ -28,8 +28,8 @@ class ContactSettings:
         touch: [D] added to the distance that the stiffness of a pair is divided by, so that pairs that touch are at
             most `close / touch` times as stiff.
         direction_range: [body units] pairs nearer than about this keep their direction as well as their distance.
-        lead: [s] a pair sets in over twice this time before a contact, and fades over twice this time after it; longer
-            is smoother.
+        lead: [s] a pair sets in during twice this time before a contact, and fades during twice this time after it;
+            longer is smoother.
         base_stiffness: [-] stiffness of the rotation copy's rotations, per body unit of bones.
         added_length: [body units] added to the length of a part's bones, so that hands, fingers and eyes are stiff too.
         trunk_factor: [-] how much stiffer a part becomes that carries the whole body; a larger value leaves more to the
