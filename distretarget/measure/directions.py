@@ -41,11 +41,17 @@ def expected_directions(source: Motion, matching: Matching) -> Array:
     lower = bones_of(matching)
     upper = matching.target.skeleton.parents[lower]
     drivers = matching.drivers
-    expected = source.positions[:, drivers[lower]] - source.positions[:, drivers[upper]]
     own = np.isin(upper, _built_differently(matching))
-    if own.any():
-        expected[:, own] = _by_rotation(source, matching, upper[own], lower[own])
-    return expected
+    alignment, world = rest_alignment(matching), source.world_rotations
+
+    def directions(block: slice) -> Array:
+        positions = source.positions[block]
+        expected = positions[:, drivers[lower]] - positions[:, drivers[upper]]
+        if own.any():
+            expected[:, own] = _by_rotation(world[block], alignment, matching, upper[own], lower[own])
+        return expected
+
+    return in_blocks(directions, len(source))
 
 
 def bones_of(matching: Matching) -> NDArray[np.intp]:
@@ -67,9 +73,12 @@ def _built_differently(matching: Matching) -> list[int]:
     return [*joints, *anatomy.spine, *anatomy.neck, *matching.target.above_hips]
 
 
-def _by_rotation(source: Motion, matching: Matching, upper: NDArray[np.intp], lower: NDArray[np.intp]) -> Array:
-    """(frames, bones, 3), the target's own bones turned by the rotations of the source, R A b."""
-    alignment, world = rest_alignment(matching), source.world_rotations
+def _by_rotation(
+    world: Array, alignment: Array, matching: Matching, upper: NDArray[np.intp], lower: NDArray[np.intp]
+) -> Array:
+    """(frames, bones, 3), the target's own bones turned by the rotations of the source, R A b; R is `world`, (frames,
+    source joints, 4), and A the alignment of the rest poses.
+    """
 
     def turned(bones: NDArray[np.intp], k: int) -> Array:
         """The target's own bones, turned by their first (k = 0) or second (k = 1) rotation source."""
