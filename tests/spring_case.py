@@ -9,7 +9,13 @@ from distretarget.solve.contact import _solve
 from distretarget.solve.floor import no_floor
 from distretarget.solve.rigid_parts import part_of_joint
 from distretarget.solve.settings import ContactSettings
-from distretarget.solve.springs import Springs, spring_energy, stiffer_along
+from distretarget.solve.springs import Springs, spring_energy
+
+
+def stiffer_along(e, w, k):
+    """The stiffness w (k I + (1 - k) e e^T): w along unit vectors e (..., 3), and k w across them."""
+    outer = e[..., :, None] * e[..., None, :]
+    return w[..., None, None] * (k[..., None, None] * np.eye(3) + (1 - k)[..., None, None] * outer)
 
 
 def random_springs(draw, joints, frames=1, count=12, grounded=4):

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from spring_case import at, naive_energy, random_springs
+from spring_case import at, naive_energy, random_springs, stiffer_along
 
 from distretarget.solve.articulation import scratch_of
-from distretarget.solve.springs import Springs, joined, spring_energy, stiffer_along
+from distretarget.solve.springs import Springs, joined, spring_energy
 
 
 @pytest.mark.parametrize("seed", range(3))

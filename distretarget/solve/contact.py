@@ -79,7 +79,7 @@ def _solve_frames(problem: PoseProblem, supports: Supports, frames: slice, setti
         standing = supports.standing[block]
         near = pair_springs(pairs, distances, source, copy, standing, block=block, lead=lead, settings=settings)
         held = support_springs(supports[block], body, bones[block], unit, settings.support_stiffness)
-        springs = joined(joined(near, held), supports.touching.of_frames(block))
+        springs = joined(near, held, supports.touching.of_frames(block))
         floor = supports.floor.of_frames(block)
         _solve(body, bones[block], root[block], springs, floor, settings.tolerance, v, solved.start, log)
     v[:, -1] *= unit

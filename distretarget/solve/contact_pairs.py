@@ -15,7 +15,7 @@ from distretarget.numerics.compiled import compiled
 from distretarget.numerics.smoothing import widened
 from distretarget.numerics.vectors import lengths
 from distretarget.solve.settings import ContactSettings
-from distretarget.solve.springs import Springs, stiffer_along
+from distretarget.solve.springs import Springs
 
 Array = NDArray[np.float64]
 
@@ -95,19 +95,36 @@ def pair_springs(
     window = source[first:last]
     on = np.flatnonzero(come_near(window, window, pairs.u, pairs.v, settings.apart * pairs.tau1))
     u, v = pairs.u[on], pairs.v[on]
-    d_source = window[:, u] - window[:, v]
-    D = lengths(d_source) / pairs.tau1[on]
+    D = lengths(window[:, u] - window[:, v]) / pairs.tau1[on]
     inside = slice(block.start - first, block.stop - first)
     f = activation(D, lead, settings)[inside] * (1.0 - np.outer(standing, pairs.feet[on]))
     w = pair_stiffness(f, D[inside], (u, v), len(distances), settings)
-    d_source = d_source[inside] * (pairs.tau2[on] / pairs.tau1[on])[:, None]
-    d_copy = copy[block][:, u] - copy[block][:, v]
-    delta = d_copy + f[..., None] * (d_source - d_copy)
-    length = lengths(d_source)
-    e = d_source / np.maximum(length, 1e-12)[..., None]
-    return Springs(
-        distances.targets[u], distances.targets[v], delta, stiffer_along(e, w, share_across(length, settings))
-    )
+    k = share_across(D[inside] * pairs.tau2[on], settings)
+    rest, A = np.empty((*w.shape, 3)), np.empty((*w.shape, 3, 3))
+    _write_springs(window[inside], copy[block], u, v, pairs.tau2[on] / pairs.tau1[on], f, w, k, rest, A)
+    return Springs(distances.targets[u], distances.targets[v], rest, A)
+
+
+@compiled(fastmath=True)
+def _write_springs(source, copy, u, v, ratio, f, w, k, rest, A):  # type: ignore[no-untyped-def]
+    """Write the difference that each pair is drawn to, d_copy + f (ratio d_source - d_copy), (frames, pairs, 3), and
+    its stiffness, (frames, pairs, 3, 3): w along the direction of d_source, and k w across it.
+    """
+    d = np.empty(3)
+    for frame in range(len(f)):
+        for s in range(len(u)):
+            square = 0.0
+            for i in range(3):
+                d[i] = source[frame, u[s], i] - source[frame, v[s], i]
+                square += d[i] * d[i]
+                copied = copy[frame, u[s], i] - copy[frame, v[s], i]
+                rest[frame, s, i] = copied + f[frame, s] * (ratio[s] * d[i] - copied)
+            across = k[frame, s] * w[frame, s]
+            along = (w[frame, s] - across) / square if square > 0.0 else 0.0
+            for i in range(3):
+                for j in range(3):
+                    A[frame, s, i, j] = along * d[i] * d[j]
+                A[frame, s, i, i] += across
 
 
 @compiled(fastmath=True)
@@ -137,12 +154,21 @@ def pair_stiffness(
     Activations count over sqrt((1 + F_u) (1 + F_v)), where F is the sum of the activations of a point. So a point that
     comes near a cluster of points is drawn about as strongly as one that comes near a single point.
     """
-    u, v = ends
-    sums = np.ones((points, len(f)))
-    np.add.at(sums, u, f.T)
-    np.add.at(sums, v, f.T)
-    shared = f / np.sqrt(sums[u] * sums[v]).T
+    shared = np.empty_like(f)
+    _share(f, *ends, np.empty(points), shared)
     return np.asarray(settings.pair_stiffness * shared * settings.close / (D + settings.touch))
+
+
+@compiled(fastmath=True)
+def _share(f, u, v, sums, shared):  # type: ignore[no-untyped-def]
+    """Write f / sqrt((1 + F_u) (1 + F_v)), (frames, pairs); `sums`, (points,), is scratch."""
+    for frame in range(len(f)):
+        sums[:] = 1.0
+        for s in range(len(u)):
+            sums[u[s]] += f[frame, s]
+            sums[v[s]] += f[frame, s]
+        for s in range(len(u)):
+            shared[frame, s] = f[frame, s] / np.sqrt(sums[u[s]] * sums[v[s]])
 
 
 def share_across(lengths: Array, settings: ContactSettings) -> Array:

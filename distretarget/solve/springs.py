@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.numerics.compiled import compiled, inlined
+from distretarget.numerics.compiled import inlined
 from distretarget.solve.articulation import Scratch
 
 Array = NDArray[np.float64]
@@ -43,26 +43,10 @@ def no_springs(frames: int) -> Springs:
     return Springs(none, none, np.zeros((frames, 0, 3)), np.zeros((frames, 0, 3, 3)))
 
 
-def joined(one: Springs, other: Springs) -> Springs:
-    """The springs of both, whose arrays `rest` and `A` have the frames in front."""
-    lists = [np.concatenate([a, b], axis=min(np.ndim(a) - 1, 1)) for a, b in zip(one, other, strict=True)]
+def joined(*springs: Springs) -> Springs:
+    """All of these springs, whose arrays `rest` and `A` have the frames in front."""
+    lists = [np.concatenate(arrays, axis=min(np.ndim(arrays[0]) - 1, 1)) for arrays in zip(*springs, strict=True)]
     return Springs(*lists)
-
-
-def stiffer_along(e: Array, w: Array, k: Array) -> Array:
-    """(..., 3, 3), w (k I + (1 - k) e e^T): the stiffness w along unit vectors e (..., 3), and k w across them."""
-    A = np.empty((*w.shape, 3, 3))
-    _write_stiffness(e.reshape(-1, 3), w.ravel(), k.ravel(), A.reshape(-1, 3, 3))
-    return A
-
-
-@compiled(fastmath=True)
-def _write_stiffness(e: Array, w: Array, k: Array, A: Array) -> None:
-    for s in range(len(w)):
-        for i in range(3):
-            for j in range(3):
-                A[s, i, j] = w[s] * (1.0 - k[s]) * e[s, i] * e[s, j]
-            A[s, i, i] += w[s] * k[s]
 
 
 @inlined(fastmath=True)
