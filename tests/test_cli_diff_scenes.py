@@ -75,6 +75,22 @@ def test_the_types_have_the_keys_of_the_schema():
 
 
 @pytest.mark.usefixtures("folder")
+def test_results_are_matched_by_the_maps_of_their_scene_file(results, folder):
+    scene = json.loads((HANDSHAKE / "scene.json").read_text())
+    for performer in scene["performers"]:
+        performer |= {key: str(HANDSHAKE / performer[key]) for key in ("source", "target")}
+    scene["performers"][0]["map"] = "map.json"
+    (folder / "scene.json").write_text(json.dumps(scene))
+    (folder / "map.json").write_text(json.dumps({"LeftWrist": None, "LeftWrist_End": None}))
+    assert run("diff", "scene.json", results / "handshake", "--json", "d.json").returncode == 0
+    performers = json.loads((folder / "d.json").read_text())["performers"]
+    assert "LeftWrist" in performers["one"]["unmatched_b"]
+    assert "LeftWrist" not in performers["other"]["unmatched_b"]
+    (folder / "none.json").write_text("{}")
+    assert run("diff", "scene.json", results / "handshake", "--map", "none.json", "--json", "e.json").returncode == 0
+    assert "LeftWrist" not in json.loads((folder / "e.json").read_text())["performers"]["one"]["unmatched_b"]
+
+
 def test_a_folder_with_a_scene_file_is_that_scene_and_things_are_followed(results):
     done = run("diff", SAMPLES / "scenes" / "staff", results / "staff", "--fail-over", "gap_error=1")
     assert (done.returncode, done.stderr) == (0, "")

@@ -64,8 +64,10 @@ def _compared(a: SceneInput, b: SceneInput, request: Request) -> tuple[SceneDiff
     known = things_of(a, b)
     things = [name for name in a.motions if name in known]
     performers = [name for name in a.motions if name not in known]
-    measured = _measured(a, b, performers, load_map(request.map_path))
-    told_scale = a.world_scale if b.things is None else None  # of the results of a scene file, not of another scene
+    results = b.things is None  # a folder of results of a scene file, perhaps, and not another scene
+    maps = a.maps if results and not request.map_path else {}
+    measured = _measured(a, b, [(name, maps.get(name, load_map(request.map_path))) for name in performers])
+    told_scale = a.world_scale if results else None
     try:
         pairs = [(a.motions[name], b.motions[name]) for name in things]
         result = diff_scenes(measured, pairs, world_scale=request.world_scale or told_scale)
@@ -90,10 +92,12 @@ def _check_names(a: SceneInput, b: SceneInput) -> None:
             )
 
 
-def _measured(a: SceneInput, b: SceneInput, performers: Sequence[str], map_file: MapFile) -> list[Diff]:
-    """Each performer of B measured against that of A, all with the axes that point up for the first."""
+def _measured(a: SceneInput, b: SceneInput, performers: Sequence[tuple[str, MapFile]]) -> list[Diff]:
+    """Each performer of B, given by name and map, measured against that of A, all with the axes that point up for the
+    first.
+    """
     measured: list[Diff] = []
-    for name in performers:
+    for name, map_file in performers:
         first, second = a.motions[name], b.motions[name]
         goal = Target(second.rigid_skeleton, {}, "")
         pairs = joint_map(first.rigid_skeleton, goal, b.files[name], map_file)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from distretarget.body.body import Body
 from distretarget.errors import FileError
 from distretarget.io.bvh import read_bvh
 from distretarget.io.files import is_folder, reason_of
+from distretarget.io.map_json import MapFile, load_map
 from distretarget.motion import Motion
 from distretarget.scene_file import SCENE_NAME, load_scene
 from distretarget.scene_setup import SceneSetup
@@ -25,6 +26,7 @@ class SceneInput:
         files: where each was read.
         things: the names of things; None for a folder, which does not say.
         world_scale: the scale of the result's world along the floor, if a scene file says so.
+        maps: the map of each performer who has one in a scene file.
     """
 
     path: Path
@@ -32,6 +34,7 @@ class SceneInput:
     files: Mapping[str, Path]
     things: frozenset[str] | None = None
     world_scale: float | None = None
+    maps: Mapping[str, MapFile] = field(default_factory=dict)
 
 
 def is_scene(path: Path) -> bool:
@@ -75,4 +78,5 @@ def _of_setup(path: Path, setup: SceneSetup) -> SceneInput:
     sources, things = setup.read()
     motions = dict(zip(setup.names, [*sources, *(thing.motion for thing in things)], strict=True))
     names = frozenset(thing.name for thing in setup.things)
-    return SceneInput(path, motions, setup.files, names, setup.world_scale)
+    maps = {one.name: load_map(one.map_path) for one in setup.performers if one.map_path}
+    return SceneInput(path, motions, setup.files, names, setup.world_scale, maps)
