@@ -139,6 +139,14 @@ def test_a_file_is_named_without_its_folder(folder):
     assert json.loads((folder / "d.json").read_text())["a"]["file"] == "a.bvh"
 
 
+def test_files_with_the_same_name_are_named_by_their_paths(folder):
+    (folder / "new").mkdir()
+    (folder / "b.bvh").rename(folder / "new" / "a.bvh")
+    _, output, _ = run("diff a.bvh new/a.bvh")
+    assert output.startswith("A: a.bvh, ")
+    assert "\nB: new/a.bvh, " in output
+
+
 @pytest.mark.parametrize(
     ("limits", "over"),
     [

@@ -107,7 +107,9 @@ def _print(line: str, err: bool) -> None:
 
 
 def about(a: PurePath, b: PurePath) -> About:
-    """Return what a report says of this run: the names of the two clips, the command, the version of the program."""
-    return About(
-        a=a.name, b=b.name, command=shlex.join(["distretarget", *sys.argv[1:]]), version=version("distretarget")
-    )
+    """Return what a report says of this run: the names of the two clips, their paths if they have the same name, the
+    command, the version of the program.
+    """
+    names = (str(a), str(b)) if a.name == b.name else (a.name, b.name)
+    command = shlex.join(["distretarget", *sys.argv[1:]])
+    return About(a=names[0], b=names[1], command=command, version=version("distretarget"))
