@@ -12,11 +12,11 @@ from bodies import SAMPLES, clapping, lengthened, person, posed, swaying, with_b
 from distretarget import Skeleton, read_bvh
 from distretarget.measure.diff import diff
 from distretarget.report.document import About, document
+from distretarget.report.drawing import BUDGET, STEPS, diff_drawing, drawn_step, quantised, spans
 from distretarget.report.page import SCRIPTS, page, script_json
-from distretarget.report.scene import BUDGET, STEPS, drawn_step, quantised, scene, spans
 
 PERSON = person()
-NASTY = "</script><!--<b>&amp; \"q' ü \u2028\u2029 \ud800 {{scene}}"
+NASTY = "</script><!--<b>&amp; \"q' ü \u2028\u2029 \ud800 {{drawing}}"
 
 
 def about(**others):
@@ -67,7 +67,7 @@ def test_names_of_all_kinds_stay_text():
     for mark in ("<script", "</script", "<!--", "<b>"):
         assert text.count(mark) == plain.count(mark)
     assert embedded(text, "document")["a"]["file"] == NASTY
-    assert NASTY in embedded(text, "scene")["b"]["names"]
+    assert NASTY in embedded(text, "drawing")["b"]["names"]
     assert embedded(text, "document")["program"]["command"] == NASTY
 
 
@@ -101,7 +101,7 @@ def test_five_thousand_frames_of_sixty_joints_take_less_than_8_mb():
     motion = swaying(chain(60), 5000)
     text = page_of(motion, motion)
     assert len(text.encode()) < 8e6
-    assert embedded(text, "scene")["step"] == 1
+    assert embedded(text, "drawing")["step"] == 1
 
 
 def test_positions_are_off_by_at_most_half_a_step_of_their_box():
@@ -122,7 +122,7 @@ def test_the_drawing_stands_upright_on_the_floor_and_keeps_D(up):
         from scipy.spatial.transform import Rotation
 
         a = moved(a, Rotation.from_matrix(turn))
-    drawn = scene(diff(a, a))
+    drawn = diff_drawing(diff(a, a))
     x = positions_of(drawn["b"])
     assert abs(np.percentile(x[..., 1].min(axis=1), 2)) < 1e-3
     assert 0.9 < np.ptp(x[0], axis=0)[1] < 1.4
@@ -140,7 +140,7 @@ def test_a_long_clip_is_thinned_and_says_so():
     joints = 2 * len(PERSON)
     step = drawn_step(len(motion), joints)
     assert step > 1
-    drawn = scene(diff(motion, motion))
+    drawn = diff_drawing(diff(motion, motion))
     assert drawn["step"] == step
     assert any(f"one frame in {step}" in note for note in drawn["notes"])
     frames = len(positions_of(drawn["a"]))
@@ -151,7 +151,7 @@ def test_a_long_clip_is_thinned_and_says_so():
 
 def test_one_frame():
     text = page_of(clap(1), clap(1))
-    drawn = embedded(text, "scene")
+    drawn = embedded(text, "drawing")
     assert len(positions_of(drawn["a"])) == 1
     assert drawn["step"] == 1
 
@@ -159,7 +159,7 @@ def test_one_frame():
 def test_no_contacts():
     spread = {"LeftHip": np.array([0, 0, 0.5]), "RightHip": np.array([0, 0, -0.5])}
     motion = posed(PERSON, spread, np.tile([0.0, 0.9, 0.0], (5, 1)))
-    drawn = scene(diff(motion, motion))
+    drawn = diff_drawing(diff(motion, motion))
     assert drawn["contacts"] == []
     assert document(diff(motion, motion), about())["figures"]["result"]["contact_error"] is None
 
@@ -167,14 +167,14 @@ def test_no_contacts():
 def test_the_scale_of_differences_is_of_pairs_with_a_length_in_both():
     flat = {"Neck", "Head", "Chest3", "Chest4"}
     body = PERSON.with_lengths(np.where([name in flat for name in PERSON.names], 0.0, PERSON.lengths))
-    drawn = scene(diff(swaying(body, 4), swaying(PERSON, 4)))
+    drawn = diff_drawing(diff(swaying(body, 4), swaying(PERSON, 4)))
     assert drawn["largest_difference"] < 0.9
 
 
 def test_contact_spans_are_the_runs_of_contact_in_both():
     a = clapping(np.array([0, 1, 1, 0, 0, 1, 0.0]))
     b = replace(a, skeleton=PERSON)
-    drawn = scene(diff(a, b))
+    drawn = diff_drawing(diff(a, b))
     assert document(diff(a, b), about())["contacts"][0]["regions"] == "left hand - right hand"
     row = drawn["contacts"][0]
     assert row["a"] == row["b"] == [[1, 3], [5, 6]]
@@ -189,7 +189,7 @@ def test_contacts_are_those_of_the_document():
     translations[:, 1:] = longer.offsets[1:]
     difference = diff(a, replace(a, skeleton=longer, translations=translations))
     whole = document(difference, about())
-    drawn = scene(difference)
+    drawn = diff_drawing(difference)
     names, points = drawn["b"]["names"], drawn["b"]["points"]
     found = [[names[points[k]] for k in contact["pair"]] for contact in drawn["contacts"]]
     assert found == [contact["joints_b"] for contact in whole["contacts"]]
@@ -200,10 +200,10 @@ def test_bones_carry_how_far_they_are_off_and_those_without_a_counterpart_are_ma
     body = with_bone(PERSON, "Tail", PERSON.names[0])
     turned = {"LeftElbow": np.radians([0, 0, 40.0])}
     a, b = (posed(*one, np.tile([0.0, 0.9, 0.0], (4, 1))) for one in ((PERSON, {}), (body, turned)))
-    errors = numbers(scene(diff(a, b))["bone_errors"], "<u1", (4, len(body)))
+    errors = numbers(diff_drawing(diff(a, b))["bone_errors"], "<u1", (4, len(body)))
     assert set(errors[:, body.index("Tail")]) == set(errors[:, 0]) == {255}
     assert set(errors[:, body.index("LeftWrist")]) == {80}
     assert set(errors[:, body.index("LeftElbow")]) == {0}
     opposite = posed(PERSON, {"LeftElbow": np.radians([0, 0, 179.0])}, np.tile([0.0, 0.9, 0.0], (4, 1)))
-    errors = numbers(scene(diff(a, opposite))["bone_errors"], "<u1", (4, len(PERSON)))
+    errors = numbers(diff_drawing(diff(a, opposite))["bone_errors"], "<u1", (4, len(PERSON)))
     assert set(errors[:, PERSON.index("LeftWrist")]) == {254}

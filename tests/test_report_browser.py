@@ -185,7 +185,7 @@ def test_a_click_on_a_contact_goes_there_and_chooses_it(opened):
     assert BETWEEN in tab.inner_text("#selected")
     tab.locator(".contacts .name").nth(1).click()
     settle(tab)
-    assert tab.evaluate("pairName(scene.contacts[1].pair)") in tab.inner_text("#selected")
+    assert tab.evaluate("pairName(drawing.contacts[1].pair)") in tab.inner_text("#selected")
 
 
 def test_the_theme_can_be_switched(opened):
@@ -395,7 +395,7 @@ def test_a_run_opens_with_its_verdict_and_lists_what_needs_a_look(opened, report
 
 def test_the_contact_timeline_has_a_row_per_pair_of_regions(opened):
     tab = opened()
-    rows = tab.evaluate("scene.contacts.map((row, k) => [report.contacts[k].regions, row.a.length + row.b.length])")
+    rows = tab.evaluate("drawing.contacts.map((row, k) => [report.contacts[k].regions, row.a.length + row.b.length])")
     assert tab.locator(".contacts .name").all_inner_texts() == [name for name, _ in rows]
     assert rows[0][0] == "left hand - right hand"
     bars = [track.locator("rect").count() for track in tab.locator(".track").all()]
@@ -522,9 +522,9 @@ def test_a_jolt_does_not_flatten_a_curve(opened, reports):
 
 
 def test_of_a_long_clip_every_frame_can_be_gone_to(opened, reports, monkeypatch):
-    monkeypatch.setattr("distretarget.report.scene.BUDGET", 50_000)
+    monkeypatch.setattr("distretarget.report.drawing.BUDGET", 50_000)
     tab, figures = opened("thinned"), reports("thinned")[1]
-    step = tab.evaluate("scene.step")
+    step = tab.evaluate("drawing.step")
     assert step > 1
     assert f"one frame in {step}" in tab.inner_text("#notes")
     tab.keyboard.press("End")

@@ -10,7 +10,7 @@ from bodies import SAMPLES
 from pages import settle
 from program import run
 
-from distretarget.report.scene_pages import scene_page
+from distretarget.report.scene_page import scene_page
 from distretarget.scene_file import load_scene
 
 

@@ -19,7 +19,7 @@ from distretarget.errors import FileError
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.files import is_folder, make_folder, write_whole
 from distretarget.measure.across import Across
-from distretarget.report.scene_pages import scene_page
+from distretarget.report.scene_page import scene_page
 from distretarget.run_summary import summary_line
 from distretarget.scene import SceneResult
 from distretarget.scene_file import SCENE_NAME, load_scene

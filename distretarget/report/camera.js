@@ -29,7 +29,7 @@ function unitOf(box) {
 }
 
 function newCamera() {
-  return {azimuth: scene.facing + 0.55, elevation: 0.15, zoom: 1, x: 0, y: 0};
+  return {azimuth: drawing.facing + 0.55, elevation: 0.15, zoom: 1, x: 0, y: 0};
 }
 
 function turned(camera, dx, dy) {

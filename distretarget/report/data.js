@@ -1,7 +1,7 @@
 // The document, the drawing data, the state of the page, and distances.
 
 const report = JSON.parse($('document').textContent);
-const scene = JSON.parse($('scene').textContent);
+const drawing = JSON.parse($('drawing').textContent);
 const frameCount = report.frame_count;
 const frameTime = report.frame_time || 1 / 30;
 
@@ -28,18 +28,18 @@ function unpacked(motion) {
   return motion;
 }
 
-const A = unpacked(scene.a), B = unpacked(scene.b);
+const A = unpacked(drawing.a), B = unpacked(drawing.b);
 const pointCount = A.points.length;
-const pathSizes = new Uint8Array(bytes(scene.sizes));
-const rests = new Uint8Array(bytes(scene.rests));
-const boneErrors = new Uint8Array(bytes(scene.bone_errors));
+const pathSizes = new Uint8Array(bytes(drawing.sizes));
+const rests = new Uint8Array(bytes(drawing.rests));
+const boneErrors = new Uint8Array(bytes(drawing.bone_errors));
 
 /** The state of the page; `pair` is the chosen pair of joints as two indices of points, or null. */
 const state = {frame: 0, playing: false, speed: 1, pair: null, overlaid: false, follow: true, draws: 0};
 
 /** Writes the positions of the joints at a frame to motion.x: (joints, 3), y up. */
 function place(motion, frame) {
-  const drawn = Math.min(Math.floor(frame / scene.step), motion.count - 1);
+  const drawn = Math.min(Math.floor(frame / drawing.step), motion.count - 1);
   if (motion.placed === drawn) return;
   motion.placed = drawn;
   const first = drawn * motion.joints * 3, {x, positions, offset, scale} = motion;
@@ -70,23 +70,23 @@ function restsAt(k, frame) {
 
 /** Whether a foot rests in A at a frame: then the feet do not count as touching each other. */
 function aFootRests(frame) {
-  return scene.foot_regions.length === 2 && [0, 1, 2, 3].some(k => restsAt(k, frame));
+  return drawing.foot_regions.length === 2 && [0, 1, 2, 3].some(k => restsAt(k, frame));
 }
 
 /** The regions that touch in A at a frame, by their nearest points: [point, point, whether these are near in B]. */
 function contactsAt(frame) {
   const a = distances(A, frame), b = distances(B, frame), nearest = new Map();
-  const feet = aFootRests(frame) ? scene.foot_regions : [];
+  const feet = aFootRests(frame) ? drawing.foot_regions : [];
   for (let i = 0; i < pointCount; i++) {
     for (let j = 0; j < i; j++) {
-      const k = i * pointCount + j, [p, q] = [scene.regions[i], scene.regions[j]].sort((one, other) => one - other);
-      if (!(a[k] < scene.near) || pathSizes[k] < scene.far_along || Number.isNaN(b[k])) continue;
-      if (p < 0 || scene.neighbours[p][q] || (feet.includes(p) && feet.includes(q))) continue;
+      const k = i * pointCount + j, [p, q] = [drawing.regions[i], drawing.regions[j]].sort((one, other) => one - other);
+      if (!(a[k] < drawing.near) || pathSizes[k] < drawing.far_along || Number.isNaN(b[k])) continue;
+      if (p < 0 || drawing.neighbours[p][q] || (feet.includes(p) && feet.includes(q))) continue;
       const key = `${p} ${q}`, [oldI, oldJ] = nearest.get(key) || [i, j];
       if (a[k] <= a[oldI * pointCount + oldJ]) nearest.set(key, [i, j]);
     }
   }
-  return [...nearest.values()].map(([i, j]) => [i, j, b[i * pointCount + j] < scene.near]);
+  return [...nearest.values()].map(([i, j]) => [i, j, b[i * pointCount + j] < drawing.near]);
 }
 
 /** How far a bone of B is off the direction that A gives it on that body [degrees]; null if A has no such bone. */

@@ -13,7 +13,7 @@ function ramp(names) {
   return new Uint32Array(pixels.buffer);
 }
 
-const LIMIT = Math.max(scene.largest_difference, 0.01);
+const LIMIT = Math.max(drawing.largest_difference, 0.01);
 const OF_D = {colours: ['near', 'middle', 'far'], low: '0', high: '1', words: ['touching', 'stretched']};
 const MATRICES = [
   {...OF_D, title: 'A', caption: 'D in A', value: k => A.D[k]},

@@ -11,7 +11,7 @@ from importlib.resources import files
 from distretarget.measure.diff import Diff
 from distretarget.measure.figures import as_data
 from distretarget.report.document_types import DiffDocument
-from distretarget.report.scene import scene
+from distretarget.report.drawing import diff_drawing
 
 SCRIPTS = ("base.js", "data.js", "camera.js", "skeletons.js", "player.js", "curves.js", "heatmap.js", "tables.js")
 HALVES = re.compile("[\ud800-\udfff]")  # half characters, which file names may contain and UTF-8 cannot encode
@@ -22,7 +22,7 @@ def page(diff: Diff, document: DiffDocument) -> str:
     """The HTML of the report on a diff, with the diff's `document` embedded unchanged."""
     source, result = ("source ", "result ") if document["figures"]["rotation_copy"] else ("", "")
     title = f"{result}{document['b']['file']} against {source}{document['a']['file']}"
-    data = {"document": document, "scene": scene(diff), "registry": as_data("A", "B")}
+    data = {"document": document, "drawing": diff_drawing(diff), "registry": as_data("A", "B")}
     return filled("template.html", title, styles=["style.css"], scripts=SCRIPTS, data=data)
 
 

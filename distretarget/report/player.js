@@ -143,8 +143,8 @@ function buildPlayer() {
   $('speed').addEventListener('change', event => { state.speed = Number(event.target.value); });
   toggle('overlaid', 'overlaid');
   toggle('follow', 'follow');
-  look('front', {azimuth: scene.facing});
-  look('side', {azimuth: scene.facing + Math.PI / 2});
+  look('front', {azimuth: drawing.facing});
+  look('side', {azimuth: drawing.facing + Math.PI / 2});
   look('reset', {});
   addEventListener('keydown', onKey);
   watchPointers($('player'));

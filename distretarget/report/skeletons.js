@@ -97,7 +97,7 @@ function drawSupports(context, motion, project, frame) {
   context.lineWidth = 2;
   motion.resting.forEach((joint, k) => {
     if (!restsAt(k, frame)) return;
-    const isFoot = scene.foot_regions.length === 2 && k < 4;
+    const isFoot = drawing.foot_regions.length === 2 && k < 4;
     const x = motion.x[3 * joint], y = isFoot ? 0 : motion.x[3 * joint + 1], z = motion.x[3 * joint + 2];
     context.beginPath();
     for (let step = 0; step <= 24; step++) {
@@ -152,7 +152,7 @@ function drawChosen(context, motion, at, box, named) {
 }
 
 function hips(motion) {
-  const joint = scene.pelvis[motion === A ? 0 : 1];
+  const joint = drawing.pelvis[motion === A ? 0 : 1];
   return [motion.x[3 * joint], room.height * 0.43, motion.x[3 * joint + 2]];
 }
 

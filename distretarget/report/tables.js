@@ -4,7 +4,7 @@ const D_MEANS = 'Distance of two joints divided by the length of the bones betwe
   + 'where the path between them is straight.';
 const COPY_MEANS = 'The rotation copy: what comes of giving the joints of B the rotations of A, and nothing else.';
 const TOUCHING = `Two regions of the body, such as a hand and the head, touch where D of their nearest joints is below `
-  + `${scene.near} and at least ${scene.far_along} joints lie on the path between these. Regions joined by a bone `
+  + `${drawing.near} and at least ${drawing.far_along} joints lie on the path between these. Regions joined by a bone `
   + 'never do, nor do two feet that rest.';
 const WORST_SHOWN = 2; // frames by each figure
 
@@ -76,7 +76,7 @@ function buildVerdict() {
 }
 
 function buildNotes() {
-  const lines = [...report.notes, ...scene.notes].map(
+  const lines = [...report.notes, ...drawing.notes].map(
     note => element('li', {}, `${note[0].toUpperCase()}${note.slice(1)}.`));
   for (const [names, of, other] of [[report.unmatched_b, 'B', 'A'], [report.unmatched_a, 'A', 'B']]) {
     if (!names.length) continue;
@@ -143,12 +143,12 @@ function spanBars(spans, row) {
 }
 
 function buildContacts() {
-  if (!scene.contacts.length) {
+  if (!drawing.contacts.length) {
     $('contacts').append(element('p', {class: 'none'}, 'No two regions of the body touch in A.'));
     return;
   }
   const line = element('i', {class: 'line'});
-  for (const [k, {pair, a, b}] of scene.contacts.entries()) {
+  for (const [k, {pair, a, b}] of drawing.contacts.entries()) {
     const {regions} = report.contacts[k];
     const bars = document.createElementNS(SVG, 'svg');
     bars.setAttribute('viewBox', `0 0 ${frameCount} 2`);
@@ -179,7 +179,7 @@ function buildContacts() {
 
 function contactRow(contact, k) {
   const name = (names, motion) => names.map(joint => joint.slice(motion.namespace.length)).join(' – ');
-  const show = () => { choose(scene.contacts[k].pair); goTo(contact.worst_frame); };
+  const show = () => { choose(drawing.contacts[k].pair); goTo(contact.worst_frame); };
   const numbers = [contact.frames, shown(contact.distance_a), shown(contact.distance_b), shown(contact.error)];
   const label = `Go to frame ${contact.worst_frame}, ${contact.regions}`;
   const go = {type: 'button', 'aria-label': label, on: {click: show}};

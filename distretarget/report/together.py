@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from distretarget.measure.across import NEAR
 from distretarget.motion import Motion
+from distretarget.report.drawing import drawn_step, in_base64, quantised, spans, upright
 from distretarget.report.page import filled
-from distretarget.report.scene import drawn_step, in_base64, quantised, spans, upright
 
 Array = NDArray[np.float64]
 Line = tuple[tuple[int, int], list[int], list[int], int, int]

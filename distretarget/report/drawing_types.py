@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TypedDict
 
 
-class Drawing(TypedDict):
+class MotionDrawing(TypedDict):
     """One motion, as it is drawn. `points` are the joints that the matrices show, of A and B in the same order.
 
     Attributes:
@@ -44,7 +44,7 @@ class ContactDrawing(TypedDict):
     b: list[list[int]]
 
 
-class Scene(TypedDict):
+class DiffDrawing(TypedDict):
     """What the page draws. Both motions have y up, the floor at 0, and twice the leg length as the unit.
 
     Attributes:
@@ -75,8 +75,8 @@ class Scene(TypedDict):
     neighbours: list[list[bool]]
     foot_regions: list[int]
     facing: float
-    a: Drawing
-    b: Drawing
+    a: MotionDrawing
+    b: MotionDrawing
     bone_errors: str
     pelvis: list[int]
     sizes: str

@@ -17,7 +17,7 @@ from distretarget.measure.feet import LOWEST
 from distretarget.measure.points import points_of
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import least_rotation
-from distretarget.report.scene_types import ContactDrawing, Drawing, Scene
+from distretarget.report.drawing_types import ContactDrawing, DiffDrawing, MotionDrawing
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -28,7 +28,7 @@ STEPS = 65_535  # steps of a quantised coordinate across the bounding box
 SAMPLES = 64  # frames from which the range of the differences of D is estimated
 
 
-def scene(diff: Diff) -> Scene:
+def diff_drawing(diff: Diff) -> DiffDrawing:
     """The drawing data of a diff. Only one frame in several is drawn where all would take more than `BUDGET`."""
     b_points = points_of(diff.matching)
     a_points = diff.matching.drivers[b_points]
@@ -83,7 +83,7 @@ def spans(mask: NDArray[np.bool_]) -> list[list[int]]:
 
 def _drawing(
     motion: Motion, body: Skeleton, legs: Sequence[Leg] | None, joints: tuple[Joints, Joints], up: Array, step: int
-) -> Drawing:
+) -> MotionDrawing:
     """The drawing data of one motion; `body` is its skeleton with rigid bones, `joints` are those of the matrices, and
     those that rest in some frame.
     """
