@@ -37,6 +37,7 @@ from distretarget.motion import Motion, MotionArrays
 from distretarget.numerics.kinematics import forward_kinematics
 from distretarget.report.document_types import DiffDocument
 from distretarget.report.report import write_report
+from distretarget.report.scene_report import write_scene_report
 from distretarget.result import RetargetResult
 from distretarget.retargeting import retarget
 from distretarget.run_summary import RunFiguresDocument
@@ -107,4 +108,5 @@ __all__ = [
     "write_bvh",
     "write_npz",
     "write_report",
+    "write_scene_report",
 ]

@@ -10,6 +10,7 @@ from bodies import SAMPLES
 from pages import settle
 from program import run
 
+from distretarget import SettingsError, diff, diff_scenes, write_scene_report
 from distretarget.report.scene_page import scene_page
 from distretarget.scene_file import load_scene
 
@@ -53,6 +54,28 @@ def test_the_command_writes_it(tmp_path):
     done = run("scene", SAMPLES / "scenes" / "staff", "-o", tmp_path, "--report")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "report.html").read_text("utf-8") == page("staff")
+
+
+def test_python_writes_it_and_that_of_a_diff(tmp_path):
+    setup = load_scene(SAMPLES / "scenes" / "staff" / "scene.json")
+    result = setup.retargeted()
+    write_scene_report(tmp_path / "scene.html", result, setup.names)
+    assert (tmp_path / "scene.html").read_text("utf-8") == page("staff")
+    performers = [diff(one.source, one.motion) for one in result.results]
+    difference = diff_scenes(performers, [(thing.source, thing.motion) for thing in result.things])
+    write_scene_report(tmp_path / "diff.html", difference, setup.names, a_name="take 1", b_name="take 2")
+    text = (tmp_path / "diff.html").read_text("utf-8")
+    assert "A: take 1" in text
+    assert "B: take 2" in text
+    assert "performer's" in text
+
+
+@pytest.mark.parametrize("names", [[], ["performer"], ["staff", "staff"], ["performer", "staff", "more"]])
+def test_names_that_do_not_fit_are_refused(names, tmp_path):
+    setup = load_scene(SAMPLES / "scenes" / "staff" / "scene.json")
+    with pytest.raises(SettingsError, match="expected 2 different names"):
+        write_scene_report(tmp_path / "scene.html", setup.retargeted(), names)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("name", ["waltz", "sit_on_chair"])

@@ -31,7 +31,7 @@ BVH = "io/bvh_parser.py io/bvh.py io/bvh_writer.py"
 JSON = "io/json_node.py io/skeleton_ io/target io/map_json.py io/obj.py matching/pairing.py"
 BODIES = "skeleton.py motion.py io/bvhio_bridge.py"
 METHOD = "retargeting.py performer.py conversion.py matching/ baseline/ measure/ solve/"
-SCENES = "scene thing.py together.py alignment.py"
+SCENES = "scene report/scene thing.py together.py alignment.py"
 HEADINGS = {  # the headings, and the beginnings of the paths of files whose messages stand below them
     "Reading and writing files": FILES,
     "BVH files": BVH,
