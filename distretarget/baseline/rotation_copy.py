@@ -22,12 +22,12 @@ def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
     the matching) takes the path of its driver, scaled.
     """
     source, skeleton, blend = matching.source_motion, matching.target.skeleton, matching.blend
-    alignment = rest_alignment(matching)
+    turned, alignment = source.world_rotations, rest_alignment(matching)
     world = np.tile([0.0, 0.0, 0.0, 1.0], (len(source), len(skeleton), 1))
     driven, between = np.flatnonzero(matching.rotation_sources[:, 0] >= 0), np.flatnonzero(blend > 0)
-    world[:, driven] = _aligned(matching, alignment, driven, 0)
+    world[:, driven] = _aligned(matching, turned, alignment, driven, 0)
     if len(between):
-        first, second = (Rotation.from_quat(_aligned(matching, alignment, between, k)) for k in (0, 1))
+        first, second = (Rotation.from_quat(_aligned(matching, turned, alignment, between, k)) for k in (0, 1))
         steps = (first.inv() * second).as_rotvec() * blend[between, None]
         world[:, between] = (first * Rotation.from_rotvec(steps)).as_quat()
     for joint in range(1, len(skeleton)):
@@ -40,7 +40,8 @@ def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
     return rigid_motion(skeleton, path - in_place.positions[:, pelvis], local, source.frame_time_text)
 
 
-def _aligned(matching: Matching, alignment: Array, joints: NDArray[np.intp], k: int) -> Array:
-    """(frames, joints, 4), the world rotations of target joints by their first (k = 0) or second (k = 1) source."""
-    turned = matching.source_motion.world_rotations[:, matching.rotation_sources[joints, k]]
-    return rotation_products(turned, alignment[None, joints, k])
+def _aligned(matching: Matching, turned: Array, alignment: Array, joints: NDArray[np.intp], k: int) -> Array:
+    """(frames, joints, 4), the world rotations of target joints by their first (k = 0) or second (k = 1) source, whose
+    own are `turned`, (frames, source joints, 4).
+    """
+    return rotation_products(turned[:, matching.rotation_sources[joints, k]], alignment[None, joints, k])
