@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from distretarget.batch.interrupts import interrupts_kept
 from distretarget.body.resting import still_joints
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
@@ -15,6 +16,7 @@ ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")
 JOINTS = 6  # enough for a pair of joints so far apart along the tree that the solver keeps it as a contact
 
 
+@interrupts_kept()
 def warm(objective: Objective) -> None:
     """Read, retarget, measure and write a clip of two frames, so that all code for `objective` is compiled."""
     names = tuple(f"joint{number}" for number in range(JOINTS))

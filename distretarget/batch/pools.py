@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, Protocol, cast
 
 from distretarget.batch.compile_ahead import warm
+from distretarget.batch.interrupts import interrupts_held
 from distretarget.errors import BatchError
 from distretarget.retargeting import Objective
 
@@ -210,28 +211,8 @@ def _worker_environment() -> Iterator[None]:
     quiet = {"PYTHONWARNINGS": "ignore:resource_tracker", "PYTHONSAFEPATH": "1", "PYTHONPATH": path}
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1") | before | quiet)
     try:
-        with _interrupts_held():
+        with interrupts_held():
             yield
     finally:
         os.environ.clear()
         os.environ.update(before)
-
-
-@contextlib.contextmanager
-def _interrupts_held() -> Iterator[None]:
-    """Let Ctrl-C and requests to end wait, in this process and in those that it starts meanwhile."""
-    if not hasattr(signal, "pthread_sigmask") or threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    received: list[int] = []
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    handlers = {number: signal.signal(number, lambda caught, _frame: received.append(caught)) for number in numbers}
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, numbers)  # for started processes; other threads are not masked
-    try:
-        yield
-    finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
-        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        if received:
-            signal.raise_signal(received[0])

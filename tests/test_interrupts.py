@@ -1,0 +1,77 @@
+"""Interruptions that must wait, and those that a library which calls Python back would lose."""
+
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from distretarget.batch.interrupts import interrupts_held, interrupts_kept
+
+ON_UNIX = pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="needs signals as Unix has them")
+
+
+@pytest.fixture
+def _heard():
+    """Interrupts are heard, also where they are ignored, as in processes that shells start in the background."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@ON_UNIX
+@pytest.mark.usefixtures("_heard")
+def test_an_interrupt_waits_and_is_not_lost():
+    done = []
+
+    def interrupted():
+        with interrupts_held():
+            threading.Thread(target=os.kill, args=(os.getpid(), signal.SIGINT)).start()
+            subprocess.run([sys.executable, "-c", ""], check=True)
+            done.append("started")
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert done == ["started"]
+
+
+@ON_UNIX
+def test_processes_started_meanwhile_do_not_see_it():
+    with interrupts_held():
+        held = [sys.executable, "-c", "import os, signal; os.kill(os.getpid(), signal.SIGINT); print('alive')"]
+        assert subprocess.run(held, capture_output=True, text=True).stdout == "alive\n"
+
+
+def called_back(error):
+    def fail():
+        raise error
+
+    ctypes.CFUNCTYPE(None)(fail)()
+
+
+def test_an_interruption_that_got_lost_is_raised_at_the_end(capfd):
+    passed = []
+
+    def interrupted():
+        with interrupts_kept():
+            called_back(KeyboardInterrupt())
+            passed.append("the callback")
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert passed
+    assert capfd.readouterr() == ("", "")
+
+
+def test_an_interruption_elsewhere_comes_at_once():
+    with pytest.raises(KeyboardInterrupt), interrupts_kept():
+        raise KeyboardInterrupt
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_other_errors_of_callbacks_are_none_of_its_business():
+    with interrupts_kept():
+        called_back(ValueError("left to Python"))
