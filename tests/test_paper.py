@@ -11,9 +11,9 @@ from distretarget import load_target, read_bvh, retarget
 from distretarget.baseline.root import RootScale
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.distances import distance_problem, posture_stress
+from distretarget.numerics.blocks import BLOCK_FRAMES
 from distretarget.numerics.stress import stress_and_gradient
 from distretarget.solve.articulation import Articulation, pose_body, pose_gradient, scratch_of
-from distretarget.solve.chunks import BLOCK_FRAMES
 from distretarget.solve.paper import PART_STIFFNESS, ROOT_STIFFNESS, solve_paper
 from distretarget.solve.poses import PoseProblem
 from distretarget.solve.rigid_parts import part_of_joint, posed_motion, rigid_part_roots

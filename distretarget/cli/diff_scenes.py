@@ -65,8 +65,8 @@ def _compared(a: SceneInput, b: SceneInput, request: Request) -> tuple[SceneDiff
     things = [name for name in a.motions if name in known]
     performers = [name for name in a.motions if name not in known]
     results = b.things is None  # a folder of results of a scene file, perhaps, and not another scene
-    maps = a.maps if results and not request.map_path else {}
-    measured = _measured(a, b, [(name, maps.get(name, load_map(request.map_path))) for name in performers])
+    maps, given = a.maps if results and not request.map_path else {}, load_map(request.map_path)
+    measured = _measured(a, b, [(name, maps.get(name, given)) for name in performers])
     told_scale = a.world_scale if results else None
     try:
         pairs = [(a.motions[name], b.motions[name]) for name in things]

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
+from distretarget.numerics.blocks import blocks_of
 from distretarget.numerics.vectors import lengths
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
 
 NEAR = 0.07  # points of two sides touch where they are nearer than this in the source [leg lengths]
-BLOCK = 256  # frames measured at once
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,6 @@ def touching_points(one: Array, other: Array, leg: float) -> Iterator[tuple[Numb
     """The points of two sides, (frames, points, 3) each, that touch: block by block the frame of each pair, and the
     number of either point. `leg` is in the unit of the points.
     """
-    for first in range(0, len(one), BLOCK):
-        block = slice(first, first + BLOCK)
+    for block in blocks_of(len(one)):
         frame, u, v = np.nonzero(lengths(one[block][:, :, None] - other[block][:, None]) < NEAR * leg)
-        yield first + frame, u, v
+        yield block.start + frame, u, v

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.matching.matching import Matching
-from distretarget.measure.points import blocks_of, normalised_distances, points_of
+from distretarget.measure.points import normalised_distances, points_of
 from distretarget.motion import Motion
+from distretarget.numerics.blocks import blocks_of
 from distretarget.numerics.vectors import lengths
 
 Array = NDArray[np.float64]

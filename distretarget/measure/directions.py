@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.rest_pose import rest_alignment
 from distretarget.matching.matching import Matching
-from distretarget.measure.points import in_blocks
 from distretarget.motion import Motion
+from distretarget.numerics.blocks import in_blocks
 from distretarget.numerics.vectors import angles_between
 
 Array = NDArray[np.float64]

@@ -83,16 +83,16 @@ class SourceFeet:
     """The feet of a source, which those of results are measured against.
 
     Attributes:
-        matching: that of source and target.
         up: (3,), the unit vector up in source and results.
-        soles: the target's.
+        soles: those of the target's legs.
+        leg: the length of these [file units].
         stance, slide: as in `Feet`.
         heights: the source's.
     """
 
-    matching: Matching
     up: Array
     soles: Sequence[Sole]
+    leg: float
     stance: Flags
     slide: Array
     heights: FootHeights
@@ -100,14 +100,14 @@ class SourceFeet:
     def in_result(self, result: Motion) -> Feet:
         """The feet of a result against these."""
         ankle_rests, toe_rests = self.stance[:, ::2], self.stance[:, 1::2]
-        legs, length = _legs_of_target(self.matching)
-        source, own = self.heights, _heights(result, self.soles, length, self.up)
+        legs = [sole.leg for sole in self.soles]
+        source, own = self.heights, _heights(result, self.soles, self.leg, self.up)
         flat = ankle_rests & toe_rests & (np.abs(source.pitch) <= FLAT)
         return Feet(
             joints=_foot_joints(legs),
             stance=self.stance,
             slide_source=self.slide,
-            slide=_slide(result, legs, length, self.up),
+            slide=_slide(result, legs, self.leg, self.up),
             foot_height=_where(ankle_rests | toe_rests, 100 * np.abs(own.sole - source.sole)),
             foot_pitch=_where(ankle_rests & toe_rests, np.abs(own.pitch - source.pitch)),
             ankle_height=_where(flat, 100 * np.abs(own.flat_ankle - source.sole)),
@@ -117,27 +117,23 @@ class SourceFeet:
 
 def find_feet(source: Motion, matching: Matching, up: Array) -> SourceFeet:
     """The feet of a source, for measuring those of results; `up`, (3,), points up in source and results."""
-    legs, (length, _) = matching.legs[0] if matching.legs else (), matching.leg_lengths
+    legs, target_legs = matching.legs or ((), ())
+    length, target_length = matching.leg_lengths
     rest = _stance(source, legs, length, up)
     soles = _soles(matching.source, legs, source.positions, rest, up)
     return SourceFeet(
-        matching=matching,
         up=up,
-        soles=_soles_of_target(matching),
+        soles=_soles_of_target(matching.target, target_legs, target_length),
+        leg=target_length,
         stance=rest,
         slide=_slide(source, legs, length, up),
         heights=_heights(source, soles, length, up),
     )
 
 
-def _legs_of_target(matching: Matching) -> tuple[Sequence[Leg], float]:
-    """The target's legs and their length [file units]; none without those of the source."""
-    return matching.legs[1] if matching.legs else (), matching.leg_lengths[1]
-
-
-def _soles_of_target(matching: Matching) -> list[Sole]:
-    """The soles of the target's legs."""
-    body, (legs, length), up = matching.target, _legs_of_target(matching), matching.target.up_vector
+def _soles_of_target(body: Body, legs: Sequence[Leg], length: float) -> list[Sole]:
+    """The soles of the target's legs, which are of this length [file units]."""
+    up = body.up_vector
     if body.motion is None:
         no_frames = np.zeros((0, len(body.skeleton), 3))
         return _soles(body, legs, no_frames, np.zeros((0, 2 * len(legs)), bool), up)

@@ -6,8 +6,6 @@ path.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,8 +13,6 @@ from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 
 Array = NDArray[np.float64]
-
-BLOCK_FRAMES = 256  # frames that are measured at a time
 
 
 def points_of(matching: Matching) -> NDArray[np.intp]:
@@ -27,17 +23,6 @@ def points_of(matching: Matching) -> NDArray[np.intp]:
     apart |= (source.path_lengths > 0)[np.ix_(drivers[shared], drivers[shared])]
     first = np.array([np.flatnonzero(~row)[0] for row in apart])
     return np.asarray(shared[first == np.arange(len(shared))])
-
-
-def blocks_of(frames: int) -> Iterator[slice]:
-    """The frames of a clip in blocks of `BLOCK_FRAMES`."""
-    for first in range(0, frames, BLOCK_FRAMES):
-        yield slice(first, min(first + BLOCK_FRAMES, frames))
-
-
-def in_blocks(measure: Callable[[slice], Array], frames: int) -> Array:
-    """What `measure` returns for the frames of each block of a clip, joined; so it needs memory for a block alone."""
-    return np.concatenate([measure(block) for block in blocks_of(frames)] or [measure(slice(0, 0))])
 
 
 def normalised_distances(motion: Motion, u: NDArray[np.intp], v: NDArray[np.intp], frames: slice) -> Array:

@@ -37,9 +37,8 @@ def euler_angles(rotations: Array, axes: str) -> Array:
     """
     if not axes:
         return np.empty((len(rotations), 0))
-    order = axes + "".join(axis for axis in "XYZ" if axis not in axes)
-    parity = 1.0 if order in "XYZXY" else -1.0
-    i, j, k = (rotations[:, "XYZ".index(axis)] for axis in order)
+    order, parity = _order(axes)
+    i, j, k = (rotations[:, column] for column in order)
     if len(axes) == 1:
         return _continued(2 * np.arctan2(i, rotations[:, 3])[:, None])
     halves = _half_sums(rotations[:, 3], i, j, parity * k)
@@ -53,18 +52,22 @@ def from_euler_angles(angles: Array, axes: str) -> Array:
 
     It is `Rotation.from_euler` of scipy for arrays with any number of dimensions, and several times as fast.
     """
-    order = axes + "".join(axis for axis in "XYZ" if axis not in axes)
-    parity = 1.0 if order in "XYZXY" else -1.0
+    (i, j, k), parity = _order(axes)
     halves = np.zeros((3, *angles.shape[:-1]))
     halves[: len(axes)] = np.moveaxis(angles, -1, 0) / 2
     (ci, cj, ck), (si, sj, sk) = np.cos(halves), parity * np.sin(halves)
     rotations = np.empty((*angles.shape[:-1], 4))
-    i, j, k = ("XYZ".index(axis) for axis in order)
     rotations[..., i] = parity * (si * cj * ck + ci * sj * sk)
     rotations[..., j] = parity * (ci * sj * ck - si * cj * sk)
     rotations[..., k] = parity * (ci * cj * sk + si * sj * ck)
     rotations[..., 3] = ci * cj * ck - si * sj * sk
     return rotations
+
+
+def _order(axes: str) -> tuple[list[int], float]:
+    """The numbers of three axes that begin with the given ones, and the parity of their order, 1 or -1."""
+    order = axes + "".join(axis for axis in "XYZ" if axis not in axes)
+    return ["XYZ".index(axis) for axis in order], 1.0 if order in "XYZXY" else -1.0
 
 
 def restrict(rotations: Array, axes: str) -> Array:

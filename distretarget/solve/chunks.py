@@ -6,7 +6,7 @@ solves the chunks.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -18,7 +18,6 @@ from distretarget.solve.spg import Effort
 
 CHUNK_FRAMES = 1024  # frames of a chunk, about
 LEAD_IN = 32  # frames solved before a chunk, so that it begins where the chunk before it ends
-BLOCK_FRAMES = 384  # most frames solved at once: bounds the memory they take, and the time between reports of progress
 
 Mapper = Callable[..., Iterable[Any]]  # like `map` and an executor's: calls a function on items, results in order
 Progress = Callable[[int], Any]
@@ -49,13 +48,6 @@ def chunks_of(frames: int, margin: int, lead_in: int = LEAD_IN) -> list[Chunk]:
         solve = slice(start - context.start, end - context.start)
         chunks.append(Chunk(context, solve, keep=slice(first - start, end - start)))
     return chunks
-
-
-def blocks_of(frames: int) -> Iterator[slice]:
-    """The blocks of at most `BLOCK_FRAMES` frames, all about as long, in which compiled functions get a chunk."""
-    edges = np.linspace(0, frames, -(-frames // BLOCK_FRAMES) + 1).astype(int).tolist()
-    for first, end in pairwise(edges):
-        yield slice(first, end)
 
 
 def solve_in_chunks(

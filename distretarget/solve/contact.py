@@ -25,9 +25,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.numerics.blocks import blocks_of
 from distretarget.numerics.compiled import compiled, inlined
 from distretarget.solve.articulation import Articulation, Scratch
-from distretarget.solve.chunks import Mapper, Progress, blocks_of, solve_in_chunks
+from distretarget.solve.chunks import Mapper, Progress, solve_in_chunks
 from distretarget.solve.contact_pairs import activation_window, candidate_pairs, pair_springs
 from distretarget.solve.floor import Floor, floor_energy, with_floor
 from distretarget.solve.jumps import smooth_jumps

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.distances import DistanceProblem, columns
+from distretarget.numerics.blocks import blocks_of
 from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.rotations import best_rotation
 from distretarget.numerics.stress import stress_and_gradient, target_distances
-from distretarget.solve.chunks import Progress, blocks_of
+from distretarget.solve.chunks import Progress
 from distretarget.solve.spg import Effort, copy_to, record, spectral_gradient, steepest, straight
 
 POINT_TOLERANCE = 1e-9  # [body sizes] a posture is solved when the search direction is shorter than this

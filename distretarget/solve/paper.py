@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.distances import DistanceProblem
+from distretarget.numerics.blocks import blocks_of
 from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.stress import stress_and_gradient, target_distances
 from distretarget.solve.articulation import Articulation, Scratch
-from distretarget.solve.chunks import Progress, blocks_of
+from distretarget.solve.chunks import Progress
 from distretarget.solve.pose_solver import Frame, compile_pose_solver, solver_arrays, warm_starts
 from distretarget.solve.poses import PoseProblem, Poses
 from distretarget.solve.spg import Effort, copy_to, record

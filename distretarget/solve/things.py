@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.root import RootScale
+from distretarget.numerics.blocks import blocks_of
 from distretarget.numerics.rotations import nearest_rotations
 from distretarget.numerics.vectors import lengths
-from distretarget.solve.chunks import blocks_of
 from distretarget.solve.contact_pairs import activation, pair_stiffness, share_across
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.springs import Springs

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.baseline.root import RootScale
+from distretarget.numerics.blocks import blocks_of
 from distretarget.numerics.vectors import lengths
-from distretarget.solve.chunks import blocks_of
 from distretarget.solve.contact_pairs import activation, activation_window, come_near, pair_stiffness, share_across
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.springs import Springs

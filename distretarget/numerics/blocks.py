@@ -1,0 +1,25 @@
+"""Clips in blocks of frames, so that what is computed on the way takes memory for a block alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+BLOCK_FRAMES = 384  # most frames of a block
+
+
+def blocks_of(frames: int) -> Iterator[slice]:
+    """The frames of a clip in blocks of at most `BLOCK_FRAMES`, all about as long; none for a clip without frames."""
+    edges = np.linspace(0, frames, -(-frames // BLOCK_FRAMES) + 1).astype(int).tolist()
+    for first, end in pairwise(edges):
+        yield slice(first, end)
+
+
+def in_blocks(compute: Callable[[slice], Array], frames: int) -> Array:
+    """What `compute` returns for the frames of each block of a clip, joined."""
+    return np.concatenate([compute(block) for block in blocks_of(frames)] or [compute(slice(0, 0))])
