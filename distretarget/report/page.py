@@ -29,14 +29,16 @@ def page(diff: Diff, document: DiffDocument) -> str:
 def filled(
     template: str, title: str, *, styles: Sequence[str], scripts: Sequence[str], data: Mapping[str, object]
 ) -> str:
-    """Fill a template of this package: its title, the files of its style and script, and named JSON data."""
+    """Fill the head of all pages and the template of one: its title, the files of its style and script, and named JSON
+    data.
+    """
     parts = {
         "title": html.escape(HALVES.sub("\ufffd", title)),
         "style": "\n".join(map(_asset, styles)),
         "script": "\n".join(map(_asset, scripts)),
         **{name: script_json(value) for name, value in data.items()},
     }
-    return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], _asset(template))
+    return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], _asset("head.html") + _asset(template))
 
 
 def script_json(value: object) -> str:
