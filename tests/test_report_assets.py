@@ -31,7 +31,7 @@ def test_every_script_is_in_the_page():
     assert set(SCRIPTS) == set(SOURCES)
 
 
-@pytest.mark.parametrize("name", ["template.html", "style.css", *SOURCES])
+@pytest.mark.parametrize("name", ["head.html", "template.html", "style.css", *SOURCES])
 def test_lines_are_short_and_end_in_no_space(name):
     for number, line in enumerate((FOLDER / name).read_text("utf-8").splitlines(), 1):
         assert len(line) <= 120, f"{name}:{number}"
