@@ -4,7 +4,7 @@ import numpy as np
 from bodies import swaying
 
 from distretarget import Skeleton
-from distretarget.solve.articulation import Articulation, pose_body, pose_gradient, scratch_of
+from distretarget.solve.articulation import Articulation, pose_body, pose_gradient, scratch_of, stiffness_energy
 from distretarget.solve.contact import _solve
 from distretarget.solve.floor import no_floor
 from distretarget.solve.rigid_parts import part_of_joint
@@ -81,8 +81,9 @@ class Case:
         v, gradient = flat.reshape(self.shape), np.empty(self.shape)
         self.positions(v, frame)
         self.scratch.gradient[:] = 0.0
-        value = spring_energy(self.scratch, at(self.springs, frame))
-        return value + pose_gradient(v, self.body, self.scratch, gradient), gradient.ravel()
+        value = spring_energy(self.scratch, at(self.springs, frame)) + stiffness_energy(v, self.body)
+        pose_gradient(v, self.body, self.scratch, gradient)
+        return value, gradient.ravel()
 
     def without_residual(self, v=None):
         """The same body with springs at rest in the pose `v`, or else in the copy's posture."""

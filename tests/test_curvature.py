@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from spring_case import Case, at
 
-from distretarget.solve.curvature import active_curvature, factorise, solve_factored
+from distretarget.solve.curvature import active_curvature
 
 
 def curvature_at(case, v):
@@ -29,7 +29,7 @@ def test_the_curvature_of_springs_at_rest_is_the_hessian_of_the_energy(seed, kin
     slopes = [case.energy_and_gradient(v.ravel() + s)[1] - case.energy_and_gradient(v.ravel() - s)[1] for s in steps]
     unknowns = (3 * active[:, None] + np.arange(3)).ravel()
     hessian = np.array(slopes) / (2 * h)
-    np.testing.assert_allclose(H, hessian[np.ix_(unknowns, unknowns)], atol=1e-6)
+    np.testing.assert_allclose(np.triu(H), np.triu(hessian[np.ix_(unknowns, unknowns)]), atol=1e-6)
     others = np.setdiff1d(np.arange(v.size), unknowns)
     np.testing.assert_allclose(hessian[others], np.diag(np.repeat(case.stiffness, 3))[others], atol=1e-6)
 
@@ -64,16 +64,3 @@ def test_both_ends_of_a_spring_move_with_what_carries_both():
     case.springs.a[0], case.springs.b[0] = children
     case.springs.A[0, 0] = np.eye(3)
     assert set(curvature_at(case, np.zeros(case.shape))[0]) == {case.body.parts[0]}
-
-
-def test_the_factor_solves_what_the_curvature_multiplies():
-    draw = np.random.default_rng(0)
-    half = draw.normal(size=(9, 9))
-    H = half @ half.T + np.eye(9)
-    U, active = H.copy(), np.array([0, 2, 3])
-    factorise(U)
-    np.testing.assert_allclose(np.triu(U).T @ np.triu(U), H)
-    gradient, d = draw.normal(size=(2, 5, 3))
-    solve_factored(U, active, gradient, d)
-    np.testing.assert_allclose(H @ d[active].ravel(), gradient[active].ravel())
-    np.testing.assert_array_equal(d[[1, 4]], 0)

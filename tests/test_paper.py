@@ -13,7 +13,7 @@ from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.distances import distance_problem, posture_stress
 from distretarget.numerics.blocks import BLOCK_FRAMES
 from distretarget.numerics.stress import stress_and_gradient
-from distretarget.solve.articulation import Articulation, pose_body, pose_gradient, scratch_of
+from distretarget.solve.articulation import Articulation, pose_body, pose_gradient, scratch_of, stiffness_energy
 from distretarget.solve.paper import PART_STIFFNESS, ROOT_STIFFNESS, solve_paper
 from distretarget.solve.poses import PoseProblem
 from distretarget.solve.rigid_parts import part_of_joint, posed_motion, rigid_part_roots
@@ -84,7 +84,8 @@ class Solved:
         sigma = stress_and_gradient(points, delta, problem.priorities, point_gradient)
         self.scratch.gradient[:] = 0.0
         self.scratch.gradient[problem.targets] = point_gradient.T
-        return sigma + pose_gradient(v, self.body, self.scratch, gradient), gradient.ravel()
+        pose_gradient(v, self.body, self.scratch, gradient)
+        return sigma + stiffness_energy(v, self.body), gradient.ravel()
 
 
 SOLVED = Solved(swaying(PERSON, frames=12))

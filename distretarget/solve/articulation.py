@@ -41,12 +41,14 @@ class Scratch(NamedTuple):
         x: (joints, 3), positions.
         bones: (joints, 3), the posed bone from the parent to each joint.
         rotations: (parts, 9), exp(v) of each part, row by row.
+        series: (parts, 2), (1 - cos t) / t^2 and (t - sin t) / t^3 of the angle t = |v| of each part.
         gradient: (joints, 3), the gradient with respect to the positions; `pose_gradient` sums it up towards the root.
     """
 
     x: Array
     bones: Array
     rotations: Array
+    series: Array
     gradient: Array
 
 
@@ -57,6 +59,7 @@ def scratch_of(joints: int, parts: int) -> Scratch:
         np.zeros((joints, 3)),
         np.zeros((joints, 3)),
         np.zeros((parts, 9)),
+        np.zeros((parts, 2)),
         np.zeros((joints, 3)),
     )
 
@@ -69,7 +72,7 @@ def pose_body(v: Array, body: Articulation, bones: Array, root: Array, scratch: 
     """
     parts = len(scratch.rotations)
     for part in range(parts):
-        _exp(v[part, 0], v[part, 1], v[part, 2], scratch.rotations[part])
+        _exp(v[part, 0], v[part, 1], v[part, 2], scratch.rotations[part], scratch.series[part])
     for i in range(3):
         scratch.x[0, i] = root[i] + v[parts, i]
     for joint in range(1, len(body.parents)):
@@ -82,24 +85,34 @@ def pose_body(v: Array, body: Articulation, bones: Array, root: Array, scratch: 
 
 
 @inlined(fastmath=True)
-def _exp(x: float, y: float, z: float, E: Array) -> None:
-    """Write the rotation matrix of a rotation vector to `E`, row by row (Rodrigues)."""
+def _exp(x: float, y: float, z: float, E: Array, series: Array) -> None:
+    """Write the rotation matrix of a rotation vector, row by row (Rodrigues), and its factors of `Scratch.series`."""
     square = x * x + y * y + z * z
     if square < SMALL:
-        a, b = 1.0 - square / 6.0, 0.5 - square / 24.0
+        a, b, c = 1.0 - square / 6.0, 0.5 - square / 24.0, 1.0 / 6.0 - square / 120.0
     else:
         angle = np.sqrt(square)
-        a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / square
+        sine = np.sin(angle)
+        a, b, c = sine / angle, (1.0 - np.cos(angle)) / square, (angle - sine) / (square * angle)
     E[0], E[1], E[2] = 1.0 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y
     E[3], E[4], E[5] = b * x * y + a * z, 1.0 - b * (x * x + z * z), b * y * z - a * x
     E[6], E[7], E[8] = b * x * z - a * y, b * y * z + a * x, 1.0 - b * (x * x + y * y)
+    series[0], series[1] = b, c
 
 
 @inlined(fastmath=True)
-def pose_gradient(v: Array, body: Articulation, scratch: Scratch, gradient: Array) -> float:
-    """Write the gradient with respect to the pose, given that with respect to the positions in `scratch.gradient`.
+def stiffness_energy(v: Array, body: Articulation) -> float:
+    """The stiffness terms, the sum of 1/2 h |v|^2."""
+    energy = 0.0
+    for part in range(len(v)):
+        energy += 0.5 * body.stiffness[part] * (v[part, 0] ** 2 + v[part, 1] ** 2 + v[part, 2] ** 2)
+    return energy
 
-    The stiffness terms 1/2 h |v|^2 are added to the gradient; their value is returned.
+
+@inlined(fastmath=True)
+def pose_gradient(v: Array, body: Articulation, scratch: Scratch, gradient: Array) -> None:
+    """Write the gradient with respect to the pose, given that with respect to the positions in `scratch.gradient`, and
+    with that of the stiffness terms.
 
     A small turn dw of a part about the upper end of its bone b moves everything below by dw x b, so that the part feels
     the moment b x (sum of the gradients below). As dw = J dv with the left Jacobian J of the exponential map, the
@@ -118,27 +131,19 @@ def pose_gradient(v: Array, body: Articulation, scratch: Scratch, gradient: Arra
         for i in range(3):
             scratch.gradient[parent, i] += scratch.gradient[joint, i]
     for part in range(parts):
-        to_rotation_vector(v[part], gradient[part])
+        to_rotation_vector(v[part], scratch.series[part], gradient[part])
     for i in range(3):
         gradient[parts, i] = scratch.gradient[0, i]
-    value = 0.0
     for part in range(parts + 1):
         for i in range(3):
             gradient[part, i] += body.stiffness[part] * v[part, i]
-            value += 0.5 * body.stiffness[part] * v[part, i] * v[part, i]
-    return value
 
 
 @inlined(fastmath=True)
-def to_rotation_vector(v: Array, m: Array) -> None:
-    """Replace the moment m by J^T m, where J^T = I - a [v] + b [v]^2."""
+def to_rotation_vector(v: Array, series: Array, m: Array) -> None:
+    """Replace the moment m by J^T m, where J^T = I - a [v] + b [v]^2, with the factors a, b of `Scratch.series`."""
     x, y, z = v[0], v[1], v[2]
-    square = x * x + y * y + z * z
-    if square < SMALL:
-        a, b = 0.5 - square / 24.0, 1.0 / 6.0 - square / 120.0
-    else:
-        angle = np.sqrt(square)
-        a, b = (1.0 - np.cos(angle)) / square, (angle - np.sin(angle)) / (square * angle)
+    a, b = series[0], series[1]
     cx, cy, cz = y * m[2] - z * m[1], z * m[0] - x * m[2], x * m[1] - y * m[0]
     m[0] += b * (y * cz - z * cy) - a * cx
     m[1] += b * (z * cx - x * cz) - a * cy

@@ -1,10 +1,11 @@
-"""The Gauss-Newton curvature of springs with respect to a pose, and its Cholesky factor. Compiled.
+"""The Gauss-Newton curvature of springs with respect to a pose. Compiled.
 
 The curvature H is the metric in which the spectral gradient method looks for its direction: the energy is nearly round
 there, so that few iterations suffice.
 
-Springs act on few joints, their ends. With K, the stiffness matrix of the ends, and P, which turns forces on the ends
-into moments of the parts, H = P K P^T: what it takes grows with the ends, and hardly with the number of springs.
+A turn of a bone moves everything below it by the same vector, and the bone feels the sum of all forces below it. So
+springs enter by sums over what is below: with G, (bones, bones) blocks of 3 x 3, the force on everything below one bone
+when everything below another is displaced, H = M G M^T, where M turns a force into a moment.
 """
 
 from __future__ import annotations
@@ -14,89 +15,94 @@ from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import inlined
 from distretarget.solve.articulation import Articulation, Scratch, to_rotation_vector
-from distretarget.solve.spg import copy_to
-from distretarget.solve.springs import Springs, is_negligible
+from distretarget.solve.springs import NEGLIGIBLE, Springs, is_negligible
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
+Marks = NDArray[np.bool_]
 
 LEAST_CURVATURE = 0.01  # of any direction, in the metric alone: so no step turns a part right round
 
 
 @inlined(fastmath=True)
 def active_curvature(v: Array, body: Articulation, scratch: Scratch, springs: Springs) -> tuple[Numbers, Array]:
-    """The numbers of the active parts at the pose `v`, and their curvature, (3 active, 3 active); `scratch` has the
-    posed bones.
+    """The numbers of the active parts at the pose `v`, and their curvature, (3 active, 3 active), of which the lower
+    triangle is not made; `scratch` has the posed bones.
 
     A part is active if a spring acts on it; the last one is the root's place. All others only have their stiffness, so
-    that they keep the copy's rotation and are not unknowns.
+    that they keep the copy's rotation and are not unknowns. Parts come in the order in which few zeros are lost when
+    the curvature is factorised: those furthest from the root first.
     """
-    way, ends, count = _ways(springs, body)
+    way, is_end = _way(springs, body)
     active = _active(way, body, scratch)
-    K = _end_stiffness(springs, ends, count)
-    forces = np.zeros((len(ends), 3, len(K)))
-    for joint, end in enumerate(ends):
-        if end >= 0:
-            for i in range(3):
-                copy_to(forces[joint, i], K[3 * end + i])
-    moments = _moments(forces, v, body, scratch, way, active)
-    forces = np.zeros((len(ends), 3, 3 * len(active)))
-    for joint, end in enumerate(ends):
-        if end >= 0:
-            for part in range(len(active)):
-                for i in range(3):
-                    for j in range(3):
-                        forces[joint, i, 3 * part + j] = moments[part, j, 3 * end + i]
-    H = _moments(forces, v, body, scratch, way, active).reshape(3 * len(active), 3 * len(active))
-    for row in range(len(H)):
-        H[row, row] += max(body.stiffness[active[row // 3]], LEAST_CURVATURE)
+    first = _nodes(way, is_end, body)
+    G = _stiffness_below(springs, way, first, body)
+    M = _moment_matrices(way, v, body, scratch)
+    rows = _rows(way, active, body)
+    H = np.zeros((3 * len(active), 3 * len(active)))
+    for m in range(len(G)):
+        for n in range(m, len(G)):
+            if _couples(G[m, n]):
+                _add_nodes(G[m, n], range(first[m], first[m + 1]), range(first[n], first[n + 1]), M, rows, H)
+    for r in range(len(H)):
+        H[r, r] += max(body.stiffness[active[r // 3]], LEAST_CURVATURE)
     return active, H
 
 
 @inlined()
-def _ways(springs: Springs, body: Articulation) -> tuple[NDArray[np.bool_], Numbers, int]:
-    """Which bones turning moves a spring, named by their lower joints, and the root where a spring is tied to the
-    world, (joints,); for each joint the number of the end that it is, -1 if it is none, (joints,); how many ends.
+def _way(springs: Springs, body: Articulation) -> tuple[Numbers, Marks]:
+    """The bones whose turning moves a spring, named by their lower joints, from the last to the first, and at the end
+    the root, 0, where a spring is tied to the world; and which joints are ends of springs, (joints,).
 
     The bones that move a spring between two joints are those on the path between them.
     """
-    way, ends = np.zeros(len(body.parents), np.bool_), np.full(len(body.parents), -1)
+    is_on_way, is_end = np.zeros(len(body.parents), np.bool_), np.zeros(len(body.parents), np.bool_)
+    count = 0
     for s in range(len(springs.a)):
         if is_negligible(springs.A, s):
             continue
         a, b = springs.a[s], springs.b[s]
-        ends[a] = 0
+        is_end[a] = True
         if b >= 0:
-            ends[b] = 0
+            is_end[b] = True
         while a != b:  # parents come before their children
-            if a > b:
-                way[a] = True
-                a = body.parents[a]
-            else:
-                way[b] = True
-                b = body.parents[b]
-    count = 0
-    for joint in range(len(ends)):
-        if ends[joint] == 0:
-            ends[joint] = count
-            count += 1
-    return way, ends, count
+            lower = max(a, b)
+            a, b = min(a, b), body.parents[lower]
+            if not is_on_way[lower]:
+                is_on_way[lower] = True
+                count += 1
+    way, i = np.empty(count, np.intp), 0
+    for joint in range(len(is_on_way) - 1, -1, -1):
+        if is_on_way[joint]:
+            way[i] = joint
+            i += 1
+    return way, is_end
 
 
 @inlined()
-def _active(way: NDArray[np.bool_], body: Articulation, scratch: Scratch) -> Numbers:
-    """The parts that carry a bone of `way`, and the root's place if `way` has the root, in ascending order."""
+def _active(way: Numbers, body: Articulation, scratch: Scratch) -> Numbers:
+    """The parts that carry a bone of `way`, from the last to the first, and the root's place if `way` has the root."""
     is_active = np.zeros(len(body.stiffness), np.bool_)
-    is_active[-1] = way[0]
-    for joint in range(1, len(way)):
-        if way[joint] and _has_length(scratch.bones[joint]):
-            is_active[body.parts[body.parents[joint]]] = True
-    active, count = np.empty(len(is_active), np.intp), 0
-    for part in range(len(is_active)):
-        if is_active[part]:
-            active[count] = part
+    count = 0
+    for joint in way:
+        part = _part_of(joint, body)
+        if not is_active[part] and (joint == 0 or _has_length(scratch.bones[joint])):
+            is_active[part] = True
             count += 1
-    return active[:count]
+    active, place = np.empty(count, np.intp), 0
+    for part in range(len(is_active) - 2, -1, -1):
+        if is_active[part]:
+            active[place] = part
+            place += 1
+    if is_active[-1]:
+        active[place] = len(is_active) - 1
+    return active
+
+
+@inlined()
+def _part_of(joint: int, body: Articulation) -> int:
+    """The part that carries the bone to a joint, which is the root's place for the root."""
+    return body.parts[body.parents[joint]] if joint > 0 else len(body.stiffness) - 1
 
 
 @inlined()
@@ -104,161 +110,134 @@ def _has_length(bone: Array) -> bool:
     return bool(bone[0] != 0.0 or bone[1] != 0.0 or bone[2] != 0.0)
 
 
+@inlined()
+def _rows(way: Numbers, active: Numbers, body: Articulation) -> Numbers:
+    """The place in `active` of the part that carries each bone of `way`; -1 if it is not active."""
+    place = np.full(len(body.stiffness), -1)
+    for p, part in enumerate(active):
+        place[part] = p
+    rows = np.empty(len(way), np.intp)
+    for i, joint in enumerate(way):
+        rows[i] = place[_part_of(joint, body)]
+    return rows
+
+
+@inlined()
+def _nodes(way: Numbers, is_end: Marks, body: Articulation) -> Numbers:
+    """Where each node begins in `way`, and where the last one ends, (nodes + 1,).
+
+    A node is a run of bones, each the parent of the one before, with no end of a spring and no branch between them.
+    """
+    children = np.zeros(len(body.parents), np.intp)
+    for joint in way:
+        if joint > 0:
+            children[body.parents[joint]] += 1
+    first, count = np.empty(len(way) + 1, np.intp), 0
+    for i, joint in enumerate(way):
+        if i == 0 or body.parents[way[i - 1]] != joint or children[joint] > 1 or is_end[joint]:
+            first[count] = i
+            count += 1
+    first[count] = len(way)
+    return first[: count + 1]
+
+
 @inlined(fastmath=True)
-def _end_stiffness(springs: Springs, ends: Numbers, count: int) -> Array:
-    """K, (3 count, 3 count): the forces on the ends that small displacements of them cause."""
-    K, A = np.zeros((3 * count, 3 * count)), springs.A
+def _stiffness_below(springs: Springs, way: Numbers, first: Numbers, body: Articulation) -> Array:
+    """G, (nodes, nodes, 3, 3), made where the first node is not after the second: the force on everything below the
+    first when everything below the second is displaced.
+
+    A bone that is not on the way leaves all springs of what is below it as they are, which adds nothing to others.
+    """
+    count = len(first) - 1
+    place = np.full(len(body.parents), -1)
+    for n in range(count):
+        for i in range(first[n], first[n + 1]):
+            place[way[i]] = n
+    G, A = np.zeros((count, count, 3, 3)), springs.A
     for s in range(len(springs.a)):
-        if is_negligible(springs.A, s):
+        if is_negligible(A, s):
             continue
-        a, b = 3 * ends[springs.a[s]], 3 * ends[springs.b[s]] if springs.b[s] >= 0 else -1
-        for i in range(3):
-            for j in range(3):
-                K[a + i, a + j] += A[s, i, j]
-                if b >= 0:
-                    K[b + i, b + j] += A[s, i, j]
-                    K[a + i, b + j] -= A[s, i, j]
-                    K[b + i, a + j] -= A[s, i, j]
-    return K
+        a, b = place[springs.a[s]], place[springs.b[s]] if springs.b[s] >= 0 else -1
+        if a >= 0:
+            _add(A[s], 1.0, G[a, a])
+        if b >= 0:
+            _add(A[s], 1.0, G[b, b])
+        if a >= 0 and b >= 0:
+            _add(A[s], -1.0, G[min(a, b), max(a, b)])
+    for k in range(count):
+        top = way[first[k + 1] - 1]
+        p = place[body.parents[top]] if top > 0 else -1
+        if p < 0:
+            continue
+        for j in range(k):
+            _add(G[j, k], 1.0, G[j, p])
+        for j in range(k + 1, p):
+            _add(G[k, j].T, 1.0, G[j, p])
+        _add(G[k, p], 1.0, G[p, p])
+        _add(G[k, p].T, 1.0, G[p, p])
+        _add(G[k, k], 1.0, G[p, p])
+        _add(G[k, k], 1.0, G[k, p])
+        for j in range(p + 1, count):
+            _add(G[k, j], 1.0, G[p, j])
+    return G
 
 
 @inlined(fastmath=True)
-def _moments(forces, v, body, scratch, way, active):  # type: ignore[no-untyped-def]
-    """The moments of the active parts, (active, 3, columns), for columns of forces on the joints, (joints, 3, columns),
-    which are overwritten; for the root's place the sum of all forces.
-
-    Each column goes through the same as the gradient in `articulation.pose_gradient`.
-    """
-    columns = forces.shape[2]
-    moments = np.zeros((len(active), 3, columns))
-    flat = forces.reshape(len(forces), 3 * columns)
-    row = np.zeros(len(v), np.intp)
-    for p, part in enumerate(active):
-        row[part] = p
-    for joint in range(len(way) - 1, 0, -1):
-        if way[joint]:
-            parent = body.parents[joint]
-            if _has_length(scratch.bones[joint]):
-                _add_moment(scratch.bones[joint], forces[joint], moments[row[body.parts[parent]]])
-            _add(flat[joint], flat[parent])
-    J = np.empty((3, 3))
-    for p, part in enumerate(active):
-        if part == len(v) - 1:
-            copy_to(moments[p], forces[0])
-        else:
-            _write_jacobian(v[part], J)
-            _transform(J, moments[p])
-    return moments
+def _couples(block: Array) -> bool:
+    """Whether a block of G is more than rounding: a sum of stiffness matrices, or less such a sum."""
+    return bool(abs(block[0, 0] + block[1, 1] + block[2, 2]) >= NEGLIGIBLE)
 
 
 @inlined(fastmath=True)
-def _add_moment(bone: Array, forces: Array, moments: Array) -> None:
-    """Add bone x force to the moment, in each column."""
-    x, y, z = bone
-    fx, fy, fz = forces[0], forces[1], forces[2]
-    mx, my, mz = moments[0], moments[1], moments[2]
-    for c in range(len(fx)):
-        a, b, d = fx[c], fy[c], fz[c]
-        mx[c] += y * d - z * b
-        my[c] += z * a - x * d
-        mz[c] += x * b - y * a
-
-
-@inlined(fastmath=True)
-def _add(values: Array, to: Array) -> None:
-    for i in range(len(to)):
-        to[i] += values[i]
-
-
-@inlined(fastmath=True)
-def _write_jacobian(v: Array, J: Array) -> None:
-    """Write the left Jacobian of the exponential map at v: `to_rotation_vector` turns m into J^T m."""
+def _add(block: Array, sign: float, to: Array) -> None:
     for i in range(3):
         for j in range(3):
-            J[i, j] = 1.0 if i == j else 0.0
-        to_rotation_vector(v, J[i])
+            to[i, j] += sign * block[i, j]
 
 
 @inlined(fastmath=True)
-def _transform(J: Array, moments: Array) -> None:
-    """Replace the moment m in each column by J^T m."""
-    xx, xy, xz, yx, yy, yz, zx, zy, zz = J[0, 0], J[1, 0], J[2, 0], J[0, 1], J[1, 1], J[2, 1], J[0, 2], J[1, 2], J[2, 2]
-    mx, my, mz = moments[0], moments[1], moments[2]
-    for c in range(len(mx)):
-        a, b, d = mx[c], my[c], mz[c]
-        mx[c] = xx * a + xy * b + xz * d
-        my[c] = yx * a + yy * b + yz * d
-        mz[c] = zx * a + zy * b + zz * d
-
-
-@inlined(fastmath=True)
-def factorise(H: Array) -> None:
-    """Replace the upper triangle of H, (3 n, 3 n), by that of its Cholesky factor U, U^T U = H.
-
-    Loops run over slices from their start: numba's loops that begin at another index are not made for vectors.
+def _moment_matrices(way: Numbers, v: Array, body: Articulation, scratch: Scratch) -> Array:
+    """M, (bones, 3, 3): what a force below a bone does to the rotation vector of its part, J^T (bone x force) with the
+    left Jacobian J of the exponential map, as in `articulation.pose_gradient`; the identity for the root's place.
     """
-    for first in range(0, len(H), 3):
-        for above in range(0, first, 3):
-            if _size(H[above : above + 3, first : first + 3]) > 0.0:
-                for i in range(first, first + 3):
-                    _eliminate(H[i, i:], H[above, i:], H[above + 1, i:], H[above + 2, i:])
-        for i in range(first, first + 3):
-            for k in range(first, i):
-                _subtract(H[i, i:], H[k, i:])
-            _scale(H[i, i:])
+    M = np.zeros((len(way), 3, 3))
+    for i, joint in enumerate(way):
+        if joint == 0:
+            for k in range(3):
+                M[i, k, k] = 1.0
+            continue
+        x, y, z = scratch.bones[joint, 0], scratch.bones[joint, 1], scratch.bones[joint, 2]
+        of_force = M[i].T
+        of_force[0, 1], of_force[0, 2] = z, -y  # bone x (1, 0, 0)
+        of_force[1, 0], of_force[1, 2] = -z, x
+        of_force[2, 0], of_force[2, 1] = y, -x
+        part = _part_of(joint, body)
+        for k in range(3):
+            to_rotation_vector(v[part], scratch.series[part], of_force[k])
+    return M
 
 
 @inlined(fastmath=True)
-def _size(block: Array) -> float:
-    """The sum of the absolute values of a block, (3, 3)."""
-    total = 0.0
+def _add_nodes(G, first, second, M, rows, H):  # type: ignore[no-untyped-def]
+    """Add to the upper triangle of H what two nodes have in common, given their block of G and their bones."""
+    for i in first:
+        for j in second:
+            if i <= j and rows[i] >= 0 and rows[j] >= 0:
+                _add_bones(M[i], G, M[j], rows[i], rows[j], i == j, H)
+
+
+@inlined(fastmath=True)
+def _add_bones(M, G, N, row, column, once, H):  # type: ignore[no-untyped-def]
+    """Add M G N^T, (3, 3), to the block at `row` and `column` of H, or its transpose to that at `column` and `row`, in
+    the upper triangle; both to a block of the diagonal, but for a single bone.
+    """
     for i in range(3):
+        x = M[i, 0] * G[0, 0] + M[i, 1] * G[1, 0] + M[i, 2] * G[2, 0]
+        y = M[i, 0] * G[0, 1] + M[i, 1] * G[1, 1] + M[i, 2] * G[2, 1]
+        z = M[i, 0] * G[0, 2] + M[i, 1] * G[1, 2] + M[i, 2] * G[2, 2]
         for j in range(3):
-            total += abs(block[i, j])
-    return total
-
-
-@inlined(fastmath=True)
-def _eliminate(row: Array, a: Array, b: Array, c: Array) -> None:
-    """Subtract from a row what three finished rows above it account for; all begin at the diagonal of the row."""
-    x, y, z = a[0], b[0], c[0]
-    for j in range(len(row)):
-        row[j] -= x * a[j] + y * b[j] + z * c[j]
-
-
-@inlined(fastmath=True)
-def _subtract(row: Array, a: Array) -> None:
-    """The same for one row above."""
-    x = a[0]
-    for j in range(len(row)):
-        row[j] -= x * a[j]
-
-
-@inlined(fastmath=True)
-def _scale(row: Array) -> None:
-    """Divide a row by the square root of its first element."""
-    factor = 1.0 / np.sqrt(row[0])
-    for j in range(len(row)):
-        row[j] *= factor
-
-
-@inlined(fastmath=True)
-def solve_factored(U: Array, active: Numbers, gradient: Array, d: Array) -> None:
-    """Write d = H^-1 gradient of the active parts, and zero of the others; U^T U = H."""
-    flat = np.empty(len(U))
-    for i in range(len(U)):
-        flat[i] = gradient[active[i // 3], i % 3]
-    for i in range(len(U)):
-        row, rest = U[i, i:], flat[i:]
-        value = rest[0] / row[0]
-        for j in range(len(rest)):
-            rest[j] -= value * row[j]
-        rest[0] = value
-    d[:] = 0.0
-    for i in range(len(U) - 1, -1, -1):
-        row, rest = U[i, i + 1 :], flat[i + 1 :]
-        total = 0.0
-        for j in range(len(rest)):
-            total += row[j] * rest[j]
-        flat[i] = (flat[i] - total) / U[i, i]
-        d[active[i // 3], i % 3] = flat[i]
+            value = x * N[j, 0] + y * N[j, 1] + z * N[j, 2]
+            if row <= column:
+                H[3 * row + i, 3 * column + j] += value
+            if row >= column and not once:
+                H[3 * column + j, 3 * row + i] += value

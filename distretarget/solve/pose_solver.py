@@ -14,8 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import inlined
-from distretarget.solve.articulation import Articulation, Scratch, pose_body, pose_gradient, scratch_of
-from distretarget.solve.curvature import Numbers, active_curvature, factorise, solve_factored
+from distretarget.solve.articulation import (
+    Articulation,
+    Scratch,
+    pose_body,
+    pose_gradient,
+    scratch_of,
+    stiffness_energy,
+)
+from distretarget.solve.cholesky import factorise, solve_factored
+from distretarget.solve.curvature import Numbers, active_curvature
 from distretarget.solve.spg import Minimum, Reason, copy_to, inner, spectral_gradient, straight
 
 Array = NDArray[np.float64]
@@ -51,23 +59,25 @@ def compile_pose_solver(energy: Callable[..., Any], like_springs: Callable[..., 
     """
 
     @inlined(fastmath=True)
-    def value(v, body, scratch, frame, terms, gradient):  # type: ignore[no-untyped-def]
+    def value(v, body, scratch, frame, terms):  # type: ignore[no-untyped-def]
         pose_body(v, body, frame.bones, frame.root, scratch)
         scratch.gradient[:] = 0.0
-        return energy(scratch, terms) + pose_gradient(v, body, scratch, gradient)
+        return energy(scratch, terms) + stiffness_energy(v, body)
 
     @inlined(fastmath=True)
     def objective(v, problem, gradient):  # type: ignore[no-untyped-def]
         _, _, body, scratch, frame, terms = problem
-        return value(v, body, scratch, frame, terms, gradient)
+        sigma = value(v, body, scratch, frame, terms)
+        pose_gradient(v, body, scratch, gradient)
+        return sigma
 
     minimise = spectral_gradient(objective, _steepest_in_metric, straight)
 
     @inlined(fastmath=True)
     def solve(starts, count, body, scratch, frame, terms, tolerance, out):  # type: ignore[no-untyped-def]
-        best, gradient = np.inf, np.empty_like(out)
+        best = np.inf
         for start in range(count):
-            sigma = value(starts[start], body, scratch, frame, terms, gradient)
+            sigma = value(starts[start], body, scratch, frame, terms)
             if sigma < best:
                 best = sigma
                 copy_to(out, starts[start])
@@ -101,12 +111,10 @@ def _steepest_in_metric(v, gradient, step, problem, d):  # type: ignore[no-untyp
 @inlined()
 def _reset_others(v: Array, active: Numbers) -> None:
     """Let the parts that are not active keep the copy's rotation."""
-    next_active = 0
-    for part in range(len(v)):
-        if next_active < len(active) and active[next_active] == part:
-            next_active += 1
-        else:
-            v[part] = 0.0
+    kept = v.copy()
+    v[:] = 0.0
+    for part in active:
+        copy_to(v[part], kept[part])
 
 
 @inlined()
