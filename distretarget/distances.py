@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import compiled
-from distretarget.numerics.stress import stress_and_gradient, target_distances
 from distretarget.skeleton import Skeleton
 
 
@@ -108,18 +107,27 @@ def posture_stress(
     `source`, (frames, source joints, 3) [source file units], gives the distances D; `result`, (frames, target joints,
     3) [target file units], are the postures.
     """
-    S = columns(source[:, problem.sources])
-    X = columns((result[:, problem.targets] - result[:, :1]) / problem.body_size)
-    return np.asarray(_stresses(S, X, problem.ratio, problem.priorities))
+    sources, targets, size = problem.sources, problem.targets, problem.body_size
+    return np.asarray(_stresses(source, sources, result, targets, size, problem.ratio, problem.priorities))
 
 
-@compiled()
-def _stresses(source, x, ratio, pi):  # type: ignore[no-untyped-def]
-    delta, gradient = np.empty_like(pi), np.empty_like(x[0])
-    sigma = np.empty(len(x))
-    for t in range(len(x)):
-        target_distances(source[t], ratio, delta)
-        sigma[t] = stress_and_gradient(x[t], delta, pi, gradient)
+@compiled(fastmath=True)
+def _stresses(source, sources, result, targets, size, ratio, pi):  # type: ignore[no-untyped-def]
+    points = len(sources)
+    s, x = np.empty((3, points)), np.empty((3, points))
+    sigma = np.empty(len(result))
+    for frame in range(len(result)):
+        for point in range(points):
+            for i in range(3):
+                s[i, point] = source[frame, sources[point], i]
+                x[i, point] = (result[frame, targets[point], i] - result[frame, 0, i]) / size
+        total = 0.0
+        for u in range(points):
+            for v in range(points):
+                squared = (s[0, u] - s[0, v]) ** 2 + (s[1, u] - s[1, v]) ** 2 + (s[2, u] - s[2, v]) ** 2
+                square = (x[0, u] - x[0, v]) ** 2 + (x[1, u] - x[1, v]) ** 2 + (x[2, u] - x[2, v]) ** 2
+                total += pi[u, v] * (np.sqrt(square) - ratio[u, v] * np.sqrt(squared)) ** 2
+        sigma[frame] = 0.25 * total
     return sigma
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from distretarget.arguments import check_kind
 from distretarget.errors import MotionError, quoted
+from distretarget.numerics.blocks import in_blocks
 from distretarget.numerics.kinematics import forward_kinematics, world_rotations
 from distretarget.numerics.rotations import RotationKind, represented
 from distretarget.numerics.vectors import lengths
@@ -91,7 +92,7 @@ class Motion:
             object.__setattr__(self, name, array)
         if len(self.translations) != len(self.rotations):
             raise MotionError(f"{len(self.translations)} frames of translations, {len(self.rotations)} of rotations")
-        wrong = ~(np.abs(lengths(self.rotations) - 1.0) < UNIT_ERROR)
+        wrong = in_blocks(lambda block: ~(np.abs(lengths(self.rotations[block]) - 1.0) < UNIT_ERROR), len(self))
         if wrong.any():
             frame, joint = np.argwhere(wrong)[0]
             where = f"of {self.skeleton.keys[joint]!r} in frame {frame}"

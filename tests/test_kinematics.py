@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from distretarget.numerics.kinematics import forward_kinematics, local_rotations, rotation_products, world_rotations
+from distretarget.numerics.kinematics import (
+    forward_kinematics,
+    local_rotations,
+    rotation_products,
+    turned_rotations,
+    world_rotations,
+)
 
 FRAMES = 5
 TREES = {
@@ -70,6 +76,16 @@ def test_products_are_those_of_scipy():
     assert_same_rotations(rotation_products(first, second), expected.as_quat().reshape(first.shape))
 
 
+def test_turned_rotations_are_those_of_scipy():
+    vectors = np.random.default_rng(2).normal(size=(FRAMES, 3, 3))
+    vectors[0], vectors[1] = 0.0, 1e-9 * vectors[1]
+    parts, before = np.array([0, 2, -1, 0], np.intp), rotations(4)
+    deviations = Rotation.from_rotvec(vectors[:, parts].reshape(-1, 3))
+    expected = (deviations * Rotation.from_quat(before.reshape(-1, 4))).as_quat().reshape(before.shape)
+    expected[:, 2] = before[:, 2]
+    assert_same_rotations(turned_rotations(vectors, parts, before), expected)
+
+
 @trees
 def test_without_frames_there_are_no_rotations_and_no_positions(parents):
     none = np.zeros((0, len(parents), 4))
@@ -83,4 +99,5 @@ def test_arguments_stay_as_they_are():
     world_rotations(parents, local)
     local_rotations(parents, local)
     rotation_products(local, local)
+    turned_rotations(local[..., :3], parents, local)
     np.testing.assert_array_equal(local, before)

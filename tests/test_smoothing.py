@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
-from distretarget.numerics.smoothing import averaged, over_runs, widened
+from distretarget.numerics.smoothing import averaged, largest, median_of_three, over_runs, runs_of, widened
 
 NOISE = np.random.default_rng(0).uniform(0, 1, (80, 3))
 
@@ -47,6 +48,24 @@ def test_the_mean_is_a_raised_cosine():
     weights = 1 + np.cos(np.pi * np.arange(-4, 5) / 5)
     np.testing.assert_allclose(averaged(pulse, 4)[6:15, 0], weights / weights.sum())
     np.testing.assert_array_equal(averaged(pulse, 4)[[5, 15], 0], 0)
+
+
+@pytest.mark.parametrize("reach", [0, 1, 7, 100])
+def test_largest_values_and_means_are_those_of_scipy(reach):
+    expected = ndimage.maximum_filter1d(NOISE, 2 * reach + 1, axis=0, mode="nearest")
+    np.testing.assert_array_equal(largest(NOISE, reach), expected)
+    window = np.hanning(2 * reach + 3)[1:-1]
+    expected = ndimage.convolve1d(NOISE, window / window.sum(), axis=0, mode="nearest")
+    np.testing.assert_allclose(averaged(NOISE, reach), expected, rtol=1e-13)
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3, 80])
+def test_medians_and_runs_are_those_of_scipy(frames):
+    noise, flags = NOISE[:frames], NOISE[:frames] > 0.5
+    for values in (noise, flags):
+        expected = ndimage.median_filter(values, (3, 1), mode="nearest")
+        np.testing.assert_array_equal(median_of_three(values), expected)
+    np.testing.assert_array_equal(runs_of(flags[:, 0]), ndimage.label(flags[:, 0])[0])
 
 
 def test_columns_do_not_mix():

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from distretarget.body.regions import TRUNK
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import speeds_along
+from distretarget.numerics.smoothing import largest
 from distretarget.numerics.vectors import lengths, level
 
 Array = NDArray[np.float64]
@@ -59,7 +59,7 @@ class SupportsMeasured:
         """
         rests = np.asarray(self.rest.any(axis=1))
         reach = int(min(BETWEEN / frame_time, len(rests)))
-        return np.asarray(maximum_filter1d(rests, 2 * reach + 1, mode="nearest"))
+        return largest(rests[:, None].astype(np.float64), reach)[:, 0] > 0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -132,9 +132,7 @@ def _holds(source: Motion, matching: Matching, joints: NDArray[np.intp], leg: fl
 
 def _extent(path: Array, reach: int) -> Array:
     """(frames,), the diagonal of the box that a path (frames, 3) fills within `reach` frames before and after."""
-    size = 2 * reach + 1
-    box = maximum_filter1d(path, size, axis=0) - minimum_filter1d(path, size, axis=0)
-    return np.asarray(lengths(box))
+    return lengths(largest(path, reach) + largest(-path, reach))
 
 
 def _along_floor(paths: Array, up: Array, frame_time: float) -> Array:

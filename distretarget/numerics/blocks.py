@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+Value = TypeVar("Value", bound=np.generic)
 
 BLOCK_FRAMES = 384  # most frames of a block
 
@@ -20,6 +21,6 @@ def blocks_of(frames: int) -> Iterator[slice]:
         yield slice(first, end)
 
 
-def in_blocks(compute: Callable[[slice], Array], frames: int) -> Array:
+def in_blocks(compute: Callable[[slice], NDArray[Value]], frames: int) -> NDArray[Value]:
     """What `compute` returns for the frames of each block of a clip, joined."""
     return np.concatenate([compute(block) for block in blocks_of(frames)] or [compute(slice(0, 0))])

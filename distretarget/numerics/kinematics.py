@@ -15,6 +15,7 @@ from distretarget.numerics.vectors import lengths
 
 Array = NDArray[np.float64]
 Parents = NDArray[np.intp]
+Parts = NDArray[np.intp]
 
 
 def forward_kinematics(parents: Parents, translations: Array, world: Array) -> Array:
@@ -56,6 +57,17 @@ def rotation_products(first: Array, second: Array) -> Array:
     return product
 
 
+def turned_rotations(vectors: Array, parts: Parts, rotations: Array) -> Array:
+    """World rotations, (frames, joints, 4), each turned in the world by the rotation vector of its part.
+
+    `vectors`, (frames, parts, 3), are in [rad]; `parts`, (joints,), is the part of each joint, -1 for joints that keep
+    their rotations.
+    """
+    turned = np.array(rotations)
+    _turn(vectors, parts, turned)
+    return turned
+
+
 @compiled()
 def _world_rotations(parents: Parents, world: Array) -> None:
     """Turn local rotations into world rotations in place."""
@@ -80,6 +92,23 @@ def _products(first: Array, second: Array, product: Array) -> None:
         for joint in range(first.shape[1]):
             p = first[frame, joint]
             _multiply(p[0], p[1], p[2], p[3], second[min(frame, len(second) - 1), joint], product[frame, joint])
+
+
+@compiled()
+def _turn(vectors: Array, parts: Parts, rotations: Array) -> None:
+    """Turn world rotations in place by the rotation vectors of their parts."""
+    turns = np.empty((vectors.shape[1], 4))
+    for frame in range(len(rotations)):
+        for part in range(len(turns)):
+            x, y, z = vectors[frame, part, 0], vectors[frame, part, 1], vectors[frame, part, 2]
+            angle = np.sqrt(x * x + y * y + z * z)
+            half = np.sin(0.5 * angle) / angle if angle > 0.0 else 0.5
+            turns[part, 0], turns[part, 1], turns[part, 2] = half * x, half * y, half * z
+            turns[part, 3] = np.cos(0.5 * angle)
+        for joint in range(len(parts)):
+            if parts[joint] >= 0:
+                q = turns[parts[joint]]
+                _multiply(q[0], q[1], q[2], q[3], rotations[frame, joint], rotations[frame, joint])
 
 
 @inlined()

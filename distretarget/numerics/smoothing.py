@@ -1,10 +1,13 @@
-"""Values over time, widened and averaged."""
+"""Values over time: the largest near each frame, averages, medians, and runs of frames. Compiled where it pays."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import convolve1d, label, maximum_filter1d
+
+from distretarget.numerics.compiled import compiled
 
 Array = NDArray[np.float64]
 
@@ -15,15 +18,66 @@ def widened(values: Array, frames: float) -> Array:
     The result is smooth, and nowhere less than the values. Less than half a frame changes nothing.
     """
     reach = round(frames)
-    if reach < 1:
-        return values
-    return averaged(maximum_filter1d(values, 2 * reach + 1, axis=0, mode="nearest"), reach)
+    return values if reach < 1 else averaged(largest(values, reach), reach)
+
+
+def largest(values: Array, reach: int) -> Array:
+    """The largest of the values (frames, n) within `reach` frames before and after each frame."""
+    result = np.array(values.T, order="C")
+    _write_largest(_in_columns(values, reach), result)
+    return np.ascontiguousarray(result.T)
 
 
 def averaged(values: Array, reach: int) -> Array:
-    """The values (frames, ...), averaged over `reach` frames before and after each frame (a raised cosine)."""
+    """The values (frames, ...), averaged over `reach` frames before and after each frame (a raised cosine); before the
+    first and after the last frame they stay.
+    """
     window = np.hanning(2 * reach + 3)[1:-1]
-    return np.asarray(convolve1d(values, window / window.sum(), axis=0, mode="nearest"))
+    columns = _in_columns(values.reshape(len(values), -1), reach)
+    result = np.zeros((len(columns), len(values)))
+    _add_weighted(columns, window / window.sum(), result)
+    return np.ascontiguousarray(result.T).reshape(values.shape)
+
+
+def _in_columns(values: Array, reach: int) -> Array:
+    """Values (frames, n) as (n, frames + 2 reach), with the first and the last repeated."""
+    frames = np.clip(np.arange(-reach, len(values) + reach), 0, len(values) - 1)
+    return np.take(values.T, frames, axis=1)
+
+
+@compiled(fastmath=True)
+def _write_largest(columns: Array, result: Array) -> None:
+    for n in range(len(columns)):
+        row = result[n]
+        for k in range(columns.shape[1] - len(row) + 1):
+            near = columns[n, k:]
+            for frame in range(len(row)):
+                row[frame] = max(row[frame], near[frame])
+
+
+@compiled(fastmath=True)
+def _add_weighted(columns: Array, window: Array, result: Array) -> None:
+    for n in range(len(columns)):
+        row = result[n]
+        for k in range(len(window)):
+            near, weight = columns[n, k:], window[k]
+            for frame in range(len(row)):
+                row[frame] += weight * near[frame]
+
+
+def median_of_three(values: NDArray[Any]) -> NDArray[Any]:
+    """The median of each of the values (frames, ...) and those of the frames before and after it: a single frame unlike
+    both its neighbours becomes like one of them. The first and the last frame stay.
+    """
+    before, after = np.concatenate([values[:1], values[:-1]]), np.concatenate([values[1:], values[-1:]])
+    least, most = np.minimum(before, after), np.maximum(before, after)
+    return np.asarray(np.maximum(least, np.minimum(values, most)))
+
+
+def runs_of(flags: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """(frames,), the number of the run of true frames, counted from 1, that each frame belongs to; 0 for others."""
+    starts = flags & ~np.concatenate([[False], flags[:-1]])
+    return np.asarray(np.where(flags, np.cumsum(starts), 0))
 
 
 def over_runs(values: Array, weights: Array) -> Array:
@@ -35,7 +89,7 @@ def over_runs(values: Array, weights: Array) -> Array:
     frames = np.flatnonzero(weights)
     if not len(frames):
         return np.asarray(np.broadcast_to(values.mean(axis=0), values.shape))
-    runs = label(weights > 0)[0]
+    runs = runs_of(weights > 0)
     totals = np.zeros((runs.max() + 1, values.shape[1] + 1))
     np.add.at(totals, runs, weights[:, None] * np.pad(values, ((0, 0), (0, 1)), constant_values=1.0))
     means = totals[runs[frames], :-1] / totals[runs[frames], -1:]

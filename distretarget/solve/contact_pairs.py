@@ -6,13 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from distretarget.body.legs import Legs
 from distretarget.body.regions import Regions
 from distretarget.distances import DistanceProblem
 from distretarget.numerics.compiled import compiled
-from distretarget.numerics.smoothing import widened
+from distretarget.numerics.smoothing import median_of_three, widened
 from distretarget.numerics.vectors import lengths
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.springs import Springs
@@ -63,9 +62,7 @@ def activation(D: Array, lead: float, settings: ContactSettings) -> Array:
     It is 1 up to `settings.close`, 0 from `settings.apart` on, smooth in between, and widened by `lead` frames before
     and after. A single frame unlike both its neighbours is a fault of the clip, and ignored.
     """
-    t = np.clip(
-        (settings.apart - median_filter(D, (3, 1), mode="nearest")) / (settings.apart - settings.close), 0.0, 1.0
-    )
+    t = np.clip((settings.apart - median_of_three(D)) / (settings.apart - settings.close), 0.0, 1.0)
     return widened(t**3 * (t * (6.0 * t - 15.0) + 10.0), lead)
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from distretarget.numerics.smoothing import averaged, widened
@@ -46,7 +47,12 @@ def _without_spikes(v: Array) -> Array:
     """Of each five frames around a frame the deviation that is nearest to all others: their median, which turns with
     the world.
     """
-    around = sliding_window_view(np.pad(v, ((2, 2), (0, 0), (0, 0)), mode="edge"), 5, axis=0)
-    away = sum(np.linalg.norm(around - around[..., [other]], axis=2) for other in range(5))
-    chosen = np.argmin(away, axis=-1)[..., None, None]
-    return np.asarray(np.take_along_axis(around, chosen, axis=-1)[..., 0])
+    frames, padded = len(v), np.pad(v, ((2, 2), (0, 0), (0, 0)), mode="edge")
+    apart = [lengths(padded[lag:] - padded[: len(padded) - lag]) for lag in range(1, 5)]  # by how many frames between
+    away = np.zeros((5, *v.shape[:2]))
+    for one, other in combinations(range(5), 2):
+        between = apart[other - one - 1][one : one + frames]
+        away[one] += between
+        away[other] += between
+    chosen = np.argmin(away, axis=0)
+    return np.asarray(padded[np.arange(frames)[:, None] + chosen, np.arange(v.shape[1])])

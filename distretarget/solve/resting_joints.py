@@ -8,14 +8,13 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import label, median_filter
 
 from distretarget.baseline.root import RootScale
 from distretarget.body.regions import TRUNK
 from distretarget.body.resting import above_lowest, slow_joints, still_joints
 from distretarget.matching.matching import Matching
 from distretarget.numerics.shots import Shots, by_shot
-from distretarget.numerics.smoothing import over_runs, widened
+from distretarget.numerics.smoothing import median_of_three, over_runs, runs_of, widened
 from distretarget.numerics.vectors import lengths, level
 from distretarget.solve.poses import PoseProblem
 from distretarget.solve.settings import ContactSettings
@@ -99,7 +98,7 @@ def find_resting_joints(
     on_floor = slow_joints(source, joints.sources, settings.rest_speed * length, shots) & low
     still = still_joints(source, joints.sources, joints.bases, length, shots)
     rests = on_floor | still & ~_stand_on_others(joints, on_floor | still, feet, matching)
-    rests = median_filter(rests, (3, 1), mode="nearest")  # a single frame unlike both its neighbours is a fault
+    rests = median_of_three(rests)  # a single frame unlike both its neighbours is a fault
     on = np.flatnonzero(rests.any(axis=0))
     if not len(on):
         return None
@@ -192,7 +191,7 @@ def _offsets(off: Array, rests: Flags, on_floor: Flags, carried: Flags, up: Arra
     which it is `carried` by others, (frames,), if there are any. It has no height in a run in which the joint rests on
     the floor, and is zero in the others if the scene is scaled.
     """
-    runs = label(rests)[0]
+    runs = runs_of(rests)
     with_floor = np.isin(runs, np.unique(runs[on_floor]))[:, None]
     off = np.where(with_floor, level(off, up), off if scene == "body" else 0.0)
     counts = carried | ~np.isin(runs, np.unique(runs[carried & rests]))
@@ -203,9 +202,9 @@ def _blended(rests: Flags, far: Array, frame_time: float, settings: ContactSetti
     """(frames,), 1 while a joint rests, blended to 0 over a time that grows with how far its place is, `far`, (frames,)
     [leg lengths].
     """
-    runs, count = label(rests)
+    runs = runs_of(rests)
     free = np.ones(len(rests))
-    for run in range(1, count + 1):
+    for run in range(1, runs.max() + 1):
         on = runs == run
         time = np.clip(far[on].mean() / settings.approach_speed, settings.support_blend, settings.longest_blend)
         free *= 1.0 - widened(on.astype(np.float64)[:, None], time / frame_time)[:, 0]

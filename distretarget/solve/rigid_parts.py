@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion, rigid_motion
-from distretarget.numerics.kinematics import local_rotations, rotation_products
+from distretarget.numerics.kinematics import local_rotations, turned_rotations
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -66,16 +65,14 @@ def posed_motion(copy: Motion, v: Array, parts: NDArray[np.intp], root_positions
     `root_positions`, (frames, 3) [file units], are taken as they are; the root's displacement in `v` is not added.
     """
     skeleton = copy.skeleton
-    deviations = Rotation.from_rotvec(v[:, :-1]).as_quat()[:, parts]
-    deviations[:, _leaves(skeleton) & ~_never_turned(copy)] = [0.0, 0.0, 0.0, 1.0]
-    world = rotation_products(deviations, copy.world_rotations)
+    turning = np.array(parts)
+    turning[_turning_leaves(copy)] = -1
+    world = turned_rotations(v[:, :-1], turning, copy.world_rotations)
     return rigid_motion(skeleton, root_positions, local_rotations(skeleton.parents, world), copy.frame_time_text)
 
 
-def _leaves(skeleton: Skeleton) -> NDArray[np.bool_]:
-    return np.array([not below for below in skeleton.children])
-
-
-def _never_turned(copy: Motion) -> NDArray[np.bool_]:
-    """(joints,), whether a joint keeps its rest rotation throughout, as twist joints do that nothing drives."""
-    return np.asarray(np.abs(copy.rotations[..., :3]).max(axis=(0, 2)) < LEAST_TURN)
+def _turning_leaves(copy: Motion) -> NDArray[np.intp]:
+    """The leaves that turn against their parents in any frame."""
+    leaves = np.array([joint for joint, below in enumerate(copy.skeleton.children) if not below])
+    turn = np.abs(copy.rotations[:, leaves, :3]).max(axis=(0, 2), initial=0.0)
+    return np.asarray(leaves[turn >= LEAST_TURN])

@@ -1,10 +1,11 @@
-"""The springs that hold joints at rest on the world, and lead them to their places and away from them."""
+"""The springs that hold joints at rest on the world, and lead them to their places and away from them. Compiled."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.numerics.compiled import compiled, inlined
 from distretarget.solve.articulation import Articulation
 from distretarget.solve.springs import Springs
 from distretarget.solve.supports import Supports
@@ -25,33 +26,73 @@ def support_springs(supports: Supports, body: Articulation, bones: Array, unit: 
 
     `bones`, (frames, joints, 3), are those of the copy, and `unit` is the body unit [file units].
     """
-    weights, joints = supports.weights, supports.joints
+    weights, joints, regions, feet = supports.weights, supports.joints, supports.regions, supports.feet
     A = np.zeros((*weights.shape, 3, 3))
-    for support, joint in enumerate(joints if stiffness > 0.0 else ()):
-        s = weights[:, support, None, None]
-        together = (weights[:, supports.regions == supports.regions[support]] > LEAST_WEIGHT).sum(axis=1)[:, None, None]
-        n = np.maximum(together / FIRM, 1.0)
-        m = n if support < supports.feet else together
-        A[:, support] = np.where(s < 1.0, 0.0, stiffness / n) * np.eye(3)
-        setting_in = np.flatnonzero((weights[:, support] > LEAST_WEIGHT) & (weights[:, support] < 1.0))
-        s, m, n = s[setting_in], m[setting_in], n[setting_in]
-        M = compliance(body, bones[setting_in], int(joint))
-        A[setting_in, support] = np.linalg.inv(m * (1.0 - s) / s * M + n * np.eye(3) / stiffness)
+    if stiffness > 0.0:
+        _write_springs(weights, joints, regions, feet, body, bones, stiffness, A)
     return Springs(joints, np.full(len(joints), -1), supports.places / unit, A)
 
 
-def compliance(body: Articulation, bones: Array, joint: int) -> Array:
-    """M, (frames, 3, 3): how far a joint moves under a force, held by the stiffness of the parts and of the root alone.
+@compiled(fastmath=True)
+def _write_springs(weights, joints, regions, feet, body, bones, stiffness, A):  # type: ignore[no-untyped-def]
+    """Write A, (frames, joints, 3, 3), of resting joints with these weights and regions; those of the feet come first."""
+    M, arms = np.empty((3, 3)), np.empty((len(body.stiffness), 3))
+    for frame in range(len(weights)):
+        for support in range(len(joints)):
+            s = weights[frame, support]
+            if s <= LEAST_WEIGHT:
+                continue
+            together = 0
+            for other in range(len(joints)):
+                if regions[other] == regions[support] and weights[frame, other] > LEAST_WEIGHT:
+                    together += 1
+            n = max(together / FIRM, 1.0)
+            m = n if support < feet else together
+            if s < 1.0:
+                write_compliance(body, bones[frame], joints[support], arms, M)
+                for i in range(3):
+                    for j in range(3):
+                        M[i, j] *= m * (1.0 - s) / s
+                    M[i, i] += n / stiffness
+                _write_inverse(M, A[frame, support])
+            else:
+                for i in range(3):
+                    A[frame, support, i, i] = stiffness / n
 
-    A part of stiffness h, with the lever arm a on the joint, adds [a]^T [a] / h = (|a|^2 I - a a^T) / h.
+
+@inlined(fastmath=True)
+def write_compliance(body: Articulation, bones: Array, joint: int, arms: Array, M: Array) -> None:
+    """Write M, (3, 3): how far a joint moves under a force, held by the stiffness of the parts and of the root alone.
+
+    A part of stiffness h, with the lever arm a on the joint, adds [a]^T [a] / h = (|a|^2 I - a a^T) / h. `bones`,
+    (joints, 3), are the frame's; `arms`, (parts + 1, 3), is scratch.
     """
-    arms: dict[int, Array] = {}
+    arms[:] = 0.0
     while joint > 0:
-        part = int(body.parts[body.parents[joint]])
-        arms[part] = arms.get(part, 0.0) + bones[:, joint]
-        joint = int(body.parents[joint])
-    M = np.broadcast_to(np.eye(3) / body.stiffness[-1], (len(bones), 3, 3)).copy()
-    for part, arm in arms.items():
-        square = (arm * arm).sum(axis=1)[:, None, None] * np.eye(3)
-        M += (square - arm[:, :, None] * arm[:, None, :]) / body.stiffness[part]
-    return M
+        parent = body.parents[joint]
+        for i in range(3):
+            arms[body.parts[parent], i] += bones[joint, i]
+        joint = parent
+    M[:] = 0.0
+    for i in range(3):
+        M[i, i] = 1.0 / body.stiffness[-1]
+    for part in range(len(arms) - 1):
+        square = arms[part, 0] ** 2 + arms[part, 1] ** 2 + arms[part, 2] ** 2
+        if square == 0.0:
+            continue
+        for i in range(3):
+            M[i, i] += square / body.stiffness[part]
+            for j in range(3):
+                M[i, j] -= arms[part, i] * arms[part, j] / body.stiffness[part]
+
+
+@inlined(fastmath=True)
+def _write_inverse(M: Array, inverse: Array) -> None:
+    """Write the inverse of a symmetric matrix, (3, 3), by its cofactors."""
+    a, b, c, d, e, f = M[0, 0], M[0, 1], M[0, 2], M[1, 1], M[1, 2], M[2, 2]
+    A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
+    D, E, F = a * f - c * c, b * c - a * e, a * d - b * b
+    scale = 1.0 / (a * A + b * B + c * C)
+    inverse[0, 0], inverse[0, 1], inverse[0, 2] = scale * A, scale * B, scale * C
+    inverse[1, 0], inverse[1, 1], inverse[1, 2] = scale * B, scale * D, scale * E
+    inverse[2, 0], inverse[2, 1], inverse[2, 2] = scale * C, scale * E, scale * F
