@@ -23,9 +23,12 @@ def widened(values: Array, frames: float) -> Array:
 
 def largest(values: Array, reach: int) -> Array:
     """The largest of the values (frames, n) within `reach` frames before and after each frame."""
-    result = np.array(values.T, order="C")
-    _write_largest(_in_columns(values, reach), result)
-    return np.ascontiguousarray(result.T)
+    columns, size, span = _in_columns(values, reach), 2 * reach + 1, 1
+    while 2 * span <= size:  # each element is the largest of `span`, from its place on
+        columns = np.maximum(columns[:, :-span], columns[:, span:])
+        span *= 2
+    windows = np.maximum(columns[:, : len(values)], columns[:, size - span :])
+    return np.ascontiguousarray(windows.T)
 
 
 def averaged(values: Array, reach: int) -> Array:
@@ -43,16 +46,6 @@ def _in_columns(values: Array, reach: int) -> Array:
     """Values (frames, n) as (n, frames + 2 reach), with the first and the last repeated."""
     frames = np.clip(np.arange(-reach, len(values) + reach), 0, len(values) - 1)
     return np.take(values.T, frames, axis=1)
-
-
-@compiled(fastmath=True)
-def _write_largest(columns: Array, result: Array) -> None:
-    for n in range(len(columns)):
-        row = result[n]
-        for k in range(columns.shape[1] - len(row) + 1):
-            near = columns[n, k:]
-            for frame in range(len(row)):
-                row[frame] = max(row[frame], near[frame])
 
 
 @compiled(fastmath=True)

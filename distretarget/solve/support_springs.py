@@ -35,7 +35,7 @@ def support_springs(supports: Supports, body: Articulation, bones: Array, unit: 
 
 @compiled(fastmath=True)
 def _write_springs(weights, joints, regions, feet, body, bones, stiffness, A):  # type: ignore[no-untyped-def]
-    """Write A, (frames, joints, 3, 3), of resting joints with these weights and regions; those of the feet come first."""
+    """Write A, (frames, joints, 3, 3), of resting joints with these weights and regions, those of the feet first."""
     M, arms = np.empty((3, 3)), np.empty((len(body.stiffness), 3))
     for frame in range(len(weights)):
         for support in range(len(joints)):
