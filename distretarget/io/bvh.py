@@ -14,6 +14,7 @@ from distretarget.errors import BvhError, SkeletonError
 from distretarget.io.bvh_parser import Words, take_frame_count, take_frames, take_hierarchy, take_motion_keyword
 from distretarget.io.files import read_text
 from distretarget.motion import Motion
+from distretarget.numerics.blocks import blocks_of
 from distretarget.numerics.euler import from_euler_angles
 from distretarget.numerics.vectors import lengths
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
@@ -180,5 +181,6 @@ def _rotations(skeleton: Skeleton, values: Array) -> Array:
     columns = _columns(skeleton)
     for axes in filter(None, orders):
         chosen = [[columns[joint][f"{axis}rotation"] for axis in axes] for joint in orders[axes]]
-        rotations[:, orders[axes]] = from_euler_angles(np.radians(values[:, chosen]), axes)
+        for block in blocks_of(len(values)):
+            rotations[block, orders[axes]] = from_euler_angles(np.radians(values[block, chosen]), axes)
     return rotations

@@ -61,21 +61,24 @@ def _leading_numbers(text: Bytes, powers: Array, numbers: Array) -> tuple[int, i
             return count, at
         negative = text[at] == ord("-")
         at += negative or text[at] == ord("+")
-        digits, whole, point = 0, 0, -1
-        while ord("0") <= text[at] <= ord("9") or (text[at] == ord(".") and point < 0):
-            if text[at] == ord("."):
-                point = at
-            else:
-                digits += 1
-                whole = 10 * whole + (text[at] - ord("0"))
+        first, whole = at, 0
+        while _is_digit(text[at]):
+            whole = 10 * whole + (text[at] - ord("0"))
             at += 1
-        power = point + 1 - at if point >= 0 else 0
+        digits, power = at - first, 0
+        if text[at] == ord("."):
+            at += 1
+            first = at
+            while _is_digit(text[at]):
+                whole = 10 * whole + (text[at] - ord("0"))
+                at += 1
+            digits, power = digits + at - first, first - at
         if text[at] == ord("e") or text[at] == ord("E"):
             at += 1
             down = text[at] == ord("-")
             at += down or text[at] == ord("+")
             exponent, first = 0, at
-            while ord("0") <= text[at] <= ord("9") and at < first + 3:
+            while _is_digit(text[at]) and at < first + 3:
                 exponent = 10 * exponent + (text[at] - ord("0"))
                 at += 1
             power += -exponent if down else exponent
@@ -86,6 +89,11 @@ def _leading_numbers(text: Bytes, powers: Array, numbers: Array) -> tuple[int, i
         value = whole * powers[power] if power >= 0 else whole / powers[-power]
         numbers[count] = -value if negative else value
         count += 1
+
+
+@inlined()
+def _is_digit(letter: int) -> bool:
+    return ord("0") <= letter <= ord("9")
 
 
 @inlined()
