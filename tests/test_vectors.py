@@ -1,18 +1,17 @@
-"""Lengths, directions and angles of vectors, against numpy's norm and products."""
+"""Lengths, directions and angles of vectors, against numpy's norm and exact angles."""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from distretarget.numerics.vectors import angles_between, dots, lengths, level, normalised
+from distretarget.numerics.vectors import angles_between, lengths, level, normalised
 
 VECTORS = np.random.default_rng(0).normal(size=(2, 5, 7, 3))
 
 
-def test_lengths_and_products_are_numpys():
-    a, b = VECTORS
+def test_lengths_are_numpys():
+    a = VECTORS[0]
     np.testing.assert_allclose(lengths(a), np.linalg.norm(a, axis=-1), rtol=1e-15)
-    np.testing.assert_allclose(dots(a, b), (a * b).sum(axis=-1), atol=1e-15)
     assert lengths(np.zeros((0, 3))).shape == (0,)
 
 

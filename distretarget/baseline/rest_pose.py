@@ -163,36 +163,37 @@ class _Bodies:
 def _joint_alignments(bodies: _Bodies) -> Array:
     """(target joints, 4), the rotations that align each target joint with the source, both bodies in their poses."""
     matching, (x, y) = bodies.matching, bodies.positions
+    below = driven_below(matching.target.skeleton, matching.bone_drivers, x, y)
     alignments: list[Rotation] = []
-    for joint, below in enumerate(driven_below(matching.target.skeleton, matching.bone_drivers, x, y)):
+    for joint, (b, a) in enumerate(bone_directions(matching.drivers, x, y, below)):
         root_like = not joint or joint in bodies.ankles
         turn = bodies.turn if root_like else alignments[matching.target.skeleton.parents[joint]]
         if joint in bodies.sole_normals:
-            turn = _sole_onto_sole(bodies, joint, below, turn)
-        if below:
-            b, a = bone_directions(matching.drivers, x, y, joint, below)
+            turn = _sole_onto_sole(bodies, joint, b[:1], a[:1], turn)
+        if len(a):
             if joint in bodies.outwards:
                 turn = least(turn.apply(a[:1]), bodies.outwards[joint][None]) * turn
             onto = least(turn.apply(a), b)
             if joint in bodies.hinges:
                 onto = _with_roll(bodies, joint, b[0], onto, turn) * onto
-            another_pose = len(below) == 1 and onto.magnitude() > BUILD_ANGLE and joint not in bodies.sole_normals
+            another_pose = len(a) == 1 and onto.magnitude() > BUILD_ANGLE and joint not in bodies.sole_normals
             if another_pose or joint not in bodies.built_differently:
                 turn = onto * turn
         alignments.append(turn)
     return np.array([turn.as_quat() for turn in alignments])
 
 
-def _sole_onto_sole(bodies: _Bodies, joint: int, below: list[int], turn: Rotation) -> Rotation:
+def _sole_onto_sole(bodies: _Bodies, joint: int, feet: Array, target_feet: Array, turn: Rotation) -> Rotation:
     """The alignment of an ankle: `turn`, that of the body as a whole, and then the target's sole onto the source's.
+
+    `feet` and `target_feet`, (1, 3), are the directions of the feet of both; without a foot, (0, 3).
 
     Where the pose of a body may be a frame of its motion, in which its feet may be turned, the feet point the same way.
     """
     normal, target_normal = bodies.sole_normals[joint]
     turn = least(turn.apply(target_normal[None]), normal[None]) * turn
-    if not below or not bodies.posed_by_motion:
+    if not len(feet) or not bodies.posed_by_motion:
         return turn
-    feet, target_feet = bone_directions(bodies.matching.drivers, *bodies.positions, joint, below[:1])
     level = [v - (v @ normal)[:, None] * normal for v in (feet, turn.apply(target_feet))]
     return least(level[1], level[0]) * turn
 

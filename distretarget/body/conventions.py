@@ -6,7 +6,7 @@ from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 
-from distretarget.body.joint_names import JointName, joint_names, without_digits
+from distretarget.body.joint_names import JointName, NamedTree, joint_names, without_digits
 from distretarget.body.vocabulary import Term, vocabulary
 from distretarget.skeleton import Skeleton
 
@@ -50,13 +50,13 @@ class NameMeanings:
 
 def convention_of(skeleton: Skeleton) -> str:
     """Return the title of the convention that the joints' names follow; empty where none is recognised."""
-    return name_meanings(skeleton).convention
+    return name_meanings(NamedTree.of(skeleton)).convention
 
 
-def name_meanings(skeleton: Skeleton) -> NameMeanings:
-    """Return what the names of a skeleton's joints mean."""
+def name_meanings(tree: NamedTree) -> NameMeanings:
+    """Return what the names of a tree of joints mean."""
     conventions = vocabulary().conventions
-    names = joint_names(skeleton, {convention.prefix for convention in conventions} - {()})
+    names = joint_names(tree, {convention.prefix for convention in conventions} - {()})
     terms = vocabulary().terms.intersection(map(_term, names))
     fits = _fits(names, terms)
     readings: dict[Term, dict[str, float]] = defaultdict(dict)

@@ -7,7 +7,8 @@ import unicodedata
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from functools import lru_cache
+from typing import Literal, NamedTuple
 
 from distretarget.skeleton import Skeleton
 
@@ -37,6 +38,25 @@ HELPER_PREFIX = "__"
 COMMON_SHARE = 0.75
 
 
+class NamedTree(NamedTuple):
+    """What names are read from: the joints of a skeleton without their offsets. Rigs alike have equal ones.
+
+    Attributes:
+        names: the name of each joint.
+        parents: the parent of each joint, -1 for the root.
+        end_sites: whether each joint is an End Site.
+    """
+
+    names: tuple[str, ...]
+    parents: tuple[int, ...]
+    end_sites: tuple[bool, ...]
+
+    @classmethod
+    def of(cls, skeleton: Skeleton) -> NamedTree:
+        """The tree of a skeleton."""
+        return cls(tuple(skeleton.names), tuple(skeleton.parents.tolist()), tuple(skeleton.end_sites.tolist()))
+
+
 @dataclass(frozen=True)
 class JointName:
     """The meaning of a joint's name.
@@ -55,6 +75,7 @@ class JointName:
     prefix: NameWords
 
 
+@lru_cache(maxsize=4096)
 def words(name: str) -> NameWords:
     """Return the words of a name in lower case: "mixamorig:LeftForeArm" has four, "upper_arm.L" three."""
     return tuple(word.lower() for word in NAME_WORD.findall(unicodedata.normalize("NFKC", name)))
@@ -66,22 +87,22 @@ def stem_and_side(parts: Sequence[str]) -> tuple[str, Side | None]:
     return "".join(part for part in parts if part not in SIDE_MARKERS), sides[0] if sides else None
 
 
-def joint_names(skeleton: Skeleton, prefixes: Iterable[NameWords]) -> tuple[JointName, ...]:
+def joint_names(tree: NamedTree, prefixes: Iterable[NameWords]) -> tuple[JointName, ...]:
     """Return the meaning of each joint's name, without `prefixes`, whether digits follow them or not."""
-    joints = [joint for joint in range(len(skeleton)) if not skeleton.end_sites[joint]]
+    joints = [joint for joint in range(len(tree.names)) if not tree.end_sites[joint]]
     longest_first = sorted(prefixes, key=len, reverse=True)
-    joint_prefixes = [_prefix(words(skeleton.names[joint]), longest_first) for joint in joints]
-    parts = [words(skeleton.names[joint].rpartition(":")[2]) for joint in joints]
+    joint_prefixes = [_prefix(words(tree.names[joint]), longest_first) for joint in joints]
+    parts = [words(tree.names[joint].rpartition(":")[2]) for joint in joints]
     parts = [part[len(_prefix(part, longest_first)) :] or part for part in parts]
     parts = _without_numbers(_without_common(_without_common(parts, 0), -1))
-    names = [JointName("", None, True, ())] * len(skeleton)
+    names = [JointName("", None, True, ())] * len(tree.names)
     sides = _with_attached_markers([stem_and_side(part) for part in parts])
     for joint, part, prefix, (stem, side) in zip(joints, parts, joint_prefixes, sides, strict=True):
-        helper = skeleton.names[joint].startswith(HELPER_PREFIX)
+        helper = tree.names[joint].startswith(HELPER_PREFIX)
         names[joint] = JointName("" if helper else stem, side, helper or any(map(_is_helper, part)), prefix)
     for joint in joints[1:]:
         if names[joint].side is None:
-            names[joint] = replace(names[joint], side=names[skeleton.parents[joint]].side)
+            names[joint] = replace(names[joint], side=names[tree.parents[joint]].side)
     return tuple(names)
 
 

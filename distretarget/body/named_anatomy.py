@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 from distretarget.body.anatomy import ARM, LEG, SIDES, Anatomy, spine_roles
 from distretarget.body.conventions import NameMeanings, name_meanings
 from distretarget.body.fingers import fingers_of
+from distretarget.body.joint_names import NamedTree
 from distretarget.skeleton import Skeleton
 
 # Points for each part that a chain of joints has: the bones of a limb count more than collar bone and toes.
@@ -29,7 +31,13 @@ def by_names(skeleton: Skeleton) -> Anatomy | None:
     The names must show the two long bones of both arms or of both legs, hips and, unless the body is legs alone, a
     trunk above them. A part has a role only if a joint has a known name for it; spine and neck need no known names.
     """
-    return _Rig(tuple(skeleton.parents.tolist()), name_meanings(skeleton)).anatomy()
+    return _anatomy(NamedTree.of(skeleton))
+
+
+@lru_cache(maxsize=64)
+def _anatomy(tree: NamedTree) -> Anatomy | None:
+    """The anatomy of a tree of joints; found once for all clips of a rig."""
+    return _Rig(tree.parents, name_meanings(tree)).anatomy()
 
 
 class _Chain(NamedTuple):

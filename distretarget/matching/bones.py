@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import chain, pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,16 +32,19 @@ def driven_below(target: Skeleton, drivers: NDArray[np.intp], x: Array, y: Array
     return below
 
 
-def bone_directions(drivers: NDArray[np.intp], x: Array, y: Array, joint: int, below: list[int]) -> tuple[Array, Array]:
-    """Return the directions from a target joint to joints below it, (joints below, 3), on the source and the target."""
-    return normalised(x[drivers[below]] - x[drivers[joint]]), normalised(y[below] - y[joint])
+def bone_directions(drivers: NDArray[np.intp], x: Array, y: Array, below: list[list[int]]) -> list[tuple[Array, Array]]:
+    """Return the directions from each target joint to joints `below` it, (joints below, 3), on the source and the
+    target, whose joints are at `x` and `y`, (joints, 3).
+    """
+    starts = np.array([joint for joint, ends in enumerate(below) for _ in ends], np.intp)
+    ends = np.array([*chain.from_iterable(below)], np.intp)
+    a, b = normalised(x[drivers[ends]] - x[drivers[starts]]), normalised(y[ends] - y[starts])
+    edges = np.cumsum([0, *map(len, below)]).tolist()
+    return [(a[first:last], b[first:last]) for first, last in pairwise(edges)]
 
 
 def rest_poses_alike(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]) -> bool:
     """Return whether all bones of both rest poses point about the same way, so that they can be compared."""
     x, y = source.rest_positions, target.rest_positions
-    for joint, below in enumerate(driven_below(target, drivers, x, y)):
-        a, b = bone_directions(drivers, x, y, joint, below)
-        if ((a * b).sum(axis=1) < np.cos(BUILD_ANGLE)).any():
-            return False
-    return True
+    directions = bone_directions(drivers, x, y, driven_below(target, drivers, x, y))
+    return all(((a * b).sum(axis=1) >= np.cos(BUILD_ANGLE)).all() for a, b in directions)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.numerics.vectors import cross, dots, lengths
+from distretarget.numerics.compiled import compiled
 
 PULL = 1e-6  # how much the fit of several vectors prefers no rotation, against the vectors
 
@@ -39,15 +39,35 @@ def least_rotation(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np
     Opposite directions turn about the axis across `a` that is nearest to a coordinate axis; a zero vector is not
     turned.
     """
-    scale = lengths(a) * lengths(b)
-    cosine = dots(a, b)
-    quaternions = np.concatenate([cross(a, b), (scale + cosine)[:, None]], axis=1)
-    opposite = scale + cosine <= 1e-12 * scale
-    if opposite.any():
-        away = a[opposite]
-        quaternions[opposite] = np.pad(cross(away, np.eye(3)[np.argmin(np.abs(away), axis=1)]), ((0, 0), (0, 1)))
-    quaternions[scale == 0] = [0.0, 0.0, 0.0, 1.0]
-    return np.asarray(quaternions / lengths(quaternions)[:, None])
+    quaternions = np.empty((len(a), 4))
+    _write_least(a, b, quaternions)
+    return quaternions
+
+
+@compiled()
+def _write_least(a, b, quaternions):  # type: ignore[no-untyped-def]
+    for n in range(len(a)):
+        (x, y, z), (u, v, w) = a[n], b[n]
+        scale = np.sqrt(x * x + y * y + z * z) * np.sqrt(u * u + v * v + w * w)
+        cosine = x * u + y * v + z * w
+        i, j, k, r = y * w - z * v, z * u - x * w, x * v - y * u, scale + cosine
+        if scale + cosine <= 1e-12 * scale:
+            smallest = min(abs(x), abs(y), abs(z))
+            if abs(x) == smallest:
+                i, j, k, r = 0.0, z, -y, 0.0
+            elif abs(y) == smallest:
+                i, j, k, r = -z, 0.0, x, 0.0
+            else:
+                i, j, k, r = y, -x, 0.0, 0.0
+        size = np.sqrt(i * i + j * j + k * k + r * r)
+        if scale == 0.0:
+            i, j, k, r, size = 0.0, 0.0, 0.0, 1.0, 1.0
+        quaternions[n, 0], quaternions[n, 1], quaternions[n, 2], quaternions[n, 3] = (
+            i / size,
+            j / size,
+            k / size,
+            r / size,
+        )
 
 
 def least(a: NDArray[np.float64], b: NDArray[np.float64]) -> Rotation:

@@ -1,6 +1,6 @@
 """Lengths, directions and angles of vectors. The last axis has the components, everywhere.
 
-numpy's `norm` and `cross` are slow along a short last axis: what a clip has many of goes through these.
+numpy's `norm` is slow along a short last axis: what a clip has many of goes through these.
 """
 
 from __future__ import annotations
@@ -17,17 +17,6 @@ def lengths(vectors: Array) -> Array:
     for i in range(vectors.shape[-1]):
         squares += vectors[..., i] ** 2
     return np.sqrt(squares)
-
-
-def dots(a: Array, b: Array) -> Array:
-    """The inner products of vectors (..., n) of the same shape, (...)."""
-    return np.asarray(np.einsum("...i,...i->...", a, b))
-
-
-def cross(a: Array, b: Array) -> Array:
-    """The vector products of vectors (..., 3) of the same shape, (..., 3)."""
-    ax, ay, az, bx, by, bz = (vectors[..., i] for vectors in (a, b) for i in range(3))
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
 def normalised(vectors: Array) -> Array:
