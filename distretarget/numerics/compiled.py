@@ -18,7 +18,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 def compiled(*, fastmath: bool = False) -> Callable[[Function], Function]:
     """Decorate a function that Python calls. It is compiled at its first call, and its code is kept for later runs.
 
-    Several threads may run it at the same time.
+    Several threads may run it at the same time. It is compiled for each kind of arrays (read-only or not, contiguous or
+    not), and with `fastmath` the last bits of what these make may differ: then all callers pass arrays of one kind.
     """
 
     def decorate(function: Function) -> Function:

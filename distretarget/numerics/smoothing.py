@@ -48,7 +48,7 @@ def _in_columns(values: Array, reach: int) -> Array:
     return np.take(values.T, frames, axis=1)
 
 
-@compiled(fastmath=True)
+@compiled()
 def _add_weighted(columns: Array, window: Array, result: Array) -> None:
     for n in range(len(columns)):
         row = result[n]

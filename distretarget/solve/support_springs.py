@@ -33,7 +33,7 @@ def support_springs(supports: Supports, body: Articulation, bones: Array, unit: 
     return Springs(joints, np.full(len(joints), -1), supports.places / unit, A)
 
 
-@compiled(fastmath=True)
+@compiled()
 def _write_springs(weights, joints, regions, feet, body, bones, stiffness, A):  # type: ignore[no-untyped-def]
     """Write A, (frames, joints, 3, 3), of resting joints with these weights and regions, those of the feet first."""
     M, arms = np.empty((3, 3)), np.empty((len(body.stiffness), 3))
@@ -60,7 +60,7 @@ def _write_springs(weights, joints, regions, feet, body, bones, stiffness, A):  
                     A[frame, support, i, i] = stiffness / n
 
 
-@inlined(fastmath=True)
+@inlined()
 def write_compliance(body: Articulation, bones: Array, joint: int, arms: Array, M: Array) -> None:
     """Write M, (3, 3): how far a joint moves under a force, held by the stiffness of the parts and of the root alone.
 
@@ -86,7 +86,7 @@ def write_compliance(body: Articulation, bones: Array, joint: int, arms: Array, 
                 M[i, j] -= arms[part, i] * arms[part, j] / body.stiffness[part]
 
 
-@inlined(fastmath=True)
+@inlined()
 def _write_inverse(M: Array, inverse: Array) -> None:
     """Write the inverse of a symmetric matrix, (3, 3), by its cofactors."""
     a, b, c, d, e, f = M[0, 0], M[0, 1], M[0, 2], M[1, 1], M[1, 2], M[2, 2]
