@@ -63,7 +63,7 @@ def activation(D: Array, lead: float, settings: ContactSettings) -> Array:
     and after. A single frame unlike both its neighbours is a fault of the clip, and ignored.
     """
     t = np.clip((settings.apart - median_of_three(D)) / (settings.apart - settings.close), 0.0, 1.0)
-    return widened(t**3 * (t * (6.0 * t - 15.0) + 10.0), lead)
+    return widened(t * t * t * (t * (6.0 * t - 15.0) + 10.0), lead)
 
 
 def activation_window(lead: float) -> int:
