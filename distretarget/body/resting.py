@@ -95,11 +95,11 @@ def _find_holding(slow, positions, joints, bases, length, least, shots, holding)
 @inlined()
 def _reach(positions: Array, joint: int, first: int, end: int) -> float:
     """How far a joint goes at most from its mean place in some frames."""
-    mean = np.zeros(3)
+    farthest, mean = 0.0, np.zeros(3)
     for frame in range(first, end):
-        mean += positions[frame, joint]
-    mean /= end - first
-    farthest = 0.0
+        for i in range(3):
+            mean[i] += positions[frame, joint, i] / (end - first)
     for frame in range(first, end):
-        farthest = max(farthest, np.sum((positions[frame, joint] - mean) ** 2))
+        x, y, z = positions[frame, joint, 0], positions[frame, joint, 1], positions[frame, joint, 2]
+        farthest = max(farthest, (x - mean[0]) ** 2 + (y - mean[1]) ** 2 + (z - mean[2]) ** 2)
     return float(np.sqrt(farthest))

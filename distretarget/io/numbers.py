@@ -16,6 +16,7 @@ MOST_DIGITS = 18  # of an integer of 64 bits, whatever they are
 EXACT = 2**53  # up to it all integers are doubles
 POWERS = np.array([float(10**n) for n in range(23)])  # all powers of ten that are doubles
 BLANKS = b" \t\n\v\f\r"
+ZERO, NINE, PLUS, MINUS, POINT, SMALL_E, LARGE_E, SPACE, TAB, RETURN = b"09+-.eE \t\r"
 
 
 def parse_numbers(text: bytes) -> Array | None:
@@ -59,27 +60,27 @@ def _leading_numbers(text: Bytes, powers: Array, numbers: Array) -> tuple[int, i
         begin = at
         if at == len(text):
             return count, at
-        negative = text[at] == ord("-")
-        at += negative or text[at] == ord("+")
+        negative = text[at] == MINUS
+        at += negative or text[at] == PLUS
         first, whole = at, 0
         while _is_digit(text[at]):
-            whole = 10 * whole + (text[at] - ord("0"))
+            whole = 10 * whole + (text[at] - ZERO)
             at += 1
         digits, power = at - first, 0
-        if text[at] == ord("."):
+        if text[at] == POINT:
             at += 1
             first = at
             while _is_digit(text[at]):
-                whole = 10 * whole + (text[at] - ord("0"))
+                whole = 10 * whole + (text[at] - ZERO)
                 at += 1
             digits, power = digits + at - first, first - at
-        if text[at] == ord("e") or text[at] == ord("E"):
+        if text[at] == SMALL_E or text[at] == LARGE_E:
             at += 1
-            down = text[at] == ord("-")
-            at += down or text[at] == ord("+")
+            down = text[at] == MINUS
+            at += down or text[at] == PLUS
             exponent, first = 0, at
             while _is_digit(text[at]) and at < first + 3:
-                exponent = 10 * exponent + (text[at] - ord("0"))
+                exponent = 10 * exponent + (text[at] - ZERO)
                 at += 1
             power += -exponent if down else exponent
             digits = digits if at > first else 0
@@ -93,9 +94,9 @@ def _leading_numbers(text: Bytes, powers: Array, numbers: Array) -> tuple[int, i
 
 @inlined()
 def _is_digit(letter: int) -> bool:
-    return ord("0") <= letter <= ord("9")
+    return ZERO <= letter <= NINE
 
 
 @inlined()
 def _is_blank(letter: int) -> bool:
-    return letter == ord(" ") or ord("\t") <= letter <= ord("\r")
+    return letter == SPACE or TAB <= letter <= RETURN

@@ -9,6 +9,8 @@ from typing import Any, TypeVar, cast
 
 from numba import njit
 from numba.core import config, event
+from numba.core.caching import FunctionCache
+from numba.core.runtime import rtsys
 
 from distretarget.numerics.code_folder import code_folder
 
@@ -26,10 +28,22 @@ def compiled(*, fastmath: bool = False) -> Callable[[Function], Function]:
         code: Any = njit(error_model="numpy", fastmath=fastmath, nogil=True)(function)
         if folder := code_folder():
             with _caching_in(folder):
-                code.enable_caching()
+                code._cache = _Cache(function)
         return cast(Function, code)
 
     return decorate
+
+
+class _Cache(FunctionCache):
+    """Compiled code that is loaded without the registers of all that numba can compile: to fill these takes a tenth of
+    a second, and the compiler does so itself.
+    """
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Load the code for a signature; None if there is none."""
+        rtsys.initialize(target_context)  # it manages the memory of arrays
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
 
 
 @contextmanager
