@@ -6,6 +6,7 @@ from bodies import swaying
 from distretarget import Skeleton
 from distretarget.solve.articulation import Articulation, pose_body, pose_gradient, scratch_of, stiffness_energy
 from distretarget.solve.contact import _solve
+from distretarget.solve.contact_pairs import no_pairs
 from distretarget.solve.floor import no_floor
 from distretarget.solve.rigid_parts import part_of_joint
 from distretarget.solve.settings import ContactSettings
@@ -101,5 +102,6 @@ class Case:
             v[:first] = before
         rows = Springs(*self.springs[:2], *(values[first:] for values in self.springs[2:]))
         root, floor = self.root[first:], no_floor(len(self.root) - first)
-        _solve(self.body, self.bones[first:], root, rows, floor, ContactSettings().tolerance, v, first, log)
+        near = no_pairs(len(root))
+        _solve(self.body, self.bones[first:], root, near, rows, floor, ContactSettings().tolerance, v, first, log)
         return v, log

@@ -11,8 +11,9 @@ from distretarget.baseline.root import RootScale
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.body.regions import Regions
 from distretarget.distances import distance_problem
-from distretarget.solve.contact_pairs import CandidatePairs, activation, candidate_pairs, pair_springs
+from distretarget.solve.contact_pairs import CandidatePairs, activation, candidate_pairs, near_pairs, write_pair_springs
 from distretarget.solve.settings import ContactSettings
+from distretarget.solve.springs import Springs
 
 PERSON = person()
 TARGET = other_lengths(PERSON)
@@ -37,7 +38,15 @@ def springs_of(source, block, lead):
     copy = copied(source) / UNIT
     points = source.positions[:, PROBLEM.sources], copy[:, PROBLEM.targets]
     standing = np.zeros(len(source))[block]
-    return pair_springs(PAIRS, PROBLEM, *points, standing, block=block, lead=lead, settings=SETTINGS)
+    return written(near_pairs(PAIRS, PROBLEM, *points, standing, block=block, lead=lead, settings=SETTINGS))
+
+
+def written(near):
+    """The springs of near pairs, with the frames in front."""
+    rest, A = np.empty((*near.w.shape, 3)), np.empty((*near.w.shape, 3, 3))
+    for frame in range(len(rest)):
+        write_pair_springs(near, frame, rest[frame], A[frame])
+    return Springs(near.a, near.b, rest, A)
 
 
 def by_pair(springs):
@@ -214,7 +223,7 @@ def lone_and_cluster(count):
     tau = np.full(len(u), 1 / SETTINGS.close)
     pairs = CandidatePairs(u, v, tau, tau, np.zeros(len(u), bool))
     x = np.tile(np.where(np.arange(points) < count, 0.0, 1.0)[:, None] * [1.0, 0, 0], (3, 1, 1))
-    springs = pair_springs(pairs, problem, x, x, np.zeros(3), block=slice(0, 3), lead=0.0, settings=SETTINGS)
+    springs = written(near_pairs(pairs, problem, x, x, np.zeros(3), block=slice(0, 3), lead=0.0, settings=SETTINGS))
     return np.linalg.eigvalsh(springs.A[1])[:, -1]
 
 
@@ -233,7 +242,9 @@ def test_feet_are_no_pair_while_one_of_them_rests():
     points = source.positions[:, PROBLEM.sources], copy[:, PROBLEM.targets]
     near = replace(SETTINGS, close=0.5, apart=0.6)
     both = {"LeftAnkle", "LeftToe", "LeftToe_End"}, {"RightAnkle", "RightToe", "RightToe_End"}
-    springs = pair_springs(PAIRS, PROBLEM, *points, np.array([0, 0.5, 1, 0]), block=slice(0, 4), lead=0, settings=near)
+    standing = np.array([0, 0.5, 1, 0])
+    pairs = near_pairs(PAIRS, PROBLEM, *points, standing, block=slice(0, 4), lead=0, settings=near)
+    springs = written(pairs)
     feet = [
         {PERSON.names[a], PERSON.names[b]} & both[0] and {PERSON.names[a], PERSON.names[b]} & both[1]
         for a, b in zip(springs.a, springs.b, strict=True)

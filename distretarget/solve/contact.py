@@ -29,7 +29,13 @@ from distretarget.numerics.blocks import blocks_of
 from distretarget.numerics.compiled import compiled, inlined
 from distretarget.solve.articulation import Articulation, Scratch
 from distretarget.solve.chunks import Mapper, Progress, solve_in_chunks
-from distretarget.solve.contact_pairs import activation_window, candidate_pairs, pair_springs
+from distretarget.solve.contact_pairs import (
+    NearPairs,
+    activation_window,
+    candidate_pairs,
+    near_pairs,
+    write_pair_springs,
+)
 from distretarget.solve.floor import Floor, floor_energy, with_floor
 from distretarget.solve.jumps import smooth_jumps
 from distretarget.solve.pose_solver import Frame, compile_pose_solver, solver_arrays, warm_starts
@@ -68,8 +74,9 @@ def _solve_frames(problem: PoseProblem, supports: Supports, frames: slice, setti
     stiffness = part_stiffness(problem, settings)
     body = Articulation(problem.skeleton.parents, problem.parts, stiffness)
     pairs = candidate_pairs(distances, problem.regions, problem.legs, unit, settings.least_path)
-    source, copy = problem.source[:, distances.sources], problem.copy[:, distances.targets] / unit
     # One layout of arrays, for which the solver is compiled once.
+    source = np.take(problem.source, distances.sources, axis=1)
+    copy = np.take(problem.copy, distances.targets, axis=1) / unit
     bones, root = np.ascontiguousarray(problem.bones / unit), np.ascontiguousarray(problem.root / unit)
     lead = settings.lead / problem.frame_time
     count = frames.stop - frames.start
@@ -78,11 +85,11 @@ def _solve_frames(problem: PoseProblem, supports: Supports, frames: slice, setti
     for solved in blocks_of(count):
         block = slice(frames.start + solved.start, frames.start + solved.stop)
         standing = supports.standing[block]
-        near = pair_springs(pairs, distances, source, copy, standing, block=block, lead=lead, settings=settings)
+        near = near_pairs(pairs, distances, source, copy, standing, block=block, lead=lead, settings=settings)
         held = support_springs(supports[block], body, bones[block], unit, settings.support_stiffness)
-        springs = joined(near, held, supports.touching.of_frames(block))
+        springs = joined(held, supports.touching.of_frames(block))
         floor = supports.floor.of_frames(block)
-        _solve(body, bones[block], root[block], springs, floor, settings.tolerance, v, solved.start, log)
+        _solve(body, bones[block], root[block], near, springs, floor, settings.tolerance, v, solved.start, log)
     v[:, -1] *= unit
     return Poses(v, Effort.from_log(log))
 
@@ -108,20 +115,41 @@ _solve_pose = compile_pose_solver(_energy, _like_springs)
 
 
 @compiled()
-def _solve(body, bones, root, springs, floor, tolerance, v, first, log):  # type: ignore[no-untyped-def]
+def _solve(body, bones, root, near, springs, floor, tolerance, v, first, log):  # type: ignore[no-untyped-def]
     """Solve a block of frames, whose first is frame `first` of `v` and `log`, the arrays written.
 
     Each frame starts from the best of: the copy, the pose before, the two poses before continued.
     """
     scratch, starts = solver_arrays(body)
+    acting = _springs_of_a_frame(near, springs)
     for t in range(len(bones)):
         at = first + t
         count = min(at, 2) + 1
         warm_starts(v, at, starts)
+        _write_springs(near, springs, t, acting)
         frame = Frame(bones[t], root[t])
-        terms = Terms(
-            Springs(springs.a, springs.b, springs.rest[t], springs.A[t]),
-            Floor(floor.joints, floor.heights[t], floor.stiffness[t], floor.up),
-        )
+        terms = Terms(acting, Floor(floor.joints, floor.heights[t], floor.stiffness[t], floor.up))
         minimum = _solve_pose(starts, count, body, scratch, frame, terms, tolerance, v[at])
         record(minimum, log, at)
+
+
+@inlined()
+def _springs_of_a_frame(near: NearPairs, springs: Springs) -> Springs:
+    """The springs of near pairs and the others, of which the joints are known as yet."""
+    pairs, count = len(near.a), len(near.a) + len(springs.a)
+    a, b = np.empty(count, np.intp), np.empty(count, np.intp)
+    for s in range(count):
+        a[s] = near.a[s] if s < pairs else springs.a[s - pairs]
+        b[s] = near.b[s] if s < pairs else springs.b[s - pairs]
+    return Springs(a, b, np.empty((count, 3)), np.empty((count, 3, 3)))
+
+
+@inlined()
+def _write_springs(near: NearPairs, springs: Springs, frame: int, acting: Springs) -> None:
+    """Write what the springs of a frame draw to, and how stiff they are."""
+    write_pair_springs(near, frame, acting.rest, acting.A)
+    for s in range(len(springs.a)):
+        for i in range(3):
+            acting.rest[len(near.a) + s, i] = springs.rest[frame, s, i]
+            for j in range(3):
+                acting.A[len(near.a) + s, i, j] = springs.A[frame, s, i, j]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +11,10 @@ from numpy.typing import NDArray
 from distretarget.body.legs import Legs
 from distretarget.body.regions import Regions
 from distretarget.distances import DistanceProblem
-from distretarget.numerics.compiled import compiled
+from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.smoothing import median_of_three, widened
 from distretarget.numerics.vectors import lengths
 from distretarget.solve.settings import ContactSettings
-from distretarget.solve.springs import Springs
 
 Array = NDArray[np.float64]
 
@@ -71,7 +71,30 @@ def activation_window(lead: float) -> int:
     return 2 * round(lead) + 1
 
 
-def pair_springs(
+class NearPairs(NamedTuple):
+    """The near pairs of a block of frames, of which `write_pair_springs` makes the springs of a frame.
+
+    Attributes:
+        a, b: (pairs,), their joints of the target.
+        u, v: (pairs,), their points.
+        ratio: (pairs,), tau2 / tau1 [body units / file unit].
+        source, copy: (frames, points, 3), the points of source and copy [file units, body units].
+        f, w, k: (frames, pairs), how far they have set in, their stiffness, and the share of it across their direction.
+    """
+
+    a: NDArray[np.intp]
+    b: NDArray[np.intp]
+    u: NDArray[np.intp]
+    v: NDArray[np.intp]
+    ratio: Array
+    source: Array
+    copy: Array
+    f: Array
+    w: Array
+    k: Array
+
+
+def near_pairs(
     pairs: CandidatePairs,
     distances: DistanceProblem,
     source: Array,
@@ -81,8 +104,8 @@ def pair_springs(
     block: slice,
     lead: float,
     settings: ContactSettings,
-) -> Springs:
-    """The springs of the near pairs in a block of frames; their arrays have the frames in front.
+) -> NearPairs:
+    """The pairs that are near in any frame of a block.
 
     `source`, (frames, points, 3), are the source's points [file units] and `copy` the copy's [body units], of the whole
     clip; `standing`, (frames of the block,), is 1 while a foot rests; `lead` is in frames.
@@ -92,36 +115,50 @@ def pair_springs(
     window = source[first:last]
     on = np.flatnonzero(come_near(window, window, pairs.u, pairs.v, settings.apart * pairs.tau1))
     u, v = pairs.u[on], pairs.v[on]
-    D = lengths(window[:, u] - window[:, v]) / pairs.tau1[on]
+    D = lengths(np.take(window, u, axis=1) - np.take(window, v, axis=1)) / pairs.tau1[on]
     inside = slice(block.start - first, block.stop - first)
     f = activation(D, lead, settings)[inside] * (1.0 - np.outer(standing, pairs.feet[on]))
-    w = pair_stiffness(f, D[inside], (u, v), len(distances), settings)
-    k = share_across(D[inside] * pairs.tau2[on], settings)
-    rest, A = np.empty((*w.shape, 3)), np.empty((*w.shape, 3, 3))
-    _write_springs(window[inside], copy[block], u, v, pairs.tau2[on] / pairs.tau1[on], f, w, k, rest, A)
-    return Springs(distances.targets[u], distances.targets[v], rest, A)
+    return NearPairs(
+        a=distances.targets[u],
+        b=distances.targets[v],
+        u=u,
+        v=v,
+        ratio=pairs.tau2[on] / pairs.tau1[on],
+        source=window[inside],
+        copy=copy[block],
+        f=f,
+        w=pair_stiffness(f, D[inside], (u, v), len(distances), settings),
+        k=share_across(D[inside] * pairs.tau2[on], settings),
+    )
 
 
-@compiled(fastmath=True)
-def _write_springs(source, copy, u, v, ratio, f, w, k, rest, A):  # type: ignore[no-untyped-def]
-    """Write the difference that each pair is drawn to, d_copy + f (ratio d_source - d_copy), (frames, pairs, 3), and
-    its stiffness, (frames, pairs, 3, 3): w along the direction of d_source, and k w across it.
+def no_pairs(frames: int) -> NearPairs:
+    """Nothing is near."""
+    none, points, values = np.zeros(0, np.intp), np.zeros((frames, 0, 3)), np.zeros((frames, 0))
+    return NearPairs(none, none, none, none, np.zeros(0), points, points, values, values, values)
+
+
+@inlined(fastmath=True)
+def write_pair_springs(near: NearPairs, frame: int, rest: Array, A: Array) -> None:
+    """Write the springs of the pairs in a frame: the difference that each pair is drawn to,
+    d_copy + f (ratio d_source - d_copy), to the first rows of `rest`, (springs, 3), and its stiffness, w along the
+    direction of d_source and k w across it, to those of `A`, (springs, 3, 3).
     """
     d = np.empty(3)
-    for frame in range(len(f)):
-        for s in range(len(u)):
-            square = 0.0
-            for i in range(3):
-                d[i] = source[frame, u[s], i] - source[frame, v[s], i]
-                square += d[i] * d[i]
-                copied = copy[frame, u[s], i] - copy[frame, v[s], i]
-                rest[frame, s, i] = copied + f[frame, s] * (ratio[s] * d[i] - copied)
-            across = k[frame, s] * w[frame, s]
-            along = (w[frame, s] - across) / square if square > 0.0 else 0.0
-            for i in range(3):
-                for j in range(3):
-                    A[frame, s, i, j] = along * d[i] * d[j]
-                A[frame, s, i, i] += across
+    for s in range(len(near.u)):
+        u, v, f, w = near.u[s], near.v[s], near.f[frame, s], near.w[frame, s]
+        square = 0.0
+        for i in range(3):
+            d[i] = near.source[frame, u, i] - near.source[frame, v, i]
+            square += d[i] * d[i]
+            copied = near.copy[frame, u, i] - near.copy[frame, v, i]
+            rest[s, i] = copied + f * (near.ratio[s] * d[i] - copied)
+        across = near.k[frame, s] * w
+        along = (w - across) / square if square > 0.0 else 0.0
+        for i in range(3):
+            for j in range(3):
+                A[s, i, j] = along * d[i] * d[j]
+            A[s, i, i] += across
 
 
 @compiled(fastmath=True)
