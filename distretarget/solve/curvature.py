@@ -56,24 +56,25 @@ def _way(springs: Springs, body: Articulation) -> tuple[Numbers, Marks]:
 
     The bones that move a spring between two joints are those on the path between them.
     """
-    is_on_way, is_end = np.zeros(len(body.parents), np.bool_), np.zeros(len(body.parents), np.bool_)
-    count = 0
+    ends, is_end = np.zeros(len(body.parents), np.intp), np.zeros(len(body.parents), np.bool_)
     for s in range(len(springs.a)):
         if is_negligible(springs.A, s):
             continue
         a, b = springs.a[s], springs.b[s]
+        ends[a] += 1
         is_end[a] = True
         if b >= 0:
+            ends[b] += 1
             is_end[b] = True
-        while a != b:  # parents come before their children
-            lower = max(a, b)
-            a, b = min(a, b), body.parents[lower]
-            if not is_on_way[lower]:
-                is_on_way[lower] = True
-                count += 1
+            ends[body.meets[a, b]] -= 2
+    count = 0
+    for joint in range(len(ends) - 1, -1, -1):  # then `ends` has the springs with one end at or below the joint
+        if joint > 0:
+            ends[body.parents[joint]] += ends[joint]
+        count += ends[joint] > 0
     way, i = np.empty(count, np.intp), 0
-    for joint in range(len(is_on_way) - 1, -1, -1):
-        if is_on_way[joint]:
+    for joint in range(len(ends) - 1, -1, -1):
+        if ends[joint] > 0:
             way[i] = joint
             i += 1
     return way, is_end
@@ -177,8 +178,7 @@ def _stiffness_below(springs: Springs, way: Numbers, first: Numbers, body: Artic
         _add(G[k, p].T, 1.0, G[p, p])
         _add(G[k, k], 1.0, G[p, p])
         _add(G[k, k], 1.0, G[k, p])
-        for j in range(p + 1, count):
-            _add(G[k, j], 1.0, G[p, j])
+        _add_all(G[k, p + 1 :].ravel(), G[p, p + 1 :].ravel())
     return G
 
 
@@ -193,6 +193,12 @@ def _add(block: Array, sign: float, to: Array) -> None:
     for i in range(3):
         for j in range(3):
             to[i, j] += sign * block[i, j]
+
+
+@inlined(fastmath=True)
+def _add_all(values: Array, to: Array) -> None:
+    for i in range(len(to)):
+        to[i] += values[i]
 
 
 @inlined(fastmath=True)
