@@ -123,11 +123,11 @@ def _stresses(source, sources, result, targets, size, ratio, pi):  # type: ignor
                 x[i, point] = (result[frame, targets[point], i] - result[frame, 0, i]) / size
         total = 0.0
         for u in range(points):
-            for v in range(points):
+            for v in range(u):
                 squared = (s[0, u] - s[0, v]) ** 2 + (s[1, u] - s[1, v]) ** 2 + (s[2, u] - s[2, v]) ** 2
                 square = (x[0, u] - x[0, v]) ** 2 + (x[1, u] - x[1, v]) ** 2 + (x[2, u] - x[2, v]) ** 2
                 total += pi[u, v] * (np.sqrt(square) - ratio[u, v] * np.sqrt(squared)) ** 2
-        sigma[frame] = 0.25 * total
+        sigma[frame] = 0.5 * total
     return sigma
 
 

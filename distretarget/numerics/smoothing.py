@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -18,34 +19,46 @@ def widened(values: Array, frames: float) -> Array:
     The result is smooth, and nowhere less than the values. Less than half a frame changes nothing.
     """
     reach = round(frames)
-    return values if reach < 1 else averaged(largest(values, reach), reach)
+    return values if reach < 1 else _by_column(lambda columns: _averages(_largest(columns, reach), reach), values)
 
 
 def largest(values: Array, reach: int) -> Array:
     """The largest of the values (frames, n) within `reach` frames before and after each frame."""
-    columns, size, span = _in_columns(values, reach), 2 * reach + 1, 1
-    while 2 * span <= size:  # each element is the largest of `span`, from its place on
-        columns = np.maximum(columns[:, :-span], columns[:, span:])
-        span *= 2
-    windows = np.maximum(columns[:, : len(values)], columns[:, size - span :])
-    return np.ascontiguousarray(windows.T)
+    return _by_column(lambda columns: _largest(columns, reach), values)
 
 
 def averaged(values: Array, reach: int) -> Array:
     """The values (frames, ...), averaged over `reach` frames before and after each frame (a raised cosine); before the
     first and after the last frame they stay.
     """
+    columns = values.reshape(len(values), -1)
+    return _by_column(lambda columns: _averages(columns, reach), columns).reshape(values.shape)
+
+
+def _by_column(function: Callable[[Array], Array], values: Array) -> Array:
+    """What a function makes of values (frames, n), which it takes and returns as (n, frames)."""
+    return np.ascontiguousarray(function(np.ascontiguousarray(values.T)).T)
+
+
+def _extended(columns: Array, reach: int) -> Array:
+    """Columns (n, frames) with the first and the last value repeated, (n, frames + 2 reach)."""
+    frames = np.clip(np.arange(-reach, columns.shape[1] + reach), 0, columns.shape[1] - 1)
+    return np.take(columns, frames, axis=1)
+
+
+def _largest(columns: Array, reach: int) -> Array:
+    windows, size, span = _extended(columns, reach), 2 * reach + 1, 1
+    while 2 * span <= size:  # each element is the largest of `span`, from its place on
+        windows = np.maximum(windows[:, :-span], windows[:, span:])
+        span *= 2
+    return np.maximum(windows[:, : columns.shape[1]], windows[:, size - span :])
+
+
+def _averages(columns: Array, reach: int) -> Array:
     window = np.hanning(2 * reach + 3)[1:-1]
-    columns = _in_columns(values.reshape(len(values), -1), reach)
-    result = np.zeros((len(columns), len(values)))
-    _add_weighted(columns, window / window.sum(), result)
-    return np.ascontiguousarray(result.T).reshape(values.shape)
-
-
-def _in_columns(values: Array, reach: int) -> Array:
-    """Values (frames, n) as (n, frames + 2 reach), with the first and the last repeated."""
-    frames = np.clip(np.arange(-reach, len(values) + reach), 0, len(values) - 1)
-    return np.take(values.T, frames, axis=1)
+    result = np.zeros(columns.shape)
+    _add_weighted(_extended(columns, reach), window / window.sum(), result)
+    return result
 
 
 @compiled()
