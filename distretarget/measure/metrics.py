@@ -161,31 +161,37 @@ class Reference:
 
 
 def _distance_error(source: Motion, result: Motion, matching: Matching) -> Array:
-    joints, drivers = points_of(matching), matching.drivers
-    u, v = (joints[end] for end in np.triu_indices(len(joints), 1))
-    tau = result.rigid_skeleton.path_lengths[u, v]
-    tau_source = source.rigid_skeleton.path_lengths[drivers[u], drivers[v]]
-    known = (tau > 0) & (tau_source > 0)
-    u, v, tau, tau_source = u[known], v[known], tau[known], tau_source[known]
-    source_pairs = source.positions, drivers[u], drivers[v], tau_source
-    return np.asarray(_mean_difference(*source_pairs, result.positions, u, v, tau))
+    joints = points_of(matching)
+    drivers = matching.drivers[joints]
+    tau = result.rigid_skeleton.path_lengths[np.ix_(joints, joints)]
+    tau_source = source.rigid_skeleton.path_lengths[np.ix_(drivers, drivers)]
+    share = ((tau > 0) & (tau_source > 0)).astype(np.float64)
+    share /= max(np.triu(share, 1).sum(), 1.0)
+    of_source = source.positions, drivers, np.where(share > 0, tau_source, 1.0)
+    of_result = result.positions, joints, np.where(share > 0, tau, 1.0)
+    return np.asarray(_mean_difference(*of_source, *of_result, share))
 
 
 @compiled(fastmath=True)
-def _mean_difference(x, a, b, tau_x, y, u, v, tau_y):  # type: ignore[no-untyped-def]
-    """(frames,), the mean difference of the distances between points a and b of x, over tau_x, and those between u and
-    v of y, over tau_y; 0 without pairs.
+def _mean_difference(x, of_x, tau_x, y, of_y, tau_y, share):  # type: ignore[no-untyped-def]
+    """(frames,), the mean over all pairs of points of the differences of their distances in x over tau_x, and in y over
+    tau_y, (points, points); `of_x` and `of_y`, (points,), are the joints of x and y at the points, and `share`,
+    (points, points), is what each pair counts in the mean.
     """
+    points = len(of_x)
+    p, q = np.empty((3, points)), np.empty((3, points))
     means = np.zeros(len(x))
     for frame in range(len(x)):
+        for point in range(points):
+            for i in range(3):
+                p[i, point], q[i, point] = x[frame, of_x[point], i], y[frame, of_y[point], i]
         total = 0.0
-        p, q = x[frame], y[frame]
-        for pair in range(len(a)):
-            i, j, k, m = a[pair], b[pair], u[pair], v[pair]
-            one = np.sqrt((p[i, 0] - p[j, 0]) ** 2 + (p[i, 1] - p[j, 1]) ** 2 + (p[i, 2] - p[j, 2]) ** 2)
-            other = np.sqrt((q[k, 0] - q[m, 0]) ** 2 + (q[k, 1] - q[m, 1]) ** 2 + (q[k, 2] - q[m, 2]) ** 2)
-            total += abs(one / tau_x[pair] - other / tau_y[pair])
-        means[frame] = total / max(len(a), 1)
+        for u in range(points):
+            for v in range(u):
+                one = np.sqrt((p[0, u] - p[0, v]) ** 2 + (p[1, u] - p[1, v]) ** 2 + (p[2, u] - p[2, v]) ** 2)
+                other = np.sqrt((q[0, u] - q[0, v]) ** 2 + (q[1, u] - q[1, v]) ** 2 + (q[2, u] - q[2, v]) ** 2)
+                total += share[u, v] * abs(one / tau_x[u, v] - other / tau_y[u, v])
+        means[frame] = total
     return means
 
 
