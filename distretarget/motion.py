@@ -126,6 +126,11 @@ class Motion:
         """(frames, joints, 4), each joint's rotation in the world; computed whenever it is asked for."""
         return world_rotations(self.skeleton.parents, self.rotations)
 
+    def world_rotations_of(self, joint: int) -> NDArray[np.float64]:
+        """(frames, 4), the rotation of one joint in the world."""
+        line = self.skeleton.line(joint)[::-1]
+        return world_rotations(np.arange(len(line)) - 1, np.take(self.rotations, line, axis=1))[:, -1]
+
     @cached_property
     def positions(self) -> NDArray[np.float64]:
         """(frames, joints, 3), each joint's position in the world, by forward kinematics [file units]."""
@@ -160,7 +165,8 @@ class Motion:
         Bones whose translation is their offset in all frames keep it. The others have the direction of their median
         translation over the frames, and their median length.
         """
-        moving = np.any(self.translations != self.skeleton.offsets, axis=(0, 2))
+        rows = self.translations.reshape(len(self), 3 * len(self.skeleton))  # numpy is fast along rows
+        moving = (rows != self.skeleton.offsets.ravel()).any(axis=0).reshape(-1, 3).any(axis=1)
         moving[0] = False
         if not moving.any():
             return self.skeleton

@@ -211,7 +211,7 @@ def _lacks_channels(motion: Motion, joint: int) -> bool:
 def _check(source: Motion, target: Skeleton) -> None:
     if not len(source):
         raise MotionError("the source has no frames; there is nothing to retarget")
-    if not np.abs(source.positions).max() <= LARGEST:
+    if not (source.positions.min() >= -LARGEST and source.positions.max() <= LARGEST):
         raise MotionError(f"the source has positions beyond {LARGEST:g}; OFFSETs or position channels must be wrong")
     for body, name in ((source.skeleton, "source"), (target, "target")):
         if not body.lengths.max() >= SMALLEST:

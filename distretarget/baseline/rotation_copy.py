@@ -34,14 +34,15 @@ def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
         if matching.rotation_sources[joint, 0] < 0:
             world[:, joint] = world[:, skeleton.parents[joint]]
     local = local_rotations(skeleton.parents, world)
-    in_place = rigid_motion(skeleton, np.zeros((len(source), 3)), local, source.frame_time_text)
-    pelvis = matching.pelvis
-    path = scale.places(source.positions[:, matching.drivers[pelvis]], matching.source.up_vector)
-    return rigid_motion(skeleton, path - in_place.positions[:, pelvis], local, source.frame_time_text)
+    path = scale.places(source.positions[:, matching.drivers[matching.pelvis]], matching.source.up_vector)
+    for joint in skeleton.line(matching.pelvis)[:-1]:
+        path = path - Rotation.from_quat(world[:, skeleton.parents[joint]]).apply(np.array(skeleton.offsets[joint]))
+    return rigid_motion(skeleton, path, local, source.frame_time_text)
 
 
 def _aligned(matching: Matching, turned: Array, alignment: Array, joints: NDArray[np.intp], k: int) -> Array:
     """(frames, joints, 4), the world rotations of target joints by their first (k = 0) or second (k = 1) source, whose
     own are `turned`, (frames, source joints, 4).
     """
-    return rotation_products(turned[:, matching.rotation_sources[joints, k]], alignment[None, joints, k])
+    sources = matching.rotation_sources[joints, k]
+    return rotation_products(np.take(turned, sources, axis=1), alignment[None, joints, k])

@@ -41,7 +41,7 @@ def check_places(posed: Motion, copy: Array, matching: Matching) -> None:
     """
     if len(posed) != len(matching.source_motion):
         raise MotionError(f"the result has {len(posed)} frames, the source {len(matching.source_motion)}; {REPORT}")
-    unit = matching.target.unit + DIGITS * float(np.abs(copy).max())
+    unit = matching.target.unit + DIGITS * float(max(copy.max(), -copy.min()))
     for joints, most in ((np.array([matching.pelvis]), HIPS_RANGE), (_ankles(matching), FEET_RANGE)):
         away = lengths(posed.positions[:, joints] - copy[:, joints]) / unit
         far = f"is more than {most:g} heights away from where copied rotations put it"

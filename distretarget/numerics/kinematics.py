@@ -39,7 +39,7 @@ def forward_kinematics(parents: Parents, translations: Array, world: Array) -> A
 def world_rotations(parents: Parents, local: Array) -> Array:
     """World rotations from local ones, both (frames, joints, 4): each joint's is its parent's times its own."""
     world = np.array(local)
-    _world_rotations(parents, world)
+    _world_rotations(np.array(parents, np.intp), world)  # a copy: it is compiled for one kind of arrays
     return world
 
 
@@ -146,4 +146,7 @@ def speeds_along(paths: Array, frame_time: float) -> Array:
     """
     if len(paths) < 2:
         return np.zeros(paths.shape[:2])
-    return lengths(np.gradient(paths, frame_time, axis=0))
+    steps = np.empty_like(paths)
+    np.subtract(paths[2:], paths[:-2], out=steps[1:-1])
+    steps[0], steps[-1] = 2.0 * (paths[1] - paths[0]), 2.0 * (paths[-1] - paths[-2])
+    return lengths(steps) / (2.0 * frame_time)

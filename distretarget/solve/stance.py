@@ -46,14 +46,13 @@ def find_stance(
     blend = partial(widened, frames=settings.support_blend / source.frame_time)
     limits: dict[str, Any] = {"speed": settings.rest_speed, "height": settings.rest_height, "shots": shots}
     rounding = ROLL * length
-    turned, copy_turned = source.world_rotations, copy.world_rotations
     joints, weights, places = [], [], []
     for driver, leg, soles in zip(*legs, matching.soles, strict=True):
         joints += [leg.ankle, leg.toe]
         weights.append(by_shot(blend, shots, feet_at_rest(source, driver, up, length, **limits).astype(np.float64)))
         feet = (
-            _Foot.of(source.positions, turned[:, driver.ankle], driver, soles[0], up, rounding),
-            _Foot.of(copy.positions, copy_turned[:, leg.ankle], leg, soles[1], up, scale.height * rounding),
+            _Foot.of(source, driver, soles[0], up, rounding),
+            _Foot.of(copy, leg, soles[1], up, scale.height * rounding),
         )
         places += _places(*feet, scale, up, weights[-1].max(axis=1), shots)
     at = np.array(joints)
@@ -105,13 +104,12 @@ class _Foot:
     below: Array
 
     @classmethod
-    def of(cls, positions: Array, turned: Array, leg: Leg, sole: Sole, up: Array, rounding: float) -> _Foot:
-        """The foot of a leg, from the positions of the joints, (frames, joints, 3), and the world rotations of the
-        ankle, (frames, 4).
-        """
+    def of(cls, motion: Motion, leg: Leg, sole: Sole, up: Array, rounding: float) -> _Foot:
+        """The foot of a leg in a motion."""
+        positions = motion.positions
         toe = positions[:, leg.toe]
         bone = positions[:, leg.ankle] - toe
-        normal = Rotation.from_quat(turned).apply(sole.normal) @ up
+        normal = Rotation.from_quat(motion.world_rotations_of(leg.ankle)).apply(sole.normal) @ up
         under = np.outer(normal, sole.heights) - (positions[:, sole.joints] - toe[:, None]) @ up
         heel, front = under[:, 0], under.max(axis=1, where=sole.joints != leg.ankle, initial=-np.inf)
         front = np.where(np.isfinite(front), front, heel)
