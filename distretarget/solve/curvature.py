@@ -1,11 +1,8 @@
 """The Gauss-Newton curvature of springs with respect to a pose. Compiled.
 
 The curvature H is the metric in which the spectral gradient method looks for its direction: the energy is nearly round
-there, so that few iterations suffice.
-
-A turn of a bone moves everything below it by the same vector, and the bone feels the sum of all forces below it. So
-springs enter by sums over what is below: with G, (bones, bones) blocks of 3 x 3, the force on everything below one bone
-when everything below another is displaced, H = M G M^T, where M turns a force into a moment.
+there, so that few iterations suffice. With G, the stiffness of springs between what is below bones (`springs_below`),
+it is M G M^T, where M turns the force on all that is below a bone into a moment of its part.
 """
 
 from __future__ import annotations
@@ -15,11 +12,11 @@ from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import inlined
 from distretarget.solve.articulation import Articulation, Scratch, to_rotation_vector
-from distretarget.solve.springs import NEGLIGIBLE, Springs, is_negligible
+from distretarget.solve.springs import Springs
+from distretarget.solve.springs_below import bones_on_the_way, couples, nodes_of, stiffness_below
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
-Marks = NDArray[np.bool_]
 
 LEAST_CURVATURE = 0.01  # of any direction, in the metric alone: so no step turns a part right round
 
@@ -33,51 +30,20 @@ def active_curvature(v: Array, body: Articulation, scratch: Scratch, springs: Sp
     that they keep the copy's rotation and are not unknowns. Parts come in the order in which few zeros are lost when
     the curvature is factorised: those furthest from the root first.
     """
-    way, is_end = _way(springs, body)
+    way, is_end = bones_on_the_way(springs, body)
     active = _active(way, body, scratch)
-    first = _nodes(way, is_end, body)
-    G = _stiffness_below(springs, way, first, body)
+    first = nodes_of(way, is_end, body)
+    G = stiffness_below(springs, way, first, body)
     M = _moment_matrices(way, v, body, scratch)
     rows = _rows(way, active, body)
     H = np.zeros((3 * len(active), 3 * len(active)))
     for m in range(len(G)):
         for n in range(m, len(G)):
-            if _couples(G[m, n]):
+            if couples(G[m, n]):
                 _add_nodes(G[m, n], range(first[m], first[m + 1]), range(first[n], first[n + 1]), M, rows, H)
     for r in range(len(H)):
         H[r, r] += max(body.stiffness[active[r // 3]], LEAST_CURVATURE)
     return active, H
-
-
-@inlined()
-def _way(springs: Springs, body: Articulation) -> tuple[Numbers, Marks]:
-    """The bones whose turning moves a spring, named by their lower joints, from the last to the first, and at the end
-    the root, 0, where a spring is tied to the world; and which joints are ends of springs, (joints,).
-
-    The bones that move a spring between two joints are those on the path between them.
-    """
-    ends, is_end = np.zeros(len(body.parents), np.intp), np.zeros(len(body.parents), np.bool_)
-    for s in range(len(springs.a)):
-        if is_negligible(springs.A, s):
-            continue
-        a, b = springs.a[s], springs.b[s]
-        ends[a] += 1
-        is_end[a] = True
-        if b >= 0:
-            ends[b] += 1
-            is_end[b] = True
-            ends[body.meets[a, b]] -= 2
-    count = 0
-    for joint in range(len(ends) - 1, -1, -1):  # then `ends` has the springs with one end at or below the joint
-        if joint > 0:
-            ends[body.parents[joint]] += ends[joint]
-        count += ends[joint] > 0
-    way, i = np.empty(count, np.intp), 0
-    for joint in range(len(ends) - 1, -1, -1):
-        if ends[joint] > 0:
-            way[i] = joint
-            i += 1
-    return way, is_end
 
 
 @inlined()
@@ -121,84 +87,6 @@ def _rows(way: Numbers, active: Numbers, body: Articulation) -> Numbers:
     for i, joint in enumerate(way):
         rows[i] = place[_part_of(joint, body)]
     return rows
-
-
-@inlined()
-def _nodes(way: Numbers, is_end: Marks, body: Articulation) -> Numbers:
-    """Where each node begins in `way`, and where the last one ends, (nodes + 1,).
-
-    A node is a run of bones, each the parent of the one before, with no end of a spring and no branch between them.
-    """
-    children = np.zeros(len(body.parents), np.intp)
-    for joint in way:
-        if joint > 0:
-            children[body.parents[joint]] += 1
-    first, count = np.empty(len(way) + 1, np.intp), 0
-    for i, joint in enumerate(way):
-        if i == 0 or body.parents[way[i - 1]] != joint or children[joint] > 1 or is_end[joint]:
-            first[count] = i
-            count += 1
-    first[count] = len(way)
-    return first[: count + 1]
-
-
-@inlined(fastmath=True)
-def _stiffness_below(springs: Springs, way: Numbers, first: Numbers, body: Articulation) -> Array:
-    """G, (nodes, nodes, 3, 3), made where the first node is not after the second: the force on everything below the
-    first when everything below the second is displaced.
-
-    A bone that is not on the way leaves all springs of what is below it as they are, which adds nothing to others.
-    """
-    count = len(first) - 1
-    place = np.full(len(body.parents), -1)
-    for n in range(count):
-        for i in range(first[n], first[n + 1]):
-            place[way[i]] = n
-    G, A = np.zeros((count, count, 3, 3)), springs.A
-    for s in range(len(springs.a)):
-        if is_negligible(A, s):
-            continue
-        a, b = place[springs.a[s]], place[springs.b[s]] if springs.b[s] >= 0 else -1
-        if a >= 0:
-            _add(A[s], 1.0, G[a, a])
-        if b >= 0:
-            _add(A[s], 1.0, G[b, b])
-        if a >= 0 and b >= 0:
-            _add(A[s], -1.0, G[min(a, b), max(a, b)])
-    for k in range(count):
-        top = way[first[k + 1] - 1]
-        p = place[body.parents[top]] if top > 0 else -1
-        if p < 0:
-            continue
-        for j in range(k):
-            _add(G[j, k], 1.0, G[j, p])
-        for j in range(k + 1, p):
-            _add(G[k, j].T, 1.0, G[j, p])
-        _add(G[k, p], 1.0, G[p, p])
-        _add(G[k, p].T, 1.0, G[p, p])
-        _add(G[k, k], 1.0, G[p, p])
-        _add(G[k, k], 1.0, G[k, p])
-        _add_all(G[k, p + 1 :].ravel(), G[p, p + 1 :].ravel())
-    return G
-
-
-@inlined(fastmath=True)
-def _couples(block: Array) -> bool:
-    """Whether a block of G is more than rounding: a sum of stiffness matrices, or less such a sum."""
-    return bool(abs(block[0, 0] + block[1, 1] + block[2, 2]) >= NEGLIGIBLE)
-
-
-@inlined(fastmath=True)
-def _add(block: Array, sign: float, to: Array) -> None:
-    for i in range(3):
-        for j in range(3):
-            to[i, j] += sign * block[i, j]
-
-
-@inlined(fastmath=True)
-def _add_all(values: Array, to: Array) -> None:
-    for i in range(len(to)):
-        to[i] += values[i]
 
 
 @inlined(fastmath=True)
