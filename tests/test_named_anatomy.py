@@ -362,3 +362,9 @@ def test_all_real_files_of_people_are_recognised():
     bodies = [read_bvh(next((CORPUS / folder).glob("*.bvh"))).rigid_skeleton for folder in files]
     assert all(by_names(body) for body in bodies)
     assert by_names(read_bvh(CORPUS / "pybvh" / "full_precision_frame_time.bvh").rigid_skeleton) is None
+
+
+def test_the_anatomy_of_a_rig_is_found_once_for_all_its_clips():
+    body = tree(BODY)
+    assert by_names(body) is by_names(body.with_offsets(2.0 * body.offsets))
+    assert by_names(body) is not by_names(tree(BODY.replace("Hips", "Pelvis")))
