@@ -13,7 +13,7 @@ from distretarget.baseline.root import RootScale, root_path
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.baseline.world import RootOffset, World, find_world
 from distretarget.body.body import Body
-from distretarget.distances import distance_problem, posture_stress
+from distretarget.distances import distance_problem
 from distretarget.errors import MotionError
 from distretarget.io.target import SkeletonEdit, Target
 from distretarget.matching.matching import Matching, match
@@ -115,13 +115,12 @@ class Prepared:
         Raises:
             MotionError: a frame of the result is wrong, and which.
         """
-        matching, distances = self.performer.matching, self.problem.distances
+        matching = self.performer.matching
         posed = _posed(self.copy, poses, self.problem)
         check_bones(posed)
         motion, copy = (self.engine_root.placed(moved) for moved in (posed, self.copy))
         check_finite(motion)
         check_places(posed, self.problem.copy_on_path(), matching)
-        relative = (distances.body_size / matching.target.height) ** 2
         free = self.settings.support_stiffness == 0.0
         return RetargetResult(
             source=matching.source_motion,
@@ -133,9 +132,7 @@ class Prepared:
             effort=poses.effort,
             supports=no_supports(len(motion)) if free else self.supports,
             postures=postures,
-            copy_stress=relative * posture_stress(distances, self.problem.source, copy.positions),
-            written_stress=relative * posture_stress(distances, self.problem.source, motion.positions),
-            free_stress=None if postures is None else relative * postures.stress,
+            distances=self.problem.distances,
         )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.baseline.world import World
+from distretarget.distances import DistanceProblem, posture_stress
 from distretarget.errors import quoted
 from distretarget.matching.matching import Matching
 from distretarget.measure.figures import NOT_RUN, Side, Track, Tracks, clip_figures
@@ -43,9 +44,7 @@ class RetargetResult:
         supports: the joints that rest on the world and where they belong; none where all are free, as with the paper's
             objective.
         postures: the paper's solved points; None for the contact objective, which needs none.
-        copy_stress, written_stress: (frames,), Eq. (2) divided by the squared height of the target's rest pose, of the
-            rotation copy and of `motion`.
-        free_stress: (frames,), the same of the solved points; None without them.
+        distances: the points that source and target share, with their path lengths.
     """
 
     source: Motion
@@ -57,9 +56,7 @@ class RetargetResult:
     effort: Effort
     supports: Supports
     postures: Postures | None
-    copy_stress: Array
-    written_stress: Array
-    free_stress: Array | None
+    distances: DistanceProblem
 
     def __repr__(self) -> str:
         return f"<RetargetResult of {len(self.motion)} frames, mean stress {self.written_stress.mean():.3g}>"
@@ -68,6 +65,29 @@ class RetargetResult:
     def drivers(self) -> NDArray[np.intp]:
         """(target joints,), the source joint that drives each target joint, -1 for none."""
         return self.matching.drivers
+
+    @cached_property
+    def copy_stress(self) -> Array:
+        """(frames,), the stress of the rotation copy, Eq. (2), over the squared height of the target's rest pose."""
+        return self._stress_of(self.rotation_copy)
+
+    @cached_property
+    def written_stress(self) -> Array:
+        """(frames,), the same of `motion`."""
+        return self._stress_of(self.motion)
+
+    @property
+    def free_stress(self) -> Array | None:
+        """(frames,), the same of the solved points; None without them."""
+        return None if self.postures is None else self._relative * self.postures.stress
+
+    def _stress_of(self, motion: Motion) -> Array:
+        return self._relative * posture_stress(self.distances, self.source.positions, motion.positions)
+
+    @property
+    def _relative(self) -> float:
+        """What turns stress in body sizes squared into stress in heights of the target squared."""
+        return (self.distances.body_size / self.matching.target.height) ** 2
 
     @cached_property
     def comparison(self) -> Comparison:

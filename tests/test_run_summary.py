@@ -118,7 +118,9 @@ def test_json_ends_with_its_line():
 def test_the_line_names_the_frame_of_most_stress(frame):
     stress = np.full(FRAMES, 0.001)
     stress[frame] = 0.0625
-    line = figures_line(result_with(written_stress=stress))
+    result = result_with()
+    vars(result)["written_stress"] = stress
+    line = figures_line(result)
     assert line.startswith("rotation copy / result: ")
     assert line.endswith(f"most stress in frame {frame} (62.50)")
     assert "\n" not in line
