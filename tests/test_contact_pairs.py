@@ -11,7 +11,7 @@ from distretarget.baseline.root import RootScale
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.body.regions import Regions
 from distretarget.distances import distance_problem
-from distretarget.solve.contact_pairs import CandidatePairs, activation, candidate_pairs, near_pairs, write_pair_springs
+from distretarget.solve.contact_pairs import CandidatePairs, activation, candidate_pairs, near_pairs, write_pair_spring
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.springs import Springs
 
@@ -44,8 +44,8 @@ def springs_of(source, block, lead):
 def written(near):
     """The springs of near pairs, with the frames in front."""
     rest, A = np.empty((*near.w.shape, 3)), np.empty((*near.w.shape, 3, 3))
-    for frame in range(len(rest)):
-        write_pair_springs(near, frame, rest[frame], A[frame])
+    for frame, pair in np.ndindex(near.w.shape):
+        write_pair_spring(near, frame, pair, rest[frame, pair], A[frame, pair])
     return Springs(near.a, near.b, rest, A)
 
 

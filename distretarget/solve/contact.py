@@ -34,7 +34,7 @@ from distretarget.solve.contact_pairs import (
     activation_window,
     candidate_pairs,
     near_pairs,
-    write_pair_springs,
+    write_pair_spring,
 )
 from distretarget.solve.floor import Floor, floor_energy, with_floor
 from distretarget.solve.jumps import smooth_jumps
@@ -42,7 +42,7 @@ from distretarget.solve.pose_solver import Frame, compile_pose_solver, solver_ar
 from distretarget.solve.poses import PoseProblem, Poses
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.spg import Effort, record
-from distretarget.solve.springs import Springs, joined, spring_energy
+from distretarget.solve.springs import Springs, is_negligible, joined, spring_energy
 from distretarget.solve.stiffness import part_stiffness
 from distretarget.solve.support_springs import support_springs
 from distretarget.solve.supports import Supports
@@ -121,35 +121,40 @@ def _solve(body, bones, root, near, springs, floor, tolerance, v, first, log):  
     Each frame starts from the best of: the copy, the pose before, the two poses before continued.
     """
     scratch, starts = solver_arrays(body)
-    acting = _springs_of_a_frame(near, springs)
+    room = _room_for(near, springs)
     for t in range(len(bones)):
         at = first + t
         count = min(at, 2) + 1
         warm_starts(v, at, starts)
-        _write_springs(near, springs, t, acting)
         frame = Frame(bones[t], root[t])
+        acting = _acting(near, springs, t, room)
         terms = Terms(acting, Floor(floor.joints, floor.heights[t], floor.stiffness[t], floor.up))
         minimum = _solve_pose(starts, count, body, scratch, frame, terms, tolerance, v[at])
         record(minimum, log, at)
 
 
 @inlined()
-def _springs_of_a_frame(near: NearPairs, springs: Springs) -> Springs:
-    """The springs of near pairs and the others, of which the joints are known as yet."""
-    pairs, count = len(near.a), len(near.a) + len(springs.a)
-    a, b = np.empty(count, np.intp), np.empty(count, np.intp)
-    for s in range(count):
-        a[s] = near.a[s] if s < pairs else springs.a[s - pairs]
-        b[s] = near.b[s] if s < pairs else springs.b[s - pairs]
-    return Springs(a, b, np.empty((count, 3)), np.empty((count, 3, 3)))
+def _room_for(near: NearPairs, springs: Springs) -> Springs:
+    """Arrays for the springs of all near pairs, and for all others, in one frame."""
+    count = len(near.a) + len(springs.a)
+    return Springs(np.empty(count, np.intp), np.empty(count, np.intp), np.empty((count, 3)), np.empty((count, 3, 3)))
 
 
 @inlined()
-def _write_springs(near: NearPairs, springs: Springs, frame: int, acting: Springs) -> None:
-    """Write what the springs of a frame draw to, and how stiff they are."""
-    write_pair_springs(near, frame, acting.rest, acting.A)
+def _acting(near: NearPairs, springs: Springs, frame: int, room: Springs) -> Springs:
+    """The springs that act in a frame, which are written to `room`."""
+    count = 0
+    for pair in range(len(near.a)):
+        write_pair_spring(near, frame, pair, room.rest[count], room.A[count])
+        if not is_negligible(room.A, count):
+            room.a[count], room.b[count] = near.a[pair], near.b[pair]
+            count += 1
     for s in range(len(springs.a)):
-        for i in range(3):
-            acting.rest[len(near.a) + s, i] = springs.rest[frame, s, i]
-            for j in range(3):
-                acting.A[len(near.a) + s, i, j] = springs.A[frame, s, i, j]
+        if not is_negligible(springs.A[frame], s):
+            room.a[count], room.b[count] = springs.a[s], springs.b[s]
+            for i in range(3):
+                room.rest[count, i] = springs.rest[frame, s, i]
+                for j in range(3):
+                    room.A[count, i, j] = springs.A[frame, s, i, j]
+            count += 1
+    return Springs(room.a[:count], room.b[:count], room.rest[:count], room.A[:count])

@@ -72,7 +72,7 @@ def activation_window(lead: float) -> int:
 
 
 class NearPairs(NamedTuple):
-    """The near pairs of a block of frames, of which `write_pair_springs` makes the springs of a frame.
+    """The near pairs of a block of frames, of which `write_pair_spring` makes the springs of a frame.
 
     Attributes:
         a, b: (pairs,), their joints of the target.
@@ -139,26 +139,24 @@ def no_pairs(frames: int) -> NearPairs:
 
 
 @inlined(fastmath=True)
-def write_pair_springs(near: NearPairs, frame: int, rest: Array, A: Array) -> None:
-    """Write the springs of the pairs in a frame: the difference that each pair is drawn to,
-    d_copy + f (ratio d_source - d_copy), to the first rows of `rest`, (springs, 3), and its stiffness, w along the
-    direction of d_source and k w across it, to those of `A`, (springs, 3, 3).
+def write_pair_spring(near: NearPairs, frame: int, pair: int, rest: Array, A: Array) -> None:
+    """Write the spring of a pair in a frame: the difference that the pair is drawn to, d_copy + f (ratio d_source -
+    d_copy), to `rest`, (3,), and its stiffness, w along the direction of d_source and k w across it, to `A`, (3, 3).
     """
-    d = np.empty(3)
-    for s in range(len(near.u)):
-        u, v, f, w = near.u[s], near.v[s], near.f[frame, s], near.w[frame, s]
-        square = 0.0
-        for i in range(3):
-            d[i] = near.source[frame, u, i] - near.source[frame, v, i]
-            square += d[i] * d[i]
-            copied = near.copy[frame, u, i] - near.copy[frame, v, i]
-            rest[s, i] = copied + f * (near.ratio[s] * d[i] - copied)
-        across = near.k[frame, s] * w
-        along = (w - across) / square if square > 0.0 else 0.0
-        for i in range(3):
-            for j in range(3):
-                A[s, i, j] = along * d[i] * d[j]
-            A[s, i, i] += across
+    u, v, f, w = near.u[pair], near.v[pair], near.f[frame, pair], near.w[frame, pair]
+    dx = near.source[frame, u, 0] - near.source[frame, v, 0]
+    dy = near.source[frame, u, 1] - near.source[frame, v, 1]
+    dz = near.source[frame, u, 2] - near.source[frame, v, 2]
+    square = dx * dx + dy * dy + dz * dz
+    across = near.k[frame, pair] * w
+    along = (w - across) / square if square > 0.0 else 0.0
+    A[0, 0], A[0, 1], A[0, 2] = along * dx * dx + across, along * dx * dy, along * dx * dz
+    A[1, 0], A[1, 1], A[1, 2] = along * dx * dy, along * dy * dy + across, along * dy * dz
+    A[2, 0], A[2, 1], A[2, 2] = along * dx * dz, along * dy * dz, along * dz * dz + across
+    rest[0], rest[1], rest[2] = dx, dy, dz
+    for i in range(3):
+        copied = near.copy[frame, u, i] - near.copy[frame, v, i]
+        rest[i] = copied + f * (near.ratio[pair] * rest[i] - copied)
 
 
 @compiled(fastmath=True)
