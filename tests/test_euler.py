@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from distretarget.numerics.euler import euler_angles, from_euler_angles, restrict
+from distretarget.numerics.euler import euler_angles, from_euler_angles, restrict, write_channel_rotations
 
 ORDERS = ["".join(axes) for axes in permutations("XYZ")]
 SHORT_ORDERS = ["".join(axes) for count in (1, 2) for axes in permutations("XYZ", count)]
@@ -131,3 +131,13 @@ def test_three_axes_leave_everything():
 def test_no_frames(axes):
     assert euler_angles(np.empty((0, 4)), axes).shape == (0, len(axes))
     assert restrict(np.empty((0, 4)), axes).shape == (0, 4)
+
+
+@pytest.mark.parametrize("axes", ["ZXY", "ZX", "Y"])
+def test_rotations_of_channels_are_those_of_their_angles_and_no_other_joint_is_written(axes):
+    values = np.random.default_rng(0).uniform(-400, 400, (5, 9))
+    columns, joints = np.array([[7, 2, 4], [0, 1, 3]])[:, : len(axes)], np.array([2, 0])
+    rotations = np.full((5, 4, 4), 9.0)
+    write_channel_rotations(values, columns, axes, joints, rotations)
+    np.testing.assert_array_equal(rotations[:, joints], from_euler_angles(np.radians(values[:, columns]), axes))
+    np.testing.assert_array_equal(rotations[:, [1, 3]], 9.0)

@@ -14,8 +14,7 @@ from distretarget.errors import BvhError, SkeletonError
 from distretarget.io.bvh_parser import Words, take_frame_count, take_frames, take_hierarchy, take_motion_keyword
 from distretarget.io.files import read_text
 from distretarget.motion import Motion
-from distretarget.numerics.blocks import blocks_of
-from distretarget.numerics.euler import from_euler_angles
+from distretarget.numerics.euler import write_channel_rotations
 from distretarget.numerics.vectors import lengths
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 
@@ -180,7 +179,6 @@ def _rotations(skeleton: Skeleton, values: Array) -> Array:
         orders[rotation_axes(channels)].append(joint)
     columns = _columns(skeleton)
     for axes in filter(None, orders):
-        chosen = [[columns[joint][f"{axis}rotation"] for axis in axes] for joint in orders[axes]]
-        for block in blocks_of(len(values)):
-            rotations[block, orders[axes]] = from_euler_angles(np.radians(values[block, chosen]), axes)
+        chosen = np.array([[columns[joint][f"{axis}rotation"] for axis in axes] for joint in orders[axes]], np.intp)
+        write_channel_rotations(values, chosen, axes, np.array(orders[axes], np.intp), rotations)
     return rotations

@@ -14,6 +14,8 @@ from distretarget.numerics.compiled import compiled
 
 Array = NDArray[np.float64]
 
+DEGREE = np.pi / 180.0  # [rad]
+
 LOCKED = 1e-13
 """Below it the sine that separates the first angle from the last is rounding noise."""
 
@@ -54,32 +56,46 @@ def from_euler_angles(angles: Array, axes: str) -> Array:
 
     It is `Rotation.from_euler` of scipy for arrays with any number of dimensions, and several times as fast.
     """
-    order, parity = _order(axes)
     rotations = np.empty((*angles.shape[:-1], 4))
-    flat = rotations.reshape(-1, 4)
-    _write_rotations(np.ascontiguousarray(angles).reshape(len(flat), len(axes)), np.array(order), parity, flat)
+    rows = rotations.reshape(-1, 1, 4)
+    values, first = np.ascontiguousarray(angles).reshape(len(rows), len(axes)), np.zeros(1, np.intp)
+    _write_rotations(values, np.arange(len(axes))[None], 1.0, *_order(axes), first, rows)
     return rotations
 
 
+def write_channel_rotations(
+    values: Array, columns: NDArray[np.intp], axes: str, joints: NDArray[np.intp], rotations: Array
+) -> None:
+    """Write the rotations of joints with channels of the same order to `rotations`, (frames, all joints, 4).
+
+    The angles of the `joints`, (joints,), are in the `columns`, (joints, len(axes)), of `values`, (frames, channels)
+    [degrees].
+    """
+    _write_rotations(values, columns, DEGREE, *_order(axes), joints, rotations)
+
+
 @compiled()
-def _write_rotations(angles: Array, order: NDArray[np.intp], parity: float, rotations: Array) -> None:
+def _write_rotations(values, columns, unit, order, parity, joints, rotations):  # type: ignore[no-untyped-def]
     i, j, k = order[0], order[1], order[2]
     cosines, sines = np.ones(3), np.zeros(3)
-    for n in range(len(angles)):
-        for axis in range(angles.shape[1]):
-            cosines[axis], sines[axis] = np.cos(angles[n, axis] / 2), parity * np.sin(angles[n, axis] / 2)
-        ci, cj, ck = cosines[0], cosines[1], cosines[2]
-        si, sj, sk = sines[0], sines[1], sines[2]
-        rotations[n, i] = parity * (si * cj * ck + ci * sj * sk)
-        rotations[n, j] = parity * (ci * sj * ck - si * cj * sk)
-        rotations[n, k] = parity * (ci * cj * sk + si * sj * ck)
-        rotations[n, 3] = ci * cj * ck - si * sj * sk
+    for frame in range(len(values)):
+        for n in range(len(joints)):
+            for axis in range(columns.shape[1]):
+                half = unit * values[frame, columns[n, axis]] / 2
+                cosines[axis], sines[axis] = np.cos(half), parity * np.sin(half)
+            ci, cj, ck = cosines[0], cosines[1], cosines[2]
+            si, sj, sk = sines[0], sines[1], sines[2]
+            rotation = rotations[frame, joints[n]]
+            rotation[i] = parity * (si * cj * ck + ci * sj * sk)
+            rotation[j] = parity * (ci * sj * ck - si * cj * sk)
+            rotation[k] = parity * (ci * cj * sk + si * sj * ck)
+            rotation[3] = ci * cj * ck - si * sj * sk
 
 
-def _order(axes: str) -> tuple[list[int], float]:
+def _order(axes: str) -> tuple[NDArray[np.intp], float]:
     """The numbers of three axes that begin with the given ones, and the parity of their order, 1 or -1."""
     order = axes + "".join(axis for axis in "XYZ" if axis not in axes)
-    return ["XYZ".index(axis) for axis in order], 1.0 if order in "XYZXY" else -1.0
+    return np.array(["XYZ".index(axis) for axis in order], np.intp), 1.0 if order in "XYZXY" else -1.0
 
 
 def restrict(rotations: Array, axes: str) -> Array:
