@@ -21,6 +21,7 @@ from distretarget.matching.pairing import JointMap
 from distretarget.measure.soundness import check_bones, check_finite, check_places
 from distretarget.motion import Motion
 from distretarget.numerics.shots import find_shots
+from distretarget.numerics.vectors import extent
 from distretarget.result import RetargetResult
 from distretarget.skeleton import LARGEST, SMALLEST, Skeleton
 from distretarget.solve.fit_to_points import fit_rotations
@@ -208,7 +209,7 @@ def _lacks_channels(motion: Motion, joint: int) -> bool:
 def _check(source: Motion, target: Skeleton) -> None:
     if not len(source):
         raise MotionError("the source has no frames; there is nothing to retarget")
-    if not (source.positions.min() >= -LARGEST and source.positions.max() <= LARGEST):
+    if not extent(source.positions) <= LARGEST:
         raise MotionError(f"the source has positions beyond {LARGEST:g}; OFFSETs or position channels must be wrong")
     for body, name in ((source.skeleton, "source"), (target, "target")):
         if not body.lengths.max() >= SMALLEST:

@@ -78,5 +78,5 @@ def prop_of(motion: Motion, joint: str) -> Motion:
         end_sites=np.append(False, skeleton.end_sites[joints[1:]]),
     )
     translations, rotations = np.array(motion.translations[:, joints]), np.array(motion.rotations[:, joints])
-    translations[:, 0], rotations[:, 0] = motion.positions[:, root], motion.world_rotations[:, root]
+    translations[:, 0], rotations[:, 0] = motion.positions[:, root], motion.world_rotations_of(root)
     return Motion(below, translations, rotations, motion.frame_time_text)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from distretarget.numerics.vectors import angles_between, lengths, level, normalised
+from distretarget.numerics.vectors import angles_between, extent, lengths, level, normalised
 
 VECTORS = np.random.default_rng(0).normal(size=(2, 5, 7, 3))
 
@@ -13,6 +13,13 @@ def test_lengths_are_numpys():
     a = VECTORS[0]
     np.testing.assert_allclose(lengths(a), np.linalg.norm(a, axis=-1), rtol=1e-15)
     assert lengths(np.zeros((0, 3))).shape == (0,)
+
+
+def test_the_extent_is_the_largest_absolute_value():
+    assert extent(np.array([[1.0, -3.0], [2.0, 0.5]])) == extent(np.array([3.0, -2.0])) == 3.0
+    assert extent(np.zeros((0, 3))) == 0.0
+    assert np.isnan(extent(np.array([1.0, np.nan])))
+    assert extent(np.array([-np.inf])) == np.inf
 
 
 def test_a_vector_of_no_length_has_no_direction():

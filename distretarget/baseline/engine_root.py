@@ -162,7 +162,7 @@ def _source_root_leads(matching: Matching) -> bool:
         return False
     motion, root = matching.source_motion, roots[-1]
     path = motion.positions[:, root] / source.leg_length
-    turns = Rotation.from_quat(motion.world_rotations[:, root])
+    turns = Rotation.from_quat(motion.world_rotations_of(root))
     moves = max(np.ptp(path, axis=0).max(), (turns[0].inv() * turns).magnitude().max()) > MOVES
     steady = np.ptp(path @ source.up_vector) < STEADY
     return bool(steady and (moves or matching.drivers[0] in roots))
@@ -176,7 +176,7 @@ def _axes(body: Body) -> Array:
 def _carried_axes(body: Body, motion: Motion, joint: int) -> Rotation:
     """(frames,), the rotations whose columns are the body's left, up and forward axes as a joint carries them along."""
     reference = Rotation.from_quat(body.reference_pose[joint])
-    return Rotation.from_quat(motion.world_rotations[:, joint]) * reference.inv() * Rotation.from_matrix(_axes(body))
+    return Rotation.from_quat(motion.world_rotations_of(joint)) * reference.inv() * Rotation.from_matrix(_axes(body))
 
 
 def _heading(turned: Rotation, up: Array) -> Array:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
 from distretarget.body.anatomy import Anatomy
@@ -42,12 +40,10 @@ def moves_freely(skeleton: Skeleton, joint: int) -> bool:
     return set(POSITION_CHANNELS) <= set(skeleton.channels[joint]) and len(skeleton.rotation_axes(joint)) == 3
 
 
-@lru_cache(maxsize=4096)
 def _is_marked(name: str) -> bool:
     return any(without_digits(word) in HANDLE_WORDS for word in words(name))
 
 
-@lru_cache(maxsize=4096)
 def _meaning(name: str) -> tuple[str, Side | None]:
     """The stem and side of a name without namespace and without the words of a handle."""
     own_words = words(name.rpartition(":")[2])

@@ -126,7 +126,7 @@ def _resting_foot(body: Body, leg: Leg) -> _Foot | None:
     resting = np.flatnonzero(feet_at_rest(motion, leg, body.up_vector, body.leg_length).all(axis=1))
     if not len(resting):
         return None
-    to_ankle = Rotation.from_quat(motion[resting].world_rotations[:, leg.ankle]).inv()
+    to_ankle = Rotation.from_quat(motion[resting].world_rotations_of(leg.ankle)).inv()
     return _foot(body, leg, normalised(np.median(to_ankle.apply(body.up_vector), axis=0)), True)
 
 

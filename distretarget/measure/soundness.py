@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from distretarget.errors import MotionError
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
-from distretarget.numerics.vectors import lengths
+from distretarget.numerics.vectors import extent, lengths
 from distretarget.skeleton import LARGEST
 
 Array = NDArray[np.float64]
@@ -41,7 +41,7 @@ def check_places(posed: Motion, copy: Array, matching: Matching) -> None:
     """
     if len(posed) != len(matching.source_motion):
         raise MotionError(f"the result has {len(posed)} frames, the source {len(matching.source_motion)}; {REPORT}")
-    unit = matching.target.unit + DIGITS * float(max(copy.max(), -copy.min()))
+    unit = matching.target.unit + DIGITS * extent(copy)
     for joints, most in ((np.array([matching.pelvis]), HIPS_RANGE), (_ankles(matching), FEET_RANGE)):
         away = lengths(posed.positions[:, joints] - copy[:, joints]) / unit
         far = f"is more than {most:g} heights away from where copied rotations put it"
@@ -54,12 +54,12 @@ def check_finite(motion: Motion) -> None:
     Raises:
         MotionError: one is not; the message names joint and frame.
     """
-    if motion.positions.min(initial=0.0) >= -LARGEST and motion.positions.max(initial=0.0) <= LARGEST:
+    if extent(motion.positions) <= LARGEST:
         return
-    joints, extent = np.arange(len(motion.skeleton)), np.abs(motion.positions).max(axis=2)
-    _refuse_first(~np.isfinite(extent), motion, joints, "is nowhere, at no finite position")
+    joints, farthest = np.arange(len(motion.skeleton)), np.abs(motion.positions).max(axis=2)
+    _refuse_first(~np.isfinite(farthest), motion, joints, "is nowhere, at no finite position")
     _refuse_first(
-        extent > LARGEST, motion, joints, f"is beyond {LARGEST:g}", "use other units, or a smaller root scale"
+        farthest > LARGEST, motion, joints, f"is beyond {LARGEST:g}", "use other units, or a smaller root scale"
     )
 
 

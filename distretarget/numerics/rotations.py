@@ -59,15 +59,11 @@ def _write_least(a, b, quaternions):  # type: ignore[no-untyped-def]
                 i, j, k, r = -z, 0.0, x, 0.0
             else:
                 i, j, k, r = y, -x, 0.0, 0.0
-        size = np.sqrt(i * i + j * j + k * k + r * r)
         if scale == 0.0:
-            i, j, k, r, size = 0.0, 0.0, 0.0, 1.0, 1.0
-        quaternions[n, 0], quaternions[n, 1], quaternions[n, 2], quaternions[n, 3] = (
-            i / size,
-            j / size,
-            k / size,
-            r / size,
-        )
+            i, j, k, r = 0.0, 0.0, 0.0, 1.0
+        size = np.sqrt(i * i + j * j + k * k + r * r)
+        quaternion = quaternions[n]
+        quaternion[0], quaternion[1], quaternion[2], quaternion[3] = i / size, j / size, k / size, r / size
 
 
 def least(a: NDArray[np.float64], b: NDArray[np.float64]) -> Rotation:

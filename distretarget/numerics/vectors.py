@@ -19,6 +19,11 @@ def lengths(vectors: Array) -> Array:
     return np.sqrt(squares)
 
 
+def extent(values: Array) -> float:
+    """The largest absolute value; 0 without values, nan if any of them is."""
+    return float(max(values.max(initial=0.0), -values.min(initial=0.0)))
+
+
 def normalised(vectors: Array) -> Array:
     """Vectors of length 1 in the same directions, (..., n); a zero vector stays zero."""
     sizes = lengths(vectors)[..., None]

@@ -42,10 +42,7 @@ def _write_springs(weights, joints, regions, feet, body, bones, stiffness, A):  
             s = weights[frame, support]
             if s <= LEAST_WEIGHT:
                 continue
-            together = 0
-            for other in range(len(joints)):
-                if regions[other] == regions[support] and weights[frame, other] > LEAST_WEIGHT:
-                    together += 1
+            together = _together(weights[frame], regions, support)
             n = max(together / FIRM, 1.0)
             m = n if support < feet else together
             if s < 1.0:
@@ -58,6 +55,15 @@ def _write_springs(weights, joints, regions, feet, body, bones, stiffness, A):  
             else:
                 for i in range(3):
                     A[frame, support, i, i] = stiffness / n
+
+
+@inlined()
+def _together(weights: Array, regions: NDArray[np.intp], support: int) -> int:
+    """How many joints of the same region rest in a frame, this one included."""
+    count = 0
+    for other in range(len(weights)):
+        count += regions[other] == regions[support] and weights[other] > LEAST_WEIGHT
+    return count
 
 
 @inlined()
