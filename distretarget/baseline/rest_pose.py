@@ -186,9 +186,8 @@ def _joint_alignments(bodies: _Bodies) -> Array:
 def _sole_onto_sole(bodies: _Bodies, joint: int, feet: Array, target_feet: Array, turn: Rotation) -> Rotation:
     """The alignment of an ankle: `turn`, that of the body as a whole, and then the target's sole onto the source's.
 
-    `feet` and `target_feet`, (1, 3), are the directions of the feet of both; without a foot, (0, 3).
-
-    Where the pose of a body may be a frame of its motion, in which its feet may be turned, the feet point the same way.
+    Where the pose of a body may be a frame of its motion, in which its feet may be turned, the feet point the same way:
+    `feet` and `target_feet`, (1, 3), are their directions on both bodies, (0, 3) without a foot.
     """
     normal, target_normal = bodies.sole_normals[joint]
     turn = least(turn.apply(target_normal[None]), normal[None]) * turn

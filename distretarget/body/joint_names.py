@@ -39,7 +39,8 @@ COMMON_SHARE = 0.75
 
 
 class NamedTree(NamedTuple):
-    """What names are read from: the joints of a skeleton without their offsets. Rigs alike have equal ones.
+    """The joints of a skeleton without their offsets: all that the names' meanings depend on. Clips of one rig have
+    equal trees.
 
     Attributes:
         names: the name of each joint.

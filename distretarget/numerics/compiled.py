@@ -35,8 +35,8 @@ def compiled(*, fastmath: bool = False) -> Callable[[Function], Function]:
 
 
 class _Cache(FunctionCache):
-    """Compiled code that is loaded without the registers of all that numba can compile: to fill these takes a tenth of
-    a second, and the compiler does so itself.
+    """The folder of compiled code of a function. Loading does not fill numba's registries of what it can compile, which
+    takes a tenth of a second: only the compiler needs them, and fills them itself.
     """
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:

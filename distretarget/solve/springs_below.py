@@ -1,4 +1,4 @@
-"""How stiff springs are against displacements of all that is below a bone. Compiled.
+"""How stiffly springs hold all that is below a bone. Compiled.
 
 A turn of a bone moves everything below it by the same vector, and the bone feels the sum of all forces below it. So
 springs enter by sums over what is below bones: each takes one pass over the tree, however many springs there are.
