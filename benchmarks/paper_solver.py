@@ -15,7 +15,7 @@ from distretarget.distances import DistanceProblem
 from distretarget.numerics.stress import stress_and_gradient, target_distances
 from distretarget.solve import spg
 from distretarget.solve.free_points import POINT_ITERATIONS, POINT_TOLERANCE
-from distretarget.solve.spg import Minimum, spectral_gradient, steepest, straight
+from distretarget.solve.spg import Minimum, scratch_like, spectral_gradient, steepest, straight
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ def solve(
 ) -> tuple[Array, Minimum]:
     """The points, (points, 3), that the solver reaches from a start, (points, 3), for a posture of the source."""
     x = in_columns(problem, start)
-    minimum = _compiled(eta)(x, stress_of(problem, source), tolerance, POINT_ITERATIONS)
+    minimum = _compiled(eta)(x, stress_of(problem, source), tolerance, POINT_ITERATIONS, scratch_like(x))
     return x.T * problem.body_size, minimum
 
 
@@ -52,8 +52,9 @@ def solve(
 def _compiled(eta: float) -> Any:
     """The solver with another `ETA`, a constant that is compiled into it at its first call."""
     with patch.object(spg, "ETA", eta):
-        minimise = spectral_gradient(_objective, steepest, straight)
-        minimise(np.zeros((3, 2)), Stress(np.zeros((2, 2)), np.zeros((2, 2))), 0.0, 0)
+        minimise = njit(error_model="numpy")(spectral_gradient(_objective, steepest, straight))
+        x, stress = np.zeros((3, 2)), Stress(np.zeros((2, 2)), np.zeros((2, 2)))
+        minimise(x, stress, 0.0, 0, scratch_like(x))
     return minimise
 
 
@@ -63,7 +64,7 @@ def solve_with_lbfgs(problem: DistanceProblem, source: Array, start: Array) -> O
 
     def objective(flat: Array) -> tuple[float, Array]:
         gradient = np.empty_like(x)
-        return stress_and_gradient(flat.reshape(x.shape), *stress, gradient), gradient.ravel()
+        return _objective(flat.reshape(x.shape), stress, gradient), gradient.ravel()
 
     return minimize(objective, x.ravel(), jac=True, method="L-BFGS-B", options={"ftol": 0, "gtol": 1e-10})
 

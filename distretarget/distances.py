@@ -108,14 +108,14 @@ def posture_stress(
     3) [target file units], are the postures.
     """
     sources, targets, size = problem.sources, problem.targets, problem.body_size
-    return np.asarray(_stresses(source, sources, result, targets, size, problem.ratio, problem.priorities))
+    scratch, sigma = np.empty((2, 3, len(sources))), np.empty(len(result))
+    _write_stresses(source, sources, result, targets, size, problem.ratio, problem.priorities, scratch, sigma)
+    return sigma
 
 
 @compiled(fastmath=True)
-def _stresses(source, sources, result, targets, size, ratio, pi):  # type: ignore[no-untyped-def]
-    points = len(sources)
-    s, x = np.empty((3, points)), np.empty((3, points))
-    sigma = np.empty(len(result))
+def _write_stresses(source, sources, result, targets, size, ratio, pi, scratch, sigma):  # type: ignore[no-untyped-def]
+    points, s, x = len(sources), scratch[0], scratch[1]
     for frame in range(len(result)):
         for point in range(points):
             for i in range(3):
@@ -128,7 +128,6 @@ def _stresses(source, sources, result, targets, size, ratio, pi):  # type: ignor
                 square = (x[0, u] - x[0, v]) ** 2 + (x[1, u] - x[1, v]) ** 2 + (x[2, u] - x[2, v]) ** 2
                 total += pi[u, v] * (np.sqrt(square) - ratio[u, v] * np.sqrt(squared)) ** 2
         sigma[frame] = 0.5 * total
-    return sigma
 
 
 def columns(positions: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -4,13 +4,14 @@ import numpy as np
 from bodies import swaying
 
 from distretarget import Skeleton
-from distretarget.solve.articulation import Articulation, pose_body, pose_gradient, scratch_of, stiffness_energy
-from distretarget.solve.contact import _solve
+from distretarget.solve.articulation import Articulation, Scratch, pose_body, pose_gradient, stiffness_energy
+from distretarget.solve.contact import Given, _solve
 from distretarget.solve.contact_pairs import no_pairs
 from distretarget.solve.floor import no_floor
+from distretarget.solve.pose_solver import Clip, Workspace
 from distretarget.solve.rigid_parts import part_of_joint
 from distretarget.solve.settings import ContactSettings
-from distretarget.solve.springs import Springs, spring_energy
+from distretarget.solve.springs import Springs, room_for, spring_energy
 
 
 def stiffer_along(e, w, k):
@@ -64,7 +65,7 @@ class Case:
         self.bones = copy.positions - copy.positions[:, skeleton.parents]
         self.root = np.array(copy.positions[:, 0])
         self.springs = random_springs(draw, joints, frames)
-        self.scratch = scratch_of(joints, self.parts.max() + 1)
+        self.scratch = Scratch.of(self.body)
 
     @property
     def shape(self):
@@ -101,7 +102,7 @@ class Case:
             first = len(before)
             v[:first] = before
         rows = Springs(*self.springs[:2], *(values[first:] for values in self.springs[2:]))
-        root, floor = self.root[first:], no_floor(len(self.root) - first)
-        near = no_pairs(len(root))
-        _solve(self.body, self.bones[first:], root, near, rows, floor, ContactSettings().tolerance, v, first, log)
+        clip, frames = Clip(self.bones[first:], self.root[first:]), len(self.root) - first
+        given = Given(no_pairs(frames), rows, no_floor(frames), room_for(len(rows.a)))
+        _solve(self.body, clip, given, ContactSettings().tolerance, v, first, log, Workspace.of(self.body))
         return v, log

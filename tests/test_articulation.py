@@ -5,7 +5,7 @@ import pytest
 from bodies import held_still, matched, other_lengths, person, swaying
 from scipy.spatial.transform import Rotation
 
-from distretarget.solve.articulation import Articulation, pose_body, pose_gradient, scratch_of, stiffness_energy
+from distretarget.solve.articulation import Articulation, Scratch, pose_body, pose_gradient, stiffness_energy
 from distretarget.solve.rigid_parts import part_of_joint, posed_motion, rigid_part_roots
 
 STILL = ("LeftHip", "RightHip", "LeftCollar", "RightCollar", "LeftShoulder")
@@ -29,7 +29,7 @@ def body_of(copy, stiffness=0.0):
 
 
 def posed_by(v, body, copy, frame):
-    scratch = scratch_of(len(body.parents), len(body.stiffness) - 1)
+    scratch = Scratch.of(body)
     bones = copy.positions[frame] - copy.positions[frame, copy.skeleton.parents]
     pose_body(v, body, bones, copy.positions[frame, 0], scratch)
     return scratch

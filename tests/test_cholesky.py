@@ -16,10 +16,10 @@ def test_the_factor_solves_what_the_curvature_multiplies(zeros):
         for row, column in ((p, q), (q, p)):
             H[3 * row : 3 * row + 3, 3 * column : 3 * column + 3] = 0.0
     U, active = H.copy(), np.array([0, 2, 3])
-    factorise(U)
+    factorise(U, 9)
     factor = np.triu(U, 1) + np.diag(1 / np.diag(U))
     np.testing.assert_allclose(factor.T @ factor, H)
     gradient, d = draw.normal(size=(2, 5, 3))
-    solve_factored(U, active, gradient, d)
+    solve_factored(U, active, gradient, d, np.empty(9))
     np.testing.assert_allclose(H @ d[active].ravel(), gradient[active].ravel())
     np.testing.assert_array_equal(d[[1, 4]], 0)

@@ -263,7 +263,7 @@ def test_frames_that_do_not_converge_are_reported(monkeypatch):
     assert "warning: unsolved 20, limit 0; worst in frame 0; likely cause: " in done.stderr
 
 
-def _stop_early(_body, _bones, _root, _near, _springs, _floor, _tolerance, _v, _first, log):
+def _stop_early(_body, _clip, _given, _tolerance, _v, _first, log, _work):
     log[3] = 1
 
 

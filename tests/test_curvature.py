@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 from spring_case import Case, at
 
-from distretarget.solve.curvature import active_curvature
+from distretarget.solve.curvature import Curvature, write_curvature
 
 
 def curvature_at(case, v):
     """The active parts at a pose, and their curvature."""
     case.positions(v)
-    return active_curvature(v, case.body, case.scratch, at(case.springs, 0))
+    curvature = Curvature.of(case.body)
+    count = write_curvature(v, case.body, case.scratch, at(case.springs, 0), curvature)
+    return curvature.active[:count], curvature.H[: 3 * count, : 3 * count]
 
 
 @pytest.mark.parametrize("kind", ["grounded", "between joints", "both"])

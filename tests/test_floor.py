@@ -5,7 +5,7 @@ import pytest
 from spring_case import Case, at
 
 from distretarget.solve.floor import Floor, depth_below, floor_energy, no_floor, with_floor
-from distretarget.solve.springs import spring_energy
+from distretarget.solve.springs import room_for, spring_energy
 
 UP = np.array([0.0, 1.0, 0.0])
 
@@ -45,12 +45,20 @@ def test_joints_above_are_left_alone():
     assert not gradient.any()
 
 
+def behind(springs, count):
+    """Room for some springs behind given ones."""
+    room = room_for(len(springs.a) + count)
+    for values, given in zip(room, springs, strict=True):
+        values[: len(given)] = given
+    return room
+
+
 def test_the_curvature_has_a_spring_for_each_joint_below():
     case = Case(2)
     floor = floor_under(case, np.array([0.2, -0.1, 0.3]))
     springs = at(case.springs, 0)
     case.positions(np.zeros(case.shape))
-    both = with_floor(case.scratch, springs, floor)
+    both = with_floor(case.scratch, springs, floor, behind(springs, 3))
     assert both.a.tolist() == [*springs.a.tolist(), 0, 2]
     assert both.b[-2:].tolist() == [-1, -1]
     np.testing.assert_allclose(both.A[-2:], 3.0 * np.broadcast_to(np.outer(UP, UP), (2, 3, 3)))
@@ -62,7 +70,7 @@ def test_without_a_floor_the_springs_stay_as_they_are():
     springs, nothing = at(case.springs, 0), no_floor(1).of_frames(slice(0, 1))
     floor = Floor(nothing.joints, nothing.heights[0], nothing.stiffness[0], nothing.up)
     case.positions(np.zeros(case.shape))
-    assert with_floor(case.scratch, springs, floor).a is springs.a
+    np.testing.assert_array_equal(with_floor(case.scratch, springs, floor, behind(springs, 0)).a, springs.a)
     assert floor_energy(case.scratch, floor) == 0
     assert spring_energy(case.scratch, springs) > 0
 

@@ -13,7 +13,7 @@ from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.distances import distance_problem, posture_stress
 from distretarget.numerics.blocks import BLOCK_FRAMES
 from distretarget.numerics.stress import stress_and_gradient
-from distretarget.solve.articulation import Articulation, pose_body, pose_gradient, scratch_of, stiffness_energy
+from distretarget.solve.articulation import Articulation, Scratch, pose_body, pose_gradient, stiffness_energy
 from distretarget.solve.paper import PART_STIFFNESS, ROOT_STIFFNESS, solve_paper
 from distretarget.solve.poses import PoseProblem
 from distretarget.solve.rigid_parts import part_of_joint, posed_motion, rigid_part_roots
@@ -44,7 +44,7 @@ class Solved:
         self.body = Articulation.of(
             target.parents, self.parts, np.append(np.full(count, PART_STIFFNESS), ROOT_STIFFNESS)
         )
-        self.scratch = scratch_of(len(target), count)
+        self.scratch = Scratch.of(self.body)
         guess = np.zeros((len(source), count + 1, 3))
         self.poses = solve_paper(self.first(len(source)), guess)
         root = self.copy.root_positions + self.poses.v[:, -1]

@@ -57,7 +57,7 @@ def test_another_number_of_frames():
 def test_nothing_is_written_where_the_solver_fails(tmp_path, monkeypatch):
     compile_all()
 
-    def solve_wrongly(_body, _bones, _root, _near, _springs, _floor, _tolerance, v, *_):
+    def solve_wrongly(_body, _clip, _given, _tolerance, v, *_):
         v[:] = np.nan
 
     monkeypatch.setattr("distretarget.solve.contact._solve", solve_wrongly)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from distretarget.solve.spg import Reason, spectral_gradient
+from distretarget.solve.spg import Reason, scratch_like, spectral_gradient
 
 
 class Quadratic(NamedTuple):
@@ -58,11 +58,17 @@ def straight(x, d, alpha, _problem, out):
     out[:] = x + alpha * d
 
 
-free = spectral_gradient(quadratic, steepest, straight)
-boxed = spectral_gradient(quadratic, into_unit_box, straight)
-curved = spectral_gradient(rosenbrock, steepest, straight)
-lying = spectral_gradient(uphill, steepest, straight)
-scaled = spectral_gradient(quadratic, steepest_in_metric, straight)
+def solver(objective, direction):
+    """The compiled method, which takes x, the problem, the tolerance and the limit."""
+    minimise = njit(spectral_gradient(objective, direction, straight))
+    return lambda x, *given: minimise(x, *given, scratch_like(x))
+
+
+free = solver(quadratic, steepest)
+boxed = solver(quadratic, into_unit_box)
+curved = solver(rosenbrock, steepest)
+lying = solver(uphill, steepest)
+scaled = solver(quadratic, steepest_in_metric)
 ILL = Quadratic(np.array([[1.0, 10, 100, 1000]]), np.array([[3.0, -2, 0.5, -0.1]]))
 
 

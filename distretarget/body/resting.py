@@ -95,11 +95,12 @@ def _find_holding(slow, positions, joints, bases, length, least, shots, holding)
 @inlined()
 def _reach(positions: Array, joint: int, first: int, end: int) -> float:
     """How far a joint goes at most from its mean place in some frames."""
-    farthest, mean = 0.0, np.zeros(3)
+    farthest, a, b, c = 0.0, 0.0, 0.0, 0.0
     for frame in range(first, end):
-        for i in range(3):
-            mean[i] += positions[frame, joint, i] / (end - first)
+        a += positions[frame, joint, 0] / (end - first)
+        b += positions[frame, joint, 1] / (end - first)
+        c += positions[frame, joint, 2] / (end - first)
     for frame in range(first, end):
         x, y, z = positions[frame, joint, 0], positions[frame, joint, 1], positions[frame, joint, 2]
-        farthest = max(farthest, (x - mean[0]) ** 2 + (y - mean[1]) ** 2 + (z - mean[2]) ** 2)
+        farthest = max(farthest, (x - a) ** 2 + (y - b) ** 2 + (z - c) ** 2)
     return float(np.sqrt(farthest))

@@ -169,18 +169,18 @@ def _distance_error(source: Motion, result: Motion, matching: Matching) -> Array
     share /= max(np.triu(share, 1).sum(), 1.0)
     of_source = source.positions, drivers, np.where(share > 0, tau_source, 1.0)
     of_result = result.positions, joints, np.where(share > 0, tau, 1.0)
-    return np.asarray(_mean_difference(*of_source, *of_result, share))
+    scratch, means = np.empty((2, 3, len(joints))), np.empty(len(result))
+    _write_mean_difference(*of_source, *of_result, share, scratch, means)
+    return means
 
 
 @compiled(fastmath=True)
-def _mean_difference(x, of_x, tau_x, y, of_y, tau_y, share):  # type: ignore[no-untyped-def]
-    """(frames,), the mean over all pairs of points of the differences of their distances in x over tau_x, and in y over
-    tau_y, (points, points); `of_x` and `of_y`, (points,), are the joints of x and y at the points, and `share`,
-    (points, points), is what each pair counts in the mean.
+def _write_mean_difference(x, of_x, tau_x, y, of_y, tau_y, share, scratch, means):  # type: ignore[no-untyped-def]
+    """Write the means, (frames,), over all pairs of points of the differences of their distances in x over tau_x, and
+    in y over tau_y, (points, points); `of_x` and `of_y`, (points,), are the joints of x and y at the points, and
+    `share`, (points, points), is what each pair counts in the mean.
     """
-    points = len(of_x)
-    p, q = np.empty((3, points)), np.empty((3, points))
-    means = np.zeros(len(x))
+    points, p, q = len(of_x), scratch[0], scratch[1]
     for frame in range(len(x)):
         for point in range(points):
             for i in range(3):
@@ -192,7 +192,6 @@ def _mean_difference(x, of_x, tau_x, y, of_y, tau_y, share):  # type: ignore[no-
                 other = np.sqrt((q[0, u] - q[0, v]) ** 2 + (q[1, u] - q[1, v]) ** 2 + (q[2, u] - q[2, v]) ** 2)
                 total += share[u, v] * abs(one / tau_x[u, v] - other / tau_y[u, v])
         means[frame] = total
-    return means
 
 
 def _bone_error(result: Motion, matching: Matching) -> Array:

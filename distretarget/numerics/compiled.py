@@ -10,9 +10,13 @@ from typing import Any, TypeVar, cast
 from numba import njit
 from numba.core import config, event
 from numba.core.caching import FunctionCache
-from numba.core.runtime.nrt import rtsys
+from numba.extending import register_jitable
 
 from distretarget.numerics.code_folder import code_folder
+
+# Compiled functions allocate no arrays: their callers give those that they write to. Without counts of references to
+# arrays, they are a third smaller and faster to compile.
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False}
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -25,7 +29,7 @@ def compiled(*, fastmath: bool = False) -> Callable[[Function], Function]:
     """
 
     def decorate(function: Function) -> Function:
-        code: Any = njit(error_model="numpy", fastmath=fastmath, nogil=True)(function)
+        code: Any = njit(fastmath=fastmath, nogil=True, **_OPTIONS)(function)
         if folder := code_folder():
             with _caching_in(folder):
                 code._cache = _Cache(function)
@@ -41,7 +45,6 @@ class _Cache(FunctionCache):
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Load the code for a signature; None if there is none."""
-        rtsys.initialize(target_context)  # it manages the memory of arrays
         with self._guard_against_spurious_io_errors():
             return self._load_overload(sig, target_context)
 
@@ -58,13 +61,13 @@ def _caching_in(folder: Path) -> Iterator[None]:
 
 
 def inlined(*, fastmath: bool = False) -> Callable[[Function], Function]:
-    """Decorate a function that compiled functions call. Its code becomes a part of theirs.
+    """Decorate a function that compiled functions call. Its code becomes a part of theirs; Python that calls it runs it
+    as it is written.
 
-    If it did not, a process that compiles would run another copy of it than a process that loads its callers from the
-    folder of compiled code, and results could differ in their last bits.
+    If its code did not become a part of theirs, a process that compiles would run another copy of it than a process
+    that loads its callers from the folder of compiled code, and results could differ in their last bits.
     """
-    decorator: Any = njit(error_model="numpy", fastmath=fastmath, forceinline=True)
-    return cast(Callable[[Function], Function], decorator)
+    return register_jitable(fastmath=fastmath, forceinline=True, no_cpython_wrapper=True, **_OPTIONS)
 
 
 @contextmanager

@@ -59,7 +59,7 @@ def from_euler_angles(angles: Array, axes: str) -> Array:
     rotations = np.empty((*angles.shape[:-1], 4))
     rows = rotations.reshape(-1, 1, 4)
     values, first = np.ascontiguousarray(angles).reshape(len(rows), len(axes)), np.zeros(1, np.intp)
-    _write_rotations(values, np.arange(len(axes))[None], 1.0, *_order(axes), first, rows)
+    _write_rotations(values, np.arange(len(axes))[None], 1.0, *_order(axes), first, rows, *_no_turns())
     return rotations
 
 
@@ -71,13 +71,12 @@ def write_channel_rotations(
     The angles of the `joints`, (joints,), are in the `columns`, (joints, len(axes)), of `values`, (frames, channels)
     [degrees].
     """
-    _write_rotations(values, columns, DEGREE, *_order(axes), joints, rotations)
+    _write_rotations(values, columns, DEGREE, *_order(axes), joints, rotations, *_no_turns())
 
 
 @compiled()
-def _write_rotations(values, columns, unit, order, parity, joints, rotations):  # type: ignore[no-untyped-def]
+def _write_rotations(values, columns, unit, order, parity, joints, rotations, cosines, sines):  # type: ignore[no-untyped-def]
     i, j, k = order[0], order[1], order[2]
-    cosines, sines = np.ones(3), np.zeros(3)
     for frame in range(len(values)):
         for n in range(len(joints)):
             for axis in range(columns.shape[1]):
@@ -90,6 +89,11 @@ def _write_rotations(values, columns, unit, order, parity, joints, rotations):  
             rotation[j] = parity * (ci * sj * ck - si * cj * sk)
             rotation[k] = parity * (ci * cj * sk + si * sj * ck)
             rotation[3] = ci * cj * ck - si * sj * sk
+
+
+def _no_turns() -> tuple[Array, Array]:
+    """The cosines and sines of three angles of 0, to be overwritten by those of as many axes as a joint has."""
+    return np.ones(3), np.zeros(3)
 
 
 def _order(axes: str) -> tuple[NDArray[np.intp], float]:

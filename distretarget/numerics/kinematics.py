@@ -64,7 +64,7 @@ def turned_rotations(vectors: Array, parts: Parts, rotations: Array) -> Array:
     their rotations.
     """
     turned = np.array(rotations)
-    _turn(vectors, parts, turned)
+    _turn(vectors, parts, np.empty((vectors.shape[1], 4)), turned)
     return turned
 
 
@@ -95,9 +95,8 @@ def _products(first: Array, second: Array, product: Array) -> None:
 
 
 @compiled()
-def _turn(vectors: Array, parts: Parts, rotations: Array) -> None:
-    """Turn world rotations in place by the rotation vectors of their parts."""
-    turns = np.empty((vectors.shape[1], 4))
+def _turn(vectors: Array, parts: Parts, turns: Array, rotations: Array) -> None:
+    """Turn world rotations in place by the rotation vectors of their parts; `turns`, (parts, 4), is scratch."""
     for frame in range(len(rotations)):
         for part in range(len(turns)):
             x, y, z = vectors[frame, part, 0], vectors[frame, part, 1], vectors[frame, part, 2]

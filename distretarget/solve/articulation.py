@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import inlined
+from distretarget.numerics.loops import clear
 
 Array = NDArray[np.float64]
 
@@ -61,17 +62,11 @@ class Scratch(NamedTuple):
     series: Array
     gradient: Array
 
-
-@inlined()
-def scratch_of(joints: int, parts: int) -> Scratch:
-    """Scratch arrays for a body with the given numbers of joints and parts."""
-    return Scratch(
-        np.zeros((joints, 3)),
-        np.zeros((joints, 3)),
-        np.zeros((parts, 9)),
-        np.zeros((parts, 2)),
-        np.zeros((joints, 3)),
-    )
+    @classmethod
+    def of(cls, body: Articulation) -> Scratch:
+        """Scratch arrays for a body."""
+        joints, parts = len(body.parents), len(body.stiffness) - 1
+        return cls(*(np.zeros(shape) for shape in ((joints, 3), (joints, 3), (parts, 9), (parts, 2), (joints, 3))))
 
 
 @inlined(fastmath=True)
@@ -129,7 +124,7 @@ def pose_gradient(v: Array, body: Articulation, scratch: Scratch, gradient: Arra
     gradient is J^T times the moment.
     """
     parts = len(scratch.rotations)
-    gradient[:] = 0.0
+    clear(gradient)
     for joint in range(len(body.parents) - 1, 0, -1):
         parent = body.parents[joint]
         part = body.parts[parent]

@@ -6,31 +6,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import inlined
+from distretarget.numerics.loops import clear
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
 
 
 @inlined(fastmath=True)
-def factorise(H: Array) -> None:
-    """Replace the upper triangle of H, (3 n, 3 n), by that of its Cholesky factor U, U^T U = H; the diagonal gets the
-    reciprocals of that of U.
+def factorise(H: Array, size: int) -> None:
+    """Replace the upper triangle of the first `size` rows and columns of H, a multiple of 3, by that of its Cholesky
+    factor U, U^T U = H; the diagonal gets the reciprocals of that of U.
 
     Loops run over slices from their start: numba's loops that begin at another index are not made for vectors.
     """
-    for first in range(0, len(H), 3):
+    for first in range(0, size, 3):
         for above in range(0, first, 3):
-            if _size(H[above : above + 3, first : first + 3]) > 0.0:
+            if _sum(H[above : above + 3, first : first + 3]) > 0.0:
                 for i in range(first, first + 3):
-                    _eliminate(H[i, i:], H[above, i:], H[above + 1, i:], H[above + 2, i:])
+                    _eliminate(H[i, i:size], H[above, i:size], H[above + 1, i:size], H[above + 2, i:size])
         for i in range(first, first + 3):
             for k in range(first, i):
-                _subtract(H[i, i:], H[k, i:])
-            _scale(H[i, i:])
+                _subtract(H[i, i:size], H[k, i:size])
+            _scale(H[i, i:size])
 
 
 @inlined(fastmath=True)
-def _size(block: Array) -> float:
+def _sum(block: Array) -> float:
     """The sum of the absolute values of a block, (3, 3)."""
     total = 0.0
     for i in range(3):
@@ -63,22 +64,25 @@ def _scale(row: Array) -> None:
 
 
 @inlined(fastmath=True)
-def solve_factored(U: Array, active: Numbers, gradient: Array, d: Array) -> None:
-    """Write d = H^-1 gradient of the active parts, and zero of the others; U is what `factorise` made of H."""
-    flat = np.empty(len(U))
-    for i in range(len(U)):
+def solve_factored(U: Array, active: Numbers, gradient: Array, d: Array, flat: Array) -> None:
+    """Write d = H^-1 gradient of the active parts, and zero of the others; U is what `factorise` made of H.
+
+    `flat`, (all rows of U,), is scratch.
+    """
+    size = 3 * len(active)
+    for i in range(size):
         flat[i] = gradient[active[i // 3], i % 3]
-    for i in range(0, len(U), 3):
-        a, b, c = U[i, i:], U[i + 1, i:], U[i + 2, i:]
+    for i in range(0, size, 3):
+        a, b, c = U[i, i:size], U[i + 1, i:size], U[i + 2, i:size]
         x = flat[i] * a[0]
         y = (flat[i + 1] - a[1] * x) * b[1]
         z = (flat[i + 2] - a[2] * x - b[2] * y) * c[2]
         flat[i], flat[i + 1], flat[i + 2] = x, y, z
-        _eliminate_from(flat[i + 3 :], x, y, z, a[3:], b[3:], c[3:])
-    d[:] = 0.0
-    for i in range(len(U) - 3, -1, -3):
-        a, b, c = U[i, i:], U[i + 1, i:], U[i + 2, i:]
-        x, y, z = _products(flat[i + 3 :], a[3:], b[3:], c[3:])
+        _eliminate_from(flat[i + 3 : size], x, y, z, a[3:], b[3:], c[3:])
+    clear(d)
+    for i in range(size - 3, -1, -3):
+        a, b, c = U[i, i:size], U[i + 1, i:size], U[i + 2, i:size]
+        x, y, z = _products(flat[i + 3 : size], a[3:], b[3:], c[3:])
         z = (flat[i + 2] - z) * c[2]
         y = (flat[i + 1] - y - b[2] * z) * b[1]
         x = (flat[i] - x - a[1] * y - a[2] * z) * a[0]

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.numerics.blocks import blocks_of
-from distretarget.numerics.compiled import compiled, inlined
+from distretarget.numerics.compiled import inlined
 from distretarget.solve.articulation import Articulation, Scratch
 from distretarget.solve.chunks import Mapper, Progress, solve_in_chunks
 from distretarget.solve.contact_pairs import (
@@ -38,11 +38,11 @@ from distretarget.solve.contact_pairs import (
 )
 from distretarget.solve.floor import Floor, floor_energy, with_floor
 from distretarget.solve.jumps import smooth_jumps
-from distretarget.solve.pose_solver import Frame, compile_pose_solver, solver_arrays, warm_starts
+from distretarget.solve.pose_solver import Clip, Workspace, compile_pose_solver
 from distretarget.solve.poses import PoseProblem, Poses
 from distretarget.solve.settings import ContactSettings
-from distretarget.solve.spg import Effort, record
-from distretarget.solve.springs import Springs, is_negligible, joined, spring_energy
+from distretarget.solve.spg import Effort
+from distretarget.solve.springs import Springs, is_negligible, joined, room_for, spring_energy
 from distretarget.solve.stiffness import part_stiffness
 from distretarget.solve.support_springs import support_springs
 from distretarget.solve.supports import Supports
@@ -82,6 +82,7 @@ def _solve_frames(problem: PoseProblem, supports: Supports, frames: slice, setti
     count = frames.stop - frames.start
     v = np.zeros((count, len(stiffness), 3))
     log = np.zeros((4, count))
+    work = Workspace.of(body)
     for solved in blocks_of(count):
         block = slice(frames.start + solved.start, frames.start + solved.stop)
         standing = supports.standing[block]
@@ -89,16 +90,34 @@ def _solve_frames(problem: PoseProblem, supports: Supports, frames: slice, setti
         held = support_springs(supports[block], body, bones[block], unit, settings.support_stiffness)
         springs = joined(held, supports.touching.of_frames(block))
         floor = supports.floor.of_frames(block)
-        _solve(body, bones[block], root[block], near, springs, floor, settings.tolerance, v, solved.start, log)
+        room = room_for(len(near.a) + len(springs.a) + len(floor.joints))
+        clip, given = Clip(bones[block], root[block]), Given(near, springs, floor, room)
+        _solve(body, clip, given, settings.tolerance, v, solved.start, log, work)
     v[:, -1] *= unit
     return Poses(v, Effort.from_log(log))
 
 
+class Given(NamedTuple):
+    """What acts on the body in a block of frames, with room for the springs of one of them."""
+
+    near: NearPairs
+    springs: Springs
+    floor: Floor
+    room: Springs
+
+
 class Terms(NamedTuple):
-    """What acts on the body in one frame: springs, and the floor."""
+    """What acts on the body in one frame.
+
+    Attributes:
+        springs: the first springs of `room`.
+        floor: of the frame.
+        room: with room for a spring of each joint of the floor behind `springs`.
+    """
 
     springs: Springs
     floor: Floor
+    room: Springs
 
 
 @inlined(fastmath=True)
@@ -108,40 +127,18 @@ def _energy(scratch: Scratch, terms: Terms) -> float:
 
 @inlined(fastmath=True)
 def _like_springs(scratch: Scratch, terms: Terms) -> Springs:
-    return with_floor(scratch, terms.springs, terms.floor)
-
-
-_solve_pose = compile_pose_solver(_energy, _like_springs)
-
-
-@compiled()
-def _solve(body, bones, root, near, springs, floor, tolerance, v, first, log):  # type: ignore[no-untyped-def]
-    """Solve a block of frames, whose first is frame `first` of `v` and `log`, the arrays written.
-
-    Each frame starts from the best of: the copy, the pose before, the two poses before continued.
-    """
-    scratch, starts = solver_arrays(body)
-    room = _room_for(near, springs)
-    for t in range(len(bones)):
-        at = first + t
-        count = min(at, 2) + 1
-        warm_starts(v, at, starts)
-        frame = Frame(bones[t], root[t])
-        acting = _acting(near, springs, t, room)
-        terms = Terms(acting, Floor(floor.joints, floor.heights[t], floor.stiffness[t], floor.up))
-        minimum = _solve_pose(starts, count, body, scratch, frame, terms, tolerance, v[at])
-        record(minimum, log, at)
+    return with_floor(scratch, terms.springs, terms.floor, terms.room)
 
 
 @inlined()
-def _room_for(near: NearPairs, springs: Springs) -> Springs:
-    """Arrays for the springs of all near pairs, and for all others, in one frame."""
-    count = len(near.a) + len(springs.a)
-    return Springs(np.empty(count, np.intp), np.empty(count, np.intp), np.empty((count, 3)), np.empty((count, 3, 3)))
+def _terms_of(given: Given, frame: int, start: Array) -> Terms:  # noqa: ARG001
+    floor, room = given.floor, given.room
+    of_frame = Floor(floor.joints, floor.heights[frame], floor.stiffness[frame], floor.up)
+    return Terms(_springs_of(given.near, given.springs, frame, room), of_frame, room)
 
 
 @inlined()
-def _acting(near: NearPairs, springs: Springs, frame: int, room: Springs) -> Springs:
+def _springs_of(near: NearPairs, springs: Springs, frame: int, room: Springs) -> Springs:
     """The springs that act in a frame, which are written to `room`."""
     count = 0
     for pair in range(len(near.a)):
@@ -158,3 +155,6 @@ def _acting(near: NearPairs, springs: Springs, frame: int, room: Springs) -> Spr
                     room.A[count, i, j] = springs.A[frame, s, i, j]
             count += 1
     return Springs(room.a[:count], room.b[:count], room.rest[:count], room.A[:count])
+
+
+_solve = compile_pose_solver(_terms_of, _energy, _like_springs)

@@ -159,12 +159,17 @@ def write_pair_spring(near: NearPairs, frame: int, pair: int, rest: Array, A: Ar
         rest[i] = copied + f * (near.ratio[pair] * rest[i] - copied)
 
 
-@compiled(fastmath=True)
-def come_near(a, b, u, v, reach):  # type: ignore[no-untyped-def]
+def come_near(a: Array, b: Array, u: NDArray[np.intp], v: NDArray[np.intp], reach: Array) -> NDArray[np.bool_]:
     """Whether each point u of `a` and point v of `b`, (frames, points, 3) both, are nearer than their reach in any
     frame, (pairs,).
     """
     near = np.zeros(len(u), np.bool_)
+    _mark_near(a, b, u, v, reach, near)
+    return near
+
+
+@compiled(fastmath=True)
+def _mark_near(a, b, u, v, reach, near):  # type: ignore[no-untyped-def]
     for pair in range(len(u)):
         i, j, square = u[pair], v[pair], reach[pair] ** 2
         for frame in range(len(a)):
@@ -174,7 +179,6 @@ def come_near(a, b, u, v, reach):  # type: ignore[no-untyped-def]
             if x * x + y * y + z * z < square:
                 near[pair] = True
                 break
-    return near
 
 
 def pair_stiffness(

@@ -7,13 +7,16 @@ it is M G M^T, where M turns the force on all that is below a bone into a moment
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import inlined
+from distretarget.numerics.loops import clear
 from distretarget.solve.articulation import Articulation, Scratch, to_rotation_vector
 from distretarget.solve.springs import Springs
-from distretarget.solve.springs_below import bones_on_the_way, couples, nodes_of, stiffness_below
+from distretarget.solve.springs_below import Below, couples, write_nodes, write_stiffness_below, write_way
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
@@ -21,49 +24,83 @@ Numbers = NDArray[np.intp]
 LEAST_CURVATURE = 0.01  # of any direction, in the metric alone: so no step turns a part right round
 
 
+class Curvature(NamedTuple):
+    """Arrays for the curvature of a body; the compiled functions write to their beginnings.
+
+    Attributes:
+        H: (3 parts + 3, 3 parts + 3), the curvature of the active parts.
+        active: (parts + 1,), their numbers.
+        place: (parts + 1,), where each part is in `active`; -1 if it is not active.
+        rows: (joints,), the same for the part that carries each bone of `below.way`.
+        M: (joints, 3, 3), the moment matrix of each bone of `below.way`.
+        below: what is below bones.
+        flat: (3 parts + 3,), scratch for what is solved.
+    """
+
+    H: Array
+    active: Numbers
+    place: Numbers
+    rows: Numbers
+    M: Array
+    below: Below
+    flat: Array
+
+    @classmethod
+    def of(cls, body: Articulation) -> Curvature:
+        """Arrays for a body."""
+        joints, parts, size = len(body.parents), len(body.stiffness), 3 * len(body.stiffness)
+        active, place, rows = (np.zeros(n, np.intp) for n in (parts, parts, joints))
+        below = Below.of(body)
+        return cls(np.zeros((size, size)), active, place, rows, np.zeros((joints, 3, 3)), below, np.zeros(size))
+
+
 @inlined(fastmath=True)
-def active_curvature(v: Array, body: Articulation, scratch: Scratch, springs: Springs) -> tuple[Numbers, Array]:
-    """The numbers of the active parts at the pose `v`, and their curvature, (3 active, 3 active), of which the lower
-    triangle is not made; `scratch` has the posed bones.
+def write_curvature(v: Array, body: Articulation, scratch: Scratch, springs: Springs, curvature: Curvature) -> int:
+    """Write the active parts at the pose `v`, and the upper triangle of their curvature, (3 active, 3 active); return
+    how many they are. `scratch` has the posed bones.
 
     A part is active if a spring acts on it; the last one is the root's place. All others only have their stiffness, so
     that they keep the copy's rotation and are not unknowns. Parts come in the order in which few zeros are lost when
     the curvature is factorised: those furthest from the root first.
     """
-    way, is_end = bones_on_the_way(springs, body)
-    active = _active(way, body, scratch)
-    first = nodes_of(way, is_end, body)
-    G = stiffness_below(springs, way, first, body)
-    M = _moment_matrices(way, v, body, scratch)
-    rows = _rows(way, active, body)
-    H = np.zeros((3 * len(active), 3 * len(active)))
-    for m in range(len(G)):
-        for n in range(m, len(G)):
-            if couples(G[m, n]):
-                _add_nodes(G[m, n], range(first[m], first[m + 1]), range(first[n], first[n + 1]), M, rows, H)
-    for r in range(len(H)):
-        H[r, r] += max(body.stiffness[active[r // 3]], LEAST_CURVATURE)
-    return active, H
+    H, below = curvature.H, curvature.below
+    way = below.way[: write_way(springs, body, below)]
+    nodes = write_nodes(way, body, below)
+    write_stiffness_below(springs, way, nodes, body, below)
+    _write_moment_matrices(way, v, body, scratch, curvature.M)
+    count = _write_active(way, body, scratch, curvature)
+    for r in range(3 * count):
+        clear(H[r, 3 * (r // 3) : 3 * count])
+        H[r, r] = max(body.stiffness[curvature.active[r // 3]], LEAST_CURVATURE)
+    for m in range(nodes):
+        for n in range(m, nodes):
+            if couples(below.G[m, n]):
+                _add_nodes(m, n, curvature)
+    return count
 
 
 @inlined()
-def _active(way: Numbers, body: Articulation, scratch: Scratch) -> Numbers:
-    """The parts that carry a bone of `way`, from the last to the first, and the root's place if `way` has the root."""
-    is_active = np.zeros(len(body.stiffness), np.bool_)
-    count = 0
+def _write_active(way: Numbers, body: Articulation, scratch: Scratch, curvature: Curvature) -> int:
+    """Write the parts that carry a bone of `way`, from the last to the first, and the root's place if `way` has the
+    root, with the places of parts and the rows of bones; return how many parts there are.
+    """
+    active, place, rows = curvature.active, curvature.place, curvature.rows
+    for part in range(len(place)):
+        place[part] = -1
     for joint in way:
-        part = _part_of(joint, body)
-        if not is_active[part] and (joint == 0 or _has_length(scratch.bones[joint])):
-            is_active[part] = True
+        if joint == 0 or _has_length(scratch.bones[joint]):
+            place[_part_of(joint, body)] = 0
+    count, parts = 0, len(place) - 1
+    for part in range(parts, -1, -1):
+        if part < parts and place[part] == 0:
+            active[count], place[part] = part, count
             count += 1
-    active, place = np.empty(count, np.intp), 0
-    for part in range(len(is_active) - 2, -1, -1):
-        if is_active[part]:
-            active[place] = part
-            place += 1
-    if is_active[-1]:
-        active[place] = len(is_active) - 1
-    return active
+    if place[parts] == 0:
+        active[count], place[parts] = parts, count
+        count += 1
+    for i, joint in enumerate(way):
+        rows[i] = place[_part_of(joint, body)]
+    return count
 
 
 @inlined()
@@ -77,25 +114,14 @@ def _has_length(bone: Array) -> bool:
     return bool(bone[0] != 0.0 or bone[1] != 0.0 or bone[2] != 0.0)
 
 
-@inlined()
-def _rows(way: Numbers, active: Numbers, body: Articulation) -> Numbers:
-    """The place in `active` of the part that carries each bone of `way`; -1 if it is not active."""
-    place = np.full(len(body.stiffness), -1)
-    for p, part in enumerate(active):
-        place[part] = p
-    rows = np.empty(len(way), np.intp)
-    for i, joint in enumerate(way):
-        rows[i] = place[_part_of(joint, body)]
-    return rows
-
-
 @inlined(fastmath=True)
-def _moment_matrices(way: Numbers, v: Array, body: Articulation, scratch: Scratch) -> Array:
-    """M, (bones, 3, 3): what a force below a bone does to the rotation vector of its part, J^T (bone x force) with the
-    left Jacobian J of the exponential map, as in `articulation.pose_gradient`; the identity for the root's place.
+def _write_moment_matrices(way: Numbers, v: Array, body: Articulation, scratch: Scratch, M: Array) -> None:
+    """Write to M, (joints, 3, 3), what a force below each bone does to the rotation vector of its part, J^T (bone x
+    force) with the left Jacobian J of the exponential map, as in `articulation.pose_gradient`; the identity for the
+    root's place.
     """
-    M = np.zeros((len(way), 3, 3))
     for i, joint in enumerate(way):
+        clear(M[i])
         if joint == 0:
             for k in range(3):
                 M[i, k, k] = 1.0
@@ -108,16 +134,17 @@ def _moment_matrices(way: Numbers, v: Array, body: Articulation, scratch: Scratc
         part = _part_of(joint, body)
         for k in range(3):
             to_rotation_vector(v[part], scratch.series[part], of_force[k])
-    return M
 
 
 @inlined(fastmath=True)
-def _add_nodes(G, first, second, M, rows, H):  # type: ignore[no-untyped-def]
-    """Add to the upper triangle of H what two nodes have in common, given their block of G and their bones."""
-    for i in first:
-        for j in second:
-            if i <= j and rows[i] >= 0 and rows[j] >= 0:
-                _add_bones(M[i], G, M[j], rows[i], rows[j], i == j, H)
+def _add_nodes(m: int, n: int, curvature: Curvature) -> None:
+    """Add to the upper triangle of H what two nodes have in common."""
+    first, G = curvature.below.first, curvature.below.G[m, n]
+    M, rows = curvature.M, curvature.rows
+    for i in range(first[m], first[m + 1]):
+        for j in range(max(first[n], i), first[n + 1]):
+            if rows[i] >= 0 and rows[j] >= 0:
+                _add_bones(M[i], G, M[j], rows[i], rows[j], i == j, curvature.H)
 
 
 @inlined(fastmath=True)

@@ -65,26 +65,16 @@ def floor_energy(scratch: Scratch, floor: Floor) -> float:
 
 
 @inlined(fastmath=True)
-def with_floor(scratch: Scratch, springs: Springs, floor: Floor) -> Springs:
+def with_floor(scratch: Scratch, springs: Springs, floor: Floor, room: Springs) -> Springs:
     """The springs, and one for each joint that is below its height at the positions `scratch.x`: they have the same
-    curvature as springs and floor.
+    curvature as springs and floor. The springs given are the first of `room`, and the others are written behind them.
     """
-    below = np.empty(len(floor.joints), np.intp)
-    more = 0
+    count = len(springs.a)
     for n in range(len(floor.joints)):
         if floor.stiffness[n] >= NEGLIGIBLE and depth_below(scratch, floor, n) > 0.0:
-            below[more] = n
-            more += 1
-    if more == 0:
-        return springs
-    count = len(springs.a)
-    a, b = np.empty(count + more, np.intp), np.empty(count + more, np.intp)
-    rest, A = np.zeros((count + more, 3)), np.empty((count + more, 3, 3))
-    for s in range(count + more):
-        n = below[max(s - count, 0)]
-        a[s] = springs.a[s] if s < count else floor.joints[n]
-        b[s] = springs.b[s] if s < count else -1
-        for i in range(3):
-            for j in range(3):
-                A[s, i, j] = springs.A[s, i, j] if s < count else floor.stiffness[n] * floor.up[i] * floor.up[j]
-    return Springs(a, b, rest, A)
+            room.a[count], room.b[count] = floor.joints[n], -1
+            for i in range(3):
+                for j in range(3):
+                    room.A[count, i, j] = floor.stiffness[n] * floor.up[i] * floor.up[j]
+            count += 1
+    return Springs(room.a[:count], room.b[:count], room.rest[:count], room.A[:count])

@@ -16,10 +16,11 @@ from scipy.spatial.transform import Rotation
 from distretarget.distances import DistanceProblem, columns
 from distretarget.numerics.blocks import blocks_of
 from distretarget.numerics.compiled import compiled, inlined
+from distretarget.numerics.loops import copy_to
 from distretarget.numerics.rotations import best_rotation
 from distretarget.numerics.stress import stress_and_gradient, target_distances
 from distretarget.solve.chunks import Progress
-from distretarget.solve.spg import Effort, copy_to, record, spectral_gradient, steepest, straight
+from distretarget.solve.spg import Effort, record, scratch_like, spectral_gradient, steepest, straight
 
 POINT_TOLERANCE = 1e-9  # [body sizes] a posture is solved when the search direction is shorter than this
 POINT_ITERATIONS = 2000  # at most, per frame
@@ -58,14 +59,12 @@ _minimise = spectral_gradient(_objective, steepest, straight)
 
 
 @compiled()
-def _solve(source, starts, ratio, pi, solved, first, log):  # type: ignore[no-untyped-def]
+def _solve(source, starts, ratio, problem, solved, first, log, scratch):  # type: ignore[no-untyped-def]
     """Solve a block of frames, whose first is column `first` of `log`; distances are computed frame by frame."""
-    problem = _Stress(np.empty_like(pi), pi)
     for t in range(len(source)):
-        x = starts[t].copy()
+        copy_to(solved[t], starts[t])
         target_distances(source[t], ratio, problem.delta)
-        minimum = _minimise(x, problem, POINT_TOLERANCE, POINT_ITERATIONS)
-        copy_to(solved[t], x)
+        minimum = _minimise(solved[t], problem, POINT_TOLERANCE, POINT_ITERATIONS, scratch)
         record(minimum, log, first + t)
 
 
@@ -87,8 +86,9 @@ def solve_postures(
     S = columns(source[:, problem.sources] - source[:, problem.sources].mean(axis=1, keepdims=True))
     X = np.empty_like(C)
     log = np.zeros((4, len(C)))
+    stress, scratch = _Stress(np.empty_like(problem.ratio), problem.priorities), scratch_like(C[0])
     for block in blocks_of(len(C)):
-        _solve(S[block], off_plane(C[block]), problem.ratio, problem.priorities, X[block], block.start, log)
+        _solve(S[block], off_plane(C[block]), problem.ratio, stress, X[block], block.start, log, scratch)
         progress(block.stop - block.start)
     positions = aligned(X.transpose(0, 2, 1), C.transpose(0, 2, 1)) * problem.body_size + centroids
     return Postures(positions, log[0], Effort.from_log(log))

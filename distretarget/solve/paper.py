@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from distretarget.distances import DistanceProblem
 from distretarget.numerics.blocks import blocks_of
-from distretarget.numerics.compiled import compiled, inlined
+from distretarget.numerics.compiled import inlined
+from distretarget.numerics.loops import copy_to
 from distretarget.numerics.stress import stress_and_gradient, target_distances
 from distretarget.solve.articulation import Articulation, Scratch
 from distretarget.solve.chunks import Progress
-from distretarget.solve.pose_solver import Frame, compile_pose_solver, solver_arrays, warm_starts
+from distretarget.solve.pose_solver import Clip, Workspace, compile_pose_solver
 from distretarget.solve.poses import PoseProblem, Poses
-from distretarget.solve.spg import Effort, copy_to, record
+from distretarget.solve.spg import Effort
 from distretarget.solve.springs import Springs
 
 Array = NDArray[np.float64]
@@ -45,6 +46,22 @@ class Terms(NamedTuple):
     springs: Springs
 
 
+class Given(NamedTuple):
+    """A block of frames.
+
+    Attributes:
+        source: (frames, 3, points), the source's points [source file units].
+        guess: (frames, parts + 1, 3), a pose to start each frame from.
+        ratio: (points, points), tau2 / tau1 [body sizes / source file unit].
+        terms: of a frame, scratch.
+    """
+
+    source: Array
+    guess: Array
+    ratio: Array
+    terms: Terms
+
+
 def solve_paper(problem: PoseProblem, guess: Array, progress: Progress = lambda _frames: None) -> Poses:
     """Minimise Eq. (2) over the rotations in every frame of a clip; lengths are in body sizes.
 
@@ -59,9 +76,10 @@ def solve_paper(problem: PoseProblem, guess: Array, progress: Progress = lambda 
     S = np.ascontiguousarray(problem.source[:, distances.sources].transpose(0, 2, 1))
     v = np.zeros((len(problem), parts + 1, 3))
     log = np.zeros((4, len(problem)))
-    terms = _terms(distances)
+    terms, work = _terms(distances), Workspace.of(body)
     for block in blocks_of(len(problem)):
-        _solve(body, bones[block], root[block], S[block], distances.ratio, terms, guess[block], v, block.start, log)
+        clip, given = Clip(bones[block], root[block]), Given(S[block], guess[block], distances.ratio, terms)
+        _solve(body, clip, given, POSE_TOLERANCE, v, block.start, log, work)
         progress(block.stop - block.start)
     v[:, -1] *= unit
     return Poses(v, Effort.from_log(log))
@@ -100,34 +118,22 @@ def _stress(scratch: Scratch, terms: Terms) -> float:
 def _pair_springs(scratch: Scratch, terms: Terms) -> Springs:
     """A spring along each pair, as stiff as its priority."""
     springs = terms.springs
-    e = np.empty(3)
     for s in range(len(springs.a)):
+        a, b = scratch.x[springs.a[s]], scratch.x[springs.b[s]]
         square = 1e-30
         for i in range(3):
-            e[i] = scratch.x[springs.a[s], i] - scratch.x[springs.b[s], i]
-            square += e[i] ** 2
+            square += (a[i] - b[i]) ** 2
         for i in range(3):
             for j in range(3):
-                springs.A[s, i, j] = terms.priorities[s] * e[i] * e[j] / square
+                springs.A[s, i, j] = terms.priorities[s] * (a[i] - b[i]) * (a[j] - b[j]) / square
     return springs
 
 
-_solve_pose = compile_pose_solver(_stress, _pair_springs)
+@inlined()
+def _terms_of(given: Given, frame: int, start: Array) -> Terms:
+    copy_to(start, given.guess[frame])
+    target_distances(given.source[frame], given.ratio, given.terms.delta)
+    return given.terms
 
 
-@compiled()
-def _solve(body, bones, root, source, ratio, terms, guess, v, first, log):  # type: ignore[no-untyped-def]
-    """Solve a block of frames, whose first is frame `first` of `v` and `log`, the arrays written.
-
-    Each frame starts from the best of: the guess, the pose before, the two poses before continued.
-    """
-    scratch, starts = solver_arrays(body)
-    for t in range(len(bones)):
-        at = first + t
-        count = min(at, 2) + 1
-        copy_to(starts[0], guess[t])
-        warm_starts(v, at, starts)
-        target_distances(source[t], ratio, terms.delta)
-        frame = Frame(bones[t], root[t])
-        minimum = _solve_pose(starts, count, body, scratch, frame, terms, POSE_TOLERANCE, v[at])
-        record(minimum, log, at)
+_solve = compile_pose_solver(_terms_of, _stress, _pair_springs)

@@ -13,18 +13,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.numerics.compiled import inlined
+from distretarget.numerics.compiled import compiled, inlined
+from distretarget.numerics.loops import clear, copy_to
 from distretarget.solve.articulation import (
     Articulation,
     Scratch,
     pose_body,
     pose_gradient,
-    scratch_of,
     stiffness_energy,
 )
 from distretarget.solve.cholesky import factorise, solve_factored
-from distretarget.solve.curvature import Numbers, active_curvature
-from distretarget.solve.spg import Minimum, Reason, copy_to, inner, spectral_gradient, straight
+from distretarget.solve.curvature import Curvature, Numbers, write_curvature
+from distretarget.solve.spg import Minimum, Reason, inner, record, scratch_like, spectral_gradient, straight
 
 Array = NDArray[np.float64]
 
@@ -33,66 +33,98 @@ ROUNDS = 20  # at most, each with a new curvature
 CONVERGED = Reason.CONVERGED.value
 
 
-class Frame(NamedTuple):
-    """One frame of the copy.
+class Clip(NamedTuple):
+    """The frames of the copy.
 
     Attributes:
-        bones: (joints, 3), the copy's bones [solver units].
-        root: (3,), the place on the root's path [solver units].
+        bones: (frames, joints, 3), the copy's bones, from each joint's parent to it [solver units].
+        root: (frames, 3), the root's path [solver units].
     """
 
     bones: Array
     root: Array
 
 
-def compile_pose_solver(energy: Callable[..., Any], like_springs: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile the solver of one kind of objective, given as two compiled functions.
+class Workspace(NamedTuple):
+    """The arrays that the solver of a body writes to.
 
+    Attributes:
+        scratch: the posed body.
+        curvature: its curvature.
+        descent: scratch of the spectral gradient method.
+        starts: (3, parts + 1, 3), poses to start from.
+    """
+
+    scratch: Scratch
+    curvature: Curvature
+    descent: Array
+    starts: Array
+
+    @classmethod
+    def of(cls, body: Articulation) -> Workspace:
+        """Arrays for a body."""
+        starts = np.zeros((3, len(body.stiffness), 3))
+        return cls(Scratch.of(body), Curvature.of(body), scratch_like(starts[0]), starts)
+
+
+def compile_pose_solver(
+    terms_of: Callable[..., Any], energy: Callable[..., Any], like_springs: Callable[..., Any]
+) -> Callable[..., Any]:
+    """Compile the solver of one kind of objective, given as three compiled functions.
+
+    terms_of(given, frame, start) -> terms: what acts in a frame; it may overwrite `start`, a pose to start from, which
+        is the copy's unless it does.
     energy(scratch, terms) -> float: the value at the positions `scratch.x`; its gradient is added to
         `scratch.gradient`.
     like_springs(scratch, terms) -> Springs: springs with the same Gauss-Newton curvature at `scratch.x`.
 
-    Returns a compiled solve(starts, count, body, scratch, frame, terms, tolerance, out) -> Minimum. It starts from the
-    best of the first `count` of `starts`, (starts, parts + 1, 3), and writes the pose it finds to `out`. It stops when
-    the norm of the search direction, in the metric of the curvature, is at most `tolerance` [square root of the
-    objective].
+    Returns a compiled solve(body, clip, given, tolerance, v, first, log, work). It solves the frames of `clip`, whose
+    first is frame `first` of `v` and `log`, and writes their poses and efforts there. Each frame starts from the best
+    of: the pose of `terms_of`, the pose before, the two poses before continued at the same speed. It stops when the
+    norm of the search direction, in the metric of the curvature, is at most `tolerance` [square root of the objective].
     """
 
     @inlined(fastmath=True)
-    def value(v, body, scratch, frame, terms):  # type: ignore[no-untyped-def]
-        pose_body(v, body, frame.bones, frame.root, scratch)
-        scratch.gradient[:] = 0.0
+    def value(v, body, clip, frame, scratch, terms):  # type: ignore[no-untyped-def]
+        pose_body(v, body, clip.bones[frame], clip.root[frame], scratch)
+        clear(scratch.gradient)
         return energy(scratch, terms) + stiffness_energy(v, body)
 
     @inlined(fastmath=True)
     def objective(v, problem, gradient):  # type: ignore[no-untyped-def]
-        _, _, body, scratch, frame, terms = problem
-        sigma = value(v, body, scratch, frame, terms)
-        pose_gradient(v, body, scratch, gradient)
+        _, body, clip, frame, work, terms = problem
+        sigma = value(v, body, clip, frame, work.scratch, terms)
+        pose_gradient(v, body, work.scratch, gradient)
         return sigma
 
     minimise = spectral_gradient(objective, _steepest_in_metric, straight)
 
-    @inlined(fastmath=True)
-    def solve(starts, count, body, scratch, frame, terms, tolerance, out):  # type: ignore[no-untyped-def]
-        best = np.inf
-        for start in range(count):
-            sigma = value(starts[start], body, scratch, frame, terms)
-            if sigma < best:
-                best = sigma
-                copy_to(out, starts[start])
-        iterations, evaluations = 0, count
-        for _ in range(ROUNDS):
-            pose_body(out, body, frame.bones, frame.root, scratch)
-            active, H = active_curvature(out, body, scratch, like_springs(scratch, terms))
-            factorise(H)
-            _reset_others(out, active)
-            minimum = minimise(out, (H, active, body, scratch, frame, terms), tolerance, ROUND_ITERATIONS)
-            iterations += minimum.iterations
-            evaluations += minimum.evaluations
-            if minimum.reason == CONVERGED:
-                break
-        return Minimum(minimum.value, iterations, evaluations, minimum.reason)
+    @compiled()
+    def solve(body, clip, given, tolerance, v, first, log, work):  # type: ignore[no-untyped-def]
+        scratch, curvature, starts = work.scratch, work.curvature, work.starts
+        for frame in range(len(clip.root)):
+            terms = terms_of(given, frame, starts[0])
+            pose, best = v[first + frame], np.inf
+            count = _warm_starts(v, first + frame, starts)
+            for start in range(count):
+                sigma = value(starts[start], body, clip, frame, scratch, terms)
+                if sigma < best:
+                    best = sigma
+                    copy_to(pose, starts[start])
+            iterations, evaluations = 0, count
+            minimum = Minimum(best, iterations, evaluations, Reason.ITERATION_LIMIT.value)
+            for _ in range(ROUNDS):
+                pose_body(pose, body, clip.bones[frame], clip.root[frame], scratch)
+                parts = write_curvature(pose, body, scratch, like_springs(scratch, terms), curvature)
+                factorise(curvature.H, 3 * parts)
+                _reset_others(pose, curvature.place)
+                problem = curvature.active[:parts], body, clip, frame, work, terms
+                minimum = minimise(pose, problem, tolerance, ROUND_ITERATIONS, work.descent)
+                iterations += minimum.iterations
+                evaluations += minimum.evaluations
+                if minimum.reason == CONVERGED:
+                    break
+            record(Minimum(minimum.value, iterations, evaluations, minimum.reason), log, first + frame)
 
     return solve
 
@@ -100,34 +132,26 @@ def compile_pose_solver(energy: Callable[..., Any], like_springs: Callable[..., 
 @inlined(fastmath=True)
 def _steepest_in_metric(v, gradient, step, problem, d):  # type: ignore[no-untyped-def] # noqa: ARG001
     """Write the direction of steepest descent in the metric H = U^T U, d = -step H^-1 gradient; return d^T H d."""
-    U, active = problem[:2]
-    solve_factored(U, active, gradient, d)
-    flat = d.ravel()
-    for i in range(flat.size):
+    active, _, _, _, work, _ = problem
+    solve_factored(work.curvature.H, active, gradient, d, work.curvature.flat)
+    flat = d.flat
+    for i in range(d.size):
         flat[i] *= -step
     return -step * inner(gradient, d)
 
 
 @inlined()
-def _reset_others(v: Array, active: Numbers) -> None:
-    """Let the parts that are not active keep the copy's rotation."""
-    kept = v.copy()
-    v[:] = 0.0
-    for part in active:
-        copy_to(v[part], kept[part])
+def _reset_others(v: Array, place: Numbers) -> None:
+    """Let the parts that are not active, which have no place among those that are, keep the copy's rotation."""
+    for part in range(len(v)):
+        if place[part] < 0:
+            clear(v[part])
 
 
 @inlined()
-def solver_arrays(body: Articulation) -> tuple[Scratch, Array]:
-    """What the solver of a body writes to: scratch, and three poses to start from."""
-    parts = len(body.stiffness)
-    return scratch_of(len(body.parents), parts - 1), np.zeros((3, parts, 3))
-
-
-@inlined()
-def warm_starts(v: Array, frame: int, starts: Array) -> None:
+def _warm_starts(v: Array, frame: int, starts: Array) -> int:
     """Write the poses to start a frame from that the frames before it give: to `starts[1]` the pose before, to
-    `starts[2]` the two poses before, continued at the same speed.
+    `starts[2]` the two poses before, continued at the same speed. Return how many starts there are then.
     """
     if frame > 0:
         copy_to(starts[1], v[frame - 1])
@@ -135,3 +159,4 @@ def warm_starts(v: Array, frame: int, starts: Array) -> None:
         for part in range(v.shape[1]):
             for i in range(3):
                 starts[2, part, i] = 2.0 * v[frame - 1, part, i] - v[frame - 2, part, i]
+    return min(frame, 2) + 1

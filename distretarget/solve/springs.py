@@ -43,6 +43,11 @@ def no_springs(frames: int) -> Springs:
     return Springs(none, none, np.zeros((frames, 0, 3)), np.zeros((frames, 0, 3, 3)))
 
 
+def room_for(count: int) -> Springs:
+    """Arrays for so many springs in one frame."""
+    return Springs(np.zeros(count, np.intp), np.zeros(count, np.intp), np.zeros((count, 3)), np.zeros((count, 3, 3)))
+
+
 def joined(*springs: Springs) -> Springs:
     """All of these springs, whose arrays `rest` and `A` have the frames in front."""
     lists = [np.concatenate(arrays, axis=min(np.ndim(arrays[0]) - 1, 1)) for arrays in zip(*springs, strict=True)]

@@ -6,26 +6,59 @@ springs enter by sums over what is below bones: each takes one pass over the tre
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import inlined
+from distretarget.numerics.loops import clear
 from distretarget.solve.articulation import Articulation
 from distretarget.solve.springs import NEGLIGIBLE, Springs, is_negligible
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
-Marks = NDArray[np.bool_]
+
+
+class Below(NamedTuple):
+    """Arrays for what is below the bones of a body; the compiled functions write to their beginnings.
+
+    Attributes:
+        way: (joints,), the bones on the way, see `write_way`.
+        first: (joints + 1,), where each node begins in `way`, see `write_nodes`.
+        G: (joints, joints, 3, 3), the stiffness below nodes, see `write_stiffness_below`.
+        ends: (joints,), how many springs have one end at or below each joint.
+        is_end: (joints,), whether each joint is an end of a spring.
+        children: (joints,), how many bones on the way hang on each joint.
+        node: (joints,), the node of the bone to each joint; -1 if it is not on the way.
+    """
+
+    way: Numbers
+    first: Numbers
+    G: Array
+    ends: Numbers
+    is_end: NDArray[np.bool_]
+    children: Numbers
+    node: Numbers
+
+    @classmethod
+    def of(cls, body: Articulation) -> Below:
+        """Arrays for a body."""
+        joints = len(body.parents)
+        way, first, ends, children, node = (np.zeros(n, np.intp) for n in (joints, joints + 1, joints, joints, joints))
+        return cls(way, first, np.zeros((joints, joints, 3, 3)), ends, np.zeros(joints, np.bool_), children, node)
 
 
 @inlined()
-def bones_on_the_way(springs: Springs, body: Articulation) -> tuple[Numbers, Marks]:
-    """The bones whose turning moves a spring, named by their lower joints, from the last to the first, and at the end
-    the root, 0, where a spring is tied to the world; and which joints are ends of springs, (joints,).
+def write_way(springs: Springs, body: Articulation, below: Below) -> int:
+    """Write the bones whose turning moves a spring to `below.way`, named by their lower joints, from the last to the
+    first, and at the end the root, 0, where a spring is tied to the world; return how many there are.
 
     The bones that move a spring between two joints are those on the path between them.
     """
-    ends, is_end = np.zeros(len(body.parents), np.intp), np.zeros(len(body.parents), np.bool_)
+    ends, is_end = below.ends, below.is_end
+    for joint in range(len(ends)):
+        ends[joint], is_end[joint] = 0, False
     for s in range(len(springs.a)):
         if is_negligible(springs.A, s):
             continue
@@ -37,61 +70,62 @@ def bones_on_the_way(springs: Springs, body: Articulation) -> tuple[Numbers, Mar
             is_end[b] = True
             ends[body.meets[a, b]] -= 2
     count = 0
-    for joint in range(len(ends) - 1, -1, -1):  # then `ends` has the springs with one end at or below the joint
+    for joint in range(len(ends) - 1, -1, -1):  # all below the joint has been added to `ends[joint]`
         if joint > 0:
             ends[body.parents[joint]] += ends[joint]
-        count += ends[joint] > 0
-    way, i = np.empty(count, np.intp), 0
-    for joint in range(len(ends) - 1, -1, -1):
         if ends[joint] > 0:
-            way[i] = joint
-            i += 1
-    return way, is_end
+            below.way[count] = joint
+            count += 1
+    return count
 
 
 @inlined()
-def nodes_of(way: Numbers, is_end: Marks, body: Articulation) -> Numbers:
-    """Where each node begins in `way`, and where the last one ends, (nodes + 1,).
+def write_nodes(way: Numbers, body: Articulation, below: Below) -> int:
+    """Write where each node begins in `way`, and where the last one ends, to `below.first`; return how many nodes there
+    are.
 
     A node is a run of bones, each the parent of the one before, with no end of a spring and no branch between them.
     """
-    children = np.zeros(len(body.parents), np.intp)
+    children, count = below.children, 0
+    for joint in range(len(children)):
+        children[joint] = 0
     for joint in way:
         if joint > 0:
             children[body.parents[joint]] += 1
-    first, count = np.empty(len(way) + 1, np.intp), 0
     for i, joint in enumerate(way):
-        if i == 0 or body.parents[way[i - 1]] != joint or children[joint] > 1 or is_end[joint]:
-            first[count] = i
+        if i == 0 or body.parents[way[i - 1]] != joint or children[joint] > 1 or below.is_end[joint]:
+            below.first[count] = i
             count += 1
-    first[count] = len(way)
-    return first[: count + 1]
+    below.first[count] = len(way)
+    return count
 
 
 @inlined(fastmath=True)
-def stiffness_below(springs: Springs, way: Numbers, first: Numbers, body: Articulation) -> Array:
-    """G, (nodes, nodes, 3, 3), made where the first node is not after the second: the force on everything below the
-    first when everything below the second is displaced.
+def write_stiffness_below(springs: Springs, way: Numbers, nodes: int, body: Articulation, below: Below) -> None:
+    """Write the force on everything below one node when everything below another is displaced to `below.G`, of which
+    the first nodes are used, and of these the part where the first node is not after the second.
 
     A bone that is not on the way leaves all springs of what is below it as they are, which adds nothing to others.
     """
-    node = np.full(len(body.parents), -1)
-    for n in range(len(first) - 1):
+    first, node, G = below.first, below.node, below.G
+    for joint in range(len(node)):
+        node[joint] = -1
+    for n in range(nodes):
         for i in range(first[n], first[n + 1]):
             node[way[i]] = n
-    G = _stiffness_of_ends(springs, node, len(first) - 1)
-    for n in range(len(G)):
+        clear(G[n, n:nodes])
+    _add_ends(springs, node, G)
+    for n in range(nodes):
         top = way[first[n + 1] - 1]
         above = node[body.parents[top]] if top > 0 else -1
         if above >= 0:
-            _add_to_above(G, n, above)
-    return G
+            _add_to_above(G, n, above, nodes)
 
 
 @inlined(fastmath=True)
-def _stiffness_of_ends(springs: Springs, node: Numbers, count: int) -> Array:
-    """The force on the ends of springs when such ends are displaced, (count, count, 3, 3), by the nodes they are at."""
-    G, A = np.zeros((count, count, 3, 3)), springs.A
+def _add_ends(springs: Springs, node: Numbers, G: Array) -> None:
+    """Add to G the force on the ends of springs when such ends are displaced, by the nodes they are at."""
+    A = springs.A
     for s in range(len(springs.a)):
         if is_negligible(A, s):
             continue
@@ -102,11 +136,10 @@ def _stiffness_of_ends(springs: Springs, node: Numbers, count: int) -> Array:
             _add(A[s], 1.0, G[b, b])
         if a >= 0 and b >= 0:
             _add(A[s], -1.0, G[min(a, b), max(a, b)])
-    return G
 
 
 @inlined(fastmath=True)
-def _add_to_above(G: Array, n: int, above: int) -> None:
+def _add_to_above(G: Array, n: int, above: int, nodes: int) -> None:
     """Add the row and the column of node n to those of the node above it: what is below the one is below the other."""
     for other in range(n):
         _add(G[other, n], 1.0, G[other, above])
@@ -116,7 +149,7 @@ def _add_to_above(G: Array, n: int, above: int) -> None:
     _add(G[n, above].T, 1.0, G[above, above])
     _add(G[n, n], 1.0, G[above, above])
     _add(G[n, n], 1.0, G[n, above])
-    _add_all(G[n, above + 1 :].ravel(), G[above, above + 1 :].ravel())
+    _add_all(G[n, above + 1 : nodes], G[above, above + 1 : nodes])
 
 
 @inlined(fastmath=True)
@@ -134,5 +167,6 @@ def _add(block: Array, sign: float, to: Array) -> None:
 
 @inlined(fastmath=True)
 def _add_all(values: Array, to: Array) -> None:
-    for i in range(len(to)):
-        to[i] += values[i]
+    flat_values, flat_to = values.flat, to.flat
+    for i in range(values.size):
+        flat_to[i] += flat_values[i]

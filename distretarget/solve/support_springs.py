@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import compiled, inlined
+from distretarget.numerics.loops import clear
 from distretarget.solve.articulation import Articulation
 from distretarget.solve.springs import Springs
 from distretarget.solve.supports import Supports
@@ -29,14 +30,17 @@ def support_springs(supports: Supports, body: Articulation, bones: Array, unit: 
     weights, joints, regions, feet = supports.weights, supports.joints, supports.regions, supports.feet
     A = np.zeros((*weights.shape, 3, 3))
     if stiffness > 0.0:
-        _write_springs(weights, joints, regions, feet, body, bones, stiffness, A)
+        scratch = np.zeros((len(body.stiffness), 3)), np.zeros((3, 3))
+        _write_springs(weights, joints, regions, feet, body, bones, stiffness, A, scratch)
     return Springs(joints, np.full(len(joints), -1), supports.places / unit, A)
 
 
 @compiled()
-def _write_springs(weights, joints, regions, feet, body, bones, stiffness, A):  # type: ignore[no-untyped-def]
-    """Write A, (frames, joints, 3, 3), of resting joints with these weights and regions, those of the feet first."""
-    M, arms = np.empty((3, 3)), np.empty((len(body.stiffness), 3))
+def _write_springs(weights, joints, regions, feet, body, bones, stiffness, A, scratch):  # type: ignore[no-untyped-def]
+    """Write A, (frames, joints, 3, 3), of resting joints with these weights and regions, those of the feet first;
+    lever arms and compliance are `scratch`.
+    """
+    arms, M = scratch
     for frame in range(len(weights)):
         for support in range(len(joints)):
             s = weights[frame, support]
@@ -73,13 +77,13 @@ def write_compliance(body: Articulation, bones: Array, joint: int, arms: Array, 
     A part of stiffness h, with the lever arm a on the joint, adds [a]^T [a] / h = (|a|^2 I - a a^T) / h. `bones`,
     (joints, 3), are the frame's; `arms`, (parts + 1, 3), is scratch.
     """
-    arms[:] = 0.0
+    clear(arms)
     while joint > 0:
         parent = body.parents[joint]
         for i in range(3):
             arms[body.parts[parent], i] += bones[joint, i]
         joint = parent
-    M[:] = 0.0
+    clear(M)
     for i in range(3):
         M[i, i] = 1.0 / body.stiffness[-1]
     for part in range(len(arms) - 1):

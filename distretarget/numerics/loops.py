@@ -1,0 +1,24 @@
+"""Loops over whole arrays. Compiled; they compile in a tenth of the time of numba's assignments to slices."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.numerics.compiled import inlined
+
+
+@inlined()
+def copy_to(target: NDArray[np.float64], source: NDArray[np.float64]) -> None:
+    """target[:] = source, for contiguous arrays of one shape."""
+    flat_source, flat_target = source.flat, target.flat
+    for i in range(source.size):
+        flat_target[i] = flat_source[i]
+
+
+@inlined()
+def clear(array: NDArray[np.float64]) -> None:
+    """array[:] = 0, for a contiguous array."""
+    flat = array.flat
+    for i in range(array.size):
+        flat[i] = 0.0
