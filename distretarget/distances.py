@@ -33,7 +33,7 @@ class DistanceProblem:
     targets: NDArray[np.intp]
     tau1: NDArray[np.float64]
     tau2: NDArray[np.float64]
-    sizes: NDArray[np.float64]
+    sizes: NDArray[np.intp]
     body_size: float
 
     def __len__(self) -> int:
@@ -92,11 +92,9 @@ def point_of_joint(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]
     return points
 
 
-def _point_path_sizes(skeleton: Skeleton, points: NDArray[np.intp]) -> NDArray[np.float64]:
+def _point_path_sizes(skeleton: Skeleton, points: NDArray[np.intp]) -> NDArray[np.intp]:
     """|P| along the tree of a skeleton, (joints, joints), counting the given joints only."""
-    counted = np.zeros(len(skeleton))
-    counted[points] = 1.0
-    return skeleton.path_sums(counted) + 1.0
+    return skeleton.path_counts(np.isin(np.arange(len(skeleton)), points)) + 1
 
 
 def posture_stress(

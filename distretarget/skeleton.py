@@ -194,22 +194,31 @@ class Skeleton:
     @cached_property
     def path_lengths(self) -> NDArray[np.float64]:
         """tau: (joints, joints), the sum of the bone lengths on the path between two joints [file units]."""
-        return self.path_sums(self.lengths)
+        edges = (self.lengths[1:], (np.arange(1, len(self)), self.parents[1:]))
+        graph = coo_array(edges, shape=(len(self), len(self))).tocsr()
+        return np.asarray(shortest_path(graph, method="D", directed=False))
 
     @cached_property
     def path_sizes(self) -> NDArray[np.intp]:
         """|P|: (joints, joints), the number of joints on the path between two joints, both ends included."""
-        return self.path_sums(np.ones(len(self))).astype(np.intp) + 1
+        return self.path_counts(np.ones(len(self), bool)) + 1
 
-    def path_sums(self, weights: ArrayLike) -> NDArray[np.float64]:
-        """Return the sum of weights, one per bone, over the bones between two joints, (joints, joints).
-
-        `weights`, (joints,), holds a bone's weight at its lower joint; the root's entry is not used.
+    def path_counts(self, counted: NDArray[np.bool_]) -> NDArray[np.intp]:
+        """Return how many of the bones between two joints count, (joints, joints); `counted`, (joints,), says it of
+        each bone at its lower joint.
         """
-        bones = np.asarray(weights, np.float64)[1:]
-        edges = (bones, (np.arange(1, len(self)), self.parents[1:]))
-        graph = coo_array(edges, shape=(len(self), len(self))).tocsr()
-        return np.asarray(shortest_path(graph, method="D", directed=False))
+        above = counted.astype(np.intp)
+        for joint in range(1, len(self)):
+            above[joint] += above[self.parents[joint]]
+        return np.asarray(above[:, None] + above - 2 * above[self.meets])
+
+    @cached_property
+    def meets(self) -> NDArray[np.intp]:
+        """(joints, joints), the joint where the lines of two joints to the root meet."""
+        meets = np.diag(np.arange(len(self)))
+        for joint in range(1, len(self)):
+            meets[joint, :joint] = meets[:joint, joint] = meets[self.parents[joint], :joint]
+        return meets
 
     @cached_property
     def rest_positions(self) -> NDArray[np.float64]:

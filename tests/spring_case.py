@@ -61,7 +61,7 @@ class Case:
         copy = swaying(skeleton, frames, seed=seed)
         self.parts = part_of_joint(skeleton, np.arange(joints))
         self.stiffness = draw.uniform(0.3, 1.0, self.parts.max() + 2)
-        self.body = Articulation.of(skeleton.parents, self.parts, self.stiffness)
+        self.body = Articulation.of(skeleton, self.parts, self.stiffness)
         self.bones = copy.positions - copy.positions[:, skeleton.parents]
         self.root = np.array(copy.positions[:, 0])
         self.springs = random_springs(draw, joints, frames)

@@ -41,9 +41,7 @@ class Solved:
         self.roots = rigid_part_roots(self.matching)
         self.parts = part_of_joint(target, self.roots)
         count = self.parts.max() + 1
-        self.body = Articulation.of(
-            target.parents, self.parts, np.append(np.full(count, PART_STIFFNESS), ROOT_STIFFNESS)
-        )
+        self.body = Articulation.of(target, self.parts, np.append(np.full(count, PART_STIFFNESS), ROOT_STIFFNESS))
         self.scratch = Scratch.of(self.body)
         guess = np.zeros((len(source), count + 1, 3))
         self.poses = solve_paper(self.first(len(source)), guess)

@@ -101,9 +101,15 @@ def test_rest_positions_start_at_the_origin():
     np.testing.assert_array_equal(skeleton.rest_positions, [(0, 0, 0), (0, 1, 0), (2, 1, 0), (0, 0, 3)])
 
 
-def test_path_sums_take_the_weight_of_each_bone_once():
-    skeleton = tree([-1, 0, 1, 0])
-    np.testing.assert_array_equal(skeleton.path_sums([99, 1, 0, 4])[2], [1, 0, 0, 5])
+def test_path_counts_take_each_bone_once():
+    skeleton = tree([-1, 0, 1, 0, 3])
+    np.testing.assert_array_equal(skeleton.path_counts(np.array([1, 1, 0, 1, 1], bool))[2], [1, 0, 0, 2, 3])
+
+
+def test_lines_to_the_root_meet_at_the_lowest_joint_of_both():
+    skeleton = tree([-1, 0, 1, 1, 2, 0])
+    for u, v in np.ndindex(6, 6):
+        assert skeleton.meets[u, v] == max({*skeleton.line(u)} & {*skeleton.line(v)})
 
 
 def test_keys_name_parents_only_where_names_repeat():

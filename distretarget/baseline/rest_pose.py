@@ -31,7 +31,7 @@ def rest_alignment(matching: Matching) -> Array:
     Where a frame of the motion replaces a rest pose, the axes about which elbows and knees bend in it give the roll.
     """
     bodies = _Bodies(matching)
-    alignment = Rotation.from_quat(_joint_alignments(bodies))
+    alignment = Rotation.from_matrix(_joint_alignments(bodies))
     source_pose, target_pose = (Rotation.from_quat(pose) for pose in bodies.poses)
     drivers = np.maximum(matching.rotation_sources, 0)
     return np.stack([(source_pose[drivers[:, k]].inv() * alignment * target_pose).as_quat() for k in (0, 1)], axis=1)
@@ -80,12 +80,12 @@ class _Bodies:
         return source.axes_at(self.positions[0]), target.axes_at(self.positions[1])
 
     @cached_property
-    def turn(self) -> Rotation:
-        """The rotation from the target's axes to the source's."""
+    def turn(self) -> Array:
+        """(3, 3), the rotation from the target's axes to the source's."""
         if not self.human or self.matching.rest_poses_alike:
-            return Rotation.identity()
+            return np.eye(3)
         source_axes, target_axes = self.axes
-        return Rotation.from_matrix(source_axes @ target_axes.T)
+        return np.asarray(source_axes @ target_axes.T)
 
     @cached_property
     def outwards(self) -> dict[int, Array]:
@@ -161,10 +161,10 @@ class _Bodies:
 
 
 def _joint_alignments(bodies: _Bodies) -> Array:
-    """(target joints, 4), the rotations that align each target joint with the source, both bodies in their poses."""
+    """(target joints, 3, 3), the rotations that align each target joint with the source, both bodies in their poses."""
     matching, (x, y) = bodies.matching, bodies.positions
     below = driven_below(matching.target.skeleton, matching.bone_drivers, x, y)
-    alignments: list[Rotation] = []
+    alignments: list[Array] = []
     for joint, (b, a) in enumerate(bone_directions(matching.drivers, x, y, below)):
         root_like = not joint or joint in bodies.ankles
         turn = bodies.turn if root_like else alignments[matching.target.skeleton.parents[joint]]
@@ -172,37 +172,39 @@ def _joint_alignments(bodies: _Bodies) -> Array:
             turn = _sole_onto_sole(bodies, joint, b[:1], a[:1], turn)
         if len(a):
             if joint in bodies.outwards:
-                turn = least(turn.apply(a[:1]), bodies.outwards[joint][None]) * turn
-            onto = least(turn.apply(a), b)
-            if joint in bodies.hinges:
-                onto = _with_roll(bodies, joint, b[0], onto, turn) * onto
+                turn = least(a[:1] @ turn.T, bodies.outwards[joint][None]).as_matrix() @ turn
+            onto = least(a @ turn.T, b)
             another_pose = len(a) == 1 and onto.magnitude() > BUILD_ANGLE and joint not in bodies.sole_normals
             if another_pose or joint not in bodies.built_differently:
-                turn = onto * turn
+                turned = onto.as_matrix()
+                if joint in bodies.hinges:
+                    turned = _roll(bodies, joint, b[0], turned, turn) @ turned
+                turn = turned @ turn
         alignments.append(turn)
-    return np.array([turn.as_quat() for turn in alignments])
+    return np.array(alignments)
 
 
-def _sole_onto_sole(bodies: _Bodies, joint: int, feet: Array, target_feet: Array, turn: Rotation) -> Rotation:
-    """The alignment of an ankle: `turn`, that of the body as a whole, and then the target's sole onto the source's.
+def _sole_onto_sole(bodies: _Bodies, joint: int, feet: Array, target_feet: Array, turn: Array) -> Array:
+    """(3, 3), the alignment of an ankle: `turn`, that of the body as a whole, and then the target's sole onto the
+    source's.
 
     Where the pose of a body may be a frame of its motion, in which its feet may be turned, the feet point the same way:
     `feet` and `target_feet`, (1, 3), are their directions on both bodies, (0, 3) without a foot.
     """
     normal, target_normal = bodies.sole_normals[joint]
-    turn = least(turn.apply(target_normal[None]), normal[None]) * turn
+    turn = least((turn @ target_normal)[None], normal[None]).as_matrix() @ turn
     if not len(feet) or not bodies.posed_by_motion:
         return turn
-    level = [v - (v @ normal)[:, None] * normal for v in (feet, turn.apply(target_feet))]
-    return least(level[1], level[0]) * turn
+    level = [v - (v @ normal)[:, None] * normal for v in (feet, target_feet @ turn.T)]
+    return least(level[1], level[0]).as_matrix() @ turn
 
 
-def _with_roll(bodies: _Bodies, joint: int, bone: Array, onto: Rotation, turn: Rotation) -> Rotation:
-    """The rotation about a bone, (3,), from the target's bend axis, turned by `onto * turn`, to the source's."""
+def _roll(bodies: _Bodies, joint: int, bone: Array, onto: Array, turn: Array) -> Array:
+    """(3, 3), the turn about a bone, (3,), from the target's bend axis, turned by `onto @ turn`, to the source's."""
     role, usual = bodies.hinges[joint]
     source_bends, target_bends = bodies.bends
-    source_axis = source_bends.get(role, onto.apply(usual))
-    target_axis = (onto * turn).apply(target_bends[role]) if role in target_bends else onto.apply(usual)
+    source_axis = source_bends.get(role, onto @ usual)
+    target_axis = onto @ turn @ target_bends[role] if role in target_bends else onto @ usual
     across, goal = (vector - (vector @ bone) * bone for vector in (target_axis, source_axis))
     angle = np.arctan2(np.cross(across, goal) @ bone, across @ goal)
-    return Rotation.from_rotvec(angle * bone)
+    return Rotation.from_rotvec(angle * bone).as_matrix()

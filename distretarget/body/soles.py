@@ -107,12 +107,13 @@ class _Foot:
 
 def _reference_foot(body: Body, leg: Leg) -> _Foot:
     """The foot in the reference pose; one that hangs there is given its usual pitch."""
-    places = body.skeleton.posed(body.reference_pose)
-    up, forward = _axes(body, places)
+    stance = _stance(body)
+    up = body.up_vector if stance is None else axis_vector(nearest_axis(stance.up)[0])
     to_ankle = Rotation.from_quat(body.reference_pose[leg.ankle]).inv()
     foot = _foot(body, leg, to_ankle.apply(up), body.stands_at_rest or body.anatomy is None)
     if foot.direction @ foot.up >= -HANGING:
         return foot
+    forward = np.zeros(3) if stance is None else stance.axes[:, 2]
     flat = np.cos(FOOT_PITCH) * forward - np.sin(FOOT_PITCH) * up
     hanging = least(to_ankle.inv().apply(foot.direction)[None], flat[None])
     return replace(foot, up=to_ankle.apply(hanging.inv().apply(up)), known=False)
@@ -138,15 +139,9 @@ def _foot(body: Body, leg: Leg, up: Array, known: bool) -> _Foot:
     return _Foot(joints, places[joints] - places[leg.ankle], up, known)
 
 
-def _axes(body: Body, places: Array) -> tuple[Array, Array]:
-    """The directions up and forward, (3,) each, of the reference pose, whose joints are at `places`, (joints, 3).
-
-    Forward is zero for a body without anatomy.
-    """
-    if body.anatomy is None:
-        return body.up_vector, np.zeros(3)
-    axes = Directions(body.anatomy, places)
-    return axis_vector(nearest_axis(axes.up)[0]), axes.axes[:, 2]
+def _stance(body: Body) -> Directions | None:
+    """The directions of the reference pose; None without an anatomy."""
+    return Directions(body.anatomy, body.skeleton.posed(body.reference_pose)) if body.anatomy else None
 
 
 def _sole(foot: _Foot) -> Sole:

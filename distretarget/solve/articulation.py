@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import inlined
 from distretarget.numerics.loops import clear
+from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 
@@ -28,7 +29,7 @@ class Articulation(NamedTuple):
         parents: (joints,), -1 for the root.
         parts: (joints,), the part that carries the bones below each joint.
         stiffness: (parts + 1,), h, how strongly each part keeps to the copy's rotation; last, the root to its path.
-        meets: (joints, joints), where the ways of two joints to the root meet.
+        meets: (joints, joints), where the lines of two joints to the root meet.
     """
 
     parents: NDArray[np.intp]
@@ -37,12 +38,9 @@ class Articulation(NamedTuple):
     meets: NDArray[np.intp]
 
     @classmethod
-    def of(cls, parents: NDArray[np.intp], parts: NDArray[np.intp], stiffness: Array) -> Articulation:
-        """The articulation of a tree of joints, parents before children."""
-        meets = np.diag(np.arange(len(parents)))
-        for joint in range(1, len(parents)):
-            meets[joint, :joint] = meets[:joint, joint] = meets[parents[joint], :joint]
-        return cls(parents, parts, stiffness, meets)
+    def of(cls, skeleton: Skeleton, parts: NDArray[np.intp], stiffness: Array) -> Articulation:
+        """The articulation of a skeleton."""
+        return cls(skeleton.parents, parts, stiffness, skeleton.meets)
 
 
 class Scratch(NamedTuple):

@@ -72,7 +72,7 @@ def _solve_frames(problem: PoseProblem, supports: Supports, frames: slice, setti
     """Solve some frames of a clip."""
     distances, unit = problem.distances, problem.unit
     stiffness = part_stiffness(problem, settings)
-    body = Articulation.of(problem.skeleton.parents, problem.parts, stiffness)
+    body = Articulation.of(problem.skeleton, problem.parts, stiffness)
     pairs = candidate_pairs(distances, problem.regions, problem.legs, unit, settings.least_path)
     # One layout of arrays, for which the solver is compiled once.
     source = np.take(problem.source, distances.sources, axis=1)
