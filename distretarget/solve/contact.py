@@ -42,7 +42,7 @@ from distretarget.solve.pose_solver import Clip, Workspace, compile_pose_solver
 from distretarget.solve.poses import PoseProblem, Poses
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.spg import Effort
-from distretarget.solve.springs import Springs, is_negligible, joined, room_for, spring_energy
+from distretarget.solve.springs import NEGLIGIBLE, Springs, is_negligible, joined, room_for, spring_energy
 from distretarget.solve.stiffness import part_stiffness
 from distretarget.solve.support_springs import support_springs
 from distretarget.solve.supports import Supports
@@ -142,8 +142,8 @@ def _springs_of(near: NearPairs, springs: Springs, frame: int, room: Springs) ->
     """The springs that act in a frame, which are written to `room`."""
     count = 0
     for pair in range(len(near.a)):
-        write_pair_spring(near, frame, pair, room.rest[count], room.A[count])
-        if not is_negligible(room.A, count):
+        if near.w[frame, pair] >= NEGLIGIBLE:
+            write_pair_spring(near, frame, pair, room.rest[count], room.A[count])
             room.a[count], room.b[count] = near.a[pair], near.b[pair]
             count += 1
     for s in range(len(springs.a)):

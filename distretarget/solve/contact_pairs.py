@@ -12,8 +12,7 @@ from distretarget.body.legs import Legs
 from distretarget.body.regions import Regions
 from distretarget.distances import DistanceProblem
 from distretarget.numerics.compiled import compiled, inlined
-from distretarget.numerics.smoothing import median_of_three, widened
-from distretarget.numerics.vectors import lengths
+from distretarget.numerics.smoothing import widened
 from distretarget.solve.settings import ContactSettings
 
 Array = NDArray[np.float64]
@@ -62,8 +61,21 @@ def activation(D: Array, lead: float, settings: ContactSettings) -> Array:
     It is 1 up to `settings.close`, 0 from `settings.apart` on, smooth in between, and widened by `lead` frames before
     and after. A single frame unlike both its neighbours is a fault of the clip, and ignored.
     """
-    t = np.clip((settings.apart - median_of_three(D)) / (settings.apart - settings.close), 0.0, 1.0)
-    return widened(t * t * t * (t * (6.0 * t - 15.0) + 10.0), lead)
+    f = np.empty_like(D)
+    _write_set_in(D, settings.close, settings.apart, f)
+    return widened(f, lead)
+
+
+@compiled()
+def _write_set_in(D, close, apart, f):  # type: ignore[no-untyped-def]
+    """Write how far pairs have set in by the median of three frames of their distances D, (frames, pairs)."""
+    for frame in range(len(D)):
+        before, after = max(frame - 1, 0), min(frame + 1, len(D) - 1)
+        for pair in range(D.shape[1]):
+            a, b, c = D[before, pair], D[frame, pair], D[after, pair]
+            median = max(min(a, c), min(b, max(a, c)))
+            t = min(max((apart - median) / (apart - close), 0.0), 1.0)
+            f[frame, pair] = t * t * t * (t * (6.0 * t - 15.0) + 10.0)
 
 
 def activation_window(lead: float) -> int:
@@ -79,7 +91,8 @@ class NearPairs(NamedTuple):
         u, v: (pairs,), their points.
         ratio: (pairs,), tau2 / tau1 [body units / file unit].
         source, copy: (frames, points, 3), the points of source and copy [file units, body units].
-        f, w, k: (frames, pairs), how far they have set in, their stiffness, and the share of it across their direction.
+        f, w: (frames, pairs), how far they have set in, and their stiffness.
+        direction_range: the length at which half of the stiffness acts across their direction too [body units].
     """
 
     a: NDArray[np.intp]
@@ -91,7 +104,7 @@ class NearPairs(NamedTuple):
     copy: Array
     f: Array
     w: Array
-    k: Array
+    direction_range: float
 
 
 def near_pairs(
@@ -115,7 +128,7 @@ def near_pairs(
     window = source[first:last]
     on = np.flatnonzero(come_near(window, window, pairs.u, pairs.v, settings.apart * pairs.tau1))
     u, v = pairs.u[on], pairs.v[on]
-    D = lengths(np.take(window, u, axis=1) - np.take(window, v, axis=1)) / pairs.tau1[on]
+    D = normalised_distances(window, window, u, v, pairs.tau1[on])
     inside = slice(block.start - first, block.stop - first)
     f = activation(D, lead, settings)[inside] * (1.0 - np.outer(standing, pairs.feet[on]))
     return NearPairs(
@@ -128,27 +141,28 @@ def near_pairs(
         copy=copy[block],
         f=f,
         w=pair_stiffness(f, D[inside], (u, v), len(distances), settings),
-        k=share_across(D[inside] * pairs.tau2[on], settings),
+        direction_range=settings.direction_range,
     )
 
 
 def no_pairs(frames: int) -> NearPairs:
     """Nothing is near."""
     none, points, values = np.zeros(0, np.intp), np.zeros((frames, 0, 3)), np.zeros((frames, 0))
-    return NearPairs(none, none, none, none, np.zeros(0), points, points, values, values, values)
+    return NearPairs(none, none, none, none, np.zeros(0), points, points, values, values, 1.0)
 
 
 @inlined(fastmath=True)
 def write_pair_spring(near: NearPairs, frame: int, pair: int, rest: Array, A: Array) -> None:
     """Write the spring of a pair in a frame: the difference that the pair is drawn to, d_copy + f (ratio d_source -
-    d_copy), to `rest`, (3,), and its stiffness, w along the direction of d_source and k w across it, to `A`, (3, 3).
+    d_copy), to `rest`, (3,), and its stiffness, w along the direction of d_source and k w across it (`share_across`),
+    to `A`, (3, 3).
     """
-    u, v, f, w = near.u[pair], near.v[pair], near.f[frame, pair], near.w[frame, pair]
+    u, v, f, w, ratio = near.u[pair], near.v[pair], near.f[frame, pair], near.w[frame, pair], near.ratio[pair]
     dx = near.source[frame, u, 0] - near.source[frame, v, 0]
     dy = near.source[frame, u, 1] - near.source[frame, v, 1]
     dz = near.source[frame, u, 2] - near.source[frame, v, 2]
     square = dx * dx + dy * dy + dz * dz
-    across = near.k[frame, pair] * w
+    across = w * near.direction_range**2 / (near.direction_range**2 + ratio * ratio * square)
     along = (w - across) / square if square > 0.0 else 0.0
     A[0, 0], A[0, 1], A[0, 2] = along * dx * dx + across, along * dx * dy, along * dx * dz
     A[1, 0], A[1, 1], A[1, 2] = along * dx * dy, along * dy * dy + across, along * dy * dz
@@ -156,7 +170,7 @@ def write_pair_spring(near: NearPairs, frame: int, pair: int, rest: Array, A: Ar
     rest[0], rest[1], rest[2] = dx, dy, dz
     for i in range(3):
         copied = near.copy[frame, u, i] - near.copy[frame, v, i]
-        rest[i] = copied + f * (near.ratio[pair] * rest[i] - copied)
+        rest[i] = copied + f * (ratio * rest[i] - copied)
 
 
 def come_near(a: Array, b: Array, u: NDArray[np.intp], v: NDArray[np.intp], reach: Array) -> NDArray[np.bool_]:
@@ -181,6 +195,26 @@ def _mark_near(a, b, u, v, reach, near):  # type: ignore[no-untyped-def]
                 break
 
 
+def normalised_distances(a: Array, b: Array, u: NDArray[np.intp], v: NDArray[np.intp], tau: Array) -> Array:
+    """D: (frames, pairs), the distances between points u of `a` and points v of `b`, (frames, points, 3) both, over
+    path lengths tau, (pairs,).
+    """
+    D = np.empty((len(a), len(u)))
+    _write_distances(a, b, u, v, tau, D)
+    return D
+
+
+@compiled()
+def _write_distances(a, b, u, v, tau, D):  # type: ignore[no-untyped-def]
+    for frame in range(len(a)):
+        for pair in range(len(u)):
+            i, j = u[pair], v[pair]
+            x = a[frame, i, 0] - b[frame, j, 0]
+            y = a[frame, i, 1] - b[frame, j, 1]
+            z = a[frame, i, 2] - b[frame, j, 2]
+            D[frame, pair] = np.sqrt(x * x + y * y + z * z) / tau[pair]
+
+
 def pair_stiffness(
     f: Array, D: Array, ends: tuple[NDArray[np.intp], NDArray[np.intp]], points: int, settings: ContactSettings
 ) -> Array:
@@ -190,21 +224,25 @@ def pair_stiffness(
     Activations count over sqrt((1 + F_u) (1 + F_v)), where F is the sum of the activations of a point. So a point that
     comes near a cluster of points is drawn about as strongly as one that comes near a single point.
     """
-    shared = np.empty_like(f)
-    _share(f, *ends, np.empty(points), shared)
-    return np.asarray(settings.pair_stiffness * shared * settings.close / (D + settings.touch))
+    w = np.empty_like(f)
+    _write_stiffness(f, D, *ends, settings.pair_stiffness, settings.close, settings.touch, np.empty(points), w)
+    return w
 
 
-@compiled(fastmath=True)
-def _share(f, u, v, sums, shared):  # type: ignore[no-untyped-def]
-    """Write f / sqrt((1 + F_u) (1 + F_v)), (frames, pairs); `sums`, (points,), is scratch."""
+@compiled()
+def _write_stiffness(f, D, u, v, stiffness, close, touch, sums, w):  # type: ignore[no-untyped-def]
+    """Write w = stiffness f / sqrt((1 + F_u) (1 + F_v)) close / (D + touch); `sums`, (points,), is scratch."""
     for frame in range(len(f)):
-        sums[:] = 1.0
+        for point in range(len(sums)):
+            sums[point] = 1.0
         for s in range(len(u)):
             sums[u[s]] += f[frame, s]
             sums[v[s]] += f[frame, s]
         for s in range(len(u)):
-            shared[frame, s] = f[frame, s] / np.sqrt(sums[u[s]] * sums[v[s]])
+            w[frame, s] = 0.0
+            if f[frame, s] > 0.0:
+                shared = f[frame, s] / np.sqrt(sums[u[s]] * sums[v[s]])
+                w[frame, s] = stiffness * shared * close / (D[frame, s] + touch)
 
 
 def share_across(lengths: Array, settings: ContactSettings) -> Array:

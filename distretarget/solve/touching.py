@@ -16,7 +16,14 @@ from numpy.typing import NDArray
 from distretarget.baseline.root import RootScale
 from distretarget.numerics.blocks import blocks_of
 from distretarget.numerics.vectors import lengths
-from distretarget.solve.contact_pairs import activation, activation_window, come_near, pair_stiffness, share_across
+from distretarget.solve.contact_pairs import (
+    activation,
+    activation_window,
+    come_near,
+    normalised_distances,
+    pair_stiffness,
+    share_across,
+)
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.springs import Springs
 
@@ -96,7 +103,7 @@ def _found(
     on = come_near(a, b, u, v, reach[u, v])
     u, v = u[on], v[on]
     inside = slice(block.start - first, block.stop - first)
-    D = lengths(a[:, u] - b[:, v]) / (one.reach[u] + other.reach[v])
+    D = normalised_distances(a, b, u, v, one.reach[u] + other.reach[v])
     f, D = activation(D, lead, settings)[inside] if len(u) else D[inside], D[inside]
     ends = u, v + len(one.joints)
     w = firmness(D, settings) * pair_stiffness(f, D, ends, len(one.joints) + len(other.joints), settings)
