@@ -7,10 +7,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+import numpy as np
 from numba import njit
 from numba.core import config, event
 from numba.core.caching import FunctionCache
 from numba.extending import register_jitable
+from numpy.typing import NDArray
 
 from distretarget.numerics.code_folder import code_folder
 
@@ -19,6 +21,7 @@ from distretarget.numerics.code_folder import code_folder
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False}
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+Value = TypeVar("Value", bound=np.generic)
 
 
 def compiled(*, fastmath: bool = False) -> Callable[[Function], Function]:
@@ -58,6 +61,13 @@ def _caching_in(folder: Path) -> Iterator[None]:
         yield
     finally:
         settings.CACHE_DIR = before
+
+
+def read_only(array: NDArray[Value]) -> NDArray[Value]:
+    """Return a view that cannot be written to, so that a function is compiled once for arrays that can and cannot."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
 
 
 def inlined(*, fastmath: bool = False) -> Callable[[Function], Function]:

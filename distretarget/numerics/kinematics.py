@@ -6,19 +6,16 @@ are x y z w, as in scipy.
 
 from __future__ import annotations
 
-from typing import TypeVar
-
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.errors import SettingsError
-from distretarget.numerics.compiled import compiled, inlined
+from distretarget.numerics.compiled import compiled, inlined, read_only
 from distretarget.numerics.vectors import lengths
 
 Array = NDArray[np.float64]
 Parents = NDArray[np.intp]
 Parts = NDArray[np.intp]
-Value = TypeVar("Value", bound=np.generic)
 
 
 def forward_kinematics(parents: Parents, translations: Array, world: Array) -> Array:
@@ -35,21 +32,21 @@ def forward_kinematics(parents: Parents, translations: Array, world: Array) -> A
         shapes = f"{np.shape(parents)}, {np.shape(translations)} and {np.shape(world)}"
         raise SettingsError(f"the shapes are {shapes}; expected (joints,), (frames, joints, 3) and (frames, joints, 4)")
     positions = np.empty_like(translations)
-    _positions(_read_only(parents), _read_only(translations), _read_only(world), positions)
+    _positions(read_only(parents), read_only(translations), read_only(world), positions)
     return positions
 
 
 def world_rotations(parents: Parents, local: Array) -> Array:
     """World rotations from local ones, both (frames, joints, 4): each joint's is its parent's times its own."""
     world = np.array(local)
-    _world_rotations(_read_only(parents), world)
+    _world_rotations(read_only(parents), world)
     return world
 
 
 def local_rotations(parents: Parents, world: Array) -> Array:
     """Local rotations from world ones, both (frames, joints, 4); the inverse of `world_rotations`."""
     local = np.array(world)
-    _local_rotations(_read_only(parents), world, local)
+    _local_rotations(read_only(parents), world, local)
     return local
 
 
@@ -69,13 +66,6 @@ def turned_rotations(vectors: Array, parts: Parts, rotations: Array) -> Array:
     turned = np.array(rotations)
     _turn(vectors, parts, np.empty((vectors.shape[1], 4)), turned)
     return turned
-
-
-def _read_only(array: NDArray[Value]) -> NDArray[Value]:
-    """A view that cannot be written to: functions are compiled anew for arrays that can."""
-    view = array.view()
-    view.flags.writeable = False
-    return view
 
 
 @compiled()

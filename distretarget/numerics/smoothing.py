@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.numerics.compiled import compiled
+from distretarget.numerics.compiled import compiled, inlined, read_only
 
 Array = NDArray[np.float64]
 
@@ -19,56 +18,77 @@ def widened(values: Array, frames: float) -> Array:
     The result is smooth, and nowhere less than the values. Less than half a frame changes nothing.
     """
     reach = round(frames)
-    return values if reach < 1 else _by_column(lambda columns: _averages(_largest(columns, reach), reach), values)
+    return values if reach < 1 else _largest_averaged(values, reach, reach)
 
 
 def largest(values: Array, reach: int) -> Array:
     """The largest of the values (frames, n) within `reach` frames before and after each frame."""
-    return _by_column(lambda columns: _largest(columns, reach), values)
+    return _largest_averaged(values, reach, 0)
 
 
 def averaged(values: Array, reach: int) -> Array:
     """The values (frames, ...), averaged over `reach` frames before and after each frame (a raised cosine); before the
     first and after the last frame they stay.
     """
-    columns = values.reshape(len(values), -1)
-    return _by_column(lambda columns: _averages(columns, reach), columns).reshape(values.shape)
+    return _largest_averaged(values.reshape(len(values), -1), 0, reach).reshape(values.shape)
 
 
-def _by_column(function: Callable[[Array], Array], values: Array) -> Array:
-    """What a function makes of values (frames, n), which it takes and returns as (n, frames)."""
-    return np.ascontiguousarray(function(np.ascontiguousarray(values.T)).T)
-
-
-def _extended(columns: Array, reach: int) -> Array:
-    """Columns (n, frames) with the first and the last value repeated, (n, frames + 2 reach)."""
-    frames = np.clip(np.arange(-reach, columns.shape[1] + reach), 0, columns.shape[1] - 1)
-    return np.take(columns, frames, axis=1)
-
-
-def _largest(columns: Array, reach: int) -> Array:
-    windows, size, span = _extended(columns, reach), 2 * reach + 1, 1
-    while 2 * span <= size:  # each element is the largest of `span`, from its place on
-        windows = np.maximum(windows[:, :-span], windows[:, span:])
-        span *= 2
-    return np.maximum(windows[:, : columns.shape[1]], windows[:, size - span :])
-
-
-def _averages(columns: Array, reach: int) -> Array:
-    window = np.hanning(2 * reach + 3)[1:-1]
-    result = np.zeros(columns.shape)
-    _add_weighted(_extended(columns, reach), window / window.sum(), result)
+def _largest_averaged(values: Array, reach: int, blur: int) -> Array:
+    """The largest of the values (frames, n) within `reach` frames of each frame, averaged over `blur` frames around."""
+    window = np.hanning(2 * blur + 3)[1:-1]
+    weights = np.pad(window / window.sum(), (0, -len(window) % 4))
+    result, lanes = np.empty(values.shape), np.zeros((3, len(values) + 2 * max(reach, blur) + 3))
+    _write_largest_averaged(read_only(values), reach, blur, weights, lanes, result)
     return result
 
 
 @compiled()
-def _add_weighted(columns: Array, window: Array, result: Array) -> None:
-    for n in range(len(columns)):
-        row = result[n]
-        for k in range(len(window)):
-            near, weight = columns[n, k:], window[k]
-            for frame in range(len(row)):
-                row[frame] += weight * near[frame]
+def _write_largest_averaged(values, reach, blur, weights, lanes, result):  # type: ignore[no-untyped-def]
+    """Write the largest within `reach` frames, averaged over `blur` frames with the weights, whose number is a multiple
+    of 4; `lanes` are scratch for one column.
+    """
+    frames = len(values)
+    for n in range(values.shape[1]):
+        row, other, sums = lanes[0], lanes[1], lanes[2]
+        for frame in range(frames):
+            other[frame] = values[frame, n]
+        _extend(other, frames, reach, row)
+        size, span, count = 2 * reach + 1, 1, frames + 2 * reach
+        while 2 * span <= size:  # each element is the largest of `span`, from its place on
+            count -= span
+            _larger(row, row[span:], count, other)
+            row, other = other, row
+            span *= 2
+        _larger(row, row[size - span :], frames, other)
+        _extend(other, frames, blur, row)
+        for frame in range(frames):
+            sums[frame] = 0.0
+        for k in range(0, len(weights), 4):
+            _add_four(row[k:], row[k + 1 :], row[k + 2 :], row[k + 3 :], weights[k:], frames, sums)
+        for frame in range(frames):
+            result[frame, n] = sums[frame]
+
+
+@inlined()
+def _extend(row: Array, frames: int, reach: int, longer: Array) -> None:
+    """Write a row with its first and its last value repeated before and after it."""
+    for i in range(frames + 2 * reach):
+        longer[i] = row[min(max(i - reach, 0), frames - 1)]
+
+
+@inlined()
+def _larger(a: Array, b: Array, count: int, out: Array) -> None:
+    """Write the larger of each two values."""
+    for i in range(count):
+        out[i] = max(a[i], b[i])
+
+
+@inlined()
+def _add_four(a: Array, b: Array, c: Array, d: Array, weights: Array, count: int, sums: Array) -> None:
+    """Add four values with their weights, one after the other: sums are read and written for four at a time."""
+    w, x, y, z = weights[0], weights[1], weights[2], weights[3]
+    for i in range(count):
+        sums[i] = (((sums[i] + w * a[i]) + x * b[i]) + y * c[i]) + z * d[i]
 
 
 def median_of_three(values: NDArray[Any]) -> NDArray[Any]:
