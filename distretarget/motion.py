@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from distretarget.arguments import check_kind
 from distretarget.errors import MotionError, quoted
 from distretarget.numerics.blocks import in_blocks
-from distretarget.numerics.kinematics import forward_kinematics, world_rotations
+from distretarget.numerics.kinematics import forward_kinematics, local_rotations, world_rotations
 from distretarget.numerics.rotations import RotationKind, represented
 from distretarget.numerics.vectors import lengths
 from distretarget.skeleton import Skeleton
@@ -187,3 +187,16 @@ def rigid_motion(
     translations = np.array(np.broadcast_to(skeleton.offsets, (len(rotations), len(skeleton), 3)))
     translations[:, 0] = root_positions
     return Motion(skeleton, translations, rotations, frame_time_text)
+
+
+def motion_of_world(
+    skeleton: Skeleton,
+    root_positions: NDArray[np.float64],
+    world: NDArray[np.float64],
+    frame_time_text: str,
+) -> Motion:
+    """Return the motion with a root path, (frames, 3), and world rotations, (frames, joints, 4), on rigid bones."""
+    motion = rigid_motion(skeleton, root_positions, local_rotations(skeleton.parents, world), frame_time_text)
+    # What `positions` would compute, without turning local rotations back into those of the world.
+    vars(motion)["positions"] = forward_kinematics(skeleton.parents, motion.translations, world)
+    return motion

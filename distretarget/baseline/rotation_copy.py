@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 from distretarget.baseline.rest_pose import rest_alignment
 from distretarget.baseline.root import RootScale
 from distretarget.matching.matching import Matching
-from distretarget.motion import Motion, rigid_motion
-from distretarget.numerics.kinematics import local_rotations, rotation_products
+from distretarget.motion import Motion, motion_of_world
+from distretarget.numerics.kinematics import rotation_products
 
 Array = NDArray[np.float64]
 
@@ -33,11 +33,10 @@ def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
     for joint in range(1, len(skeleton)):
         if matching.rotation_sources[joint, 0] < 0:
             world[:, joint] = world[:, skeleton.parents[joint]]
-    local = local_rotations(skeleton.parents, world)
     path = scale.places(source.positions[:, matching.drivers[matching.pelvis]], matching.source.up_vector)
     for joint in skeleton.line(matching.pelvis)[:-1]:
         path = path - Rotation.from_quat(world[:, skeleton.parents[joint]]).apply(np.array(skeleton.offsets[joint]))
-    return rigid_motion(skeleton, path, local, source.frame_time_text)
+    return motion_of_world(skeleton, path, world, source.frame_time_text)
 
 
 def _aligned(matching: Matching, turned: Array, alignment: Array, joints: NDArray[np.intp], k: int) -> Array:

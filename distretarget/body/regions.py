@@ -80,10 +80,10 @@ def _by_anatomy(skeleton: Skeleton, anatomy: Anatomy) -> dict[int, str]:
         if region:
             labels[joint] = f"{side} {region}" if region in WITH_SIDES else region
     for joint in sorted(labels):
-        for between in skeleton.line(joint)[1:]:
-            if between in labels:
-                break
+        between = int(skeleton.parents[joint])
+        while between >= 0 and between not in labels:
             labels[between] = labels[joint]
+            between = int(skeleton.parents[between])
     for joint, region in list(labels.items()):
         labels.update({child: region for child in skeleton.children[joint] if skeleton.end_sites[child]})
     for side in SIDES:

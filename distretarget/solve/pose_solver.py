@@ -105,12 +105,12 @@ def compile_pose_solver(
         for frame in range(len(clip.root)):
             terms = terms_of(given, frame, starts[0])
             pose, best = v[first + frame], np.inf
-            count = _warm_starts(v, first + frame, starts)
+            count, chosen = _warm_starts(v, first + frame, starts), 0
             for start in range(count):
                 sigma = value(starts[start], body, clip, frame, scratch, terms)
                 if sigma < best:
-                    best = sigma
-                    copy_to(pose, starts[start])
+                    best, chosen = sigma, start
+            copy_to(pose, starts[chosen])
             iterations, evaluations = 0, count
             minimum = Minimum(best, iterations, evaluations, Reason.ITERATION_LIMIT.value)
             for _ in range(ROUNDS):

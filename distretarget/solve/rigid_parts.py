@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.matching.matching import Matching
-from distretarget.motion import Motion, rigid_motion
-from distretarget.numerics.kinematics import local_rotations, turned_rotations
+from distretarget.motion import Motion, motion_of_world
+from distretarget.numerics.kinematics import turned_rotations
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -68,7 +68,7 @@ def posed_motion(copy: Motion, v: Array, parts: NDArray[np.intp], root_positions
     turning = np.array(parts)
     turning[_turning_leaves(copy)] = -1
     world = turned_rotations(v[:, :-1], turning, copy.world_rotations)
-    return rigid_motion(skeleton, root_positions, local_rotations(skeleton.parents, world), copy.frame_time_text)
+    return motion_of_world(skeleton, root_positions, world, copy.frame_time_text)
 
 
 def _turning_leaves(copy: Motion) -> NDArray[np.intp]:
