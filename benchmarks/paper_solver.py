@@ -15,7 +15,7 @@ from distretarget.distances import DistanceProblem
 from distretarget.numerics.stress import stress_and_gradient, target_distances
 from distretarget.solve import spg
 from distretarget.solve.free_points import POINT_ITERATIONS, POINT_TOLERANCE
-from distretarget.solve.spg import Minimum, scratch_like, spectral_gradient, steepest, straight
+from distretarget.solve.spg import Minimum, scratch_for, spectral_gradient, steepest, straight
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ def solve(
 ) -> tuple[Array, Minimum]:
     """The points, (points, 3), that the solver reaches from a start, (points, 3), for a posture of the source."""
     x = in_columns(problem, start)
-    minimum = _compiled(eta)(x, stress_of(problem, source), tolerance, POINT_ITERATIONS, scratch_like(x))
+    minimum = _compiled(eta)(x, stress_of(problem, source), tolerance, POINT_ITERATIONS, scratch_for(x.shape))
     return x.T * problem.body_size, minimum
 
 
@@ -54,7 +54,7 @@ def _compiled(eta: float) -> Any:
     with patch.object(spg, "ETA", eta):
         minimise = njit(error_model="numpy")(spectral_gradient(_objective, steepest, straight))
         x, stress = np.zeros((3, 2)), Stress(np.zeros((2, 2)), np.zeros((2, 2)))
-        minimise(x, stress, 0.0, 0, scratch_like(x))
+        minimise(x, stress, 0.0, 0, scratch_for(x.shape))
     return minimise
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from distretarget.solve.spg import Reason, scratch_like, spectral_gradient
+from distretarget.solve.spg import Reason, scratch_for, spectral_gradient
 
 
 class Quadratic(NamedTuple):
@@ -61,7 +61,7 @@ def straight(x, d, alpha, _problem, out):
 def solver(objective, direction):
     """The compiled method, which takes x, the problem, the tolerance and the limit."""
     minimise = njit(spectral_gradient(objective, direction, straight))
-    return lambda x, *given: minimise(x, *given, scratch_like(x))
+    return lambda x, *given: minimise(x, *given, scratch_for(x.shape))
 
 
 free = solver(quadratic, steepest)

@@ -20,7 +20,7 @@ from distretarget.numerics.loops import copy_to
 from distretarget.numerics.rotations import best_rotation
 from distretarget.numerics.stress import stress_and_gradient, target_distances
 from distretarget.solve.chunks import Progress
-from distretarget.solve.spg import Effort, record, scratch_like, spectral_gradient, steepest, straight
+from distretarget.solve.spg import Effort, record, scratch_for, spectral_gradient, steepest, straight
 
 POINT_TOLERANCE = 1e-9  # [body sizes] a posture is solved when the search direction is shorter than this
 POINT_ITERATIONS = 2000  # at most, per frame
@@ -86,7 +86,7 @@ def solve_postures(
     S = columns(source[:, problem.sources] - source[:, problem.sources].mean(axis=1, keepdims=True))
     X = np.empty_like(C)
     log = np.zeros((4, len(C)))
-    stress, scratch = _Stress(np.empty_like(problem.ratio), problem.priorities), scratch_like(C[0])
+    stress, scratch = _Stress(np.empty_like(problem.ratio), problem.priorities), scratch_for(C.shape[1:])
     for block in blocks_of(len(C)):
         _solve(S[block], off_plane(C[block]), problem.ratio, stress, X[block], block.start, log, scratch)
         progress(block.stop - block.start)

@@ -24,7 +24,7 @@ from distretarget.solve.articulation import (
 )
 from distretarget.solve.cholesky import factorise, solve_factored
 from distretarget.solve.curvature import Curvature, Numbers, write_curvature
-from distretarget.solve.spg import Minimum, Reason, inner, record, scratch_like, spectral_gradient, straight
+from distretarget.solve.spg import Minimum, Reason, inner, record, scratch_for, spectral_gradient, straight
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ class Workspace(NamedTuple):
     def of(cls, body: Articulation) -> Workspace:
         """Arrays for a body."""
         starts = np.zeros((3, len(body.stiffness), 3))
-        return cls(Scratch.of(body), Curvature.of(body), scratch_like(starts[0]), starts)
+        return cls(Scratch.of(body), Curvature.of(body), scratch_for(starts.shape[1:]), starts)
 
 
 def compile_pose_solver(
@@ -112,7 +112,6 @@ def compile_pose_solver(
                     best, chosen = sigma, start
             copy_to(pose, starts[chosen])
             iterations, evaluations = 0, count
-            minimum = Minimum(best, iterations, evaluations, Reason.ITERATION_LIMIT.value)
             for _ in range(ROUNDS):
                 pose_body(pose, body, clip.bones[frame], clip.root[frame], scratch)
                 parts = write_curvature(pose, body, scratch, like_springs(scratch, terms), curvature)

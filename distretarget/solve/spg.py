@@ -118,9 +118,9 @@ def straight(x, d, alpha, problem, out):  # type: ignore[no-untyped-def] # noqa:
             out[i, j] = x[i, j] + alpha * d[i, j]
 
 
-def scratch_like(x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The array that the method writes to, for a problem of arrays like `x`."""
-    return np.empty((5, *x.shape))
+def scratch_for(shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """The array that the method writes to while it solves a problem of arrays of a shape."""
+    return np.empty((5, *shape))
 
 
 def spectral_gradient(
@@ -134,9 +134,9 @@ def spectral_gradient(
     move(x, d, alpha, problem, out): writes out = x + alpha d, or what corresponds to it on a manifold.
 
     Returns a compiled minimise(x, problem, tolerance, limit, scratch) -> Minimum, which overwrites `x`, an array with
-    rows and columns, with the best iterate; `scratch` is `scratch_like(x)`. It stops when the norm |d| of the search
-    direction is at most `tolerance`, after `limit` iterations, or when no step of at least 1e-12 of the direction
-    lowers the objective enough.
+    rows and columns, with the best iterate; `scratch` is `scratch_for(x.shape)`. It stops when the norm |d| of the
+    search direction is at most `tolerance`, after `limit` iterations, or when no step of at least 1e-12 of the
+    direction lowers the objective enough.
     """
 
     @inlined()
