@@ -32,10 +32,15 @@ def _objective(x, problem, gradient):  # type: ignore[no-untyped-def]
     return stress_and_gradient(x, problem.delta, problem.pi, gradient)
 
 
+@njit(cache=True, error_model="numpy")
+def _write_distances(source, ratio, delta):  # type: ignore[no-untyped-def]
+    target_distances(source, ratio, delta)
+
+
 def stress_of(problem: DistanceProblem, source: Array) -> Stress:
     """The stress of the source's posture (points, 3)."""
     delta = np.empty_like(problem.priorities)
-    target_distances(np.ascontiguousarray(source.T), problem.ratio, delta)
+    _write_distances(np.ascontiguousarray(source.T), problem.ratio, delta)
     return Stress(delta, problem.priorities)
 
 
