@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from distretarget.solve.cholesky import factorise, solve_factored
+from distretarget.numerics.compiled import compiled
+from distretarget.solve import cholesky
+
+factorise, solve_factored = (compiled(fastmath=True)(each) for each in (cholesky.factorise, cholesky.solve_factored))
 
 
 @pytest.mark.parametrize("zeros", [[], [(0, 1)], [(0, 1), (0, 2)], [(0, 1), (0, 2), (1, 2)]])

@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 from spring_case import Case, at
 
-from distretarget.solve.curvature import Curvature, write_curvature
+from distretarget.numerics.compiled import compiled
+from distretarget.solve import curvature as solver
+from distretarget.solve.curvature import Curvature
+
+write_curvature = compiled(fastmath=True)(solver.write_curvature)
 
 
 def curvature_at(case, v):

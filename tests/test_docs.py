@@ -77,6 +77,15 @@ def test_the_table_of_the_front_page_has_the_numbers_of_the_results():
     assert text == make_front_page.page(text), "run tools/make_front_page.py"
 
 
+def test_the_symbols_of_the_method_name_what_is_in_the_code():
+    code = "\n".join(path.read_text("utf-8") for path in (ROOT / "distretarget").rglob("*.py"))
+    rows = re.findall(r"^\| \$.+?\$ \| (`.+?) \|", (ROOT / "docs" / "method.md").read_text("utf-8"), re.MULTILINE)
+    names = {name for row in rows for name in re.findall(r"`([\w.]+)`", row)}
+    assert len(names) > 30
+    words = {*re.findall(r"\w+", code)}
+    assert {name for name in names if not name.endswith(".py") and not {*name.split(".")} <= words} == set()
+
+
 def test_the_api_page_has_every_public_name():
     names = re.findall(r"^::: distretarget\.(\w+)$", (ROOT / "docs" / "api.md").read_text("utf-8"), re.MULTILINE)
     assert sorted(names) == sorted(public.__all__)

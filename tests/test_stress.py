@@ -5,7 +5,12 @@ import pytest
 from scipy.optimize import approx_fprime
 from scipy.spatial.transform import Rotation
 
-from distretarget.numerics.stress import stress_and_gradient, target_distances
+from distretarget.numerics import stress
+from distretarget.numerics.compiled import compiled
+
+stress_and_gradient, target_distances = (
+    compiled(fastmath=True)(each) for each in (stress.stress_and_gradient, stress.target_distances)
+)
 
 
 def naive_stress(x, delta, pi):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,8 +19,8 @@ def copy_to(target: NDArray[np.float64], source: NDArray[np.float64]) -> None:
 
 
 @inlined()
-def clear(array: NDArray[np.float64]) -> None:
+def clear(array: NDArray[Any]) -> None:
     """array[:] = 0, for a contiguous array."""
     flat = array.flat
     for i in range(array.size):
-        flat[i] = 0.0
+        flat[i] = 0

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import compiled, inlined, read_only
+from distretarget.numerics.loops import clear
 
 Array = NDArray[np.float64]
 
@@ -61,8 +62,7 @@ def _write_largest_averaged(values, reach, blur, weights, lanes, result):  # typ
             span *= 2
         _larger(row, row[size - span :], frames, other)
         _extend(other, frames, blur, row)
-        for frame in range(frames):
-            sums[frame] = 0.0
+        clear(sums)
         for k in range(0, len(weights), 4):
             _add_four(row[k:], row[k + 1 :], row[k + 2 :], row[k + 3 :], weights[k:], frames, sums)
         for frame in range(frames):

@@ -151,6 +151,14 @@ def no_pairs(frames: int) -> NearPairs:
     return NearPairs(none, none, none, none, np.zeros(0), points, points, values, values, 1.0)
 
 
+@inlined()
+def share_across(square, direction_range):  # type: ignore[no-untyped-def]
+    """k: the stiffness across the direction of a pair, as a share of that along it, by its squared length, a number or
+    an array; at the length `direction_range` it is a half.
+    """
+    return direction_range**2 / (direction_range**2 + square)
+
+
 @inlined(fastmath=True)
 def write_pair_spring(near: NearPairs, frame: int, pair: int, rest: Array, A: Array) -> None:
     """Write the spring of a pair in a frame: the difference that the pair is drawn to, d_copy + f (ratio d_source -
@@ -162,7 +170,7 @@ def write_pair_spring(near: NearPairs, frame: int, pair: int, rest: Array, A: Ar
     dy = near.source[frame, u, 1] - near.source[frame, v, 1]
     dz = near.source[frame, u, 2] - near.source[frame, v, 2]
     square = dx * dx + dy * dy + dz * dz
-    across = w * near.direction_range**2 / (near.direction_range**2 + ratio * ratio * square)
+    across = w * share_across(ratio * ratio * square, near.direction_range)
     along = (w - across) / square if square > 0.0 else 0.0
     A[0, 0], A[0, 1], A[0, 2] = along * dx * dx + across, along * dx * dy, along * dx * dz
     A[1, 0], A[1, 1], A[1, 2] = along * dx * dy, along * dy * dy + across, along * dy * dz
@@ -243,8 +251,3 @@ def _write_stiffness(f, D, u, v, stiffness, close, touch, sums, w):  # type: ign
             if f[frame, s] > 0.0:
                 shared = f[frame, s] / np.sqrt(sums[u[s]] * sums[v[s]])
                 w[frame, s] = stiffness * shared * close / (D[frame, s] + touch)
-
-
-def share_across(lengths: Array, settings: ContactSettings) -> Array:
-    """k: the stiffness across the direction of a pair, as a share of that along it, by its length [body units]."""
-    return settings.direction_range**2 / (settings.direction_range**2 + lengths**2)

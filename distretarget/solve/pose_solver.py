@@ -67,6 +67,17 @@ class Workspace(NamedTuple):
         return cls(Scratch.of(body), Curvature.of(body), scratch_for(starts.shape[1:]), starts)
 
 
+class _Problem(NamedTuple):
+    """What the spectral gradient method solves: the pose of a body in one frame, by its active parts."""
+
+    active: Numbers
+    body: Articulation
+    clip: Clip
+    frame: int
+    terms: Any
+    work: Workspace
+
+
 def compile_pose_solver(
     terms_of: Callable[..., Any], energy: Callable[..., Any], like_springs: Callable[..., Any]
 ) -> Callable[..., Any]:
@@ -92,9 +103,9 @@ def compile_pose_solver(
 
     @inlined(fastmath=True)
     def objective(v, problem, gradient):  # type: ignore[no-untyped-def]
-        _, body, clip, frame, work, terms = problem
-        sigma = value(v, body, clip, frame, work.scratch, terms)
-        pose_gradient(v, body, work.scratch, gradient)
+        scratch = problem.work.scratch
+        sigma = value(v, problem.body, problem.clip, problem.frame, scratch, problem.terms)
+        pose_gradient(v, problem.body, scratch, gradient)
         return sigma
 
     minimise = spectral_gradient(objective, _steepest_in_metric, straight)
@@ -117,7 +128,7 @@ def compile_pose_solver(
                 parts = write_curvature(pose, body, scratch, like_springs(scratch, terms), curvature)
                 factorise(curvature.H, 3 * parts)
                 _reset_others(pose, curvature.place)
-                problem = curvature.active[:parts], body, clip, frame, work, terms
+                problem = _Problem(curvature.active[:parts], body, clip, frame, terms, work)
                 minimum = minimise(pose, problem, tolerance, ROUND_ITERATIONS, work.descent)
                 iterations += minimum.iterations
                 evaluations += minimum.evaluations
@@ -131,8 +142,8 @@ def compile_pose_solver(
 @inlined(fastmath=True)
 def _steepest_in_metric(v, gradient, step, problem, d):  # type: ignore[no-untyped-def] # noqa: ARG001
     """Write the direction of steepest descent in the metric H = U^T U, d = -step H^-1 gradient; return d^T H d."""
-    active, _, _, _, work, _ = problem
-    solve_factored(work.curvature.H, active, gradient, d, work.curvature.flat)
+    curvature = problem.work.curvature
+    solve_factored(curvature.H, problem.active, gradient, d, curvature.flat)
     flat = d.flat
     for i in range(d.size):
         flat[i] *= -step

@@ -57,8 +57,8 @@ def write_way(springs: Springs, body: Articulation, below: Below) -> int:
     The bones that move a spring between two joints are those on the path between them.
     """
     ends, is_end = below.ends, below.is_end
-    for joint in range(len(ends)):
-        ends[joint], is_end[joint] = 0, False
+    clear(ends)
+    clear(is_end)
     for s in range(len(springs.a)):
         if is_negligible(springs.A, s):
             continue
@@ -87,8 +87,7 @@ def write_nodes(way: Numbers, body: Articulation, below: Below) -> int:
     A node is a run of bones, each the parent of the one before, with no end of a spring and no branch between them.
     """
     children, count = below.children, 0
-    for joint in range(len(children)):
-        children[joint] = 0
+    clear(children)
     for joint in way:
         if joint > 0:
             children[body.parents[joint]] += 1

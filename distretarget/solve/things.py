@@ -155,7 +155,7 @@ def find_touched(
     ends = np.arange(len(on)), len(on) + regions[on]
     f, D = f[:, on], D[:, on]
     w = firmness(D, settings) * pair_stiffness(f, D, ends, len(on) + int(regions.max(initial=0)) + 1, settings)
-    w *= share_across(length[:, on] / (2.0 * leg), settings)
+    w *= share_across((length[:, on] / (2.0 * leg)) ** 2, settings.direction_range)
     A = w[..., None, None] * np.eye(3)
     return Touched(joints=points.joints[on], source=points.source[:, on], gaps=length[:, on], f=f, A=A)
 

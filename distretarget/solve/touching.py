@@ -154,7 +154,7 @@ def touching_springs(
     change = delta - (c - d)
     springs = []
     for joints, unit, present, sign in zip(touching.joints, units, (c, d), (1.0, -1.0), strict=True):
-        k = share_across(length / unit, settings)
+        k = share_across((length / unit) ** 2, settings.direction_range)
         places = (present + sign * unit / sum(units) * change) / unit
         springs.append(_gathered(touching, joints, k, e, places, len(now[0])))
     return springs[0], springs[1]
