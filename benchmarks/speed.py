@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
 from importlib.metadata import version
@@ -37,9 +37,10 @@ except ImportError:
 
 SOLVER = "daqp"
 STEPS = {"1 step a frame": 1, "3 steps a frame": 3}
-EVERY_BODY = "places and rotations of all bodies, until converged"  # the recipe of GMR (General Motion Retargeting)
-SETTLED = 1e-3  # a frame has converged when a step lowers the norm of all tasks' errors by less than this ...
-MOST_STEPS = 10  # ... or after so many
+GMR = "the recipe of GMR"  # General Motion Retargeting, https://github.com/YanjieZe/GMR; below are its values
+SETTLED = 1e-3  # a stage is over when a step lowers the norm of its tasks' errors by at most this ...
+MOST_STEPS = 10  # ... or after so many steps behind the first
+GMR_DAMPING = {"damping": 0.5, "lm_damping": 1.0}  # of mink's solver and of its tasks
 POSTURE = 1e-2  # mink's cost of leaving the rotation copy's posture; that of missing a place of an end is 1
 DAMPING = 1e-3  # of mink's solver
 WRISTS = {"lefthand", "righthand", "lhand", "rhand", "leftwrist", "rightwrist"}
@@ -67,8 +68,7 @@ class InverseKinematics:
     """The target as a MuJoCo model with ball joints and a free root, and mink's tasks on it.
 
     The tasks: hands, feet and hips are where the contact objective put them, and joints turn as in the rotation copy.
-    So mink balances what the contact objective balances, and is given its result for the ends. Or, as in GMR, every
-    body is where the contact objective put it, and turned as there.
+    So mink balances what the contact objective balances, and is given its result for the ends.
     """
 
     def __init__(self, result: RetargetResult) -> None:
@@ -85,11 +85,6 @@ class InverseKinematics:
         ]
         self.posture = mink.PostureTask(self.model, cost=POSTURE)
         self.tasks = [*self.frames, self.posture]
-        self.bodies_of_result = [
-            mink.FrameTask(f"joint{body}", "body", position_cost=1.0, orientation_cost=1.0) for body in self.bodies
-        ]
-        self.rotations = result.motion.world_rotations[:, self.bodies][..., [3, 0, 1, 2]]
-        self.positions = result.motion.positions[:, self.bodies] / self.unit
 
     def solve(self, steps: int) -> NDArray[np.float64]:
         """(frames, bodies, 3), positions of the bodies [file units]; each frame is solved from the one before."""
@@ -101,37 +96,91 @@ class InverseKinematics:
             for task, place in zip(self.frames, self.places[t], strict=True):
                 task.set_target(mink.SE3.from_translation(place))
             for _ in range(steps):
-                self._step(self.tasks)
+                _step(self.configuration, self.tasks, DAMPING)
             positions[t] = self.configuration.data.xpos[1:]
         return positions * self.unit
-
-    def solve_every_body(self) -> NDArray[np.float64]:
-        """The same with the tasks of GMR, until each frame has converged."""
-        positions = np.empty((len(self.postures), len(self.bodies), 3))
-        self.configuration.update(self.postures[0])
-        for t in range(len(positions)):
-            for task, place, rotation in zip(self.bodies_of_result, self.positions[t], self.rotations[t], strict=True):
-                task.set_target(mink.SE3.from_rotation_and_translation(mink.SO3(rotation), place))
-            before, steps = np.inf, 0
-            while before - (error := self._error()) > SETTLED and steps < MOST_STEPS:
-                before, steps = error, steps + 1
-                self._step(self.bodies_of_result)
-            positions[t] = self.configuration.data.xpos[1:]
-        return positions * self.unit
-
-    def _step(self, tasks: list[mink.Task]) -> None:
-        velocity = mink.solve_ik(self.configuration, tasks, TIMESTEP, SOLVER, damping=DAMPING, limits=[])
-        self.configuration.integrate_inplace(velocity, TIMESTEP)
-
-    def _error(self) -> float:
-        """The norm of the errors of the tasks of GMR."""
-        errors = [task.compute_error(self.configuration) for task in self.bodies_of_result]
-        return float(np.linalg.norm(np.concatenate(errors)))
 
     def miss(self, positions: NDArray[np.float64]) -> float:
         """Mean distance of hands, feet and hips from their given places [% of leg length]."""
         ends = positions[:, [self.bodies.index(end) for end in self.ends]] / self.unit
         return float(200 * np.linalg.norm(ends - self.places, axis=-1).mean())
+
+
+class Gmr:
+    """The same model, posed as GMR does.
+
+    Each joint of the source that drives a body gives that its place, scaled about the origin, and its rotation. The
+    first stage turns the bodies and places the feet; the second places and turns all. The weights are those of GMR for
+    a robot: `_weights`.
+    """
+
+    def __init__(self, result: RetargetResult) -> None:
+        self.of_result = InverseKinematics(result)
+        matching, bodies = result.matching, self.of_result.bodies
+        driven = [body for body in bodies if matching.drivers[body] >= 0]
+        positions = result.source.positions[:, matching.drivers[driven]]
+        self.places = positions * result.root_scale / self.of_result.unit
+        self.rotations = result.rotation_copy.world_rotations[:, driven][..., [3, 0, 1, 2]]
+        feet = {leg.ankle for leg in matching.target.legs or ()}
+        self.stages = [
+            [
+                mink.FrameTask(
+                    f"joint{body}", "body", *_weights(stage, body, feet), lm_damping=GMR_DAMPING["lm_damping"]
+                )
+                for body in driven
+            ]
+            for stage in (1, 2)
+        ]
+        self.ends = [(bodies.index(end), driven.index(end)) for end in self.of_result.ends if end in driven]
+
+    def solve(self) -> NDArray[np.float64]:
+        """(frames, bodies, 3), positions of the bodies [file units]; each frame is solved from the one before."""
+        configuration = self.of_result.configuration
+        positions = np.empty((len(self.places), len(self.of_result.bodies), 3))
+        configuration.update(self.of_result.postures[0])
+        for t, frame in enumerate(zip(self.places, self.rotations, strict=True)):
+            for tasks in self.stages:
+                for task, place, rotation in zip(tasks, *frame, strict=True):
+                    task.set_target(mink.SE3.from_rotation_and_translation(mink.SO3(rotation), place))
+                self._solve_stage(tasks)
+            positions[t] = configuration.data.xpos[1:]
+        return positions * self.of_result.unit
+
+    def _solve_stage(self, tasks: Sequence[mink.Task]) -> None:
+        configuration = self.of_result.configuration
+        before = _error(configuration, tasks)
+        for _ in range(1 + MOST_STEPS):
+            _step(configuration, tasks, GMR_DAMPING["damping"])
+            error = _error(configuration, tasks)
+            if before - error <= SETTLED:
+                break
+            before = error
+
+    def miss(self, positions: NDArray[np.float64]) -> float:
+        """Mean distance of hands, feet and hips from their given places [% of leg length]."""
+        bodies, places = np.transpose(self.ends)
+        return float(
+            200 * np.linalg.norm(positions[:, bodies] / self.of_result.unit - self.places[:, places], axis=-1).mean()
+        )
+
+
+def _weights(stage: int, body: int, feet: set[int]) -> tuple[float, float]:
+    """What it costs a body in a stage to miss its place, and its rotation, as in GMR for the robot G1."""
+    if body in feet:
+        return 50.0, 10.0
+    if stage == 1:
+        return 0.0, 10.0
+    return (10.0 if body else 100.0), 5.0
+
+
+def _step(configuration: mink.Configuration, tasks: Sequence[mink.Task], damping: float) -> None:
+    velocity = mink.solve_ik(configuration, tasks, TIMESTEP, SOLVER, damping=damping, limits=[])
+    configuration.integrate_inplace(velocity, TIMESTEP)
+
+
+def _error(configuration: mink.Configuration, tasks: Sequence[mink.Task]) -> float:
+    """The norm of the tasks' errors."""
+    return float(np.linalg.norm(np.concatenate([task.compute_error(configuration) for task in tasks])))
 
 
 def _xml(motion: Motion, unit: float) -> str:
@@ -163,14 +212,16 @@ def _ends(body: Body) -> list[int]:
 
 
 def contestant(clip: Path, target: str, name: str) -> Contestant:
-    """The contestant with this name, ready to run: an objective, one of `STEPS`, or `EVERY_BODY`."""
+    """The contestant with this name, ready to run: an objective, one of `STEPS`, or `GMR`."""
     source = read_bvh(clip)
     body = edited(source.rigid_skeleton, TARGETS[target])
     if name in OBJECTIVES:
         return Contestant(lambda: retarget(source, body, objective=name).motion.positions)
-    peer = InverseKinematics(retarget(source, body))
-    if name == EVERY_BODY:
-        return Contestant(peer.solve_every_body, peer.miss)
+    result = retarget(source, body)
+    if name == GMR:
+        gmr = Gmr(result)
+        return Contestant(gmr.solve, gmr.miss)
+    peer = InverseKinematics(result)
     return Contestant(lambda: peer.solve(STEPS[name]), peer.miss)
 
 
@@ -198,7 +249,7 @@ def measure(clip: Path, target: str, rounds: int) -> tuple[dict[str, NDArray[np.
     Each runs in a separate process: in a shared one, each run slows the next.
     """
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
-    names = [*OBJECTIVES, *((*STEPS, EVERY_BODY) if mink else ())]
+    names = [*OBJECTIVES, *((*STEPS, GMR) if mink else ())]
     context = get_context("spawn")
     with ExitStack() as stack:
         workers = {
