@@ -48,7 +48,7 @@ def on_table_one(clip: str) -> Motion:
     motion = read_bvh(SAMPLES / f"{clip}.bvh")
     joints = list(motion.skeleton.joints)
     skeleton = without_end_sites(motion.skeleton)
-    return Motion(
+    return Motion.of_translations(
         skeleton, METRES * motion.translations[:, joints], motion.rotations[:, joints], motion.frame_time_text
     )
 

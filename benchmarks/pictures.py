@@ -94,11 +94,11 @@ def facing(motion: Motion, frames: tuple[int, ...]) -> Rotation:
 def turned(motion: Motion, turn: Rotation) -> Motion:
     """The motion turned as a whole; lHand and rHand become l_Hand and r_Hand, which the drawing tells apart."""
     names = [re.sub(r"^([lr])(?=[A-Z])", r"\1_", name) for name in motion.skeleton.names]
-    translations, rotations = np.array(motion.translations), np.array(motion.rotations)
-    translations[:, 0] = turn.apply(translations[:, 0])
+    rotations = np.array(motion.rotations)
     rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
     skeleton = replace(motion.skeleton, names=tuple(names))
-    return replace(motion, skeleton=skeleton, translations=translations, rotations=rotations)
+    path = turn.apply(np.array(motion.root_positions))
+    return replace(motion, skeleton=skeleton, root_positions=path, rotations=rotations)
 
 
 def main() -> None:

@@ -81,14 +81,7 @@ def with_helpers(motion: Motion, joints: int) -> Motion:
         end_sites=np.concatenate([body.end_sites, np.zeros(len(added), bool)]),
     )
     still = np.broadcast_to([0.0, 0, 0, 1], (len(motion), len(added), 4))
-    return replace(
-        motion,
-        skeleton=skeleton,
-        translations=np.concatenate(
-            [motion.translations, np.broadcast_to(offsets, (len(motion), *offsets.shape))], axis=1
-        ),
-        rotations=np.concatenate([motion.rotations, still], axis=1),
-    )
+    return replace(motion, skeleton=skeleton, rotations=np.concatenate([motion.rotations, still], axis=1))
 
 
 def html(a: Motion, b: Motion) -> str:

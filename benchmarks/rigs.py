@@ -269,7 +269,9 @@ def figure(motion: Motion, turn: Rotation) -> Motion:
         channels=((),) * len(shown),
         end_sites=~np.isin(np.arange(len(shown)), parents),
     )
-    return Motion(body, translations, np.tile([0.0, 0, 0, 1], (*points.shape[:2], 1)), motion.frame_time_text)
+    return Motion.of_translations(
+        body, translations, np.tile([0.0, 0, 0, 1], (*points.shape[:2], 1)), motion.frame_time_text
+    )
 
 
 def body_joints(skeleton: Skeleton) -> list[int]:

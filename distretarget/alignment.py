@@ -39,9 +39,11 @@ def resampled(motion: Motion, frame_time_text: str) -> Motion:
     after, share = np.minimum(before + 1, len(motion) - 1), times - before
     start, end = (Rotation.from_quat(motion.rotations[frames]) for frames in (before, after))
     turns = (start.inv() * end).as_rotvec() * share[:, None, None]
-    first, second = motion.translations[before], motion.translations[after]
+    every = motion.translations
+    first, second = every[before], every[after]
     translations = first + share[:, None, None] * (second - first)
-    return Motion(motion.skeleton, translations, (start * Rotation.from_rotvec(turns)).as_quat(), frame_time_text)
+    rotations = (start * Rotation.from_rotvec(turns)).as_quat()
+    return Motion.of_translations(motion.skeleton, translations, rotations, frame_time_text)
 
 
 def same_time(one: float, other: float) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import NoneType
 from typing import TypedDict, get_args
 
 import numpy as np
@@ -12,7 +13,8 @@ from numpy.typing import NDArray
 from distretarget.arguments import check_kind
 from distretarget.errors import MotionError, quoted
 from distretarget.numerics.blocks import in_blocks
-from distretarget.numerics.kinematics import forward_kinematics, local_rotations, world_rotations
+from distretarget.numerics.compiled import read_only
+from distretarget.numerics.kinematics import joint_positions, local_rotations, world_rotations
 from distretarget.numerics.rotations import RotationKind, represented
 from distretarget.numerics.vectors import lengths
 from distretarget.skeleton import Skeleton
@@ -57,15 +59,39 @@ class MotionArrays(TypedDict):
 
 
 @dataclass(frozen=True, eq=False)
+class MovingBones:
+    """The bones whose translation is not their offset in all frames.
+
+    Attributes:
+        joints: (bones,), the joints at their ends, in ascending order; never the root.
+        translations: (frames, bones, 3), each joint's translation from its parent [file units].
+    """
+
+    joints: NDArray[np.intp]
+    translations: NDArray[np.float64]
+
+    @classmethod
+    def among(
+        cls, skeleton: Skeleton, joints: NDArray[np.intp], translations: NDArray[np.float64]
+    ) -> MovingBones | None:
+        """The bones that move among those of some joints, with `translations` (frames, joints, 3); None without any."""
+        moving = (translations != skeleton.offsets[joints]).any(axis=(0, 2)) & (joints > 0)
+        return cls(joints[moving], translations[:, moving]) if moving.any() else None
+
+    def __getitem__(self, frames: slice | NDArray[np.intp]) -> MovingBones:
+        return MovingBones(self.joints, self.translations[frames])
+
+
+@dataclass(frozen=True, eq=False)
 class Motion:
     """A skeleton in motion. Axes are right-handed; quaternions are x y z w, as in scipy.
 
     Attributes:
         skeleton: the skeleton.
-        translations: (frames, joints, 3), each joint's translation from its parent, for the root its
-            position in the world [file units]. It equals the offset where no channel replaces that.
+        root_positions: (frames, 3), the root's path in the world [file units].
         rotations: (frames, joints, 4), rotations relative to the parent, as unit quaternions.
         frame_time_text: the time between frames [s] as the file spells it, digit for digit.
+        moving: the bones that do not keep their offset; None if all do.
 
     Raises:
         MotionError: the shapes of the arrays do not fit the skeleton or each other, a rotation is not a unit
@@ -74,25 +100,24 @@ class Motion:
     """
 
     skeleton: Skeleton
-    translations: NDArray[np.float64]
+    root_positions: NDArray[np.float64]
     rotations: NDArray[np.float64]
     frame_time_text: str
+    moving: MovingBones | None = None
 
     def __post_init__(self) -> None:
         check_kind("skeleton", self.skeleton, Skeleton)
+        check_kind("moving", self.moving, MovingBones, NoneType)
         joints = len(self.skeleton)
-        for name, width in (("translations", 3), ("rotations", 4)):
-            try:
-                array = np.asarray(getattr(self, name), np.float64).view()
-            except (TypeError, ValueError) as error:
-                raise MotionError(f"{name} is not an array of numbers: {error}") from error
-            if array.ndim != 3 or array.shape[1:] != (joints, width):
-                raise MotionError(f"{name} has shape {array.shape}, {joints} joints need (frames, {joints}, {width})")
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
-        if len(self.translations) != len(self.rotations):
-            raise MotionError(f"{len(self.translations)} frames of translations, {len(self.rotations)} of rotations")
-        wrong = in_blocks(lambda block: ~(np.abs(lengths(self.rotations[block]) - 1.0) < UNIT_ERROR), len(self))
+        self._take("root_positions", _as_array("root_positions", self.root_positions, ("frames", 3)))
+        self._take("rotations", _as_array("rotations", self.rotations, ("frames", joints, 4)))
+        frames = len(self.rotations)
+        if len(self.root_positions) != frames:
+            raise MotionError(f"{len(self.root_positions)} frames of root_positions, {frames} of rotations")
+        if self.moving is not None and self.moving.translations.shape != (frames, len(self.moving.joints), 3):
+            shapes = f"{self.moving.joints.shape} and {self.moving.translations.shape}"
+            raise MotionError(f"moving has shapes {shapes}; {frames} frames need (bones,) and ({frames}, bones, 3)")
+        wrong = in_blocks(lambda block: ~(np.abs(lengths(self.rotations[block]) - 1.0) < UNIT_ERROR), frames)
         if wrong.any():
             frame, joint = np.argwhere(wrong)[0]
             where = f"of {self.skeleton.keys[joint]!r} in frame {frame}"
@@ -101,12 +126,37 @@ class Motion:
             wanted = f"a number of seconds from {SHORTEST_FRAME:g} to {LONGEST_FRAME:g}, as text"
             raise MotionError(f"frame_time_text is {self.frame_time_text!r}; expected {wanted}")
 
+    def _take(self, name: str, array: NDArray[np.float64]) -> None:
+        object.__setattr__(self, name, read_only(array))
+
+    @classmethod
+    def of_translations(
+        cls,
+        skeleton: Skeleton,
+        translations: NDArray[np.float64],
+        rotations: NDArray[np.float64],
+        frame_time_text: str,
+    ) -> Motion:
+        """Return the motion with the translations of all joints, (frames, joints, 3): from its parent, for the root its
+        position in the world [file units]. For the other arguments and errors see `Motion`.
+        """
+        check_kind("skeleton", skeleton, Skeleton)
+        all_joints = np.arange(len(skeleton))
+        exact = _as_array("translations", translations, ("frames", len(skeleton), 3))
+        moving = MovingBones.among(skeleton, all_joints, exact)
+        return cls(skeleton, np.ascontiguousarray(exact[:, 0]), rotations, frame_time_text, moving)
+
     def __len__(self) -> int:
         return len(self.rotations)
 
     def __getitem__(self, frames: slice | NDArray[np.intp]) -> Motion:
         """Return the motion of some frames, by a slice or an array of their numbers, at the same frame time."""
-        return replace(self, translations=self.translations[frames], rotations=self.rotations[frames])
+        return replace(
+            self,
+            root_positions=self.root_positions[frames],
+            rotations=self.rotations[frames],
+            moving=self.moving and self.moving[frames],
+        )
 
     def __repr__(self) -> str:
         return f"<Motion of {len(self)} frames, {self.frame_time_text} s each, on {self.skeleton!r}>"
@@ -117,9 +167,23 @@ class Motion:
         return float(self.frame_time_text)
 
     @property
-    def root_positions(self) -> NDArray[np.float64]:
-        """(frames, 3), the root's path [file units]."""
-        return self.translations[:, 0]
+    def translations(self) -> NDArray[np.float64]:
+        """(frames, joints, 3), each joint's translation from its parent, for the root its position in the world
+        [file units]; made whenever it is asked for.
+        """
+        translations = np.array(np.broadcast_to(self.skeleton.offsets, (len(self), len(self.skeleton), 3)))
+        translations[:, 0] = self.root_positions
+        if self.moving is not None:
+            translations[:, self.moving.joints] = self.moving.translations
+        return translations
+
+    def translations_of(self, joint: int) -> NDArray[np.float64]:
+        """(frames, 3), the translations of one joint, as in `translations`."""
+        if joint == 0:
+            return self.root_positions
+        if self.moving is not None and joint in self.moving.joints:
+            return np.asarray(self.moving.translations[:, self.moving.joints.searchsorted(joint)])
+        return np.broadcast_to(self.skeleton.offsets[joint], (len(self), 3))
 
     @property
     def world_rotations(self) -> NDArray[np.float64]:
@@ -134,7 +198,12 @@ class Motion:
     @cached_property
     def positions(self) -> NDArray[np.float64]:
         """(frames, joints, 3), each joint's position in the world, by forward kinematics [file units]."""
-        return forward_kinematics(self.skeleton.parents, self.translations, self.world_rotations)
+        return self._placed(self.world_rotations)
+
+    def _placed(self, world: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(frames, joints, 3), the positions of the joints with the world rotations `world` [file units]."""
+        bones = self.skeleton.offsets[None] if self.moving is None else self.translations
+        return joint_positions(self.skeleton.parents, self.root_positions, bones, world)
 
     def to_dict(self, rotations: RotationKind = "quaternion") -> MotionArrays:
         """Return the motion as arrays.
@@ -165,28 +234,13 @@ class Motion:
         Bones whose translation is their offset in all frames keep it. The others have the direction of their median
         translation over the frames, and their median length.
         """
-        rows = self.translations.reshape(len(self), 3 * len(self.skeleton))  # numpy is fast along rows
-        moving = (rows != self.skeleton.offsets.ravel()).any(axis=0).reshape(-1, 3).any(axis=1)
-        moving[0] = False
-        if not moving.any():
+        if self.moving is None:
             return self.skeleton
-        offsets = np.array(self.skeleton.offsets)
-        offsets[moving] = np.median(self.translations[:, moving], axis=0)
+        joints, offsets = self.moving.joints, np.array(self.skeleton.offsets)
+        offsets[joints] = np.median(self.moving.translations, axis=0)
         bones = lengths(offsets)
-        bones[moving] = np.median(lengths(self.translations[:, moving]), axis=0)
+        bones[joints] = np.median(lengths(self.moving.translations), axis=0)
         return self.skeleton.with_offsets(offsets).with_lengths(bones)
-
-
-def rigid_motion(
-    skeleton: Skeleton,
-    root_positions: NDArray[np.float64],
-    rotations: NDArray[np.float64],
-    frame_time_text: str,
-) -> Motion:
-    """Return the motion with a root path, (frames, 3), and local rotations, (frames, joints, 4), on rigid bones."""
-    translations = np.array(np.broadcast_to(skeleton.offsets, (len(rotations), len(skeleton), 3)))
-    translations[:, 0] = root_positions
-    return Motion(skeleton, translations, rotations, frame_time_text)
 
 
 def motion_of_world(
@@ -196,7 +250,22 @@ def motion_of_world(
     frame_time_text: str,
 ) -> Motion:
     """Return the motion with a root path, (frames, 3), and world rotations, (frames, joints, 4), on rigid bones."""
-    motion = rigid_motion(skeleton, root_positions, local_rotations(skeleton.parents, world), frame_time_text)
+    motion = Motion(skeleton, root_positions, local_rotations(skeleton.parents, world), frame_time_text)
     # What `positions` would compute, without turning local rotations back into those of the world.
-    vars(motion)["positions"] = forward_kinematics(skeleton.parents, motion.translations, world)
+    vars(motion)["positions"] = motion._placed(world)
     return motion
+
+
+def _as_array(name: str, values: NDArray[np.float64], shape: tuple[int | str, ...]) -> NDArray[np.float64]:
+    """The values as an array of numbers.
+
+    Raises:
+        MotionError: they are none, or of another shape; "frames" stands for any number.
+    """
+    try:
+        array = np.asarray(values, np.float64)
+    except (TypeError, ValueError) as error:
+        raise MotionError(f"{name} is not an array of numbers: {error}") from error
+    if array.ndim != len(shape) or array.shape[1:] != shape[1:]:
+        raise MotionError(f"{name} has shape {array.shape}; expected ({', '.join(map(str, shape))})")
+    return array

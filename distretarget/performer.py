@@ -18,7 +18,7 @@ from distretarget.errors import MotionError
 from distretarget.io.target import SkeletonEdit, Target
 from distretarget.matching.matching import Matching, match
 from distretarget.matching.pairing import JointMap
-from distretarget.measure.soundness import check_bones, check_finite, check_places
+from distretarget.measure.soundness import check_finite, check_places
 from distretarget.motion import Motion
 from distretarget.numerics.shots import find_shots
 from distretarget.numerics.vectors import extent
@@ -118,7 +118,6 @@ class Prepared:
         """
         matching = self.performer.matching
         posed = _posed(self.copy, poses, self.problem)
-        check_bones(posed)
         motion, copy = (self.engine_root.placed(moved) for moved in (posed, self.copy))
         check_finite(motion)
         check_places(posed, self.problem.copy_on_path(), matching)
@@ -193,7 +192,7 @@ def _posed(copy: Motion, poses: Poses, problem: PoseProblem) -> Motion:
     skeleton = problem.skeleton
     motion = posed_motion(copy, poses.v, problem.parts, problem.root + poses.v[:, -1])
     if any(_lacks_channels(motion, joint) for joint in range(len(skeleton))):
-        moved = replace(copy, translations=motion.translations)
+        moved = replace(copy, root_positions=motion.root_positions)
         return fit_rotations(moved, motion.positions, np.arange(1, len(skeleton)), problem.roots)
     return motion
 

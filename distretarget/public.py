@@ -33,7 +33,7 @@ from distretarget.measure.figures import FIGURES, Figure
 from distretarget.measure.gaps import Gaps
 from distretarget.measure.metrics import Comparison
 from distretarget.measure.scene_diff import SceneDiff, diff_scenes
-from distretarget.motion import Motion, MotionArrays
+from distretarget.motion import Motion, MotionArrays, MovingBones
 from distretarget.numerics.kinematics import forward_kinematics
 from distretarget.report.document_types import DiffDocument
 from distretarget.report.report import write_report
@@ -75,6 +75,7 @@ __all__ = [
     "Motion",
     "MotionArrays",
     "MotionError",
+    "MovingBones",
     "Options",
     "RetargetResult",
     "RunFiguresDocument",

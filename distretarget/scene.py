@@ -254,7 +254,7 @@ def _moved(motion: Motion, placement: Placement) -> Motion:
     translations[:, 0] = placement(motion.positions[:, :1])[:, 0]
     rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
     skeleton = motion.skeleton.with_offsets(placement.scale * motion.skeleton.offsets)
-    return Motion(skeleton, translations, rotations, motion.frame_time_text)
+    return Motion.of_translations(skeleton, translations, rotations, motion.frame_time_text)
 
 
 def _across(

@@ -79,4 +79,4 @@ def prop_of(motion: Motion, joint: str) -> Motion:
     )
     translations, rotations = np.array(motion.translations[:, joints]), np.array(motion.rotations[:, joints])
     translations[:, 0], rotations[:, 0] = motion.positions[:, root], motion.world_rotations_of(root)
-    return Motion(below, translations, rotations, motion.frame_time_text)
+    return Motion.of_translations(below, translations, rotations, motion.frame_time_text)

@@ -242,9 +242,7 @@ def _solve(one: Prepared, springs: Springs, mapper: Mapper) -> Poses:
 
 def _on_path(one: Prepared) -> Motion:
     """The rotation copy whose root keeps to its path."""
-    translations = np.array(one.copy.translations)
-    translations[:, 0] = one.problem.root
-    return replace(one.copy, translations=translations)
+    return replace(one.copy, root_positions=one.problem.root)
 
 
 def _posed(one: Prepared, poses: Poses) -> Motion:

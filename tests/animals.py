@@ -109,7 +109,7 @@ def on_a_root(motion: Motion, name: str) -> Motion:
         end_sites=np.concatenate([[False], body.end_sites]),
     )
     still = np.tile([0.0, 0.0, 0.0, 1.0], (len(motion), 1, 1))
-    return Motion(
+    return Motion.of_translations(
         skeleton,
         np.concatenate([np.zeros((len(motion), 1, 3)), motion.translations], axis=1),
         np.concatenate([still, motion.rotations], axis=1),

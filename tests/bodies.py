@@ -44,10 +44,9 @@ def swaying(skeleton: Skeleton, frames: int = 20, angle: float = 0.6, seed: int 
     phases = np.linspace(0, 2, frames)[:, None, None] + draw.uniform(0, 6, (len(skeleton), 3))
     vectors = angle * np.sin(phases) * draw.uniform(-1, 1, (len(skeleton), 3))
     vectors[:, skeleton.end_sites] = 0.0
-    translations = np.array(np.broadcast_to(skeleton.offsets, vectors.shape))
     size = skeleton.path_lengths.max()
-    translations[:, 0] = size * np.array([0.0, 0.5, 0.0]) + size * 0.2 * np.sin(phases[:, 0])
-    return Motion(skeleton, translations, Rotation.from_rotvec(vectors).as_quat(), "0.0333333")
+    path = size * np.array([0.0, 0.5, 0.0]) + size * 0.2 * np.sin(phases[:, 0])
+    return Motion(skeleton, path, Rotation.from_rotvec(vectors).as_quat(), "0.0333333")
 
 
 def turned(skeleton: Skeleton, turn: Rotation) -> Skeleton:
@@ -88,12 +87,12 @@ def person() -> Skeleton:
 
 def moved(motion: Motion, turn: Rotation, shift: tuple[float, float, float] = (0, 0, 0), scale: float = 1.0) -> Motion:
     """The motion scaled, then turned and shifted in the world."""
-    translations = scale * np.array(motion.translations)
+    translations = scale * motion.translations
     translations[:, 0] = turn.apply(translations[:, 0]) + shift
     rotations = np.array(motion.rotations)
     rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
     skeleton = motion.skeleton.with_offsets(scale * motion.skeleton.offsets)
-    return Motion(skeleton, translations, rotations, motion.frame_time_text)
+    return Motion.of_translations(skeleton, translations, rotations, motion.frame_time_text)
 
 
 def spun(turn: Rotation, x: np.ndarray) -> np.ndarray:
@@ -110,14 +109,14 @@ def in_world(motion: Motion, turn: Rotation, scale: float = 1.0) -> Motion:
     """The motion with body, rest pose and world all turned."""
     rotations = (turn * Rotation.from_quat(motion.rotations) * turn.inv()).as_quat()
     skeleton = motion.skeleton.with_offsets(scale * spun(turn, motion.skeleton.offsets))
-    return replace(motion, skeleton=skeleton, translations=scale * spun(turn, motion.translations), rotations=rotations)
+    return Motion.of_translations(skeleton, scale * spun(turn, motion.translations), rotations, motion.frame_time_text)
 
 
 def mirrored(motion: Motion) -> Motion:
     """The motion in a mirror across x = 0, joints keeping their names."""
     flip, turn = np.array([-1.0, 1, 1]), np.array([1.0, -1, -1, 1])
     skeleton = motion.skeleton.with_offsets(flip * motion.skeleton.offsets)
-    return Motion(skeleton, flip * motion.translations, turn * motion.rotations, motion.frame_time_text)
+    return Motion.of_translations(skeleton, flip * motion.translations, turn * motion.rotations, motion.frame_time_text)
 
 
 def posed(skeleton: Skeleton, turns: dict[str, np.ndarray], root: np.ndarray, frame_time: str = "0.02") -> Motion:
@@ -127,9 +126,7 @@ def posed(skeleton: Skeleton, turns: dict[str, np.ndarray], root: np.ndarray, fr
     vectors = np.zeros((len(root), len(skeleton), 3))
     for name, turn in turns.items():
         vectors[:, skeleton.index(name)] = turn
-    translations = np.array(np.broadcast_to(skeleton.offsets, vectors.shape))
-    translations[:, 0] = root
-    return Motion(skeleton, translations, Rotation.from_rotvec(vectors).as_quat(), frame_time)
+    return Motion(skeleton, root, Rotation.from_rotvec(vectors).as_quat(), frame_time)
 
 
 def lengthened(skeleton: Skeleton, factors: dict[str, float]) -> Skeleton:

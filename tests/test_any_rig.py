@@ -248,7 +248,7 @@ def part(motion, top="Hips", without=()):
     )
     translations, rotations = motion.translations[:, kept], motion.rotations[:, kept]
     translations[:, 0], rotations[:, 0] = motion.positions[:, kept[0]], motion.world_rotations[:, kept[0]]
-    return Motion(left, translations, rotations, motion.frame_time_text)
+    return Motion.of_translations(left, translations, rotations, motion.frame_time_text)
 
 
 LACKS = {

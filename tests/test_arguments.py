@@ -100,9 +100,9 @@ def test_edits(scale):
 
 
 OTHER_KINDS = {
-    "motion": lambda: d.Motion(None, CLIP.translations, CLIP.rotations, "0.01"),
-    "shape of a motion": lambda: d.Motion(BODY, CLIP.translations[0], CLIP.rotations, "0.01"),
-    "frames of a motion": lambda: d.Motion(BODY, CLIP.translations[:1], CLIP.rotations, "0.01"),
+    "motion": lambda: d.Motion.of_translations(None, CLIP.translations, CLIP.rotations, "0.01"),
+    "shape of a motion": lambda: d.Motion.of_translations(BODY, CLIP.translations[0], CLIP.rotations, "0.01"),
+    "frames of a motion": lambda: d.Motion.of_translations(BODY, CLIP.translations[:1], CLIP.rotations, "0.01"),
     "to_dict": lambda: CLIP.to_dict(["6d"]),
     "retarget": lambda: d.retarget("clip.bvh", BODY),
     "target": lambda: d.retarget(CLIP, "child.json"),

@@ -88,7 +88,7 @@ def with_joints_at(body, positions):
     """A motion without rotations in which the joints are at positions, (frames, joints, 3)."""
     translations = positions - positions[:, body.parents] * (body.parents >= 0)[:, None]
     still = np.tile([0.0, 0.0, 0.0, 1.0], (*positions.shape[:2], 1))
-    return Motion(body, translations, still, "0.02")
+    return Motion.of_translations(body, translations, still, "0.02")
 
 
 def folded(motion):

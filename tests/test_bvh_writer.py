@@ -1,6 +1,7 @@
 """BVH files as they are written: their text, and that it reads back the same."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -87,7 +88,7 @@ def test_offsets_keep_all_their_digits():
 @pytest.mark.parametrize("scale", [1e-4, 1e-2, 1.0, 100.0])
 def test_positions_are_written_to_1e_8_of_the_body_in_any_unit(scale):
     motion = read(TEXT)
-    small = Motion(motion.skeleton.with_offsets(scale * motion.skeleton.offsets),
+    small = Motion.of_translations(motion.skeleton.with_offsets(scale * motion.skeleton.offsets),
                    scale * motion.translations, motion.rotations, "1")  # fmt: skip
     size = np.max(small.skeleton.path_lengths)
     again = read(format_bvh(small))
@@ -140,7 +141,7 @@ def motions(draw):
                 angles = chance.choice([0, 90, -90, 180, 33.3], (frames, 1))
                 turn = Rotation.from_euler(channel[0], angles, degrees=True)
                 rotations[:, joint] = (Rotation.from_quat(rotations[:, joint]) * turn).as_quat()
-    return Motion(skeleton, translations, rotations, draw(st.sampled_from(["0.01", ".04", "1e-2"])))
+    return Motion.of_translations(skeleton, translations, rotations, draw(st.sampled_from(["0.01", ".04", "1e-2"])))
 
 
 @settings(max_examples=150)
@@ -161,7 +162,7 @@ def test_joints_are_written_depth_first_whatever_their_numbers():
         names=("a", "b", "c", "d"), parents=parents, offsets=offsets, channels=channels, end_sites=np.zeros(4, bool)
     )
     rotations = np.array([Rotation.from_euler(axis, 0.1).as_quat() for axis in "XYZX"])
-    motion = Motion(skeleton, offsets[None], rotations[None], "1")
+    motion = Motion.of_translations(skeleton, offsets[None], rotations[None], "1")
     again = read(format_bvh(motion))
     assert again.skeleton.names == ("a", "b", "d", "c")
     np.testing.assert_allclose(again.positions, motion.positions[:, [0, 1, 3, 2]], atol=1e-6)
@@ -171,15 +172,15 @@ def test_joints_are_written_depth_first_whatever_their_numbers():
 def test_names_that_bvh_cannot_hold_are_refused(name):
     skeleton = Skeleton(names=(name,), parents=[-1], offsets=np.zeros((1, 3)), channels=((),), end_sites=[False])
     with pytest.raises(SkeletonError, match=re.escape(repr(name))):
-        format_bvh(Motion(skeleton, np.zeros((0, 1, 3)), np.zeros((0, 1, 4)), "1"))
+        format_bvh(Motion(skeleton, np.zeros((0, 3)), np.zeros((0, 1, 4)), "1"))
 
 
 def test_values_that_are_not_finite_are_not_written(tmp_path):
     motion = read(TEXT)
-    translations = motion.translations.copy()
-    translations[1, 0, 1] = np.inf
+    path = np.array(motion.root_positions)
+    path[1, 1] = np.inf
     with pytest.raises(MotionError, match="finite"):
-        write_bvh(tmp_path / "b.bvh", Motion(motion.skeleton, translations, motion.rotations, "1"))
+        write_bvh(tmp_path / "b.bvh", replace(motion, root_positions=path))
     assert not (tmp_path / "b.bvh").exists()
 
 
@@ -202,5 +203,5 @@ def test_angles_turn_on_over_the_frames_and_through_the_lock():
         channels=(("Zrotation", "Xrotation", "Yrotation"),),
         end_sites=[False],
     )
-    text = format_bvh(Motion(skeleton, np.zeros((100, 1, 3)), rotations, "1"))
+    text = format_bvh(Motion(skeleton, np.zeros((100, 3)), rotations, "1"))
     np.testing.assert_allclose(np.loadtxt(text.splitlines()[-100:]), angles, atol=1e-6)

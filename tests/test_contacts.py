@@ -86,7 +86,7 @@ def test_contact_error_is_the_mean_over_the_contacts_of_a_frame_then_over_frames
 def test_a_clap_is_a_contact_of_the_hands_and_comes_first():
     source = clapping(np.array([0, 1, 1, 0.0]))
     longer = posed(lengthened(PERSON, {"Elbow": 1.3}), {}, source.root_positions)
-    result = Motion(longer.skeleton, longer.translations, source.rotations, "0.02")
+    result = replace(longer, rotations=source.rotations)
     contacts = contacts_of(source, result)
     hands = contacts.touches[0]
     assert hands.name == "left hand - right hand"
@@ -152,9 +152,7 @@ def test_contacts_do_not_depend_on_where_the_body_is():
     turn = Rotation.from_euler("y", 70, degrees=True)
     rotations = np.array(source.rotations)
     rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
-    translations = np.array(source.translations)
-    translations[:, 0, 0] += 5.0
-    elsewhere = Motion(PERSON, translations, rotations, "1")
+    elsewhere = Motion(PERSON, source.root_positions + np.array([5.0, 0.0, 0.0]), rotations, "1")
     here, there = contacts_of(source, source), contacts_of(elsewhere, elsewhere)
     np.testing.assert_array_equal(here.counts, there.counts)
     np.testing.assert_allclose(here.distance_source, there.distance_source, atol=1e-9)

@@ -9,7 +9,6 @@ from edits import ARMS_AND_LEGS, edited
 
 from distretarget import DistretargetError, Motion, read_bvh, retarget, write_bvh
 from distretarget.body.body import Body
-from distretarget.motion import rigid_motion
 
 REFUSED = {
     "odd_declared_less.bvh": "20 whole frames of 51 numbers",
@@ -34,7 +33,7 @@ clips = files([*SAMPLE_FILES, *(path for path in CORPUS_FILES if path.name not i
 def read_rigid(path):
     """The motion of a file, on bones that do not stretch."""
     motion = read_bvh(path)
-    rigid = rigid_motion(motion.rigid_skeleton, motion.root_positions, motion.rotations, motion.frame_time_text)
+    rigid = Motion(motion.rigid_skeleton, motion.root_positions, motion.rotations, motion.frame_time_text)
     stretch = np.abs(rigid.positions - motion.positions).max() / Body.of(motion.rigid_skeleton).height
     if stretch > 1e-9:
         pytest.skip(f"the bones stretch: joints are up to {stretch:.1e} heights off those of a rigid body")

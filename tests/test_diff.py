@@ -185,10 +185,9 @@ def test_z_up_against_y_up():
 def test_a_root_offset_that_is_added():
     motion = read_bvh(SAMPLES / "walk.bvh")[:40]
     offsets = np.array(motion.skeleton.offsets)
-    offsets[0] = [0, motion.translations[:, 0, 1].mean(), 0]
-    translations = np.array(motion.translations)
-    translations[:, 0] -= offsets[0]
-    added = Motion(motion.skeleton.with_offsets(offsets), translations, motion.rotations, motion.frame_time_text)
+    offsets[0] = [0, motion.root_positions[:, 1].mean(), 0]
+    path = motion.root_positions - offsets[0]
+    added = replace(motion, skeleton=motion.skeleton.with_offsets(offsets), root_positions=path)
     for a, b in ((motion, added), (added, motion)):
         np.testing.assert_allclose(diff(a, b).figures["result"]["foot_height"], 0.0, atol=1e-9)
 
@@ -214,7 +213,7 @@ def test_what_cannot_be_compared():
     with pytest.raises(MotionError, match="A has no frames"):
         diff(motion[:0], motion)
     with pytest.raises(MotionError, match="B has positions beyond"):
-        diff(motion, replace(motion, translations=motion.translations * 1e101))
+        diff(motion, replace(motion, root_positions=motion.root_positions * 1e101))
     with pytest.raises(MotionError, match="no bone of B has a length"):
         diff(motion, moved(motion, Rotation.identity(), scale=0.0))
     with pytest.raises(MapError, match="Tail"):
@@ -261,19 +260,17 @@ def test_rotations_are_resampled_the_short_way():
 
 def test_a_bone_that_grows_is_an_error_of_bone():
     motion = swaying(PERSON)
-    translations = np.array(motion.translations)
+    translations = motion.translations
     translations[7, PERSON.index("LeftKnee")] *= 1.25
-    result = diff(motion, replace(motion, translations=translations))
+    growing = Motion.of_translations(PERSON, translations, motion.rotations, motion.frame_time_text)
+    result = diff(motion, growing)
     assert result.comparison.bone_error.argmax() == 7
     assert result.comparison.bone_error[7] == pytest.approx(0.25)
 
 
 def test_longer_arms_move_a_clap_apart():
     clap = clapping(np.sin(np.linspace(0, np.pi, 20)) ** 2)
-    longer = replace(clap, skeleton=lengthened(PERSON, {"Elbow": 1.3}))
-    translations = np.array(np.broadcast_to(longer.skeleton.offsets, clap.translations.shape))
-    translations[:, 0] = clap.translations[:, 0]
-    result = diff(clap, replace(longer, translations=translations))
+    result = diff(clap, replace(clap, skeleton=lengthened(PERSON, {"Elbow": 1.3})))
     assert result.comparison.contacts.error.sum() > 0
     np.testing.assert_allclose(result.comparison.direction_error, 0, atol=1e-5)
 

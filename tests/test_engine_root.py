@@ -69,12 +69,12 @@ def with_channels(name, keep):
 def with_root_motion(motion, path, turns):
     """The motion on a root named as Unreal's that goes along a path, (frames, 3), and turns about Y by `turns`."""
     rooted = on_a_root(motion, "root")
-    translations, local = np.array(rooted.translations), np.array(rooted.rotations)
+    translations, local = rooted.translations, np.array(rooted.rotations)
     back = turns.inv()
     translations[:, 1] = back.apply(rooted.positions[:, 1] - path)
     local[:, 1] = (back * Rotation.from_quat(rooted.world_rotations[:, 1])).as_quat()
     translations[:, 0], local[:, 0] = path, turns.as_quat()
-    return Motion(rooted.skeleton, translations, local, motion.frame_time_text)
+    return Motion.of_translations(rooted.skeleton, translations, local, motion.frame_time_text)
 
 
 @pytest.mark.parametrize("name", ["squat", "walk", "turn"])

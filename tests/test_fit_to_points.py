@@ -30,7 +30,7 @@ def test_the_copys_own_points_give_the_copy():
 def test_points_that_fit_the_bones_are_reached():
     reached = swaying(BODY, seed=5)
     copy = swaying(BODY, seed=6)
-    copy = replace(copy, translations=reached.translations)
+    copy = replace(copy, root_positions=reached.root_positions)
     joints = np.flatnonzero(~BODY.end_sites)
     result = fit_rotations(copy, reached.positions, ALL, ALL)
     np.testing.assert_allclose(result.positions[:, joints], reached.positions[:, joints], atol=1e-4)

@@ -1,4 +1,4 @@
-"""A motion refuses what no recording is."""
+"""A motion holds what a recording is, and refuses what none is."""
 
 from dataclasses import replace
 
@@ -7,7 +7,8 @@ import pytest
 from bodies import person, swaying
 
 from distretarget.errors import MotionError
-from distretarget.motion import is_frame_time
+from distretarget.motion import Motion, MovingBones, is_frame_time
+from distretarget.numerics.kinematics import forward_kinematics
 
 MOTION = swaying(person(), frames=3)
 
@@ -47,3 +48,27 @@ def test_some_frames_of_a_motion_are_where_they_are_in_the_whole(frames):
     whole, some = MOTION.positions, MOTION[frames].positions
     np.testing.assert_array_equal(some, whole[frames])
     assert MOTION[frames].frame_time == MOTION.frame_time
+
+
+def test_only_bones_that_do_not_keep_their_offset_are_held():
+    body = MOTION.skeleton
+    translations, knee = MOTION.translations, body.index("LeftKnee")
+    assert MOTION.moving is None
+    translations[1, knee] *= 1.2
+    stretched = Motion.of_translations(body, translations, MOTION.rotations, "0.02")
+    np.testing.assert_array_equal(stretched.moving.joints, [knee])
+    np.testing.assert_array_equal(stretched.translations, translations)
+    np.testing.assert_array_equal(stretched.root_positions, MOTION.root_positions)
+    for joint in range(len(body)):
+        np.testing.assert_array_equal(stretched.translations_of(joint), translations[:, joint])
+    np.testing.assert_array_equal(stretched[1:].translations, translations[1:])
+    expected = forward_kinematics(body.parents, translations, MOTION.world_rotations)
+    np.testing.assert_array_equal(stretched.positions, expected)
+
+
+def test_bones_that_move_in_other_frames_than_the_motion_has_are_refused():
+    bones = MovingBones(np.array([2]), np.zeros((2, 1, 3)))
+    with pytest.raises(MotionError, match="moving has shapes"):
+        replace(MOTION, moving=bones)
+    with pytest.raises(MotionError, match="2 frames of root_positions, 3 of rotations"):
+        replace(MOTION, root_positions=MOTION.root_positions[1:])

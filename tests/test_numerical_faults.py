@@ -108,22 +108,22 @@ def test_a_bone_of_length_0_on_one_side(bone, side, objective):
 
 @objectives
 def test_clips_that_do_not_move(objective):
-    frozen = replace(CLIP, translations=CLIP.translations[[0] * 6], rotations=CLIP.rotations[[0] * 6])
+    frozen = CLIP[np.zeros(6, int)]
     unturned = np.tile(BODY.unturned, (6, 1, 1))
-    t_pose = Motion(BODY, np.tile(BODY.offsets, (6, 1, 1)), unturned, "0.01")
+    t_pose = Motion(BODY, np.zeros((6, 3)), unturned, "0.01")
     stilted = lengthened(BODY, {"Knee": 1.2, "Ankle": 0.8, "Elbow": 1.4})
     for clip in (frozen, t_pose):
         positions = is_sound(clip, stilted, objective=objective).motion.positions
         np.testing.assert_allclose(positions, positions[[0] * 6], atol=1e-3)
-    one = replace(CLIP, translations=CLIP.translations[:1], rotations=CLIP.rotations[:1])
+    one = CLIP[:1]
     is_sound(one, TARGET, objective=objective)
 
 
 @objectives
 def test_a_spike_in_one_frame(objective):
-    translations = np.array(CLIP.translations)
-    translations[3, 0, 1] = 1e6
-    is_sound(replace(CLIP, translations=translations), TARGET, objective=objective)
+    path = np.array(CLIP.root_positions)
+    path[3, 1] = 1e6
+    is_sound(replace(CLIP, root_positions=path), TARGET, objective=objective)
 
 
 def test_large_angles():

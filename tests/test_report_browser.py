@@ -72,9 +72,9 @@ def fast(seed):
 
 def jolted(motion):
     """A motion with one frame out of place, and so with a very large jerk there."""
-    translations = np.array(motion.translations)
-    translations[60, 0] += 100
-    return replace(motion, translations=translations)
+    path = np.array(motion.root_positions)
+    path[60] += 100
+    return replace(motion, root_positions=path)
 
 
 def nasty():

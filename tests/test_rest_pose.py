@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from bodies import CORPUS, SAMPLES, moved, needs_corpus, posed
+from bodies import CORPUS, SAMPLES, moved, needs_corpus
 from make_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
@@ -178,12 +178,9 @@ def there_and_back(clip, standing=False):
     """
     motion = read(clip)
     if standing:
-        root = np.broadcast_to(motion.translations[0, :1, :], (5, 1, 3))[:, 0]
-        still = posed(motion.skeleton, {}, root, motion.frame_time_text)
-        translations = np.concatenate([still.translations, motion.translations])
-        motion = replace(
-            motion, translations=translations, rotations=np.concatenate([still.rotations, motion.rotations])
-        )
+        still = np.tile(motion.skeleton.unturned, (5, 1, 1))
+        path = np.concatenate([np.tile(motion.root_positions[0], (5, 1)), motion.root_positions])
+        motion = replace(motion, root_positions=path, rotations=np.concatenate([still, motion.rotations]))
     return motion, retarget(retarget(motion, rig("lafan1", "X")).motion, motion.skeleton).motion
 
 

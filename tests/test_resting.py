@@ -23,7 +23,7 @@ def two_points(base, end):
         end_sites=[False, False],
     )
     rotations = np.tile([0.0, 0, 0, 1], (FRAMES, 2, 1))
-    return Motion(chain, np.stack([base, end - base], axis=1), rotations, str(STEP))
+    return Motion.of_translations(chain, np.stack([base, end - base], axis=1), rotations, str(STEP))
 
 
 def along(distance):

@@ -69,7 +69,7 @@ def test_a_full_turn_turns_the_result():
     turns = Rotation.from_euler("y", np.linspace(0, 360, frames)[:, None], degrees=True)
     rotations = np.repeat(still.rotations, frames, axis=0)
     rotations[:, 0] = (turns * Rotation.from_quat(rotations[:, 0])).as_quat()
-    motion = Motion(BODY, np.repeat(still.translations, frames, axis=0), rotations, "0.02")
+    motion = Motion(BODY, np.repeat(still.root_positions, frames, axis=0), rotations, "0.02")
     positions = retarget(motion, other_lengths(BODY)).motion.positions
     hips = positions[:, BODY.index("LeftHip")] - positions[:, BODY.index("RightHip")]
     heading = np.unwrap(np.arctan2(hips[:, 0], hips[:, 2]))

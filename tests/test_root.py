@@ -46,9 +46,7 @@ def test_the_hips_stand_over_the_scaled_place_of_the_sources():
     target = lengthened(person(), {"LeftHip": 1.6, "RightHip": 1.4, "Knee": 0.7, "Chest": 1.3})
     matching, scale = matched(source, target), 0.8
     copy = rotation_copy(matching, RootScale.even(scale))
-    translations = np.array(copy.translations)
-    translations[:, 0] = root_path(copy, matching, RootScale.even(scale))
-    moved = replace(copy, translations=translations)
+    moved = replace(copy, root_positions=root_path(copy, matching, RootScale.even(scale)))
     hips = [target.index(f"{side}Hip") for side in SIDES]
     middle = source.positions[:, hips].mean(axis=1)
     np.testing.assert_allclose(moved.positions[:, hips].mean(axis=1), scale * middle, atol=1e-12)

@@ -9,7 +9,7 @@ from bodies import SAMPLES, moved
 from sample_things import SCENES
 from scipy.spatial.transform import Rotation
 
-from distretarget import MotionError, SettingsError, diff, diff_scenes, retarget_scene
+from distretarget import Motion, MotionError, SettingsError, diff, diff_scenes, retarget_scene
 from distretarget.baseline.world import turned
 from distretarget.measure.across import NEAR
 from distretarget.report.report import run_diff
@@ -86,7 +86,7 @@ def test_a_world_twice_as_large_has_the_same_gaps_in_the_scale_of_a():
 
 def scaled(motion, scale):
     skeleton = motion.skeleton.with_offsets(scale * motion.skeleton.offsets)
-    return replace(motion, skeleton=skeleton, translations=scale * motion.translations)
+    return Motion.of_translations(skeleton, scale * motion.translations, motion.rotations, motion.frame_time_text)
 
 
 def test_the_gaps_of_a_result_are_those_that_the_scene_tells():

@@ -7,7 +7,7 @@ import pytest
 from bodies import SAMPLES, body_of, lengthened, matched, person, posed, swaying
 from scipy.spatial.transform import Rotation
 
-from distretarget import Motion, Skeleton, load_target, read_bvh, retarget
+from distretarget import Skeleton, load_target, read_bvh, retarget
 from distretarget.baseline.root import RootScale, find_root_scale
 from distretarget.baseline.rotation_copy import rotation_copy
 from distretarget.body.body import Body
@@ -170,10 +170,10 @@ def test_hips_rise_by_what_the_ankles_of_the_target_are_higher(target_sine):
 def test_a_first_frame_in_another_posture_says_nothing_of_the_rest():
     body, target = pitched_feet(0.3), lengthened(pitched_feet(0.3), {"Toe": 1.4})
     lifted = standing(body, turns={"LeftHip": [-1.2, 0, 0], "LeftKnee": [1.5, 0, 0]})
-    translations, rotations = np.array(lifted.translations), np.array(lifted.rotations)
+    path, rotations = np.array(lifted.root_positions), np.array(lifted.rotations)
     rotations[0] = standing(body).rotations[0]
-    translations[0, 0] += [0.0, 0.0, 0.4]
-    stance = stance_of(replace(lifted, translations=translations, rotations=rotations), target)
+    path[0] += [0.0, 0.0, 0.4]
+    stance = stance_of(replace(lifted, root_positions=path, rotations=rotations), target)
     left = [target.names[joint].startswith("Left") for joint in stance.joints]
     np.testing.assert_allclose(stance.weights[0], 1.0)
     np.testing.assert_allclose(stance.weights[1:, left], 0.0)
@@ -185,9 +185,7 @@ def test_a_heel_that_lifts_leaves_the_toe_where_it_is():
     target = lengthened(body, {"Toe": 1.5})
     source = standing(body, turns={"LeftAnkle": np.outer(angles, [1, 0, 0])})
     toe = np.array(source.positions[:, body.index("LeftToe")])
-    translations = np.array(source.translations)
-    translations[:, 0] += toe[0] - toe
-    rolling = replace(source, translations=translations)
+    rolling = replace(source, root_positions=source.root_positions + toe[0] - toe)
     place = places_of(stance_of(rolling, target), target, "LeftToe")
     np.testing.assert_allclose(place[:, [0, 2]], np.tile(place[0, [0, 2]], (40, 1)), atol=1e-9)
     assert np.ptp(place @ UP) < 0.02 * LEG
@@ -267,10 +265,9 @@ def test_resting_feet_of_the_result_are_at_their_places_on_exact_bones(name, bod
 def test_stance_turns_with_the_up_axis():
     source = read_bvh(SAMPLES / "walk.bvh")
     turn = Rotation.from_euler("x", 90, degrees=True)
-    translations, rotations = np.array(source.translations), np.array(source.rotations)
-    translations[:, 0] = turn.apply(translations[:, 0])
+    rotations = np.array(source.rotations)
     rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
-    turned = Motion(source.skeleton, translations, rotations, source.frame_time_text)
+    turned = replace(source, root_positions=turn.apply(np.array(source.root_positions)), rotations=rotations)
     upright, lying = stance_of(source, source.skeleton), stance_of(turned, source.skeleton, up="Z")
     np.testing.assert_allclose(lying.weights, upright.weights, atol=1e-9)
     np.testing.assert_allclose(lying.places, np.einsum("ij,tfj->tfi", turn.as_matrix(), upright.places), atol=1e-8)

@@ -29,9 +29,7 @@ def with_stick(motion):
     skeleton = with_bone(skeleton, "StickTip", "Stick")
     skeleton = skeleton.with_offsets([*motion.skeleton.offsets, [-8.0, 0.0, 0.0], [-30.0, 5.0, 10.0]])
     rotations = np.concatenate([motion.rotations, np.tile([0.0, 0.0, 0.0, 1.0], (len(motion), 2, 1))], axis=1)
-    translations = np.array(np.broadcast_to(skeleton.offsets, (len(motion), len(skeleton), 3)))
-    translations[:, 0] = motion.translations[:, 0]
-    return Motion(skeleton, translations, rotations, motion.frame_time_text)
+    return Motion(skeleton, motion.root_positions, rotations, motion.frame_time_text)
 
 
 def test_a_prop_is_a_motion_of_its_own():

@@ -163,9 +163,8 @@ def with_offset(motion, rise, *, added):
     body = motion.skeleton
     offsets = np.array(body.offsets)
     offsets[0] = rise * Y
-    translations = np.array(motion.translations)
-    translations[:, 0] -= added * offsets[0]
-    return replace(motion, skeleton=body.with_offsets(offsets), translations=translations)
+    path = motion.root_positions - added * offsets[0]
+    return replace(motion, skeleton=body.with_offsets(offsets), root_positions=path)
 
 
 @ups

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from functools import cache
 from typing import get_args
 
@@ -89,11 +88,11 @@ def carried(motion: Motion, path: NDArray[np.float64], turns: NDArray[np.float64
     """
     world = Rotation.from_quat(motion.world_rotations[:, 1])
     root = Rotation.from_rotvec(np.multiply.outer(turns, axis_vector(motion.skeleton.up or "Y")))
-    translations, rotations = np.array(motion.translations), np.array(motion.rotations)
+    translations, rotations = motion.translations, np.array(motion.rotations)
     translations[:, 0], rotations[:, 0] = path, root.as_quat()
     translations[:, 1] = root.inv().apply(motion.positions[:, 1] - path)
     rotations[:, 1] = (root.inv() * world).as_quat()
-    return replace(motion, translations=translations, rotations=rotations)
+    return Motion.of_translations(motion.skeleton, translations, rotations, motion.frame_time_text)
 
 
 def still(motion: Motion) -> Motion:
@@ -111,9 +110,9 @@ def wandering(motion: Motion) -> Motion:
 def stretching(motion: Motion) -> Motion:
     """The same motion, with bones that grow and shrink by 2 %."""
     factors = 1.0 + 0.02 * np.sin(np.linspace(0.0, 6.0, len(motion)))
-    translations = np.array(motion.translations)
+    translations = motion.translations
     translations[:, 1:] *= factors[:, None, None]
-    return replace(motion, translations=translations)
+    return Motion.of_translations(motion.skeleton, translations, motion.rotations, motion.frame_time_text)
 
 
 roots = pytest.mark.parametrize("root", [still, wandering])

@@ -121,10 +121,9 @@ def _two_performers() -> tuple[Motion, Motion]:
     one = read_bvh(SAMPLES / "supports" / "hand_on_wall.bvh")
     hand = np.median(one.positions[:, one.skeleton.index("RightWrist")], axis=0)
     turn = Rotation.from_euler("Y", 180, degrees=True)
-    translations, rotations = np.array(one.translations), np.array(one.rotations)
-    translations[:, 0] = turn.apply(translations[:, 0]) + hand * [2, 0, 2] + [0, 0, 2]
+    path, rotations = turn.apply(np.array(one.root_positions)) + hand * [2, 0, 2] + [0, 0, 2], np.array(one.rotations)
     rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
-    return one, replace(one, translations=translations, rotations=rotations)
+    return one, replace(one, root_positions=path, rotations=rotations)
 
 
 def _together(pair: Sequence[Motion], frames: range) -> list[list[Cell]]:

@@ -390,6 +390,4 @@ def motion(trunk: Trunk, arms: Mapping[str, Arm], feet: Mapping[str, Foot | Aime
     rotations = np.tile([0.0, 0.0, 0.0, 1.0], (frames, len(SKELETON), 1))
     for name, rotation in local.items():
         rotations[:, SKELETON.index(name)] = rotation.as_quat()
-    translations = np.tile(SKELETON.offsets, (frames, 1, 1))
-    translations[:, 0] = trunk.position
-    return Motion(SKELETON, translations, rotations, FRAME_TIME)
+    return Motion(SKELETON, np.broadcast_to(trunk.position, (frames, 3)), rotations, FRAME_TIME)

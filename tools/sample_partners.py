@@ -77,10 +77,9 @@ def opposite(points: ArrayLike, gap: float) -> Points:
 def facing(source: Motion, gap: float) -> Motion:
     """The motion of a performer who stands `gap` [cm] before another, and faces it, in the other's world."""
     half = turned(yaw=180.0)
-    translations, rotations = np.array(source.translations), np.array(source.rotations)
-    translations[:, 0] = opposite(translations[:, 0], gap)
+    rotations = np.array(source.rotations)
     rotations[:, 0] = (half * Rotation.from_quat(rotations[:, 0])).as_quat()
-    return replace(source, translations=translations, rotations=rotations)
+    return replace(source, root_positions=opposite(source.root_positions, gap), rotations=rotations)
 
 
 def on_body(place: Place, offset: ArrayLike) -> Points:

@@ -14,7 +14,7 @@ from sample_tracks import Track, bump, clock, columns, cosine, held
 from scipy.spatial.transform import Rotation
 
 from distretarget.io.obj import parse_obj
-from distretarget.motion import Motion, rigid_motion
+from distretarget.motion import Motion
 from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
 from distretarget.thing import Grip, Thing
 
@@ -128,7 +128,7 @@ def _thing(name: str, points: np.ndarray, path: Track, turn: Rotation) -> Motion
     )
     rotations = np.tile([0.0, 0.0, 0.0, 1.0], (len(path), count + 1, 1))
     rotations[:, 0] = turn.as_quat()
-    return rigid_motion(skeleton, path, rotations, FRAME_TIME)
+    return Motion(skeleton, path, rotations, FRAME_TIME)
 
 
 def _grid(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> np.ndarray:

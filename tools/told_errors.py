@@ -68,9 +68,8 @@ CURES = {
     "this needs the package bvhio: pip install bvhio, with Python 3.13 or older (it has no builds for 3.14)": (
         "install bvhio, or use files instead of its containers"
     ),
-    "… frames of translations, … of rotations": CHECK,
+    "… frames of root_positions, … of rotations": CHECK,
     "the rotation … is not a unit quaternion: …": "divide the quaternions, x y z w, by their lengths",
-    "… has shape …, … joints need (frames, …, …)": CHECK,
     "… has shape …, … joints need …": CHECK,
     "… is not an array of numbers: …": CHECK,
     "… is not an array of … values: …": CHECK,

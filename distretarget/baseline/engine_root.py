@@ -6,7 +6,7 @@ They are placed last. The body's own joints keep their positions and rotations i
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -65,9 +65,9 @@ class EngineRoot:
                 positions[:, joint], world[:, joint] = (x[:, self.handles[joint]] for x in (positions, world))
             else:
                 turn = Rotation.from_quat(world[:, parent])
-                positions[:, joint] = positions[:, parent] + turn.apply(np.array(motion.translations[:, joint]))
+                positions[:, joint] = positions[:, parent] + turn.apply(np.array(motion.translations_of(joint)))
                 world[:, joint] = (turn * Rotation.from_quat(motion.rotations[:, joint])).as_quat()
-        translations = np.array(motion.translations)
+        translations = motion.translations
         translations[:, 0] = positions[:, 0]
         for joint in range(1, len(skeleton)):
             parent = skeleton.parents[joint]
@@ -75,7 +75,7 @@ class EngineRoot:
                 back = Rotation.from_quat(world[:, parent]).inv()
                 translations[:, joint] = back.apply(positions[:, joint] - positions[:, parent])
         rotations = local_rotations(skeleton.parents, world)
-        return replace(motion, translations=translations, rotations=rotations)
+        return Motion.of_translations(skeleton, translations, rotations, motion.frame_time_text)
 
     def _path(self, motion: Motion) -> Array:
         """(frames, 3), the root's path [target file units]."""

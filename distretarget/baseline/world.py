@@ -89,10 +89,9 @@ def turned(motion: Motion, up: str, onto: str) -> Motion:
     if up == onto:
         return motion
     turn = Rotation.from_quat(least_rotation(axis_vector(up)[None], axis_vector(onto)[None])[0])
-    translations, rotations = np.array(motion.translations), np.array(motion.rotations)
-    translations[:, 0] = turn.apply(translations[:, 0])
+    rotations = np.array(motion.rotations)
     rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
-    return replace(motion, translations=translations, rotations=rotations)
+    return replace(motion, root_positions=turn.apply(np.array(motion.root_positions)), rotations=rotations)
 
 
 def find_root_offset(body: Body, up: Array) -> RootOffset:
@@ -111,6 +110,4 @@ def find_root_offset(body: Body, up: Array) -> RootOffset:
 
 def with_root_offset(motion: Motion) -> Motion:
     """Return the motion with the root's OFFSET added to the root's positions."""
-    translations = np.array(motion.translations)
-    translations[:, 0] += motion.skeleton.offsets[0]
-    return replace(motion, translations=translations)
+    return replace(motion, root_positions=motion.root_positions + motion.skeleton.offsets[0])

@@ -26,7 +26,7 @@ def warm(objective: Objective) -> None:
         names=names, parents=np.arange(JOINTS) - 1, offsets=offsets, channels=channels, end_sites=np.zeros(JOINTS, bool)
     )
     bent = np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, np.sin(0.6), np.cos(0.6)]])
-    motion = Motion(body, np.tile(offsets, (2, 1, 1)), np.tile(bent[:, None], (1, JOINTS, 1)), "0.01")
+    motion = Motion(body, np.zeros((2, 3)), np.tile(bent[:, None], (1, JOINTS, 1)), "0.01")
     source = parse_bvh(format_bvh(motion), "joints")
     result = retarget(source, body.with_offsets(1.5 * offsets), objective=objective)
     result.figures  # noqa: B018 - what it needs is compiled

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from distretarget.errors import BvhError, SkeletonError
 from distretarget.io.bvh_parser import Words, take_frame_count, take_frames, take_hierarchy, take_motion_keyword
 from distretarget.io.files import read_text
-from distretarget.motion import Motion
+from distretarget.motion import Motion, MovingBones
 from distretarget.numerics.euler import write_channel_rotations
 from distretarget.numerics.vectors import lengths
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
@@ -63,7 +63,7 @@ def parse_bvh_skeleton(text: str, path: str | Path) -> Skeleton:
     words = Words(path, text)
     skeleton = _take_skeleton(words)
     has_motion = take_motion_keyword(words)
-    slides = any(channel in POSITION_CHANNELS for channels in skeleton.channels[1:] for channel in channels)
+    slides = bool(len(_sliding(skeleton)))
     return _take_motion(words, skeleton).rigid_skeleton if has_motion and slides else skeleton
 
 
@@ -129,8 +129,19 @@ def _twin(names: Sequence[str], parents: Sequence[int]) -> int:
 
 def _take_motion(words: Words, skeleton: Skeleton) -> Motion:
     frames = take_frames(words, sum(map(len, skeleton.channels)))
-    translations, rotations = _translations(skeleton, frames.values), _rotations(skeleton, frames.values)
-    return Motion(skeleton, translations, rotations, frames.frame_time_text)
+    rotations, joints = _rotations(skeleton, frames.values), np.append(0, _sliding(skeleton))
+    translations = _translations(skeleton, joints, frames.values)
+    root_positions = np.ascontiguousarray(translations[:, 0])
+    moving = MovingBones.among(skeleton, joints, translations)
+    return Motion(skeleton, root_positions, rotations, frames.frame_time_text, moving)
+
+
+def _sliding(skeleton: Skeleton) -> NDArray[np.intp]:
+    """The joints below the root that have position channels."""
+    channels = enumerate(skeleton.channels)
+    return np.array(
+        [joint for joint, names in channels if joint and not set(POSITION_CHANNELS).isdisjoint(names)], np.intp
+    )
 
 
 def _columns(skeleton: Skeleton) -> list[dict[str, int]]:
@@ -144,31 +155,33 @@ def rotation_axes(channels: Sequence[str]) -> str:
     return "".join(channel[0] for channel in channels if channel not in POSITION_CHANNELS)
 
 
-def _translations(skeleton: Skeleton, values: Array) -> Array:
+def _translations(skeleton: Skeleton, joints: NDArray[np.intp], values: Array) -> Array:
     """(frames, joints, 3) from the frames (frames, channels): offsets, or the position channels instead."""
-    translations = np.tile(skeleton.offsets, (len(values), 1, 1))
-    for joint, columns in enumerate(_columns(skeleton)):
+    translations = np.tile(skeleton.offsets[joints], (len(values), 1, 1))
+    columns = _columns(skeleton)
+    for row, joint in enumerate(joints):
         for component, channel in enumerate(POSITION_CHANNELS):
-            if channel in columns:
-                translations[:, joint, component] = values[:, columns[channel]]
-    added = added_joints(skeleton, translations)
-    translations[:, added] += skeleton.offsets[added]
+            if channel in columns[joint]:
+                translations[:, row, component] = values[:, columns[joint][channel]]
+    add_offsets(skeleton, joints, translations)
     return translations
 
 
-def added_joints(skeleton: Skeleton, translations: Array) -> NDArray[np.intp]:
-    """The joints whose position channels, here in `translations` (frames, joints, 3), are added to their OFFSETs.
+def add_offsets(skeleton: Skeleton, joints: NDArray[np.intp], translations: Array) -> None:
+    """Add OFFSETs to the position channels that do not replace them, here in `translations` (frames, joints, 3).
 
     MakeHuman writes position channels of nothing but rounding noise on all joints: replacing the OFFSETs by them would
     collapse the body into one point. So where several joints below the root have position channels, and most of these
-    stay within `NOISE` of zero though their OFFSETs do not, they are all added.
+    stay within `NOISE` of zero though their OFFSETs do not, all of them are added.
     """
-    slides = [j for j, columns in enumerate(_columns(skeleton)) if j and set(POSITION_CHANNELS) <= set(columns)]
-    joints = np.array([j for j in slides if skeleton.lengths[j] > 0], dtype=np.intp)
-    if len(joints) < 2 or not len(translations):
-        return joints[:0]
-    largest = lengths(translations[:, joints]).max(axis=0)
-    return joints if np.median(largest / skeleton.lengths[joints]) < NOISE else joints[:0]
+    sizes = skeleton.lengths[joints]
+    slides = [joint > 0 and set(POSITION_CHANNELS) <= set(skeleton.channels[joint]) for joint in joints]
+    rows = np.flatnonzero(slides & (sizes > 0))
+    if len(rows) < 2 or not len(translations):
+        return
+    largest = lengths(translations[:, rows]).max(axis=0)
+    if np.median(largest / sizes[rows]) < NOISE:
+        translations[:, rows] += skeleton.offsets[joints[rows]]
 
 
 def _rotations(skeleton: Skeleton, values: Array) -> Array:

@@ -131,7 +131,7 @@ def _channel_values(motion: Motion) -> Array:
         channels = motion.skeleton.channels[joint]
         axes = rotation_axes(channels)
         angles = np.degrees(euler_angles(motion.rotations[:, joint], axes))
-        places = motion.translations[:, joint]
+        places = motion.translations_of(joint)
         for channel in channels:
             is_position = channel in POSITION_CHANNELS
             column = places[:, "XYZ".index(channel[0])] if is_position else angles[:, axes.index(channel[0])]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from distretarget.arguments import check_kind
 from distretarget.errors import MissingPackageError, MotionError, SkeletonError, quoted
-from distretarget.io.bvh import added_joints, joint_names
+from distretarget.io.bvh import add_offsets, joint_names
 from distretarget.motion import Motion
 from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
 
@@ -53,9 +53,8 @@ def from_bvhio(container: bvhio.BvhContainer) -> Motion:
     rotations = np.tile([0.0, 0.0, 0.0, 1.0], (container.FrameCount, len(skeleton), 1))
     for number in np.flatnonzero(~skeleton.end_sites):
         translations[:, number], rotations[:, number] = _poses(nodes[number][0], container.FrameCount)
-    added = added_joints(skeleton, translations)
-    translations[:, added] += skeleton.offsets[added]
-    return Motion(skeleton, translations, rotations, repr(float(container.FrameTime)))
+    add_offsets(skeleton, np.arange(len(skeleton)), translations)
+    return Motion.of_translations(skeleton, translations, rotations, repr(float(container.FrameTime)))
 
 
 def to_bvhio(motion: Motion) -> bvhio.BvhContainer:
@@ -178,7 +177,7 @@ def _joint(package: ModuleType, motion: Motion, number: int) -> bvhio.BvhJoint:
     joint.EndSite *= 0  # instead of (0, 1, 0)
     joint.Channels = list(skeleton.channels[number])
     quaternions = motion.rotations[:, number, [3, 0, 1, 2]]  # w x y z
-    joint.Keyframes = list(map(package.Pose, motion.translations[:, number], quaternions))
+    joint.Keyframes = list(map(package.Pose, motion.translations_of(number), quaternions))
     return joint
 
 

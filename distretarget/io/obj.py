@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import depth_first_order, minimum_spanning_tree
 from scipy.spatial.distance import cdist
 
 from distretarget.errors import BvhError
-from distretarget.motion import Motion, rigid_motion
+from distretarget.motion import Motion
 from distretarget.numerics.spread import spread_out
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
 
@@ -44,7 +44,7 @@ def parse_obj(text: str, path: str | Path) -> Motion:
         end_sites=leaves,
     )
     rotations = np.tile([0.0, 0.0, 0.0, 1.0], (1, len(skeleton), 1))
-    return rigid_motion(skeleton, points[:1], rotations, "1")
+    return Motion(skeleton, points[:1], rotations, "1")
 
 
 def _vertices(text: str, path: str | Path) -> Array:

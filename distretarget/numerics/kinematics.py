@@ -31,8 +31,15 @@ def forward_kinematics(parents: Parents, translations: Array, world: Array) -> A
     if np.shape(translations) != (*frames, *joints, 3) or np.shape(world) != (*frames, *joints, 4):
         shapes = f"{np.shape(parents)}, {np.shape(translations)} and {np.shape(world)}"
         raise SettingsError(f"the shapes are {shapes}; expected (joints,), (frames, joints, 3) and (frames, joints, 4)")
-    positions = np.empty_like(translations)
-    _positions(read_only(parents), read_only(translations), read_only(world), positions)
+    return joint_positions(parents, translations[:, 0], translations, world)
+
+
+def joint_positions(parents: Parents, root_positions: Array, bones: Array, world: Array) -> Array:
+    """The same for a root at `root_positions`, (frames, 3), and the translations `bones`, (frames, joints, 3) or the
+    same in all frames, (1, joints, 3), of which the root's is not used.
+    """
+    positions = np.empty((len(world), len(parents), 3))
+    _positions(read_only(parents), read_only(root_positions), read_only(bones), read_only(world), positions)
     return positions
 
 
@@ -121,14 +128,14 @@ def _multiply(x, y, z, w, q, product):  # type: ignore[no-untyped-def]
 
 
 @compiled()
-def _positions(parents: Parents, translations: Array, world: Array, positions: Array) -> None:
+def _positions(parents: Parents, root_positions: Array, bones: Array, world: Array, positions: Array) -> None:
     """Write positions: each joint stands from its parent by its translation, turned by the parent."""
     for frame in range(len(world)):
         for i in range(3):
-            positions[frame, 0, i] = translations[frame, 0, i]
+            positions[frame, 0, i] = root_positions[frame, i]
         for joint in range(1, len(parents)):
             parent = parents[joint]
-            q, v = world[frame, parent], translations[frame, joint]
+            q, v = world[frame, parent], bones[min(frame, len(bones) - 1), joint]
             x, y, z, w = q[0], q[1], q[2], q[3]
             a, b, c = v[0], v[1], v[2]
             # v + 2 w (q x v) + 2 q x (q x v), q the vector part

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.motion import Motion, rigid_motion
+from distretarget.motion import Motion
 from distretarget.numerics.euler import restrict
 from distretarget.numerics.rotations import best_rotation
 from distretarget.skeleton import Skeleton
@@ -47,7 +47,7 @@ def fit_rotations(
         if len(axes) < 3:
             local[:, joint] = restrict(local[:, joint], axes)
             world[:, joint] = _product(above, local[:, joint])
-    return rigid_motion(skeleton, copy.root_positions, local, copy.frame_time_text)
+    return Motion(skeleton, copy.root_positions, local, copy.frame_time_text)
 
 
 def _carried_points(skeleton: Skeleton, roots: NDArray[np.intp], joints: set[int]) -> list[list[int]]:

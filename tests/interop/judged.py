@@ -27,7 +27,7 @@ def written(case: str, folder: Path) -> tuple[Path, Motion]:
     """Write the result of a case without namespaces, and return the file and what this package reads from it."""
     clip, target = CASES[case]
     source = read_bvh(SAMPLES / clip)
-    start = replace(source, translations=source.translations[:FRAMES], rotations=source.rotations[:FRAMES])
+    start = source[:FRAMES]
     motion = retarget(start, load_target(SAMPLES / target)).motion
     path = folder / "out.bvh"
     write_bvh(path, replace(motion, skeleton=motion.skeleton.without_namespaces), overwrite=True)
