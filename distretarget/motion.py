@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from distretarget.arguments import check_kind
 from distretarget.errors import MotionError, quoted
-from distretarget.numerics.blocks import in_blocks
 from distretarget.numerics.compiled import read_only
-from distretarget.numerics.kinematics import joint_positions, local_rotations, world_rotations
-from distretarget.numerics.rotations import RotationKind, represented
+from distretarget.numerics.kinematics import joint_positions, make_local, world_rotations
+from distretarget.numerics.rotations import RotationKind, first_not_unit, represented
 from distretarget.numerics.vectors import lengths
 from distretarget.skeleton import Skeleton
 
@@ -117,9 +116,9 @@ class Motion:
         if self.moving is not None and self.moving.translations.shape != (frames, len(self.moving.joints), 3):
             shapes = f"{self.moving.joints.shape} and {self.moving.translations.shape}"
             raise MotionError(f"moving has shapes {shapes}; {frames} frames need (bones,) and ({frames}, bones, 3)")
-        wrong = in_blocks(lambda block: ~(np.abs(lengths(self.rotations[block]) - 1.0) < UNIT_ERROR), frames)
-        if wrong.any():
-            frame, joint = np.argwhere(wrong)[0]
+        wrong = first_not_unit(np.ascontiguousarray(self.rotations).reshape(-1, 4), UNIT_ERROR)
+        if wrong >= 0:
+            frame, joint = divmod(wrong, joints)
             where = f"of {self.skeleton.keys[joint]!r} in frame {frame}"
             raise MotionError(f"the rotation {where} is not a unit quaternion: {self.rotations[frame, joint].tolist()}")
         if not isinstance(self.frame_time_text, str) or not is_frame_time(self.frame_time_text):
@@ -198,12 +197,8 @@ class Motion:
     @cached_property
     def positions(self) -> NDArray[np.float64]:
         """(frames, joints, 3), each joint's position in the world, by forward kinematics [file units]."""
-        return self._placed(self.world_rotations)
-
-    def _placed(self, world: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(frames, joints, 3), the positions of the joints with the world rotations `world` [file units]."""
         bones = self.skeleton.offsets[None] if self.moving is None else self.translations
-        return joint_positions(self.skeleton.parents, self.root_positions, bones, world)
+        return joint_positions(self.skeleton.parents, self.root_positions, bones, self.world_rotations)
 
     def to_dict(self, rotations: RotationKind = "quaternion") -> MotionArrays:
         """Return the motion as arrays.
@@ -249,10 +244,14 @@ def motion_of_world(
     world: NDArray[np.float64],
     frame_time_text: str,
 ) -> Motion:
-    """Return the motion with a root path, (frames, 3), and world rotations, (frames, joints, 4), on rigid bones."""
-    motion = Motion(skeleton, root_positions, local_rotations(skeleton.parents, world), frame_time_text)
-    # What `positions` would compute, without turning local rotations back into those of the world.
-    vars(motion)["positions"] = motion._placed(world)
+    """Return the motion with a root path, (frames, 3), and world rotations, (frames, joints, 4), on rigid bones.
+
+    The motion takes the array `world` over, and makes its local rotations there.
+    """
+    positions = joint_positions(skeleton.parents, root_positions, skeleton.offsets[None], world)
+    make_local(skeleton.parents, world)
+    motion = Motion(skeleton, root_positions, world, frame_time_text)
+    vars(motion)["positions"] = positions  # what it would compute, by way of world rotations
     return motion
 
 

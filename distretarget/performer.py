@@ -120,7 +120,7 @@ class Prepared:
         posed = _posed(self.copy, poses, self.problem)
         motion, copy = (self.engine_root.placed(moved) for moved in (posed, self.copy))
         check_finite(motion)
-        check_places(posed, self.problem.copy_on_path(), matching)
+        check_places(posed, self.problem.copy_on_path, matching)
         free = self.settings.support_stiffness == 0.0
         return RetargetResult(
             source=matching.source_motion,
@@ -142,7 +142,7 @@ def with_supports(prepared: Prepared, held: Held, scene: Scene, settings: Contac
     """
     matching, scale, problem = prepared.performer.matching, prepared.scale, prepared.problem
     source, up = matching.source, matching.source.up_vector
-    shots = find_shots(matching.source_motion.positions[:, source.regions.of_joint >= 0], source.unit / 2)
+    shots = find_shots(matching.source_motion.positions, np.flatnonzero(source.regions.of_joint >= 0), source.unit / 2)
     feet = find_stance(matching, prepared.copy, scale, shots, settings)
     problem = problem.raised(np.outer(hips_rise(matching, feet, scale, shots), up))
     supports = feet

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from distretarget.baseline.root import RootScale
 from distretarget.measure.across import NEAR
 from distretarget.motion import Motion
+from distretarget.numerics.kinematics import lowest_heights
 from distretarget.numerics.spread import spread_out
 from distretarget.numerics.vectors import lengths
 from distretarget.performer import Prepared
@@ -85,7 +86,7 @@ class Together:
     def springs(self, now: Sequence[Motion]) -> list[Springs]:
         """The springs that draw each performer to the others, and to things."""
         springs = [no_springs(len(one.problem)) for one in self.performers]
-        copies = [one.problem.copy_on_path() for one in self.performers]
+        copies = [one.problem.copy_on_path(np.arange(len(one.problem.skeleton))) for one in self.performers]
         units = [one.problem.unit for one in self.performers]
         for (i, j), pairs in self.touching.items():
             both = (copies[i], copies[j]), (now[i].positions, now[j].positions), (units[i], units[j])
@@ -226,7 +227,7 @@ def _yielding(one: Prepared, supports: Supports, touches: Sequence[tuple[Joints,
     """
     matching = one.performer.matching
     up, reach = matching.source.up_vector, one.settings.rest_height * matching.leg_lengths[1]
-    floor = one.scale.height * (matching.source_motion.positions @ up).min(axis=1, keepdims=True)
+    floor = one.scale.height * lowest_heights(matching.source_motion.positions, up)[:, None]
     regions = matching.regions.of_joint
     touched = np.zeros((len(one.problem), len(matching.regions.names)))
     for frames, joints, f in touches:

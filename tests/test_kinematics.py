@@ -6,9 +6,9 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.numerics.kinematics import (
     forward_kinematics,
-    local_rotations,
+    make_local,
     rotation_products,
-    turned_rotations,
+    turn_parts,
     world_rotations,
 )
 
@@ -66,14 +66,20 @@ def test_positions_are_the_turned_translations_added_up(parents):
 @trees
 def test_local_rotations_are_the_inverse_of_world_rotations(parents):
     local = rotations(len(parents))
-    np.testing.assert_allclose(local_rotations(parents, world_rotations(parents, local)), local, atol=1e-12)
-    np.testing.assert_allclose(world_rotations(parents, local_rotations(parents, local)), local, atol=1e-12)
+    made = world_rotations(parents, local)
+    make_local(parents, made)
+    np.testing.assert_allclose(made, local, atol=1e-12)
+    make_local(parents, made)
+    np.testing.assert_allclose(world_rotations(parents, made), local, atol=1e-12)
 
 
 def test_products_are_those_of_scipy():
-    first, second = rotations(4), rotations(4, seed=1)
-    expected = Rotation.from_quat(first.reshape(-1, 4)) * Rotation.from_quat(second.reshape(-1, 4))
-    assert_same_rotations(rotation_products(first, second), expected.as_quat().reshape(first.shape))
+    first, second, of_first = rotations(3), rotations(4, seed=1)[0], np.array([2, 0, -1, 2])
+    products = rotation_products(first, of_first, second)
+    for joint in (0, 1, 3):
+        expected = Rotation.from_quat(first[:, of_first[joint]]) * Rotation.from_quat(second[joint])
+        assert_same_rotations(products[:, joint], expected.as_quat())
+    np.testing.assert_array_equal(products[:, 2], np.tile([0.0, 0.0, 0.0, 1.0], (len(first), 1)))
 
 
 def test_turned_rotations_are_those_of_scipy():
@@ -83,13 +89,15 @@ def test_turned_rotations_are_those_of_scipy():
     deviations = Rotation.from_rotvec(vectors[:, parts].reshape(-1, 3))
     expected = (deviations * Rotation.from_quat(before.reshape(-1, 4))).as_quat().reshape(before.shape)
     expected[:, 2] = before[:, 2]
-    assert_same_rotations(turned_rotations(vectors, parts, before), expected)
+    turn_parts(vectors, parts, before)
+    assert_same_rotations(before, expected)
 
 
 @trees
 def test_without_frames_there_are_no_rotations_and_no_positions(parents):
     none = np.zeros((0, len(parents), 4))
-    assert world_rotations(parents, none).shape == local_rotations(parents, none).shape == none.shape
+    assert world_rotations(parents, none).shape == none.shape
+    make_local(parents, none)
     assert forward_kinematics(parents, none[..., :3], none).shape == (0, len(parents), 3)
 
 
@@ -97,7 +105,5 @@ def test_arguments_stay_as_they_are():
     parents, local = np.array(TREES["a tree"], np.intp), rotations(7)
     before = local.copy()
     world_rotations(parents, local)
-    local_rotations(parents, local)
-    rotation_products(local, local)
-    turned_rotations(local[..., :3], parents, local)
+    rotation_products(local, np.arange(7), local[0])
     np.testing.assert_array_equal(local, before)

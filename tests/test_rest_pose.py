@@ -15,7 +15,7 @@ from distretarget.baseline.world import axis_vector
 from distretarget.body.body import Body
 from distretarget.body.named_anatomy import by_names
 from distretarget.io.target_file import load_target
-from distretarget.numerics.kinematics import local_rotations
+from distretarget.numerics.kinematics import make_local
 from distretarget.numerics.rotations import least_rotation
 
 CLIPS = sorted(SAMPLES.glob("*.bvh"))
@@ -280,7 +280,9 @@ def test_a_motion_of_the_target_shows_a_roll_that_its_rest_pose_hides(clip, angl
     world = np.array(plain.world_rotations)
     roll = Rotation.from_euler("x", angle, degrees=True)
     world[:, arm] = (Rotation.from_quat(world[:, arm]) * roll).as_quat()
-    own = replace(plain, rotations=local_rotations(plain.skeleton.parents, world))
+    local = world.copy()
+    make_local(plain.skeleton.parents, local)
+    own = replace(plain, rotations=local)
     np.testing.assert_allclose(own.positions[:, arm], plain.positions[:, arm], atol=1e-9)
     told = retarget(read(clip), own).motion
     untold = retarget(read(clip), plain.skeleton).motion

@@ -13,26 +13,30 @@ def positions(frames=40):
     return swaying(person(), frames).positions
 
 
+def shots(x, length=LENGTH):
+    return find_shots(x, np.arange(x.shape[1]), length)
+
+
 def test_a_clip_without_a_cut_is_one_shot():
-    np.testing.assert_array_equal(find_shots(positions(), LENGTH), np.zeros(40))
-    np.testing.assert_array_equal(find_shots(np.zeros((1, 3, 3)), LENGTH), [0])
+    np.testing.assert_array_equal(shots(positions()), np.zeros(40))
+    np.testing.assert_array_equal(shots(np.zeros((1, 3, 3))), [0])
 
 
 @pytest.mark.parametrize("cut", [1, 2, 17, 39])
 def test_a_body_that_jumps_begins_a_shot(cut):
     x = np.array(positions())
     x[cut:] += [0.0, 0.0, 2.0]
-    np.testing.assert_array_equal(find_shots(x, LENGTH), np.arange(40) >= cut)
-    np.testing.assert_array_equal(find_shots(100 * x, 100 * LENGTH), np.arange(40) >= cut)
+    np.testing.assert_array_equal(shots(x), np.arange(40) >= cut)
+    np.testing.assert_array_equal(shots(100 * x, 100 * LENGTH), np.arange(40) >= cut)
 
 
 def test_one_bad_frame_and_small_jumps_are_no_cut():
     x = np.array(positions())
     x[12] += 2.0
-    assert find_shots(x, LENGTH).max() == 0
+    assert shots(x).max() == 0
     still = np.tile(positions()[:1], (40, 1, 1))
     still[20:] += 0.01 * LENGTH / np.sqrt(3)
-    assert find_shots(still, LENGTH).max() == 0
+    assert shots(still).max() == 0
 
 
 def test_values_are_computed_for_each_shot_on_its_own():

@@ -43,7 +43,9 @@ def stance_of(source, target, scale=1.0, up="Y"):
 
 
 def stance_by(matching, scale):
-    shots = find_shots(matching.source_motion.positions, matching.source.unit / 2)
+    shots = find_shots(
+        matching.source_motion.positions, np.arange(len(matching.source.skeleton)), matching.source.unit / 2
+    )
     return find_stance(matching, rotation_copy(matching, RootScale.even(scale)), RootScale.even(scale), shots, SETTINGS)
 
 

@@ -19,7 +19,7 @@ from distretarget.body.handles import moves_freely
 from distretarget.errors import MotionError
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
-from distretarget.numerics.kinematics import local_rotations
+from distretarget.numerics.kinematics import make_local
 from distretarget.numerics.rotations import least
 from distretarget.numerics.vectors import level
 
@@ -74,8 +74,8 @@ class EngineRoot:
             if joint in self.handles or (parent in self.moving and joint not in self.moving):
                 back = Rotation.from_quat(world[:, parent]).inv()
                 translations[:, joint] = back.apply(positions[:, joint] - positions[:, parent])
-        rotations = local_rotations(skeleton.parents, world)
-        return Motion.of_translations(skeleton, translations, rotations, motion.frame_time_text)
+        make_local(skeleton.parents, world)
+        return Motion.of_translations(skeleton, translations, world, motion.frame_time_text)
 
     def _path(self, motion: Motion) -> Array:
         """(frames, 3), the root's path [target file units]."""

@@ -14,6 +14,8 @@ from distretarget.numerics.kinematics import rotation_products
 
 Array = NDArray[np.float64]
 
+ALL = slice(None)
+
 
 def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
     """Return the motion with the world rotations R_src(t) A, where A is the alignment of the rest poses.
@@ -23,9 +25,7 @@ def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
     """
     source, skeleton, blend = matching.source_motion, matching.target.skeleton, matching.blend
     turned, alignment = source.world_rotations, rest_alignment(matching)
-    world = np.tile([0.0, 0.0, 0.0, 1.0], (len(source), len(skeleton), 1))
-    driven, between = np.flatnonzero(matching.rotation_sources[:, 0] >= 0), np.flatnonzero(blend > 0)
-    world[:, driven] = _aligned(matching, turned, alignment, driven, 0)
+    world, between = _aligned(matching, turned, alignment, ALL, 0), np.flatnonzero(blend > 0)
     if len(between):
         first, second = (Rotation.from_quat(_aligned(matching, turned, alignment, between, k)) for k in (0, 1))
         steps = (first.inv() * second).as_rotvec() * blend[between, None]
@@ -39,9 +39,9 @@ def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
     return motion_of_world(skeleton, path, world, source.frame_time_text)
 
 
-def _aligned(matching: Matching, turned: Array, alignment: Array, joints: NDArray[np.intp], k: int) -> Array:
+def _aligned(matching: Matching, turned: Array, alignment: Array, joints: slice | NDArray[np.intp], k: int) -> Array:
     """(frames, joints, 4), the world rotations of target joints by their first (k = 0) or second (k = 1) source, whose
-    own are `turned`, (frames, source joints, 4).
+    own are `turned`, (frames, source joints, 4); no turn where there is none.
     """
-    sources = matching.rotation_sources[joints, k]
-    return rotation_products(np.take(turned, sources, axis=1), alignment[None, joints, k])
+    sources = np.ascontiguousarray(matching.rotation_sources[joints, k])
+    return rotation_products(turned, sources, np.ascontiguousarray(alignment[joints, k]))

@@ -19,6 +19,7 @@ from distretarget.body.reference_pose import bend_axes, standing_frame, stands_a
 from distretarget.body.regions import Regions, find_regions
 from distretarget.body.shape import by_shape
 from distretarget.motion import Motion
+from distretarget.numerics.kinematics import lowest_heights
 from distretarget.numerics.vectors import normalised
 from distretarget.skeleton import Skeleton
 
@@ -179,7 +180,7 @@ class Body:
         """
         if self.motion is None:
             return 0.0
-        return float(np.percentile((self.motion.positions @ up).min(axis=1), LOWEST_FRAMES))
+        return float(np.percentile(lowest_heights(self.motion.positions, up), LOWEST_FRAMES))
 
     def axes_at(self, positions: Array) -> Array:
         """Return the axes of the body, (3, 3), columns left, up and forward, in a standing pose whose joints are at

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from distretarget.body.legs import Leg
 from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled, inlined
-from distretarget.numerics.kinematics import speeds_along
+from distretarget.numerics.kinematics import lowest_heights, speeds_along
 from distretarget.numerics.shots import Shots, by_shot
+from distretarget.numerics.vectors import heights
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -52,13 +53,13 @@ def feet_at_rest(
 def slow_joints(motion: Motion, joints: NDArray[np.intp], speed: float, shots: Shots) -> Flags:
     """Return whether each of the joints is slower than `speed` [file units / s], (frames, len(joints))."""
     speeds = partial(speeds_along, frame_time=motion.frame_time)
-    return np.asarray(by_shot(speeds, shots, motion.positions[:, joints]) < speed)
+    return np.asarray(by_shot(speeds, shots, np.take(motion.positions, joints, axis=1)) < speed)
 
 
 def above_lowest(motion: Motion, joints: NDArray[np.intp] | list[int], up: Array) -> Array:
     """Return how far each of the joints is above the lowest one of the frame, (frames, len(joints)) [file units]."""
-    heights = motion.positions @ up
-    return np.asarray(heights[:, joints] - heights.min(axis=1, keepdims=True))
+    high = heights(np.take(motion.positions, joints, axis=1), up)
+    return np.asarray(high - lowest_heights(motion.positions, up)[:, None])
 
 
 def still_joints(

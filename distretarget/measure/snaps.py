@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from distretarget.body.body import Body
 from distretarget.motion import Motion
+from distretarget.numerics.kinematics import steps_along
 from distretarget.numerics.shots import find_shots
-from distretarget.numerics.vectors import lengths
 
 Array = NDArray[np.float64]
 
@@ -26,11 +26,12 @@ def find_snaps(copy: Motion, result: Motion, body: Body) -> Array:
     """
     flesh = body.regions.of_joint >= 0
     steps, calm = _steps(result, body), _steps(copy, body) < CALM
-    calm[np.diff(find_shots(copy.positions[:, flesh], 0.5 * body.unit)) > 0] = False
+    calm[np.diff(find_shots(copy.positions, np.flatnonzero(flesh), 0.5 * body.unit)) > 0] = False
     return np.where(flesh & calm & (steps > SNAP), steps, 0.0)
 
 
 def _steps(motion: Motion, body: Body) -> Array:
     """(frames - 1, joints), how far each joint moves to the next frame [% of leg length in `INSTANT`]."""
-    ways = lengths(np.diff(motion.positions, axis=0))
-    return np.asarray(100 * ways / (0.5 * body.unit) * INSTANT / motion.frame_time)
+    steps = steps_along(motion.positions)
+    steps *= 100 * INSTANT / (0.5 * body.unit * motion.frame_time)
+    return steps

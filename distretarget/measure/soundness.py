@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,19 +21,20 @@ DIGITS = 1e-9  # what is left of exactness far from the origin [of the distance 
 REPORT = "please report this with the clip and the target"
 
 
-def check_places(posed: Motion, copy: Array, matching: Matching) -> None:
+def check_places(posed: Motion, on_path: Callable[[NDArray[np.intp]], Array], matching: Matching) -> None:
     """Check that a result has the frames of its source, with hips and feet near the copy's.
 
-    `copy`, (frames, joints, 3), is where copied rotations put the joints if the root keeps to its path.
+    `on_path` returns where copied rotations put the joints that it is given if the root keeps to its path, (frames,
+    joints, 3).
 
     Raises:
         MotionError: it does not; the message names joint and frame.
     """
     if len(posed) != len(matching.source_motion):
         raise MotionError(f"the result has {len(posed)} frames, the source {len(matching.source_motion)}; {REPORT}")
-    unit = matching.target.unit + DIGITS * extent(copy)
+    unit = matching.target.unit + DIGITS * extent(on_path(np.array([matching.pelvis])))
     for joints, most in ((np.array([matching.pelvis]), HIPS_RANGE), (_ankles(matching), FEET_RANGE)):
-        away = lengths(posed.positions[:, joints] - copy[:, joints]) / unit
+        away = lengths(posed.positions[:, joints] - on_path(joints)) / unit
         far = f"is more than {most:g} heights away from where copied rotations put it"
         _refuse_first(~(away <= most), posed, joints, far)
 

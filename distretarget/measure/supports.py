@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from distretarget.body.regions import TRUNK
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
-from distretarget.numerics.kinematics import speeds_along
+from distretarget.numerics.kinematics import lowest_heights, speeds_along
 from distretarget.numerics.smoothing import largest
 from distretarget.numerics.vectors import lengths, level
 
@@ -100,7 +100,7 @@ def find_supports(source: Motion, matching: Matching, up: Array) -> SourceSuppor
     source_leg, leg = matching.leg_lengths if matching.legs else (1.0, 1.0)
     paths = source.positions[:, matching.drivers[joints]] / source_leg
     height = paths @ up
-    low = height - (source.positions @ up).min(axis=1, keepdims=True) / source_leg < LOW
+    low = height - lowest_heights(source.positions, up)[:, None] / source_leg < LOW
     on_floor = low & (speeds_along(paths, source.frame_time) < SLOW)
     holds = _holds(source, matching, joints, source_leg) & ~on_floor
     some = (on_floor | holds).any(axis=0)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from distretarget.errors import SettingsError
 from distretarget.numerics.compiled import compiled, inlined, read_only
-from distretarget.numerics.vectors import lengths
+from distretarget.numerics.loops import clear
 
 Array = NDArray[np.float64]
 Parents = NDArray[np.intp]
@@ -50,29 +50,27 @@ def world_rotations(parents: Parents, local: Array) -> Array:
     return world
 
 
-def local_rotations(parents: Parents, world: Array) -> Array:
-    """Local rotations from world ones, both (frames, joints, 4); the inverse of `world_rotations`."""
-    local = np.array(world)
-    _local_rotations(read_only(parents), world, local)
-    return local
+def make_local(parents: Parents, rotations: Array) -> None:
+    """Turn world rotations, (frames, joints, 4), into local ones in place; the inverse of `world_rotations`."""
+    _make_local(read_only(parents), rotations)
 
 
-def rotation_products(first: Array, second: Array) -> Array:
-    """The product of each rotation of `first`, (frames, joints, 4), with that of `second`, the same or one frame."""
-    product = np.empty_like(first)
-    _products(first, second, product)
+def rotation_products(first: Array, of_first: NDArray[np.intp], second: Array) -> Array:
+    """(frames, joints, 4), for each joint the product of the rotation `of_first`, (joints,), among those of `first`,
+    (frames, n, 4), with the one of `second`, (joints, 4); no turn where `of_first` is negative.
+    """
+    product = np.empty((len(first), len(second), 4))
+    _products(first, of_first, second, product)
     return product
 
 
-def turned_rotations(vectors: Array, parts: Parts, rotations: Array) -> Array:
-    """World rotations, (frames, joints, 4), each turned in the world by the rotation vector of its part.
+def turn_parts(vectors: Array, parts: Parts, rotations: Array) -> None:
+    """Turn world rotations, (frames, joints, 4), in the world by the rotation vectors of their parts, in place.
 
     `vectors`, (frames, parts, 3), are in [rad]; `parts`, (joints,), is the part of each joint, -1 for joints that keep
     their rotations.
     """
-    turned = np.array(rotations)
-    _turn(vectors, parts, np.empty((vectors.shape[1], 4)), turned)
-    return turned
+    _turn(vectors, parts, np.empty((vectors.shape[1], 4)), rotations)
 
 
 @compiled()
@@ -85,20 +83,24 @@ def _world_rotations(parents: Parents, world: Array) -> None:
 
 
 @compiled()
-def _local_rotations(parents: Parents, world: Array, local: Array) -> None:
-    """Write local rotations: the inverse of the parent's world rotation times the joint's own."""
-    for frame in range(len(world)):
-        for joint in range(1, len(parents)):
-            p = world[frame, parents[joint]]
-            _multiply(-p[0], -p[1], -p[2], p[3], world[frame, joint], local[frame, joint])
+def _make_local(parents: Parents, rotations: Array) -> None:
+    """Multiply the inverse of the parent's world rotation with the joint's own, from the leaves to the root."""
+    for frame in range(len(rotations)):
+        for joint in range(len(parents) - 1, 0, -1):
+            p = rotations[frame, parents[joint]]
+            _multiply(-p[0], -p[1], -p[2], p[3], rotations[frame, joint], rotations[frame, joint])
 
 
 @compiled()
-def _products(first: Array, second: Array, product: Array) -> None:
+def _products(first: Array, of_first: NDArray[np.intp], second: Array, product: Array) -> None:
     for frame in range(len(first)):
-        for joint in range(first.shape[1]):
-            p = first[frame, joint]
-            _multiply(p[0], p[1], p[2], p[3], second[min(frame, len(second) - 1), joint], product[frame, joint])
+        for joint in range(len(of_first)):
+            if of_first[joint] >= 0:
+                p = first[frame, of_first[joint]]
+                _multiply(p[0], p[1], p[2], p[3], second[joint], product[frame, joint])
+            else:
+                clear(product[frame, joint])
+                product[frame, joint, 3] = 1.0
 
 
 @compiled()
@@ -145,6 +147,44 @@ def _positions(parents: Parents, root_positions: Array, bones: Array, world: Arr
             positions[frame, joint, 2] = positions[frame, parent, 2] + c + 2.0 * (w * k + x * j - y * i)
 
 
+def lowest_heights(positions: Array, up: Array) -> Array:
+    """The height along the unit vector up of the lowest joint in each frame, (frames,).
+
+    `positions`, (frames, joints, 3), and the heights are in the same units.
+    """
+    lowest = np.empty(len(positions))
+    _write_lowest(read_only(positions), read_only(up), lowest)
+    return lowest
+
+
+@compiled()
+def _write_lowest(positions: Array, up: Array, lowest: Array) -> None:
+    for frame in range(len(positions)):
+        lowest[frame] = np.inf
+        for joint in range(positions.shape[1]):
+            x, y, z = positions[frame, joint, 0], positions[frame, joint, 1], positions[frame, joint, 2]
+            lowest[frame] = min(lowest[frame], up[0] * x + up[1] * y + up[2] * z)
+
+
+def steps_along(paths: Array, joints: NDArray[np.intp] | None = None, lag: int = 1) -> Array:
+    """How far joints are from each frame of their paths, (frames, all joints, 3), to the one `lag` frames later,
+    (frames - lag, joints), in the units of `paths`; all joints if none are given.
+    """
+    joints = np.arange(paths.shape[1]) if joints is None else joints
+    steps = np.empty((max(len(paths) - lag, 0), len(joints)))
+    _write_steps(read_only(np.ascontiguousarray(paths)), joints, lag, steps)
+    return steps
+
+
+@compiled()
+def _write_steps(paths: Array, joints: NDArray[np.intp], lag: int, steps: Array) -> None:
+    for frame in range(len(steps)):
+        for n in range(len(joints)):
+            start, end = paths[frame, joints[n]], paths[frame + lag, joints[n]]
+            x, y, z = end[0] - start[0], end[1] - start[1], end[2] - start[2]
+            steps[frame, n] = np.sqrt(x * x + y * y + z * z)
+
+
 def speeds_along(paths: Array, frame_time: float) -> Array:
     """The speeds along paths, (frames, joints, 3), by central differences, (frames, joints); 0 in a single frame.
 
@@ -152,7 +192,5 @@ def speeds_along(paths: Array, frame_time: float) -> Array:
     """
     if len(paths) < 2:
         return np.zeros(paths.shape[:2])
-    steps = np.empty_like(paths)
-    np.subtract(paths[2:], paths[:-2], out=steps[1:-1])
-    steps[0], steps[-1] = 2.0 * (paths[1] - paths[0]), 2.0 * (paths[-1] - paths[-2])
-    return lengths(steps) / (2.0 * frame_time)
+    first, last = 2.0 * steps_along(paths[:2]), 2.0 * steps_along(paths[-2:])
+    return np.concatenate([first, steps_along(paths, lag=2), last]) / (2.0 * frame_time)

@@ -8,9 +8,25 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.numerics.compiled import compiled
+from distretarget.numerics.compiled import compiled, read_only
 
 PULL = 1e-6  # how much the fit of several vectors prefers no rotation, against the vectors
+
+
+def first_not_unit(quaternions: NDArray[np.float64], error: float) -> int:
+    """Return the number of the first quaternion among some, (n, 4), whose length is not 1 within `error`; -1 if all
+    are.
+    """
+    return int(_first_not_unit(read_only(quaternions), error))
+
+
+@compiled()
+def _first_not_unit(quaternions, error):  # type: ignore[no-untyped-def]
+    for n in range(len(quaternions)):
+        x, y, z, w = quaternions[n]
+        if not abs(np.sqrt(x * x + y * y + z * z + w * w) - 1.0) < error:
+            return n
+    return -1
 
 
 def best_rotation(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

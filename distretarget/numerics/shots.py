@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.numerics.vectors import lengths
+from distretarget.numerics.kinematics import steps_along
 
 Array = NDArray[np.float64]
 Value = TypeVar("Value", bound=np.generic)
@@ -19,13 +19,13 @@ STEP = 8.0  # at a cut the joints move this many times as far as from frame to f
 FAR = 0.02  # ... and at least this far on average [of the length that is given]
 
 
-def find_shots(positions: Array, length: float) -> Shots:
+def find_shots(positions: Array, joints: NDArray[np.intp], length: float) -> Shots:
     """Return the number of the shot that each frame belongs to, (frames,), counted from 0.
 
-    `positions`, (frames, joints, 3), are those of a body, and `length` is a length of it, such as that of its legs, in
-    the same unit.
+    `joints` are those of a body, among `positions`, (frames, all joints, 3), and `length` is a length of it, such as
+    that of its legs, in the same unit.
     """
-    steps = lengths(np.diff(positions, axis=0)).mean(axis=1)
+    steps = steps_along(positions, joints).mean(axis=1)
     before, after = np.insert(steps, 0, 0.0)[:-1], np.append(steps, 0.0)[1:]
     cuts = steps > np.maximum(STEP * np.maximum(before, after), FAR * length)
     return np.insert(np.cumsum(cuts), 0, 0).astype(np.intp)

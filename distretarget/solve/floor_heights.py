@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from distretarget.baseline.root import RootScale
 from distretarget.matching.matching import Matching
+from distretarget.numerics.kinematics import lowest_heights
+from distretarget.numerics.vectors import heights
 from distretarget.solve.floor import Floor
 from distretarget.solve.poses import PoseProblem
 from distretarget.solve.settings import ContactSettings
@@ -31,12 +33,13 @@ def with_floor_heights(
     if matching.legs is None:
         return supports
     up, length = matching.source.up_vector, matching.leg_lengths[1]
-    heights = scale.height * (matching.source_motion.positions @ up)
-    floor, reach = heights.min(axis=1), settings.rest_height * length
+    source = matching.source_motion.positions
+    floor, reach = scale.height * lowest_heights(source, up)[:, None], settings.rest_height * length
     weight = supports.weights.max(axis=1, initial=0.0)
     joints = matching.joints_but_feet
-    lowest = floor[:, None] + np.minimum(heights[:, matching.drivers[joints]] - floor[:, None], reach)
-    over = problem.copy_on_path(joints) @ up - lowest
+    high = scale.height * heights(np.take(source, matching.drivers[joints], axis=1), up)
+    lowest = floor + np.minimum(high - floor, reach)
+    over = heights(problem.copy_on_path(joints), up) - lowest
     near = ((over < NEAR * length) & (weight[:, None] > 0.0)).any(axis=0)
     joints, lowest = joints[near], lowest[:, near]
     _, region, count = np.unique(matching.regions.of_joint[joints], return_inverse=True, return_counts=True)

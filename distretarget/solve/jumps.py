@@ -7,6 +7,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.numerics.kinematics import steps_along
 from distretarget.numerics.smoothing import averaged, widened
 from distretarget.numerics.vectors import lengths
 from distretarget.solve.settings import ContactSettings
@@ -39,7 +40,7 @@ def _jumps(v: Array, limit: float) -> Array:
     next frame, else 0.
     """
     jumps = np.zeros(v.shape[:2])
-    jumps[:-1] = lengths(np.diff(v, axis=0)) > limit
+    jumps[:-1] = steps_along(v) > limit
     return jumps
 
 

@@ -15,8 +15,6 @@ from distretarget.solve.spg import Effort
 
 Array = NDArray[np.float64]
 
-ALL = slice(None)
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PoseProblem:
@@ -58,11 +56,13 @@ class PoseProblem:
         """The same clip with the path of the root displaced by vectors (frames, 3) [target file units]."""
         return replace(self, root=self.root + by)
 
-    def copy_on_path(self, joints: slice | NDArray[np.intp] = ALL) -> Array:
+    def copy_on_path(self, joints: NDArray[np.intp]) -> Array:
         """(frames, joints, 3), positions of joints in the rotation copy whose root keeps to its path [target file
         units].
         """
-        return np.asarray(self.copy[:, joints] + (self.root - self.copy[:, 0])[:, None])
+        places = np.take(self.copy, joints, axis=1)
+        places += (self.root - self.copy[:, 0])[:, None]
+        return places
 
     @property
     def bones(self) -> Array:

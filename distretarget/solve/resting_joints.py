@@ -15,7 +15,7 @@ from distretarget.body.resting import above_lowest, slow_joints, still_joints
 from distretarget.matching.matching import Matching
 from distretarget.numerics.shots import Shots, by_shot
 from distretarget.numerics.smoothing import median_of_three, over_runs, runs_of, widened
-from distretarget.numerics.vectors import lengths, level
+from distretarget.numerics.vectors import heights, lengths, level
 from distretarget.solve.poses import PoseProblem
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.supports import RESTS, Supports
@@ -103,15 +103,17 @@ def find_resting_joints(
     if not len(on):
         return None
     joints, on_floor, rests = joints[on], on_floor[:, on], rests[:, on]
-    copied, places = problem.copy_on_path(), scale.places(source.positions[:, joints.sources], up)
-    held = {int(j): (feet.weights[:, k] >= RESTS, feet.places[:, k] - copied[:, j]) for k, j in enumerate(feet.joints)}
+    places = scale.places(source.positions[:, joints.sources], up)
+    shifts = feet.places - problem.copy_on_path(feet.joints)
+    held = {int(j): (feet.weights[:, k] >= RESTS, shifts[:, k]) for k, j in enumerate(feet.joints)}
+    copied = problem.copy_on_path(joints.targets)
     for column in np.argsort(-joints.targets):  # from the ends of limbs inwards
         joint = int(joints.targets[column])
         carried, shift = _carried([held[each] for each in _farther_out(matching, joint) if each in held], len(source))
-        off = copied[:, joint] + shift - places[:, column]
+        off = copied[:, column] + shift - places[:, column]
         columns = off, rests[:, column], on_floor[:, column], carried
         places[:, column] += by_shot(partial(_offsets, up=up, scene=scene), shots, *columns)
-        held[joint] = rests[:, column], places[:, column] - copied[:, joint]
+        held[joint] = rests[:, column], places[:, column] - copied[:, column]
     names = np.array(matching.regions.names)[joints.regions]
     return RestingJoints(
         joints=joints.targets, regions=joints.regions, in_trunk=np.isin(names, TRUNK), rests=rests, places=places
@@ -146,13 +148,13 @@ def _lie_on_flesh(matching: Matching, joints: _Candidates, up: Array) -> Flags:
     """(frames, joints), whether each is inside flesh, in trunk or head, and lower than its neighbours in the tree: the
     body lies or sits on it, if it is near the floor.
     """
-    skeleton, heights = matching.source.skeleton, matching.source_motion.positions @ up
+    skeleton, high = matching.source.skeleton, heights(matching.source_motion.positions, up)
     columns = []
     for joint, region in zip(joints.sources.tolist(), joints.regions, strict=True):
         near = [skeleton.parents[joint], *skeleton.children[joint]] if joint else skeleton.children[joint]
         near = [each for each in near if skeleton.path_lengths[joint, each] > 0]
         inside = matching.regions.names[region] in (*TRUNK, HEAD) and near
-        columns.append(heights[:, joint] <= heights[:, near].min(axis=1) if inside else np.zeros(len(heights), bool))
+        columns.append(high[:, joint] <= high[:, near].min(axis=1) if inside else np.zeros(len(high), bool))
     return np.stack(columns, axis=1)
 
 

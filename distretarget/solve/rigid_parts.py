@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion, motion_of_world
-from distretarget.numerics.kinematics import turned_rotations
+from distretarget.numerics.kinematics import turn_parts
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -67,7 +67,8 @@ def posed_motion(copy: Motion, v: Array, parts: NDArray[np.intp], root_positions
     skeleton = copy.skeleton
     turning = np.array(parts)
     turning[_turning_leaves(copy)] = -1
-    world = turned_rotations(v[:, :-1], turning, copy.world_rotations)
+    world = copy.world_rotations
+    turn_parts(v[:, :-1], turning, world)
     return motion_of_world(skeleton, root_positions, world, copy.frame_time_text)
 
 
