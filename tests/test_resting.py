@@ -1,11 +1,10 @@
 """Joints at rest: on the floor, and on anything else that stands still while the body moves."""
 
 import numpy as np
-import pytest
 from bodies import person, posed
 
 from distretarget import Motion, Skeleton
-from distretarget.body.resting import above_lowest, slow_joints, still_joints
+from distretarget.body.resting import above_lowest, joint_speeds, still_joints
 
 FRAMES, STEP = 100, 0.02
 ONE_SHOT = np.zeros(FRAMES, np.intp)
@@ -30,8 +29,10 @@ def along(distance):
     return np.outer(distance, [1.0, 0.0, 0.0])
 
 
-def still(base, end):
-    return still_joints(two_points(base, end), np.array([1]), np.array([0]), 1.0, ONE_SHOT)[:, 0]
+def still(base, end, shots=ONE_SHOT):
+    """Whether the end stands still while the base moves, (frames,)."""
+    motion, joint, start = two_points(base, end), np.array([1]), np.array([0])
+    return still_joints(motion, joint, start, joint_speeds(motion, joint, shots), 1.0, shots)[:, 0]
 
 
 def test_a_hand_that_stays_while_the_body_moves_stands_still():
@@ -64,14 +65,14 @@ def test_only_the_frames_of_the_hold_count():
 def test_a_hold_ends_at_a_cut():
     shots = (np.arange(FRAMES) >= 50).astype(np.intp)
     base = along(np.where(shots, 0.5 * TIME, 0.0))
-    found = still_joints(two_points(base, along(0.0 * TIME)), np.array([1]), np.array([0]), 1.0, shots)[:, 0]
+    found = still(base, along(0.0 * TIME), shots)
     np.testing.assert_array_equal(found, shots == 1)
 
 
-@pytest.mark.parametrize("speed", [0.1, 0.3])
-def test_slow_joints_are_below_the_limit(speed):
-    motion = two_points(along(0.2 * TIME), along(0.2 * TIME))
-    assert np.all(slow_joints(motion, np.array([0, 1]), speed, ONE_SHOT) == (speed > 0.2))
+def test_joints_are_as_fast_as_they_move():
+    motion = two_points(along(0.2 * TIME), along(0.3 * TIME))
+    speeds = joint_speeds(motion, np.array([1, 0]), ONE_SHOT)
+    np.testing.assert_allclose(speeds, np.tile([0.3, 0.2], (FRAMES, 1)))
 
 
 def test_low_joints_are_near_the_lowest_one():

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from distretarget.batch.interrupts import interrupts_kept
-from distretarget.body.resting import still_joints
+from distretarget.body.axes import axis_vector
+from distretarget.body.resting import above_lowest, joint_speeds, still_joints
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.motion import Motion
@@ -31,5 +32,11 @@ def warm(objective: Objective) -> None:
     result = retarget(source, body.with_offsets(1.5 * offsets), objective=objective)
     result.figures  # noqa: B018 - what it needs is compiled
     format_bvh(result.motion)
-    joints = np.arange(JOINTS)
-    still_joints(source, joints, joints, 1.0, np.zeros(len(source), np.intp))  # which only bodies with legs need
+    _warm_legs(source)
+
+
+def _warm_legs(source: Motion) -> None:
+    """The same for what only bodies with legs need."""
+    joints, shots = np.arange(JOINTS), np.zeros(len(source), np.intp)
+    above_lowest(source, joints, axis_vector("Y"))
+    still_joints(source, joints, joints, joint_speeds(source, joints, shots), 1.0, shots)

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from distretarget.body.legs import Leg
 from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled, inlined
-from distretarget.numerics.kinematics import lowest_heights, speeds_along
+from distretarget.numerics.kinematics import heights_of, lowest_heights, speeds_along
 from distretarget.numerics.shots import Shots, by_shot
-from distretarget.numerics.vectors import heights
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -46,31 +45,30 @@ def feet_at_rest(
     joints = np.array([leg.ankle, leg.toe])
     below = [leg.ankle, leg.toe, *motion.skeleton.children[leg.toe]]
     low = (above_lowest(motion, below, up) < height * length).any(axis=1, keepdims=True)
-    still = still_joints(motion, joints, np.array([leg.hip, leg.hip]), length, shots)
-    return (slow_joints(motion, joints, speed * length, shots) & low) | still
+    speeds = joint_speeds(motion, joints, shots)
+    still = still_joints(motion, joints, np.array([leg.hip, leg.hip]), speeds, length, shots)
+    return np.asarray(((speeds < speed * length) & low) | still)
 
 
-def slow_joints(motion: Motion, joints: NDArray[np.intp], speed: float, shots: Shots) -> Flags:
-    """Return whether each of the joints is slower than `speed` [file units / s], (frames, len(joints))."""
-    speeds = partial(speeds_along, frame_time=motion.frame_time)
-    return np.asarray(by_shot(speeds, shots, np.take(motion.positions, joints, axis=1)) < speed)
+def joint_speeds(motion: Motion, joints: NDArray[np.intp], shots: Shots) -> Array:
+    """Return how fast each of the joints is, (frames, len(joints)) [file units / s]; `shots` are those of the clip."""
+    return by_shot(partial(speeds_along, frame_time=motion.frame_time, joints=joints), shots, motion.positions)
 
 
 def above_lowest(motion: Motion, joints: NDArray[np.intp] | list[int], up: Array) -> Array:
     """Return how far each of the joints is above the lowest one of the frame, (frames, len(joints)) [file units]."""
-    high = heights(np.take(motion.positions, joints, axis=1), up)
-    return np.asarray(high - lowest_heights(motion.positions, up)[:, None])
+    return heights_of(motion.positions, joints, up) - lowest_heights(motion.positions, up)[:, None]
 
 
 def still_joints(
-    motion: Motion, joints: NDArray[np.intp], bases: NDArray[np.intp], length: float, shots: Shots
+    motion: Motion, joints: NDArray[np.intp], bases: NDArray[np.intp], speeds: Array, length: float, shots: Shots
 ) -> Flags:
     """Return whether each of the joints stands still in the world while its limb moves, (frames, len(joints)).
 
     Nothing but something to hold on to keeps the end of a limb in its place while the joint where the limb begins, in
-    `bases`, moves. `length` is that of a leg [file units].
+    `bases`, moves. `speeds` are those of `joint_speeds`, and `length` is that of a leg [file units].
     """
-    slow = slow_joints(motion, joints, STILL_SPEED * length, shots)
+    slow = speeds < STILL_SPEED * length
     holding = np.zeros_like(slow)
     least = max(STILL_TIME / motion.frame_time, 2.0)
     _find_holding(slow, motion.positions, joints, bases, length, least, shots, holding)

@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 from distretarget.errors import SettingsError
 from distretarget.numerics.compiled import compiled, inlined, read_only
 from distretarget.numerics.loops import clear
+from distretarget.numerics.threads import over_frames
 
 Array = NDArray[np.float64]
 Parents = NDArray[np.intp]
 Parts = NDArray[np.intp]
+
+ALL = slice(None)
 
 
 def forward_kinematics(parents: Parents, translations: Array, world: Array) -> Array:
@@ -39,20 +42,26 @@ def joint_positions(parents: Parents, root_positions: Array, bones: Array, world
     same in all frames, (1, joints, 3), of which the root's is not used.
     """
     positions = np.empty((len(world), len(parents), 3))
-    _positions(read_only(parents), read_only(root_positions), read_only(bones), read_only(world), positions)
+    tree, path, moving, turned = read_only(parents), read_only(root_positions), read_only(bones), read_only(world)
+
+    def place(part: slice) -> None:
+        _positions(tree, path[part], moving[part if len(bones) > 1 else ALL], turned[part], positions[part])
+
+    over_frames(place, *positions.shape[:2])
     return positions
 
 
 def world_rotations(parents: Parents, local: Array) -> Array:
     """World rotations from local ones, both (frames, joints, 4): each joint's is its parent's times its own."""
-    world = np.array(local)
-    _world_rotations(read_only(parents), world)
+    world, parents = np.array(local), read_only(parents)
+    over_frames(lambda part: _world_rotations(parents, world[part]), *world.shape[:2])
     return world
 
 
 def make_local(parents: Parents, rotations: Array) -> None:
     """Turn world rotations, (frames, joints, 4), into local ones in place; the inverse of `world_rotations`."""
-    _make_local(read_only(parents), rotations)
+    parents = read_only(parents)
+    over_frames(lambda part: _make_local(parents, rotations[part]), *rotations.shape[:2])
 
 
 def rotation_products(first: Array, of_first: NDArray[np.intp], second: Array) -> Array:
@@ -60,7 +69,7 @@ def rotation_products(first: Array, of_first: NDArray[np.intp], second: Array) -
     (frames, n, 4), with the one of `second`, (joints, 4); no turn where `of_first` is negative.
     """
     product = np.empty((len(first), len(second), 4))
-    _products(first, of_first, second, product)
+    over_frames(lambda part: _products(first[part], of_first, second, product[part]), *product.shape[:2])
     return product
 
 
@@ -70,7 +79,11 @@ def turn_parts(vectors: Array, parts: Parts, rotations: Array) -> None:
     `vectors`, (frames, parts, 3), are in [rad]; `parts`, (joints,), is the part of each joint, -1 for joints that keep
     their rotations.
     """
-    _turn(vectors, parts, np.empty((vectors.shape[1], 4)), rotations)
+
+    def turn(part: slice) -> None:
+        _turn(vectors[part], parts, np.empty((vectors.shape[1], 4)), rotations[part])
+
+    over_frames(turn, *rotations.shape[:2])
 
 
 @compiled()
@@ -147,6 +160,23 @@ def _positions(parents: Parents, root_positions: Array, bones: Array, world: Arr
             positions[frame, joint, 2] = positions[frame, parent, 2] + c + 2.0 * (w * k + x * j - y * i)
 
 
+def heights_of(positions: Array, joints: NDArray[np.intp] | list[int], up: Array) -> Array:
+    """The heights of joints, (frames, joints), along the unit vector up, in the units of `positions`, (frames, all
+    joints, 3).
+    """
+    heights = np.empty((len(positions), len(joints)))
+    _write_heights(read_only(positions), np.array(joints, np.intp), read_only(up), heights)
+    return heights
+
+
+@compiled()
+def _write_heights(positions: Array, joints: NDArray[np.intp], up: Array, heights: Array) -> None:
+    for frame in range(len(positions)):
+        for n in range(len(joints)):
+            x, y, z = positions[frame, joints[n]]
+            heights[frame, n] = up[0] * x + up[1] * y + up[2] * z
+
+
 def lowest_heights(positions: Array, up: Array) -> Array:
     """The height along the unit vector up of the lowest joint in each frame, (frames,).
 
@@ -162,7 +192,7 @@ def _write_lowest(positions: Array, up: Array, lowest: Array) -> None:
     for frame in range(len(positions)):
         lowest[frame] = np.inf
         for joint in range(positions.shape[1]):
-            x, y, z = positions[frame, joint, 0], positions[frame, joint, 1], positions[frame, joint, 2]
+            x, y, z = positions[frame, joint]
             lowest[frame] = min(lowest[frame], up[0] * x + up[1] * y + up[2] * z)
 
 
@@ -185,12 +215,13 @@ def _write_steps(paths: Array, joints: NDArray[np.intp], lag: int, steps: Array)
             steps[frame, n] = np.sqrt(x * x + y * y + z * z)
 
 
-def speeds_along(paths: Array, frame_time: float) -> Array:
-    """The speeds along paths, (frames, joints, 3), by central differences, (frames, joints); 0 in a single frame.
+def speeds_along(paths: Array, frame_time: float, joints: NDArray[np.intp] | None = None) -> Array:
+    """The speeds of joints along paths, (frames, all joints, 3), by central differences, (frames, joints); of all
+    joints if none are given, and 0 in a single frame.
 
     They are in the units of `paths` per unit of `frame_time`.
     """
     if len(paths) < 2:
-        return np.zeros(paths.shape[:2])
-    first, last = 2.0 * steps_along(paths[:2]), 2.0 * steps_along(paths[-2:])
-    return np.concatenate([first, steps_along(paths, lag=2), last]) / (2.0 * frame_time)
+        return np.zeros((len(paths), paths.shape[1] if joints is None else len(joints)))
+    first, last = (2.0 * steps_along(paths[ends], joints) for ends in (slice(2), slice(-2, None)))
+    return np.concatenate([first, steps_along(paths, joints, lag=2), last]) / (2.0 * frame_time)

@@ -24,11 +24,6 @@ def extent(values: Array) -> float:
     return float(max(values.max(initial=0.0), -values.min(initial=0.0)))
 
 
-def heights(places: Array, up: Array) -> Array:
-    """The heights of places (..., 3) along the unit vector up, (3,), (...)."""
-    return (places.reshape(-1, 3) @ up).reshape(places.shape[:-1])  # one product is faster than one for each frame
-
-
 def normalised(vectors: Array) -> Array:
     """Vectors of length 1 in the same directions, (..., n); a zero vector stays zero."""
     sizes = lengths(vectors)[..., None]

@@ -18,7 +18,6 @@ from the places of resting joints, a frame depends on the frames around it only.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -65,7 +64,8 @@ def solve_contact(
     margin = activation_window(settings.lead / problem.frame_time)
     solve = partial(_solve_frames, settings=settings)
     poses = solve_in_chunks(solve, problem, supports, margin=margin, mapper=mapper, progress=progress)
-    return replace(poses, v=smooth_jumps(poses.v, problem.frame_time, settings))
+    smooth_jumps(poses.v, problem.frame_time, settings)
+    return poses
 
 
 def _solve_frames(problem: PoseProblem, supports: Supports, frames: slice, settings: ContactSettings) -> Poses:

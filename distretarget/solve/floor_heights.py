@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from distretarget.baseline.root import RootScale
 from distretarget.matching.matching import Matching
-from distretarget.numerics.kinematics import lowest_heights
-from distretarget.numerics.vectors import heights
+from distretarget.numerics.kinematics import heights_of, lowest_heights
 from distretarget.solve.floor import Floor
 from distretarget.solve.poses import PoseProblem
 from distretarget.solve.settings import ContactSettings
@@ -37,9 +36,9 @@ def with_floor_heights(
     floor, reach = scale.height * lowest_heights(source, up)[:, None], settings.rest_height * length
     weight = supports.weights.max(axis=1, initial=0.0)
     joints = matching.joints_but_feet
-    high = scale.height * heights(np.take(source, matching.drivers[joints], axis=1), up)
+    high = scale.height * heights_of(source, matching.drivers[joints], up)
     lowest = floor + np.minimum(high - floor, reach)
-    over = heights(problem.copy_on_path(joints), up) - lowest
+    over = heights_of(problem.copy, joints, up) + ((problem.root - problem.copy[:, 0]) @ up)[:, None] - lowest
     near = ((over < NEAR * length) & (weight[:, None] > 0.0)).any(axis=0)
     joints, lowest = joints[near], lowest[:, near]
     _, region, count = np.unique(matching.regions.of_joint[joints], return_inverse=True, return_counts=True)

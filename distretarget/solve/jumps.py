@@ -15,24 +15,22 @@ from distretarget.solve.settings import ContactSettings
 Array = NDArray[np.float64]
 
 
-def smooth_jumps(v: Array, frame_time: float, settings: ContactSettings) -> Array:
-    """Poses (frames, parts + 1, 3) in which no part jumps; the same array where none does.
+def smooth_jumps(v: Array, frame_time: float, settings: ContactSettings) -> None:
+    """Let no part jump in poses (frames, parts + 1, 3), which are changed in place.
 
     A part jumps where its deviation changes faster than `settings.jump_speed`. Where it stays after the jump, its
     deviation becomes a mean over the frames around (a raised cosine). A spike of one or two frames is not a jump, and
     is left as it is. `frame_time` is in [s].
     """
     limit = settings.jump_speed * frame_time
-    parts = np.flatnonzero(_jumps(v[:, :-1], limit).any(axis=0))
+    parts = np.flatnonzero(_jumps(v, limit)[:, :-1].any(axis=0))
     if not len(parts):
-        return v
+        return
     lasting = _without_spikes(v[:, parts])
     jumps = _jumps(lasting, limit)
     reach = round(settings.jump_blend / frame_time)
     share = widened(np.maximum(jumps, np.roll(jumps, 1, axis=0)), reach)[..., None]
-    smooth = np.array(v)
-    smooth[:, parts] += share * (averaged(lasting, reach) - v[:, parts])
-    return smooth
+    v[:, parts] += share * (averaged(lasting, reach) - v[:, parts])
 
 
 def _jumps(v: Array, limit: float) -> Array:

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from distretarget.baseline.root import RootScale
 from distretarget.body.regions import TRUNK
-from distretarget.body.resting import above_lowest, slow_joints, still_joints
+from distretarget.body.resting import above_lowest, joint_speeds, still_joints
 from distretarget.matching.matching import Matching
+from distretarget.numerics.kinematics import heights_of
 from distretarget.numerics.shots import Shots, by_shot
 from distretarget.numerics.smoothing import median_of_three, over_runs, runs_of, widened
-from distretarget.numerics.vectors import heights, lengths, level
+from distretarget.numerics.vectors import lengths, level
 from distretarget.solve.poses import PoseProblem
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.supports import RESTS, Supports
@@ -94,9 +95,10 @@ def find_resting_joints(
     source, up, length = matching.source_motion, matching.source.up_vector, matching.leg_lengths[0]
     joints = _candidates(matching)
     height = above_lowest(source, joints.sources, up)
-    low = (height < settings.rest_height * length) | ((height < INSIDE * length) & _lie_on_flesh(matching, joints, up))
-    on_floor = slow_joints(source, joints.sources, settings.rest_speed * length, shots) & low
-    still = still_joints(source, joints.sources, joints.bases, length, shots)
+    low = (height < settings.rest_height * length) | _lie_on_flesh(matching, joints, height < INSIDE * length, up)
+    speeds = joint_speeds(source, joints.sources, shots)
+    on_floor = (speeds < settings.rest_speed * length) & low
+    still = still_joints(source, joints.sources, joints.bases, speeds, length, shots)
     rests = on_floor | still & ~_stand_on_others(joints, on_floor | still, feet, matching)
     rests = median_of_three(rests)  # a single frame unlike both its neighbours is a fault
     on = np.flatnonzero(rests.any(axis=0))
@@ -144,18 +146,21 @@ def _candidates(matching: Matching) -> _Candidates:
     return _Candidates(targets, drivers[targets], np.array(bases, np.intp), of_joint[targets])
 
 
-def _lie_on_flesh(matching: Matching, joints: _Candidates, up: Array) -> Flags:
-    """(frames, joints), whether each is inside flesh, in trunk or head, and lower than its neighbours in the tree: the
-    body lies or sits on it, if it is near the floor.
+def _lie_on_flesh(matching: Matching, joints: _Candidates, near_floor: Flags, up: Array) -> Flags:
+    """(frames, joints), whether the body lies or sits on each: it is near the floor, inside flesh, in trunk or head,
+    and lower than its neighbours in the tree.
     """
-    skeleton, high = matching.source.skeleton, heights(matching.source_motion.positions, up)
-    columns = []
-    for joint, region in zip(joints.sources.tolist(), joints.regions, strict=True):
-        near = [skeleton.parents[joint], *skeleton.children[joint]] if joint else skeleton.children[joint]
-        near = [each for each in near if skeleton.path_lengths[joint, each] > 0]
-        inside = matching.regions.names[region] in (*TRUNK, HEAD) and near
-        columns.append(high[:, joint] <= high[:, near].min(axis=1) if inside else np.zeros(len(high), bool))
-    return np.stack(columns, axis=1)
+    skeleton, positions = matching.source.skeleton, matching.source_motion.positions
+    flesh = np.isin(np.array(matching.regions.names)[joints.regions], (*TRUNK, HEAD))
+    lies = np.zeros_like(near_floor)
+    for column in np.flatnonzero(flesh & near_floor.any(axis=0)):
+        joint = int(joints.sources[column])
+        around = [skeleton.parents[joint], *skeleton.children[joint]] if joint else skeleton.children[joint]
+        around = [each for each in around if skeleton.path_lengths[joint, each] > 0]
+        if around:
+            high = heights_of(positions, [joint, *around], up)
+            lies[:, column] = near_floor[:, column] & (high[:, :1] <= high[:, 1:]).all(axis=1)
+    return lies
 
 
 def _stand_on_others(joints: _Candidates, rests: Flags, feet: Supports, matching: Matching) -> Flags:

@@ -16,6 +16,7 @@ from distretarget.body.resting import feet_at_rest
 from distretarget.body.soles import Sole
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
+from distretarget.numerics.kinematics import heights_of
 from distretarget.numerics.shots import Shots, by_shot
 from distretarget.numerics.smoothing import over_runs, widened
 from distretarget.numerics.vectors import level
@@ -110,9 +111,9 @@ class _Foot:
         toe = positions[:, leg.toe]
         bone = positions[:, leg.ankle] - toe
         normal = Rotation.from_quat(motion.world_rotations_of(leg.ankle)).apply(sole.normal) @ up
-        under = np.outer(normal, sole.heights) - (positions[:, sole.joints] - toe[:, None]) @ up
-        heel, front = under[:, 0], under.max(axis=1, where=sole.joints != leg.ankle, initial=-np.inf)
-        front = np.where(np.isfinite(front), front, heel)
+        under = np.outer(normal, sole.heights) - (heights_of(positions, sole.joints, up) - (toe @ up)[:, None])
+        heel, others = under[:, 0], under[:, 1:]
+        front = others.max(axis=1) if others.shape[1] else heel
         return cls(toe, bone, (heel + front + np.hypot(heel - front, rounding)) / 2.0)
 
 
