@@ -15,6 +15,7 @@ from distretarget.errors import MotionError, quoted
 from distretarget.numerics.compiled import read_only
 from distretarget.numerics.kinematics import joint_positions, make_local, world_rotations
 from distretarget.numerics.rotations import RotationKind, first_not_unit, represented
+from distretarget.numerics.threads import over_blocks
 from distretarget.numerics.vectors import lengths
 from distretarget.skeleton import Skeleton
 
@@ -187,7 +188,11 @@ class Motion:
     @property
     def world_rotations(self) -> NDArray[np.float64]:
         """(frames, joints, 4), each joint's rotation in the world; computed whenever it is asked for."""
-        return world_rotations(self.skeleton.parents, self.rotations)
+        return self.world_rotations_in(slice(None))
+
+    def world_rotations_in(self, frames: slice) -> NDArray[np.float64]:
+        """(frames, joints, 4), the same in some frames."""
+        return world_rotations(self.skeleton.parents, self.rotations[frames])
 
     def world_rotations_of(self, joint: int) -> NDArray[np.float64]:
         """(frames, 4), the rotation of one joint in the world."""
@@ -197,8 +202,15 @@ class Motion:
     @cached_property
     def positions(self) -> NDArray[np.float64]:
         """(frames, joints, 3), each joint's position in the world, by forward kinematics [file units]."""
-        bones = self.skeleton.offsets[None] if self.moving is None else self.translations
-        return joint_positions(self.skeleton.parents, self.root_positions, bones, self.world_rotations)
+        skeleton, positions = self.skeleton, np.empty((len(self), len(self.skeleton), 3))
+
+        def place(block: slice) -> None:
+            bones = skeleton.offsets[None] if self.moving is None else self[block].translations
+            turned = self.world_rotations_in(block)
+            positions[block] = joint_positions(skeleton.parents, self.root_positions[block], bones, turned)
+
+        over_blocks(place, *positions.shape[:2])
+        return positions
 
     def to_dict(self, rotations: RotationKind = "quaternion") -> MotionArrays:
         """Return the motion as arrays.

@@ -89,23 +89,25 @@ class RetargetResult:
         """What turns stress in body sizes squared into stress in heights of the target squared."""
         return (self.distances.body_size / self.matching.target.height) ** 2
 
-    @cached_property
+    @property
     def comparison(self) -> Comparison:
         """The result measured against the source, frame by frame."""
-        return self._reference.compare(self.motion)
+        return self._comparisons[0]
 
     @cached_property
-    def _reference(self) -> Reference:
-        return Reference(self.source, self.matching, self.world.up_vector)
+    def _comparisons(self) -> tuple[Comparison, Comparison]:
+        """The result, and the rotation copy, measured against the source: both against what is measured of it once."""
+        reference = Reference(self.source, self.matching, self.world.up_vector)
+        return reference.compare(self.motion), reference.compare(self.rotation_copy)
 
     @cached_property
     def tracks(self) -> dict[Side, Tracks]:
         """What the figures of source, rotation copy and result are taken from, frame by frame."""
-        baseline = self._reference.compare(self.rotation_copy)
+        comparison, baseline = self._comparisons
         return {
-            "source": self.comparison.source_tracks,
+            "source": comparison.source_tracks,
             "rotation_copy": {**baseline.tracks, "stress": Track(self.copy_stress), **NOT_RUN},
-            "result": {**self.comparison.tracks, "stress": Track(self.written_stress), **self.run_tracks},
+            "result": {**comparison.tracks, "stress": Track(self.written_stress), **self.run_tracks},
         }
 
     @cached_property

@@ -11,6 +11,7 @@ from distretarget.baseline.root import RootScale
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion, motion_of_world
 from distretarget.numerics.kinematics import rotation_products
+from distretarget.numerics.threads import over_blocks
 
 Array = NDArray[np.float64]
 
@@ -24,15 +25,21 @@ def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
     the matching) takes the path of its driver, scaled.
     """
     source, skeleton, blend = matching.source_motion, matching.target.skeleton, matching.blend
-    turned, alignment = source.world_rotations, rest_alignment(matching)
-    world, between = _aligned(matching, turned, alignment, ALL, 0), np.flatnonzero(blend > 0)
-    if len(between):
-        first, second = (Rotation.from_quat(_aligned(matching, turned, alignment, between, k)) for k in (0, 1))
-        steps = (first.inv() * second).as_rotvec() * blend[between, None]
-        world[:, between] = (first * Rotation.from_rotvec(steps)).as_quat()
-    for joint in range(1, len(skeleton)):
-        if matching.rotation_sources[joint, 0] < 0:
-            world[:, joint] = world[:, skeleton.parents[joint]]
+    alignment, between = rest_alignment(matching), np.flatnonzero(blend > 0)
+    world = np.empty((len(source), len(skeleton), 4))
+
+    def turn(block: slice) -> None:
+        turned, copied = source.world_rotations_in(block), world[block]
+        copied[:] = _aligned(matching, turned, alignment, ALL, 0)
+        if len(between):
+            first, second = (Rotation.from_quat(_aligned(matching, turned, alignment, between, k)) for k in (0, 1))
+            steps = (first.inv() * second).as_rotvec() * blend[between, None]
+            copied[:, between] = (first * Rotation.from_rotvec(steps)).as_quat()
+        for joint in range(1, len(skeleton)):
+            if matching.rotation_sources[joint, 0] < 0:
+                copied[:, joint] = copied[:, skeleton.parents[joint]]
+
+    over_blocks(turn, *world.shape[:2])
     path = scale.places(source.positions[:, matching.drivers[matching.pelvis]], matching.source.up_vector)
     for joint in skeleton.line(matching.pelvis)[:-1]:
         path = path - Rotation.from_quat(world[:, skeleton.parents[joint]]).apply(np.array(skeleton.offsets[joint]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args
@@ -30,7 +30,7 @@ from distretarget.cli.streams import FileOrStandard, read_input, write_output
 from distretarget.conversion import Options, Text, argument, retarget_onto
 from distretarget.errors import FileError, quoted
 from distretarget.io.bvh import declared_frames, parse_bvh
-from distretarget.io.bvh_writer import format_bvh
+from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.map_json import load_map
 from distretarget.io.target_file import is_json
 from distretarget.motion import Motion
@@ -91,7 +91,8 @@ def retarget_command(
             motion, target_text, source=source_text.path, map_file=map_file, options=options, progress=bar.update
         )
     motion, skeleton = result.motion, result.motion.skeleton
-    texts = {output: format_bvh(replace(motion, skeleton=skeleton.without_namespaces) if strip_namespace else motion)}
+    written = replace(motion, skeleton=skeleton.without_namespaces) if strip_namespace else motion
+    texts: dict[Path, str | Iterable[str]] = {output: bvh_parts(written)}
     seconds = time.perf_counter() - started
     texts |= {figures: figures_json(result)} if figures else {}
     texts |= {report: run_page(result, about(Path(source_text.path), output))} if report else {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import click
 
 from distretarget.conversion import Text, load_text
 from distretarget.errors import FileError
-from distretarget.io.files import STANDARD_INPUT, encoded, reason_of, text_of, write_whole
+from distretarget.io.files import STANDARD_INPUT, encoded_parts, reason_of, text_of, write_whole
 
 STANDARD = Path("-")
 
@@ -39,9 +40,10 @@ def read_input(path: Path) -> Text:
         raise FileError(STANDARD_INPUT, reason_of(error)) from error
 
 
-def write_output(path: Path, text: str, overwrite: bool) -> None:
-    """Write a file as `write_whole` does, or to standard output."""
+def write_output(path: Path, text: str | Iterable[str], overwrite: bool) -> None:
+    """Write a text, as a whole or in parts, to a file, as `write_whole` does, or to standard output."""
     if path == STANDARD:
-        click.echo(encoded(text), nl=False)
+        for part in encoded_parts(text):
+            click.echo(part, nl=False)
     else:
         write_whole(path, text, overwrite)

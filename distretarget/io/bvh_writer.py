@@ -33,7 +33,7 @@ def write_bvh(path: str | Path, motion: Motion, overwrite: bool = False) -> None
         FileError: the file exists and `overwrite` is false, or it cannot be written.
         SkeletonError, MotionError: the motion cannot be said in BVH.
     """
-    write_whole(path, format_bvh(motion), overwrite)
+    write_whole(path, bvh_parts(motion), overwrite)
 
 
 def format_bvh(motion: Motion) -> str:
@@ -126,7 +126,8 @@ def _channel_values(motion: Motion) -> Array:
 
     What would be written as minus zero is zero.
     """
-    columns = [np.empty((len(motion), 0))]
+    values = np.empty((len(motion), sum(map(len, motion.skeleton.channels))))
+    columns, decimals = itertools.count(), iter(_decimals(motion.skeleton))
     for joint in motion.skeleton.depth_first:
         channels = motion.skeleton.channels[joint]
         axes = rotation_axes(channels)
@@ -135,9 +136,7 @@ def _channel_values(motion: Motion) -> Array:
         for channel in channels:
             is_position = channel in POSITION_CHANNELS
             column = places[:, "XYZ".index(channel[0])] if is_position else angles[:, axes.index(channel[0])]
-            columns.append(column[:, None])
-    values = np.concatenate(columns, axis=1)
-    if not np.all(np.isfinite(values)):
-        raise MotionError("a position or rotation is not finite and cannot be written")
-    values[np.abs(values) <= 0.5 * 10.0 ** -np.array(_decimals(motion.skeleton))] = 0.0
+            if not np.all(np.isfinite(column)):
+                raise MotionError("a position or rotation is not finite and cannot be written")
+            values[:, next(columns)] = np.where(np.abs(column) <= 0.5 * 10.0 ** -next(decimals), 0.0, column)
     return values

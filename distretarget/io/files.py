@@ -9,7 +9,7 @@ import hashlib
 import os
 import secrets
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from distretarget.arguments import check_path
@@ -106,6 +106,17 @@ def encoded(text: str) -> bytes:
     return text.encode("utf-8", "surrogateescape")
 
 
+def encoded_parts(content: str | bytes | Iterable[str]) -> Iterable[bytes]:
+    """Return the same for a text as a whole or in parts, part by part; bytes stay as they are."""
+    match content:
+        case bytes():
+            return [content]
+        case str():
+            return [encoded(content)]
+        case _:
+            return map(encoded, content)
+
+
 def check_inside(path: Path, folder: Path) -> None:
     """Check that a path in a folder leads to a place in that folder, whichever links it follows.
 
@@ -168,13 +179,16 @@ def _check_replaceable(path: str | Path, place: Path, overwrite: bool) -> None:
 
 
 def write_whole(
-    path: str | Path, content: str | bytes, overwrite: bool = False, complete: Callable[[], None] = lambda: None
+    path: str | Path,
+    content: str | bytes | Iterable[str],
+    overwrite: bool = False,
+    complete: Callable[[], None] = lambda: None,
 ) -> None:
     """Write a file under a temporary name in its folder, and rename it when it is complete.
 
-    Text is written as UTF-8, with line ends as given. A file that replaces another has its permissions and, where that
-    is allowed, its owner. `complete` is called when the file is complete and on the disk, before it is renamed; if
-    `complete` raises an error, the file is not put in place.
+    Text, whole or in parts, is written as UTF-8, with line ends as given. A file that replaces another has its
+    permissions and, where that is allowed, its owner. `complete` is called when the file is complete and on the disk,
+    before it is renamed; if `complete` raises an error, the file is not put in place.
 
     Raises:
         FileError: the file exists and `overwrite` is false, or it cannot be written; then nothing has changed.
@@ -184,7 +198,7 @@ def write_whole(
     beside = place.with_name(f".distretarget-{secrets.token_hex(8)}.tmp")
     try:
         replaced = place if overwrite and place.exists() else None
-        _write_to_disk(beside, encoded(content) if isinstance(content, str) else content, replaced)
+        _write_to_disk(beside, encoded_parts(content), replaced)
         complete()
         if overwrite:
             beside.replace(place)
@@ -199,12 +213,12 @@ def write_whole(
             beside.unlink()
 
 
-def _write_to_disk(path: Path, content: bytes, replaced: Path | None) -> None:
+def _write_to_disk(path: Path, content: Iterable[bytes], replaced: Path | None) -> None:
     """Write a new file, which has the owner and permissions of the file that it will replace, if any."""
     with path.open("xb") as file:
         if replaced:
             _hand_over(replaced, path)
-        file.write(content)
+        file.writelines(content)
         file.flush()
         os.fsync(file.fileno())
 

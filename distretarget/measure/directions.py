@@ -42,13 +42,14 @@ def expected_directions(source: Motion, matching: Matching) -> Array:
     upper = matching.target.skeleton.parents[lower]
     drivers = matching.drivers
     own = np.isin(upper, _built_differently(matching))
-    alignment, world = rest_alignment(matching), source.world_rotations
+    alignment = rest_alignment(matching)
 
     def directions(block: slice) -> Array:
         positions = source.positions[block]
         expected = positions[:, drivers[lower]] - positions[:, drivers[upper]]
         if own.any():
-            expected[:, own] = _by_rotation(world[block], alignment, matching, upper[own], lower[own])
+            world = source.world_rotations_in(block)
+            expected[:, own] = _by_rotation(world, alignment, matching, upper[own], lower[own])
         return expected
 
     return in_blocks(directions, len(source))

@@ -221,10 +221,9 @@ def _steps(motion: Motion, joints: NDArray[np.intp]) -> Array:
     """(frames - 1, joints), the angle from each frame's rotation to the next [rad]: that of unit quaternions apart by
     2 sin(angle / 4), of which q and -q are the same.
     """
-    world = motion.world_rotations
 
     def steps(block: slice) -> Array:
-        rotations = world[block.start : block.stop + 1, joints]
+        rotations = motion.world_rotations_in(slice(block.start, block.stop + 1))[:, joints]
         apart = np.minimum(lengths(rotations[1:] - rotations[:-1]), lengths(rotations[1:] + rotations[:-1]))
         return np.asarray(4.0 * np.arcsin(np.minimum(apart / 2.0, 1.0)))
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from distretarget.body.regions import TRUNK
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
-from distretarget.numerics.kinematics import lowest_heights, speeds_along
+from distretarget.numerics.kinematics import heights_of, lowest_heights, speeds_along
 from distretarget.numerics.smoothing import largest
 from distretarget.numerics.vectors import lengths, level
 
@@ -98,17 +98,17 @@ def find_supports(source: Motion, matching: Matching, up: Array) -> SourceSuppor
     """The resting joints of a source, but for the feet; `up`, (3,), points up in source and results."""
     joints = matching.joints_but_feet
     source_leg, leg = matching.leg_lengths if matching.legs else (1.0, 1.0)
-    paths = source.positions[:, matching.drivers[joints]] / source_leg
-    height = paths @ up
+    drivers = matching.drivers[joints]
+    height = heights_of(source.positions, drivers, up) / source_leg
     low = height - lowest_heights(source.positions, up)[:, None] / source_leg < LOW
-    on_floor = low & (speeds_along(paths, source.frame_time) < SLOW)
+    on_floor = low & (speeds_along(source.positions, source.frame_time, drivers) < SLOW * source_leg)
     holds = _holds(source, matching, joints, source_leg) & ~on_floor
     some = (on_floor | holds).any(axis=0)
     return SourceSupports(
         joints=joints[some],
         on_floor=on_floor[:, some],
         holds=holds[:, some],
-        slide=_along_floor(paths[:, some], up, source.frame_time),
+        slide=_along_floor(source.positions[:, drivers[some]] / source_leg, up, source.frame_time),
         height=height[:, some],
         up=up,
         leg=leg,

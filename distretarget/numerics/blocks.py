@@ -23,4 +23,10 @@ def blocks_of(frames: int) -> Iterator[slice]:
 
 def in_blocks(compute: Callable[[slice], NDArray[Value]], frames: int) -> NDArray[Value]:
     """What `compute` returns for the frames of each block of a clip, joined."""
-    return np.concatenate([compute(block) for block in blocks_of(frames)] or [compute(slice(0, 0))])
+    first, *others = list(blocks_of(frames)) or [slice(0, 0)]
+    values = compute(first)
+    joined = np.empty((frames, *values.shape[1:]), values.dtype)
+    joined[first] = values
+    for block in others:
+        joined[block] = compute(block)
+    return joined

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from distretarget.errors import SettingsError
 from distretarget.numerics.compiled import compiled, inlined, read_only
 from distretarget.numerics.loops import clear
-from distretarget.numerics.threads import over_frames
+from distretarget.numerics.threads import over_blocks
 
 Array = NDArray[np.float64]
 Parents = NDArray[np.intp]
@@ -47,21 +47,21 @@ def joint_positions(parents: Parents, root_positions: Array, bones: Array, world
     def place(part: slice) -> None:
         _positions(tree, path[part], moving[part if len(bones) > 1 else ALL], turned[part], positions[part])
 
-    over_frames(place, *positions.shape[:2])
+    over_blocks(place, *positions.shape[:2])
     return positions
 
 
 def world_rotations(parents: Parents, local: Array) -> Array:
     """World rotations from local ones, both (frames, joints, 4): each joint's is its parent's times its own."""
     world, parents = np.array(local), read_only(parents)
-    over_frames(lambda part: _world_rotations(parents, world[part]), *world.shape[:2])
+    over_blocks(lambda part: _world_rotations(parents, world[part]), *world.shape[:2])
     return world
 
 
 def make_local(parents: Parents, rotations: Array) -> None:
     """Turn world rotations, (frames, joints, 4), into local ones in place; the inverse of `world_rotations`."""
     parents = read_only(parents)
-    over_frames(lambda part: _make_local(parents, rotations[part]), *rotations.shape[:2])
+    over_blocks(lambda part: _make_local(parents, rotations[part]), *rotations.shape[:2])
 
 
 def rotation_products(first: Array, of_first: NDArray[np.intp], second: Array) -> Array:
@@ -69,7 +69,7 @@ def rotation_products(first: Array, of_first: NDArray[np.intp], second: Array) -
     (frames, n, 4), with the one of `second`, (joints, 4); no turn where `of_first` is negative.
     """
     product = np.empty((len(first), len(second), 4))
-    over_frames(lambda part: _products(first[part], of_first, second, product[part]), *product.shape[:2])
+    over_blocks(lambda part: _products(first[part], of_first, second, product[part]), *product.shape[:2])
     return product
 
 
@@ -83,7 +83,7 @@ def turn_parts(vectors: Array, parts: Parts, rotations: Array) -> None:
     def turn(part: slice) -> None:
         _turn(vectors[part], parts, np.empty((vectors.shape[1], 4)), rotations[part])
 
-    over_frames(turn, *rotations.shape[:2])
+    over_blocks(turn, *rotations.shape[:2])
 
 
 @compiled()

@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from itertools import pairwise, starmap
+from itertools import starmap
 from typing import TypeVar
 
-import numpy as np
+from distretarget.numerics.blocks import blocks_of
 
 FEWEST_JOINTS = 150_000  # joints of all frames that are worth a thread
 
@@ -33,18 +33,23 @@ def in_threads(function: Callable[..., Result], *arguments: Iterable[object]) ->
         yield from pool.map(lambda call: function(*call), calls)
 
 
-def over_frames(compute: Callable[[slice], object], frames: int, joints: int) -> None:
-    """Call a function that computes each frame on its own for all frames of a clip with so many joints: those of a long
-    one in parts of it, side by side.
+def over_blocks(compute: Callable[[slice], object], frames: int, joints: int) -> None:
+    """Call a function that computes each frame on its own for all blocks of a clip with so many joints, and parts of a
+    long clip side by side.
     """
-    parts = min(cores(), frames * joints // FEWEST_JOINTS)
-    edges = np.linspace(0, frames, max(parts, 1) + 1).astype(int).tolist()
-    own, *others = [slice(first, end) for first, end in pairwise(edges)]
+    blocks = list(blocks_of(frames))
+    parts = max(min(cores(), frames * joints // FEWEST_JOINTS), 1)
+    own, *others = (blocks[len(blocks) * part // parts : len(blocks) * (part + 1) // parts] for part in range(parts))
+
+    def compute_all(part: list[slice]) -> None:
+        for block in part:
+            compute(block)
+
     if not others:
-        compute(own)
+        compute_all(own)
         return
     with ThreadPoolExecutor(len(others)) as pool:
-        computed = [pool.submit(compute, part) for part in others]
-        compute(own)
+        computed = [pool.submit(compute_all, part) for part in others]
+        compute_all(own)
     for each in computed:
         each.result()

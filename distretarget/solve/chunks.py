@@ -6,7 +6,7 @@ solves the chunks.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from distretarget.solve.poses import PoseProblem, Poses
-from distretarget.solve.spg import Effort
 
 CHUNK_FRAMES = 1024  # frames of a chunk, about
 LEAD_IN = 32  # frames solved before a chunk, so that it begins where the chunk before it ends
@@ -66,14 +65,10 @@ def solve_in_chunks(
     """
     chunks = chunks_of(len(problem), margin)
     arguments = [problem[chunk.context] for chunk in chunks], [more[chunk.context] for chunk in chunks]
-    poses = []
-    for chunk, solved in zip(chunks, mapper(solve, *arguments, [chunk.solve for chunk in chunks]), strict=True):
-        poses.append(solved[chunk.keep])
-        progress(chunk.keep.stop - chunk.keep.start)
-    return _joined(poses)
 
+    def solved() -> Iterator[Poses]:
+        for chunk, poses in zip(chunks, mapper(solve, *arguments, [chunk.solve for chunk in chunks]), strict=True):
+            yield poses[chunk.keep]
+            progress(chunk.keep.stop - chunk.keep.start)
 
-def _joined(poses: list[Poses]) -> Poses:
-    efforts = [each.effort for each in poses]
-    effort = Effort(*(np.concatenate([getattr(e, name) for e in efforts]) for name in Effort.__dataclass_fields__))
-    return Poses(np.concatenate([each.v for each in poses]), effort)
+    return Poses.joined(solved(), len(problem))

@@ -75,9 +75,10 @@ def _solve_frames(problem: PoseProblem, supports: Supports, frames: slice, setti
     body = Articulation.of(problem.skeleton, problem.parts, stiffness)
     pairs = candidate_pairs(distances, problem.regions, problem.legs, unit, settings.least_path)
     # One layout of arrays, for which the solver is compiled once.
-    source = np.take(problem.source, distances.sources, axis=1)
-    copy = np.take(problem.copy, distances.targets, axis=1) / unit
-    bones, root = np.ascontiguousarray(problem.bones / unit), np.ascontiguousarray(problem.root / unit)
+    source, copy = np.take(problem.source, distances.sources, axis=1), np.take(problem.copy, distances.targets, axis=1)
+    bones, root = problem.bones, np.ascontiguousarray(problem.root / unit)
+    copy /= unit
+    bones /= unit
     lead = settings.lead / problem.frame_time
     count = frames.stop - frames.start
     v = np.zeros((count, len(stiffness), 3))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,7 +69,8 @@ class PoseProblem:
     @property
     def bones(self) -> Array:
         """(frames, joints, 3), the copy's bones, from each joint's parent to it [target file units]."""
-        return np.asarray(self.copy - self.copy[:, self.skeleton.parents])
+        bones = np.take(self.copy, self.skeleton.parents, axis=1)
+        return np.subtract(self.copy, bones, out=bones)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,3 +88,16 @@ class Poses:
 
     def __getitem__(self, frames: slice) -> Poses:
         return Poses(self.v[frames], self.effort[frames])
+
+    @classmethod
+    def joined(cls, chunks: Iterator[Poses], frames: int) -> Poses:
+        """Return the poses of a clip with so many frames from those of its chunks, each of which is copied as it comes,
+        so that its memory is free for those that follow.
+        """
+        first = next(chunks)
+        v, efforts, done = np.empty((frames, *first.v.shape[1:])), [], 0
+        for poses in itertools.chain([first], chunks):
+            v[done : done + len(poses.v)] = poses.v
+            efforts.append(poses.effort)
+            done += len(poses.v)
+        return cls(v, Effort.joined(efforts))
