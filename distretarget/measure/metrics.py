@@ -143,7 +143,6 @@ class Reference:
     def compare(self, result: Motion) -> Comparison:
         """Measure a result with the same number of frames."""
         supports, bones, turned = self._supports.in_result(result), bones_of(self.matching), self._turned
-        further = np.degrees(_steps(result, turned) - self._steps)
         return Comparison(
             contacts=self._contacts.in_result(result),
             feet=self._feet.in_result(result).standing_alone(supports.carry(result.frame_time)),
@@ -156,8 +155,19 @@ class Reference:
             jerk_source=self._jerk,
             jerk=_jerk(result, self.matching.target),
             turned=turned,
-            turn=further * INSTANT / result.frame_time,
+            turn=self._turn_of(result),
         )
+
+    def _turn_of(self, result: Motion) -> Array:
+        """(frames - 1, joints), how much further the joints turn to the next frame than the source's [degrees in
+        `INSTANT`].
+        """
+        further = _steps(result, self._turned)
+        further -= self._steps
+        np.degrees(further, out=further)
+        further *= INSTANT
+        further /= result.frame_time
+        return further
 
 
 def _distance_error(source: Motion, result: Motion, matching: Matching) -> Array:

@@ -27,7 +27,8 @@ def find_snaps(copy: Motion, result: Motion, body: Body) -> Array:
     flesh = body.regions.of_joint >= 0
     steps, calm = _steps(result, body), _steps(copy, body) < CALM
     calm[np.diff(find_shots(copy.positions, np.flatnonzero(flesh), 0.5 * body.unit)) > 0] = False
-    return np.where(flesh & calm & (steps > SNAP), steps, 0.0)
+    steps[~(flesh & calm & (steps > SNAP))] = 0.0
+    return steps
 
 
 def _steps(motion: Motion, body: Body) -> Array:

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import starmap
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from distretarget.numerics.blocks import blocks_of
 
@@ -31,6 +31,11 @@ def in_threads(function: Callable[..., Result], *arguments: Iterable[object]) ->
         return
     with ThreadPoolExecutor(workers) as pool:
         yield from pool.map(lambda call: function(*call), calls)
+
+
+def mapper_for(frames: int, joints: int) -> Callable[..., Iterable[Any]]:
+    """Return `in_threads` for a clip that is long enough for it, with so many joints, else `map`."""
+    return in_threads if frames * joints >= 2 * FEWEST_JOINTS else map
 
 
 def over_blocks(compute: Callable[[slice], object], frames: int, joints: int) -> None:

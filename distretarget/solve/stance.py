@@ -19,6 +19,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.kinematics import heights_of
 from distretarget.numerics.shots import Shots, by_shot
 from distretarget.numerics.smoothing import over_runs, widened
+from distretarget.numerics.threads import mapper_for
 from distretarget.numerics.vectors import level
 from distretarget.solve.floor import no_floor
 from distretarget.solve.settings import ContactSettings
@@ -47,22 +48,25 @@ def find_stance(
     blend = partial(widened, frames=settings.support_blend / source.frame_time)
     limits: dict[str, Any] = {"speed": settings.rest_speed, "height": settings.rest_height, "shots": shots}
     rounding = ROLL * length
-    joints, weights, places = [], [], []
-    for driver, leg, soles in zip(*legs, matching.soles, strict=True):
-        joints += [leg.ankle, leg.toe]
-        weights.append(by_shot(blend, shots, feet_at_rest(source, driver, up, length, **limits).astype(np.float64)))
+
+    def foot(driver: Leg, leg: Leg, soles: tuple[Sole, Sole]) -> tuple[Array, list[Array]]:
+        """Of ankle and toe how much they rest, (frames, 2), and where they belong."""
+        weights = by_shot(blend, shots, feet_at_rest(source, driver, up, length, **limits).astype(np.float64))
         feet = (
             _Foot.of(source, driver, soles[0], up, rounding),
             _Foot.of(copy, leg, soles[1], up, scale.height * rounding),
         )
-        places += _places(*feet, scale, up, weights[-1].max(axis=1), shots)
-    at = np.array(joints)
+        return weights, _places(*feet, scale, up, weights.max(axis=1), shots)
+
+    side_by_side = mapper_for(*copy.positions.shape[:2])
+    weights, places = zip(*side_by_side(foot, *legs, matching.soles), strict=True)
+    at = np.array([joint for leg in legs[1] for joint in (leg.ankle, leg.toe)])
     return Supports(
         joints=at,
         regions=matching.regions.of_joint[at],
         feet=len(at),
         weights=np.concatenate(weights, axis=1),
-        places=np.stack(places, axis=1),
+        places=np.stack([*places[0], *places[1]], axis=1),
         floor=no_floor(len(source)),
         touching=no_springs(len(source)),
     )
