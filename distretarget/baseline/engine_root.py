@@ -93,15 +93,15 @@ class EngineRoot:
     def _rotations(self, motion: Motion) -> Array:
         """(frames, 4), the root's rotations: upright, with the heading of what the root follows."""
         source, body, up = self.matching.source, self.matching.target, self.matching.target.up_vector
-        raised = least(_axes(body)[None, :, 1], up[None])
+        raised = least(body.reference_axes[None, :, 1], up[None])
         match self.follows:
             case "pelvis":
                 axes = _carried_axes(body, motion, _pelvis(body))
             case "source":
                 axes = _carried_axes(source, self.matching.source_motion, _roots_on_floor(source)[-1])
             case "nothing":
-                axes = raised * Rotation.from_matrix(np.broadcast_to(_axes(body), (len(motion), 3, 3)))
-        heading = _heading(axes * Rotation.from_matrix(_axes(body)).inv() * raised.inv(), up)
+                axes = raised * Rotation.from_matrix(np.broadcast_to(body.reference_axes, (len(motion), 3, 3)))
+        heading = _heading(axes * Rotation.from_matrix(body.reference_axes).inv() * raised.inv(), up)
         at_rest = raised * Rotation.from_quat(body.reference_pose[0])
         return (Rotation.from_rotvec(heading[:, None] * up) * at_rest).as_quat()
 
@@ -150,7 +150,7 @@ def _roots_on_floor(body: Body) -> list[int]:
     """The joints above the hips that stand on the floor in the reference pose, from the topmost down."""
     if body.anatomy is None or body.legs is None:
         return []
-    heights = body.skeleton.posed(body.reference_pose) @ _axes(body)[:, 1]
+    heights = body.reference_positions @ body.reference_axes[:, 1]
     limit = heights[_pelvis(body)] - BELOW_HIPS * body.leg_length
     return [joint for joint in reversed(body.above_hips) if heights[joint] < limit]
 
@@ -168,15 +168,10 @@ def _source_root_leads(matching: Matching) -> bool:
     return bool(steady and (moves or matching.drivers[0] in roots))
 
 
-def _axes(body: Body) -> Array:
-    """(3, 3), the axes of a body in its reference pose, columns left, up and forward."""
-    return body.axes_at(body.skeleton.posed(body.reference_pose))
-
-
 def _carried_axes(body: Body, motion: Motion, joint: int) -> Rotation:
     """(frames,), the rotations whose columns are the body's left, up and forward axes as a joint carries them along."""
-    reference = Rotation.from_quat(body.reference_pose[joint])
-    return Rotation.from_quat(motion.world_rotations_of(joint)) * reference.inv() * Rotation.from_matrix(_axes(body))
+    reference, axes = Rotation.from_quat(body.reference_pose[joint]), Rotation.from_matrix(body.reference_axes)
+    return Rotation.from_quat(motion.world_rotations_of(joint)) * reference.inv() * axes
 
 
 def _heading(turned: Rotation, up: Array) -> Array:

@@ -53,10 +53,15 @@ class _Bodies:
         return self.matching.source.anatomy is not None and self.matching.target.anatomy is not None
 
     @cached_property
+    def in_reference(self) -> bool:
+        """Whether the bodies are aligned in their reference poses; else in their rest poses."""
+        return self.human and not self.matching.rest_poses_alike
+
+    @cached_property
     def poses(self) -> tuple[Array, Array]:
         """(joints, 4) of source and target, the world rotations of the poses that are aligned with each other."""
         source, target = self.matching.source, self.matching.target
-        if self.human and not self.matching.rest_poses_alike:
+        if self.in_reference:
             return source.reference_pose, target.reference_pose
         return source.skeleton.unturned, target.skeleton.unturned
 
@@ -64,12 +69,14 @@ class _Bodies:
     def positions(self) -> tuple[Array, Array]:
         """(joints, 3) of source and target, the positions in these poses, roots at the origin [file units of each]."""
         source, target = self.matching.source, self.matching.target
-        return source.skeleton.posed(self.poses[0]), target.skeleton.posed(self.poses[1])
+        if self.in_reference:
+            return source.reference_positions, target.reference_positions
+        return source.skeleton.rest_positions, target.skeleton.rest_positions
 
     @cached_property
     def bends(self) -> tuple[dict[str, Array], dict[str, Array]]:
         """The axes, (3,) by role, about which the limbs of source and target bend in these poses."""
-        if not self.human or self.matching.rest_poses_alike:
+        if not self.in_reference:
             return {}, {}
         return self.matching.source.bend_axes, self.matching.target.bend_axes
 
@@ -77,12 +84,14 @@ class _Bodies:
     def axes(self) -> tuple[Array, Array]:
         """(3, 3) of source and target, the axes of the bodies in these poses, columns left, up and forward."""
         source, target = self.matching.source, self.matching.target
-        return source.axes_at(self.positions[0]), target.axes_at(self.positions[1])
+        if self.in_reference:
+            return source.reference_axes, target.reference_axes
+        return source.rest_axes, target.rest_axes
 
     @cached_property
     def turn(self) -> Array:
         """(3, 3), the rotation from the target's axes to the source's."""
-        if not self.human or self.matching.rest_poses_alike:
+        if not self.in_reference:
             return np.eye(3)
         source_axes, target_axes = self.axes
         return np.asarray(source_axes @ target_axes.T)
@@ -149,7 +158,7 @@ class _Bodies:
     @property
     def posed_by_motion(self) -> bool:
         """Whether the pose of one of the bodies may be a frame of its motion instead of its rest pose."""
-        if not self.human or self.matching.rest_poses_alike:
+        if not self.in_reference:
             return False
         source, target = self.matching.source, self.matching.target
         return not source.stands_at_rest or not (target.motion is None or target.stands_at_rest)

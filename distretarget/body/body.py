@@ -182,15 +182,6 @@ class Body:
             return 0.0
         return float(np.percentile(lowest_heights(self.motion.positions, up), LOWEST_FRAMES))
 
-    def axes_at(self, positions: Array) -> Array:
-        """Return the axes of the body, (3, 3), columns left, up and forward, in a standing pose whose joints are at
-        `positions`, (joints, 3); snapped to near axes of the file. Those of the file without an anatomy.
-        """
-        if self.anatomy is None:
-            return np.eye(3)
-        axes = Directions(self.anatomy, positions).axes
-        return squared(axes) if self.stands_at_rest else upright(axes)
-
     @cached_property
     def reference_pose(self) -> Array:
         """(joints, 4), world rotations of the standing pose in which the body is aligned with another.
@@ -204,6 +195,37 @@ class Body:
         if frame is None or self.motion is None:
             return synthetic_t_pose(self.skeleton, self.at_rest)
         return np.asarray(self.motion[frame : frame + 1].world_rotations[0])
+
+    @cached_property
+    def reference_positions(self) -> Array:
+        """(joints, 3), the positions of the joints in the reference pose, with the root at the origin [file units]."""
+        if self.at_rest is None or self.stands_at_rest:
+            return self.skeleton.rest_positions
+        return self.skeleton.posed(self.reference_pose)
+
+    @cached_property
+    def reference(self) -> Directions | None:
+        """The directions of the reference pose; None without an anatomy."""
+        if self.anatomy is None or self.stands_at_rest:
+            return self.at_rest
+        return Directions(self.anatomy, self.reference_positions)
+
+    @cached_property
+    def rest_axes(self) -> Array:
+        """(3, 3), the axes of the body in the rest pose: columns left, up and forward, snapped to near axes of the
+        file; those of the file without an anatomy.
+        """
+        return self._axes(self.at_rest)
+
+    @cached_property
+    def reference_axes(self) -> Array:
+        """(3, 3), the same in the reference pose."""
+        return self.rest_axes if self.reference is self.at_rest else self._axes(self.reference)
+
+    def _axes(self, directions: Directions | None) -> Array:
+        if directions is None:
+            return np.eye(3)
+        return squared(directions.axes) if self.stands_at_rest else upright(directions.axes)
 
     @cached_property
     def bend_axes(self) -> dict[str, Array]:

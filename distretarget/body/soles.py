@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.body.axes import Directions, axis_vector, nearest_axis
+from distretarget.body.axes import axis_vector, nearest_axis
 from distretarget.body.body import Body
 from distretarget.body.legs import Leg, Legs
 from distretarget.body.reference_pose import FOOT_PITCH
@@ -107,7 +107,7 @@ class _Foot:
 
 def _reference_foot(body: Body, leg: Leg) -> _Foot:
     """The foot in the reference pose; one that hangs there is given its usual pitch."""
-    stance = _stance(body)
+    stance = body.reference
     up = body.up_vector if stance is None else axis_vector(nearest_axis(stance.up)[0])
     to_ankle = Rotation.from_quat(body.reference_pose[leg.ankle]).inv()
     foot = _foot(body, leg, to_ankle.apply(up), body.stands_at_rest or body.anatomy is None)
@@ -137,11 +137,6 @@ def _foot(body: Body, leg: Leg, up: Array, known: bool) -> _Foot:
     joints = [joint for joint in below if joint == leg.ankle or body.regions.of_joint[joint] >= 0]
     places = body.skeleton.rest_positions
     return _Foot(joints, places[joints] - places[leg.ankle], up, known)
-
-
-def _stance(body: Body) -> Directions | None:
-    """The directions of the reference pose; None without an anatomy."""
-    return Directions(body.anatomy, body.skeleton.posed(body.reference_pose)) if body.anatomy else None
 
 
 def _sole(foot: _Foot) -> Sole:
