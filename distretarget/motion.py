@@ -65,10 +65,22 @@ class MovingBones:
     Attributes:
         joints: (bones,), the joints at their ends, in ascending order; never the root.
         translations: (frames, bones, 3), each joint's translation from its parent [file units].
+
+    Raises:
+        MotionError: the arrays do not fit each other, or the joints are not in order.
     """
 
     joints: NDArray[np.intp]
     translations: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        joints = np.asarray(self.joints)
+        whole = joints.ndim == 1 and joints.dtype.kind == "i" and len(joints) > 0
+        if not whole or not (np.diff(joints, prepend=0) > 0).all():
+            raise MotionError(f"joints is {joints.tolist()}; expected numbers of joints from 1, in ascending order")
+        exact = _as_array("translations", self.translations, ("frames", len(joints), 3))
+        object.__setattr__(self, "joints", read_only(joints.astype(np.intp)))
+        object.__setattr__(self, "translations", read_only(exact))
 
     @classmethod
     def among(
@@ -109,14 +121,14 @@ class Motion:
         check_kind("skeleton", self.skeleton, Skeleton)
         check_kind("moving", self.moving, MovingBones, NoneType)
         joints = len(self.skeleton)
-        self._take("root_positions", _as_array("root_positions", self.root_positions, ("frames", 3)))
-        self._take("rotations", _as_array("rotations", self.rotations, ("frames", joints, 4)))
+        for name, shape in (("root_positions", ("frames", 3)), ("rotations", ("frames", joints, 4))):
+            object.__setattr__(self, name, read_only(_as_array(name, getattr(self, name), shape)))
         frames = len(self.rotations)
         if len(self.root_positions) != frames:
             raise MotionError(f"{len(self.root_positions)} frames of root_positions, {frames} of rotations")
-        if self.moving is not None and self.moving.translations.shape != (frames, len(self.moving.joints), 3):
-            shapes = f"{self.moving.joints.shape} and {self.moving.translations.shape}"
-            raise MotionError(f"moving has shapes {shapes}; {frames} frames need (bones,) and ({frames}, bones, 3)")
+        if self.moving is not None and (len(self.moving.translations) != frames or self.moving.joints[-1] >= joints):
+            found = f"{len(self.moving.translations)} frames of joints {self.moving.joints.tolist()}"
+            raise MotionError(f"moving has {found}; expected {frames} frames of joints below {joints}")
         wrong = first_not_unit(np.ascontiguousarray(self.rotations).reshape(-1, 4), UNIT_ERROR)
         if wrong >= 0:
             frame, joint = divmod(wrong, joints)
@@ -125,9 +137,6 @@ class Motion:
         if not isinstance(self.frame_time_text, str) or not is_frame_time(self.frame_time_text):
             wanted = f"a number of seconds from {SHORTEST_FRAME:g} to {LONGEST_FRAME:g}, as text"
             raise MotionError(f"frame_time_text is {self.frame_time_text!r}; expected {wanted}")
-
-    def _take(self, name: str, array: NDArray[np.float64]) -> None:
-        object.__setattr__(self, name, read_only(array))
 
     @classmethod
     def of_translations(
@@ -141,9 +150,8 @@ class Motion:
         position in the world [file units]. For the other arguments and errors see `Motion`.
         """
         check_kind("skeleton", skeleton, Skeleton)
-        all_joints = np.arange(len(skeleton))
         exact = _as_array("translations", translations, ("frames", len(skeleton), 3))
-        moving = MovingBones.among(skeleton, all_joints, exact)
+        moving = MovingBones.among(skeleton, np.arange(len(skeleton)), exact)
         return cls(skeleton, np.ascontiguousarray(exact[:, 0]), rotations, frame_time_text, moving)
 
     def __len__(self) -> int:

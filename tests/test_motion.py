@@ -50,6 +50,12 @@ def test_some_frames_of_a_motion_are_where_they_are_in_the_whole(frames):
     assert MOTION[frames].frame_time == MOTION.frame_time
 
 
+@pytest.mark.parametrize("joints", [[], [0], [3, 2], [2, 2], [[1]], [1.0], "a", [None]], ids=str)
+def test_moving_bones_are_those_of_joints_below_the_root_in_order(joints):
+    with pytest.raises(MotionError, match="expected numbers of joints from 1, in ascending order"):
+        MovingBones(joints, np.zeros((3, np.size(joints), 3)))
+
+
 def test_only_bones_that_do_not_keep_their_offset_are_held():
     body = MOTION.skeleton
     translations, knee = MOTION.translations, body.index("LeftKnee")
@@ -68,7 +74,7 @@ def test_only_bones_that_do_not_keep_their_offset_are_held():
 
 def test_bones_that_move_in_other_frames_than_the_motion_has_are_refused():
     bones = MovingBones(np.array([2]), np.zeros((2, 1, 3)))
-    with pytest.raises(MotionError, match="moving has shapes"):
+    with pytest.raises(MotionError, match=r"moving has 2 frames of joints \[2\]; expected 3 frames of joints below 2"):
         replace(MOTION, moving=bones)
     with pytest.raises(MotionError, match="2 frames of root_positions, 3 of rotations"):
         replace(MOTION, root_positions=MOTION.root_positions[1:])
