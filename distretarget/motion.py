@@ -163,7 +163,7 @@ class Motion:
             self,
             root_positions=self.root_positions[frames],
             rotations=self.rotations[frames],
-            moving=self.moving and self.moving[frames],
+            moving=None if self.moving is None else self.moving[frames],
         )
 
     def __repr__(self) -> str:
@@ -179,10 +179,15 @@ class Motion:
         """(frames, joints, 3), each joint's translation from its parent, for the root its position in the world
         [file units]; made whenever it is asked for.
         """
-        translations = np.array(np.broadcast_to(self.skeleton.offsets, (len(self), len(self.skeleton), 3)))
-        translations[:, 0] = self.root_positions
+        return self._translations_in(slice(None))
+
+    def _translations_in(self, frames: slice) -> NDArray[np.float64]:
+        """(frames, joints, 3), the same in some frames."""
+        path, offsets = self.root_positions[frames], self.skeleton.offsets
+        translations = np.array(np.broadcast_to(offsets, (len(path), *offsets.shape)))
+        translations[:, 0] = path
         if self.moving is not None:
-            translations[:, self.moving.joints] = self.moving.translations
+            translations[:, self.moving.joints] = self.moving.translations[frames]
         return translations
 
     def translations_of(self, joint: int) -> NDArray[np.float64]:
@@ -213,7 +218,7 @@ class Motion:
         skeleton, positions = self.skeleton, np.empty((len(self), len(self.skeleton), 3))
 
         def place(block: slice) -> None:
-            bones = skeleton.offsets[None] if self.moving is None else self[block].translations
+            bones = skeleton.offsets[None] if self.moving is None else self._translations_in(block)
             turned = self.world_rotations_in(block)
             positions[block] = joint_positions(skeleton.parents, self.root_positions[block], bones, turned)
 

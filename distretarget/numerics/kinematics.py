@@ -34,7 +34,8 @@ def forward_kinematics(parents: Parents, translations: Array, world: Array) -> A
     if np.shape(translations) != (*frames, *joints, 3) or np.shape(world) != (*frames, *joints, 4):
         shapes = f"{np.shape(parents)}, {np.shape(translations)} and {np.shape(world)}"
         raise SettingsError(f"the shapes are {shapes}; expected (joints,), (frames, joints, 3) and (frames, joints, 4)")
-    return joint_positions(parents, translations[:, 0], translations, world)
+    bones = np.asarray(translations, np.float64)
+    return joint_positions(np.asarray(parents, np.intp), bones[:, 0], bones, np.asarray(world, np.float64))
 
 
 def joint_positions(parents: Parents, root_positions: Array, bones: Array, world: Array) -> Array:
@@ -42,7 +43,8 @@ def joint_positions(parents: Parents, root_positions: Array, bones: Array, world
     same in all frames, (1, joints, 3), of which the root's is not used.
     """
     positions = np.empty((len(world), len(parents), 3))
-    tree, path, moving, turned = read_only(parents), read_only(root_positions), read_only(bones), read_only(world)
+    tree, path = read_only(parents), read_only(np.ascontiguousarray(root_positions))
+    moving, turned = read_only(bones), read_only(world)
 
     def place(part: slice) -> None:
         _positions(tree, path[part], moving[part if len(bones) > 1 else ALL], turned[part], positions[part])

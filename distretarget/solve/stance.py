@@ -50,7 +50,7 @@ def find_stance(
     rounding = ROLL * length
 
     def foot(driver: Leg, leg: Leg, soles: tuple[Sole, Sole]) -> tuple[Array, list[Array]]:
-        """Of ankle and toe how much they rest, (frames, 2), and where they belong."""
+        """How much ankle and toe rest, (frames, 2), and where they belong."""
         weights = by_shot(blend, shots, feet_at_rest(source, driver, up, length, **limits).astype(np.float64))
         feet = (
             _Foot.of(source, driver, soles[0], up, rounding),
