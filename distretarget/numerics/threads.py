@@ -22,10 +22,16 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
+def threads() -> int:
+    """Return how many threads work side by side: one for each core, or fewer where OMP_NUM_THREADS says so."""
+    limit = os.environ.get("OMP_NUM_THREADS", "").strip()
+    return min(cores(), max(int(limit), 1)) if limit.isdecimal() else cores()
+
+
 def in_threads(function: Callable[..., Result], *arguments: Iterable[object]) -> Iterator[Result]:
-    """Call a function on arguments, as `map` does, in as many threads as there are cores; results come in order."""
+    """Call a function on arguments, as `map` does, in as many threads as may be used; results come in order."""
     calls = list(zip(*arguments, strict=True))
-    workers = min(cores(), len(calls))
+    workers = min(threads(), len(calls))
     if workers < 2:
         yield from starmap(function, calls)
         return
@@ -43,7 +49,7 @@ def over_blocks(compute: Callable[[slice], object], frames: int, joints: int) ->
     long clip side by side.
     """
     blocks = list(blocks_of(frames))
-    parts = max(min(cores(), frames * joints // FEWEST_JOINTS), 1)
+    parts = max(min(threads(), frames * joints // FEWEST_JOINTS), 1)
     own, *others = (blocks[len(blocks) * part // parts : len(blocks) * (part + 1) // parts] for part in range(parts))
 
     def compute_all(part: list[slice]) -> None:
