@@ -56,7 +56,7 @@ class EngineRoot:
         if not self.moving:
             return motion
         skeleton = motion.skeleton
-        world, positions = np.array(motion.world_rotations), np.array(motion.positions)
+        world, positions = motion.world_rotations, np.array(motion.positions)
         for joint in self.moving:
             parent = skeleton.parents[joint]
             if not joint:

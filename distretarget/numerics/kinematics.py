@@ -71,7 +71,7 @@ def rotation_products(first: Array, of_first: NDArray[np.intp], second: Array) -
     (frames, n, 4), with the one of `second`, (joints, 4); no turn where `of_first` is negative.
     """
     product = np.empty((len(first), len(second), 4))
-    over_blocks(lambda part: _products(first[part], of_first, second, product[part]), *product.shape[:2])
+    _products(first, of_first, second, product)
     return product
 
 

@@ -41,26 +41,23 @@ def in_threads(function: Callable[..., Result], *arguments: Iterable[object]) ->
 
 def mapper_for(frames: int, joints: int) -> Callable[..., Iterable[Any]]:
     """Return `in_threads` for a clip that is long enough for it, with so many joints, else `map`."""
-    return in_threads if frames * joints >= 2 * FEWEST_JOINTS else map
+    return in_threads if _threads_for(frames, joints) > 1 else map
 
 
 def over_blocks(compute: Callable[[slice], object], frames: int, joints: int) -> None:
     """Call a function that computes each frame on its own for all blocks of a clip with so many joints, and parts of a
     long clip side by side.
     """
-    blocks = list(blocks_of(frames))
-    parts = max(min(threads(), frames * joints // FEWEST_JOINTS), 1)
-    own, *others = (blocks[len(blocks) * part // parts : len(blocks) * (part + 1) // parts] for part in range(parts))
+    blocks, parts = list(blocks_of(frames)), _threads_for(frames, joints)
 
-    def compute_all(part: list[slice]) -> None:
-        for block in part:
+    def compute_part(part: int) -> None:
+        for block in blocks[len(blocks) * part // parts : len(blocks) * (part + 1) // parts]:
             compute(block)
 
-    if not others:
-        compute_all(own)
-        return
-    with ThreadPoolExecutor(len(others)) as pool:
-        computed = [pool.submit(compute_all, part) for part in others]
-        compute_all(own)
-    for each in computed:
-        each.result()
+    for _ in in_threads(compute_part, range(parts)):
+        pass
+
+
+def _threads_for(frames: int, joints: int) -> int:
+    """How many threads the frames of a clip are worth."""
+    return max(min(threads(), frames * joints // FEWEST_JOINTS), 1)

@@ -31,7 +31,7 @@ def fit_rotations(
     skeleton = copy.skeleton
     carried = _carried_points(skeleton, roots, set(joints.tolist()))
     positions = np.array(copy.positions)
-    world = np.array(copy.world_rotations)
+    world = copy.world_rotations
     local = np.array(copy.rotations)
     deviations = np.tile([0.0, 0.0, 0.0, 1.0], (len(skeleton), len(copy), 1))
     for joint, root in enumerate(roots):
