@@ -40,7 +40,7 @@ STEPS = {"1 step a frame": 1, "3 steps a frame": 3}
 GMR = "the recipe of GMR"  # General Motion Retargeting, https://github.com/YanjieZe/GMR; below are its values
 SETTLED = 1e-3  # a stage is over when a step lowers the norm of its tasks' errors by at most this ...
 MOST_STEPS = 10  # ... or after so many steps behind the first
-GMR_DAMPING = {"damping": 0.5, "lm_damping": 1.0}  # of mink's solver and of its tasks
+GMR_DAMPING, GMR_TASK_DAMPING = 0.5, 1.0  # of mink's solver, and of its tasks
 POSTURE = 1e-2  # mink's cost of leaving the rotation copy's posture; that of missing a place of an end is 1
 DAMPING = 1e-3  # of mink's solver
 WRISTS = {"lefthand", "righthand", "lhand", "rhand", "leftwrist", "rightwrist"}
@@ -109,9 +109,8 @@ class InverseKinematics:
 class Gmr:
     """The same model, posed as GMR does.
 
-    Each joint of the source that drives a body gives that its place, scaled about the origin, and its rotation. The
-    first stage turns the bodies and places the feet; the second places and turns all. The weights are those of GMR for
-    a robot: `_weights`.
+    Each body is given the place of the source joint that drives it, scaled about the origin, and the rotation that
+    follows from it. The first stage turns all bodies and places the feet; the second places and turns all.
     """
 
     def __init__(self, result: RetargetResult) -> None:
@@ -124,9 +123,7 @@ class Gmr:
         feet = {leg.ankle for leg in matching.target.legs or ()}
         self.stages = [
             [
-                mink.FrameTask(
-                    f"joint{body}", "body", *_weights(stage, body, feet), lm_damping=GMR_DAMPING["lm_damping"]
-                )
+                mink.FrameTask(f"joint{body}", "body", *_weights(stage, body, feet), lm_damping=GMR_TASK_DAMPING)
                 for body in driven
             ]
             for stage in (1, 2)
@@ -150,7 +147,7 @@ class Gmr:
         configuration = self.of_result.configuration
         before = _error(configuration, tasks)
         for _ in range(1 + MOST_STEPS):
-            _step(configuration, tasks, GMR_DAMPING["damping"])
+            _step(configuration, tasks, GMR_DAMPING)
             error = _error(configuration, tasks)
             if before - error <= SETTLED:
                 break

@@ -60,7 +60,7 @@ class MotionArrays(TypedDict):
 
 @dataclass(frozen=True, eq=False)
 class MovingBones:
-    """The bones whose translation is not their offset in all frames.
+    """The bones that stretch or slide: their translation is not their offset in all frames.
 
     Attributes:
         joints: (bones,), the joints at their ends, in ascending order; never the root.
@@ -86,7 +86,10 @@ class MovingBones:
     def among(
         cls, skeleton: Skeleton, joints: NDArray[np.intp], translations: NDArray[np.float64]
     ) -> MovingBones | None:
-        """The bones that move among those of some joints, with `translations` (frames, joints, 3); None without any."""
+        """Return the bones that move among those of some joints, or None.
+
+        `translations`, (frames, joints, 3), are those of the joints [file units].
+        """
         moving = (translations != skeleton.offsets[joints]).any(axis=(0, 2)) & (joints > 0)
         return cls(joints[moving], translations[:, moving]) if moving.any() else None
 
@@ -103,7 +106,7 @@ class Motion:
         root_positions: (frames, 3), the root's path in the world [file units].
         rotations: (frames, joints, 4), rotations relative to the parent, as unit quaternions.
         frame_time_text: the time between frames [s] as the file spells it, digit for digit.
-        moving: the bones that do not keep their offset; None if all do.
+        moving: the bones that stretch or slide; None if all keep their offset.
 
     Raises:
         MotionError: the shapes of the arrays do not fit the skeleton or each other, a rotation is not a unit
