@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -31,7 +32,7 @@ from distretarget.solve.poses import PoseProblem, Poses
 from distretarget.solve.resting_joints import Scene, find_resting_joints, with_resting_joints
 from distretarget.solve.rigid_parts import LEAST_TURN, part_of_joint, posed_motion, rigid_part_roots
 from distretarget.solve.root_shift import root_shift
-from distretarget.solve.settings import ContactSettings
+from distretarget.solve.settings import DEFAULT_SETTINGS, ContactSettings
 from distretarget.solve.stance import find_stance, hips_rise
 from distretarget.solve.supports import Supports, no_supports
 
@@ -66,7 +67,7 @@ class Performer:
             copy=copy,
             problem=_pose_problem(self.matching, copy, root_path(copy, self.matching, scale)),
             supports=no_supports(len(copy)),
-            settings=ContactSettings(),
+            settings=DEFAULT_SETTINGS,
         )
 
 
@@ -82,7 +83,7 @@ def matched_performer(
     """Match a source to its target; arguments and errors are those of `retarget`."""
     goal = _target_for(source, target)
     _check(source, goal.skeleton)
-    bodies = Body.of_motion(source), Body.of(goal.skeleton, goal.motion)
+    bodies = Body.of_motion(source), _target_body(goal)
     world = find_world(*bodies, source_up=source_up, target_up=target_up, root_offset=root_offset)
     source_body, target_body = world.to_target_axes(bodies[0]), bodies[1].with_up(world.up)
     return Performer(world, match(source_body, target_body, {**goal.map, **(joint_map or {})}))
@@ -154,6 +155,16 @@ def with_supports(prepared: Prepared, held: Held, scene: Scene, settings: Contac
     if held == "free":
         settings = replace(settings, support_stiffness=0.0)
     return replace(prepared, problem=problem, supports=supports, settings=settings)
+
+
+def _target_body(target: Target) -> Body:
+    return _body_at_rest(target.skeleton) if target.motion is None else Body.of(target.skeleton, target.motion)
+
+
+@lru_cache(maxsize=1)
+def _body_at_rest(skeleton: Skeleton) -> Body:
+    """The body of a target, which stays the same for all clips that are retargeted to it one after the other."""
+    return Body.of(skeleton)
 
 
 def _target_for(source: Motion, target: Motion | Skeleton | Target | SkeletonEdit) -> Target:

@@ -28,13 +28,12 @@ from distretarget.solve.free_points import Postures, solve_postures
 from distretarget.solve.paper import solve_paper
 from distretarget.solve.poses import PoseProblem
 from distretarget.solve.resting_joints import Scene
-from distretarget.solve.settings import ContactSettings
+from distretarget.solve.settings import DEFAULT_SETTINGS, ContactSettings
 
 Array = NDArray[np.float64]
 Objective = Literal["contact", "paper"]
 OBJECTIVES: tuple[Objective, ...] = ("contact", "paper")
 SUPPORTS: tuple[Held, ...] = get_args(Held)
-DEFAULT_SETTINGS = ContactSettings()
 
 
 def retarget(

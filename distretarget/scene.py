@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, product
-from types import NoneType
 from typing import get_args
 
 import numpy as np
@@ -28,7 +27,7 @@ from distretarget.result import RetargetResult
 from distretarget.skeleton import LARGEST, SMALLEST, Skeleton
 from distretarget.solve.chunks import Mapper
 from distretarget.solve.resting_joints import Scene
-from distretarget.solve.settings import ContactSettings
+from distretarget.solve.settings import DEFAULT_SETTINGS, ContactSettings
 from distretarget.solve.things import Placement, free_placement
 from distretarget.thing import Thing
 from distretarget.together import PlacedThing, Together, brought_together, solve_together
@@ -101,7 +100,7 @@ def retarget_scene(
     world_scale: float | None = None,
     supports: Held = "hold",
     scene: Scene = "body",
-    settings: ContactSettings | None = None,
+    settings: ContactSettings = DEFAULT_SETTINGS,
     mapper: Mapper = in_threads,
     progress: Callable[[int], object] = lambda _sweep: None,
 ) -> SceneResult:
@@ -141,7 +140,7 @@ def retarget_scene(
     _check_arguments(sources, targets, maps, world_scale)
     check_choice("supports", supports, get_args(Held))
     check_choice("scene", scene, get_args(Scene))
-    check_kind("settings", settings, ContactSettings, NoneType)
+    check_kind("settings", settings, ContactSettings)
     _check_times(sources, things)
     performers = _matched(sources, targets, maps)
     heights = [find_root_scale(performer.matching) for performer in performers]
@@ -149,7 +148,7 @@ def retarget_scene(
     longest = [longest_strides(performer.matching) for performer in performers]
     level = world_scale or followed_scale(heights, longest)
     prepared = [
-        with_supports(performer.prepared(RootScale(level, height)), supports, scene, settings or ContactSettings())
+        with_supports(performer.prepared(RootScale(level, height)), supports, scene, settings)
         for performer, height in zip(performers, heights, strict=True)
     ]
     motions = [_in_target_axes(thing.motion, performers[0], len(sources[0])) for thing in things]

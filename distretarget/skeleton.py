@@ -242,8 +242,12 @@ class Skeleton:
         """Return the joints from a joint up to the root, both included."""
         up = [joint]
         while up[-1]:
-            up.append(int(self.parents[up[-1]]))
+            up.append(self._parents[up[-1]])
         return up
+
+    @cached_property
+    def _parents(self) -> tuple[int, ...]:
+        return tuple(map(int, self.parents))
 
     def subtree(self, joint: int) -> list[int]:
         """Return a joint and all joints below it."""

@@ -131,10 +131,13 @@ def _moving(body: Body, handles: Collection[int], roots: Collection[int]) -> tup
     """
     skeleton, regions = body.skeleton, body.regions.of_joint
     moving = {0} if 0 in roots and moves_freely(skeleton, 0) else set()
-    for joint in range(1, len(skeleton)):
+
+    def stays(joint: int) -> bool:
         carries = bool((regions[skeleton.subtree(joint)] >= 0).any())
-        stays = carries and joint not in roots and moves_freely(skeleton, joint)
-        if joint in handles or (skeleton.parents[joint] in moving and not stays):
+        return carries and joint not in roots and moves_freely(skeleton, joint)
+
+    for joint in range(1, len(skeleton)):
+        if joint in handles or (skeleton.parents[joint] in moving and not stays(joint)):
             moving.add(joint)
     if (regions[list(moving)] >= 0).any():
         return _moving(body, handles, ())
@@ -148,7 +151,7 @@ def _pelvis(body: Body) -> int:
 
 def _roots_on_floor(body: Body) -> list[int]:
     """The joints above the hips that stand on the floor in the reference pose, from the topmost down."""
-    if body.anatomy is None or body.legs is None:
+    if body.anatomy is None or body.legs is None or not body.above_hips:
         return []
     heights = body.reference_positions @ body.reference_axes[:, 1]
     limit = heights[_pelvis(body)] - BELOW_HIPS * body.leg_length

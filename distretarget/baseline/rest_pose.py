@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.anatomy import FINGERS, SIDES
 from distretarget.matching.bones import BUILD_ANGLE, bone_directions, driven_below
 from distretarget.matching.matching import Matching
-from distretarget.numerics.rotations import least
+from distretarget.numerics.rotations import least_matrix
+from distretarget.numerics.vectors import cross
 
 Array = NDArray[np.float64]
 
@@ -31,10 +32,10 @@ def rest_alignment(matching: Matching) -> Array:
     Where a frame of the motion replaces a rest pose, the axes about which elbows and knees bend in it give the roll.
     """
     bodies = _Bodies(matching)
-    alignment = Rotation.from_matrix(_joint_alignments(bodies))
-    source_pose, target_pose = (Rotation.from_quat(pose) for pose in bodies.poses)
-    drivers = np.maximum(matching.rotation_sources, 0)
-    return np.stack([(source_pose[drivers[:, k]].inv() * alignment * target_pose).as_quat() for k in (0, 1)], axis=1)
+    source_pose, target_pose = bodies.poses
+    back = source_pose[np.maximum(matching.rotation_sources, 0)].swapaxes(-1, -2)
+    alignments = back @ (_joint_alignments(bodies) @ target_pose)[:, None]
+    return Rotation.from_matrix(alignments.reshape(-1, 3, 3)).as_quat().reshape(-1, 2, 4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,11 +60,11 @@ class _Bodies:
 
     @cached_property
     def poses(self) -> tuple[Array, Array]:
-        """(joints, 4) of source and target, the world rotations of the poses that are aligned with each other."""
+        """(joints, 3, 3) of source and target, the world rotations of the poses that are aligned with each other."""
         source, target = self.matching.source, self.matching.target
         if self.in_reference:
-            return source.reference_pose, target.reference_pose
-        return source.skeleton.unturned, target.skeleton.unturned
+            return _matrices(source.reference_pose), _matrices(target.reference_pose)
+        return _matrices(source.skeleton.unturned), _matrices(target.skeleton.unturned)
 
     @cached_property
     def positions(self) -> tuple[Array, Array]:
@@ -132,10 +133,7 @@ class _Bodies:
         if matching.legs is None or not self.human:
             return {}
         return {
-            b.ankle: (
-                Rotation.from_quat(source_pose[a.ankle]).apply(source.normal),
-                Rotation.from_quat(target_pose[b.ankle]).apply(target.normal),
-            )
+            b.ankle: (source_pose[a.ankle] @ source.normal, target_pose[b.ankle] @ target.normal)
             for a, b, (source, target) in zip(*matching.legs, matching.soles, strict=True)
         }
 
@@ -169,6 +167,11 @@ class _Bodies:
         return dict(self.matching.target.anatomy.roles) if self.human and self.matching.target.anatomy else {}
 
 
+def _matrices(world: Array) -> Array:
+    """World rotations (joints, 4) as matrices, (joints, 3, 3)."""
+    return np.asarray(Rotation.from_quat(world).as_matrix())
+
+
 def _joint_alignments(bodies: _Bodies) -> Array:
     """(target joints, 3, 3), the rotations that align each target joint with the source, both bodies in their poses."""
     matching, (x, y) = bodies.matching, bodies.positions
@@ -181,14 +184,14 @@ def _joint_alignments(bodies: _Bodies) -> Array:
             turn = _sole_onto_sole(bodies, joint, b[:1], a[:1], turn)
         if len(a):
             if joint in bodies.outwards:
-                turn = least(a[:1] @ turn.T, bodies.outwards[joint][None]).as_matrix() @ turn
-            onto = least(a @ turn.T, b)
-            another_pose = len(a) == 1 and onto.magnitude() > BUILD_ANGLE and joint not in bodies.sole_normals
+                turn = least_matrix(a[:1] @ turn.T, bodies.outwards[joint][None]) @ turn
+            onto = least_matrix(a @ turn.T, b)
+            far = (np.trace(onto) - 1.0) / 2.0 < np.cos(BUILD_ANGLE)
+            another_pose = len(a) == 1 and far and joint not in bodies.sole_normals
             if another_pose or joint not in bodies.built_differently:
-                turned = onto.as_matrix()
                 if joint in bodies.hinges:
-                    turned = _roll(bodies, joint, b[0], turned, turn) @ turned
-                turn = turned @ turn
+                    onto = _roll(bodies, joint, b[0], onto, turn) @ onto
+                turn = onto @ turn
         alignments.append(turn)
     return np.array(alignments)
 
@@ -201,11 +204,11 @@ def _sole_onto_sole(bodies: _Bodies, joint: int, feet: Array, target_feet: Array
     `feet` and `target_feet`, (1, 3), are their directions on both bodies, (0, 3) without a foot.
     """
     normal, target_normal = bodies.sole_normals[joint]
-    turn = least((turn @ target_normal)[None], normal[None]).as_matrix() @ turn
+    turn = least_matrix((turn @ target_normal)[None], normal[None]) @ turn
     if not len(feet) or not bodies.posed_by_motion:
         return turn
     level = [v - (v @ normal)[:, None] * normal for v in (feet, target_feet @ turn.T)]
-    return least(level[1], level[0]).as_matrix() @ turn
+    return least_matrix(level[1], level[0]) @ turn
 
 
 def _roll(bodies: _Bodies, joint: int, bone: Array, onto: Array, turn: Array) -> Array:
@@ -215,5 +218,5 @@ def _roll(bodies: _Bodies, joint: int, bone: Array, onto: Array, turn: Array) ->
     source_axis = source_bends.get(role, onto @ usual)
     target_axis = onto @ turn @ target_bends[role] if role in target_bends else onto @ usual
     across, goal = (vector - (vector @ bone) * bone for vector in (target_axis, source_axis))
-    angle = np.arctan2(np.cross(across, goal) @ bone, across @ goal)
+    angle = np.arctan2(cross(across, goal) @ bone, across @ goal)
     return Rotation.from_rotvec(angle * bone).as_matrix()

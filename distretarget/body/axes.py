@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.anatomy import LEG, SIDES, Anatomy
-from distretarget.numerics.vectors import normalised
+from distretarget.numerics.vectors import cross, normalised
 from distretarget.skeleton import AXES
 
 Array = NDArray[np.float64]
@@ -81,7 +81,7 @@ class Directions:
         left = self.left
         up = self.trunk if self.trunk.any() else self.up
         up = normalised(up - (up * left).sum(axis=-1, keepdims=True) * left)
-        return np.stack([left, up, np.cross(left, up)], axis=-1)
+        return np.stack([left, up, cross(left, up)], axis=-1)
 
     @cached_property
     def stretch(self) -> Array:
@@ -126,7 +126,7 @@ def upright(axes: Array) -> Array:
     """Return a body's axes, (3, 3) with columns left, up and forward, with up snapped to a near axis of the file."""
     up = _squared_direction(axes[:, 1])
     left = normalised(axes[:, 0] - (axes[:, 0] @ up) * up)
-    return np.stack([left, up, np.cross(left, up)], axis=-1)
+    return np.stack([left, up, cross(left, up)], axis=-1)
 
 
 def squared(axes: Array) -> Array:
@@ -134,7 +134,7 @@ def squared(axes: Array) -> Array:
     left, up, _ = upright(axes).T
     left = _squared_direction(left)
     left = normalised(left - (left @ up) * up)
-    return np.stack([left, up, np.cross(left, up)], axis=-1)
+    return np.stack([left, up, cross(left, up)], axis=-1)
 
 
 def _squared_direction(direction: Array) -> Array:

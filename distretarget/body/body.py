@@ -157,6 +157,8 @@ class Body:
         axis, cosine = nearest_axis(self.moving.up.mean(axis=0))
         if self.up_at_rest is None:
             return None if cosine < UP_FROM_MOTION else axis
+        if self.up_at_rest == axis:
+            return axis
         off, off_at_rest = (abs(self.lowest(axis_vector(each))) for each in (axis, self.up_at_rest))
         lies = off_at_rest < LIES * self.leg_length
         stands = cosine > STANDS_IN_MOTION and off < OFF_FLOOR * self.leg_length

@@ -18,7 +18,7 @@ from distretarget.body.anatomy import ARM, LEG, SIDES, Anatomy
 from distretarget.body.axes import Directions, squared
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import least
-from distretarget.numerics.vectors import normalised
+from distretarget.numerics.vectors import cross, normalised
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -92,7 +92,7 @@ def bend_axes(anatomy: Anatomy, motion: Motion, world: Array) -> dict[str, Array
                 joint = bones[0][0]
                 upper, lower = (normalised(motion.positions[:, b] - motion.positions[:, a]) for a, b in bones)
                 to_joint = Rotation.from_quat(turned[:, joint]).inv()
-                axis = to_joint.apply(np.cross(upper, lower)).mean(axis=0)
+                axis = to_joint.apply(cross(upper, lower)).mean(axis=0)
                 if np.linalg.norm(axis) > CLEAR_BEND:
                     axes[side + limb[0]] = np.asarray(Rotation.from_quat(world[joint]).apply(normalised(axis)))
     return axes
@@ -131,7 +131,7 @@ def _hip_axes(rest: Directions) -> Array:
     bones = [normalised(x[joint] - x[roles["hips"]]) for joint in _spine_to_head(rest.anatomy)]
     up = next((bone for bone in bones if bone.any()), rest.trunk)
     up = normalised(up - (up @ left) * left)
-    return squared(np.stack([left, up, np.cross(left, up)], axis=-1))
+    return squared(np.stack([left, up, cross(left, up)], axis=-1))
 
 
 def _spine_to_head(anatomy: Anatomy) -> list[int]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from distretarget.body.anatomy import SIDES, Anatomy, spine_roles
 from distretarget.body.axes import FOLDED, STRETCHED
 from distretarget.body.limbs import Limb, LimbPair, find_limbs, forks, like_chains
-from distretarget.numerics.vectors import lengths, normalised
+from distretarget.numerics.vectors import cross, lengths, normalised
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -189,7 +189,7 @@ def _agreement(forward: Array, legs: LimbPair, x: Array) -> float:
     0 where the directions are too short to show anything.
     """
     up = _up(x, legs)
-    front = normalised(np.cross(x[:, legs[0].upper] - x[:, legs[1].upper], up))
+    front = normalised(cross(x[:, legs[0].upper] - x[:, legs[1].upper], up))
     level = lengths(_across(forward, up)).sum()
     slight = SLIGHT * legs[0].length * len(x)
     return float((forward * front).sum() / level) if level > slight else 0.0

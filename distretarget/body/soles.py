@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,8 @@ from distretarget.body.body import Body
 from distretarget.body.legs import Leg, Legs
 from distretarget.body.reference_pose import FOOT_PITCH
 from distretarget.body.resting import feet_at_rest
-from distretarget.numerics.rotations import least
-from distretarget.numerics.vectors import normalised
+from distretarget.numerics.rotations import least_matrix
+from distretarget.numerics.vectors import lengths, normalised
 
 Array = NDArray[np.float64]
 
@@ -88,10 +89,10 @@ class _Foot:
     up: Array
     known: bool
 
-    @property
+    @cached_property
     def direction(self) -> Array:
         """(3,), the unit vector to the point farthest from the ankle; zero for a foot without length."""
-        return normalised(self.points[np.argmax(np.linalg.norm(self.points, axis=1))])
+        return normalised(self.points[np.argmax(lengths(self.points))])
 
     @property
     def pitch(self) -> float:
@@ -109,14 +110,14 @@ def _reference_foot(body: Body, leg: Leg) -> _Foot:
     """The foot in the reference pose; one that hangs there is given its usual pitch."""
     stance = body.reference
     up = body.up_vector if stance is None else axis_vector(nearest_axis(stance.up)[0])
-    to_ankle = Rotation.from_quat(body.reference_pose[leg.ankle]).inv()
-    foot = _foot(body, leg, to_ankle.apply(up), body.stands_at_rest or body.anatomy is None)
+    ankle = Rotation.from_quat(body.reference_pose[leg.ankle]).as_matrix()
+    foot = _foot(body, leg, up @ ankle, body.stands_at_rest or body.anatomy is None)
     if foot.direction @ foot.up >= -HANGING:
         return foot
     forward = np.zeros(3) if stance is None else stance.axes[:, 2]
     flat = np.cos(FOOT_PITCH) * forward - np.sin(FOOT_PITCH) * up
-    hanging = least(to_ankle.inv().apply(foot.direction)[None], flat[None])
-    return replace(foot, up=to_ankle.apply(hanging.inv().apply(up)), known=False)
+    hanging = least_matrix((ankle @ foot.direction)[None], flat[None])
+    return replace(foot, up=up @ hanging @ ankle, known=False)
 
 
 def _resting_foot(body: Body, leg: Leg) -> _Foot | None:

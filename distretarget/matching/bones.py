@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import chain, pairwise
+from itertools import accumulate, chain, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,15 +20,16 @@ def driven_below(target: Skeleton, drivers: NDArray[np.intp], x: Array, y: Array
 
     Left out are joints that coincide with it on either body, whose joints are at `x` and `y`, (joints, 3).
     """
-    below: list[list[int]] = [[] for _ in drivers]
-    for joint in range(1, len(below)):
-        if drivers[joint] < 0:
-            continue
-        above = int(target.parents[joint])
-        while above >= 0 and drivers[above] < 0:
-            above = int(target.parents[above])
-        if above >= 0 and (y[joint] != y[above]).any() and (x[drivers[joint]] != x[drivers[above]]).any():
-            below[above].append(joint)
+    driven = (drivers >= 0).tolist()
+    above: list[int] = []  # of each joint, the nearest with a driver
+    for parent in target.parents.tolist():
+        above.append(parent if parent < 0 or driven[parent] else above[parent])
+    ends = np.array([joint for joint, start in enumerate(above) if start >= 0 and driven[joint]], np.intp)
+    starts = np.array(above)[ends]
+    apart = (y[ends] != y[starts]).any(axis=1) & (x[drivers[ends]] != x[drivers[starts]]).any(axis=1)
+    below: list[list[int]] = [[] for _ in driven]
+    for start, end in zip(starts[apart].tolist(), ends[apart].tolist(), strict=True):
+        below[start].append(end)
     return below
 
 
@@ -36,15 +37,20 @@ def bone_directions(drivers: NDArray[np.intp], x: Array, y: Array, below: list[l
     """Return the directions from each target joint to joints `below` it, (joints below, 3), on the source and the
     target, whose joints are at `x` and `y`, (joints, 3).
     """
-    starts = np.array([joint for joint, ends in enumerate(below) for _ in ends], np.intp)
-    ends = np.array([*chain.from_iterable(below)], np.intp)
-    a, b = normalised(x[drivers[ends]] - x[drivers[starts]]), normalised(y[ends] - y[starts])
-    edges = np.cumsum([0, *map(len, below)]).tolist()
+    a, b = _all_directions(drivers, x, y, below)
+    edges = [*accumulate(map(len, below), initial=0)]
     return [(a[first:last], b[first:last]) for first, last in pairwise(edges)]
 
 
 def rest_poses_alike(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]) -> bool:
     """Return whether all bones of both rest poses point about the same way, so that they can be compared."""
     x, y = source.rest_positions, target.rest_positions
-    directions = bone_directions(drivers, x, y, driven_below(target, drivers, x, y))
-    return all(((a * b).sum(axis=1) >= np.cos(BUILD_ANGLE)).all() for a, b in directions)
+    a, b = _all_directions(drivers, x, y, driven_below(target, drivers, x, y))
+    return bool(((a * b).sum(axis=1) >= np.cos(BUILD_ANGLE)).all())
+
+
+def _all_directions(drivers: NDArray[np.intp], x: Array, y: Array, below: list[list[int]]) -> tuple[Array, Array]:
+    """The same directions of all joints one after the other, (bones, 3)."""
+    starts = np.array([joint for joint, ends in enumerate(below) for _ in ends], np.intp)
+    ends = np.array([*chain.from_iterable(below)], np.intp)
+    return normalised(x[drivers[ends]] - x[drivers[starts]]), normalised(y[ends] - y[starts])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from itertools import pairwise
 from typing import TypeVar
 
 import numpy as np
@@ -16,9 +15,9 @@ BLOCK_FRAMES = 384  # most frames of a block
 
 def blocks_of(frames: int) -> Iterator[slice]:
     """The frames of a clip in blocks of at most `BLOCK_FRAMES`, all about as long; none for a clip without frames."""
-    edges = np.linspace(0, frames, -(-frames // BLOCK_FRAMES) + 1).astype(int).tolist()
-    for first, end in pairwise(edges):
-        yield slice(first, end)
+    blocks = -(-frames // BLOCK_FRAMES)
+    for block in range(blocks):
+        yield slice(frames * block // blocks, frames * (block + 1) // blocks)
 
 
 def in_blocks(compute: Callable[[slice], NDArray[Value]], frames: int) -> NDArray[Value]:

@@ -87,6 +87,18 @@ def least(a: NDArray[np.float64], b: NDArray[np.float64]) -> Rotation:
     return Rotation.from_quat(best_rotation(a[None], b[None])[0])
 
 
+def least_matrix(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same as a matrix, (3, 3), without scipy's rotations, which are slow one by one."""
+    x, y, z, w = best_rotation(a[None], b[None])[0].tolist()
+    return np.array(
+        [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+            [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+            [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+        ]
+    )
+
+
 RotationKind = Literal["quaternion", "matrix", "6d"]
 
 

@@ -37,7 +37,8 @@ def averaged(values: Array, reach: int) -> Array:
 def _largest_averaged(values: Array, reach: int, blur: int) -> Array:
     """The largest of the values (frames, n) within `reach` frames of each frame, averaged over `blur` frames around."""
     window = np.hanning(2 * blur + 3)[1:-1]
-    weights = np.pad(window / window.sum(), (0, -len(window) % 4))
+    weights = np.zeros(len(window) + -len(window) % 4)
+    weights[: len(window)] = window / window.sum()
     result, lanes = np.empty(values.shape), np.zeros((3, len(values) + 2 * max(reach, blur) + 3))
     _write_largest_averaged(read_only(values), reach, blur, weights, lanes, result)
     return result
@@ -117,6 +118,6 @@ def over_runs(values: Array, weights: Array) -> Array:
         return np.asarray(np.broadcast_to(values.mean(axis=0), values.shape))
     runs = runs_of(weights > 0)
     totals = np.zeros((runs.max() + 1, values.shape[1] + 1))
-    np.add.at(totals, runs, weights[:, None] * np.pad(values, ((0, 0), (0, 1)), constant_values=1.0))
+    np.add.at(totals, runs, weights[:, None] * np.column_stack([values, np.ones(len(values))]))
     means = totals[runs[frames], :-1] / totals[runs[frames], -1:]
     return np.stack([np.interp(np.arange(len(values)), frames, column) for column in means.T], axis=1)

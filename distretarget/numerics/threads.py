@@ -31,7 +31,7 @@ def threads() -> int:
 def in_threads(function: Callable[..., Result], *arguments: Iterable[object]) -> Iterator[Result]:
     """Call a function on arguments, as `map` does, in as many threads as may be used; results come in order."""
     calls = list(zip(*arguments, strict=True))
-    workers = min(threads(), len(calls))
+    workers = min(threads(), len(calls)) if len(calls) > 1 else 1
     if workers < 2:
         yield from starmap(function, calls)
         return
@@ -60,4 +60,5 @@ def over_blocks(compute: Callable[[slice], object], frames: int, joints: int) ->
 
 def _threads_for(frames: int, joints: int) -> int:
     """How many threads the frames of a clip are worth."""
-    return max(min(threads(), frames * joints // FEWEST_JOINTS), 1)
+    worth = frames * joints // FEWEST_JOINTS
+    return min(threads(), worth) if worth > 1 else 1

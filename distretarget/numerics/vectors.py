@@ -1,6 +1,7 @@
-"""Lengths, directions and angles of vectors. The last axis has the components, everywhere.
+"""Lengths, directions, products and angles of vectors. The last axis has the components, everywhere.
 
-numpy's `norm` is slow along a short last axis: what a clip has many of goes through these.
+numpy's `norm` is slow along a short last axis, and its `cross` for few vectors: what a clip has many of goes through
+these.
 """
 
 from __future__ import annotations
@@ -28,6 +29,13 @@ def normalised(vectors: Array) -> Array:
     """Vectors of length 1 in the same directions, (..., n); a zero vector stays zero."""
     sizes = lengths(vectors)[..., None]
     return np.asarray(np.divide(vectors, sizes, out=np.zeros_like(vectors), where=sizes > 0))
+
+
+def cross(a: Array, b: Array) -> Array:
+    """The cross products of vectors (..., 3)."""
+    x, y, z = a[..., 0], a[..., 1], a[..., 2]
+    u, v, w = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
 
 
 def level(vectors: Array, up: Array) -> Array:

@@ -96,3 +96,6 @@ class ContactSettings:
             )
         if not self.close < self.apart:
             raise SettingsError(f"close is {self.close} and apart is {self.apart}; close has to be less than apart")
+
+
+DEFAULT_SETTINGS = ContactSettings()
