@@ -64,7 +64,8 @@ class _Bodies:
         source, target = self.matching.source, self.matching.target
         if self.in_reference:
             return _matrices(source.reference_pose), _matrices(target.reference_pose)
-        return _matrices(source.skeleton.unturned), _matrices(target.skeleton.unturned)
+        unturned = np.eye(3)[None]
+        return unturned.repeat(len(source.skeleton), axis=0), unturned.repeat(len(target.skeleton), axis=0)
 
     @cached_property
     def positions(self) -> tuple[Array, Array]:

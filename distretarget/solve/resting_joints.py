@@ -99,7 +99,9 @@ def find_resting_joints(
     speeds = joint_speeds(source, joints.sources, shots)
     on_floor = (speeds < settings.rest_speed * length) & low
     still = still_joints(source, joints.sources, joints.bases, speeds, length, shots)
-    rests = on_floor | still & ~_stand_on_others(joints, on_floor | still, feet, matching)
+    if still.any():
+        still &= ~_stand_on_others(joints, on_floor | still, feet, matching)
+    rests = on_floor | still
     rests = median_of_three(rests)  # a single frame unlike both its neighbours is a fault
     on = np.flatnonzero(rests.any(axis=0))
     if not len(on):
