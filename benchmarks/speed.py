@@ -1,18 +1,20 @@
-"""Measure frames per second of `retarget`, and of mink's inverse kinematics on the same body.
+"""Measure frames per second: of `retarget` and of mink's inverse kinematics on the same body; of reading and writing.
 
-    python benchmarks/speed.py CLIP.bvh [--target H] [--rounds 7] [--markdown FILE]
+    python benchmarks/speed.py CLIP.bvh [--target H] [--rounds 7] [--markdown PAGE]
 
 Each contestant runs in a separate process with one thread. Processor time is measured there, so that neither more cores
-nor other programs matter; compiling and reading are not counted. The contestants run alternately, and the table has
-medians over the rounds. Needs the extra `bench`; without mink the script says so and measures the rest.
+nor other programs matter; compiling is not counted. The contestants run alternately, and the tables have medians over
+the rounds. With a page, its tables are written, and a picture of them beside it. Needs the extra `bench`.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import tempfile
 import time
-from collections.abc import Callable, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
 from importlib.metadata import version
@@ -21,205 +23,78 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pybvh
 from edits import TARGETS, edited
+from inverse_kinematics import SOLVER, Gmr, InverseKinematics
 from numpy.typing import NDArray
+from speed_picture import Bar, draw_bars
 from tables import insert
 
-from distretarget import Motion, RetargetResult, read_bvh, retarget
-from distretarget.body.body import Body
+from distretarget import Motion, read_bvh, retarget, write_bvh
 from distretarget.retargeting import OBJECTIVES
+from distretarget.skeleton import Skeleton
 
-try:
-    import mink
-    import mujoco
-except ImportError:
-    mink = None
-
-SOLVER = "daqp"
-STEPS = {"1 step a frame": 1, "3 steps a frame": 3}
-GMR = "the recipe of GMR"  # General Motion Retargeting, https://github.com/YanjieZe/GMR; below are its values
-SETTLED = 1e-3  # a stage is over when a step lowers the norm of its tasks' errors by at most this ...
-MOST_STEPS = 10  # ... or after so many steps behind the first
-GMR_DAMPING, GMR_TASK_DAMPING = 0.5, 1.0  # of mink's solver, and of its tasks
-POSTURE = 1e-2  # mink's cost of leaving the rotation copy's posture; that of missing a place of an end is 1
-DAMPING = 1e-3  # of mink's solver
-WRISTS = {"lefthand", "righthand", "lhand", "rhand", "leftwrist", "rightwrist"}
+LONG = 10_000  # frames of the long clip
+GMR = f"mink {version('mink')} with {SOLVER}, the recipe of GMR"
+STEPS = {f"mink {version('mink')} with {SOLVER}, {n} step{'s' * (n > 1)} a frame": n for n in (1, 3)}
+OBJECTIVE_OF = {f"`retarget`, {objective}": objective for objective in OBJECTIVES}
+PYBVH = f"pybvh {version('pybvh')}"
+FILES = ("reading, distretarget", f"reading, {PYBVH}", "writing, distretarget", f"writing, {PYBVH}")
+ALL = "a whole conversion: reading, retargeting, figures, writing"
+CLIP = (*OBJECTIVE_OF, *STEPS, GMR)  # contestants that pose the frames of the clip
+LONG_CLIP = (*FILES, ALL)  # contestants that get the long clip
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # set to 1 before numpy is imported
-TIMESTEP = 1.0  # mink solves for velocities; a step moves along them for so long [s]
 
 
 class Contestant(NamedTuple):
-    """A way of posing all frames of a clip.
+    """A way of doing something with all frames of a clip.
 
     Attributes:
-        run: poses them; returns positions, (frames, joints, 3) [file units].
-        miss: from such positions, how far the ends are from their given places [% of leg length]; None if the
+        run: does it.
+        miss: from what `run` returns, how far the ends are from their given places [% of leg length]; None if the
             contestant is given no places.
     """
 
-    run: Callable[[], NDArray[np.float64]]
+    run: Callable[[], object]
     miss: Callable[[NDArray[np.float64]], float] | None = None
 
 
 _worker: dict[str, Contestant] = {}  # the one contestant of this process, by its name
 
 
-class InverseKinematics:
-    """The target as a MuJoCo model with ball joints and a free root, and mink's tasks on it.
-
-    The tasks: hands, feet and hips are where the contact objective put them, and joints turn as in the rotation copy.
-    So mink balances what the contact objective balances, and is given its result for the ends.
-    """
-
-    def __init__(self, result: RetargetResult) -> None:
-        skeleton = result.motion.skeleton
-        self.unit = result.matching.target.unit
-        self.bodies = [joint for joint in skeleton.depth_first if not skeleton.end_sites[joint]]
-        self.model = mujoco.MjModel.from_xml_string(_xml(result.motion, self.unit))
-        self.configuration = mink.Configuration(self.model)
-        self.postures = _postures(result.rotation_copy, self.bodies, self.unit)
-        self.ends = _ends(result.matching.target)
-        self.places = result.motion.positions[:, self.ends] / self.unit
-        self.frames = [
-            mink.FrameTask(f"joint{end}", "body", position_cost=1.0, orientation_cost=0.0) for end in self.ends
-        ]
-        self.posture = mink.PostureTask(self.model, cost=POSTURE)
-        self.tasks = [*self.frames, self.posture]
-
-    def solve(self, steps: int) -> NDArray[np.float64]:
-        """(frames, bodies, 3), positions of the bodies [file units]; each frame is solved from the one before."""
-        positions = np.empty((len(self.postures), len(self.bodies), 3))
-        for t, posture in enumerate(self.postures):
-            if t == 0:
-                self.configuration.update(posture)
-            self.posture.set_target(posture)
-            for task, place in zip(self.frames, self.places[t], strict=True):
-                task.set_target(mink.SE3.from_translation(place))
-            for _ in range(steps):
-                _step(self.configuration, self.tasks, DAMPING)
-            positions[t] = self.configuration.data.xpos[1:]
-        return positions * self.unit
-
-    def miss(self, positions: NDArray[np.float64]) -> float:
-        """Mean distance of hands, feet and hips from their given places [% of leg length]."""
-        ends = positions[:, [self.bodies.index(end) for end in self.ends]] / self.unit
-        return float(200 * np.linalg.norm(ends - self.places, axis=-1).mean())
-
-
-class Gmr:
-    """The same model, posed as GMR does.
-
-    Each body is given the place of the source joint that drives it, scaled about the origin, and the rotation that
-    follows from it. The first stage turns all bodies and places the feet; the second places and turns all.
-    """
-
-    def __init__(self, result: RetargetResult) -> None:
-        self.of_result = InverseKinematics(result)
-        matching, bodies = result.matching, self.of_result.bodies
-        driven = [body for body in bodies if matching.drivers[body] >= 0]
-        positions = result.source.positions[:, matching.drivers[driven]]
-        self.places = positions * result.root_scale / self.of_result.unit
-        self.rotations = result.rotation_copy.world_rotations[:, driven][..., [3, 0, 1, 2]]
-        feet = {leg.ankle for leg in matching.target.legs or ()}
-        self.stages = [
-            [
-                mink.FrameTask(f"joint{body}", "body", *_weights(stage, body, feet), lm_damping=GMR_TASK_DAMPING)
-                for body in driven
-            ]
-            for stage in (1, 2)
-        ]
-        self.ends = [(bodies.index(end), driven.index(end)) for end in self.of_result.ends if end in driven]
-
-    def solve(self) -> NDArray[np.float64]:
-        """(frames, bodies, 3), positions of the bodies [file units]; each frame is solved from the one before."""
-        configuration = self.of_result.configuration
-        positions = np.empty((len(self.places), len(self.of_result.bodies), 3))
-        configuration.update(self.of_result.postures[0])
-        for t, frame in enumerate(zip(self.places, self.rotations, strict=True)):
-            for tasks in self.stages:
-                for task, place, rotation in zip(tasks, *frame, strict=True):
-                    task.set_target(mink.SE3.from_rotation_and_translation(mink.SO3(rotation), place))
-                self._solve_stage(tasks)
-            positions[t] = configuration.data.xpos[1:]
-        return positions * self.of_result.unit
-
-    def _solve_stage(self, tasks: Sequence[mink.Task]) -> None:
-        configuration = self.of_result.configuration
-        before = _error(configuration, tasks)
-        for _ in range(1 + MOST_STEPS):
-            _step(configuration, tasks, GMR_DAMPING)
-            error = _error(configuration, tasks)
-            if before - error <= SETTLED:
-                break
-            before = error
-
-    def miss(self, positions: NDArray[np.float64]) -> float:
-        """Mean distance of hands, feet and hips from their given places [% of leg length]."""
-        bodies, places = np.transpose(self.ends)
-        return float(
-            200 * np.linalg.norm(positions[:, bodies] / self.of_result.unit - self.places[:, places], axis=-1).mean()
-        )
-
-
-def _weights(stage: int, body: int, feet: set[int]) -> tuple[float, float]:
-    """What it costs a body in a stage to miss its place, and its rotation, as in GMR for the robot G1."""
-    if body in feet:
-        return 50.0, 10.0
-    if stage == 1:
-        return 0.0, 10.0
-    return (10.0 if body else 100.0), 5.0
-
-
-def _step(configuration: mink.Configuration, tasks: Sequence[mink.Task], damping: float) -> None:
-    velocity = mink.solve_ik(configuration, tasks, TIMESTEP, SOLVER, damping=damping, limits=[])
-    configuration.integrate_inplace(velocity, TIMESTEP)
-
-
-def _error(configuration: mink.Configuration, tasks: Sequence[mink.Task]) -> float:
-    """The norm of the tasks' errors."""
-    return float(np.linalg.norm(np.concatenate([task.compute_error(configuration) for task in tasks])))
-
-
-def _xml(motion: Motion, unit: float) -> str:
-    """The target as a MuJoCo model; lengths in body units."""
-    skeleton = motion.skeleton
-
-    def body(joint: int) -> str:
-        place = " ".join(repr(float(x)) for x in (skeleton.offsets[joint] / unit if joint else np.zeros(3)))
-        kind = "ball" if joint else "free"
-        below = "".join(body(child) for child in skeleton.children[joint] if not skeleton.end_sites[child])
-        return (
-            f'<body name="joint{joint}" pos="{place}"><joint type="{kind}"/>'
-            f'<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>{below}</body>'
-        )
-
-    return f'<mujoco><compiler balanceinertia="true"/><worldbody>{body(0)}</worldbody></mujoco>'
-
-
-def _postures(copy: Motion, bodies: list[int], unit: float) -> NDArray[np.float64]:
-    """(frames, 3 + 4 bodies), the copy in MuJoCo's coordinates: the root's position, each body's quaternion w x y z."""
-    quaternions = copy.rotations[:, bodies][..., [3, 0, 1, 2]]
-    return np.concatenate([copy.root_positions / unit, quaternions.reshape(len(copy), -1)], axis=1)
-
-
-def _ends(body: Body) -> list[int]:
-    """The root, the ankles and the wrists."""
-    wrists = [joint for joint, name in enumerate(body.skeleton.names) if name.lower() in WRISTS]
-    return sorted({0, *(leg.ankle for leg in body.legs or ()), *wrists})
-
-
 def contestant(clip: Path, target: str, name: str) -> Contestant:
-    """The contestant with this name, ready to run: an objective, one of `STEPS`, or `GMR`."""
+    """The contestant with this name, one of `CLIP` or `LONG_CLIP`, ready to run."""
     source = read_bvh(clip)
     body = edited(source.rigid_skeleton, TARGETS[target])
-    if name in OBJECTIVES:
-        return Contestant(lambda: retarget(source, body, objective=name).motion.positions)
+    if name in LONG_CLIP:
+        return Contestant(dict(zip(LONG_CLIP, _file_runs(clip, source, body), strict=True))[name])
+    if name in OBJECTIVE_OF:
+        return Contestant(lambda: retarget(source, body, objective=OBJECTIVE_OF[name]).motion.positions)
     result = retarget(source, body)
     if name == GMR:
         gmr = Gmr(result)
         return Contestant(gmr.solve, gmr.miss)
     peer = InverseKinematics(result)
     return Contestant(lambda: peer.solve(STEPS[name]), peer.miss)
+
+
+def _file_runs(clip: Path, source: Motion, body: Skeleton) -> Iterator[Callable[[], object]]:
+    """What the contestants of `LONG_CLIP` do, in their order."""
+    written = clip.with_suffix(f".{os.getpid()}.bvh")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # pybvh warns that it guesses the up axis
+        peer = pybvh.read_bvh_file(clip)
+
+    def convert() -> None:
+        result = retarget(read_bvh(clip), body)
+        assert result.figures
+        write_bvh(written, result.motion, overwrite=True)
+
+    yield lambda: read_bvh(clip)
+    yield lambda: pybvh.read_bvh_file(clip, world_up="+y")
+    yield lambda: write_bvh(written, source, overwrite=True)
+    yield lambda: pybvh.write_bvh_file(peer, written)
+    yield convert
 
 
 def _prepare(clip: Path, target: str, name: str) -> None:
@@ -240,13 +115,14 @@ def _miss(name: str) -> str:
     return f"{contestant.miss(contestant.run()):.2f}" if contestant.miss else ""
 
 
-def measure(clip: Path, target: str, rounds: int) -> tuple[dict[str, NDArray[np.float64]], dict[str, str]]:
+def measure(
+    clip: Path, target: str, rounds: int, names: Sequence[str]
+) -> tuple[dict[str, NDArray[np.float64]], dict[str, str]]:
     """For each contestant, processor seconds of each round, and the mean miss of its ends.
 
     Each runs in a separate process: in a shared one, each run slows the next.
     """
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
-    names = [*OBJECTIVES, *((*STEPS, GMR) if mink else ())]
     context = get_context("spawn")
     with ExitStack() as stack:
         workers = {
@@ -257,41 +133,66 @@ def measure(clip: Path, target: str, rounds: int) -> tuple[dict[str, NDArray[np.
     return dict(zip(names, np.transpose(seconds), strict=True)), misses
 
 
-def table(frames: int, seconds: dict[str, NDArray[np.float64]], misses: dict[str, str]) -> str:
-    """The table, in Markdown."""
+def repeated(clip: Motion, frames: int) -> Motion:
+    """The clip forwards and backwards, until it has so many frames."""
+    there_and_back = [*range(len(clip)), *reversed(range(len(clip)))]
+    order = np.resize(there_and_back, frames)
+    return Motion(clip.skeleton, clip.root_positions[order], clip.rotations[order], clip.frame_time_text)
+
+
+def clip_table(frames: int, seconds: dict[str, NDArray[np.float64]], misses: dict[str, str]) -> str:
+    """The table of those that pose the frames of the clip, in Markdown."""
     lines = [
         "| | frames/s, median | slowest to fastest | time over contact's | miss of hands, feet and hips, % of leg |",
         "|---|---|---|---|---|",
     ]
-    for name, times in seconds.items():
-        speed = frames / times
-        ratio = np.median(times / seconds["contact"])
-        lines.append(
-            f"| {_title(name)} | {np.median(speed):,.0f} | {speed.min():,.0f} to {speed.max():,.0f} "
-            f"| {ratio:.2f} | {misses[name]} |"
-        )
+    contact = seconds[CLIP[0]]
+    lines += [f"{_cells(name, frames, seconds[name], contact)} {misses[name]} |" for name in seconds]
     return "\n".join(lines) + "\n"
 
 
-def _title(name: str) -> str:
-    return f"`retarget`, {name}" if name in OBJECTIVES else f"mink {version('mink')} with {SOLVER}, {name}"
+def files_table(frames: int, seconds: dict[str, NDArray[np.float64]]) -> str:
+    """The table of those that get the long clip, in Markdown; each is compared with the first that does the same."""
+    lines = ["| | frames/s, median | slowest to fastest | time over distretarget's |", "|---|---|---|---|"]
+    for name, times in seconds.items():
+        same = next(other for other in seconds if other.partition(",")[0] == name.partition(",")[0])
+        lines.append(_cells(name, frames, times, seconds[same]))
+    return "\n".join(lines) + "\n"
+
+
+def _cells(name: str, frames: int, times: NDArray[np.float64], others: NDArray[np.float64]) -> str:
+    """The first cells of a line: frames per second, and the time over that of another contestant."""
+    speed = frames / times
+    ratio = np.median(times / others)
+    return f"| {name} | {np.median(speed):,.0f} | {speed.min():,.0f} to {speed.max():,.0f} | {ratio:.2f} |"
 
 
 def main() -> None:
-    """Measure, print, and write the table if a page is given."""
+    """Measure, print, and write tables and picture if a page is given."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("clip", type=Path, metavar="CLIP.bvh")
     parser.add_argument("--target", choices=TARGETS, default="H")
     parser.add_argument("--rounds", type=int, default=7)
-    parser.add_argument("--markdown", type=Path, help="write the table into this page")
+    parser.add_argument("--markdown", type=Path, metavar="PAGE", help="write the tables into this page")
     arguments = parser.parse_args()
     source = read_bvh(arguments.clip)
-    if mink is None:
-        print("mink is not installed: pip install '.[bench]'")
-    text = table(len(source), *measure(arguments.clip, arguments.target, arguments.rounds))
-    print(f"{arguments.clip.name} on {arguments.target}, {len(source)} frames, {len(source.skeleton)} joints\n\n{text}")
+    seconds, misses = measure(arguments.clip, arguments.target, arguments.rounds, CLIP)
+    with tempfile.TemporaryDirectory() as folder:
+        long = Path(folder) / "long.bvh"
+        write_bvh(long, repeated(source, LONG))
+        of_files, _ = measure(long, arguments.target, arguments.rounds, LONG_CLIP)
+    tables = {"speed": clip_table(len(source), seconds, misses), "files": files_table(LONG, of_files)}
+    print(f"{arguments.clip.name} on {arguments.target}, {len(source)} frames, {len(source.skeleton)} joints\n")
+    print("\n".join(tables.values()))
     if arguments.markdown:
-        insert(arguments.markdown, {"speed": text})
+        insert(arguments.markdown, tables)
+        medians = [(name, float(np.median(len(source) / times))) for name, times in seconds.items()]
+        medians += [(name, float(np.median(LONG / times))) for name, times in of_files.items()]
+        bars = [
+            Bar(name.replace("`", ""), speed, not name.startswith("mink") and PYBVH not in name)
+            for name, speed in medians
+        ]
+        draw_bars(bars, "frames per second on one core", arguments.markdown.parent / "pictures" / "speed.png")
 
 
 if __name__ == "__main__":
