@@ -25,6 +25,15 @@ def test_the_same_skeleton_gives_the_same_motion():
     assert result.motion.frame_time_text == motion.frame_time_text
 
 
+def test_what_is_known_of_a_target_from_one_clip_does_not_change_the_next():
+    targets = [other_lengths(BODY) for _ in range(2)]
+    first, clip = moved(swaying(BODY), Rotation.from_euler("x", 90, degrees=True)), swaying(BODY)
+    retarget(first, targets[0])
+    after, alone = (retarget(clip, target).motion for target in targets)
+    np.testing.assert_array_equal(after.rotations, alone.rotations)
+    np.testing.assert_array_equal(after.root_positions, alone.root_positions)
+
+
 def test_every_bone_scaled_by_s_gives_s_times_the_motion():
     motion = swaying(BODY)
     result = retarget(motion, BODY.with_offsets(0.31 * BODY.offsets))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from distretarget.numerics.rotations import best_rotation, least_rotation
+from distretarget.numerics.rotations import best_rotation, least, least_matrix, least_rotation
 
 
 def test_the_least_rotation_is_that_of_scipy():
@@ -31,3 +31,9 @@ def test_a_zero_vector_is_not_turned():
 def test_one_vector_is_fitted_by_the_least_rotation():
     a, b = np.random.default_rng(1).normal(size=(2, 5, 1, 3))
     np.testing.assert_array_equal(best_rotation(a, b), least_rotation(a[:, 0], b[:, 0]))
+
+
+@pytest.mark.parametrize("vectors", [1, 2, 5])
+def test_the_matrix_is_that_of_the_rotation(vectors):
+    for a, b in np.random.default_rng(2).normal(size=(10, 2, vectors, 3)):
+        np.testing.assert_allclose(least_matrix(a, b), least(a, b).as_matrix(), atol=1e-14)

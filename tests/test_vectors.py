@@ -1,10 +1,10 @@
-"""Lengths, directions and angles of vectors, against numpy's norm and exact angles."""
+"""Lengths, directions, products and angles of vectors, against numpy's and exact angles."""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from distretarget.numerics.vectors import angles_between, extent, lengths, level, normalised
+from distretarget.numerics.vectors import angles_between, cross, extent, lengths, level, normalised
 
 VECTORS = np.random.default_rng(0).normal(size=(2, 5, 7, 3))
 
@@ -24,6 +24,12 @@ def test_the_extent_is_the_largest_absolute_value():
 
 def test_a_vector_of_no_length_has_no_direction():
     np.testing.assert_array_equal(normalised(np.array([[0.0, 3, 4], [0, 0, 0]])), [[0, 0.6, 0.8], [0, 0, 0]])
+
+
+def test_cross_products_are_numpys():
+    a, b = VECTORS[..., :3]
+    np.testing.assert_array_equal(cross(a, b), np.cross(a, b))
+    np.testing.assert_array_equal(cross(a, b[0, 0]), np.cross(a, b[0, 0]))
 
 
 def test_the_level_part_lies_across_up():

@@ -56,7 +56,7 @@ def least_rotation(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np
     turned.
     """
     quaternions = np.empty((len(a), 4))
-    _write_least(a, b, quaternions)
+    _write_least(np.ascontiguousarray(a), np.ascontiguousarray(b), quaternions)
     return quaternions
 
 

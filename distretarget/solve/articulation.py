@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.numerics.compiled import inlined
+from distretarget.numerics.compiled import inlined, read_only
 from distretarget.numerics.loops import clear
 from distretarget.skeleton import Skeleton
 
@@ -40,7 +40,7 @@ class Articulation(NamedTuple):
     @classmethod
     def of(cls, skeleton: Skeleton, parts: NDArray[np.intp], stiffness: Array) -> Articulation:
         """The articulation of a skeleton."""
-        return cls(skeleton.parents, parts, stiffness, skeleton.meets)
+        return cls(read_only(skeleton.parents), parts, stiffness, skeleton.meets)
 
 
 class Scratch(NamedTuple):
