@@ -137,8 +137,8 @@ class _Announcer(event.Listener):
 
 def _announcement() -> str:
     if folder := code_folder():
-        return f"compiling for the first run, which takes 10 to 20 s; later runs find the code in {folder}"
+        return f"compiling for the first run, which takes 10 to 15 s; later runs find the code in {folder}"
     return (
-        "compiling, which takes 10 to 20 s in every run, as there is no folder to keep the code in; "
+        "compiling, which takes 10 to 15 s in every run, as there is no folder to keep the code in; "
         "set NUMBA_CACHE_DIR to a folder that can be written to"
     )

@@ -1,8 +1,8 @@
 """How numba compiles functions that become parts of others: without machine code of their own.
 
 numba optimises every function that it compiles and makes machine code of it. A function that becomes a part of its
-callers is optimised there once more, and its own machine code is never run. Without both, the first run takes three
-quarters of the time.
+callers is optimised there once more, and its own machine code is never run. Leaving out both saves a fifth of the first
+run's time.
 """
 
 from __future__ import annotations
