@@ -187,7 +187,7 @@ class Motion:
     def _translations_in(self, frames: slice) -> NDArray[np.float64]:
         """(frames, joints, 3), the same in some frames."""
         path, offsets = self.root_positions[frames], self.skeleton.offsets
-        translations = np.array(np.broadcast_to(offsets, (len(path), *offsets.shape)))
+        translations = np.tile(offsets, (len(path), 1, 1))
         translations[:, 0] = path
         if self.moving is not None:
             translations[:, self.moving.joints] = self.moving.translations[frames]
