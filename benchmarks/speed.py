@@ -14,7 +14,7 @@ import os
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
 from importlib.metadata import version
@@ -38,11 +38,13 @@ LONG = 10_000  # frames of the long clip
 GMR = f"mink {version('mink')} with {SOLVER}, the recipe of GMR"
 STEPS = {f"mink {version('mink')} with {SOLVER}, {n} step{'s' * (n > 1)} a frame": n for n in (1, 3)}
 OBJECTIVE_OF = {f"`retarget`, {objective}": objective for objective in OBJECTIVES}
-PYBVH = f"pybvh {version('pybvh')}"
-FILES = ("reading, distretarget", f"reading, {PYBVH}", "writing, distretarget", f"writing, {PYBVH}")
+READING, WRITING = "reading, distretarget", "writing, distretarget"
+READING_PEER, WRITING_PEER = (f"{what}, pybvh {version('pybvh')}" for what in ("reading", "writing"))
 ALL = "a whole conversion: reading, retargeting, figures, writing"
 CLIP = (*OBJECTIVE_OF, *STEPS, GMR)  # contestants that pose the frames of the clip
-LONG_CLIP = (*FILES, ALL)  # contestants that get the long clip
+LONG_CLIP = (READING, READING_PEER, WRITING, WRITING_PEER, ALL)  # contestants that get the long clip
+COMPARED_WITH = {READING_PEER: READING, WRITING_PEER: WRITING}
+PEERS = {*STEPS, GMR, *COMPARED_WITH}
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # set to 1 before numpy is imported
 
 
@@ -67,7 +69,7 @@ def contestant(clip: Path, target: str, name: str) -> Contestant:
     source = read_bvh(clip)
     body = edited(source.rigid_skeleton, TARGETS[target])
     if name in LONG_CLIP:
-        return Contestant(dict(zip(LONG_CLIP, _file_runs(clip, source, body), strict=True))[name])
+        return Contestant(_file_runs(clip, source, body)[name])
     if name in OBJECTIVE_OF:
         return Contestant(lambda: retarget(source, body, objective=OBJECTIVE_OF[name]).motion.positions)
     result = retarget(source, body)
@@ -78,8 +80,8 @@ def contestant(clip: Path, target: str, name: str) -> Contestant:
     return Contestant(lambda: peer.solve(STEPS[name]), peer.miss)
 
 
-def _file_runs(clip: Path, source: Motion, body: Skeleton) -> Iterator[Callable[[], object]]:
-    """What the contestants of `LONG_CLIP` do, in their order."""
+def _file_runs(clip: Path, source: Motion, body: Skeleton) -> dict[str, Callable[[], object]]:
+    """What each of `LONG_CLIP` does."""
     written = clip.with_suffix(f".{os.getpid()}.bvh")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # pybvh warns that it guesses the up axis
@@ -87,14 +89,16 @@ def _file_runs(clip: Path, source: Motion, body: Skeleton) -> Iterator[Callable[
 
     def convert() -> None:
         result = retarget(read_bvh(clip), body)
-        assert result.figures
+        result.figures  # noqa: B018 - they are computed when they are asked for
         write_bvh(written, result.motion, overwrite=True)
 
-    yield lambda: read_bvh(clip)
-    yield lambda: pybvh.read_bvh_file(clip, world_up="+y")
-    yield lambda: write_bvh(written, source, overwrite=True)
-    yield lambda: pybvh.write_bvh_file(peer, written)
-    yield convert
+    return {
+        READING: lambda: read_bvh(clip),
+        READING_PEER: lambda: pybvh.read_bvh_file(clip, world_up="+y"),
+        WRITING: lambda: write_bvh(written, source, overwrite=True),
+        WRITING_PEER: lambda: pybvh.write_bvh_file(peer, written),
+        ALL: convert,
+    }
 
 
 def _prepare(clip: Path, target: str, name: str) -> None:
@@ -152,11 +156,9 @@ def clip_table(frames: int, seconds: dict[str, NDArray[np.float64]], misses: dic
 
 
 def files_table(frames: int, seconds: dict[str, NDArray[np.float64]]) -> str:
-    """The table of those that get the long clip, in Markdown; each is compared with the first that does the same."""
+    """The table of those that get the long clip, in Markdown."""
     lines = ["| | frames/s, median | slowest to fastest | time over distretarget's |", "|---|---|---|---|"]
-    for name, times in seconds.items():
-        same = next(other for other in seconds if other.partition(",")[0] == name.partition(",")[0])
-        lines.append(_cells(name, frames, times, seconds[same]))
+    lines += [_cells(name, frames, times, seconds[COMPARED_WITH.get(name, name)]) for name, times in seconds.items()]
     return "\n".join(lines) + "\n"
 
 
@@ -186,11 +188,10 @@ def main() -> None:
     print("\n".join(tables.values()))
     if arguments.markdown:
         insert(arguments.markdown, tables)
-        medians = [(name, float(np.median(len(source) / times))) for name, times in seconds.items()]
-        medians += [(name, float(np.median(LONG / times))) for name, times in of_files.items()]
         bars = [
-            Bar(name.replace("`", ""), speed, not name.startswith("mink") and PYBVH not in name)
-            for name, speed in medians
+            Bar(name.replace("`", ""), float(np.median(frames / times)), name not in PEERS)
+            for frames, group in ((len(source), seconds), (LONG, of_files))
+            for name, times in group.items()
         ]
         draw_bars(bars, "frames per second on one core", arguments.markdown.parent / "pictures" / "speed.png")
 

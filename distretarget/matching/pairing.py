@@ -143,10 +143,4 @@ def _others(skeleton: Skeleton, joint: int, above: set[int]) -> list[int]:
 
 def _above(skeleton: Skeleton, joints: set[int]) -> set[int]:
     """The joints and all their ancestors."""
-    found: set[int] = set()
-    for joint in joints:
-        above = joint
-        while above >= 0 and above not in found:
-            found.add(above)
-            above = int(skeleton.parents[above])
-    return found
+    return {above for joint in joints if joint >= 0 for above in skeleton.line(joint)}
