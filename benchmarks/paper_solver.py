@@ -49,7 +49,7 @@ def solve(
 ) -> tuple[Array, Minimum]:
     """The points, (points, 3), that the solver reaches from a start, (points, 3), for a posture of the source."""
     x = in_columns(problem, start)
-    minimum = _compiled(eta)(x, stress_of(problem, source), tolerance, POINT_ITERATIONS, scratch_for(x.shape))
+    minimum = _compiled(eta)(x, stress_of(problem, source), tolerance, np.empty(x.shape), scratch_for(x.shape))
     return x.T * problem.body_size, minimum
 
 
@@ -57,10 +57,16 @@ def solve(
 def _compiled(eta: float) -> Any:
     """The solver with another `ETA`, a constant that is compiled into it at its first call."""
     with patch.object(spg, "ETA", eta):
-        minimise = njit(error_model="numpy")(spectral_gradient(_objective, steepest, straight))
+        minimise = spectral_gradient(_objective, steepest, straight)
+
+        @njit(error_model="numpy")
+        def solve(x, stress, tolerance, gradient, scratch):  # type: ignore[no-untyped-def]
+            sigma = _objective(x, stress, gradient)
+            return minimise(x, sigma, gradient, stress, tolerance, POINT_ITERATIONS, scratch)
+
         x, stress = np.zeros((3, 2)), Stress(np.zeros((2, 2)), np.zeros((2, 2)))
-        minimise(x, stress, 0.0, 0, scratch_for(x.shape))
-    return minimise
+        solve(x, stress, 0.0, np.zeros(x.shape), scratch_for(x.shape))
+    return solve
 
 
 def solve_with_lbfgs(problem: DistanceProblem, source: Array, start: Array) -> OptimizeResult:

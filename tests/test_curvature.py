@@ -6,16 +6,20 @@ from spring_case import Case, at
 
 from distretarget.numerics.compiled import compiled
 from distretarget.solve import curvature as solver
+from distretarget.solve import springs_below
 from distretarget.solve.curvature import Curvature
 
-write_curvature = compiled(fastmath=True)(solver.write_curvature)
+is_of, write_curvature, write_way = (
+    compiled(fastmath=True)(function) for function in (solver.is_of, solver.write_curvature, springs_below.write_way)
+)
 
 
 def curvature_at(case, v):
     """The active parts at a pose, and their curvature."""
     case.positions(v)
-    curvature = Curvature.of(case.body)
-    count = write_curvature(v, case.body, case.scratch, at(case.springs, 0), curvature)
+    curvature, springs = Curvature.of(case.body), at(case.springs, 0)
+    bones = write_way(springs, case.body, curvature.below)
+    count = write_curvature(bones, v, case.body, case.scratch, springs, curvature)
     return curvature.active[:count], curvature.H[: 3 * count, : 3 * count]
 
 
@@ -50,6 +54,24 @@ def test_only_parts_that_a_spring_acts_on_are_unknowns():
         joint = int(case.body.parents[joint])
         way.add(int(case.body.parts[joint]))
     assert set(curvature_at(case, np.zeros(case.shape))[0]) == way | {len(case.stiffness) - 1}
+
+
+def test_a_curvature_is_that_of_the_bones_that_its_springs_move():
+    case = Case(0)
+    v, springs = np.zeros(case.shape), at(case.springs, 0)
+    case.positions(v)
+    curvature = Curvature.of(case.body)
+    everything = write_way(springs, case.body, curvature.below)
+    assert everything and not is_of(everything, curvature)  # nothing is written yet
+    write_curvature(everything, v, case.body, case.scratch, springs, curvature)
+    assert is_of(everything, curvature)
+    springs.A[:] *= 2.0  # other springs of the same joints
+    assert is_of(write_way(springs, case.body, curvature.below), curvature)
+    springs.A[springs.b >= 0] = 0.0
+    fewer = write_way(springs, case.body, curvature.below)
+    assert 0 < fewer < everything and not is_of(fewer, curvature)
+    springs.A[:] = 0.0
+    assert not is_of(write_way(springs, case.body, curvature.below), curvature)
 
 
 def test_a_bone_of_no_length_is_no_unknown():

@@ -6,6 +6,7 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 from spring_case import Case
 
+from distretarget.solve.pose_solver import FEW_ITERATIONS
 from distretarget.solve.spg import Reason
 from distretarget.solve.springs import Springs
 
@@ -69,6 +70,22 @@ def test_no_solved_pose_lies_above_any_of_its_starts():
     for frame in range(2, 12):
         starts = [np.zeros(case.shape), v[frame - 1], 2 * v[frame - 1] - v[frame - 2]]
         assert log[0, frame] <= min(case.energy(start, frame) for start in starts) * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_curvature_that_serves_several_frames_leads_to_the_same_minima(seed):
+    case, frames = Case(seed, frames=16), 16
+    for values in (case.bones, case.root, *case.springs[2:]):
+        values[:] = values[0]
+    drift = np.random.default_rng(seed).normal(size=case.springs.rest.shape[1:])
+    case.springs.rest[:] += 2e-4 * np.arange(frames)[:, None, None] * drift
+    case.springs.A[: frames // 2, 1:] = 0.0  # other springs set in, which move other bones
+    v, log = case.solved()
+    assert np.count_nonzero(log[1] <= FEW_ITERATIONS) >= frames // 2
+    for frame in range(1, frames):
+        anew, once = case.solved(before=v[:frame])
+        assert log[0, frame] == pytest.approx(once[0, frame], rel=1e-9)
+        np.testing.assert_allclose(v[frame], anew[frame], atol=1e-5)
 
 
 @pytest.mark.parametrize(("stiffer", "farther"), [(1e6, 1.0), (1.0, 1e4)])

@@ -61,7 +61,13 @@ def straight(x, d, alpha, _problem, out):
 def solver(objective, direction):
     """The compiled method, which takes x, the problem, the tolerance and the limit."""
     minimise = njit(spectral_gradient(objective, direction, straight))
-    return lambda x, *given: minimise(x, *given, scratch_for(x.shape))
+
+    def solve(x, problem, tolerance, limit):
+        gradient = np.empty(x.shape)
+        value = objective(x, problem, gradient)
+        return minimise(x, value, gradient, problem, tolerance, limit, scratch_for(x.shape))
+
+    return solve
 
 
 free = solver(quadratic, steepest)

@@ -16,7 +16,7 @@ from distretarget.numerics.compiled import inlined
 from distretarget.numerics.loops import clear
 from distretarget.solve.articulation import Articulation, Scratch, to_rotation_vector
 from distretarget.solve.springs import Springs
-from distretarget.solve.springs_below import Below, couples, write_nodes, write_stiffness_below, write_way
+from distretarget.solve.springs_below import Below, couples, write_nodes, write_stiffness_below
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
@@ -33,6 +33,7 @@ class Curvature(NamedTuple):
         place: (parts + 1,), where each part is in `active`; -1 if it is not active.
         rows: (joints,), the same for the part that carries each bone of `below.way`.
         M: (joints, 3, 3), the moment matrix of each bone of `below.way`.
+        bones: (joints,), the way that H is for, then -1.
         below: what is below bones.
         flat: (3 parts + 3,), scratch for what is solved.
     """
@@ -42,6 +43,7 @@ class Curvature(NamedTuple):
     place: Numbers
     rows: Numbers
     M: Array
+    bones: Numbers
     below: Below
     flat: Array
 
@@ -49,34 +51,48 @@ class Curvature(NamedTuple):
     def of(cls, body: Articulation) -> Curvature:
         """Arrays for a body."""
         joints, parts, size = len(body.parents), len(body.stiffness), 3 * len(body.stiffness)
-        active, place, rows = (np.zeros(n, np.intp) for n in (parts, parts, joints))
-        below = Below.of(body)
-        return cls(np.zeros((size, size)), active, place, rows, np.zeros((joints, 3, 3)), below, np.zeros(size))
+        active, place, rows, bones = (np.full(n, -1, np.intp) for n in (parts, parts, joints, joints))
+        H, M, below = np.zeros((size, size)), np.zeros((joints, 3, 3)), Below.of(body)
+        return cls(H, active, place, rows, M, bones, below, np.zeros(size))
+
+
+@inlined()
+def is_of(count: int, curvature: Curvature) -> bool:
+    """Whether the curvature is that of the first bones of `below.way`, so many."""
+    way, bones = curvature.below.way, curvature.bones
+    for i in range(count):
+        if bones[i] != way[i]:
+            return False
+    return count == len(bones) or bones[count] < 0
 
 
 @inlined(fastmath=True)
-def write_curvature(v: Array, body: Articulation, scratch: Scratch, springs: Springs, curvature: Curvature) -> int:
+def write_curvature(
+    count: int, v: Array, body: Articulation, scratch: Scratch, springs: Springs, curvature: Curvature
+) -> int:
     """Write the active parts at the pose `v`, and the upper triangle of their curvature, (3 active, 3 active); return
-    how many they are. `scratch` has the posed bones.
+    how many they are. The springs move the first bones of `below.way`, `count` of them; `scratch` has the posed bones.
 
     A part is active if a spring acts on it; the last one is the root's place. All others only have their stiffness, so
     that they keep the copy's rotation and are not unknowns. Parts come in the order in which few zeros are lost when
     the curvature is factorised: those furthest from the root first.
     """
     H, below = curvature.H, curvature.below
-    way = below.way[: write_way(springs, body, below)]
+    way = below.way[:count]
+    for i in range(len(curvature.bones)):
+        curvature.bones[i] = way[i] if i < count else -1
     nodes = write_nodes(way, body, below)
     write_stiffness_below(springs, way, nodes, body, below)
     _write_moment_matrices(way, v, body, scratch, curvature.M)
-    count = _write_active(way, body, scratch, curvature)
-    for r in range(3 * count):
-        clear(H[r, 3 * (r // 3) : 3 * count])
+    parts = _write_active(way, body, scratch, curvature)
+    for r in range(3 * parts):
+        clear(H[r, 3 * (r // 3) : 3 * parts])
         H[r, r] = max(body.stiffness[curvature.active[r // 3]], LEAST_CURVATURE)
     for m in range(nodes):
         for n in range(m, nodes):
             if couples(below.G[m, n]):
                 _add_nodes(m, n, curvature)
-    return count
+    return parts
 
 
 @inlined()

@@ -59,12 +59,13 @@ _minimise = spectral_gradient(_objective, steepest, straight)
 
 
 @compiled()
-def _solve(source, starts, ratio, problem, solved, first, log, scratch):  # type: ignore[no-untyped-def]
+def _solve(source, starts, ratio, problem, solved, first, log, gradient, scratch):  # type: ignore[no-untyped-def]
     """Solve a block of frames, whose first is column `first` of `log`; distances are computed frame by frame."""
     for t in range(len(source)):
         copy_to(solved[t], starts[t])
         target_distances(source[t], ratio, problem.delta)
-        minimum = _minimise(solved[t], problem, POINT_TOLERANCE, POINT_ITERATIONS, scratch)
+        sigma = _objective(solved[t], problem, gradient)
+        minimum = _minimise(solved[t], sigma, gradient, problem, POINT_TOLERANCE, POINT_ITERATIONS, scratch)
         record(minimum, log, first + t)
 
 
@@ -86,9 +87,10 @@ def solve_postures(
     S = columns(source[:, problem.sources] - source[:, problem.sources].mean(axis=1, keepdims=True))
     X = np.empty_like(C)
     log = np.zeros((4, len(C)))
-    stress, scratch = _Stress(np.empty_like(problem.ratio), problem.priorities), scratch_for(C.shape[1:])
+    stress = _Stress(np.empty_like(problem.ratio), problem.priorities)
+    gradient, scratch = np.empty(C.shape[1:]), scratch_for(C.shape[1:])
     for block in blocks_of(len(C)):
-        _solve(S[block], off_plane(C[block]), problem.ratio, stress, X[block], block.start, log, scratch)
+        _solve(S[block], off_plane(C[block]), problem.ratio, stress, X[block], block.start, log, gradient, scratch)
         progress(block.stop - block.start)
     positions = aligned(X.transpose(0, 2, 1), C.transpose(0, 2, 1)) * problem.body_size + centroids
     return Postures(positions, log[0], Effort.from_log(log))

@@ -2,7 +2,8 @@
 
 The unknowns are the deviations of the parts and of the root; the objective is any function of positions, plus the
 stiffness terms. The spectral gradient method minimises it in the metric of its curvature (`curvature`), where about
-three iterations reach a tolerance at which nothing shakes.
+three iterations reach a tolerance at which nothing shakes. The curvature serves the next frame too, as long as the same
+bones move and frames take few iterations with it.
 """
 
 from __future__ import annotations
@@ -23,13 +24,15 @@ from distretarget.solve.articulation import (
     stiffness_energy,
 )
 from distretarget.solve.cholesky import factorise, solve_factored
-from distretarget.solve.curvature import Curvature, Numbers, write_curvature
+from distretarget.solve.curvature import Curvature, Numbers, is_of, write_curvature
 from distretarget.solve.spg import Minimum, Reason, inner, record, scratch_for, spectral_gradient, straight
+from distretarget.solve.springs_below import write_way
 
 Array = NDArray[np.float64]
 
 ROUND_ITERATIONS = 30  # at most, until the curvature is computed anew
-ROUNDS = 20  # at most, each with a new curvature
+ROUNDS = 20  # at most, each but the first with a new curvature
+FEW_ITERATIONS = 2  # after a frame that takes no more, its curvature serves the next one too
 CONVERGED = Reason.CONVERGED.value
 
 
@@ -51,20 +54,22 @@ class Workspace(NamedTuple):
     Attributes:
         scratch: the posed body.
         curvature: its curvature.
+        gradient: (parts + 1, 3), the gradient at the pose that a round begins with.
         descent: scratch of the spectral gradient method.
         starts: (3, parts + 1, 3), poses to start from.
     """
 
     scratch: Scratch
     curvature: Curvature
+    gradient: Array
     descent: Array
     starts: Array
 
     @classmethod
     def of(cls, body: Articulation) -> Workspace:
         """Arrays for a body."""
-        starts = np.zeros((3, len(body.stiffness), 3))
-        return cls(Scratch.of(body), Curvature.of(body), scratch_for(starts.shape[1:]), starts)
+        pose = (len(body.stiffness), 3)
+        return cls(Scratch.of(body), Curvature.of(body), np.zeros(pose), scratch_for(pose), np.zeros((3, *pose)))
 
 
 class _Problem(NamedTuple):
@@ -96,16 +101,17 @@ def compile_pose_solver(
     """
 
     @inlined(fastmath=True)
-    def value(v, body, clip, frame, scratch, terms):  # type: ignore[no-untyped-def]
+    def act(v, body, clip, frame, scratch, terms):  # type: ignore[no-untyped-def]
+        """Pose the body, and return what `energy` does."""
         pose_body(v, body, clip.bones[frame], clip.root[frame], scratch)
         clear(scratch.gradient)
-        return energy(scratch, terms) + stiffness_energy(v, body)
+        return energy(scratch, terms)
 
     @inlined(fastmath=True)
     def objective(v, problem, gradient):  # type: ignore[no-untyped-def]
-        scratch = problem.work.scratch
-        sigma = value(v, problem.body, problem.clip, problem.frame, scratch, problem.terms)
-        pose_gradient(v, problem.body, scratch, gradient)
+        body, scratch = problem.body, problem.work.scratch
+        sigma = act(v, body, problem.clip, problem.frame, scratch, problem.terms) + stiffness_energy(v, body)
+        pose_gradient(v, body, scratch, gradient)
         return sigma
 
     minimise = spectral_gradient(objective, _steepest_in_metric, straight)
@@ -113,26 +119,37 @@ def compile_pose_solver(
     @compiled()
     def solve(body, clip, given, tolerance, v, first, log, work):  # type: ignore[no-untyped-def]
         scratch, curvature, starts = work.scratch, work.curvature, work.starts
+        parts, fits = 0, False
         for frame in range(len(clip.root)):
             terms = terms_of(given, frame, starts[0])
-            pose, best = v[first + frame], np.inf
-            count, chosen = _warm_starts(v, first + frame, starts), 0
+            pose, least, acting = v[first + frame], np.inf, 0.0
+            count, best = _warm_starts(v, first + frame, starts), 0
             for start in range(count):
-                sigma = value(starts[start], body, clip, frame, scratch, terms)
-                if sigma < best:
-                    best, chosen = sigma, start
-            copy_to(pose, starts[chosen])
-            iterations, evaluations = 0, count
+                acting = act(starts[start], body, clip, frame, scratch, terms)
+                sigma = acting + stiffness_energy(starts[start], body)
+                if sigma < least:
+                    least, best = sigma, start
+            copy_to(pose, starts[best])
+            posed = best == count - 1
+            iterations, evaluations = 0, count - posed
             for _ in range(ROUNDS):
-                pose_body(pose, body, clip.bones[frame], clip.root[frame], scratch)
-                parts = write_curvature(pose, body, scratch, like_springs(scratch, terms), curvature)
-                factorise(curvature.H, 3 * parts)
+                if not posed:
+                    acting = act(pose, body, clip, frame, scratch, terms)
+                springs = like_springs(scratch, terms)
+                bones = write_way(springs, body, curvature.below)
+                if not (fits and is_of(bones, curvature)):
+                    parts = write_curvature(bones, pose, body, scratch, springs, curvature)
+                    factorise(curvature.H, 3 * parts)
                 _reset_others(pose, curvature.place)
+                sigma = acting + stiffness_energy(pose, body)
+                pose_gradient(pose, body, scratch, work.gradient)
                 problem = _Problem(curvature.active[:parts], body, clip, frame, terms, work)
-                minimum = minimise(pose, problem, tolerance, ROUND_ITERATIONS, work.descent)
+                minimum = minimise(pose, sigma, work.gradient, problem, tolerance, ROUND_ITERATIONS, work.descent)
                 iterations += minimum.iterations
                 evaluations += minimum.evaluations
-                if minimum.reason == CONVERGED:
+                converged = minimum.reason == CONVERGED
+                posed, fits = False, converged and minimum.iterations <= FEW_ITERATIONS
+                if converged:
                     break
             record(Minimum(minimum.value, iterations, evaluations, minimum.reason), log, first + frame)
 

@@ -39,7 +39,7 @@ class Minimum(NamedTuple):
     Attributes:
         value: of the objective at the best iterate.
         iterations: steps taken.
-        evaluations: of the objective with its gradient.
+        evaluations: of the objective with its gradient, the given one among them.
         reason: a `Reason`.
     """
 
@@ -125,7 +125,7 @@ def straight(x, d, alpha, problem, out):  # type: ignore[no-untyped-def] # noqa:
 
 def scratch_for(shape: tuple[int, ...]) -> NDArray[np.float64]:
     """The array that the method writes to while it solves a problem of arrays of a shape."""
-    return np.empty((5, *shape))
+    return np.empty((4, *shape))
 
 
 def spectral_gradient(
@@ -138,23 +138,21 @@ def spectral_gradient(
         feasible set, and returns |d|^2; projection, gradient and |d| are those of the problem's metric, if it has one.
     move(x, d, alpha, problem, out): writes out = x + alpha d, or what corresponds to it on a manifold.
 
-    Returns a compiled minimise(x, problem, tolerance, limit, scratch) -> Minimum, which overwrites `x`, an array with
-    rows and columns, with the best iterate; `scratch` is `scratch_for(x.shape)`. It stops when the norm |d| of the
-    search direction is at most `tolerance`, after `limit` iterations, or when no step of at least 1e-12 of the
-    direction lowers the objective enough.
+    Returns a compiled minimise(x, f, g, problem, tolerance, limit, scratch) -> Minimum, which overwrites `x`, an array
+    with rows and columns, with the best iterate. `f` is the objective at `x` and `g` its gradient, which is overwritten
+    too; `scratch` is `scratch_for(x.shape)`. It stops when the norm |d| of the search direction is at most `tolerance`,
+    after `limit` iterations, or when no step of at least 1e-12 of the direction lowers the objective enough.
     """
 
     @inlined()
-    def minimise(x, problem, tolerance, limit, scratch):  # type: ignore[no-untyped-def]
-        d, g, g_new, x_new, x_best = scratch[0], scratch[1], scratch[2], scratch[3], scratch[4]
-        f = objective(x, problem, g)
-        evaluations = 1
+    def minimise(x, f, g, problem, tolerance, limit, scratch):  # type: ignore[no-untyped-def]
+        d, g_new, x_new, x_best = scratch[0], scratch[1], scratch[2], scratch[3]
         copy_to(x_best, x)
         given, f_best = x, f
         C, Q = f, 1.0
         step = 1.0
         reason = Reason.ITERATION_LIMIT.value
-        iterations = 0
+        iterations, evaluations = 0, 1
         while True:
             # Search direction
             square = direction(x, g, step, problem, d)
