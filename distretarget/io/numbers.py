@@ -64,14 +64,14 @@ def _leading_numbers(text: Bytes, powers: Array, numbers: Array) -> tuple[int, i
         at += negative or text[at] == PLUS
         first, whole = at, 0
         while _is_digit(text[at]):
-            whole = 10 * whole + (text[at] - ZERO)
+            whole = 10 * whole + _digit(text[at])
             at += 1
         digits, power = at - first, 0
         if text[at] == POINT:
             at += 1
             first = at
             while _is_digit(text[at]):
-                whole = 10 * whole + (text[at] - ZERO)
+                whole = 10 * whole + _digit(text[at])
                 at += 1
             digits, power = digits + at - first, first - at
         if text[at] == SMALL_E or text[at] == LARGE_E:
@@ -80,7 +80,7 @@ def _leading_numbers(text: Bytes, powers: Array, numbers: Array) -> tuple[int, i
             at += down or text[at] == PLUS
             exponent, first = 0, at
             while _is_digit(text[at]) and at < first + 3:
-                exponent = 10 * exponent + (text[at] - ZERO)
+                exponent = 10 * exponent + _digit(text[at])
                 at += 1
             power += -exponent if down else exponent
             digits = digits if at > first else 0
@@ -95,6 +95,12 @@ def _leading_numbers(text: Bytes, powers: Array, numbers: Array) -> tuple[int, i
 @inlined()
 def _is_digit(letter: int) -> bool:
     return ZERO <= letter <= NINE
+
+
+@inlined()
+def _digit(letter: int) -> int:
+    # Of 64 bits also where numba is switched off, where bytes would overflow.
+    return np.int64(letter) - ZERO  # type: ignore[return-value]
 
 
 @inlined()

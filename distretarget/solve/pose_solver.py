@@ -3,7 +3,8 @@
 The unknowns are the deviations of the parts and of the root; the objective is any function of positions, plus the
 stiffness terms. The spectral gradient method minimises it in the metric of its curvature (`curvature`), where about
 three iterations reach a tolerance at which nothing shakes. The curvature serves the next frame too, as long as the same
-bones move and frames take few iterations with it.
+bones move and frames take few iterations with it. Where it fails, twice as many frames must go well before the next
+trial as before this one.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ Array = NDArray[np.float64]
 
 ROUND_ITERATIONS = 30  # at most, until the curvature is computed anew
 ROUNDS = 20  # at most, each but the first with a new curvature
-FEW_ITERATIONS = 2  # after a frame that takes no more, its curvature serves the next one too
+FEW_ITERATIONS = 3  # a curvature serves the next frame too while frames take no more with it ...
+LONGEST_WAIT = 64  # ... or is computed anew for up to so many frames, until it is tried again
 CONVERGED = Reason.CONVERGED.value
 
 
@@ -119,7 +121,7 @@ def compile_pose_solver(
     @compiled()
     def solve(body, clip, given, tolerance, v, first, log, work):  # type: ignore[no-untyped-def]
         scratch, curvature, starts = work.scratch, work.curvature, work.starts
-        parts, fits = 0, False
+        parts, calm, wait = 0, 0, 1
         for frame in range(len(clip.root)):
             terms = terms_of(given, frame, starts[0])
             pose, least, acting = v[first + frame], np.inf, 0.0
@@ -137,7 +139,8 @@ def compile_pose_solver(
                     acting = act(pose, body, clip, frame, scratch, terms)
                 springs = like_springs(scratch, terms)
                 bones = write_way(springs, body, curvature.below)
-                if not (fits and is_of(bones, curvature)):
+                kept = calm >= wait and is_of(bones, curvature)
+                if not kept:
                     parts = write_curvature(bones, pose, body, scratch, springs, curvature)
                     factorise(curvature.H, 3 * parts)
                 _reset_others(pose, curvature.place)
@@ -147,8 +150,11 @@ def compile_pose_solver(
                 minimum = minimise(pose, sigma, work.gradient, problem, tolerance, ROUND_ITERATIONS, work.descent)
                 iterations += minimum.iterations
                 evaluations += minimum.evaluations
-                converged = minimum.reason == CONVERGED
-                posed, fits = False, converged and minimum.iterations <= FEW_ITERATIONS
+                posed, converged = False, minimum.reason == CONVERGED
+                few = converged and minimum.iterations <= FEW_ITERATIONS
+                calm = calm + 1 if few else 0
+                if kept:
+                    wait = 1 if few else min(2 * wait, LONGEST_WAIT)
                 if converged:
                     break
             record(Minimum(minimum.value, iterations, evaluations, minimum.reason), log, first + frame)
