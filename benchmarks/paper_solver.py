@@ -15,7 +15,7 @@ from distretarget.distances import DistanceProblem
 from distretarget.numerics.stress import stress_and_gradient, target_distances
 from distretarget.solve import spg
 from distretarget.solve.free_points import POINT_ITERATIONS, POINT_TOLERANCE
-from distretarget.solve.spg import Minimum, scratch_for, spectral_gradient, steepest, straight
+from distretarget.solve.spg import Minimum, scratch_for, spectral_gradient, steepest
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ def solve(
 def _compiled(eta: float) -> Any:
     """The solver with another `ETA`, a constant that is compiled into it at its first call."""
     with patch.object(spg, "ETA", eta):
-        minimise = spectral_gradient(_objective, steepest, straight)
+        minimise = spectral_gradient(_objective, steepest)
 
         @njit(error_model="numpy")
         def solve(x, stress, tolerance, gradient, scratch):  # type: ignore[no-untyped-def]

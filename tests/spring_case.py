@@ -83,7 +83,8 @@ class Case:
         v, gradient = flat.reshape(self.shape), np.empty(self.shape)
         self.positions(v, frame)
         self.scratch.gradient[:] = 0.0
-        value = spring_energy(self.scratch, at(self.springs, frame)) + stiffness_energy(v, self.body)
+        springs = at(self.springs, frame)
+        value = spring_energy(self.scratch, springs, len(springs.a)) + stiffness_energy(v, self.body)
         pose_gradient(v, self.body, self.scratch, gradient)
         return value, gradient.ravel()
 

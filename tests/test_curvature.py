@@ -9,8 +9,9 @@ from distretarget.solve import curvature as solver
 from distretarget.solve import springs_below
 from distretarget.solve.curvature import Curvature
 
-is_of, write_curvature, write_way = (
-    compiled(fastmath=True)(function) for function in (solver.is_of, solver.write_curvature, springs_below.write_way)
+are_first, write_curvature, write_way = (
+    compiled(fastmath=True)(function)
+    for function in (solver.are_first, solver.write_curvature, springs_below.write_way)
 )
 
 
@@ -18,9 +19,10 @@ def curvature_at(case, v):
     """The active parts at a pose, and their curvature."""
     case.positions(v)
     curvature, springs = Curvature.of(case.body), at(case.springs, 0)
-    bones = write_way(springs, case.body, curvature.below)
-    count = write_curvature(bones, v, case.body, case.scratch, springs, curvature)
-    return curvature.active[:count], curvature.H[: 3 * count, : 3 * count]
+    count = len(springs.a)
+    bones = write_way(springs, count, case.body, curvature.below)
+    parts = write_curvature(bones, v, case.body, case.scratch, springs, count, curvature)
+    return curvature.active[:parts], curvature.H[: 3 * parts, : 3 * parts]
 
 
 @pytest.mark.parametrize("kind", ["grounded", "between joints", "both"])
@@ -56,22 +58,31 @@ def test_only_parts_that_a_spring_acts_on_are_unknowns():
     assert set(curvature_at(case, np.zeros(case.shape))[0]) == way | {len(case.stiffness) - 1}
 
 
-def test_a_curvature_is_that_of_the_bones_that_its_springs_move():
+def test_a_curvature_says_which_bones_move():
     case = Case(0)
     v, springs = np.zeros(case.shape), at(case.springs, 0)
     case.positions(v)
-    curvature = Curvature.of(case.body)
-    everything = write_way(springs, case.body, curvature.below)
-    assert everything and not is_of(everything, curvature)  # nothing is written yet
-    write_curvature(everything, v, case.body, case.scratch, springs, curvature)
-    assert is_of(everything, curvature)
+    curvature, count = Curvature.of(case.body), len(springs.a)
+
+    def moved():
+        return write_way(springs, count, case.body, curvature.below)
+
+    def is_for(bones):
+        return are_first(curvature.bones, curvature.below.way, bones)
+
+    everything = moved()
+    assert everything > 0
+    assert not is_for(everything)  # nothing is written yet
+    write_curvature(everything, v, case.body, case.scratch, springs, count, curvature)
+    assert is_for(everything)
     springs.A[:] *= 2.0  # other springs of the same joints
-    assert is_of(write_way(springs, case.body, curvature.below), curvature)
+    assert is_for(moved())
     springs.A[springs.b >= 0] = 0.0
-    fewer = write_way(springs, case.body, curvature.below)
-    assert 0 < fewer < everything and not is_of(fewer, curvature)
+    assert 0 < moved() < everything
+    assert not is_for(moved())
     springs.A[:] = 0.0
-    assert not is_of(write_way(springs, case.body, curvature.below), curvature)
+    assert moved() == 0
+    assert not is_for(0)
 
 
 def test_a_bone_of_no_length_is_no_unknown():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from spring_case import Case, at
 
-from distretarget.solve.floor import Floor, depth_below, floor_energy, no_floor, with_floor
+from distretarget.solve.floor import Floor, add_floor, depth_below, floor_energy, no_floor
 from distretarget.solve.springs import room_for, spring_energy
 
 UP = np.array([0.0, 1.0, 0.0])
@@ -58,11 +58,12 @@ def test_the_curvature_has_a_spring_for_each_joint_below():
     floor = floor_under(case, np.array([0.2, -0.1, 0.3]))
     springs = at(case.springs, 0)
     case.positions(np.zeros(case.shape))
-    both = with_floor(case.scratch, springs, floor, behind(springs, 3))
-    assert both.a.tolist() == [*springs.a.tolist(), 0, 2]
-    assert both.b[-2:].tolist() == [-1, -1]
-    np.testing.assert_allclose(both.A[-2:], 3.0 * np.broadcast_to(np.outer(UP, UP), (2, 3, 3)))
-    np.testing.assert_array_equal(both.A[:-2], springs.A)
+    count, both = len(springs.a), behind(springs, 3)
+    assert add_floor(case.scratch, floor, both, count) == count + 2
+    assert both.a[: count + 2].tolist() == [*springs.a.tolist(), 0, 2]
+    assert both.b[count : count + 2].tolist() == [-1, -1]
+    np.testing.assert_allclose(both.A[count : count + 2], 3.0 * np.broadcast_to(np.outer(UP, UP), (2, 3, 3)))
+    np.testing.assert_array_equal(both.A[:count], springs.A)
 
 
 def test_without_a_floor_the_springs_stay_as_they_are():
@@ -70,10 +71,12 @@ def test_without_a_floor_the_springs_stay_as_they_are():
     springs, nothing = at(case.springs, 0), no_floor(1).of_frames(slice(0, 1))
     floor = Floor(nothing.joints, nothing.heights[0], nothing.stiffness[0], nothing.up)
     case.positions(np.zeros(case.shape))
-    for same, given in zip(with_floor(case.scratch, springs, floor, behind(springs, 0)), springs, strict=True):
-        np.testing.assert_array_equal(same, given)
+    count, same = len(springs.a), behind(springs, 0)
+    assert add_floor(case.scratch, floor, same, count) == count
+    for values, given in zip(same, springs, strict=True):
+        np.testing.assert_array_equal(values, given)
     assert floor_energy(case.scratch, floor) == 0
-    assert spring_energy(case.scratch, springs) > 0
+    assert spring_energy(case.scratch, springs, count) > 0
 
 
 def test_depth_is_counted_downwards():

@@ -53,14 +53,9 @@ def steepest_in_metric(_x, gradient, step, problem, d):
     return np.sum(problem.curvature * d * d)
 
 
-@njit
-def straight(x, d, alpha, _problem, out):
-    out[:] = x + alpha * d
-
-
 def solver(objective, direction):
     """The compiled method, which takes x, the problem, the tolerance and the limit."""
-    minimise = njit(spectral_gradient(objective, direction, straight))
+    minimise = njit(spectral_gradient(objective, direction))
 
     def solve(x, problem, tolerance, limit):
         gradient = np.empty(x.shape)

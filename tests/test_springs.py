@@ -20,7 +20,7 @@ def test_springs_have_the_energy_and_the_gradient_of_their_definition(seed):
     scratch, springs = scratch_of(8), at(random_springs(draw, 8), 0)
     scratch.x[:] = draw.normal(size=(8, 3))
     scratch.gradient[:] = before = draw.normal(size=(8, 3))
-    assert spring_energy(scratch, springs) == pytest.approx(naive_energy(scratch.x, springs))
+    assert spring_energy(scratch, springs, len(springs.a)) == pytest.approx(naive_energy(scratch.x, springs))
     for i in np.ndindex(8, 3):
         step = np.zeros((8, 3))
         step[i] = 0.5
@@ -34,8 +34,17 @@ def test_a_spring_along_its_axis_does_not_feel_what_happens_across():
     A = stiffer_along(axis[None], np.array([4.0]), np.array([0.0]))
     springs = Springs(np.array([0]), np.array([1]), np.zeros((1, 3)), A)
     scratch.x[0] = 0.5 * axis + across
-    assert spring_energy(scratch, springs) == pytest.approx(0.5)
+    assert spring_energy(scratch, springs, len(springs.a)) == pytest.approx(0.5)
     np.testing.assert_allclose(scratch.gradient, [2 * axis, -2 * axis])
+
+
+def test_only_the_first_springs_count():
+    draw = np.random.default_rng(1)
+    scratch, springs = scratch_of(8), at(random_springs(draw, 8), 0)
+    scratch.x[:] = draw.normal(size=(8, 3))
+    first = Springs(*(values[:5] for values in springs))
+    assert spring_energy(scratch, springs, 5) == pytest.approx(naive_energy(scratch.x, first))
+    assert spring_energy(scratch, springs, 0) == 0
 
 
 def test_joined_springs_are_those_of_both():
@@ -45,5 +54,5 @@ def test_joined_springs_are_those_of_both():
     scratch = scratch_of(8)
     scratch.x[:] = draw.normal(size=(8, 3))
     for frame in range(3):
-        energies = [spring_energy(scratch, at(springs, frame)) for springs in (one, other, both)]
+        energies = [spring_energy(scratch, at(springs, frame), len(springs.a)) for springs in (one, other, both)]
         assert energies[2] == pytest.approx(energies[0] + energies[1])

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import inlined
-from distretarget.numerics.loops import clear
+from distretarget.numerics.loops import clear, indices
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
@@ -16,51 +16,39 @@ Numbers = NDArray[np.intp]
 def factorise(H: Array, size: int) -> None:
     """Replace the upper triangle of the first `size` rows and columns of H, a multiple of 3, by that of its Cholesky
     factor U, U^T U = H; the diagonal gets the reciprocals of that of U.
-
-    Loops run over slices from their start: numba's loops that begin at another index are not made for vectors.
     """
     for first in range(0, size, 3):
         for above in range(0, first, 3):
-            if _sum(H[above : above + 3, first : first + 3]) > 0.0:
+            if not _is_zero(H, above, first):
                 for i in range(first, first + 3):
-                    _eliminate(H[i, i:size], H[above, i:size], H[above + 1, i:size], H[above + 2, i:size])
+                    _eliminate(H, i, above, size)
         for i in range(first, first + 3):
             for k in range(first, i):
-                _subtract(H[i, i:size], H[k, i:size])
-            _scale(H[i, i:size])
+                factor = H[k, i]
+                for j in indices(i, size):
+                    H[i, j] -= factor * H[k, j]
+            factor = 1.0 / np.sqrt(H[i, i])
+            for j in indices(i, size):
+                H[i, j] *= factor
+            H[i, i] = factor
+
+
+@inlined()
+def _is_zero(H: Array, row: int, column: int) -> bool:
+    """Whether the block of H at a row and a column is zero."""
+    for i in range(row, row + 3):
+        for j in range(column, column + 3):
+            if H[i, j] != 0.0:
+                return False
+    return True
 
 
 @inlined(fastmath=True)
-def _sum(block: Array) -> float:
-    """The sum of the absolute values of a block, (3, 3)."""
-    total = 0.0
-    for i in range(3):
-        for j in range(3):
-            total += abs(block[i, j])
-    return total
-
-
-@inlined(fastmath=True)
-def _eliminate(row: Array, a: Array, b: Array, c: Array) -> None:
-    """Subtract from a row what three finished rows above it account for; all begin at the diagonal of the row."""
-    _eliminate_from(row, a[0], b[0], c[0], a, b, c)
-
-
-@inlined(fastmath=True)
-def _subtract(row: Array, a: Array) -> None:
-    """The same for one row above."""
-    x = a[0]
-    for j in range(len(row)):
-        row[j] -= x * a[j]
-
-
-@inlined(fastmath=True)
-def _scale(row: Array) -> None:
-    """Divide a row by the square root of its first element, which becomes the reciprocal of that root."""
-    factor = 1.0 / np.sqrt(row[0])
-    for j in range(len(row)):
-        row[j] *= factor
-    row[0] = factor
+def _eliminate(H: Array, i: int, above: int, size: int) -> None:
+    """Subtract from row i what the three finished rows from `above` on account for."""
+    a, b, c = H[above, i], H[above + 1, i], H[above + 2, i]
+    for j in indices(i, size):
+        H[i, j] -= a * H[above, j] + b * H[above + 1, j] + c * H[above + 2, j]
 
 
 @inlined(fastmath=True)
@@ -73,37 +61,22 @@ def solve_factored(U: Array, active: Numbers, gradient: Array, d: Array, flat: A
     for i in range(size):
         flat[i] = gradient[active[i // 3], i % 3]
     for i in range(0, size, 3):
-        a, b, c = U[i, i:size], U[i + 1, i:size], U[i + 2, i:size]
-        x = flat[i] * a[0]
-        y = (flat[i + 1] - a[1] * x) * b[1]
-        z = (flat[i + 2] - a[2] * x - b[2] * y) * c[2]
+        x = flat[i] * U[i, i]
+        y = (flat[i + 1] - U[i, i + 1] * x) * U[i + 1, i + 1]
+        z = (flat[i + 2] - U[i, i + 2] * x - U[i + 1, i + 2] * y) * U[i + 2, i + 2]
         flat[i], flat[i + 1], flat[i + 2] = x, y, z
-        _eliminate_from(flat[i + 3 : size], x, y, z, a[3:], b[3:], c[3:])
+        for j in indices(i + 3, size):
+            flat[j] -= x * U[i, j] + y * U[i + 1, j] + z * U[i + 2, j]
     clear(d)
     for i in range(size - 3, -1, -3):
-        a, b, c = U[i, i:size], U[i + 1, i:size], U[i + 2, i:size]
-        x, y, z = _products(flat[i + 3 : size], a[3:], b[3:], c[3:])
-        z = (flat[i + 2] - z) * c[2]
-        y = (flat[i + 1] - y - b[2] * z) * b[1]
-        x = (flat[i] - x - a[1] * y - a[2] * z) * a[0]
+        x, y, z = 0.0, 0.0, 0.0
+        for j in indices(i + 3, size):
+            x += U[i, j] * flat[j]
+            y += U[i + 1, j] * flat[j]
+            z += U[i + 2, j] * flat[j]
+        z = (flat[i + 2] - z) * U[i + 2, i + 2]
+        y = (flat[i + 1] - y - U[i + 1, i + 2] * z) * U[i + 1, i + 1]
+        x = (flat[i] - x - U[i, i + 1] * y - U[i, i + 2] * z) * U[i, i]
         flat[i], flat[i + 1], flat[i + 2] = x, y, z
         part = active[i // 3]
         d[part, 0], d[part, 1], d[part, 2] = x, y, z
-
-
-@inlined(fastmath=True)
-def _eliminate_from(rest, x, y, z, a, b, c):  # type: ignore[no-untyped-def]
-    """Subtract x a + y b + z c."""
-    for j in range(len(rest)):
-        rest[j] -= x * a[j] + y * b[j] + z * c[j]
-
-
-@inlined(fastmath=True)
-def _products(rest, a, b, c):  # type: ignore[no-untyped-def]
-    """The inner products with a, b and c."""
-    x, y, z = 0.0, 0.0, 0.0
-    for j in range(len(rest)):
-        x += a[j] * rest[j]
-        y += b[j] * rest[j]
-        z += c[j] * rest[j]
-    return x, y, z

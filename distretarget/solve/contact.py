@@ -35,7 +35,7 @@ from distretarget.solve.contact_pairs import (
     near_pairs,
     write_pair_spring,
 )
-from distretarget.solve.floor import Floor, floor_energy, with_floor
+from distretarget.solve.floor import Floor, add_floor, floor_energy
 from distretarget.solve.jumps import smooth_jumps
 from distretarget.solve.pose_solver import Clip, Workspace, compile_pose_solver
 from distretarget.solve.poses import PoseProblem, Poses
@@ -99,7 +99,12 @@ def _solve_frames(problem: PoseProblem, supports: Supports, frames: slice, setti
 
 
 class Given(NamedTuple):
-    """What acts on the body in a block of frames, with room for the springs of one of them."""
+    """What acts on the body in a block of frames.
+
+    Attributes:
+        near, springs, floor: in all frames of the block.
+        room: for the springs of one frame.
+    """
 
     near: NearPairs
     springs: Springs
@@ -111,36 +116,36 @@ class Terms(NamedTuple):
     """What acts on the body in one frame.
 
     Attributes:
-        springs: the first springs of `room`.
+        springs: with room for a spring of each joint of the floor behind those that act.
+        acting: how many of them act, the first ones.
         floor: of the frame.
-        room: with room for a spring of each joint of the floor behind `springs`.
     """
 
     springs: Springs
+    acting: int
     floor: Floor
-    room: Springs
 
 
 @inlined(fastmath=True)
 def _energy(scratch: Scratch, terms: Terms) -> float:
-    return spring_energy(scratch, terms.springs) + floor_energy(scratch, terms.floor)
+    return spring_energy(scratch, terms.springs, terms.acting) + floor_energy(scratch, terms.floor)
 
 
 @inlined(fastmath=True)
-def _like_springs(scratch: Scratch, terms: Terms) -> Springs:
-    return with_floor(scratch, terms.springs, terms.floor, terms.room)
+def _like_springs(scratch: Scratch, terms: Terms) -> tuple[Springs, int]:
+    return terms.springs, add_floor(scratch, terms.floor, terms.springs, terms.acting)
 
 
 @inlined()
 def _terms_of(given: Given, frame: int, start: Array) -> Terms:  # noqa: ARG001
-    floor, room = given.floor, given.room
+    floor = given.floor
     of_frame = Floor(floor.joints, floor.heights[frame], floor.stiffness[frame], floor.up)
-    return Terms(_springs_of(given.near, given.springs, frame, room), of_frame, room)
+    return Terms(given.room, _write_springs(given.near, given.springs, frame, given.room), of_frame)
 
 
 @inlined()
-def _springs_of(near: NearPairs, springs: Springs, frame: int, room: Springs) -> Springs:
-    """The springs that act in a frame, which are written to `room`."""
+def _write_springs(near: NearPairs, springs: Springs, frame: int, room: Springs) -> int:
+    """Write the springs that act in a frame to `room`; return how many they are."""
     count = 0
     for pair in range(len(near.a)):
         if near.w[frame, pair] >= NEGLIGIBLE:
@@ -155,7 +160,7 @@ def _springs_of(near: NearPairs, springs: Springs, frame: int, room: Springs) ->
                 for j in range(3):
                     room.A[count, i, j] = springs.A[frame, s, i, j]
             count += 1
-    return Springs(room.a[:count], room.b[:count], room.rest[:count], room.A[:count])
+    return count
 
 
 _solve = compile_pose_solver(_terms_of, _energy, _like_springs)

@@ -57,9 +57,8 @@ class Curvature(NamedTuple):
 
 
 @inlined()
-def is_of(count: int, curvature: Curvature) -> bool:
-    """Whether the curvature is that of the first bones of `below.way`, so many."""
-    way, bones = curvature.below.way, curvature.bones
+def are_first(bones: Numbers, way: Numbers, count: int) -> bool:
+    """Whether `bones` are the first bones of `way`, so many, and then -1."""
     for i in range(count):
         if bones[i] != way[i]:
             return False
@@ -68,35 +67,36 @@ def is_of(count: int, curvature: Curvature) -> bool:
 
 @inlined(fastmath=True)
 def write_curvature(
-    count: int, v: Array, body: Articulation, scratch: Scratch, springs: Springs, curvature: Curvature
+    bones: int, v: Array, body: Articulation, scratch: Scratch, springs: Springs, count: int, curvature: Curvature
 ) -> int:
     """Write the active parts at the pose `v`, and the upper triangle of their curvature, (3 active, 3 active); return
-    how many they are. The springs move the first bones of `below.way`, `count` of them; `scratch` has the posed bones.
+    how many they are. The first springs, `count` of them, move the first bones of `below.way`, `bones` of them;
+    `scratch` has the posed bones.
 
     A part is active if a spring acts on it; the last one is the root's place. All others only have their stiffness, so
     that they keep the copy's rotation and are not unknowns. Parts come in the order in which few zeros are lost when
     the curvature is factorised: those furthest from the root first.
     """
     H, below = curvature.H, curvature.below
-    way = below.way[:count]
+    way = below.way[:bones]
     for i in range(len(curvature.bones)):
-        curvature.bones[i] = way[i] if i < count else -1
-    nodes = write_nodes(way, body, below)
-    write_stiffness_below(springs, way, nodes, body, below)
+        curvature.bones[i] = way[i] if i < bones else -1
+    nodes = write_nodes(way, body.parents, below)
+    write_stiffness_below(springs, count, way, nodes, body.parents, below)
     _write_moment_matrices(way, v, body, scratch, curvature.M)
-    parts = _write_active(way, body, scratch, curvature)
+    parts = _write_active(way, body, scratch.bones, curvature)
     for r in range(3 * parts):
         clear(H[r, 3 * (r // 3) : 3 * parts])
         H[r, r] = max(body.stiffness[curvature.active[r // 3]], LEAST_CURVATURE)
     for m in range(nodes):
         for n in range(m, nodes):
             if couples(below.G[m, n]):
-                _add_nodes(m, n, curvature)
+                _add_nodes(m, n, below.first, below.G[m, n], curvature.M, curvature.rows, H)
     return parts
 
 
 @inlined()
-def _write_active(way: Numbers, body: Articulation, scratch: Scratch, curvature: Curvature) -> int:
+def _write_active(way: Numbers, body: Articulation, bones: Array, curvature: Curvature) -> int:
     """Write the parts that carry a bone of `way`, from the last to the first, and the root's place if `way` has the
     root, with the places of parts and the rows of bones; return how many parts there are.
     """
@@ -104,7 +104,7 @@ def _write_active(way: Numbers, body: Articulation, scratch: Scratch, curvature:
     for part in range(len(place)):
         place[part] = -1
     for joint in way:
-        if joint == 0 or _has_length(scratch.bones[joint]):
+        if joint == 0 or _has_length(bones[joint]):
             place[_part_of(joint, body)] = 0
     count, parts = 0, len(place) - 1
     for part in range(parts, -1, -1):
@@ -153,14 +153,12 @@ def _write_moment_matrices(way: Numbers, v: Array, body: Articulation, scratch: 
 
 
 @inlined(fastmath=True)
-def _add_nodes(m: int, n: int, curvature: Curvature) -> None:
-    """Add to the upper triangle of H what two nodes have in common."""
-    first, G = curvature.below.first, curvature.below.G[m, n]
-    M, rows = curvature.M, curvature.rows
+def _add_nodes(m: int, n: int, first: Numbers, G: Array, M: Array, rows: Numbers, H: Array) -> None:
+    """Add to the upper triangle of H what two nodes have in common, of which G is the stiffness, (3, 3)."""
     for i in range(first[m], first[m + 1]):
         for j in range(max(first[n], i), first[n + 1]):
             if rows[i] >= 0 and rows[j] >= 0:
-                _add_bones(M[i], G, M[j], rows[i], rows[j], i == j, curvature.H)
+                _add_bones(M[i], G, M[j], rows[i], rows[j], i == j, H)
 
 
 @inlined(fastmath=True)

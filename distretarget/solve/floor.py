@@ -65,16 +65,15 @@ def floor_energy(scratch: Scratch, floor: Floor) -> float:
 
 
 @inlined(fastmath=True)
-def with_floor(scratch: Scratch, springs: Springs, floor: Floor, room: Springs) -> Springs:
-    """The springs, and one for each joint that is below its height at the positions `scratch.x`: they have the same
-    curvature as springs and floor. The springs given are the first of `room`, and the others are written behind them.
+def add_floor(scratch: Scratch, floor: Floor, springs: Springs, count: int) -> int:
+    """Write a spring for each joint that is below its height at the positions `scratch.x` behind the first springs, so
+    many; return how many they are together. They have the same curvature as those springs and the floor.
     """
-    count = len(springs.a)
     for n in range(len(floor.joints)):
         if floor.stiffness[n] >= NEGLIGIBLE and depth_below(scratch, floor, n) > 0.0:
-            room.a[count], room.b[count] = floor.joints[n], -1
+            springs.a[count], springs.b[count] = floor.joints[n], -1
             for i in range(3):
                 for j in range(3):
-                    room.A[count, i, j] = floor.stiffness[n] * floor.up[i] * floor.up[j]
+                    springs.A[count, i, j] = floor.stiffness[n] * floor.up[i] * floor.up[j]
             count += 1
-    return Springs(room.a[:count], room.b[:count], room.rest[:count], room.A[:count])
+    return count

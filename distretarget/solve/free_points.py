@@ -20,7 +20,7 @@ from distretarget.numerics.loops import copy_to
 from distretarget.numerics.rotations import best_rotation
 from distretarget.numerics.stress import stress_and_gradient, target_distances
 from distretarget.solve.chunks import Progress
-from distretarget.solve.spg import Effort, record, scratch_for, spectral_gradient, steepest, straight
+from distretarget.solve.spg import Effort, record, scratch_for, spectral_gradient, steepest
 
 POINT_TOLERANCE = 1e-9  # [body sizes] a posture is solved when the search direction is shorter than this
 POINT_ITERATIONS = 2000  # at most, per frame
@@ -55,7 +55,7 @@ def _objective(x, problem, gradient):  # type: ignore[no-untyped-def]
     return stress_and_gradient(x, problem.delta, problem.pi, gradient)
 
 
-_minimise = spectral_gradient(_objective, steepest, straight)
+_minimise = spectral_gradient(_objective, steepest)
 
 
 @compiled()

@@ -115,7 +115,7 @@ def _stress(scratch: Scratch, terms: Terms) -> float:
 
 
 @inlined(fastmath=True)
-def _pair_springs(scratch: Scratch, terms: Terms) -> Springs:
+def _pair_springs(scratch: Scratch, terms: Terms) -> tuple[Springs, int]:
     """A spring along each pair, as stiff as its priority."""
     springs = terms.springs
     for s in range(len(springs.a)):
@@ -126,7 +126,7 @@ def _pair_springs(scratch: Scratch, terms: Terms) -> Springs:
         for i in range(3):
             for j in range(3):
                 springs.A[s, i, j] = terms.priorities[s] * (a[i] - b[i]) * (a[j] - b[j]) / square
-    return springs
+    return springs, len(springs.a)
 
 
 @inlined()

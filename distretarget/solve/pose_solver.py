@@ -25,8 +25,8 @@ from distretarget.solve.articulation import (
     stiffness_energy,
 )
 from distretarget.solve.cholesky import factorise, solve_factored
-from distretarget.solve.curvature import Curvature, Numbers, is_of, write_curvature
-from distretarget.solve.spg import Minimum, Reason, inner, record, scratch_for, spectral_gradient, straight
+from distretarget.solve.curvature import Curvature, Numbers, are_first, write_curvature
+from distretarget.solve.spg import Minimum, Reason, inner, record, scratch_for, spectral_gradient
 from distretarget.solve.springs_below import write_way
 
 Array = NDArray[np.float64]
@@ -75,14 +75,25 @@ class Workspace(NamedTuple):
 
 
 class _Problem(NamedTuple):
-    """What the spectral gradient method solves: the pose of a body in one frame, by its active parts."""
+    """What the spectral gradient method solves: the pose of a body in one frame, by its active parts.
 
-    active: Numbers
+    Attributes:
+        body, terms: what acts on what.
+        bones, root: of the copy in the frame.
+        scratch: of the body.
+        U: the factor of the curvature.
+        active: (active parts,), their numbers.
+        flat: scratch for what is solved.
+    """
+
     body: Articulation
-    clip: Clip
-    frame: int
     terms: Any
-    work: Workspace
+    bones: Array
+    root: Array
+    scratch: Scratch
+    U: Array
+    active: Numbers
+    flat: Array
 
 
 def compile_pose_solver(
@@ -94,7 +105,8 @@ def compile_pose_solver(
         is the copy's unless it does.
     energy(scratch, terms) -> float: the value at the positions `scratch.x`; its gradient is added to
         `scratch.gradient`.
-    like_springs(scratch, terms) -> Springs: springs with the same Gauss-Newton curvature at `scratch.x`.
+    like_springs(scratch, terms) -> (Springs, int): springs, of which the first ones, so many, have the same
+        Gauss-Newton curvature at `scratch.x`.
 
     Returns a compiled solve(body, clip, given, tolerance, v, first, log, work). It solves the frames of `clip`, whose
     first is frame `first` of `v` and `log`, and writes their poses and efforts there. Each frame starts from the best
@@ -103,32 +115,32 @@ def compile_pose_solver(
     """
 
     @inlined(fastmath=True)
-    def act(v, body, clip, frame, scratch, terms):  # type: ignore[no-untyped-def]
+    def potential_of(v, body, bones, root, scratch, terms):  # type: ignore[no-untyped-def]
         """Pose the body, and return what `energy` does."""
-        pose_body(v, body, clip.bones[frame], clip.root[frame], scratch)
+        pose_body(v, body, bones, root, scratch)
         clear(scratch.gradient)
         return energy(scratch, terms)
 
     @inlined(fastmath=True)
     def objective(v, problem, gradient):  # type: ignore[no-untyped-def]
-        body, scratch = problem.body, problem.work.scratch
-        sigma = act(v, body, problem.clip, problem.frame, scratch, problem.terms) + stiffness_energy(v, body)
+        body, scratch = problem.body, problem.scratch
+        potential = potential_of(v, body, problem.bones, problem.root, scratch, problem.terms)
         pose_gradient(v, body, scratch, gradient)
-        return sigma
+        return potential + stiffness_energy(v, body)
 
-    minimise = spectral_gradient(objective, _steepest_in_metric, straight)
+    minimise = spectral_gradient(objective, _steepest_in_metric)
 
     @compiled()
     def solve(body, clip, given, tolerance, v, first, log, work):  # type: ignore[no-untyped-def]
         scratch, curvature, starts = work.scratch, work.curvature, work.starts
         parts, calm, wait = 0, 0, 1
         for frame in range(len(clip.root)):
-            terms = terms_of(given, frame, starts[0])
-            pose, least, acting = v[first + frame], np.inf, 0.0
+            terms, bones, root = terms_of(given, frame, starts[0]), clip.bones[frame], clip.root[frame]
+            pose, least, potential = v[first + frame], np.inf, 0.0
             count, best = _warm_starts(v, first + frame, starts), 0
             for start in range(count):
-                acting = act(starts[start], body, clip, frame, scratch, terms)
-                sigma = acting + stiffness_energy(starts[start], body)
+                potential = potential_of(starts[start], body, bones, root, scratch, terms)
+                sigma = potential + stiffness_energy(starts[start], body)
                 if sigma < least:
                     least, best = sigma, start
             copy_to(pose, starts[best])
@@ -136,17 +148,18 @@ def compile_pose_solver(
             iterations, evaluations = 0, count - posed
             for _ in range(ROUNDS):
                 if not posed:
-                    acting = act(pose, body, clip, frame, scratch, terms)
-                springs = like_springs(scratch, terms)
-                bones = write_way(springs, body, curvature.below)
-                kept = calm >= wait and is_of(bones, curvature)
+                    potential = potential_of(pose, body, bones, root, scratch, terms)
+                springs, acting = like_springs(scratch, terms)
+                moved = write_way(springs, acting, body, curvature.below)
+                kept = calm >= wait and are_first(curvature.bones, curvature.below.way, moved)
                 if not kept:
-                    parts = write_curvature(bones, pose, body, scratch, springs, curvature)
+                    parts = write_curvature(moved, pose, body, scratch, springs, acting, curvature)
                     factorise(curvature.H, 3 * parts)
                 _reset_others(pose, curvature.place)
-                sigma = acting + stiffness_energy(pose, body)
+                sigma = potential + stiffness_energy(pose, body)
                 pose_gradient(pose, body, scratch, work.gradient)
-                problem = _Problem(curvature.active[:parts], body, clip, frame, terms, work)
+                active = curvature.active[:parts]
+                problem = _Problem(body, terms, bones, root, scratch, curvature.H, active, curvature.flat)
                 minimum = minimise(pose, sigma, work.gradient, problem, tolerance, ROUND_ITERATIONS, work.descent)
                 iterations += minimum.iterations
                 evaluations += minimum.evaluations
@@ -165,8 +178,7 @@ def compile_pose_solver(
 @inlined(fastmath=True)
 def _steepest_in_metric(v, gradient, step, problem, d):  # type: ignore[no-untyped-def] # noqa: ARG001
     """Write the direction of steepest descent in the metric H = U^T U, d = -step H^-1 gradient; return d^T H d."""
-    curvature = problem.work.curvature
-    solve_factored(curvature.H, problem.active, gradient, d, curvature.flat)
+    solve_factored(problem.U, problem.active, gradient, d, problem.flat)
     flat = d.flat
     for i in range(d.size):
         flat[i] *= -step

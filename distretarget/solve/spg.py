@@ -2,7 +2,7 @@
 
 Birgin, Martinez and Raydan, "Nonmonotone spectral projected gradient methods on convex sets", SIAM J.
 Optim. 10 (2000), doi:10.1137/S1052623497330963, with the averaged line search of Zhang and Hager, SIAM J.
-Optim. 14 (2004), doi:10.1137/S1052623403428208. It knows no skeleton: a problem is three functions
+Optim. 14 (2004), doi:10.1137/S1052623403428208. It knows no skeleton: a problem is two functions
 of an array with rows and columns.
 """
 
@@ -116,8 +116,8 @@ def steepest(x, gradient, step, problem, d):  # type: ignore[no-untyped-def] # n
 
 
 @inlined()
-def straight(x, d, alpha, problem, out):  # type: ignore[no-untyped-def] # noqa: ARG001
-    """Write the move in a Euclidean space, out = x + alpha d."""
+def _write_step(x, d, alpha, out):  # type: ignore[no-untyped-def]
+    """Write out = x + alpha d."""
     for i in range(d.shape[0]):
         for j in range(d.shape[1]):
             out[i, j] = x[i, j] + alpha * d[i, j]
@@ -128,15 +128,12 @@ def scratch_for(shape: tuple[int, ...]) -> NDArray[np.float64]:
     return np.empty((4, *shape))
 
 
-def spectral_gradient(
-    objective: Callable[..., Any], direction: Callable[..., Any], move: Callable[..., Any]
-) -> Callable[..., Any]:
-    """Compile the method for one kind of problem, given as three compiled functions.
+def spectral_gradient(objective: Callable[..., Any], direction: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile the method for one kind of problem, given as two compiled functions.
 
     objective(x, problem, gradient) -> float: returns the value at `x` and writes the gradient.
     direction(x, gradient, step, problem, d) -> float: writes d = P(x - step gradient) - x, where P projects onto the
         feasible set, and returns |d|^2; projection, gradient and |d| are those of the problem's metric, if it has one.
-    move(x, d, alpha, problem, out): writes out = x + alpha d, or what corresponds to it on a manifold.
 
     Returns a compiled minimise(x, f, g, problem, tolerance, limit, scratch) -> Minimum, which overwrites `x`, an array
     with rows and columns, with the best iterate. `f` is the objective at `x` and `g` its gradient, which is overwritten
@@ -165,7 +162,7 @@ def spectral_gradient(
             slope = inner(g, d)
             alpha = 1.0
             while True:
-                move(x, d, alpha, problem, x_new)
+                _write_step(x, d, alpha, x_new)
                 f_new = objective(x_new, problem, g_new)
                 evaluations += 1
                 if f_new <= C + ARMIJO * alpha * slope or alpha < STEP_MIN:

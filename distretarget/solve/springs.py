@@ -61,11 +61,13 @@ def is_negligible(A: Array, s: int) -> bool:
 
 
 @inlined(fastmath=True)
-def spring_energy(scratch: Scratch, springs: Springs) -> float:
-    """The energy of springs at the positions `scratch.x`; their gradient is added to `scratch.gradient`."""
+def spring_energy(scratch: Scratch, springs: Springs, count: int) -> float:
+    """The energy of the first springs, so many, at the positions `scratch.x`; their gradient is added to
+    `scratch.gradient`.
+    """
     energy = 0.0
     x, gradient, A, rest = scratch.x, scratch.gradient, springs.A, springs.rest
-    for s in range(len(springs.a)):
+    for s in range(count):
         if is_negligible(A, s):
             continue
         a, b = springs.a[s], springs.b[s]

@@ -50,16 +50,17 @@ class Below(NamedTuple):
 
 
 @inlined()
-def write_way(springs: Springs, body: Articulation, below: Below) -> int:
-    """Write the bones whose turning moves a spring to `below.way`, named by their lower joints, from the last to the
-    first, and at the end the root, 0, where a spring is tied to the world; return how many there are.
+def write_way(springs: Springs, count: int, body: Articulation, below: Below) -> int:
+    """Write the bones whose turning moves one of the first springs, so many, to `below.way`, named by their lower
+    joints, from the last to the first, and at the end the root, 0, where a spring is tied to the world; return how many
+    there are.
 
     The bones that move a spring between two joints are those on the path between them.
     """
     ends, is_end = below.ends, below.is_end
     clear(ends)
     clear(is_end)
-    for s in range(len(springs.a)):
+    for s in range(count):
         if is_negligible(springs.A, s):
             continue
         a, b = springs.a[s], springs.b[s]
@@ -69,18 +70,18 @@ def write_way(springs: Springs, body: Articulation, below: Below) -> int:
             ends[b] += 1
             is_end[b] = True
             ends[body.meets[a, b]] -= 2
-    count = 0
+    bones = 0
     for joint in range(len(ends) - 1, -1, -1):  # all below the joint has been added to `ends[joint]`
         if joint > 0:
             ends[body.parents[joint]] += ends[joint]
         if ends[joint] > 0:
-            below.way[count] = joint
-            count += 1
-    return count
+            below.way[bones] = joint
+            bones += 1
+    return bones
 
 
 @inlined()
-def write_nodes(way: Numbers, body: Articulation, below: Below) -> int:
+def write_nodes(way: Numbers, parents: Numbers, below: Below) -> int:
     """Write where each node begins in `way`, and where the last one ends, to `below.first`; return how many nodes there
     are.
 
@@ -90,9 +91,9 @@ def write_nodes(way: Numbers, body: Articulation, below: Below) -> int:
     clear(children)
     for joint in way:
         if joint > 0:
-            children[body.parents[joint]] += 1
+            children[parents[joint]] += 1
     for i, joint in enumerate(way):
-        if i == 0 or body.parents[way[i - 1]] != joint or children[joint] > 1 or below.is_end[joint]:
+        if i == 0 or parents[way[i - 1]] != joint or children[joint] > 1 or below.is_end[joint]:
             below.first[count] = i
             count += 1
     below.first[count] = len(way)
@@ -100,7 +101,9 @@ def write_nodes(way: Numbers, body: Articulation, below: Below) -> int:
 
 
 @inlined(fastmath=True)
-def write_stiffness_below(springs: Springs, way: Numbers, nodes: int, body: Articulation, below: Below) -> None:
+def write_stiffness_below(
+    springs: Springs, count: int, way: Numbers, nodes: int, parents: Numbers, below: Below
+) -> None:
     """Write the force on everything below one node when everything below another is displaced to `below.G`, of which
     the first nodes are used, and of these the part where the first node is not after the second.
 
@@ -113,19 +116,19 @@ def write_stiffness_below(springs: Springs, way: Numbers, nodes: int, body: Arti
         for i in range(first[n], first[n + 1]):
             node[way[i]] = n
         clear(G[n, n:nodes])
-    _add_ends(springs, node, G)
+    _add_ends(springs, count, node, G)
     for n in range(nodes):
         top = way[first[n + 1] - 1]
-        above = node[body.parents[top]] if top > 0 else -1
+        above = node[parents[top]] if top > 0 else -1
         if above >= 0:
             _add_to_above(G, n, above, nodes)
 
 
 @inlined(fastmath=True)
-def _add_ends(springs: Springs, node: Numbers, G: Array) -> None:
+def _add_ends(springs: Springs, count: int, node: Numbers, G: Array) -> None:
     """Add to G the force on the ends of springs when such ends are displaced, by the nodes they are at."""
     A = springs.A
-    for s in range(len(springs.a)):
+    for s in range(count):
         if is_negligible(A, s):
             continue
         a, b = node[springs.a[s]], node[springs.b[s]] if springs.b[s] >= 0 else -1
