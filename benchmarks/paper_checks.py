@@ -8,7 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 from paper_case import EDITS, POSTURE, Case, case, on_table_one
-from paper_solver import solve, solve_with_lbfgs
+from paper_solver import Task, descended, descended_by_lbfgs, solve
 
 from distretarget.solve.free_points import aligned
 
@@ -93,8 +93,8 @@ def other_solver() -> Check:
     differences = []
     for edit in EDITS:
         one = case(edit)
-        arguments = one.problem, one.source.positions[POSTURE], one.copy[POSTURE]
-        differences.append(abs(solve(*arguments)[1].value / solve_with_lbfgs(*arguments).fun - 1))
+        task = Task.of(one.problem, one.source.positions[POSTURE], one.copy[POSTURE])
+        differences.append(abs(descended(task.filled)[1].value / descended_by_lbfgs(task).fun - 1))
     return (
         "sigma after each edit against L-BFGS-B's, largest relative difference",
         f"< {AGREEMENT:g}",

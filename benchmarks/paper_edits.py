@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from paper_case import EDITS, POSTURE, case
 from paper_errors import bone_errors, direction_errors, distance_error
-from paper_solver import solve, solve_with_lbfgs
+from paper_solver import Task, descended, descended_by_lbfgs, solve
 
 Array = NDArray[np.float64]
 REPEATS = 15  # of each solution that is timed; the fastest counts
@@ -52,10 +52,10 @@ def edit_row(edit: str) -> EditRow:
     """The row of one edit."""
     one = case(edit)
     posture, start = one.source.positions[POSTURE], one.copy[POSTURE]
-    arguments = one.problem, posture, start
-    points, minimum = solve(*arguments)
+    task = Task.of(one.problem, posture, start)
+    points, minimum = solve(one.problem, posture, start)
     bones = bone_errors(points, one)
-    oracle = solve_with_lbfgs(*arguments)
+    oracle = descended_by_lbfgs(task)
     return EditRow(
         edit=edit,
         start=one.sigma(one.copy)[POSTURE],
@@ -66,8 +66,8 @@ def edit_row(edit: str) -> EditRow:
         largest_bone=bones.max(),
         distances=tuple(float(distance_error(x, posture, one)) for x in (start, points)),
         lbfgs=abs(minimum.value / oracle.fun - 1),
-        time=_time(partial(solve, *arguments)),
-        lbfgs_time=_time(partial(solve_with_lbfgs, *arguments)),
+        time=_time(partial(descended, task.filled)),
+        lbfgs_time=_time(partial(descended_by_lbfgs, task)),
     )
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, minimize
 
 from distretarget.distances import DistanceProblem
-from distretarget.numerics.stress import stress_and_gradient, target_distances
+from distretarget.numerics.stress import filled, stress_and_gradient, target_distances
 from distretarget.solve import spg
 from distretarget.solve.free_points import POINT_ITERATIONS, POINT_TOLERANCE
 from distretarget.solve.spg import Minimum, scratch_for, spectral_gradient, steepest
@@ -21,10 +21,35 @@ Array = NDArray[np.float64]
 
 
 class Stress(NamedTuple):
-    """Eq. (2) for one posture: target distances [body sizes] and priorities, (points, points)."""
+    """Eq. (2) for one posture: target distances [body sizes] and priorities, (points, columns)."""
 
     delta: Array
     pi: Array
+
+
+class Task(NamedTuple):
+    """One posture to solve.
+
+    Attributes:
+        start: (3, columns), about its centroid [body sizes].
+        stress: of the posture.
+    """
+
+    start: Array
+    stress: Stress
+
+    @classmethod
+    def of(cls, problem: DistanceProblem, source: Array, start: Array) -> Task:
+        """The task of a start, (points, 3), for a posture of the source, (points, 3)."""
+        delta = np.empty_like(problem.priorities)
+        _write_distances(np.ascontiguousarray(source.T), problem.ratio, delta)
+        columns = np.ascontiguousarray((start - start.mean(axis=0)).T / problem.body_size)
+        return cls(columns, Stress(delta, problem.priorities))
+
+    @property
+    def filled(self) -> Task:
+        """The same as the solver takes it."""
+        return Task(filled(self.start), Stress(*map(filled, self.stress)))
 
 
 @njit(cache=True, error_model="numpy")
@@ -37,20 +62,28 @@ def _write_distances(source, ratio, delta):  # type: ignore[no-untyped-def]
     target_distances(source, ratio, delta)
 
 
-def stress_of(problem: DistanceProblem, source: Array) -> Stress:
-    """The stress of the source's posture (points, 3)."""
-    delta = np.empty_like(problem.priorities)
-    _write_distances(np.ascontiguousarray(source.T), problem.ratio, delta)
-    return Stress(delta, problem.priorities)
-
-
-def solve(
-    problem: DistanceProblem, source: Array, start: Array, *, tolerance: float = POINT_TOLERANCE, eta: float = spg.ETA
-) -> tuple[Array, Minimum]:
+def solve(problem: DistanceProblem, source: Array, start: Array, **settings: float) -> tuple[Array, Minimum]:
     """The points, (points, 3), that the solver reaches from a start, (points, 3), for a posture of the source."""
-    x = in_columns(problem, start)
-    minimum = _compiled(eta)(x, stress_of(problem, source), tolerance, np.empty(x.shape), scratch_for(x.shape))
-    return x.T * problem.body_size, minimum
+    x, minimum = descended(Task.of(problem, source, start).filled, **settings)
+    return x.T[: len(problem)] * problem.body_size, minimum
+
+
+def descended(task: Task, *, tolerance: float = POINT_TOLERANCE, eta: float = spg.ETA) -> tuple[Array, Minimum]:
+    """Where the solver ends, (3, columns), and what it took."""
+    x, gradient = task.start.copy(), np.zeros_like(task.start)
+    return x, _compiled(eta)(x, task.stress, tolerance, gradient, scratch_for(x.shape))
+
+
+def descended_by_lbfgs(task: Task) -> OptimizeResult:
+    """Where scipy's L-BFGS-B ends; `fun` is sigma [body sizes squared]."""
+    shape = task.start.shape
+
+    def objective(flat: Array) -> tuple[float, Array]:
+        gradient = np.empty(shape)
+        return _objective(flat.reshape(shape), task.stress, gradient), gradient.ravel()
+
+    options = {"ftol": 0, "gtol": 1e-10}
+    return minimize(objective, task.start.ravel(), jac=True, method="L-BFGS-B", options=options)
 
 
 @cache
@@ -67,19 +100,3 @@ def _compiled(eta: float) -> Any:
         x, stress = np.zeros((3, 2)), Stress(np.zeros((2, 2)), np.zeros((2, 2)))
         solve(x, stress, 0.0, np.zeros(x.shape), scratch_for(x.shape))
     return solve
-
-
-def solve_with_lbfgs(problem: DistanceProblem, source: Array, start: Array) -> OptimizeResult:
-    """What scipy's L-BFGS-B reaches from the same start; `fun` is sigma [body sizes squared]."""
-    stress, x = stress_of(problem, source), in_columns(problem, start)
-
-    def objective(flat: Array) -> tuple[float, Array]:
-        gradient = np.empty_like(x)
-        return _objective(flat.reshape(x.shape), stress, gradient), gradient.ravel()
-
-    return minimize(objective, x.ravel(), jac=True, method="L-BFGS-B", options={"ftol": 0, "gtol": 1e-10})
-
-
-def in_columns(problem: DistanceProblem, points: Array) -> Array:
-    """Points (points, 3) as the solver takes them: (3, points), contiguous, about their centroid [body sizes]."""
-    return np.ascontiguousarray((points - points.mean(axis=0)).T / problem.body_size)

@@ -18,7 +18,7 @@ from distretarget.numerics.blocks import blocks_of
 from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.loops import copy_to
 from distretarget.numerics.rotations import best_rotation
-from distretarget.numerics.stress import stress_and_gradient, target_distances
+from distretarget.numerics.stress import filled, stress_and_gradient, target_distances
 from distretarget.solve.chunks import Progress
 from distretarget.solve.spg import Effort, record, scratch_for, spectral_gradient, steepest
 
@@ -44,7 +44,7 @@ class Postures:
 
 
 class _Stress(NamedTuple):
-    """The stress of one frame: target distances and priorities, (points, points)."""
+    """The stress of one frame: target distances and priorities, (points, columns)."""
 
     delta: NDArray[np.float64]
     pi: NDArray[np.float64]
@@ -87,10 +87,13 @@ def solve_postures(
     S = columns(source[:, problem.sources] - source[:, problem.sources].mean(axis=1, keepdims=True))
     X = np.empty_like(C)
     log = np.zeros((4, len(C)))
-    stress = _Stress(np.empty_like(problem.ratio), problem.priorities)
-    gradient, scratch = np.empty(C.shape[1:]), scratch_for(C.shape[1:])
+    ratio, priorities = filled(problem.ratio), filled(problem.priorities)
+    shape = 3, ratio.shape[1]
+    stress, gradient, scratch = _Stress(np.empty_like(ratio), priorities), np.zeros(shape), scratch_for(shape)
     for block in blocks_of(len(C)):
-        _solve(S[block], off_plane(C[block]), problem.ratio, stress, X[block], block.start, log, gradient, scratch)
+        x, solved = filled(off_plane(C[block])), np.empty((block.stop - block.start, *shape))
+        _solve(filled(S[block]), x, ratio, stress, solved, block.start, log, gradient, scratch)
+        X[block] = solved[:, :, : len(problem)]
         progress(block.stop - block.start)
     positions = aligned(X.transpose(0, 2, 1), C.transpose(0, 2, 1)) * problem.body_size + centroids
     return Postures(positions, log[0], Effort.from_log(log))

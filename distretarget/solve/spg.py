@@ -124,8 +124,10 @@ def _write_step(x, d, alpha, out):  # type: ignore[no-untyped-def]
 
 
 def scratch_for(shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """The array that the method writes to while it solves a problem of arrays of a shape."""
-    return np.empty((4, *shape))
+    """The array that the method writes to while it solves a problem of arrays of a shape. It is 0 at first, and where
+    the gradient is never written.
+    """
+    return np.zeros((4, *shape))
 
 
 def spectral_gradient(objective: Callable[..., Any], direction: Callable[..., Any]) -> Callable[..., Any]:
