@@ -26,6 +26,13 @@ class Stress(NamedTuple):
     delta: Array
     pi: Array
 
+    @classmethod
+    def of(cls, problem: DistanceProblem, source: Array) -> Stress:
+        """The stress of the source's posture (points, 3)."""
+        delta = np.empty_like(problem.priorities)
+        _write_distances(np.ascontiguousarray(source.T), problem.ratio, delta)
+        return cls(delta, problem.priorities)
+
 
 class Task(NamedTuple):
     """One posture to solve.
@@ -41,10 +48,8 @@ class Task(NamedTuple):
     @classmethod
     def of(cls, problem: DistanceProblem, source: Array, start: Array) -> Task:
         """The task of a start, (points, 3), for a posture of the source, (points, 3)."""
-        delta = np.empty_like(problem.priorities)
-        _write_distances(np.ascontiguousarray(source.T), problem.ratio, delta)
         columns = np.ascontiguousarray((start - start.mean(axis=0)).T / problem.body_size)
-        return cls(columns, Stress(delta, problem.priorities))
+        return cls(columns, Stress.of(problem, source))
 
     @property
     def filled(self) -> Task:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from paper_case import POSTURE, Case, case
 from paper_errors import angles
-from paper_solver import stress_of
+from paper_solver import Stress
 
 from distretarget import Skeleton
 
@@ -57,7 +57,7 @@ def joints_below(skeleton: Skeleton, name: str) -> NDArray[np.bool_]:
 
 def stress_terms(one: Case, points: Array) -> Array:
     """(joints, joints), the terms of Eq. (2) for the pairs u < v of a posture (joints, 3), 0 for the others [m^2]."""
-    stress = stress_of(one.problem, one.source.positions[POSTURE])
+    stress = Stress.of(one.problem, one.source.positions[POSTURE])
     distances = np.linalg.norm(points[:, None] - points, axis=-1)
     return np.triu(stress.pi * (distances - one.problem.body_size * stress.delta) ** 2, 1) / 2
 
