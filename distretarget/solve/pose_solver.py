@@ -128,23 +128,30 @@ def compile_pose_solver(
         pose_gradient(v, body, scratch, gradient)
         return potential + stiffness_energy(v, body)
 
+    @inlined()
+    def choose_start(v, frame, body, bones, root, terms, scratch, starts):  # type: ignore[no-untyped-def]
+        """Write the best start to `v[frame]`. Return how many there are, the potential of the last one, in which the
+        body is posed, and whether it is the best.
+        """
+        count, best, least, potential = _warm_starts(v, frame, starts), 0, np.inf, 0.0
+        for start in range(count):
+            potential = potential_of(starts[start], body, bones, root, scratch, terms)
+            sigma = potential + stiffness_energy(starts[start], body)
+            if sigma < least:
+                least, best = sigma, start
+        copy_to(v[frame], starts[best])
+        return count, potential, best == count - 1
+
     minimise = spectral_gradient(objective, _steepest_in_metric)
 
     @compiled()
     def solve(body, clip, given, tolerance, v, first, log, work):  # type: ignore[no-untyped-def]
-        scratch, curvature, starts = work.scratch, work.curvature, work.starts
+        scratch, curvature = work.scratch, work.curvature
         parts, calm, wait = 0, 0, 1
         for frame in range(len(clip.root)):
-            terms, bones, root = terms_of(given, frame, starts[0]), clip.bones[frame], clip.root[frame]
-            pose, least, potential = v[first + frame], np.inf, 0.0
-            count, best = _warm_starts(v, first + frame, starts), 0
-            for start in range(count):
-                potential = potential_of(starts[start], body, bones, root, scratch, terms)
-                sigma = potential + stiffness_energy(starts[start], body)
-                if sigma < least:
-                    least, best = sigma, start
-            copy_to(pose, starts[best])
-            posed = best == count - 1
+            terms, bones, root = terms_of(given, frame, work.starts[0]), clip.bones[frame], clip.root[frame]
+            pose = v[first + frame]
+            count, potential, posed = choose_start(v, first + frame, body, bones, root, terms, scratch, work.starts)
             iterations, evaluations = 0, count - posed
             for _ in range(ROUNDS):
                 if not posed:
