@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.numerics import stress
 from distretarget.numerics.compiled import compiled
+from distretarget.numerics.stress import LANES, filled
 
 stress_and_gradient, target_distances = (
     compiled(fastmath=True)(each) for each in (stress.stress_and_gradient, stress.target_distances)
@@ -45,6 +46,16 @@ def test_gradient_agrees_with_finite_differences(problem):
     stress_and_gradient(x, delta, pi, gradient)
     expected = approx_fprime(x.ravel(), lambda y: naive_stress(y.reshape(x.shape), delta, pi), 1e-7)
     np.testing.assert_allclose(gradient.ravel(), expected, rtol=1e-5, atol=1e-5)
+
+
+def test_columns_that_fill_vectors_count_nothing(problem):
+    x, delta, pi = problem
+    gradient, more = np.empty_like(x), np.zeros(filled(x).shape)
+    sigma = stress_and_gradient(x, delta, pi, gradient)
+    assert stress_and_gradient(*map(filled, problem), more) == pytest.approx(sigma, rel=1e-12)
+    assert more.shape[1] % LANES == 0
+    np.testing.assert_allclose(more[:, : x.shape[1]], gradient, rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(more[:, x.shape[1] :], 0.0)
 
 
 def test_sees_no_translation_rotation_or_mirror(problem):
