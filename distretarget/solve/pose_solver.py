@@ -129,18 +129,21 @@ def compile_pose_solver(
         return potential + stiffness_energy(v, body)
 
     @inlined()
-    def choose_start(v, frame, body, bones, root, terms, scratch, starts):  # type: ignore[no-untyped-def]
-        """Write the best start to `v[frame]`. Return how many there are, the potential of the last one, in which the
-        body is posed, and whether it is the best.
+    def pose_best(starts, count, body, bones, root, terms, scratch, pose):  # type: ignore[no-untyped-def]
+        """Write the best of the first starts, so many, to `pose`, and pose the body in it. Return its potential, and
+        how many potentials were evaluated.
         """
-        count, best, least, potential = _warm_starts(v, frame, starts), 0, np.inf, 0.0
-        for start in range(count):
-            potential = potential_of(starts[start], body, bones, root, scratch, terms)
-            sigma = potential + stiffness_energy(starts[start], body)
+        best, least, potential = 0, np.inf, 0.0
+        for trial in range(count + 1):
+            if trial == count and best == count - 1:
+                break  # the body is in the best one
+            start = starts[trial if trial < count else best]
+            potential = potential_of(start, body, bones, root, scratch, terms)
+            sigma = potential + stiffness_energy(start, body)
             if sigma < least:
-                least, best = sigma, start
-        copy_to(v[frame], starts[best])
-        return count, potential, best == count - 1
+                least, best = sigma, trial
+        copy_to(pose, starts[best])
+        return potential, count if best == count - 1 else count + 1
 
     minimise = spectral_gradient(objective, _steepest_in_metric)
 
@@ -150,12 +153,10 @@ def compile_pose_solver(
         parts, calm, wait = 0, 0, 1
         for frame in range(len(clip.root)):
             terms, bones, root = terms_of(given, frame, work.starts[0]), clip.bones[frame], clip.root[frame]
-            pose = v[first + frame]
-            count, potential, posed = choose_start(v, first + frame, body, bones, root, terms, scratch, work.starts)
-            iterations, evaluations = 0, count - posed
+            pose, count = v[first + frame], _warm_starts(v, first + frame, work.starts)
+            iterations, evaluations = 0, 0
             for _ in range(ROUNDS):
-                if not posed:
-                    potential = potential_of(pose, body, bones, root, scratch, terms)
+                potential, tried = pose_best(work.starts, count, body, bones, root, terms, scratch, pose)
                 springs, acting = like_springs(scratch, terms)
                 moved = write_way(springs, acting, body, curvature.below)
                 kept = calm >= wait and are_first(curvature.bones, curvature.below.way, moved)
@@ -169,14 +170,16 @@ def compile_pose_solver(
                 problem = _Problem(body, terms, bones, root, scratch, curvature.H, active, curvature.flat)
                 minimum = minimise(pose, sigma, work.gradient, problem, tolerance, ROUND_ITERATIONS, work.descent)
                 iterations += minimum.iterations
-                evaluations += minimum.evaluations
-                posed, converged = False, minimum.reason == CONVERGED
+                evaluations += tried + minimum.evaluations - 1  # the first of the method is that of the best start
+                converged = minimum.reason == CONVERGED
                 few = converged and minimum.iterations <= FEW_ITERATIONS
                 calm = calm + 1 if few else 0
                 if kept:
                     wait = 1 if few else min(2 * wait, LONGEST_WAIT)
                 if converged:
                     break
+                copy_to(work.starts[0], pose)
+                count = 1
             record(Minimum(minimum.value, iterations, evaluations, minimum.reason), log, first + frame)
 
     return solve
