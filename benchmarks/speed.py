@@ -24,6 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pybvh
+from clips import back_and_forth
 from edits import TARGETS, edited
 from inverse_kinematics import SOLVER, Gmr, InverseKinematics
 from numpy.typing import NDArray
@@ -140,13 +141,6 @@ def measure(
     return dict(zip(names, np.transpose(seconds), strict=True)), misses
 
 
-def repeated(clip: Motion, frames: int) -> Motion:
-    """The clip forwards and backwards, until it has so many frames."""
-    there_and_back = [*range(len(clip)), *reversed(range(len(clip)))]
-    order = np.resize(there_and_back, frames)
-    return Motion(clip.skeleton, clip.root_positions[order], clip.rotations[order], clip.frame_time_text)
-
-
 def clip_table(frames: int, seconds: dict[str, NDArray[np.float64]], misses: dict[str, str]) -> str:
     """The table of those that pose the frames of the clip, in Markdown."""
     lines = [
@@ -184,7 +178,7 @@ def main() -> None:
     seconds, misses = measure(arguments.clip, arguments.target, arguments.rounds, CLIP)
     with tempfile.TemporaryDirectory() as folder:
         long = Path(folder) / "long.bvh"
-        write_bvh(long, repeated(source, LONG))
+        write_bvh(long, back_and_forth(source, LONG))
         of_files, _ = measure(long, arguments.target, arguments.rounds, LONG_CLIP)
     tables = {"speed": clip_table(len(source), seconds, misses), "files": files_table(LONG, of_files)}
     print(f"{arguments.clip.name} on {arguments.target}, {len(source)} frames, {len(source.skeleton)} joints\n")
