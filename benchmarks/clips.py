@@ -9,6 +9,7 @@ import numpy as np
 from distretarget import Motion
 
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"
+LONG = 10_000  # frames of a long clip
 
 
 def back_and_forth(motion: Motion, frames: int) -> Motion:

@@ -3,8 +3,8 @@
     python benchmarks/scaling.py CORPUS [--rounds 9] [--markdown PAGE]
 
 Contestants of a line run alternately; a line has the median over the rounds of their ratio, and the least and the
-largest. Processor time is measured on one thread, but for the two cores and the first run. Needs a system that counts
-the processor time and the memory of processes.
+largest. The first run and the two cores are timed by the clock, all else by processor time on one thread. Needs a
+system that counts the processor time and the memory of processes.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from clips import SAMPLES, back_and_forth
+from clips import LONG, SAMPLES, back_and_forth
 from edits import TARGETS, edited
 from numpy.typing import NDArray
 from tables import insert
@@ -29,11 +29,10 @@ from tables import insert
 from distretarget import Motion, Skeleton, read_bvh, retarget, write_bvh
 
 SAMPLE, CHILD = SAMPLES / "clap.bvh", SAMPLES / "child.json"
-LONG = 10_000  # frames of the clip that two cores share
 HANDS = ("LeftWrist", "RightWrist")  # of the sample, which clap
 CHAINS = (0, 5, 15, 35)  # added to each of two joints
 CHAIN_JOINTS = 3
-VERY_LONG = 50_000  # frames
+VERY_LONG = 50_000  # frames of the clip whose memory is measured
 CONVERT = """
 import resource, sys
 from distretarget import read_bvh, retarget, write_bvh

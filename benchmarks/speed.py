@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pybvh
-from clips import back_and_forth
+from clips import LONG, back_and_forth
 from edits import TARGETS, edited
 from inverse_kinematics import SOLVER, Gmr, InverseKinematics
 from numpy.typing import NDArray
@@ -35,7 +35,6 @@ from distretarget import Motion, read_bvh, retarget, write_bvh
 from distretarget.retargeting import OBJECTIVES
 from distretarget.skeleton import Skeleton
 
-LONG = 10_000  # frames of the long clip
 LEAST_SECONDS = 0.5  # of processor time, for which each contestant runs in each round
 GMR = f"mink {version('mink')} with {SOLVER}, the recipe of GMR"
 STEPS = {f"mink {version('mink')} with {SOLVER}, {n} step{'s' * (n > 1)} a frame": n for n in (1, 3)}

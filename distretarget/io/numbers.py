@@ -99,7 +99,7 @@ def _is_digit(letter: int) -> bool:
 
 @inlined()
 def _digit(letter: int) -> int:
-    # Of 64 bits also where numba is switched off, where bytes would overflow.
+    """The number of a digit, in 64 bits: where numba is switched off, bytes would overflow."""
     return np.int64(letter) - ZERO  # type: ignore[return-value]
 
 

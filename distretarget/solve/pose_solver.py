@@ -133,24 +133,26 @@ def compile_pose_solver(
         """Write the best of the first starts, so many, to `pose`, and pose the body in it. Return its potential, and
         how many potentials were evaluated.
         """
-        best, least, potential = 0, np.inf, 0.0
+        best, least, potential, tried = 0, np.inf, 0.0, 0
         for trial in range(count + 1):
             if trial == count and best == count - 1:
                 break  # the body is in the best one
             start = starts[trial if trial < count else best]
             potential = potential_of(start, body, bones, root, scratch, terms)
             sigma = potential + stiffness_energy(start, body)
+            tried += 1
             if sigma < least:
                 least, best = sigma, trial
         copy_to(pose, starts[best])
-        return potential, count if best == count - 1 else count + 1
+        return potential, tried
 
     minimise = spectral_gradient(objective, _steepest_in_metric)
 
     @compiled()
     def solve(body, clip, given, tolerance, v, first, log, work):  # type: ignore[no-untyped-def]
         scratch, curvature = work.scratch, work.curvature
-        parts, calm, wait = 0, 0, 1
+        parts = 0
+        calm, wait = 0, 1  # frames in a row that took few iterations, and how many of them a curvature must wait for
         for frame in range(len(clip.root)):
             terms, bones, root = terms_of(given, frame, work.starts[0]), clip.bones[frame], clip.root[frame]
             pose, count = v[first + frame], _warm_starts(v, first + frame, work.starts)

@@ -124,8 +124,8 @@ def _write_step(x, d, alpha, out):  # type: ignore[no-untyped-def]
 
 
 def scratch_for(shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """The array that the method writes to while it solves a problem of arrays of a shape. It is 0 at first, and where
-    the gradient is never written.
+    """The array that the method writes to while it solves a problem of arrays of a shape. It begins as zeros, so that
+    what the objective never writes of its gradient counts as 0.
     """
     return np.zeros((4, *shape))
 
