@@ -95,7 +95,7 @@ def descended_by_lbfgs(task: Task) -> OptimizeResult:
 def _compiled(eta: float) -> Any:
     """The solver with another `ETA`, a constant that is compiled into it at its first call."""
     with patch.object(spg, "ETA", eta):
-        minimise = spectral_gradient(_objective, steepest)
+        minimise = spectral_gradient(_objective, steepest, adaptive=True)
 
         @njit(error_model="numpy")
         def solve(x, stress, tolerance, gradient, scratch):  # type: ignore[no-untyped-def]

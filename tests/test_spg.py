@@ -53,9 +53,9 @@ def steepest_in_metric(_x, gradient, step, problem, d):
     return np.sum(problem.curvature * d * d)
 
 
-def solver(objective, direction):
+def solver(objective, direction, adaptive=False):
     """The compiled method, which takes x, the problem, the tolerance and the limit."""
-    minimise = njit(spectral_gradient(objective, direction))
+    minimise = njit(spectral_gradient(objective, direction, adaptive=adaptive))
 
     def solve(x, problem, tolerance, limit):
         gradient = np.empty(x.shape)
@@ -70,6 +70,7 @@ boxed = solver(quadratic, into_unit_box)
 curved = solver(rosenbrock, steepest)
 lying = solver(uphill, steepest)
 scaled = solver(quadratic, steepest_in_metric)
+adaptive = solver(quadratic, steepest, adaptive=True)
 ILL = Quadratic(np.array([[1.0, 10, 100, 1000]]), np.array([[3.0, -2, 0.5, -0.1]]))
 
 
@@ -86,6 +87,15 @@ def test_finds_the_minimum_of_an_ill_conditioned_quadratic():
     np.testing.assert_allclose(x, ILL.minimum, atol=1e-8)
     assert found.reason == Reason.CONVERGED
     assert found.evaluations >= found.iterations + 1
+
+
+def test_the_shorter_step_saves_evaluations_of_an_ill_conditioned_quadratic():
+    problem = Quadratic(np.geomspace(1.0, 1000.0, 50)[None], np.linspace(-1.0, 1.0, 50)[None])
+    x, longer = np.zeros((1, 50)), np.zeros((1, 50))
+    found, beside = adaptive(x, problem, 1e-10, 1000), free(longer, problem, 1e-10, 1000)
+    np.testing.assert_allclose(x, problem.minimum, atol=1e-8)
+    assert found.reason == beside.reason == Reason.CONVERGED
+    assert found.evaluations < 0.9 * beside.evaluations
 
 
 def test_projection_keeps_the_variables_in_the_feasible_set():

@@ -55,7 +55,7 @@ def _objective(x, problem, gradient):  # type: ignore[no-untyped-def]
     return stress_and_gradient(x, problem.delta, problem.pi, gradient)
 
 
-_minimise = spectral_gradient(_objective, steepest)
+_minimise = spectral_gradient(_objective, steepest, adaptive=True)
 
 
 @compiled()

@@ -146,7 +146,7 @@ def compile_pose_solver(
         copy_to(pose, starts[best])
         return potential, tried
 
-    minimise = spectral_gradient(objective, _steepest_in_metric)
+    minimise = spectral_gradient(objective, _steepest_in_metric, adaptive=False)
 
     @compiled()
     def solve(body, clip, given, tolerance, v, first, log, work):  # type: ignore[no-untyped-def]

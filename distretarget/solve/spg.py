@@ -2,8 +2,9 @@
 
 Birgin, Martinez and Raydan, "Nonmonotone spectral projected gradient methods on convex sets", SIAM J.
 Optim. 10 (2000), doi:10.1137/S1052623497330963, with the averaged line search of Zhang and Hager, SIAM J.
-Optim. 14 (2004), doi:10.1137/S1052623403428208. It knows no skeleton: a problem is two functions
-of an array with rows and columns.
+Optim. 14 (2004), doi:10.1137/S1052623403428208, and the adaptive step of Zhou, Gao and Dai, Comput. Optim. Appl. 35
+(2006), doi:10.1007/s10589-006-6446-0. It knows no skeleton: a problem is two functions of an array with rows and
+columns.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from distretarget.numerics.loops import copy_to
 
 ETA = 0.99  # how slowly the line search forgets old values; 0 makes it monotone
 ARMIJO = 1e-4
+KAPPA = 0.5  # the shorter Barzilai-Borwein step is taken where it is less than this part of the longer one
 STEP_MIN = 1e-12
 STEP_MAX = 1e12
 
@@ -106,6 +108,18 @@ def inner(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     return total
 
 
+@inlined(fastmath=True)
+def _inner_with_change(d, g, g_new):  # type: ignore[no-untyped-def]
+    """The sums of d y and of y y over all elements, where y = g_new - g."""
+    dy, yy = 0.0, 0.0
+    for i in range(d.shape[0]):
+        for j in range(d.shape[1]):
+            y = g_new[i, j] - g[i, j]
+            dy += d[i, j] * y
+            yy += y * y
+    return dy, yy
+
+
 @inlined()
 def steepest(x, gradient, step, problem, d):  # type: ignore[no-untyped-def] # noqa: ARG001
     """Write the search direction where nothing is projected, d = -step gradient; return |d|^2."""
@@ -130,12 +144,16 @@ def scratch_for(shape: tuple[int, ...]) -> NDArray[np.float64]:
     return np.zeros((4, *shape))
 
 
-def spectral_gradient(objective: Callable[..., Any], direction: Callable[..., Any]) -> Callable[..., Any]:
+def spectral_gradient(
+    objective: Callable[..., Any], direction: Callable[..., Any], *, adaptive: bool
+) -> Callable[..., Any]:
     """Compile the method for one kind of problem, given as two compiled functions.
 
     objective(x, problem, gradient) -> float: returns the value at `x` and writes the gradient.
     direction(x, gradient, step, problem, d) -> float: writes d = P(x - step gradient) - x, where P projects onto the
         feasible set, and returns |d|^2; projection, gradient and |d| are those of the problem's metric, if it has one.
+    adaptive: whether to take the shorter step of Barzilai and Borwein where the two differ much. It is that of the
+        array's own metric.
 
     Returns a compiled minimise(x, f, g, problem, tolerance, limit, scratch) -> Minimum, which overwrites `x`, an array
     with rows and columns, with the best iterate. `f` is the objective at `x` and `g` its gradient, which is overwritten
@@ -176,9 +194,10 @@ def spectral_gradient(objective: Callable[..., Any], direction: Callable[..., An
             iterations += 1
             # Barzilai-Borwein step; where the curvature is not positive the step grows tenfold, not to
             # STEP_MAX as in the paper, which would cost forty halvings.
-            ss = alpha * alpha * square
-            sy = alpha * (inner(d, g_new) - slope)
-            step = ss / sy if sy > 0.0 else 10.0 * step
+            dy, yy = _inner_with_change(d, g, g_new)
+            step = alpha * square / dy if dy > 0.0 else 10.0 * step
+            if adaptive and dy > 0.0 and alpha * dy < KAPPA * step * yy:
+                step = alpha * dy / yy
             step = min(max(step, STEP_MIN), STEP_MAX)
             # Averaged reference value
             C = (ETA * Q * C + f_new) / (ETA * Q + 1.0)
