@@ -10,6 +10,7 @@ from bodies import SAMPLES, other_lengths, person, swaying
 
 from distretarget import load_target, read_bvh, retarget
 from distretarget.batch.compile_ahead import warm
+from distretarget.solve.contact import compile_solver
 
 WATCHED = """
 import sys
@@ -68,6 +69,7 @@ def test_the_solver_is_compiled_for_one_layout_of_arrays(monkeypatch):
         seen.add(tuple(str(numba.typeof(argument)) for argument in arguments))
 
     monkeypatch.setattr("distretarget.solve.contact._solve", note)
+    compile_solver()
     warm("contact")
     for supports in ("hold", "free"):
         retarget(swaying(person(), frames=3), other_lengths(person()), supports=supports)

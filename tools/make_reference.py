@@ -33,7 +33,7 @@ Results go to standard output, errors and warnings to standard error. In place o
 For a file that is called `-`, write `./-`. On a terminal a bar counts the frames. A file that exists is replaced only
 with `--overwrite`, an input never. A file is written under a temporary name, and gets its own when it is complete.
 
-The first run compiles, which takes 10 to 15 s, and says so in one line. Later runs find the code in the first
+The first run compiles, which takes about 10 s, and says so in one line. Later runs find the code in the first
 of these folders that can be written to: `NUMBA_CACHE_DIR`, where that variable is set; the folder of the package;
 `~/.cache/distretarget`; a private folder among the temporary files. If none of them can, each run compiles again. Times
 and frames per second do not include compilation.

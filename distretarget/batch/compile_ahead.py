@@ -1,25 +1,71 @@
-"""Compilation of all code that is compiled at run time, or loading it from the cache, before there is work to do."""
+"""Compilation of all code that is compiled at run time, or loading it from the cache, before there is work to do.
+
+The solver takes more than half of the time. In the first run a second process compiles it, while this one compiles all
+else and then waits for it (`code_cache`).
+"""
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import numpy as np
 
+from distretarget.baseline.root import RootScale
 from distretarget.batch.interrupts import interrupts_kept
 from distretarget.body.axes import axis_vector
 from distretarget.body.resting import above_lowest, joint_speeds, still_joints
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.motion import Motion
+from distretarget.numerics.code_cache import CAN_WAIT
+from distretarget.numerics.threads import threads
+from distretarget.performer import matched_performer
 from distretarget.retargeting import Objective, retarget
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
+from distretarget.solve.contact import solver_lacks_code
+from distretarget.solve.poses import Poses
+from distretarget.solve.spg import Effort
 
 ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")
+COMPILE_SOLVER = """
+import sys
+sys.path[:] = sys.argv[1:]
+from distretarget.solve.contact import compile_solver
+compile_solver()
+"""
 JOINTS = 6  # enough for a pair of joints so far apart along the tree that the solver keeps it as a contact
 
 
 @interrupts_kept()
 def warm(objective: Objective) -> None:
     """Read, retarget, measure and write a clip of two frames, so that all code for `objective` is compiled."""
+    with _solver_compiled_meanwhile(objective):
+        _run(objective)
+
+
+@contextmanager
+def _solver_compiled_meanwhile(objective: Objective) -> Iterator[None]:
+    """Let another process compile the solver, if that is to be done and there is a core for it."""
+    if objective != "contact" or not CAN_WAIT or threads() < 2 or not solver_lacks_code():
+        yield
+        return
+    process = subprocess.Popen(
+        [sys.executable, "-c", COMPILE_SOLVER, *sys.path],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()
+
+
+def _run(objective: Objective) -> None:
     names = tuple(f"joint{number}" for number in range(JOINTS))
     offsets = np.array([[0.0, 0.0, 0.0], *([[0.0, 1.0, 0.0]] * (JOINTS - 1))])
     channels = (POSITION_CHANNELS + ROTATIONS, *((ROTATIONS,) * (JOINTS - 1)))
@@ -28,15 +74,21 @@ def warm(objective: Objective) -> None:
     )
     bent = np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, np.sin(0.6), np.cos(0.6)]])
     motion = Motion(body, np.zeros((2, 3)), np.tile(bent[:, None], (1, JOINTS, 1)), "0.01")
-    source = parse_bvh(format_bvh(motion), "joints")
-    result = retarget(source, body.with_offsets(1.5 * offsets), objective=objective)
-    result.figures  # noqa: B018 - what it needs is compiled
-    format_bvh(result.motion)
-    _warm_legs(source)
+    source, target = parse_bvh(format_bvh(motion), "joints"), body.with_offsets(1.5 * offsets)
+    _run_for_legs(source)
+    _run_without_solver(source, target)
+    retarget(source, target, objective=objective).figures  # noqa: B018 - what it needs is compiled
 
 
-def _warm_legs(source: Motion) -> None:
+def _run_for_legs(source: Motion) -> None:
     """The same for what only bodies with legs need."""
     joints, shots = np.arange(JOINTS), np.zeros(len(source), np.intp)
     above_lowest(source, joints, axis_vector("Y"))
     still_joints(source, joints, joints, joint_speeds(source, joints, shots), 1.0, shots)
+
+
+def _run_without_solver(source: Motion, target: Skeleton) -> None:
+    """Make a result of the rotation copy, and measure it."""
+    prepared = matched_performer(source, target).prepared(RootScale.even(1.0))
+    still = np.zeros((len(source), int(prepared.problem.parts.max()) + 2, 3))
+    prepared.result(Poses(still, Effort.from_log(np.zeros((4, len(source)))))).figures  # noqa: B018 - as above

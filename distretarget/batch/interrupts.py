@@ -34,8 +34,8 @@ def interrupts_held() -> Iterator[None]:
 def interrupts_kept() -> Iterator[None]:
     """Raise an interruption that gets lost in the block at its end.
 
-    While compiled code is loaded, LLVM calls Python back. From there no exception comes through: Python prints it as
-    ignored, and goes on.
+    While code is compiled or loaded, LLVM calls Python back. From there no exception comes through: Python prints it as
+    ignored, and goes on, or fails because what the call was for is not done.
     """
     lost: list[Any] = []
     hook = sys.unraisablehook
@@ -49,6 +49,9 @@ def interrupts_kept() -> Iterator[None]:
     sys.unraisablehook = keep
     try:
         yield
+    except Exception:
+        if not lost:
+            raise
     finally:
         sys.unraisablehook = hook
     if lost:

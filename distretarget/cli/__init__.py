@@ -13,6 +13,7 @@ from typing import NoReturn
 
 import click
 
+from distretarget.batch.interrupts import interrupts_kept
 from distretarget.cli.group import DefaultGroup, ImportedCommand
 from distretarget.errors import DistretargetError
 from distretarget.io.files import reason_of
@@ -89,7 +90,8 @@ def _interruptible() -> Iterator[None]:
 def _run() -> int:
     """Run the command and return its exit status."""
     try:
-        status: int | None = cli.main(prog_name="distretarget", standalone_mode=False)
+        with interrupts_kept():
+            status: int | None = cli.main(prog_name="distretarget", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message())
         return 2

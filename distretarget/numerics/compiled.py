@@ -11,10 +11,10 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numba import njit
 from numba.core import config, event
-from numba.core.caching import FunctionCache
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
+from distretarget.numerics.code_cache import WAITING, CodeCache
 from distretarget.numerics.code_folder import code_folder
 from distretarget.numerics.inlining import InlinedCompiler
 
@@ -37,21 +37,10 @@ def compiled(*, fastmath: bool = False) -> Callable[[Function], Function]:
         code: Any = njit(fastmath=fastmath, nogil=True, **_OPTIONS)(function)
         if folder := code_folder():
             with _caching_in(folder):
-                code._cache = _Cache(function)
+                code._cache = CodeCache(function)
         return cast(Function, code)
 
     return decorate
-
-
-class _Cache(FunctionCache):
-    """The folder of compiled code of a function. Loading does not fill numba's registries of what it can compile, which
-    takes a tenth of a second: only the compiler needs them, and fills them itself.
-    """
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Load the code for a signature; None if there is none."""
-        with self._guard_against_spurious_io_errors():
-            return self._load_overload(sig, target_context)
 
 
 @contextmanager
@@ -94,6 +83,12 @@ def _is_of_package(compilation: event.Event) -> bool:
 event.register("numba:compile", _CollectionPaused())
 
 
+def is_to_be_compiled(function: Callable[..., Any]) -> bool:
+    """Return whether no code of a compiled function is kept yet, but will be."""
+    compiles = not getattr(config, "DISABLE_JIT", 0)
+    return compiles and isinstance(cache := getattr(function, "_cache", None), CodeCache) and not cache.is_filled
+
+
 def read_only(array: NDArray[Value]) -> NDArray[Value]:
     """Return a view that cannot be written to, so that a function is compiled once for arrays that can and cannot."""
     view = array.view()
@@ -114,8 +109,11 @@ def inlined(*, fastmath: bool = False) -> Callable[[Function], Function]:
 
 @contextmanager
 def announced_compilation(tell: Callable[[str], object]) -> Iterator[None]:
-    """Call `tell` with a line for the user before the first function is compiled, if any is."""
-    with event.install_listener("numba:compile", _Announcer(tell)):
+    """Call `tell` with a line for the user before the first function is compiled, by this process or by another that it
+    waits for, if any is.
+    """
+    announcer = _Announcer(tell)
+    with event.install_listener("numba:compile", announcer), event.install_listener(WAITING, announcer):
         yield
 
 
@@ -137,8 +135,8 @@ class _Announcer(event.Listener):
 
 def _announcement() -> str:
     if folder := code_folder():
-        return f"compiling for the first run, which takes 10 to 15 s; later runs find the code in {folder}"
+        return f"compiling for the first run, which takes about 10 s; later runs find the code in {folder}"
     return (
-        "compiling, which takes 10 to 15 s in every run, as there is no folder to keep the code in; "
+        "compiling, which takes about 10 s in every run, as there is no folder to keep the code in; "
         "set NUMBA_CACHE_DIR to a folder that can be written to"
     )

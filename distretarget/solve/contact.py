@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.numerics.blocks import blocks_of
-from distretarget.numerics.compiled import inlined
+from distretarget.numerics.compiled import inlined, is_to_be_compiled, read_only
 from distretarget.solve.articulation import Articulation, Scratch
 from distretarget.solve.chunks import Mapper, Progress, solve_in_chunks
 from distretarget.solve.contact_pairs import (
@@ -35,13 +35,21 @@ from distretarget.solve.contact_pairs import (
     near_pairs,
     write_pair_spring,
 )
-from distretarget.solve.floor import Floor, add_floor, floor_energy
+from distretarget.solve.floor import Floor, add_floor, floor_energy, no_floor
 from distretarget.solve.jumps import smooth_jumps
 from distretarget.solve.pose_solver import Clip, Workspace, compile_pose_solver
 from distretarget.solve.poses import PoseProblem, Poses
 from distretarget.solve.settings import ContactSettings
 from distretarget.solve.spg import Effort
-from distretarget.solve.springs import NEGLIGIBLE, Springs, is_negligible, joined, room_for, spring_energy
+from distretarget.solve.springs import (
+    NEGLIGIBLE,
+    Springs,
+    is_negligible,
+    joined,
+    no_springs,
+    room_for,
+    spring_energy,
+)
 from distretarget.solve.stiffness import part_stiffness
 from distretarget.solve.support_springs import support_springs
 from distretarget.solve.supports import Supports
@@ -164,3 +172,17 @@ def _write_springs(near: NearPairs, springs: Springs, frame: int, room: Springs)
 
 
 _solve = compile_pose_solver(_terms_of, _energy, _like_springs)
+
+
+def solver_lacks_code() -> bool:
+    """Return whether the solver is still to be compiled."""
+    return is_to_be_compiled(_solve)
+
+
+def compile_solver() -> None:
+    """Compile the solver, or load its code: let it solve a body of two joints in no frames."""
+    body = Articulation(read_only(np.array([-1, 0])), np.zeros(2, np.intp), np.zeros(2), np.zeros((2, 2), np.intp))
+    none, lengths, points, weights = np.zeros(0, np.intp), np.zeros(0), np.zeros((0, 0, 3)), np.zeros((0, 0))
+    near = NearPairs(none, none, none, none, lengths, points, points, weights, weights, 0.0)
+    clip, given = Clip(np.zeros((0, 2, 3)), np.zeros((0, 3))), Given(near, no_springs(0), no_floor(0), room_for(0))
+    _solve(body, clip, given, 0.0, np.zeros((0, 2, 3)), 0, np.zeros((4, 0)), Workspace.of(body))
