@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import NoneType
@@ -268,17 +269,26 @@ class Motion:
 
 def motion_of_world(
     skeleton: Skeleton,
-    root_positions: NDArray[np.float64],
-    world: NDArray[np.float64],
+    frames: int,
     frame_time_text: str,
+    pose: Callable[[slice, NDArray[np.float64]], NDArray[np.float64]],
 ) -> Motion:
-    """Return the motion with a root path, (frames, 3), and world rotations, (frames, joints, 4), on rigid bones.
+    """Return a motion on rigid bones from its world rotations.
 
-    The motion takes the array `world` over, and makes its local rotations there.
+    `pose` is called for blocks of the frames, from several threads at once. It writes the world rotations of a block,
+    (frames of the block, joints, 4), to its second argument, and returns the root's path, (frames of the block, 3).
     """
-    positions = joint_positions(skeleton.parents, root_positions, skeleton.offsets[None], world)
-    make_local(skeleton.parents, world)
-    motion = Motion(skeleton, root_positions, world, frame_time_text)
+    joints = len(skeleton)
+    path, rotations, positions = (np.empty((frames, *shape)) for shape in ((3,), (joints, 4), (joints, 3)))
+
+    def make(block: slice) -> None:
+        world = rotations[block]
+        path[block] = pose(block, world)
+        positions[block] = joint_positions(skeleton.parents, path[block], skeleton.offsets[None], world)
+        make_local(skeleton.parents, world)
+
+    over_blocks(make, frames, joints)
+    motion = Motion(skeleton, path, rotations, frame_time_text)
     vars(motion)["positions"] = positions  # what it would compute, by way of world rotations
     return motion
 

@@ -11,11 +11,8 @@ from distretarget.baseline.root import RootScale
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion, motion_of_world
 from distretarget.numerics.kinematics import rotation_products
-from distretarget.numerics.threads import over_blocks
 
 Array = NDArray[np.float64]
-
-ALL = slice(None)
 
 
 def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
@@ -24,31 +21,36 @@ def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
     Joints with two rotation sources blend both; joints without one follow their parents. The pelvis joint (`pelvis` of
     the matching) takes the path of its driver, scaled.
     """
-    source, skeleton, blend = matching.source_motion, matching.target.skeleton, matching.blend
-    alignment, between = rest_alignment(matching), np.flatnonzero(blend > 0)
-    world = np.empty((len(source), len(skeleton), 4))
+    source, skeleton, up = matching.source_motion, matching.target.skeleton, matching.source.up_vector
+    sources, alignment, blend = _with_followers(matching)
+    between = np.flatnonzero(blend > 0)
+    of_all, of_first, of_second = (
+        (np.ascontiguousarray(sources[joints, k]), np.ascontiguousarray(alignment[joints, k]))
+        for joints, k in ((slice(None), 0), (between, 0), (between, 1))
+    )
 
-    def turn(block: slice) -> None:
-        turned, copied = source.world_rotations_in(block), world[block]
-        copied[:] = _aligned(matching, turned, alignment, ALL, 0)
+    def pose(block: slice, world: Array) -> Array:
+        turned = source.world_rotations_in(block)
+        world[:] = rotation_products(turned, *of_all)
         if len(between):
-            first, second = (Rotation.from_quat(_aligned(matching, turned, alignment, between, k)) for k in (0, 1))
+            first, second = (Rotation.from_quat(rotation_products(turned, *ends)) for ends in (of_first, of_second))
             steps = (first.inv() * second).as_rotvec() * blend[between, None]
-            copied[:, between] = (first * Rotation.from_rotvec(steps)).as_quat()
-        for joint in range(1, len(skeleton)):
-            if matching.rotation_sources[joint, 0] < 0:
-                copied[:, joint] = copied[:, skeleton.parents[joint]]
+            world[:, between] = (first * Rotation.from_rotvec(steps)).as_quat()
+        path = scale.places(source.positions[block, matching.drivers[matching.pelvis]], up)
+        for joint in skeleton.line(matching.pelvis)[:-1]:
+            parent = Rotation.from_quat(world[:, skeleton.parents[joint]])
+            path = path - parent.apply(np.array(skeleton.offsets[joint]))
+        return path
 
-    over_blocks(turn, *world.shape[:2])
-    path = scale.places(source.positions[:, matching.drivers[matching.pelvis]], matching.source.up_vector)
-    for joint in skeleton.line(matching.pelvis)[:-1]:
-        path = path - Rotation.from_quat(world[:, skeleton.parents[joint]]).apply(np.array(skeleton.offsets[joint]))
-    return motion_of_world(skeleton, path, world, source.frame_time_text)
+    return motion_of_world(skeleton, len(source), source.frame_time_text, pose)
 
 
-def _aligned(matching: Matching, turned: Array, alignment: Array, joints: slice | NDArray[np.intp], k: int) -> Array:
-    """(frames, joints, 4), the world rotations of target joints by their first (k = 0) or second (k = 1) source, whose
-    own are `turned`, (frames, source joints, 4); no turn where there is none.
+def _with_followers(matching: Matching) -> tuple[NDArray[np.intp], Array, Array]:
+    """The rotation sources of target joints, (joints, 2), with their alignment, (joints, 2, 4), and blend, (joints,);
+    joints without a source have what their parents have.
     """
-    sources = np.ascontiguousarray(matching.rotation_sources[joints, k])
-    return rotation_products(turned, sources, np.ascontiguousarray(alignment[joints, k]))
+    sources, alignment, blend = np.array(matching.rotation_sources), rest_alignment(matching), np.array(matching.blend)
+    for joint, parent in enumerate(matching.target.skeleton.parents):
+        if joint and sources[joint, 0] < 0:
+            sources[joint], alignment[joint], blend[joint] = sources[parent], alignment[parent], blend[parent]
+    return sources, alignment, blend

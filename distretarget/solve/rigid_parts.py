@@ -64,12 +64,15 @@ def posed_motion(copy: Motion, v: Array, parts: NDArray[np.intp], root_positions
     Leaves keep the world rotations of the copy, since they carry no bone, unless they never turn against their parents.
     `root_positions`, (frames, 3) [file units], are taken as they are; the root's displacement in `v` is not added.
     """
-    skeleton = copy.skeleton
     turning = np.array(parts)
     turning[_turning_leaves(copy)] = -1
-    world = copy.world_rotations
-    turn_parts(v[:, :-1], turning, world)
-    return motion_of_world(skeleton, root_positions, world, copy.frame_time_text)
+
+    def pose(block: slice, world: Array) -> Array:
+        world[:] = copy.world_rotations_in(block)
+        turn_parts(v[block, :-1], turning, world)
+        return root_positions[block]
+
+    return motion_of_world(copy.skeleton, len(copy), copy.frame_time_text, pose)
 
 
 def _turning_leaves(copy: Motion) -> NDArray[np.intp]:
