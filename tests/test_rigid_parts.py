@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import held_still, matched, other_lengths, person, swaying
+from bodies import SAMPLES, held_still, matched, other_lengths, person, swaying
 from scipy.spatial.transform import Rotation
 from table_one import table_one
 
-from distretarget import Skeleton
+from distretarget import Skeleton, load_target
 from distretarget.solve.rigid_parts import part_of_joint, posed_motion, rigid_part_roots, subtree_lengths
 
 PERSON = person()
@@ -48,6 +48,14 @@ def test_joints_without_rotation_channels_are_rigid():
     roots = rigid_part_roots(matched(PERSON, replace(PERSON, channels=channels)))
     assert roots[knee] == PERSON.index("LeftHip")
     np.testing.assert_array_equal(np.delete(roots, knee), np.delete(np.arange(len(PERSON)), knee))
+
+
+def test_a_finger_that_nothing_drives_is_a_part_and_the_palm_is_not():
+    rig = load_target(SAMPLES / "rigs" / "mixamo_t.json").skeleton
+    roots = rigid_part_roots(matched(PERSON, rig))
+    thumb, wrist = (rig.index(f"mixamorig:LeftHand{end}") for end in ("Thumb1", ""))
+    assert roots[wrist] == wrist
+    assert {roots[joint] for joint in rig.subtree(thumb) if rig.children[joint]} == {thumb}
 
 
 def test_parts_count_from_the_root_and_leaves_are_their_parents():

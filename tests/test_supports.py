@@ -89,6 +89,19 @@ def test_nothing_goes_under_the_floor(name, body):
     assert heights.min() > -0.015 * result.matching.leg_lengths[1]
 
 
+@samples
+@pytest.mark.parametrize("rig", ["mixamo_t", "unreal_t"])
+def test_fingers_that_nothing_drives_do_not_go_under_the_floor(name, rig):
+    result = retarget(source(name), load_target(SAMPLES / "rigs" / f"{rig}.json"))
+    matching, regions = result.matching, result.matching.regions
+    hands = [regions.names.index(f"{side} hand") for side in ("left", "right")]
+    fingers = np.flatnonzero(np.isin(regions.of_joint, hands) & (matching.drivers < 0))
+    up = matching.source.up_vector
+    floor = result.root_scale * (result.source.positions @ up).min()
+    assert len(fingers) > 30
+    assert (result.motion.positions[:, fingers] @ up).min() - floor > -0.015 * matching.leg_lengths[1]
+
+
 @pytest.mark.parametrize("name", STANDING)
 @targets
 def test_where_nothing_rests_but_feet_the_result_is_that_of_feet_alone(name, body):

@@ -34,6 +34,12 @@ class Anatomy:
     method: Literal["names", "shape"]
 
     @property
+    def knuckles(self) -> frozenset[int]:
+        """The joints that the fingers turn about."""
+        names = {f"{side}{finger}1" for side in SIDES for finger in FINGERS}
+        return frozenset(joint for role, joint in self.roles.items() if role in names)
+
+    @property
     def mirrored(self) -> Anatomy:
         """The same anatomy with left and right exchanged."""
         other = {"left": "right", "right": "left"}

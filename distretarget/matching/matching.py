@@ -129,11 +129,18 @@ class Matching:
     @cached_property
     def joints_but_feet(self) -> NDArray[np.intp]:
         """The `body_joints` but for the feet's; none without legs."""
+        return self._but_feet(self.body_joints)
+
+    @cached_property
+    def followers_but_feet(self) -> NDArray[np.intp]:
+        """The joints of the target's body without driver, but for the feet's; none without legs."""
+        return self._but_feet(np.flatnonzero((self.drivers < 0) & (self.regions.of_joint >= 0)))
+
+    def _but_feet(self, joints: NDArray[np.intp]) -> NDArray[np.intp]:
         if self.legs is None:
             return np.zeros(0, np.intp)
         of_joint = self.regions.of_joint
-        feet = [of_joint[leg.ankle] for leg in self.legs[1]]
-        return self.body_joints[~np.isin(of_joint[self.body_joints], feet)]
+        return joints[~np.isin(of_joint[joints], [of_joint[leg.ankle] for leg in self.legs[1]])]
 
     @cached_property
     def bone_drivers(self) -> NDArray[np.intp]:

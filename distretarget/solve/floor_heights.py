@@ -26,8 +26,8 @@ def with_floor_heights(
     """Return the supports with the heights that joints other than the feet's keep above.
 
     The floor is as high as the lowest joint of the source, scaled, while something rests. A joint belongs no
-    nearer to it than the source's, scaled, or than `settings.rest_height`, whichever is less. The joints of a
-    region, such as those of a hand, share the stiffness of the floor.
+    nearer to it than the source's, scaled, or than `settings.rest_height`, whichever is less; a joint that nothing
+    drives may be as low as the floor. The joints of a region, such as those of a hand, share the floor's stiffness.
     """
     if matching.legs is None:
         return supports
@@ -35,9 +35,11 @@ def with_floor_heights(
     source = matching.source_motion.positions
     floor, reach = scale.height * lowest_heights(source, up)[:, None], settings.rest_height * length
     weight = supports.weights.max(axis=1, initial=0.0)
-    joints = matching.joints_but_feet
-    high = scale.height * heights_of(source, matching.drivers[joints], up)
-    lowest = floor + np.minimum(high - floor, reach)
+    driven, followers = matching.joints_but_feet, matching.followers_but_feet
+    high = scale.height * heights_of(source, matching.drivers[driven], up)
+    joints = np.concatenate([driven, followers])
+    lowest = np.repeat(floor, len(joints), axis=1)
+    lowest[:, : len(driven)] += np.minimum(high - floor, reach)
     over = heights_of(problem.copy, joints, up) + ((problem.root - problem.copy[:, 0]) @ up)[:, None] - lowest
     near = ((over < NEAR * length) & (weight[:, None] > 0.0)).any(axis=0)
     joints, lowest = joints[near], lowest[:, near]

@@ -165,7 +165,11 @@ def compile_pose_solver(
                 if not kept:
                     parts = write_curvature(moved, pose, body, scratch, springs, acting, curvature)
                     factorise(curvature.H, 3 * parts)
-                _reset_others(pose, curvature.place)
+                if _reset_others(pose, curvature.place):  # which may let joints sink below the floor
+                    evaluations += tried
+                    copy_to(work.starts[0], pose)
+                    count = 1
+                    continue
                 sigma = potential + stiffness_energy(pose, body)
                 pose_gradient(pose, body, scratch, work.gradient)
                 active = curvature.active[:parts]
@@ -198,11 +202,16 @@ def _steepest_in_metric(v, gradient, step, problem, d):  # type: ignore[no-untyp
 
 
 @inlined()
-def _reset_others(v: Array, place: Numbers) -> None:
-    """Let the parts that are not active, which have no place among those that are, keep the copy's rotation."""
+def _reset_others(v: Array, place: Numbers) -> bool:
+    """Let the parts that are not active, which have no place among those that are, keep the copy's rotation; return
+    whether any did not yet.
+    """
+    reset = False
     for part in range(len(v)):
-        if place[part] < 0:
+        if place[part] < 0 and (v[part, 0] != 0.0 or v[part, 1] != 0.0 or v[part, 2] != 0.0):
             clear(v[part])
+            reset = True
+    return reset
 
 
 @inlined()

@@ -23,12 +23,14 @@ def rigid_part_roots(matching: Matching) -> NDArray[np.intp]:
 
     A joint belongs to its parent's part if it cannot turn against it, having no rotation channels, or has no reason to,
     following its parent in the rotation copy as twist joints do that nothing drives. Every other joint is the root of a
-    part, even if it does not turn in this motion.
+    part, even if it does not turn in this motion; so is the first joint of a finger, which gives way to the floor.
     """
-    skeleton = matching.target.skeleton
+    skeleton, anatomy = matching.target.skeleton, matching.target.anatomy
+    knuckles = anatomy.knuckles if anatomy else ()
     roots = np.arange(len(skeleton))
     for joint in range(1, len(skeleton)):
-        follows = matching.rotation_sources[joint, 0] < 0 or not skeleton.rotation_axes(joint)
+        still = matching.rotation_sources[joint, 0] < 0 and joint not in knuckles
+        follows = still or not skeleton.rotation_axes(joint)
         if follows and skeleton.children[joint]:
             roots[joint] = roots[skeleton.parents[joint]]
     return roots
