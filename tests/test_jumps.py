@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from distretarget.solve.jumps import smooth_jumps
+from distretarget.solve.jumps import smooth_jumps, smooth_landings
 from distretarget.solve.settings import ContactSettings
 
 FRAME_TIME = 1 / 60  # [s]
@@ -60,3 +60,21 @@ def test_jumps_are_judged_by_their_speed_not_by_their_frame():
     np.testing.assert_array_equal(smoothed(fast, 1 / 60), fast)
     np.testing.assert_array_equal(smoothed(fast, 1 / 30), fast)
     assert (smoothed(fast, 1 / 240) != fast).any()
+
+
+def test_what_the_floor_stops_stops_smoothly_and_nothing_else_changes():
+    v = course(np.maximum(np.arange(100) - 50.0, 0.0) * 0.02)
+    smooth = np.array(v)
+    smooth_landings(smooth, np.array([0]), FRAME_TIME, SETTINGS)
+    accelerations = [np.abs(np.diff(poses[:, 0, 1], 2)).max() for poses in (v, smooth)]
+    assert accelerations[1] < 0.25 * accelerations[0]
+    np.testing.assert_allclose(smooth[:40], v[:40], atol=1e-12)
+    np.testing.assert_allclose(smooth[60:90], v[60:90], atol=1e-12)
+    np.testing.assert_array_equal(smooth[:, 1:], v[:, 1:])
+
+
+def test_parts_that_the_floor_does_not_move_keep_their_bits():
+    v = course(np.zeros(100))
+    same = np.array(v)
+    smooth_landings(same, np.array([0]), FRAME_TIME, SETTINGS)
+    np.testing.assert_array_equal(same, v)

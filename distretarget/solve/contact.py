@@ -36,7 +36,7 @@ from distretarget.solve.contact_pairs import (
     write_pair_spring,
 )
 from distretarget.solve.floor import Floor, add_floor, floor_energy, no_floor
-from distretarget.solve.jumps import smooth_jumps
+from distretarget.solve.jumps import smooth_jumps, smooth_landings
 from distretarget.solve.pose_solver import Clip, Workspace, compile_pose_solver
 from distretarget.solve.poses import PoseProblem, Poses
 from distretarget.solve.settings import ContactSettings
@@ -73,6 +73,7 @@ def solve_contact(
     solve = partial(_solve_frames, settings=settings)
     poses = solve_in_chunks(solve, problem, supports, margin=margin, mapper=mapper, progress=progress)
     smooth_jumps(poses.v, problem.frame_time, settings)
+    smooth_landings(poses.v, problem.loose_parts, problem.frame_time, settings)
     return poses
 
 

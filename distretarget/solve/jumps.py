@@ -1,4 +1,6 @@
-"""Jumps: a part that goes from one solution to another within a frame, and the smooth passage that replaces it."""
+"""Jumps: a part that goes from one solution to another within a frame, or that the floor stops, and the smooth passage
+that replaces it.
+"""
 
 from __future__ import annotations
 
@@ -31,6 +33,15 @@ def smooth_jumps(v: Array, frame_time: float, settings: ContactSettings) -> None
     reach = round(settings.jump_blend / frame_time)
     share = widened(np.maximum(jumps, np.roll(jumps, 1, axis=0)), reach)[..., None]
     v[:, parts] += share * (averaged(lasting, reach) - v[:, parts])
+
+
+def smooth_landings(v: Array, parts: NDArray[np.intp], frame_time: float, settings: ContactSettings) -> None:
+    """Let nothing stop some parts suddenly, which only the floor moves: in poses (frames, parts + 1, 3), which are
+    changed in place, their deviation becomes a mean over the frames around. `frame_time` is in [s].
+    """
+    moved = parts[v[:, parts].any(axis=(0, 2))]
+    if len(moved):
+        v[:, moved] = averaged(v[:, moved], round(settings.jump_blend / frame_time))
 
 
 def _jumps(v: Array, limit: float) -> Array:

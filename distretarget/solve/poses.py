@@ -67,6 +67,14 @@ class PoseProblem:
         return places
 
     @property
+    def loose_parts(self) -> NDArray[np.intp]:
+        """The numbers of the parts that neither begin at a point of the distance problem nor carry one, such as fingers
+        that nothing drives: only the floor moves them.
+        """
+        lines = (self.skeleton.line(int(target)) for target in self.distances.targets)
+        return np.setdiff1d(self.parts, self.parts[[joint for line in lines for joint in line]])
+
+    @property
     def bones(self) -> Array:
         """(frames, joints, 3), the copy's bones, from each joint's parent to it [target file units]."""
         bones = np.take(self.copy, self.skeleton.parents, axis=1)

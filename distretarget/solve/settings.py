@@ -35,6 +35,8 @@ class ContactSettings:
         trunk_factor: [-] how much stiffer a part becomes that carries the whole body; a larger value leaves more to the
             arms.
         foot_factor: [-] how much stiffer the feet are than other parts.
+        loose_factor: [-] how stiff parts are that only the floor moves, such as fingers that nothing drives, against
+            others: they give way before the hand does.
         fixed_stiffness: [-] stiffness of the parts above the pelvis, so that a root on the floor does not tip the body
             over.
         root_stiffness: [-] stiffness of the root's path: a larger value keeps contacts and feet from moving the hips.
@@ -43,7 +45,8 @@ class ContactSettings:
         floor_stiffness: [-] stiffness with which joints are kept from going under the floor; 0 lets them.
         jump_speed: [rad/s] a part whose deviation changes faster than this (600 degrees/s) jumps from one solution to
             another.
-        jump_blend: [s] a jump is replaced by a mean over this time before and after each frame.
+        jump_blend: [s] a jump is replaced by a mean over this time before and after each frame; so is what only
+            the floor moves.
         tolerance: [-] a frame is solved when the search direction is shorter than this in the metric of the curvature:
             nothing shakes, and cuts between chunks of a clip cannot be seen.
         rest_speed: [leg lengths/s] a joint that rests on the floor is slower than this.
@@ -69,6 +72,7 @@ class ContactSettings:
     added_length: float = 1.0
     trunk_factor: float = 40.0
     foot_factor: float = 5.0
+    loose_factor: float = 0.1
     fixed_stiffness: float = 1e6
     root_stiffness: float = 300.0
     support_stiffness: float = 5000.0

@@ -18,7 +18,8 @@ def part_stiffness(problem: PoseProblem, settings: ContactSettings) -> Array:
 
     It grows with the length of a part's bones and, far more, with the share of the body that the part carries, so that
     arms give way before the spine does. Bones that carry no point of the distance problem do not count as carried. Feet
-    are stiffer by `foot_factor`, and parts above the pelvis have the `fixed_stiffness`.
+    are stiffer by `foot_factor`, parts that only the floor moves are by `loose_factor`, and parts above the pelvis have
+    the `fixed_stiffness`.
     """
     skeleton, legs, parts = problem.skeleton, problem.legs, problem.parts
     carried = subtree_lengths(skeleton, problem.distances.targets)
@@ -30,6 +31,7 @@ def part_stiffness(problem: PoseProblem, settings: ContactSettings) -> Array:
     stiffness = settings.base_stiffness * (bones + settings.added_length) * (1.0 + settings.trunk_factor * longest)
     feet = {joint for leg in legs or () for joint in (leg.ankle, leg.toe) if skeleton.children[joint]}
     stiffness[parts[sorted(feet)]] *= settings.foot_factor
+    stiffness[problem.loose_parts] *= settings.loose_factor
     if legs:
         pelvis = pelvis_joint(skeleton, legs)
         above = [joint for joint in skeleton.line(pelvis) if parts[joint] != parts[pelvis]]
