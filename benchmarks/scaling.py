@@ -32,6 +32,7 @@ SAMPLE, CHILD = SAMPLES / "clap.bvh", SAMPLES / "child.json"
 HANDS = ("LeftWrist", "RightWrist")  # of the sample, which clap
 CHAINS = (0, 5, 15, 35)  # added to each of two joints
 CHAIN_JOINTS = 3
+FIRST_RUNS = 5
 VERY_LONG = 50_000  # frames of the clip whose memory is measured
 CONVERT = """
 import resource, sys
@@ -146,15 +147,17 @@ def start_lines(corpus: Path, folder: Path, rounds: int) -> list[Line]:
     imports = [[sys.executable, "-c", f"import {what}"] for what in ("numpy", "numba, scipy.spatial.transform")]
     commands = [[*program, "--version"], imports[0], convert, imports[1]]
     times = _alternating([lambda c=c: _run(c) for c in commands], rounds, _time_of_children)
-    compiling = []
-    for number in range(3):
-        started = time.perf_counter()
-        _run(convert, NUMBA_CACHE_DIR=str(folder / f"code{number}"))
-        compiling.append(time.perf_counter() - started)
+
+    def first_run(threads: str) -> None:
+        with tempfile.TemporaryDirectory(dir=folder) as code:
+            _run(convert, NUMBA_CACHE_DIR=code, OMP_NUM_THREADS=threads)
+
+    firsts = _alternating([lambda: first_run("1"), lambda: first_run("2")], FIRST_RUNS, time.perf_counter)
     return [
         _line("`--version` over `import numpy`, processor time", times[:, 0] / times[:, 1]),
         _line("524 frames over `import numba, scipy.spatial.transform`, processor time", times[:, 2] / times[:, 3]),
-        _line("first run, which compiles [s]", np.array(compiling)),
+        _line("first run, which compiles, one core [s]", firsts[:, 0]),
+        _line("first run, which compiles, two cores [s]", firsts[:, 1]),
     ]
 
 
