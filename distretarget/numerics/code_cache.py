@@ -60,7 +60,8 @@ class CodeCache(FunctionCache):
             return False
         try:
             self._impl.locator.ensure_cache_path()
-            self._lock = Path(self._cache_path, f"{self._impl.filename_base}.lock").open("wb")  # noqa: SIM115 - until it is unlocked
+            path = Path(self._cache_path, f"{self._impl.filename_base}.lock")
+            self._lock = path.open("wb")
             if not _tried(self._lock):
                 with event.trigger_event(WAITING):
                     _wait_for(self._lock)

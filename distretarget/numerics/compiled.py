@@ -85,8 +85,8 @@ event.register("numba:compile", _CollectionPaused())
 
 def is_to_be_compiled(function: Callable[..., Any]) -> bool:
     """Return whether no code of a compiled function is kept yet, but will be."""
-    compiles = not getattr(config, "DISABLE_JIT", 0)
-    return compiles and isinstance(cache := getattr(function, "_cache", None), CodeCache) and not cache.is_filled
+    cache = getattr(function, "_cache", None)
+    return not getattr(config, "DISABLE_JIT", 0) and isinstance(cache, CodeCache) and not cache.is_filled
 
 
 def read_only(array: NDArray[Value]) -> NDArray[Value]:

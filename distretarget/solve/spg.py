@@ -152,8 +152,8 @@ def spectral_gradient(
     objective(x, problem, gradient) -> float: returns the value at `x` and writes the gradient.
     direction(x, gradient, step, problem, d) -> float: writes d = P(x - step gradient) - x, where P projects onto the
         feasible set, and returns |d|^2; projection, gradient and |d| are those of the problem's metric, if it has one.
-    adaptive: whether to take the shorter step of Barzilai and Borwein where the two differ much. It is that of the
-        array's own metric.
+    adaptive: whether to take the shorter step of Barzilai and Borwein where their two steps differ much; only for
+        problems without a metric of their own.
 
     Returns a compiled minimise(x, f, g, problem, tolerance, limit, scratch) -> Minimum, which overwrites `x`, an array
     with rows and columns, with the best iterate. `f` is the objective at `x` and `g` its gradient, which is overwritten

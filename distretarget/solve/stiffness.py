@@ -18,8 +18,8 @@ def part_stiffness(problem: PoseProblem, settings: ContactSettings) -> Array:
 
     It grows with the length of a part's bones and, far more, with the share of the body that the part carries, so that
     arms give way before the spine does. Bones that carry no point of the distance problem do not count as carried. Feet
-    are stiffer by `foot_factor`, parts that only the floor moves are by `loose_factor`, and parts above the pelvis have
-    the `fixed_stiffness`.
+    are stiffer by `foot_factor`, and parts that only the floor moves softer by `loose_factor`. Parts above the pelvis
+    have the `fixed_stiffness`.
     """
     skeleton, legs, parts = problem.skeleton, problem.legs, problem.parts
     carried = subtree_lengths(skeleton, problem.distances.targets)
