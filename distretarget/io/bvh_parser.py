@@ -252,7 +252,7 @@ def take_frames(words: Words, channels: int) -> FramesText:
         raise words.error(f"found {declared} frames declared, expected 0 where no joint has channels", at)
     if values.size != declared * channels:
         whole, over = divmod(values.size, channels) if channels else (0, values.size)
-        found = f"{whole} whole frames of {channels} numbers and {over} numbers over"
+        found = f"{whole} whole frames of {channels} numbers" + (f" and {over} numbers over" if over else "")
         raise words.error(f"found {found}, expected {declared} frames as declared", at)
     return FramesText(time, values.reshape(declared, channels))
 
