@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from distretarget.baseline.root import RootScale
 from distretarget.matching.matching import Matching
 from distretarget.numerics.kinematics import heights_of, lowest_heights
+from distretarget.numerics.smoothing import largest
 from distretarget.solve.floor import Floor
 from distretarget.solve.poses import PoseProblem
 from distretarget.solve.settings import ContactSettings
@@ -25,7 +26,7 @@ def with_floor_heights(
 ) -> Supports:
     """Return the supports with the heights that joints other than the feet's keep above.
 
-    The floor is as high as the lowest joint of the source, scaled, while something rests. A joint belongs no
+    The floor is as high as the lowest joint of the source about then, scaled, while something rests. A joint belongs no
     nearer to it than the source's, scaled, or than `settings.rest_height`, whichever is less; a joint that nothing
     drives may be as low as the floor. The joints of a region, such as those of a hand, share the floor's stiffness.
     """
@@ -33,7 +34,8 @@ def with_floor_heights(
         return supports
     up, length = matching.source.up_vector, matching.leg_lengths[1]
     source = matching.source_motion.positions
-    floor, reach = scale.height * lowest_heights(source, up)[:, None], settings.rest_height * length
+    floor = scale.height * _steady(lowest_heights(source, up), settings.support_blend / problem.frame_time)[:, None]
+    reach = settings.rest_height * length
     weight = supports.weights.max(axis=1, initial=0.0)
     driven, followers = matching.joints_but_feet, matching.followers_but_feet
     high = scale.height * heights_of(source, matching.drivers[driven], up)
@@ -46,3 +48,10 @@ def with_floor_heights(
     _, region, count = np.unique(matching.regions.of_joint[joints], return_inverse=True, return_counts=True)
     stiffness = settings.floor_stiffness * weight[:, None] / count[region]
     return replace(supports, floor=Floor(joints, np.ascontiguousarray(lowest / problem.unit), stiffness, up))
+
+
+def _steady(heights: Array, frames: float) -> Array:
+    """The least of the heights (frames,) within so many frames before and after each: the floor does not rise with feet
+    that leave it.
+    """
+    return -largest(-heights[:, None], round(frames))[:, 0]
