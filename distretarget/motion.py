@@ -276,7 +276,8 @@ def motion_of_world(
     """Return a motion on rigid bones from its world rotations.
 
     `pose` is called for blocks of the frames, from several threads at once. It writes the world rotations of a block,
-    (frames of the block, joints, 4), to its second argument, and returns the root's path, (frames of the block, 3).
+    (frames of the block, joints, 4), to its second argument, and returns the root's path there, (frames of the block,
+    3) [file units].
     """
     joints = len(skeleton)
     path, rotations, positions = (np.empty((frames, *shape)) for shape in ((3,), (joints, 4), (joints, 3)))

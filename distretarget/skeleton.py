@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import cast
@@ -244,6 +245,10 @@ class Skeleton:
         while up[-1]:
             up.append(self._parents[up[-1]])
         return up
+
+    def lines(self, joints: Iterable[int]) -> set[int]:
+        """Return all joints on the lines from some joints up to the root."""
+        return {above for joint in joints for above in self.line(int(joint))}
 
     @cached_property
     def _parents(self) -> tuple[int, ...]:

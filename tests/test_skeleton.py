@@ -112,6 +112,12 @@ def test_lines_to_the_root_meet_at_the_lowest_joint_of_both():
         assert skeleton.meets[u, v] == max({*skeleton.line(u)} & {*skeleton.line(v)})
 
 
+def test_the_lines_of_several_joints_have_each_joint_once():
+    skeleton = tree([-1, 0, 1, 1, 2, 0])
+    assert skeleton.lines([4, 3]) == {0, 1, 2, 3, 4}
+    assert skeleton.lines([]) == set()
+
+
 def test_keys_name_parents_only_where_names_repeat():
     names = ["Hips", "Left", "Hand", "Right", "Hand", "Site", "Site"]
     skeleton = tree([-1, 0, 1, 0, 3, 2, 4], names=names)

@@ -42,15 +42,19 @@ JOINTS = 6  # enough for a pair of joints so far apart along the tree that the s
 @interrupts_kept()
 def warm(objective: Objective) -> None:
     """Read, retarget, measure and write a clip of two frames, so that all code for `objective` is compiled."""
-    with _solver_compiled_meanwhile(objective):
-        _run(objective)
+    with _solver_compiled_meanwhile(objective) as meanwhile:
+        source, target = _clip()
+        _run_for_legs(source)
+        if meanwhile:
+            _run_without_solver(source, target)
+        retarget(source, target, objective=objective).figures  # noqa: B018 - what it needs is compiled
 
 
 @contextmanager
-def _solver_compiled_meanwhile(objective: Objective) -> Iterator[None]:
-    """Let another process compile the solver, if that is to be done and there is a core for it."""
+def _solver_compiled_meanwhile(objective: Objective) -> Iterator[bool]:
+    """Let another process compile the solver, and yield True, if that is to be done and there is a core for it."""
     if objective != "contact" or not CAN_WAIT or threads() < 2 or not solver_lacks_code():
-        yield
+        yield False
         return
     process = subprocess.Popen(
         [sys.executable, "-c", COMPILE_SOLVER, *sys.path],
@@ -59,13 +63,14 @@ def _solver_compiled_meanwhile(objective: Objective) -> Iterator[None]:
         stderr=subprocess.DEVNULL,
     )
     try:
-        yield
+        yield True
     finally:
         process.kill()
         process.wait()
 
 
-def _run(objective: Objective) -> None:
+def _clip() -> tuple[Motion, Skeleton]:
+    """A clip that was written and read, and a target for it."""
     names = tuple(f"joint{number}" for number in range(JOINTS))
     offsets = np.array([[0.0, 0.0, 0.0], *([[0.0, 1.0, 0.0]] * (JOINTS - 1))])
     channels = (POSITION_CHANNELS + ROTATIONS, *((ROTATIONS,) * (JOINTS - 1)))
@@ -74,21 +79,18 @@ def _run(objective: Objective) -> None:
     )
     bent = np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, np.sin(0.6), np.cos(0.6)]])
     motion = Motion(body, np.zeros((2, 3)), np.tile(bent[:, None], (1, JOINTS, 1)), "0.01")
-    source, target = parse_bvh(format_bvh(motion), "joints"), body.with_offsets(1.5 * offsets)
-    _run_for_legs(source)
-    _run_without_solver(source, target)
-    retarget(source, target, objective=objective).figures  # noqa: B018 - what it needs is compiled
+    return parse_bvh(format_bvh(motion), "joints"), body.with_offsets(1.5 * offsets)
 
 
 def _run_for_legs(source: Motion) -> None:
-    """The same for what only bodies with legs need."""
+    """Run what only bodies with legs need."""
     joints, shots = np.arange(JOINTS), np.zeros(len(source), np.intp)
     above_lowest(source, joints, axis_vector("Y"))
     still_joints(source, joints, joints, joint_speeds(source, joints, shots), 1.0, shots)
 
 
 def _run_without_solver(source: Motion, target: Skeleton) -> None:
-    """Make a result of the rotation copy, and measure it."""
+    """Make a result of the rotation copy, and measure it, while the solver is being compiled."""
     prepared = matched_performer(source, target).prepared(RootScale.even(1.0))
     still = np.zeros((len(source), int(prepared.problem.parts.max()) + 2, 3))
     prepared.result(Poses(still, Effort.from_log(np.zeros((4, len(source)))))).figures  # noqa: B018 - as above

@@ -124,7 +124,7 @@ def tips(source: Skeleton, target: Skeleton, pairs: JointPairs) -> JointPairs:
     order.
     """
     tip_pairs: JointPairs = {}
-    above = _above(source, {driver for driver, _ in pairs.values()}), _above(target, set(pairs))
+    above = source.lines(driver for driver, _ in pairs.values() if driver >= 0), target.lines(pairs)
     for joint in range(len(target)):
         driver = (pairs | tip_pairs).get(joint, (-1, ""))[0]
         if driver < 0:
@@ -139,8 +139,3 @@ def tips(source: Skeleton, target: Skeleton, pairs: JointPairs) -> JointPairs:
 def _others(skeleton: Skeleton, joint: int, above: set[int]) -> list[int]:
     """The children of a joint that are not in `above`."""
     return [child for child in skeleton.children[joint] if child not in above]
-
-
-def _above(skeleton: Skeleton, joints: set[int]) -> set[int]:
-    """The joints and all their ancestors."""
-    return {above for joint in joints if joint >= 0 for above in skeleton.line(joint)}

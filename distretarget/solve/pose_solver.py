@@ -159,6 +159,7 @@ def compile_pose_solver(
             iterations, evaluations = 0, 0
             for _ in range(ROUNDS):
                 potential, tried = pose_best(work.starts, count, body, bones, root, terms, scratch, pose)
+                evaluations += tried
                 springs, acting = like_springs(scratch, terms)
                 moved = write_way(springs, acting, body, curvature.below)
                 kept = calm >= wait and are_first(curvature.bones, curvature.below.way, moved)
@@ -166,7 +167,6 @@ def compile_pose_solver(
                     parts = write_curvature(moved, pose, body, scratch, springs, acting, curvature)
                     factorise(curvature.H, 3 * parts)
                 if _reset_others(pose, curvature.place):  # which may let joints sink below the floor
-                    evaluations += tried
                     copy_to(work.starts[0], pose)
                     count = 1
                     continue
@@ -176,7 +176,7 @@ def compile_pose_solver(
                 problem = _Problem(body, terms, bones, root, scratch, curvature.H, active, curvature.flat)
                 minimum = minimise(pose, sigma, work.gradient, problem, tolerance, ROUND_ITERATIONS, work.descent)
                 iterations += minimum.iterations
-                evaluations += tried + minimum.evaluations - 1  # the first of the method is that of the best start
+                evaluations += minimum.evaluations - 1  # the first of the method is that of the best start
                 converged = minimum.reason == CONVERGED
                 few = converged and minimum.iterations <= FEW_ITERATIONS
                 calm = calm + 1 if few else 0

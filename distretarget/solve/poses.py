@@ -71,8 +71,7 @@ class PoseProblem:
         """The numbers of the parts that neither begin at a point of the distance problem nor carry one, such as fingers
         that nothing drives: only the floor moves them.
         """
-        lines = (self.skeleton.line(int(target)) for target in self.distances.targets)
-        return np.setdiff1d(self.parts, self.parts[[joint for line in lines for joint in line]])
+        return np.setdiff1d(self.parts, self.parts[[*self.skeleton.lines(self.distances.targets)]])
 
     @property
     def bones(self) -> Array:

@@ -53,7 +53,7 @@ def subtree_lengths(skeleton: Skeleton, carried: NDArray[np.intp]) -> Array:
     Only bones on the way to one of the joints `carried` count: tails, props and other helpers do not.
     """
     sums = np.zeros(len(skeleton))
-    on_the_way = [*{joint for tip in carried for joint in skeleton.line(int(tip))}]
+    on_the_way = [*skeleton.lines(carried)]
     sums[on_the_way] = skeleton.lengths[on_the_way]
     for joint in range(len(skeleton) - 1, 0, -1):
         sums[skeleton.parents[joint]] += sums[joint]
