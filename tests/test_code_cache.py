@@ -34,6 +34,21 @@ import numpy as np
 from distretarget.numerics.rotations import first_not_unit
 first_not_unit(np.eye(4), 1e-6)
 """
+FROM_SOURCE = """
+from importlib.machinery import SourceFileLoader
+of_file = SourceFileLoader.get_code
+def of_source(self, name):
+    if name.startswith("distretarget"):
+        return self.source_to_code(self.get_data(self.path), self.path)
+    return of_file(self, name)
+SourceFileLoader.get_code = of_source
+"""
+KEYS = """
+from distretarget.solve import contact, paper
+for each in (contact, paper):
+    code = each._solve
+    print(code._cache._index_key("signature", code.targetctx.codegen()))
+"""
 WARM = """
 from distretarget.batch.compile_ahead import warm
 warm("contact")
@@ -133,6 +148,16 @@ def run_side_by_side(text, folder, count):
 def test_two_processes_side_by_side_compile_everything_once(tmp_path):
     one, other = run_side_by_side(CHECK, tmp_path, 2)
     assert (one + other).count("_first_not_unit") == 1
+
+
+def test_code_is_found_by_processes_that_read_modules_from_source_and_from_pyc_files():
+    runs = [
+        subprocess.run([sys.executable, "-c", text + KEYS], capture_output=True, text=True)
+        for text in ("", FROM_SOURCE)
+    ]
+    (of_contact, of_paper), again = (run.stdout.splitlines() for run in runs)
+    assert [of_contact, of_paper] == again
+    assert of_contact != of_paper
 
 
 def test_another_process_compiles_the_solver_in_the_first_run(tmp_path):

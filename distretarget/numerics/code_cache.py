@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
+from types import CellType, FunctionType
 from typing import IO, Any
 
 from numba.core import event
@@ -54,6 +55,12 @@ class CodeCache(FunctionCache):
         finally:
             self._unlock()
 
+    def _index_key(self, sig: Any, codegen: Any) -> Any:
+        """What code is found by: the signature, the processor, and the names of what the function closes over. numba
+        takes their pickles, whose bytes depend on whether Python has read a module from its source or from a .pyc file.
+        """
+        return sig, codegen.magic_tuple(), tuple(map(_name_of, self._py_func.__closure__ or ()))
+
     def _locked(self) -> bool:
         """Lock the function, after another process that has locked it; return whether that succeeded."""
         if not CAN_WAIT or self._lock:
@@ -73,6 +80,11 @@ class CodeCache(FunctionCache):
         if self._lock:
             self._lock.close()
             self._lock = None
+
+
+def _name_of(cell: CellType) -> str:
+    value = cell.cell_contents
+    return f"{value.__module__}.{value.__qualname__}" if isinstance(value, FunctionType) else repr(value)
 
 
 def _wait_for(file: IO[bytes]) -> None:
