@@ -19,7 +19,7 @@ from tables import insert
 
 from distretarget import Motion, RetargetResult, SceneResult, read_bvh, retarget, retarget_scene
 from distretarget.batch.compile_ahead import warm
-from distretarget.measure.across import body_side, measure_across
+from distretarget.measure.scene_gaps import body_part, measure_across
 
 PAIRS = (("its own", "child"), ("H", "its own"), ("H", "child"))  # bodies of lead and follower
 
@@ -44,7 +44,7 @@ def rows(duets: Path) -> Iterator[str]:
             scene = retarget_scene(motions, bodies)
             seconds = middle - began, time.process_time() - middle
             across, scale = scene.across[0, 1], scene.world_scale
-            sides = [body_side(result.matching, result.rotation_copy, result.motion) for result in alone]
+            sides = [body_part(result.matching, result.rotation_copy, result.motion) for result in alone]
             apart = measure_across(*sides, float(np.mean([result.root_scale for result in alone]))).result
             gaps = [100 * gap / across.leg for gap in (across.source, across.rotation_copy, apart, across.result)]
             yield (

@@ -33,13 +33,13 @@ from hypothesis import strategies as st
 from distretarget import DistretargetError, Motion, Options, Skeleton, Tally, Target
 from distretarget.batch.compile_ahead import warm
 from distretarget.batch.manifest import History
-from distretarget.conversion import Text, retarget_onto
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.map_json import parse_map
-from distretarget.io.skeleton_writer import skeleton_to_json
+from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.io.target_file import parse_target
-from distretarget.retargeting import OBJECTIVES
+from distretarget.pipeline.conversion import Text, retarget_onto
+from distretarget.pipeline.retargeting import OBJECTIVES
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 import strategies as made

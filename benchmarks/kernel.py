@@ -21,7 +21,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from distretarget.numerics.stress import stress_and_gradient
+from distretarget.distances import stress_and_gradient
 
 Array = NDArray[np.float64]
 

@@ -11,12 +11,11 @@ from edits import ARMS, LEGS, edited
 from numpy.typing import NDArray
 
 from distretarget import Motion, RetargetResult, Skeleton, read_bvh, retarget
-from distretarget.baseline.root import RootScale, find_root_scale
-from distretarget.baseline.rotation_copy import rotation_copy
+from distretarget.baseline.rotation_copy import RootScale, find_root_scale, rotation_copy
 from distretarget.body.body import Body
 from distretarget.distances import DistanceProblem, distance_problem, posture_stress
 from distretarget.matching.matching import match
-from distretarget.retargeting import Objective
+from distretarget.pipeline.retargeting import Objective
 
 Array = NDArray[np.float64]
 

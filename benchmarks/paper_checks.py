@@ -10,7 +10,7 @@ import numpy as np
 from paper_case import EDITS, POSTURE, Case, case, on_table_one
 from paper_solver import Task, descended, descended_by_lbfgs, solve
 
-from distretarget.solve.free_points import aligned
+from distretarget.objectives.paper import aligned
 
 Check = tuple[str, str, str]
 """What is checked, the known answer, and what is found."""

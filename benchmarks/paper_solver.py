@@ -11,11 +11,10 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, minimize
 
-from distretarget.distances import DistanceProblem
-from distretarget.numerics.stress import filled, stress_and_gradient, target_distances
-from distretarget.solve import spg
-from distretarget.solve.free_points import POINT_ITERATIONS, POINT_TOLERANCE
-from distretarget.solve.spg import Minimum, scratch_for, spectral_gradient, steepest
+from distretarget.distances import DistanceProblem, filled, stress_and_gradient, target_distances
+from distretarget.ik import spg
+from distretarget.ik.spg import Minimum, scratch_for, spectral_gradient, steepest
+from distretarget.objectives.paper import POINT_ITERATIONS, POINT_TOLERANCE
 
 Array = NDArray[np.float64]
 

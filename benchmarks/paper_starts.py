@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from paper_case import Case, case
 from paper_solver import solve
 
-from distretarget.solve.spg import ETA, Reason
+from distretarget.ik.spg import ETA, Reason
 
 Array = NDArray[np.float64]
 

@@ -32,7 +32,7 @@ from speed_picture import Bar, draw_bars
 from tables import insert
 
 from distretarget import Motion, read_bvh, retarget, write_bvh
-from distretarget.retargeting import OBJECTIVES
+from distretarget.pipeline.retargeting import OBJECTIVES
 from distretarget.skeleton import Skeleton
 
 LEAST_SECONDS = 0.5  # of processor time, for which each contestant runs in each round

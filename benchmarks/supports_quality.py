@@ -23,7 +23,7 @@ from edits import TARGETS, edited
 from tables import insert
 
 from distretarget import DistretargetError, RetargetResult, read_bvh, retarget
-from distretarget.measure.figures import Side
+from distretarget.measure.figures import Variant
 
 BODIES = ("child", "H")
 FRAMES = 1500  # of each clip
@@ -125,7 +125,7 @@ def _three(run: Run, key: str, decimals: int) -> str:
     return " / ".join(sides)
 
 
-def _number(result: RetargetResult, key: str, decimals: int, side: Side = "result") -> str:
+def _number(result: RetargetResult, key: str, decimals: int, side: Variant = "result") -> str:
     value = result.figures[side][key]
     return "-" if value is None else f"{value:.{decimals}f}"
 

@@ -25,10 +25,10 @@ from quality import CLIPS
 from tables import insert
 from zoo_runs import OwnBody, Run, clip_name, members_like, own_bodies, run_all
 
-from distretarget.measure.figures import FIGURES, Figure, Side
+from distretarget.measure.figures import FIGURES, Figure, Variant
 
 FRAMES = 300  # of each clip, if the command line gives no other number
-SIDES: tuple[Side, ...] = ("result", "rotation_copy", "source")
+SIDES: tuple[Variant, ...] = ("result", "rotation_copy", "source")
 FEW_JOINTS = 40  # bodies with more joints have fingers or many helpers
 NAMED = 3  # of the runs that a row counts, so many are named
 OWN_BODY = 0.1  # a clip on its own body may be off by this [% of the body's height]
@@ -59,7 +59,7 @@ def figure_rows(runs: Sequence[Run]) -> Iterator[Row]:
             yield Row(figure.label + unit, tuple(map(_mean_and_largest, values)), named)
 
 
-def _measured(run: Run, key: str, side: Side) -> float | None:
+def _measured(run: Run, key: str, side: Variant) -> float | None:
     return run.figures[side].get(key)
 
 

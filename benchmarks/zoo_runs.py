@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from distretarget import DistretargetError, Motion, RetargetResult, read_bvh, retarget
-from distretarget.measure.figures import Side
+from distretarget.measure.figures import Variant
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tools"))
 from zoo import MEMBERS, member
@@ -46,14 +46,14 @@ class Run:
     unsolved: int
     iterations: int
     seconds: float
-    figures: Mapping[Side, Mapping[str, float | None]]
+    figures: Mapping[Variant, Mapping[str, float | None]]
 
     @property
     def name(self) -> str:
         """The clip and the member."""
         return f"{self.clip} on {self.member}"
 
-    def figure(self, key: str, side: Side = "result") -> float:
+    def figure(self, key: str, side: Variant = "result") -> float:
         """A figure of one side; nan where nothing was measured."""
         value = self.figures[side].get(key)
         return np.nan if value is None else value

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Self
@@ -148,3 +149,8 @@ def closest(name: str, available: Sequence[str]) -> str:
     """Return what would have worked in place of `name`: the closest available names, or all of them."""
     near = difflib.get_close_matches(name, available, n=3, cutoff=0.6)
     return f"did you mean {quoted(near)}?" if near else f"it has {quoted(available, 12)}"
+
+
+def entry_place(place: str, key: str) -> str:
+    """Return the place of an entry whose key the user chooses, in printable characters."""
+    return f"{place}[{json.dumps(key, ensure_ascii=not key.isprintable())}]"

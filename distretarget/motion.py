@@ -11,12 +11,12 @@ from typing import TypedDict, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.arguments import check_kind
+from distretarget.checks import check_kind
 from distretarget.errors import MotionError, quoted
 from distretarget.numerics.compiled import read_only
 from distretarget.numerics.kinematics import joint_positions, make_local, world_rotations
+from distretarget.numerics.parallel import over_blocks
 from distretarget.numerics.rotations import RotationKind, first_not_unit, represented
-from distretarget.numerics.threads import over_blocks
 from distretarget.numerics.vectors import lengths
 from distretarget.skeleton import Skeleton
 

@@ -6,7 +6,6 @@ from distretarget.batch.record import ManifestRecord
 from distretarget.batch.summary import Tally
 from distretarget.body.anatomy import Anatomy
 from distretarget.body.body import Body
-from distretarget.conversion import Options
 from distretarget.errors import (
     BatchError,
     BvhError,
@@ -20,35 +19,33 @@ from distretarget.errors import (
     SkeletonError,
     SkeletonFileError,
 )
+from distretarget.ik.spg import Effort
 from distretarget.io.bvh import read_bvh
 from distretarget.io.bvh_writer import write_bvh
 from distretarget.io.bvhio_bridge import from_bvhio, to_bvhio
 from distretarget.io.npz import write_npz
-from distretarget.io.target import SkeletonEdit, Target
 from distretarget.io.target_file import load_target
 from distretarget.matching.matching import Matching, match
-from distretarget.measure.across import Across
 from distretarget.measure.diff import Diff, diff
 from distretarget.measure.figures import FIGURES, Figure
-from distretarget.measure.gaps import Gaps
 from distretarget.measure.metrics import Comparison
-from distretarget.measure.scene_diff import SceneDiff, diff_scenes
+from distretarget.measure.scene_gaps import Across, Gaps, SceneDiff, diff_scenes
 from distretarget.motion import Motion, MotionArrays, MovingBones
 from distretarget.numerics.kinematics import forward_kinematics
+from distretarget.objectives.settings import ContactSettings
+from distretarget.objectives.supports import Supports
+from distretarget.pipeline.conversion import Options
+from distretarget.pipeline.result import RetargetResult
+from distretarget.pipeline.retargeting import retarget
+from distretarget.pipeline.summary import RunFiguresDocument
 from distretarget.report.document_types import DiffDocument
 from distretarget.report.report import write_report
 from distretarget.report.scene_report import write_scene_report
-from distretarget.result import RetargetResult
-from distretarget.retargeting import retarget
-from distretarget.run_summary import RunFiguresDocument
-from distretarget.scene import SceneResult, ThingResult, retarget_scene
-from distretarget.scene_file import load_scene
-from distretarget.scene_setup import SceneSetup
+from distretarget.scene.prop import Grip, Thing, prop_of
+from distretarget.scene.retargeting import SceneResult, ThingResult, retarget_scene
+from distretarget.scene.scene_file import SceneSetup, load_scene
 from distretarget.skeleton import Skeleton
-from distretarget.solve.settings import ContactSettings
-from distretarget.solve.spg import Effort
-from distretarget.solve.supports import Supports
-from distretarget.thing import Grip, Thing, prop_of
+from distretarget.target import SkeletonEdit, Target
 
 __all__ = [
     "FIGURES",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import cast
@@ -23,6 +23,10 @@ UNITS = ("mm", "cm", "m", "dm", "in", "ft")  # of the lengths in a file
 # Bounds within which all computations stay finite and exact to a few digits [file units].
 LARGEST = 1e12  # largest coordinate of an offset or a position; also the largest scale
 SMALLEST = 1e-12  # least length of a body's longest bone; also the least scale
+
+
+JointMap = Mapping[str, str | None]
+"""For keys of target joints, the key of the source joint that drives each; None where nothing does."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -14,8 +14,8 @@ from distretarget import Motion, Skeleton
 from distretarget.body.axes import axis_vector
 from distretarget.body.body import Body
 from distretarget.matching.matching import Matching, match
-from distretarget.matching.pairing import JointMap
 from distretarget.numerics.rotations import least_rotation
+from distretarget.skeleton import JointMap
 
 CORPUS = Path(__file__).resolve().parents[2] / "shared" / "corpus"
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"

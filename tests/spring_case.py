@@ -4,14 +4,14 @@ import numpy as np
 from bodies import swaying
 
 from distretarget import Skeleton
-from distretarget.solve.articulation import Articulation, Scratch, pose_body, pose_gradient, stiffness_energy
-from distretarget.solve.contact import Given, _solve
-from distretarget.solve.contact_pairs import no_pairs
-from distretarget.solve.floor import no_floor
-from distretarget.solve.pose_solver import Clip, Workspace
-from distretarget.solve.rigid_parts import part_of_joint
-from distretarget.solve.settings import ContactSettings
-from distretarget.solve.springs import Springs, room_for, spring_energy
+from distretarget.ik.articulation import Articulation, Scratch, pose_body, pose_gradient, stiffness_energy
+from distretarget.ik.pose_solver import Clip, Workspace
+from distretarget.ik.rigid_parts import part_of_joint
+from distretarget.ik.springs import Springs, room_for, spring_energy
+from distretarget.objectives.contact import Given, _solve
+from distretarget.objectives.contact_pairs import no_pairs
+from distretarget.objectives.floor import no_floor
+from distretarget.objectives.settings import ContactSettings
 
 
 def stiffer_along(e, w, k):

@@ -7,7 +7,7 @@ import pytest
 from bodies import person, swaying
 
 from distretarget import MotionError
-from distretarget.alignment import aligned, resampled
+from distretarget.synchronise import aligned, resampled
 
 
 def swayed():

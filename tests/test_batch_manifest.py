@@ -10,10 +10,10 @@ from distretarget.batch.clips import Clip
 from distretarget.batch.manifest import Manifest
 from distretarget.batch.plan import MANIFEST, Work
 from distretarget.batch.record import Recipe, failed_record, read_records
-from distretarget.conversion import Options, Text
 from distretarget.errors import FileError
 from distretarget.io.files import hash_of_file, text_hash
 from distretarget.io.map_json import MapFile
+from distretarget.pipeline.conversion import Options, Text
 
 RECIPE = Recipe(Options(), MapFile({}, ""), "1")
 OUTPUT = "HIERARCHY"

@@ -6,8 +6,8 @@ import pytest
 
 from distretarget.batch.clips import Clip
 from distretarget.batch.plan import plan
-from distretarget.conversion import Text
 from distretarget.errors import BatchError
+from distretarget.pipeline.conversion import Text
 
 
 def clip(tmp_path, name, size=0):

@@ -8,9 +8,9 @@ from distretarget.batch.clips import Clip
 from distretarget.batch.plan import Work
 from distretarget.batch.reports import MARK, OF, Pages
 from distretarget.batch.task import Outcome
-from distretarget.conversion import Text
 from distretarget.errors import FileError
 from distretarget.io.files import text_hash
+from distretarget.pipeline.conversion import Text
 from distretarget.report.document import About
 
 

@@ -15,10 +15,10 @@ from distretarget.batch.plan import plan
 from distretarget.batch.record import Recipe, read_records
 from distretarget.batch.run import Run, reports
 from distretarget.batch.task import Outcome
-from distretarget.conversion import Options, Text
 from distretarget.errors import BatchError, FileError
 from distretarget.io.map_json import MapFile
-from distretarget.io.skeleton_writer import skeleton_to_json
+from distretarget.io.skeleton_json import skeleton_to_json
+from distretarget.pipeline.conversion import Options, Text
 
 TARGET = Text(skeleton_to_json(other_lengths(person()), "body"), "body.json")
 RECIPE = Recipe(Options(), MapFile({}, ""), "1")

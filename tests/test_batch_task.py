@@ -9,11 +9,11 @@ from bodies import other_lengths, person, swaying
 from distretarget import retarget
 from distretarget.batch import task as batch_task
 from distretarget.batch.task import Task, convert
-from distretarget.conversion import Options, Text
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.map_json import MapFile
-from distretarget.io.skeleton_writer import skeleton_to_json
+from distretarget.io.skeleton_json import skeleton_to_json
+from distretarget.pipeline.conversion import Options, Text
 from distretarget.report.document import About
 
 TARGET = Text(skeleton_to_json(other_lengths(person()), "body"), "body.json")

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from distretarget.ik import curvature as cholesky
 from distretarget.numerics.compiled import compiled
-from distretarget.solve import cholesky
 
 factorise, solve_factored = (compiled(fastmath=True)(each) for each in (cholesky.factorise, cholesky.solve_factored))
 

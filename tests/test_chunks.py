@@ -8,7 +8,7 @@ from bodies import SAMPLES
 
 from distretarget import load_target, read_bvh, retarget
 from distretarget.body.body import Body
-from distretarget.solve.chunks import CHUNK_FRAMES, LEAD_IN, chunks_of
+from distretarget.ik.poses import CHUNK_FRAMES, LEAD_IN, chunks_of
 
 SHORT = 90  # frames per chunk, small because the clips of the tests are short
 
@@ -40,14 +40,14 @@ def test_a_cut_leaves_no_seam(clip, monkeypatch):
     source = read_bvh(SAMPLES / f"{clip}.bvh")
     target = load_target(SAMPLES / "long_arms.json").for_source(source.skeleton).skeleton
     whole = retarget(source, target).motion.positions
-    monkeypatch.setattr("distretarget.solve.chunks.CHUNK_FRAMES", SHORT)
+    monkeypatch.setattr("distretarget.ik.poses.CHUNK_FRAMES", SHORT)
     assert len(chunks_of(len(source), 0)) > 1
     cut = retarget(source, target).motion.positions
     assert np.abs(cut - whole).max() < 1e-6 * Body.of(target).height
 
 
 def test_whoever_solves_the_chunks_the_result_is_the_same(monkeypatch):
-    monkeypatch.setattr("distretarget.solve.chunks.CHUNK_FRAMES", SHORT)
+    monkeypatch.setattr("distretarget.ik.poses.CHUNK_FRAMES", SHORT)
     source = read_bvh(SAMPLES / "clap.bvh")
     target = load_target(SAMPLES / "long_arms.json").for_source(source.skeleton).skeleton
     done = []

@@ -9,7 +9,7 @@ from bodies import SAMPLES, other_lengths, person, swaying
 from program import run, run_process
 
 from distretarget import read_bvh, write_bvh
-from distretarget.io.skeleton_writer import skeleton_to_json
+from distretarget.io.skeleton_json import skeleton_to_json
 
 
 def lengths_of(skeleton):
@@ -257,7 +257,7 @@ def test_an_exported_skeleton_is_the_same_target(folder):
 
 @pytest.mark.usefixtures("folder")
 def test_frames_that_do_not_converge_are_reported(monkeypatch):
-    monkeypatch.setattr("distretarget.solve.contact._solve", _stop_early)
+    monkeypatch.setattr("distretarget.objectives.contact._solve", _stop_early)
     done = run("in.bvh", "body.json", "-o", "out.bvh")
     assert done.returncode == 0
     assert "warning: unsolved 20, limit 0; worst in frame 0; likely cause: " in done.stderr

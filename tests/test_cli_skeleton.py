@@ -9,7 +9,7 @@ from bodies import SAMPLES, person, swaying
 from program import run
 
 from distretarget import write_bvh
-from distretarget.io.skeleton_writer import skeleton_to_json
+from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.io.target_file import load_full_target
 from distretarget.skeleton import Skeleton
 

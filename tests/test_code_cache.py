@@ -9,7 +9,7 @@ import pytest
 from numba.core import event
 
 from distretarget.numerics import code_cache, compiled
-from distretarget.numerics.threads import cores
+from distretarget.numerics.parallel import cores
 
 fcntl = pytest.importorskip("fcntl", reason="nobody waits where there are no locks")
 
@@ -44,9 +44,9 @@ def of_source(self, name):
 SourceFileLoader.get_code = of_source
 """
 KEYS = """
-from distretarget.solve import contact, paper
-for each in (contact, paper):
-    code = each._solve
+from distretarget.objectives import contact
+from distretarget.objectives import paper
+for code in (contact._solve, paper._solve_poses):
     print(code._cache._index_key("signature", code.targetctx.codegen()))
 """
 WARM = """

@@ -10,13 +10,13 @@ from bodies import SAMPLES, other_lengths, person, swaying
 
 from distretarget import load_target, read_bvh, retarget
 from distretarget.batch.compile_ahead import warm
-from distretarget.solve.contact import compile_solver
+from distretarget.objectives.contact import compile_solver
 
 WATCHED = """
 import sys
 from distretarget import load_target, read_bvh
 from distretarget.batch.task import Task, convert
-from distretarget.conversion import Options, load_text
+from distretarget.pipeline.conversion import Options, load_text
 from distretarget.io.map_json import MapFile
 from distretarget.batch.compile_ahead import warm
 from numba.core.dispatcher import Dispatcher
@@ -68,7 +68,7 @@ def test_the_solver_is_compiled_for_one_layout_of_arrays(monkeypatch):
     def note(*arguments):
         seen.add(tuple(str(numba.typeof(argument)) for argument in arguments))
 
-    monkeypatch.setattr("distretarget.solve.contact._solve", note)
+    monkeypatch.setattr("distretarget.objectives.contact._solve", note)
     compile_solver()
     warm("contact")
     for supports in ("hold", "free"):

@@ -9,10 +9,10 @@ from bodies import SAMPLES, clapping, lengthened, person, posed
 from scipy.spatial.transform import Rotation
 
 from distretarget import load_target, read_bvh, retarget
-from distretarget.baseline.root import RootScale, root_path
+from distretarget.baseline.rotation_copy import RootScale, root_path
 from distretarget.body.body import Body
-from distretarget.solve.settings import ContactSettings
-from distretarget.solve.spg import Reason
+from distretarget.ik.spg import Reason
+from distretarget.objectives.settings import ContactSettings
 
 PERSON = person()
 WRISTS = PERSON.index("LeftWrist"), PERSON.index("RightWrist")

@@ -7,13 +7,18 @@ import pytest
 from bodies import clapping, matched, other_lengths, person
 
 from distretarget import Skeleton
-from distretarget.baseline.root import RootScale
-from distretarget.baseline.rotation_copy import rotation_copy
-from distretarget.body.regions import Regions
+from distretarget.baseline.rotation_copy import RootScale, rotation_copy
+from distretarget.body.anatomy import Regions
 from distretarget.distances import distance_problem
-from distretarget.solve.contact_pairs import CandidatePairs, activation, candidate_pairs, near_pairs, write_pair_spring
-from distretarget.solve.settings import ContactSettings
-from distretarget.solve.springs import Springs
+from distretarget.ik.springs import Springs
+from distretarget.objectives.contact_pairs import (
+    CandidatePairs,
+    activation,
+    candidate_pairs,
+    near_pairs,
+    write_pair_spring,
+)
+from distretarget.objectives.settings import ContactSettings
 
 PERSON = person()
 TARGET = other_lengths(PERSON)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from spring_case import Case, at
 
+from distretarget.ik import curvature as solver
+from distretarget.ik import springs as springs_below
+from distretarget.ik.curvature import Curvature
 from distretarget.numerics.compiled import compiled
-from distretarget.solve import curvature as solver
-from distretarget.solve import springs_below
-from distretarget.solve.curvature import Curvature
 
 are_first, write_curvature, write_way = (
     compiled(fastmath=True)(function)

@@ -8,12 +8,12 @@ from bodies import SAMPLES, clapping, lengthened, moved, other_lengths, person, 
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, read_bvh, retarget
-from distretarget.alignment import resampled
 from distretarget.baseline.world import turned
 from distretarget.errors import MapError, MatchingError, MotionError
 from distretarget.io.target_file import load_full_target
+from distretarget.measure.contacts import points_of
 from distretarget.measure.diff import diff
-from distretarget.measure.points import points_of
+from distretarget.synchronise import resampled
 
 LEG = 0.435 + 0.453
 PERSON = person()

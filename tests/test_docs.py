@@ -15,7 +15,7 @@ from make_reference import PAGE, reference
 from program import run
 
 from distretarget import public, read_bvh, write_bvh
-from distretarget.solve.settings import ContactSettings
+from distretarget.objectives.settings import ContactSettings
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])

@@ -12,8 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, MotionError, read_bvh, retarget, write_bvh
 from distretarget.baseline.engine_root import find_engine_root
-from distretarget.baseline.root import RootScale
-from distretarget.baseline.rotation_copy import rotation_copy
+from distretarget.baseline.rotation_copy import RootScale, rotation_copy
 from distretarget.body.body import Body
 from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS
 

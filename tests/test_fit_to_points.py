@@ -8,9 +8,8 @@ from bodies import matched, other_lengths, person, swaying
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion
-from distretarget.baseline.root import RootScale
-from distretarget.baseline.rotation_copy import rotation_copy
-from distretarget.solve.fit_to_points import fit_rotations
+from distretarget.baseline.rotation_copy import RootScale, rotation_copy
+from distretarget.ik.rigid_parts import fit_rotations
 
 BODY = person()
 ALL = np.arange(len(BODY))

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from spring_case import Case, at
 
-from distretarget.solve.floor import Floor, add_floor, depth_below, floor_energy, no_floor
-from distretarget.solve.springs import room_for, spring_energy
+from distretarget.ik.springs import room_for, spring_energy
+from distretarget.objectives.floor import Floor, add_floor, depth_below, floor_energy, no_floor
 
 UP = np.array([0.0, 1.0, 0.0])
 

@@ -7,11 +7,11 @@ import pytest
 from bodies import SAMPLES
 
 from distretarget import load_target, read_bvh
-from distretarget.baseline.root import RootScale
-from distretarget.performer import matched_performer
-from distretarget.solve.floor_heights import with_floor_heights
-from distretarget.solve.settings import DEFAULT_SETTINGS
-from distretarget.solve.supports import no_supports
+from distretarget.baseline.rotation_copy import RootScale
+from distretarget.objectives.floor_heights import with_floor_heights
+from distretarget.objectives.settings import DEFAULT_SETTINGS
+from distretarget.objectives.supports import no_supports
+from distretarget.pipeline.performer import matched_performer
 
 CRAWL = read_bvh(SAMPLES / "supports" / "crawl.bvh")
 UP = 30.0  # [cm]

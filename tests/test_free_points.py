@@ -9,12 +9,10 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 from table_one import table_one
 
-from distretarget.baseline.root import RootScale
-from distretarget.baseline.rotation_copy import rotation_copy
-from distretarget.distances import distance_problem, posture_stress
-from distretarget.numerics.stress import stress_and_gradient
-from distretarget.solve.free_points import aligned, off_plane, solve_postures
-from distretarget.solve.spg import Reason
+from distretarget.baseline.rotation_copy import RootScale, rotation_copy
+from distretarget.distances import distance_problem, posture_stress, stress_and_gradient
+from distretarget.ik.spg import Reason
+from distretarget.objectives.paper import aligned, off_plane, solve_postures
 
 
 def solve(motion, target):

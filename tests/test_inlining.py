@@ -8,8 +8,8 @@ from numba import njit
 from numba.core import event
 from numba.core.codegen import JITCPUCodegen
 
+from distretarget.ik import curvature as cholesky
 from distretarget.numerics.compiled import inlined
-from distretarget.solve import cholesky
 
 
 @inlined()

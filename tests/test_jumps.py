@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from distretarget.solve.jumps import smooth_jumps, smooth_landings
-from distretarget.solve.settings import ContactSettings
+from distretarget.objectives.discontinuities import smooth_jumps, smooth_landings
+from distretarget.objectives.settings import ContactSettings
 
 FRAME_TIME = 1 / 60  # [s]
 SETTINGS = ContactSettings()

@@ -11,9 +11,9 @@ from distretarget import read_bvh, retarget
 from distretarget.errors import FileError, MatchingError, SkeletonFileError
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.map_json import joint_map, load_map, map_to_json
-from distretarget.io.target import Target
 from distretarget.io.target_file import load_full_target
 from distretarget.matching.matching import find_matching
+from distretarget.target import Target
 
 
 @pytest.fixture

@@ -6,10 +6,10 @@ from bodies import SAMPLES, clapping, lengthened, matched, moved, other_lengths,
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton, read_bvh, retarget
+from distretarget.measure.contacts import normalised_distances
 from distretarget.measure.figures import clip_figures
 from distretarget.measure.metrics import Reference
-from distretarget.measure.points import normalised_distances
-from distretarget.numerics.blocks import blocks_of
+from distretarget.numerics.parallel import blocks_of
 
 LEG = 0.435 + 0.453
 TIME = 0.02

@@ -3,7 +3,7 @@
 import numpy as np
 
 from distretarget.measure.figures import BY_KEY, FIGURES, SUFFIXES, Track
-from distretarget.measure.needs_look import what_needs_a_look
+from distretarget.measure.verdict import what_needs_a_look
 
 NOTHING = {figure.key: None for figure in FIGURES}
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from distretarget import DistretargetError, Motion, Skeleton, retarget
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
-from distretarget.retargeting import OBJECTIVES
+from distretarget.pipeline.retargeting import OBJECTIVES
 
 BODY = person()
 TARGET = other_lengths(BODY)

@@ -8,16 +8,14 @@ from bodies import SAMPLES, matched, other_lengths, person, swaying
 from scipy.optimize import minimize
 
 from distretarget import load_target, read_bvh, retarget
-from distretarget.baseline.root import RootScale
-from distretarget.baseline.rotation_copy import rotation_copy
-from distretarget.distances import distance_problem, posture_stress
-from distretarget.numerics.blocks import BLOCK_FRAMES
-from distretarget.numerics.stress import stress_and_gradient
-from distretarget.solve.articulation import Articulation, Scratch, pose_body, pose_gradient, stiffness_energy
-from distretarget.solve.paper import PART_STIFFNESS, ROOT_STIFFNESS, solve_paper
-from distretarget.solve.poses import PoseProblem
-from distretarget.solve.rigid_parts import part_of_joint, posed_motion, rigid_part_roots
-from distretarget.solve.spg import Reason
+from distretarget.baseline.rotation_copy import RootScale, rotation_copy
+from distretarget.distances import distance_problem, posture_stress, stress_and_gradient
+from distretarget.ik.articulation import Articulation, Scratch, pose_body, pose_gradient, stiffness_energy
+from distretarget.ik.poses import PoseProblem
+from distretarget.ik.rigid_parts import part_of_joint, posed_motion, rigid_part_roots
+from distretarget.ik.spg import Reason
+from distretarget.numerics.parallel import BLOCK_FRAMES
+from distretarget.objectives.paper import PART_STIFFNESS, ROOT_STIFFNESS, solve_paper
 
 PERSON = person()
 TARGET = other_lengths(PERSON)

@@ -13,7 +13,7 @@ from paper_spine import pair_rows
 from paper_tables import checks_table, edit_cells, methods_cells, pairs_table, spine_table
 from table_one import table_one
 
-from distretarget.solve.spg import Reason
+from distretarget.ik.spg import Reason
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "paper.md").read_text("utf-8")
 SUBSET = ("legs +30 %", "spine +60 %")

@@ -6,9 +6,9 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 from spring_case import Case
 
-from distretarget.solve.pose_solver import FEW_ITERATIONS
-from distretarget.solve.spg import Reason
-from distretarget.solve.springs import Springs
+from distretarget.ik.pose_solver import FEW_ITERATIONS
+from distretarget.ik.spg import Reason
+from distretarget.ik.springs import Springs
 
 
 @pytest.mark.parametrize("seed", range(6))

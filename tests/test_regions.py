@@ -8,8 +8,8 @@ from animals import dog
 from bodies import SAMPLES, body_of, person, with_bone
 
 from distretarget import load_target
+from distretarget.body.anatomy import find_regions
 from distretarget.body.body import Body
-from distretarget.body.regions import find_regions
 
 
 def _region(body: Body, name: str) -> str:

@@ -12,7 +12,7 @@ from program import run
 
 from distretarget import SettingsError, diff, diff_scenes, write_scene_report
 from distretarget.report.scene_page import scene_page
-from distretarget.scene_file import load_scene
+from distretarget.scene.scene_file import load_scene
 
 
 @cache

@@ -7,8 +7,7 @@ import pytest
 from bodies import lengthened, matched, person, swaying
 
 from distretarget import Skeleton
-from distretarget.baseline.root import RootScale, find_root_scale, root_path
-from distretarget.baseline.rotation_copy import rotation_copy
+from distretarget.baseline.rotation_copy import RootScale, find_root_scale, root_path, rotation_copy
 
 SIDES = ("Left", "Right")
 

@@ -5,9 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from distretarget.solve.resting_joints import RestingJoints
-from distretarget.solve.root_shift import root_shift
-from distretarget.solve.supports import no_supports
+from distretarget.objectives.resting_joints import RestingJoints, root_shift
+from distretarget.objectives.supports import no_supports
 
 FRAMES = 120
 ONE_SHOT = np.zeros(FRAMES, np.intp)

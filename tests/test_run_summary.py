@@ -10,10 +10,10 @@ import pytest
 from bodies import clapping, lengthened, other_lengths, person, swaying
 
 from distretarget import Skeleton, retarget
+from distretarget.ik.spg import Reason
 from distretarget.measure.figures import FIGURES, NOT_RUN, Track, clip_figures, figures_at
 from distretarget.measure.metrics import Reference
-from distretarget.run_summary import figures_json, figures_line, summary_line
-from distretarget.solve.spg import Reason
+from distretarget.pipeline.summary import figures_json, figures_line, summary_line
 
 FRAMES = 40
 SOLVER = {"iterations", "evaluations", "reason"}

@@ -8,7 +8,7 @@ from bodies import SAMPLES
 from sample_things import SCENES
 
 from distretarget import load_target, retarget_scene
-from distretarget.scene_file import load_scene
+from distretarget.scene.scene_file import load_scene
 
 ARM = 53.1  # length of the sample body's arm [cm]
 OFF = 0.01  # how far the gap of a contact may be off the source's, in the source's world [arms]

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, MotionError, SettingsError, diff, diff_scenes, retarget_scene
 from distretarget.baseline.world import turned
-from distretarget.measure.across import NEAR
+from distretarget.measure.scene_gaps import TOUCH_DISTANCE
 from distretarget.report.report import run_diff
-from distretarget.scene_file import load_scene
+from distretarget.scene.scene_file import load_scene
 
 SHIFT = 7.0  # [cm]
 
@@ -59,7 +59,7 @@ def test_the_worst_frame_is_that_of_the_gap_that_is_furthest_off():
     joints = [motion.skeleton.index(key) for motion, key in zip((one, other), gap.joints, strict=True)]
     between = one.positions[:, joints[0]] - other.positions[:, joints[1]]
     before, after = np.linalg.norm(between, axis=1), np.linalg.norm(between - shift, axis=1)
-    touch = before < NEAR * diff(one, one).matching.leg_lengths[0]
+    touch = before < TOUCH_DISTANCE * diff(one, one).matching.leg_lengths[0]
     assert gap.frames == touch.sum()
     assert gap.worst_frame == np.where(touch, np.abs(after - before), 0.0).argmax()
 

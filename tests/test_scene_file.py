@@ -9,8 +9,8 @@ from bodies import SAMPLES
 from program import run
 
 from distretarget import SkeletonFileError, read_bvh
-from distretarget.scene_file import load_scene
-from distretarget.thing import Grip
+from distretarget.scene.prop import Grip
+from distretarget.scene.scene_file import load_scene
 
 SCENES = sorted((SAMPLES / "scenes").glob("*/scene.json"))
 ONE = {"source": "one.bvh", "target": "child.json"}

@@ -10,7 +10,7 @@ from bodies import clapping, lengthened, person
 
 from distretarget import retarget
 from distretarget.errors import SettingsError
-from distretarget.solve.settings import ContactSettings
+from distretarget.objectives.settings import ContactSettings
 
 DEFAULT = ContactSettings()
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from distretarget.solve.shortfall import MOST, with_shortfall
-from distretarget.solve.springs import Springs
+from distretarget.ik.springs import Springs
+from distretarget.scene.touch import MOST, with_shortfall
 
 REGIONS = np.array([0, 1, 1, 2])
 PLACES = np.array([[0.0, 1.0, 0.0], [1.0, 1.0, 0.0], [2.0, 1.0, 0.0]])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bodies import person, swaying
 
-from distretarget.numerics.shots import by_shot, find_shots
+from distretarget.numerics.time_series import by_shot, find_shots
 
 LENGTH = 0.888
 

@@ -11,8 +11,7 @@ from skeleton_files import HIPS, SPINE, assert_same, full, load_json, valid
 from table_one import table_one
 
 from distretarget.errors import SkeletonError
-from distretarget.io.skeleton_json import ALL_CHANNELS
-from distretarget.io.skeleton_writer import skeleton_to_json
+from distretarget.io.skeleton_json import ALL_CHANNELS, skeleton_to_json
 from distretarget.io.target_file import load_full_target
 from distretarget.skeleton import SMALLEST, Skeleton
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from distretarget.numerics.smoothing import averaged, largest, median_of_three, over_runs, runs_of, widened
+from distretarget.numerics.time_series import averaged, largest, median_of_three, over_runs, runs_of, widened
 
 NOISE = np.random.default_rng(0).uniform(0, 1, (80, 3))
 

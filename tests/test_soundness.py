@@ -6,8 +6,8 @@ from bodies import SAMPLES, matched, other_lengths, person, swaying
 from program import compile_all, run
 
 from distretarget.errors import MotionError
-from distretarget.measure.soundness import check_finite, check_places
 from distretarget.motion import Motion
+from distretarget.pipeline.soundness import check_finite, check_places
 
 MOTION = swaying(person(), frames=4)
 MATCHING = matched(MOTION, other_lengths(person()))
@@ -54,7 +54,7 @@ def test_nothing_is_written_where_the_solver_fails(tmp_path, monkeypatch):
     def solve_wrongly(_body, _clip, _given, _tolerance, v, *_):
         v[:] = np.nan
 
-    monkeypatch.setattr("distretarget.solve.contact._solve", solve_wrongly)
+    monkeypatch.setattr("distretarget.objectives.contact._solve", solve_wrongly)
     monkeypatch.setattr("distretarget.cli.retarget.warm", lambda _objective: None)
     done = run(SAMPLES / "clap.bvh", SAMPLES / "long_arms.json", "-o", tmp_path / "out.bvh")
     assert done.returncode == 1

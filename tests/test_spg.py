@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from distretarget.solve.spg import Reason, scratch_for, spectral_gradient
+from distretarget.ik.spg import Reason, scratch_for, spectral_gradient
 
 
 class Quadratic(NamedTuple):

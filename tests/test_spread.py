@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from distretarget.numerics.spread import spread_out
+from distretarget.numerics.vectors import spread_out
 
 
 def test_the_ends_of_a_line_come_first_then_its_middle():

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from spring_case import at, naive_energy, random_springs, stiffer_along
 
-from distretarget.solve.articulation import Articulation, Scratch
-from distretarget.solve.springs import Springs, joined, spring_energy
+from distretarget.ik.articulation import Articulation, Scratch
+from distretarget.ik.springs import Springs, joined, spring_energy
 
 
 def scratch_of(joints):

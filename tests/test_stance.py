@@ -8,14 +8,13 @@ from bodies import SAMPLES, body_of, lengthened, matched, person, posed, swaying
 from scipy.spatial.transform import Rotation
 
 from distretarget import Skeleton, load_target, read_bvh, retarget
-from distretarget.baseline.root import RootScale, find_root_scale
-from distretarget.baseline.rotation_copy import rotation_copy
+from distretarget.baseline.rotation_copy import RootScale, find_root_scale, rotation_copy
 from distretarget.body.body import Body
 from distretarget.matching.matching import match
-from distretarget.numerics.shots import find_shots
-from distretarget.solve.settings import ContactSettings
-from distretarget.solve.stance import find_stance
-from distretarget.solve.supports import no_supports
+from distretarget.numerics.time_series import find_shots
+from distretarget.objectives.foot_lock import find_stance
+from distretarget.objectives.settings import ContactSettings
+from distretarget.objectives.supports import no_supports
 
 SETTINGS = ContactSettings()
 LEG = 0.435 + 0.453

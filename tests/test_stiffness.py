@@ -7,10 +7,10 @@ from bodies import SAMPLES, matched, person
 
 from distretarget import load_target
 from distretarget.distances import distance_problem
-from distretarget.solve.poses import PoseProblem
-from distretarget.solve.rigid_parts import part_of_joint, rigid_part_roots
-from distretarget.solve.settings import ContactSettings
-from distretarget.solve.stiffness import part_stiffness
+from distretarget.ik.poses import PoseProblem
+from distretarget.ik.rigid_parts import part_of_joint, rigid_part_roots
+from distretarget.objectives.contact import part_stiffness
+from distretarget.objectives.settings import ContactSettings
 
 PERSON = person()
 SETTINGS = ContactSettings()

@@ -4,7 +4,7 @@ import numpy as np
 from bodies import SAMPLES, matched, person, swaying
 
 from distretarget import read_bvh
-from distretarget.baseline.strides import SINK, longest_strides
+from distretarget.baseline.rotation_copy import SINK, longest_strides
 
 
 def test_who_walks_can_take_somewhat_longer_strides():

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from spring_case import Case
 
-from distretarget.solve.support_springs import support_springs, write_compliance
-from distretarget.solve.supports import no_supports
+from distretarget.objectives.supports import no_supports, support_springs, write_compliance
 
 
 def stance_at(case, joint, weights, away):

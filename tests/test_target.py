@@ -8,8 +8,8 @@ from skeleton_files import HEAD_END, HIPS, SPINE, assert_same, full, load_json, 
 from table_one import table_one
 
 from distretarget.errors import SkeletonFileError
-from distretarget.io.target import SkeletonEdit
 from distretarget.io.target_file import load_target
+from distretarget.target import SkeletonEdit
 
 
 def test_short_form_edits_the_source(written):

@@ -5,8 +5,8 @@ import threading
 import numpy as np
 import pytest
 
-from distretarget.numerics import threads
-from distretarget.numerics.threads import FEWEST_JOINTS, cores, in_threads, mapper_for, over_blocks
+from distretarget.numerics import parallel as threads
+from distretarget.numerics.parallel import FEWEST_JOINTS, cores, in_threads, mapper_for, over_blocks
 
 
 @pytest.fixture(params=[1, 4], autouse=True)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from distretarget.baseline.root import RootScale
-from distretarget.solve.settings import ContactSettings
-from distretarget.solve.touching import Points, find_touching, gap_errors
+from distretarget.baseline.rotation_copy import RootScale
+from distretarget.objectives.settings import ContactSettings
+from distretarget.scene.touch import Points, find_touching, gap_errors
 
 FRAMES = 5
 UP = np.array([0.0, 1.0, 0.0])

@@ -1,7 +1,7 @@
 """The words of the naming conventions."""
 
 from distretarget.body.anatomy import ARM, LEG
-from distretarget.body.vocabulary import vocabulary
+from distretarget.body.conventions import vocabulary
 
 
 def test_words_of_the_data_make_no_convention_twice():

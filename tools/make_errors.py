@@ -28,10 +28,10 @@ SAYING = {"refuse": 1, "error": 0, "fail": 0, "expected": 0}  # methods that rai
 BEFORE = {"refuse": f"found {GAP}, expected ", "expected": "expected "}  # what they put before it
 FILES = "io/files.py cli/streams.py cli/outputs.py"
 BVH = "io/bvh_parser.py io/bvh.py io/bvh_writer.py"
-JSON = "io/json_node.py io/skeleton_ io/target io/map_json.py io/obj.py matching/pairing.py"
+JSON = "io/json_node.py io/skeleton_ io/target io/map_json.py io/obj.py target.py matching/pairing.py"
 BODIES = "skeleton.py motion.py io/bvhio_bridge.py"
-METHOD = "retargeting.py performer.py conversion.py matching/ baseline/ measure/ solve/"
-SCENES = "scene report/scene thing.py together.py alignment.py"
+METHOD = "pipeline/ matching/ baseline/ measure/ objectives/"
+SCENES = "scene/ report/scene measure/scene synchronise.py"
 HEADINGS = {  # the headings, and the beginnings of the paths of files whose messages stand below them
     "Reading and writing files": FILES,
     "BVH files": BVH,
@@ -40,7 +40,7 @@ HEADINGS = {  # the headings, and the beginnings of the paths of files whose mes
     "Retargeting": METHOD,
     "Scenes": SCENES,
     "The command line": "cli/ batch/",
-    "Arguments of Python functions": "arguments.py numerics/",
+    "Arguments of Python functions": "checks.py numerics/",
 }
 HEAD = """\
 # Messages

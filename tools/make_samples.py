@@ -20,9 +20,8 @@ from sample_supported import SUPPORTED
 from sample_things import SCENES, obj_text
 
 from distretarget.io.bvh_writer import write_bvh
-from distretarget.io.skeleton_json import FORMAT, VERSION
-from distretarget.io.skeleton_writer import skeleton_to_json
-from distretarget.scene_file import FORMAT as SCENE_FORMAT
+from distretarget.io.skeleton_json import FORMAT, VERSION, skeleton_to_json
+from distretarget.scene.scene_file import FORMAT as SCENE_FORMAT
 from distretarget.skeleton import Skeleton
 
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from distretarget.solve.settings import ContactSettings
+from distretarget.objectives.settings import ContactSettings
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "method.md"
 BEGIN, END = "<!-- settings -->\n", "<!-- end -->"

@@ -13,7 +13,7 @@ from sample_tracks import FPS, Track
 from scipy.spatial.transform import Rotation
 
 from distretarget.motion import Motion
-from distretarget.thing import Thing
+from distretarget.scene.prop import Thing
 
 NEAREST = ""
 

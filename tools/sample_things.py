@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.io.obj import parse_obj
 from distretarget.motion import Motion
+from distretarget.scene.prop import Grip, Thing
 from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
-from distretarget.thing import Grip, Thing
 
 GRIP = 24.0  # from the middle of the staff to either hand [cm]
 SEAT = 46.0  # height of the chair's seat [cm]

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.baseline.root import RootScale
+from distretarget.baseline.rotation_copy import RootScale
+from distretarget.body.anatomy import moves_freely
 from distretarget.body.body import Body
-from distretarget.body.handles import moves_freely
 from distretarget.errors import MotionError
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.arguments import check_choice
 from distretarget.body.axes import axis_vector
 from distretarget.body.body import OFF_FLOOR, Body
+from distretarget.checks import check_choice
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import least_rotation
 from distretarget.skeleton import AXES, POSITION_CHANNELS

@@ -11,7 +11,6 @@ from pathlib import Path
 from types import NoneType
 from typing import Any
 
-from distretarget.arguments import check_kind, check_number, check_path
 from distretarget.batch.clips import find_clips
 from distretarget.batch.manifest import Manifest
 from distretarget.batch.plan import Work, check_page, plan
@@ -21,11 +20,12 @@ from distretarget.batch.reports import Pages
 from distretarget.batch.run import Run
 from distretarget.batch.summary import Tally
 from distretarget.batch.task import Outcome
-from distretarget.conversion import Options, load_text
+from distretarget.checks import check_kind, check_number, check_path
 from distretarget.errors import BatchError
 from distretarget.io.map_json import load_map
 from distretarget.io.target_file import parse_target
-from distretarget.numerics.threads import cores
+from distretarget.numerics.parallel import cores
+from distretarget.pipeline.conversion import Options, load_text
 from distretarget.report.document import About
 
 Paths = str | Path | Sequence[str | Path]

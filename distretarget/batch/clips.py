@@ -11,7 +11,7 @@ from pathlib import Path, PurePath
 
 from distretarget.errors import FileError
 from distretarget.io.files import is_folder, reason_of
-from distretarget.scene_file import SCENE_NAME
+from distretarget.scene.scene_file import SCENE_NAME
 
 SUFFIX = ".bvh"
 WILDCARDS = frozenset("*?[")

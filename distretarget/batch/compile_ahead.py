@@ -13,27 +13,27 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from distretarget.baseline.root import RootScale
+from distretarget.baseline.rotation_copy import RootScale
 from distretarget.batch.interrupts import interrupts_kept
 from distretarget.body.axes import axis_vector
 from distretarget.body.resting import above_lowest, joint_speeds, still_joints
+from distretarget.ik.poses import Poses
+from distretarget.ik.spg import Effort
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.motion import Motion
 from distretarget.numerics.code_cache import CAN_WAIT
-from distretarget.numerics.threads import threads
-from distretarget.performer import matched_performer
-from distretarget.retargeting import Objective, retarget
+from distretarget.numerics.parallel import threads
+from distretarget.objectives.contact import solver_lacks_code
+from distretarget.pipeline.performer import matched_performer
+from distretarget.pipeline.retargeting import Objective, retarget
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
-from distretarget.solve.contact import solver_lacks_code
-from distretarget.solve.poses import Poses
-from distretarget.solve.spg import Effort
 
 ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")
 COMPILE_SOLVER = """
 import sys
 sys.path[:] = sys.argv[1:]
-from distretarget.solve.contact import compile_solver
+from distretarget.objectives.contact import compile_solver
 compile_solver()
 """
 JOINTS = 6  # enough for a pair of joints so far apart along the tree that the solver keeps it as a contact

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path, PurePath
 
 from distretarget.batch.clips import Clip
-from distretarget.conversion import Text
 from distretarget.errors import BatchError
 from distretarget.io.files import is_folder
+from distretarget.pipeline.conversion import Text
 
 MANIFEST = "manifest.jsonl"  # the name of the manifest in the folder of results
 

@@ -11,12 +11,12 @@ from typing import TypedDict, cast
 from distretarget.baseline.engine_root import RootFollows
 from distretarget.baseline.world import RootOffset
 from distretarget.batch.plan import Work
-from distretarget.conversion import Options
 from distretarget.io.map_json import MapFile
-from distretarget.performer import Held
+from distretarget.objectives.resting_joints import Environment
+from distretarget.pipeline.conversion import Options
+from distretarget.pipeline.performer import HoldMode
+from distretarget.pipeline.retargeting import Objective
 from distretarget.report.index import ClipRecord
-from distretarget.retargeting import Objective
-from distretarget.solve.resting_joints import Scene
 
 
 class RecordedOptions(TypedDict):
@@ -29,8 +29,8 @@ class RecordedOptions(TypedDict):
     """
 
     objective: Objective
-    supports: Held
-    scene: Scene
+    supports: HoldMode
+    scene: Environment
     root_scale: float | None
     source_up: str | None
     target_up: str | None

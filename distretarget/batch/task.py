@@ -9,17 +9,17 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.metadata import version
 
-from distretarget.conversion import Options, Text, retarget_onto
 from distretarget.errors import DistretargetError
+from distretarget.ik.poses import Mapper
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import text_hash
 from distretarget.io.map_json import MapFile
-from distretarget.measure.figures import Side
+from distretarget.measure.figures import Variant
+from distretarget.pipeline.conversion import Options, Text, retarget_onto
+from distretarget.pipeline.summary import unmatched
 from distretarget.report.document import About
 from distretarget.report.report import run_page
-from distretarget.run_summary import unmatched
-from distretarget.solve.chunks import Mapper
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +54,7 @@ class Outcome:
     error: str = ""
     bvh: str = ""
     frames: int = 0
-    figures: Mapping[Side, Mapping[str, float | None]] = field(default_factory=dict)
+    figures: Mapping[Variant, Mapping[str, float | None]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     report: str = ""

@@ -2,6 +2,6 @@
 
 from distretarget.batch import task as task
 from distretarget.batch.compile_ahead import warm
-from distretarget.retargeting import OBJECTIVES
+from distretarget.pipeline.retargeting import OBJECTIVES
 
 warm(OBJECTIVES[0])

@@ -11,7 +11,7 @@ from distretarget.body.legs import Leg
 from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.kinematics import heights_of, lowest_heights, speeds_along
-from distretarget.numerics.shots import Shots, by_shot
+from distretarget.numerics.time_series import Shots, by_shot
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -27,13 +27,13 @@ from distretarget.cli.options import retargeting
 from distretarget.cli.outputs import about, complain, is_quiet, quiet, say
 from distretarget.cli.parameters import of_reports
 from distretarget.cli.streams import STANDARD
-from distretarget.conversion import Options, Text, load_text
 from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import hash_of, hash_of_file, is_folder, read_bytes
 from distretarget.io.map_json import load_map
 from distretarget.io.target_file import parse_target
 from distretarget.measure.figures import FIGURES
-from distretarget.numerics.threads import cores
+from distretarget.numerics.parallel import cores
+from distretarget.pipeline.conversion import Options, Text, load_text
 
 INTERRUPTED = 130  # exit status
 

@@ -14,17 +14,17 @@ from distretarget.cli.outputs import LISTED, OVERWRITE_OPTION, about, check_outp
 from distretarget.cli.parameters import of_figure, positive
 from distretarget.cli.scene_input import is_scene
 from distretarget.cli.streams import FileOrStandard, read_input, write_output
-from distretarget.conversion import needs_map
 from distretarget.errors import DistretargetError, MatchingError, quoted
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.map_json import joint_map, load_map
-from distretarget.io.target import Target
 from distretarget.measure.diff import diff
 from distretarget.measure.figures import BY_KEY, FIGURES, Figure, figures_at
+from distretarget.pipeline.conversion import needs_map
 from distretarget.report.document import csv_text, document, json_text
 from distretarget.report.document_types import DiffContact, DiffDocument, FigureValues
 from distretarget.report.page import page
 from distretarget.report.scene_diff import GAP_ERROR
+from distretarget.target import Target
 
 MOST = 5  # frames and contacts that are printed
 

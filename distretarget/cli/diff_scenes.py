@@ -12,17 +12,17 @@ from distretarget.cli.figure_lines import number, over
 from distretarget.cli.outputs import LISTED, about, check_outputs, say
 from distretarget.cli.scene_input import SceneInput, is_scene, read_scene, things_of
 from distretarget.cli.streams import write_output
-from distretarget.conversion import needs_map
 from distretarget.errors import DistretargetError, FileError, MatchingError, quoted
 from distretarget.io.map_json import MapFile, joint_map, load_map
-from distretarget.io.target import Target
 from distretarget.measure.diff import Diff, diff
 from distretarget.measure.figures import FIGURES
-from distretarget.measure.scene_diff import SceneDiff, diff_scenes
+from distretarget.measure.scene_gaps import SceneDiff, diff_scenes
+from distretarget.pipeline.conversion import needs_map
 from distretarget.report.document import document, json_text
 from distretarget.report.document_types import DiffDocument
 from distretarget.report.scene_diff import GAP_ERROR, SceneDiffDocument, part, scene_csv, scene_document
 from distretarget.report.scene_diff_page import scene_diff_page
+from distretarget.target import Target
 
 MOST = 10  # parts that touch which are printed
 

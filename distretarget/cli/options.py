@@ -13,11 +13,11 @@ from click.core import ParameterSource
 from distretarget.baseline.engine_root import RootFollows
 from distretarget.baseline.world import RootOffset
 from distretarget.cli.parameters import positive
-from distretarget.conversion import Options
-from distretarget.performer import Held
-from distretarget.retargeting import OBJECTIVES, SUPPORTS, Objective
+from distretarget.objectives.resting_joints import Environment
+from distretarget.pipeline.conversion import Options
+from distretarget.pipeline.performer import HoldMode
+from distretarget.pipeline.retargeting import OBJECTIVES, SUPPORTS, Objective
 from distretarget.skeleton import AXES
-from distretarget.solve.resting_joints import Scene
 
 SUPPORTS_OPTION = click.option(
     "--supports",
@@ -29,7 +29,7 @@ SUPPORTS_OPTION = click.option(
 )
 SCENE_OPTION = click.option(
     "--scene",
-    type=click.Choice(get_args(Scene)),
+    type=click.Choice(get_args(Environment)),
     default="body",
     show_default=True,
     help="Where walls, rails, rungs and all else that the body holds on to are in the result. body: where the limbs of "
@@ -95,8 +95,8 @@ def retargeting(command: Callable[..., None]) -> Callable[..., None]:
         root_offset: RootOffset | None,
         root_follows: RootFollows | None,
         objective: Objective,
-        supports: Held,
-        scene: Scene,
+        supports: HoldMode,
+        scene: Environment,
         **others: Any,
     ) -> None:
         chosen = click.get_current_context().get_parameter_source("supports") is not ParameterSource.DEFAULT

@@ -27,16 +27,16 @@ from distretarget.cli.outputs import (
     strip_namespace,
 )
 from distretarget.cli.streams import FileOrStandard, read_input, write_output
-from distretarget.conversion import Options, Text, argument, retarget_onto
 from distretarget.errors import FileError, quoted
 from distretarget.io.bvh import declared_frames, parse_bvh
 from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.map_json import load_map
 from distretarget.io.target_file import is_json
 from distretarget.motion import Motion
+from distretarget.pipeline.conversion import Options, Text, argument, retarget_onto
+from distretarget.pipeline.result import RetargetResult
+from distretarget.pipeline.summary import figures_json, figures_line, summary_line, unmatched
 from distretarget.report.report import run_page
-from distretarget.result import RetargetResult
-from distretarget.run_summary import figures_json, figures_line, summary_line, unmatched
 
 
 @click.command("retarget")

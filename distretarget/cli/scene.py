@@ -18,12 +18,11 @@ from distretarget.cli.parameters import positive
 from distretarget.errors import FileError
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.files import is_folder, make_folder, write_whole
-from distretarget.measure.across import Across
+from distretarget.measure.scene_gaps import Across
+from distretarget.pipeline.summary import summary_line
 from distretarget.report.scene_page import scene_page
-from distretarget.run_summary import summary_line
-from distretarget.scene import SceneResult
-from distretarget.scene_file import SCENE_NAME, load_scene
-from distretarget.scene_setup import PerformerFiles, SceneSetup
+from distretarget.scene.retargeting import SceneResult
+from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup, load_scene
 
 
 @click.command("scene")

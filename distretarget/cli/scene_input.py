@@ -12,8 +12,7 @@ from distretarget.io.bvh import read_bvh
 from distretarget.io.files import is_folder, reason_of
 from distretarget.io.map_json import MapFile, load_map
 from distretarget.motion import Motion
-from distretarget.scene_file import SCENE_NAME, load_scene
-from distretarget.scene_setup import SceneSetup
+from distretarget.scene.scene_file import SCENE_NAME, SceneSetup, load_scene
 
 
 @dataclass(frozen=True)

@@ -14,15 +14,15 @@ from distretarget.cli.matching_table import headline, recognised, rows, unused
 from distretarget.cli.outputs import OVERWRITE_OPTION, check_outputs, check_suffix, quiet, say, strip_namespace
 from distretarget.cli.parameters import of_bone, positive
 from distretarget.cli.streams import STANDARD, FileOrStandard, read_input, write_output
-from distretarget.conversion import Text
 from distretarget.errors import FileError, closest
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.map_json import joint_map, load_map, map_to_json
-from distretarget.io.skeleton_writer import skeleton_to_json
-from distretarget.io.target import SkeletonEdit, Target
+from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.io.target_file import is_json, parse_full_target, parse_target
 from distretarget.matching.matching import find_matching, refusal
+from distretarget.pipeline.conversion import Text
 from distretarget.skeleton import Skeleton
+from distretarget.target import SkeletonEdit, Target
 
 
 @click.group("skeleton")

@@ -10,9 +10,9 @@ from typing import Any
 
 import click
 
-from distretarget.conversion import Text, load_text
 from distretarget.errors import FileError
 from distretarget.io.files import STANDARD_INPUT, encoded_parts, reason_of, text_of, write_whole
+from distretarget.pipeline.conversion import Text, load_text
 
 STANDARD = Path("-")
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.errors import BvhError
-from distretarget.io.numbers import parse_numbers
+from distretarget.io.decimals import parse_numbers
 from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME, is_frame_time
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS
 

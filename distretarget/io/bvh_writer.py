@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.arguments import check_kind
+from distretarget.checks import check_kind
 from distretarget.errors import MotionError, SkeletonError
 from distretarget.io.bvh import rotation_axes
 from distretarget.io.bvh_parser import is_name

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.arguments import check_kind
+from distretarget.checks import check_kind
 from distretarget.errors import MissingPackageError, MotionError, SkeletonError, quoted
 from distretarget.io.bvh import add_offsets, joint_names
 from distretarget.motion import Motion

@@ -12,7 +12,7 @@ import stat
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from distretarget.arguments import check_path
+from distretarget.checks import check_path
 from distretarget.errors import FileError
 
 # Formats of motion that other programs convert to BVH, by suffix.

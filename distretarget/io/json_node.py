@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
-from distretarget.errors import SkeletonFileError, closest, quoted
+from distretarget.errors import SkeletonFileError, closest, entry_place, quoted
 from distretarget.io.bvh_parser import is_name
 from distretarget.skeleton import LARGEST, SMALLEST
 
@@ -29,11 +29,6 @@ def parse_json(path: str | Path, text: str) -> object:
         raise SkeletonFileError(path, place, f"is not valid JSON: {error.msg}") from None
     except RecursionError:
         raise SkeletonFileError(path, "", "is nested too deeply; the format has four levels") from None
-
-
-def entry_place(place: str, key: str) -> str:
-    """Return the place of an entry whose key the user chooses, in printable characters."""
-    return f"{place}[{json.dumps(key, ensure_ascii=not key.isprintable())}]"
 
 
 def field_place(place: str, key: str) -> str:

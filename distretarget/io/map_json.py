@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from distretarget.errors import MapError, SkeletonFileError
+from distretarget.errors import MapError, SkeletonFileError, entry_place
 from distretarget.io.files import read_text
-from distretarget.io.json_node import Node, entry_place, parse_json
-from distretarget.io.skeleton_writer import pairs_to_json
-from distretarget.io.target import Target
+from distretarget.io.json_node import Node, parse_json
+from distretarget.io.skeleton_json import pairs_to_json
 from distretarget.matching.matching import Matching
-from distretarget.matching.pairing import JointMap, pairs_of_map
-from distretarget.skeleton import Skeleton
+from distretarget.matching.pairing import pairs_of_map
+from distretarget.skeleton import JointMap, Skeleton
+from distretarget.target import Target
 
 
 @dataclass(frozen=True)

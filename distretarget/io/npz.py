@@ -8,7 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from distretarget.arguments import check_kind
+from distretarget.checks import check_kind
 from distretarget.io.files import write_whole
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import RotationKind

@@ -11,7 +11,7 @@ from scipy.spatial.distance import cdist
 
 from distretarget.errors import BvhError
 from distretarget.motion import Motion
-from distretarget.numerics.spread import spread_out
+from distretarget.numerics.vectors import spread_out
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
 
 Array = NDArray[np.float64]

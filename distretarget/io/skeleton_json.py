@@ -9,11 +9,32 @@ from pathlib import Path
 import numpy as np
 
 from distretarget.errors import SkeletonError, closest, quoted
-from distretarget.io.joint_reference import joints_meant
 from distretarget.io.json_node import Node, described, field_place, parse_json
-from distretarget.io.target import SkeletonEdit, Target, with_bones
-from distretarget.matching.pairing import JointMap
-from distretarget.skeleton import AXES, POSITION_CHANNELS, ROTATION_CHANNELS, UNITS, Skeleton
+from distretarget.skeleton import AXES, POSITION_CHANNELS, ROTATION_CHANNELS, UNITS, JointMap, Skeleton
+from distretarget.target import SkeletonEdit, Target, with_bones
+
+
+def joints_meant(reference: str, names: Sequence[str], parents: Sequence[int]) -> list[int]:
+    """The joints among the first `len(parents)` that a reference `name`, `parent/name` and so on may mean.
+
+    If it names the whole path from the root to a joint, it means that joint. So each of `Skeleton.keys` means its own
+    joint, as long as no name contains "/".
+    """
+    tops = {joint: _top(reference, joint, names, parents) for joint in range(len(parents))}
+    whole = [joint for joint, top in tops.items() if top == 0]
+    return whole if len(whole) == 1 else [joint for joint, top in tops.items() if top >= 0]
+
+
+def _top(reference: str, joint: int, names: Sequence[str], parents: Sequence[int]) -> int:
+    """The joint or ancestor at which a reference begins that ends at the joint; -1 if the reference does not fit."""
+    end = len(reference)
+    while joint >= 0 and reference.endswith(names[joint], 0, end):
+        end -= len(names[joint]) + 1
+        if end < 0:
+            return joint
+        joint = parents[joint] if reference[end] == "/" else -1
+    return -1
+
 
 FORMAT = "distretarget-skeleton"
 VERSION = 1
@@ -163,3 +184,42 @@ def _map(fields: Mapping[str, Node], skeleton: Skeleton) -> JointMap:
         if key not in skeleton.keys:
             node.fail(f"the target has no such joint; {closest(key, skeleton.keys)}")
     return {key: node.text_or_null() for key, node in sources.items()}
+
+
+def skeleton_to_json(skeleton: Skeleton, name: str, joint_map: JointMap | None = None) -> str:
+    """Return the text of a skeleton file (full form) with the skeleton and, if it has entries, the map.
+
+    Each joint and each pair of the map has a line of its own.
+
+    Raises:
+        SkeletonError: because of a "/" in joint names it is not clear which joint is a parent.
+    """
+    head = {"format": FORMAT, "version": VERSION, "name": name, "units": skeleton.units, "up": skeleton.up}
+    lines = [f"  {_dump(key)}: {_dump(value)},\n" for key, value in head.items() if value is not None]
+    joints = ",\n".join(f"    {_dump(_joint(skeleton, joint))}" for joint in range(len(skeleton)))
+    pairs = f',\n  "map": {pairs_to_json(joint_map, "  ")}' if joint_map else ""
+    return "{\n" + "".join(lines) + f'  "joints": [\n{joints}\n  ]{pairs}\n}}\n'
+
+
+def pairs_to_json(joint_map: JointMap, indent: str = "") -> str:
+    """Return the JSON object of a map, one pair per line; the lines after the first begin with `indent`."""
+    pairs = ",\n".join(f"{indent}  {_dump(key)}: {_dump(driver)}" for key, driver in joint_map.items())
+    return f"{{\n{pairs}\n{indent}}}"
+
+
+def _joint(skeleton: Skeleton, joint: int) -> dict[str, object]:
+    """The entry of a joint in the full form."""
+    parent = int(skeleton.parents[joint])
+    entry: dict[str, object] = {"name": skeleton.names[joint], "parent": None}
+    if joint:
+        entry["parent"] = key = skeleton.keys[parent]
+        if joints_meant(key, skeleton.names, skeleton.parents[:joint].tolist()) != [parent]:
+            raise SkeletonError(f"{key!r} may mean several joints because of the '/' in names; rename one")
+    entry["offset"] = skeleton.offsets[joint].tolist()
+    last = {"end": True} if skeleton.end_sites[joint] else {"channels": skeleton.channels[joint]}
+    return entry | last
+
+
+def _dump(value: object) -> str:
+    """The JSON of a value on one line; only characters that UTF-8 cannot encode are escaped."""
+    return json.dumps(value, ensure_ascii=False).encode("utf-8", "backslashreplace").decode()

@@ -9,7 +9,7 @@ from distretarget.errors import BvhError, SkeletonFileError
 from distretarget.io.bvh import parse_bvh, parse_bvh_skeleton
 from distretarget.io.files import read_text
 from distretarget.io.skeleton_json import parse_skeleton_json
-from distretarget.io.target import SkeletonEdit, Target, with_bones
+from distretarget.target import SkeletonEdit, Target, with_bones
 
 CACHED_TARGETS = 4  # parsed BVH targets that are kept for the next clip [files]
 

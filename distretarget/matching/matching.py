@@ -10,16 +10,16 @@ from types import NoneType
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.arguments import check_kind
+from distretarget.body.anatomy import Regions
 from distretarget.body.body import Body
 from distretarget.body.legs import Leg, Legs, leg_length
-from distretarget.body.regions import Regions
 from distretarget.body.soles import Sole, find_soles
+from distretarget.checks import check_kind
 from distretarget.errors import MatchingError, MotionError
 from distretarget.matching.bones import rest_poses_alike
-from distretarget.matching.pairing import JointMap, find_pairs, pairs_of_map, tips
-from distretarget.matching.spine import spine_blend
+from distretarget.matching.pairing import find_pairs, pairs_of_map, spine_blend, tips
 from distretarget.motion import Motion
+from distretarget.skeleton import JointMap
 
 NAMED_SHARE = 0.5  # least share of target joints matched by name if no human body is recognised [0 to 1]
 LANDMARKS = ("hips", "head", "leftHand", "rightHand", "leftFoot", "rightFoot")  # the places of joints count from these

@@ -8,18 +8,17 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.alignment import resampled
-from distretarget.arguments import check_kind
 from distretarget.baseline.world import World, find_root_offset, find_world, with_root_offset
 from distretarget.body.body import Body
+from distretarget.checks import check_kind
 from distretarget.distances import distance_problem, posture_stress
 from distretarget.errors import MotionError
 from distretarget.matching.matching import Matching, match
-from distretarget.matching.pairing import JointMap
-from distretarget.measure.figures import NOT_RUN, Side, Track, Tracks, clip_figures
+from distretarget.measure.figures import NOT_RUN, Track, Tracks, Variant, clip_figures
 from distretarget.measure.metrics import Comparison, Reference
 from distretarget.motion import Motion
-from distretarget.skeleton import LARGEST
+from distretarget.skeleton import LARGEST, JointMap
+from distretarget.synchronise import resampled
 
 Array = NDArray[np.float64]
 
@@ -64,7 +63,7 @@ class Diff:
         return {**self.comparison.tracks, "stress": Track(self.stress), **self.run_tracks}
 
     @cached_property
-    def figures(self) -> dict[Side, dict[str, float | None]]:
+    def figures(self) -> dict[Variant, dict[str, float | None]]:
         """The figures of quality of the whole clip, by key (`measure.figures.FIGURES`), of A, the source, and of B, the
         result; None where nothing was to be measured.
         """

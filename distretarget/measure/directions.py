@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from distretarget.baseline.rest_pose import rest_alignment
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
-from distretarget.numerics.blocks import in_blocks
+from distretarget.numerics.parallel import in_blocks
 from distretarget.numerics.vectors import angles_between
 
 Array = NDArray[np.float64]

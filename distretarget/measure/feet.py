@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from distretarget.body.body import Body
 from distretarget.body.legs import Leg
 from distretarget.matching.matching import Matching
-from distretarget.measure.soles import Sole, find_sole
+from distretarget.measure.flat_foot import FlatFoot, find_flat_foot
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import speeds_along
 from distretarget.numerics.vectors import level
@@ -91,7 +91,7 @@ class SourceFeet:
     """
 
     up: Array
-    soles: Sequence[Sole]
+    soles: Sequence[FlatFoot]
     leg: float
     stance: Flags
     slide: Array
@@ -131,7 +131,7 @@ def find_feet(source: Motion, matching: Matching, up: Array) -> SourceFeet:
     )
 
 
-def _soles_of_target(body: Body, legs: Sequence[Leg], length: float) -> list[Sole]:
+def _soles_of_target(body: Body, legs: Sequence[Leg], length: float) -> list[FlatFoot]:
     """The soles of the target's legs, which are of this length [file units]."""
     up = body.up_vector
     if body.motion is None:
@@ -140,15 +140,15 @@ def _soles_of_target(body: Body, legs: Sequence[Leg], length: float) -> list[Sol
     return _soles(body, legs, body.motion.positions, _stance(body.motion, legs, length, up), up)
 
 
-def _soles(body: Body, legs: Sequence[Leg], positions: Array, rest: Flags, up: Array) -> list[Sole]:
+def _soles(body: Body, legs: Sequence[Leg], positions: Array, rest: Flags, up: Array) -> list[FlatFoot]:
     """The soles of legs; `positions`, (frames, joints, 3), are of their body, and `rest`, (frames, foot joints), is
     whether the foot joints rest there.
     """
     flat = rest[:, ::2] & rest[:, 1::2]
-    return [find_sole(body, leg, positions[flat[:, k]], up) for k, leg in enumerate(legs)]
+    return [find_flat_foot(body, leg, positions[flat[:, k]], up) for k, leg in enumerate(legs)]
 
 
-def _heights(motion: Motion, soles: Sequence[Sole], length: float, up: Array) -> FootHeights:
+def _heights(motion: Motion, soles: Sequence[FlatFoot], length: float, up: Array) -> FootHeights:
     """The heights and pitches of feet in a motion; legs are of this length, `up`, (3,), is the unit vector up."""
     positions = motion.positions
     ankles = [positions[:, sole.leg.ankle] for sole in soles]

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-Side = Literal["source", "rotation_copy", "result"]
+Variant = Literal["source", "rotation_copy", "result"]
 
 # What follows a key where the figures of several motions stand in one list.
-SUFFIXES: dict[Side, str] = {"source": "_source", "rotation_copy": "_copy", "result": ""}
+SUFFIXES: dict[Variant, str] = {"source": "_source", "rotation_copy": "_copy", "result": ""}
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,9 @@ class Track:
 
 Tracks = Mapping[str, Track]  # by the key of what was measured
 NOT_RUN: Tracks = {key: Track(np.zeros(0)) for key in ("snap", "unsolved")}  # of a motion that was not solved here
-Figures = Mapping[Side, Mapping[str, float | None]]  # of whole clips, by side and key; None where nothing was measured
+Figures = Mapping[
+    Variant, Mapping[str, float | None]
+]  # of whole clips, by side and key; None where nothing was measured
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -507,7 +509,7 @@ def clip_limits(figures: Figures) -> dict[str, float | None]:
     return {one.key: one.limit.value(one.key, figures) if one.limit else None for one in FIGURES}
 
 
-def frame_figures(sides: Mapping[Side, Tracks], frames: int) -> dict[str, Array]:
+def frame_figures(sides: Mapping[Variant, Tracks], frames: int) -> dict[str, Array]:
     """(frames,) for each figure of each side, by key and suffix; nan where nothing was to be measured."""
     return {
         figure.key + SUFFIXES[side]: figure.over_time(tracks, frames)

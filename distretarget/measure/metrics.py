@@ -10,16 +10,15 @@ from numpy.typing import NDArray
 
 from distretarget.body.body import Body
 from distretarget.matching.matching import Matching
-from distretarget.measure.contacts import Contacts, find_contacts
+from distretarget.measure.contacts import Contacts, find_contacts, points_of
 from distretarget.measure.directions import bones_of, direction_error, expected_directions
 from distretarget.measure.feet import Feet, SourceFeet, find_feet
 from distretarget.measure.figures import Track, Tracks
-from distretarget.measure.points import points_of
 from distretarget.measure.snaps import INSTANT
 from distretarget.measure.supports import SourceSupports, SupportsMeasured, find_supports
 from distretarget.motion import Motion
-from distretarget.numerics.blocks import in_blocks
 from distretarget.numerics.compiled import compiled
+from distretarget.numerics.parallel import in_blocks
 from distretarget.numerics.vectors import lengths
 from distretarget.skeleton import Skeleton
 

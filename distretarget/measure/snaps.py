@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from distretarget.body.body import Body
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import steps_along
-from distretarget.numerics.shots import find_shots
+from distretarget.numerics.time_series import find_shots
 
 Array = NDArray[np.float64]
 

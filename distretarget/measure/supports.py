@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.body.regions import TRUNK
+from distretarget.body.anatomy import TRUNK_REGIONS
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import heights_of, lowest_heights, speeds_along
-from distretarget.numerics.smoothing import largest
+from distretarget.numerics.time_series import largest
 from distretarget.numerics.vectors import lengths, level
 
 Array = NDArray[np.float64]
@@ -124,7 +124,7 @@ def _holds(source: Motion, matching: Matching, joints: NDArray[np.intp], leg: fl
         if names[of_joint[joint]] not in ENDS:
             continue
         above = [each for each in matching.target.skeleton.line(joint) if drivers[each] >= 0]
-        base = next((each for each in above if names[of_joint[each]] in TRUNK), joint)
+        base = next((each for each in above if names[of_joint[each]] in TRUNK_REGIONS), joint)
         way, base_way = (_extent(source.positions[:, drivers[each]] / leg, reach) for each in (joint, base))
         holds[:, column] = (way < PLACE) & (base_way > SWAY * way + FARTHER)
     return holds

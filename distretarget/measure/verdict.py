@@ -5,7 +5,46 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
-from distretarget.measure.figures import BY_KEY, FIGURES, Figures, Side, Tracks
+from distretarget.measure.figures import BY_KEY, FIGURES, Figure, Figures, Tracks, Variant
+
+
+def what_needs_a_look(figures: Figures, tracks: Mapping[Variant, Tracks]) -> Iterator[str]:
+    """Yield a line for each figure of the result that is above its limit: its value, the worst frame and the likely
+    cause; and a line with the others that are worse than the rotation copy's.
+
+    `figures` are of the whole clip, `tracks` what they were taken from.
+    """
+    for figure in FIGURES:
+        if figure.limit and figure.needs_look(figures):
+            yield f"{_above(figure, figures)}; {_worst(figure, tracks['result'])}; likely cause: {figure.limit.cause}"
+    worse = [figure for figure in FIGURES if figure.worse_than_copy(figures) and not figure.needs_look(figures)]
+    if worse:
+        yield f"worse than the rotation copy in {', '.join(_against_copy(figure, figures) for figure in worse)}"
+
+
+def _above(figure: Figure, figures: Figures) -> str:
+    """The figure, its value and its limit; and the rotation copy's value if that is better."""
+    limit = figure.limit.value(figure.key, figures) if figure.limit else None
+    better = f" ({_number(figure, figures, 'rotation_copy')} in the rotation copy)"
+    copy = better if figure.worse_than_copy(figures) else ""
+    return f"{figure.label} {_number(figure, figures, 'result')} {figure.unit}".rstrip() + f"{copy}, limit {limit:.3g}"
+
+
+def _worst(figure: Figure, tracks: Tracks) -> str:
+    """Where the figure is worst."""
+    frame, part = figure.worst(tracks)
+    return f"worst in frame {frame}" + (f", {part}" if part else "")
+
+
+def _against_copy(figure: Figure, figures: Figures) -> str:
+    """The figure, and its values of result and rotation copy."""
+    result, copy = (_number(figure, figures, side) for side in ("result", "rotation_copy"))
+    return f"{figure.label} ({result} against {copy} {figure.unit}".rstrip() + ")"
+
+
+def _number(figure: Figure, figures: Figures, side: Variant) -> str:
+    return f"{round(figures[side][figure.key] or 0.0, 4):.3g}"
+
 
 SAME = 1.15  # contacts that are kept less than this times better are kept as well as by copied rotations
 MOST_TIMES = 100.0  # a larger ratio of contact errors is given as "more than"
@@ -14,7 +53,7 @@ UNCHANGED = 0.05  # a smaller change of direction is none [degrees]
 LEAST_BOUND = 0.1  # the least distance that hips are said to be within [% of leg length]
 
 
-def verdict(figures: Figures, tracks: Mapping[Side, Tracks]) -> str:
+def verdict(figures: Figures, tracks: Mapping[Variant, Tracks]) -> str:
     """Return the sentence on contacts, feet, other supports, hips and the largest change of direction, and the names of
     the figures that need a look. What was not measured is said to be missing, or left out.
 

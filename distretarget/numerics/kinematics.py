@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from distretarget.errors import SettingsError
 from distretarget.numerics.compiled import compiled, inlined, read_only
 from distretarget.numerics.loops import clear
-from distretarget.numerics.threads import over_blocks
+from distretarget.numerics.parallel import over_blocks
 
 Array = NDArray[np.float64]
 Parents = NDArray[np.intp]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from distretarget.body.conventions import convention_of
 from distretarget.measure.diff import Diff
-from distretarget.measure.figures import BY_KEY, Side, Tracks, clip_figures, clip_limits, figures_at, frame_figures
+from distretarget.measure.figures import BY_KEY, Tracks, Variant, clip_figures, clip_limits, figures_at, frame_figures
 from distretarget.report.document_types import DiffBody, DiffContact, DiffDocument, DiffLimit, FigureValues
 from distretarget.skeleton import Skeleton
 
@@ -50,7 +50,7 @@ class About:
 
 def document(diff: Diff, about: About) -> DiffDocument:
     """The diff as JSON values that follow `diff.schema.json`; None where nothing was to be measured."""
-    sides: dict[Side, Tracks] = {"source": diff.comparison.source_tracks, "result": diff.tracks}
+    sides: dict[Variant, Tracks] = {"source": diff.comparison.source_tracks, "result": diff.tracks}
     frames = _frames(diff, sides)
     a, b, drivers = diff.matching.source.skeleton, diff.matching.target.skeleton, diff.matching.drivers
     source, result = _of_clip(sides["source"]), _of_clip(sides["result"])
@@ -112,7 +112,7 @@ def _limit(key: str, limit: float, value: float | None, source: float | None) ->
     return {"figure": key, "limit": limit, "value": number, "over": number is not None and number > limit}
 
 
-def _frames(diff: Diff, sides: Mapping[Side, Tracks]) -> dict[str, list[float | None]]:
+def _frames(diff: Diff, sides: Mapping[Variant, Tracks]) -> dict[str, list[float | None]]:
     """The columns of the frames, each with a value or None for every frame."""
     count = np.arange(len(diff))
     return {

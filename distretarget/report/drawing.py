@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.legs import Leg, leg_length
-from distretarget.measure.contacts import FAR_ALONG, NEAR, find_candidates, touching
+from distretarget.measure.contacts import CONTACT_DISTANCE, FAR_ALONG, find_candidates, points_of, touching
 from distretarget.measure.diff import Diff
 from distretarget.measure.feet import LOWEST
-from distretarget.measure.points import points_of
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import least_rotation
 from distretarget.report.drawing_types import ContactDrawing, DiffDrawing, MotionDrawing
@@ -42,7 +41,7 @@ def diff_drawing(diff: Diff) -> DiffDrawing:
     return {
         "step": step,
         "notes": _notes(step, diff),
-        "near": NEAR,
+        "near": CONTACT_DISTANCE,
         "far_along": FAR_ALONG,
         "regions": regions.of_joint[b_points].tolist(),
         "neighbours": regions.neighbours.tolist(),

@@ -9,11 +9,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Literal, TypedDict
 from urllib.parse import quote
 
-from distretarget.measure.figures import SUFFIXES, Side, as_data, figures_at
+from distretarget.measure.figures import SUFFIXES, Variant, as_data, figures_at
 from distretarget.report.page import filled
 
 # The columns of figures: for each figure of the page the source's, where it has one, the rotation copy's, the result's.
-FIGURE_COLUMNS: dict[str, tuple[Side, str]] = {
+FIGURE_COLUMNS: dict[str, tuple[Variant, str]] = {
     figure.key + suffix: (side, figure.key)
     for figure in figures_at("page over clips")
     for side, suffix in SUFFIXES.items()
@@ -43,7 +43,7 @@ class ClipRecord(TypedDict):
     target: str
     frames: int
     seconds: float
-    figures: Mapping[Side, Mapping[str, float | None]]
+    figures: Mapping[Variant, Mapping[str, float | None]]
     warnings: list[str]
     status: Literal["done", "failed"]
     error: str | None
@@ -110,7 +110,7 @@ def _outcome(record: ClipRecord) -> tuple[int, float | None, float | None]:
     return 1, _number(record["frames"]), _number(record["seconds"])
 
 
-def _figures(figures: Mapping[Side, Mapping[str, float | None]]) -> list[float | None]:
+def _figures(figures: Mapping[Variant, Mapping[str, float | None]]) -> list[float | None]:
     """The numbers of FIGURE_COLUMNS, None where there is none."""
     return [_number((figures.get(side) or {}).get(key)) for side, key in FIGURE_COLUMNS.values()]
 

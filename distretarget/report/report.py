@@ -6,12 +6,12 @@ from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
-from distretarget.arguments import check_kind
+from distretarget.checks import check_kind
 from distretarget.io.files import write_whole
 from distretarget.measure.diff import Diff, turned_note
+from distretarget.pipeline.result import RetargetResult
 from distretarget.report.document import About, document
 from distretarget.report.page import page
-from distretarget.result import RetargetResult
 
 
 def write_report(

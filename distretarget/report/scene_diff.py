@@ -7,8 +7,7 @@ import io
 from collections.abc import Mapping, Sequence
 from typing import Literal, TypedDict
 
-from distretarget.measure.gaps import Gaps
-from distretarget.measure.scene_diff import SceneDiff
+from distretarget.measure.scene_gaps import Gaps, SceneDiff
 from distretarget.report.document import DECIMALS, About
 from distretarget.report.document_types import DiffDocument, DiffLimit, Program
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from distretarget.measure.figures import FIGURES
-from distretarget.measure.scene_diff import SceneDiff
+from distretarget.measure.scene_gaps import SceneDiff
 from distretarget.report.scene_diff import SceneDiffDocument, part
 from distretarget.report.together import ShownBody, Stage, Table, together_page
 

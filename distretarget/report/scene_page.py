@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from distretarget.report.together import ShownBody, Stage, Table, together_page
-from distretarget.scene import SceneResult
+from distretarget.scene.retargeting import SceneResult
 
 NO_GAP = "\u2013"  # where nothing touches
 

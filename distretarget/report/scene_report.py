@@ -6,15 +6,15 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
-from distretarget.arguments import check_kind
+from distretarget.checks import check_kind
 from distretarget.errors import SettingsError
 from distretarget.io.files import write_whole
-from distretarget.measure.scene_diff import SceneDiff
+from distretarget.measure.scene_gaps import SceneDiff
 from distretarget.report.document import About, document
 from distretarget.report.scene_diff import scene_document
 from distretarget.report.scene_diff_page import scene_diff_page
 from distretarget.report.scene_page import scene_page
-from distretarget.scene import SceneResult
+from distretarget.scene.retargeting import SceneResult
 
 
 def write_scene_report(

@@ -11,7 +11,7 @@ from typing import TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.measure.across import NEAR
+from distretarget.measure.scene_gaps import TOUCH_DISTANCE
 from distretarget.motion import Motion
 from distretarget.report.drawing import drawn_step, in_base64, quantised, spans, upright
 from distretarget.report.page import filled
@@ -23,7 +23,7 @@ one after the last.
 """
 
 
-class Side(TypedDict):
+class DrawnPositions(TypedDict):
     """Positions of a body; each is offset + scale * number, the numbers in base64 of 16-bit integers."""
 
     offset: list[float]
@@ -37,7 +37,7 @@ class BodyDrawing(TypedDict):
     name: str
     thing: bool
     parents: list[list[int]]
-    sides: list[Side]
+    sides: list[DrawnPositions]
 
 
 class Table(TypedDict):
@@ -94,10 +94,10 @@ def together_page(title: str, bodies: Sequence[ShownBody], stage: Stage, tables:
         "step": step,
         "drawn": -(-frames // step),
         "facing": _across_them(bodies, stage.up),
-        "near": NEAR / 2.0,
+        "near": TOUCH_DISTANCE / 2.0,
         "sides": stage.sides,
         "bodies": [_drawing(body, stage, step) for body in bodies],
-        "lines": [line for pair in pairs for line in _lines(pair, bodies, NEAR * stage.leg, step)],
+        "lines": [line for pair in pairs for line in _lines(pair, bodies, TOUCH_DISTANCE * stage.leg, step)],
         "tables": tables,
     }
     return filled(
@@ -116,7 +116,7 @@ def _drawing(body: ShownBody, stage: Stage, step: int) -> BodyDrawing:
     return {"name": body.name, "thing": body.thing, "parents": parents, "sides": sides}
 
 
-def _side(positions: Array) -> Side:
+def _side(positions: Array) -> DrawnPositions:
     numbers, offset, scale = quantised(positions)
     return {"offset": offset.tolist(), "scale": scale.tolist(), "positions": in_base64(numbers, "<i2")}
 

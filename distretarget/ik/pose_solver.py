@@ -1,0 +1,227 @@
+"""Poses of least energy: an objective on positions, minimised over rotations on exact bones. Compiled.
+
+The unknowns are the deviations of the parts and of the root; the objective is any function of positions, plus the
+stiffness terms. The spectral gradient method minimises it in the metric of its curvature (`curvature`), where about
+three iterations reach a tolerance at which nothing shakes. The curvature serves the next frame too, as long as the same
+bones move and frames take few iterations with it. Where it fails, twice as many frames must go well before the next
+trial as before this one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.ik.articulation import (
+    Articulation,
+    Scratch,
+    pose_body,
+    pose_gradient,
+    stiffness_energy,
+)
+from distretarget.ik.curvature import Curvature, Numbers, are_first, factorise, solve_factored, write_curvature
+from distretarget.ik.spg import Minimum, Reason, inner, record, scratch_for, spectral_gradient
+from distretarget.ik.springs import write_way
+from distretarget.numerics.compiled import compiled, inlined
+from distretarget.numerics.loops import clear, copy_to
+
+Array = NDArray[np.float64]
+
+ROUND_ITERATIONS = 30  # at most, until the curvature is computed anew
+ROUNDS = 20  # at most, each but the first with a new curvature
+FEW_ITERATIONS = 3  # a curvature serves the next frame too while frames take no more with it ...
+LONGEST_WAIT = 64  # ... or is computed anew for up to so many frames, until it is tried again
+CONVERGED = Reason.CONVERGED.value
+
+
+class Clip(NamedTuple):
+    """The frames of the copy.
+
+    Attributes:
+        bones: (frames, joints, 3), the copy's bones, from each joint's parent to it [solver units].
+        root: (frames, 3), the root's path [solver units].
+    """
+
+    bones: Array
+    root: Array
+
+
+class Workspace(NamedTuple):
+    """The arrays that the solver of a body writes to.
+
+    Attributes:
+        scratch: the posed body.
+        curvature: its curvature.
+        gradient: (parts + 1, 3), the gradient at the pose that a round begins with.
+        descent: scratch of the spectral gradient method.
+        starts: (3, parts + 1, 3), poses to start from.
+    """
+
+    scratch: Scratch
+    curvature: Curvature
+    gradient: Array
+    descent: Array
+    starts: Array
+
+    @classmethod
+    def of(cls, body: Articulation) -> Workspace:
+        """Arrays for a body."""
+        pose = (len(body.stiffness), 3)
+        return cls(Scratch.of(body), Curvature.of(body), np.zeros(pose), scratch_for(pose), np.zeros((3, *pose)))
+
+
+class _Problem(NamedTuple):
+    """What the spectral gradient method solves: the pose of a body in one frame, by its active parts.
+
+    Attributes:
+        body, terms: what acts on what.
+        bones, root: of the copy in the frame.
+        scratch: of the body.
+        U: the factor of the curvature.
+        active: (active parts,), their numbers.
+        flat: scratch for what is solved.
+    """
+
+    body: Articulation
+    terms: Any
+    bones: Array
+    root: Array
+    scratch: Scratch
+    U: Array
+    active: Numbers
+    flat: Array
+
+
+def compile_pose_solver(
+    terms_of: Callable[..., Any], energy: Callable[..., Any], like_springs: Callable[..., Any]
+) -> Callable[..., Any]:
+    """Compile the solver of one kind of objective, given as three compiled functions.
+
+    terms_of(given, frame, start) -> terms: what acts in a frame; it may overwrite `start`, a pose to start from, which
+        is the copy's unless it does.
+    energy(scratch, terms) -> float: the value at the positions `scratch.x`; its gradient is added to
+        `scratch.gradient`.
+    like_springs(scratch, terms) -> (Springs, int): springs, of which the first ones, so many, have the same
+        Gauss-Newton curvature at `scratch.x`.
+
+    Returns a compiled solve(body, clip, given, tolerance, v, first, log, work). It solves the frames of `clip`, whose
+    first is frame `first` of `v` and `log`, and writes their poses and efforts there. Each frame starts from the best
+    of: the pose of `terms_of`, the pose before, the two poses before continued at the same speed. It stops when the
+    norm of the search direction, in the metric of the curvature, is at most `tolerance` [square root of the objective].
+    """
+
+    @inlined(fastmath=True)
+    def potential_of(v, body, bones, root, scratch, terms):  # type: ignore[no-untyped-def]
+        """Pose the body, and return what `energy` does."""
+        pose_body(v, body, bones, root, scratch)
+        clear(scratch.gradient)
+        return energy(scratch, terms)
+
+    @inlined(fastmath=True)
+    def objective(v, problem, gradient):  # type: ignore[no-untyped-def]
+        body, scratch = problem.body, problem.scratch
+        potential = potential_of(v, body, problem.bones, problem.root, scratch, problem.terms)
+        pose_gradient(v, body, scratch, gradient)
+        return potential + stiffness_energy(v, body)
+
+    @inlined()
+    def pose_best(starts, count, body, bones, root, terms, scratch, pose):  # type: ignore[no-untyped-def]
+        """Write the best of the first starts, so many, to `pose`, and pose the body in it. Return its potential, and
+        how many potentials were evaluated.
+        """
+        best, least, potential, tried = 0, np.inf, 0.0, 0
+        for trial in range(count + 1):
+            if trial == count and best == count - 1:
+                break  # the body is in the best one
+            start = starts[trial if trial < count else best]
+            potential = potential_of(start, body, bones, root, scratch, terms)
+            sigma = potential + stiffness_energy(start, body)
+            tried += 1
+            if sigma < least:
+                least, best = sigma, trial
+        copy_to(pose, starts[best])
+        return potential, tried
+
+    minimise = spectral_gradient(objective, _steepest_in_metric, adaptive=False)
+
+    @compiled()
+    def solve(body, clip, given, tolerance, v, first, log, work):  # type: ignore[no-untyped-def]
+        scratch, curvature = work.scratch, work.curvature
+        parts = 0
+        calm, wait = 0, 1  # frames in a row that took few iterations, and how many of them a curvature must wait for
+        for frame in range(len(clip.root)):
+            terms, bones, root = terms_of(given, frame, work.starts[0]), clip.bones[frame], clip.root[frame]
+            pose, count = v[first + frame], _warm_starts(v, first + frame, work.starts)
+            iterations, evaluations = 0, 0
+            for _ in range(ROUNDS):
+                potential, tried = pose_best(work.starts, count, body, bones, root, terms, scratch, pose)
+                evaluations += tried
+                springs, acting = like_springs(scratch, terms)
+                moved = write_way(springs, acting, body, curvature.below)
+                kept = calm >= wait and are_first(curvature.bones, curvature.below.way, moved)
+                if not kept:
+                    parts = write_curvature(moved, pose, body, scratch, springs, acting, curvature)
+                    factorise(curvature.H, 3 * parts)
+                if _reset_others(pose, curvature.place):  # which may let joints sink below the floor
+                    copy_to(work.starts[0], pose)
+                    count = 1
+                    continue
+                sigma = potential + stiffness_energy(pose, body)
+                pose_gradient(pose, body, scratch, work.gradient)
+                active = curvature.active[:parts]
+                problem = _Problem(body, terms, bones, root, scratch, curvature.H, active, curvature.flat)
+                minimum = minimise(pose, sigma, work.gradient, problem, tolerance, ROUND_ITERATIONS, work.descent)
+                iterations += minimum.iterations
+                evaluations += minimum.evaluations - 1  # the first of the method is that of the best start
+                converged = minimum.reason == CONVERGED
+                few = converged and minimum.iterations <= FEW_ITERATIONS
+                calm = calm + 1 if few else 0
+                if kept:
+                    wait = 1 if few else min(2 * wait, LONGEST_WAIT)
+                if converged:
+                    break
+                copy_to(work.starts[0], pose)
+                count = 1
+            record(Minimum(minimum.value, iterations, evaluations, minimum.reason), log, first + frame)
+
+    return solve
+
+
+@inlined(fastmath=True)
+def _steepest_in_metric(v, gradient, step, problem, d):  # type: ignore[no-untyped-def] # noqa: ARG001
+    """Write the direction of steepest descent in the metric H = U^T U, d = -step H^-1 gradient; return d^T H d."""
+    solve_factored(problem.U, problem.active, gradient, d, problem.flat)
+    flat = d.flat
+    for i in range(d.size):
+        flat[i] *= -step
+    return -step * inner(gradient, d)
+
+
+@inlined()
+def _reset_others(v: Array, place: Numbers) -> bool:
+    """Let the parts that are not active, which have no place among those that are, keep the copy's rotation; return
+    whether any did not yet.
+    """
+    reset = False
+    for part in range(len(v)):
+        if place[part] < 0 and (v[part, 0] != 0.0 or v[part, 1] != 0.0 or v[part, 2] != 0.0):
+            clear(v[part])
+            reset = True
+    return reset
+
+
+@inlined()
+def _warm_starts(v: Array, frame: int, starts: Array) -> int:
+    """Write the poses to start a frame from that the frames before it give: to `starts[1]` the pose before, to
+    `starts[2]` the two poses before, continued at the same speed. Return how many starts there are then.
+    """
+    if frame > 0:
+        copy_to(starts[1], v[frame - 1])
+    if frame > 1:
+        for part in range(v.shape[1]):
+            for i in range(3):
+                starts[2, part, i] = 2.0 * v[frame - 1, part, i] - v[frame - 2, part, i]
+    return min(frame, 2) + 1

@@ -1,0 +1,143 @@
+"""Rigid parts: which joints turn together, the motion of solved parts, and the fit of exact bones to given points.
+
+A part is a joint together with the joints that cannot turn against it, or follow it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.matching.matching import Matching
+from distretarget.motion import Motion, motion_of_world
+from distretarget.numerics.euler import restrict
+from distretarget.numerics.kinematics import turn_parts
+from distretarget.numerics.rotations import best_rotation
+from distretarget.skeleton import Skeleton
+
+Array = NDArray[np.float64]
+
+LEAST_TURN = 2e-5  # [quaternion norm] a smaller local rotation is the rounding of files
+
+
+def rigid_part_roots(matching: Matching) -> NDArray[np.intp]:
+    """(target joints,), the topmost joint of the rigid part that each joint belongs to.
+
+    A joint belongs to its parent's part if it cannot turn against it, having no rotation channels, or has no reason to,
+    following its parent in the rotation copy as twist joints do that nothing drives. Every other joint is the root of a
+    part, even if it does not turn in this motion; so is the first joint of a finger, which gives way to the floor.
+    """
+    skeleton, anatomy = matching.target.skeleton, matching.target.anatomy
+    knuckles = anatomy.knuckles if anatomy else ()
+    roots = np.arange(len(skeleton))
+    for joint in range(1, len(skeleton)):
+        still = matching.rotation_sources[joint, 0] < 0 and joint not in knuckles
+        follows = still or not skeleton.rotation_axes(joint)
+        if follows and skeleton.children[joint]:
+            roots[joint] = roots[skeleton.parents[joint]]
+    return roots
+
+
+def part_of_joint(skeleton: Skeleton, roots: NDArray[np.intp]) -> NDArray[np.intp]:
+    """(joints,), the number of the part that carries the bones below each joint.
+
+    `roots` is what `rigid_part_roots` returns. Parts are numbered from the skeleton's root down. A leaf carries no bone
+    and gets the number of its parent.
+    """
+    carriers = np.array([joint if below else skeleton.parents[joint] for joint, below in enumerate(skeleton.children)])
+    numbers: NDArray[np.intp] = np.unique(roots[np.maximum(carriers, 0)], return_inverse=True)[1]
+    return numbers
+
+
+def subtree_lengths(skeleton: Skeleton, carried: NDArray[np.intp]) -> Array:
+    """(joints,), the summed length of each joint's own bone and of all bones below it [file units].
+
+    Only bones on the way to one of the joints `carried` count: tails, props and other helpers do not.
+    """
+    sums = np.zeros(len(skeleton))
+    on_the_way = [*skeleton.lines(carried)]
+    sums[on_the_way] = skeleton.lengths[on_the_way]
+    for joint in range(len(skeleton) - 1, 0, -1):
+        sums[skeleton.parents[joint]] += sums[joint]
+    return sums
+
+
+def posed_motion(copy: Motion, v: Array, parts: NDArray[np.intp], root_positions: Array) -> Motion:
+    """The motion whose parts deviate from the rotation copy by `v`, (frames, parts + 1, 3) [rad].
+
+    Leaves keep the world rotations of the copy, since they carry no bone, unless they never turn against their parents.
+    `root_positions`, (frames, 3) [file units], are taken as they are; the root's displacement in `v` is not added.
+    """
+    turning = np.array(parts)
+    turning[_turning_leaves(copy)] = -1
+
+    def pose(block: slice, world: Array) -> Array:
+        world[:] = copy.world_rotations_in(block)
+        turn_parts(v[block, :-1], turning, world)
+        return root_positions[block]
+
+    return motion_of_world(copy.skeleton, len(copy), copy.frame_time_text, pose)
+
+
+def _turning_leaves(copy: Motion) -> NDArray[np.intp]:
+    """The leaves that turn against their parents in any frame."""
+    leaves = np.array([joint for joint, below in enumerate(copy.skeleton.children) if not below])
+    turn = np.abs(copy.rotations[:, leaves, :3]).max(axis=(0, 2), initial=0.0)
+    return np.asarray(leaves[turn >= LEAST_TURN])
+
+
+def fit_rotations(
+    copy: Motion, points: NDArray[np.float64], joints: NDArray[np.intp], roots: NDArray[np.intp]
+) -> Motion:
+    """Turn the bones of the rotation copy towards points, from the root down.
+
+    Each rigid part deviates from the copy by the rotation that brings its bones nearest to the points they carry: the
+    least rotation for one bone, a weighted alignment for several. So the twist, which points do not determine, stays
+    that of the copy. A joint with no point below it keeps the copy's world rotation. Joints with fewer than three
+    rotation channels turn as far as these allow, and the joints below them make up for the rest.
+
+    Args:
+        copy: the rotation copy on the target.
+        points: (frames, joints, 3), positions; only those of `joints` count [file units].
+        joints: the joints that have points.
+        roots: (joints,), the topmost joint of the rigid part that each joint belongs to.
+    """
+    skeleton = copy.skeleton
+    carried = _carried_points(skeleton, roots, set(joints.tolist()))
+    positions = np.array(copy.positions)
+    world = copy.world_rotations
+    local = np.array(copy.rotations)
+    deviations = np.tile([0.0, 0.0, 0.0, 1.0], (len(skeleton), len(copy), 1))
+    for joint, root in enumerate(roots):
+        above = world[:, skeleton.parents[joint]] if joint else np.array([[0.0, 0.0, 0.0, 1.0]])
+        if joint:
+            positions[:, joint] = positions[:, skeleton.parents[joint]] + _turn(above, skeleton.offsets[joint])
+        if carried[joint]:
+            bones = copy.positions[:, carried[joint]] - copy.positions[:, joint, None]
+            deviations[joint] = best_rotation(bones, points[:, carried[joint]] - positions[:, joint, None])
+        world[:, joint] = _product(deviations[root], world[:, joint])
+        local[:, joint] = _product(above * [-1, -1, -1, 1], world[:, joint])
+        axes = skeleton.rotation_axes(joint)
+        if len(axes) < 3:
+            local[:, joint] = restrict(local[:, joint], axes)
+            world[:, joint] = _product(above, local[:, joint])
+    return Motion(skeleton, copy.root_positions, local, copy.frame_time_text)
+
+
+def _carried_points(skeleton: Skeleton, roots: NDArray[np.intp], joints: set[int]) -> list[list[int]]:
+    """For the root of each rigid part, those of `joints` at the ends of the part's bones and away from it."""
+    carried: list[list[int]] = [[] for _ in roots]
+    for joint in range(1, len(skeleton)):
+        root = int(roots[skeleton.parents[joint]])
+        if joint in joints and skeleton.path_lengths[root, joint] > 0:
+            carried[root].append(joint)
+    return carried
+
+
+def _turn(rotations: NDArray[np.float64], vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(Rotation.from_quat(rotations).apply(np.array(vector)))  # a copy: scipy needs a writable array
+
+
+def _product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray((Rotation.from_quat(a) * Rotation.from_quat(b)).as_quat())

@@ -1,0 +1,251 @@
+"""Springs between joints, or between a joint and a place in the world: energy, gradient, and stiffness below each bone.
+Compiled.
+
+A turn of a bone moves everything below it by the same vector, and the bone feels the sum of all forces below it. So
+springs enter the curvature by sums over what is below bones: one pass over the tree, however many springs there are.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.ik.articulation import Articulation, Scratch
+from distretarget.numerics.compiled import inlined
+from distretarget.numerics.loops import clear
+
+Array = NDArray[np.float64]
+
+NEGLIGIBLE = 1e-9  # springs of less stiffness are left out
+
+
+class Springs(NamedTuple):
+    """Springs that draw two joints to a given difference, or one joint to a place in the world.
+
+    Spring s draws r = x[a[s]] - x[b[s]] - rest[s], or r = x[a[s]] - rest[s] where b[s] is -1, towards zero. Its energy
+    is 1/2 r^T A[s] r.
+
+    Attributes:
+        a, b: (springs,), joints; b is -1 where the spring is tied to the world.
+        rest: (springs, 3).
+        A: (springs, 3, 3), symmetric, the stiffness in each direction.
+    """
+
+    a: NDArray[np.intp]
+    b: NDArray[np.intp]
+    rest: Array
+    A: Array
+
+    def of_frames(self, frames: slice) -> Springs:
+        """The springs in some of the frames, if `rest` and `A` have these in front."""
+        return self._replace(rest=self.rest[frames], A=self.A[frames])
+
+
+def no_springs(frames: int) -> Springs:
+    """Nothing draws; `rest` and `A` have the frames in front."""
+    none = np.zeros(0, np.intp)
+    return Springs(none, none, np.zeros((frames, 0, 3)), np.zeros((frames, 0, 3, 3)))
+
+
+def room_for(count: int) -> Springs:
+    """Arrays for so many springs in one frame."""
+    return Springs(np.zeros(count, np.intp), np.zeros(count, np.intp), np.zeros((count, 3)), np.zeros((count, 3, 3)))
+
+
+def joined(*springs: Springs) -> Springs:
+    """All of these springs, whose arrays `rest` and `A` have the frames in front."""
+    lists = [np.concatenate(arrays, axis=min(np.ndim(arrays[0]) - 1, 1)) for arrays in zip(*springs, strict=True)]
+    return Springs(*lists)
+
+
+@inlined(fastmath=True)
+def is_negligible(A: Array, s: int) -> bool:
+    """Whether spring s of those with the stiffness A, (springs, 3, 3), is too soft to count."""
+    return bool(A[s, 0, 0] + A[s, 1, 1] + A[s, 2, 2] < NEGLIGIBLE)
+
+
+@inlined(fastmath=True)
+def spring_energy(scratch: Scratch, springs: Springs, count: int) -> float:
+    """The energy of the first springs, so many, at the positions `scratch.x`; their gradient is added to
+    `scratch.gradient`.
+    """
+    energy = 0.0
+    x, gradient, A, rest = scratch.x, scratch.gradient, springs.A, springs.rest
+    for s in range(count):
+        if is_negligible(A, s):
+            continue
+        a, b = springs.a[s], springs.b[s]
+        rx, ry, rz = x[a, 0] - rest[s, 0], x[a, 1] - rest[s, 1], x[a, 2] - rest[s, 2]
+        if b >= 0:
+            rx, ry, rz = rx - x[b, 0], ry - x[b, 1], rz - x[b, 2]
+        fx = A[s, 0, 0] * rx + A[s, 0, 1] * ry + A[s, 0, 2] * rz
+        fy = A[s, 1, 0] * rx + A[s, 1, 1] * ry + A[s, 1, 2] * rz
+        fz = A[s, 2, 0] * rx + A[s, 2, 1] * ry + A[s, 2, 2] * rz
+        energy += 0.5 * (fx * rx + fy * ry + fz * rz)
+        gradient[a, 0] += fx
+        gradient[a, 1] += fy
+        gradient[a, 2] += fz
+        if b >= 0:
+            gradient[b, 0] -= fx
+            gradient[b, 1] -= fy
+            gradient[b, 2] -= fz
+    return energy
+
+
+Numbers = NDArray[np.intp]
+
+
+class Below(NamedTuple):
+    """Arrays for what is below the bones of a body; the compiled functions write to their beginnings.
+
+    Attributes:
+        way: (joints,), the bones on the way, see `write_way`.
+        first: (joints + 1,), where each node begins in `way`, see `write_nodes`.
+        G: (joints, joints, 3, 3), the stiffness below nodes, see `write_stiffness_below`.
+        ends: (joints,), how many springs have one end at or below each joint.
+        is_end: (joints,), whether each joint is an end of a spring.
+        children: (joints,), how many bones on the way hang on each joint.
+        node: (joints,), the node of the bone to each joint; -1 if it is not on the way.
+    """
+
+    way: Numbers
+    first: Numbers
+    G: Array
+    ends: Numbers
+    is_end: NDArray[np.bool_]
+    children: Numbers
+    node: Numbers
+
+    @classmethod
+    def of(cls, body: Articulation) -> Below:
+        """Arrays for a body."""
+        joints = len(body.parents)
+        way, first, ends, children, node = (np.zeros(n, np.intp) for n in (joints, joints + 1, joints, joints, joints))
+        return cls(way, first, np.zeros((joints, joints, 3, 3)), ends, np.zeros(joints, np.bool_), children, node)
+
+
+@inlined()
+def write_way(springs: Springs, count: int, body: Articulation, below: Below) -> int:
+    """Write the bones whose turning moves one of the first springs, so many, to `below.way`, named by their lower
+    joints, from the last to the first, and at the end the root, 0, where a spring is tied to the world; return how many
+    there are.
+
+    The bones that move a spring between two joints are those on the path between them.
+    """
+    ends, is_end = below.ends, below.is_end
+    clear(ends)
+    clear(is_end)
+    for s in range(count):
+        if is_negligible(springs.A, s):
+            continue
+        a, b = springs.a[s], springs.b[s]
+        ends[a] += 1
+        is_end[a] = True
+        if b >= 0:
+            ends[b] += 1
+            is_end[b] = True
+            ends[body.meets[a, b]] -= 2
+    bones = 0
+    for joint in range(len(ends) - 1, -1, -1):  # all below the joint has been added to `ends[joint]`
+        if joint > 0:
+            ends[body.parents[joint]] += ends[joint]
+        if ends[joint] > 0:
+            below.way[bones] = joint
+            bones += 1
+    return bones
+
+
+@inlined()
+def write_nodes(way: Numbers, parents: Numbers, below: Below) -> int:
+    """Write where each node begins in `way`, and where the last one ends, to `below.first`; return how many nodes there
+    are.
+
+    A node is a run of bones, each the parent of the one before, with no end of a spring and no branch between them.
+    """
+    children, count = below.children, 0
+    clear(children)
+    for joint in way:
+        if joint > 0:
+            children[parents[joint]] += 1
+    for i, joint in enumerate(way):
+        if i == 0 or parents[way[i - 1]] != joint or children[joint] > 1 or below.is_end[joint]:
+            below.first[count] = i
+            count += 1
+    below.first[count] = len(way)
+    return count
+
+
+@inlined(fastmath=True)
+def write_stiffness_below(
+    springs: Springs, count: int, way: Numbers, nodes: int, parents: Numbers, below: Below
+) -> None:
+    """Write the force on everything below one node when everything below another is displaced to `below.G`, of which
+    the first nodes are used, and of these the part where the first node is not after the second.
+
+    A bone that is not on the way leaves all springs of what is below it as they are, which adds nothing to others.
+    """
+    first, node, G = below.first, below.node, below.G
+    for joint in range(len(node)):
+        node[joint] = -1
+    for n in range(nodes):
+        for i in range(first[n], first[n + 1]):
+            node[way[i]] = n
+        clear(G[n, n:nodes])
+    _add_ends(springs, count, node, G)
+    for n in range(nodes):
+        top = way[first[n + 1] - 1]
+        above = node[parents[top]] if top > 0 else -1
+        if above >= 0:
+            _add_to_above(G, n, above, nodes)
+
+
+@inlined(fastmath=True)
+def _add_ends(springs: Springs, count: int, node: Numbers, G: Array) -> None:
+    """Add to G the force on the ends of springs when such ends are displaced, by the nodes they are at."""
+    A = springs.A
+    for s in range(count):
+        if is_negligible(A, s):
+            continue
+        a, b = node[springs.a[s]], node[springs.b[s]] if springs.b[s] >= 0 else -1
+        if a >= 0:
+            _add(A[s], 1.0, G[a, a])
+        if b >= 0:
+            _add(A[s], 1.0, G[b, b])
+        if a >= 0 and b >= 0:
+            _add(A[s], -1.0, G[min(a, b), max(a, b)])
+
+
+@inlined(fastmath=True)
+def _add_to_above(G: Array, n: int, above: int, nodes: int) -> None:
+    """Add the row and the column of node n to those of the node above it: what is below the one is below the other."""
+    for other in range(n):
+        _add(G[other, n], 1.0, G[other, above])
+    for other in range(n + 1, above):
+        _add(G[n, other].T, 1.0, G[other, above])
+    _add(G[n, above], 1.0, G[above, above])
+    _add(G[n, above].T, 1.0, G[above, above])
+    _add(G[n, n], 1.0, G[above, above])
+    _add(G[n, n], 1.0, G[n, above])
+    _add_all(G[n, above + 1 : nodes], G[above, above + 1 : nodes])
+
+
+@inlined(fastmath=True)
+def couples(block: Array) -> bool:
+    """Whether a block of G is more than rounding: a sum of stiffness matrices, or minus such a sum."""
+    return bool(abs(block[0, 0] + block[1, 1] + block[2, 2]) >= NEGLIGIBLE)
+
+
+@inlined(fastmath=True)
+def _add(block: Array, sign: float, to: Array) -> None:
+    for i in range(3):
+        for j in range(3):
+            to[i, j] += sign * block[i, j]
+
+
+@inlined(fastmath=True)
+def _add_all(values: Array, to: Array) -> None:
+    flat_values, flat_to = values.flat, to.flat
+    for i in range(values.size):
+        flat_to[i] += flat_values[i]

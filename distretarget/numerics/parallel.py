@@ -1,0 +1,88 @@
+"""Work in blocks of frames, side by side in threads: compiled functions and most of numpy let other threads run."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from itertools import starmap
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Value = TypeVar("Value", bound=np.generic)
+
+BLOCK_FRAMES = 384  # most frames of a block
+
+
+def blocks_of(frames: int) -> Iterator[slice]:
+    """The frames of a clip in blocks of at most `BLOCK_FRAMES`, all about as long; none for a clip without frames."""
+    blocks = -(-frames // BLOCK_FRAMES)
+    for block in range(blocks):
+        yield slice(frames * block // blocks, frames * (block + 1) // blocks)
+
+
+def in_blocks(compute: Callable[[slice], NDArray[Value]], frames: int) -> NDArray[Value]:
+    """What `compute` returns for the frames of each block of a clip, joined."""
+    first, *others = list(blocks_of(frames)) or [slice(0, 0)]
+    values = compute(first)
+    joined = np.empty((frames, *values.shape[1:]), values.dtype)
+    joined[first] = values
+    for block in others:
+        joined[block] = compute(block)
+    return joined
+
+
+FEWEST_JOINTS = 150_000  # joints of all frames that are worth a thread
+
+Result = TypeVar("Result")
+
+
+def cores() -> int:
+    """Return how many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def threads() -> int:
+    """Return how many threads work side by side: one for each core, or fewer where OMP_NUM_THREADS says so."""
+    limit = os.environ.get("OMP_NUM_THREADS", "").strip()
+    return min(cores(), max(int(limit), 1)) if limit.isdecimal() else cores()
+
+
+def in_threads(function: Callable[..., Result], *arguments: Iterable[object]) -> Iterator[Result]:
+    """Call a function on arguments, as `map` does, in as many threads as may be used; results come in order."""
+    calls = list(zip(*arguments, strict=True))
+    workers = min(threads(), len(calls)) if len(calls) > 1 else 1
+    if workers < 2:
+        yield from starmap(function, calls)
+        return
+    with ThreadPoolExecutor(workers) as pool:
+        yield from pool.map(lambda call: function(*call), calls)
+
+
+def mapper_for(frames: int, joints: int) -> Callable[..., Iterable[Any]]:
+    """Return `in_threads` for a clip that is long enough for it, with so many joints, else `map`."""
+    return in_threads if _threads_for(frames, joints) > 1 else map
+
+
+def over_blocks(compute: Callable[[slice], object], frames: int, joints: int) -> None:
+    """Call a function that computes each frame on its own for all blocks of a clip with so many joints, and parts of a
+    long clip side by side.
+    """
+    blocks, parts = list(blocks_of(frames)), _threads_for(frames, joints)
+
+    def compute_part(part: int) -> None:
+        for block in blocks[len(blocks) * part // parts : len(blocks) * (part + 1) // parts]:
+            compute(block)
+
+    for _ in in_threads(compute_part, range(parts)):
+        pass
+
+
+def _threads_for(frames: int, joints: int) -> int:
+    """How many threads the frames of a clip are worth."""
+    worth = frames * joints // FEWEST_JOINTS
+    return min(threads(), worth) if worth > 1 else 1

@@ -1,0 +1,153 @@
+"""Values over the frames of a clip: shots between cuts, runs, medians, largest values and averages around a frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.numerics.compiled import compiled, inlined, read_only
+from distretarget.numerics.kinematics import steps_along
+from distretarget.numerics.loops import clear
+
+Array = NDArray[np.float64]
+
+
+def widened(values: Array, frames: float) -> Array:
+    """The largest of the values (frames, n) within `frames` before and after each frame, averaged over as many frames.
+
+    The result is smooth, and nowhere less than the values. Less than half a frame changes nothing.
+    """
+    reach = round(frames)
+    return values if reach < 1 else _largest_averaged(values, reach, reach)
+
+
+def largest(values: Array, reach: int) -> Array:
+    """The largest of the values (frames, n) within `reach` frames before and after each frame."""
+    return _largest_averaged(values, reach, 0)
+
+
+def averaged(values: Array, reach: int) -> Array:
+    """The values (frames, ...), averaged over `reach` frames before and after each frame (a raised cosine); before the
+    first and after the last frame they stay.
+    """
+    return _largest_averaged(values.reshape(len(values), -1), 0, reach).reshape(values.shape)
+
+
+def _largest_averaged(values: Array, reach: int, blur: int) -> Array:
+    """The largest of the values (frames, n) within `reach` frames of each frame, averaged over `blur` frames around."""
+    window = np.hanning(2 * blur + 3)[1:-1]
+    weights = np.zeros(len(window) + -len(window) % 4)
+    weights[: len(window)] = window / window.sum()
+    result, lanes = np.empty(values.shape), np.zeros((3, len(values) + 2 * max(reach, blur) + 3))
+    _write_largest_averaged(read_only(values), reach, blur, weights, lanes, result)
+    return result
+
+
+@compiled()
+def _write_largest_averaged(values, reach, blur, weights, lanes, result):  # type: ignore[no-untyped-def]
+    """Write the largest within `reach` frames, averaged over `blur` frames with the weights, whose number is a multiple
+    of 4; `lanes` are scratch for one column.
+    """
+    frames = len(values)
+    for n in range(values.shape[1]):
+        row, other, sums = lanes[0], lanes[1], lanes[2]
+        for frame in range(frames):
+            other[frame] = values[frame, n]
+        _extend(other, frames, reach, row)
+        size, span, count = 2 * reach + 1, 1, frames + 2 * reach
+        while 2 * span <= size:  # each element is the largest of `span`, from its place on
+            count -= span
+            _larger(row, row[span:], count, other)
+            row, other = other, row
+            span *= 2
+        _larger(row, row[size - span :], frames, other)
+        _extend(other, frames, blur, row)
+        clear(sums)
+        for k in range(0, len(weights), 4):
+            _add_four(row[k:], row[k + 1 :], row[k + 2 :], row[k + 3 :], weights[k:], frames, sums)
+        for frame in range(frames):
+            result[frame, n] = sums[frame]
+
+
+@inlined()
+def _extend(row: Array, frames: int, reach: int, longer: Array) -> None:
+    """Write a row with its first and its last value repeated before and after it."""
+    for i in range(frames + 2 * reach):
+        longer[i] = row[min(max(i - reach, 0), frames - 1)]
+
+
+@inlined()
+def _larger(a: Array, b: Array, count: int, out: Array) -> None:
+    """Write the larger of each two values."""
+    for i in range(count):
+        out[i] = max(a[i], b[i])
+
+
+@inlined()
+def _add_four(a: Array, b: Array, c: Array, d: Array, weights: Array, count: int, sums: Array) -> None:
+    """Add four values with their weights, one after the other: sums are read and written for four at a time."""
+    w, x, y, z = weights[0], weights[1], weights[2], weights[3]
+    for i in range(count):
+        sums[i] = (((sums[i] + w * a[i]) + x * b[i]) + y * c[i]) + z * d[i]
+
+
+def median_of_three(values: NDArray[Any]) -> NDArray[Any]:
+    """The median of each of the values (frames, ...) and those of the frames before and after it: a single frame unlike
+    both its neighbours becomes like one of them. The first and the last frame stay.
+    """
+    before, after = np.concatenate([values[:1], values[:-1]]), np.concatenate([values[1:], values[-1:]])
+    least, most = np.minimum(before, after), np.maximum(before, after)
+    return np.asarray(np.maximum(least, np.minimum(values, most)))
+
+
+def runs_of(flags: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """(frames,), the number of the run of true frames, counted from 1, that each frame belongs to; 0 for others."""
+    starts = flags & ~np.concatenate([[False], flags[:-1]])
+    return np.asarray(np.where(flags, np.cumsum(starts), 0))
+
+
+def over_runs(values: Array, weights: Array) -> Array:
+    """The values (frames, n), each averaged over its run of frames with weights, (frames,), that are not 0.
+
+    Between the runs the averages are interpolated; before the first and after the last run they stay. Without any run
+    they are the average over all frames.
+    """
+    frames = np.flatnonzero(weights)
+    if not len(frames):
+        return np.asarray(np.broadcast_to(values.mean(axis=0), values.shape))
+    runs = runs_of(weights > 0)
+    totals = np.zeros((runs.max() + 1, values.shape[1] + 1))
+    np.add.at(totals, runs, weights[:, None] * np.column_stack([values, np.ones(len(values))]))
+    means = totals[runs[frames], :-1] / totals[runs[frames], -1:]
+    return np.stack([np.interp(np.arange(len(values)), frames, column) for column in means.T], axis=1)
+
+
+Value = TypeVar("Value", bound=np.generic)
+Shots = NDArray[np.intp]  # (frames,), the number of the shot that each frame belongs to
+
+STEP = 8.0  # at a cut the joints move this many times as far as from frame to frame before and after it ...
+FAR = 0.02  # ... and at least this far on average [of the length that is given]
+
+
+def find_shots(positions: Array, joints: NDArray[np.intp], length: float) -> Shots:
+    """Return the number of the shot that each frame belongs to, (frames,), counted from 0.
+
+    `joints` are those of a body, among `positions`, (frames, all joints, 3), and `length` is a length of it, such as
+    that of its legs, in the same unit.
+    """
+    steps = steps_along(positions, joints).mean(axis=1)
+    before, after = np.insert(steps, 0, 0.0)[:-1], np.append(steps, 0.0)[1:]
+    cuts = steps > np.maximum(STEP * np.maximum(before, after), FAR * length)
+    return np.insert(np.cumsum(cuts), 0, 0).astype(np.intp)
+
+
+def by_shot(function: Callable[..., NDArray[Value]], shots: Shots, *values: NDArray[np.generic]) -> NDArray[Value]:
+    """Return what a function makes of values with the frames in front, made for each shot on its own, and joined."""
+    if not len(shots) or shots[0] == shots[-1]:
+        return function(*values)
+    edges = [0, *(np.flatnonzero(np.diff(shots)) + 1).tolist(), len(shots)]
+    return np.concatenate([function(*(each[first:end] for each in values)) for first, end in pairwise(edges)])

@@ -1,0 +1,245 @@
+"""The paper's objective, Eq. (2): solved for free points, then over the rotations of exact bones.
+
+Free points start from the rotation copy in every frame. A start from the frame before takes fewer iterations, but over
+a clip it drifts to mirrored postures, whose stress is the same. The rotation copy is never mirrored, and makes each
+frame independent of the others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.distances import DistanceProblem, columns, filled, stress_and_gradient, target_distances
+from distretarget.ik.articulation import Articulation, Scratch
+from distretarget.ik.pose_solver import Clip, Workspace, compile_pose_solver
+from distretarget.ik.poses import PoseProblem, Poses, Progress
+from distretarget.ik.spg import Effort, record, scratch_for, spectral_gradient, steepest
+from distretarget.ik.springs import Springs
+from distretarget.numerics.compiled import compiled, inlined
+from distretarget.numerics.loops import copy_to
+from distretarget.numerics.parallel import blocks_of
+from distretarget.numerics.rotations import best_rotation
+
+POINT_TOLERANCE = 1e-9  # [body sizes] a posture is solved when the search direction is shorter than this
+POINT_ITERATIONS = 2000  # at most, per frame
+FLAT = 1e-6  # [body sizes] a posture thinner than this counts as planar ...
+NUDGE = 1e-4  # [body sizes] ... and starts this far off its plane
+
+
+@dataclass(frozen=True, eq=False)
+class Postures:
+    """The solved points of every frame, and how well each frame is solved.
+
+    Attributes:
+        positions: (frames, points, 3), turned to the rotation copy and with its centroid [target file units].
+        stress: (frames,), sigma [body sizes squared].
+        effort: what the solver took.
+    """
+
+    positions: NDArray[np.float64]
+    stress: NDArray[np.float64]
+    effort: Effort
+
+
+class _Stress(NamedTuple):
+    """The stress of one frame: target distances and priorities, (points, columns)."""
+
+    delta: NDArray[np.float64]
+    pi: NDArray[np.float64]
+
+
+@inlined()
+def _objective(x, problem, gradient):  # type: ignore[no-untyped-def]
+    return stress_and_gradient(x, problem.delta, problem.pi, gradient)
+
+
+_minimise = spectral_gradient(_objective, steepest, adaptive=True)
+
+
+@compiled()
+def _solve_points(source, starts, ratio, problem, solved, first, log, gradient, scratch):  # type: ignore[no-untyped-def]
+    """Solve a block of frames, whose first is column `first` of `log`; distances are computed frame by frame."""
+    for t in range(len(source)):
+        copy_to(solved[t], starts[t])
+        target_distances(source[t], ratio, problem.delta)
+        sigma = _objective(solved[t], problem, gradient)
+        minimum = _minimise(solved[t], sigma, gradient, problem, POINT_TOLERANCE, POINT_ITERATIONS, scratch)
+        record(minimum, log, first + t)
+
+
+def solve_postures(
+    problem: DistanceProblem,
+    source: NDArray[np.float64],
+    copy: NDArray[np.float64],
+    progress: Progress = lambda _frames: None,
+) -> Postures:
+    """Minimise Eq. (2) in every frame.
+
+    `source`, (frames, source joints, 3), and `copy`, (frames, target joints, 3), are the positions of the source and of
+    its rotation copy on the target [file units]; each frame starts from the copy. `progress` is called with numbers of
+    solved frames.
+    """
+    points = copy[:, problem.targets]
+    centroids = points.mean(axis=1, keepdims=True)
+    C = columns((points - centroids) / problem.body_size)
+    S = columns(source[:, problem.sources] - source[:, problem.sources].mean(axis=1, keepdims=True))
+    X = np.empty_like(C)
+    log = np.zeros((4, len(C)))
+    ratio, priorities = filled(problem.ratio), filled(problem.priorities)
+    shape = 3, ratio.shape[1]
+    stress, gradient, scratch = _Stress(np.empty_like(ratio), priorities), np.zeros(shape), scratch_for(shape)
+    for block in blocks_of(len(C)):
+        x, solved = filled(off_plane(C[block])), np.empty((block.stop - block.start, *shape))
+        _solve_points(filled(S[block]), x, ratio, stress, solved, block.start, log, gradient, scratch)
+        X[block] = solved[:, :, : len(problem)]
+        progress(block.stop - block.start)
+    positions = aligned(X.transpose(0, 2, 1), C.transpose(0, 2, 1)) * problem.body_size + centroids
+    return Postures(positions, log[0], Effort.from_log(log))
+
+
+def off_plane(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Postures, (frames, 3, points), with those that lie in a plane or on a line moved off it.
+
+    The gradient of a planar posture lies in its plane, so that a solver never leaves it. The points move by at most
+    `NUDGE` across the plane, some to one side and some to the other; off a line they move along both directions across.
+    """
+    x = np.array(x)
+    axes, extents, _ = np.linalg.svd(x - x.mean(axis=2, keepdims=True), full_matrices=True)
+    flat = np.ones((len(x), 3), bool)
+    flat[:, : extents.shape[1]] = extents < FLAT
+    waves = NUDGE * np.cos(np.outer(np.arange(1, 4), np.arange(x.shape[2])))
+    return np.asarray(x + np.einsum("fix,fx,xp->fip", axes, flat, waves))
+
+
+def aligned(x: NDArray[np.float64], onto: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Postures (frames, points, 3) turned about their centroids, by proper rotations, as near as possible to `onto`.
+
+    The centroids of the result are at the origin.
+    """
+    x = x - x.mean(axis=1, keepdims=True)
+    return np.asarray(Rotation.from_quat(best_rotation(x, onto)[:, None]).apply(x))
+
+
+Array = NDArray[np.float64]
+
+PART_STIFFNESS = 1e-4  # keeps what the stress does not see (twist, the turn of the whole body) near the rotation copy
+ROOT_STIFFNESS = 1.0  # keeps the root on its path, which the stress does not see either
+POSE_TOLERANCE = 1e-5  # a frame is solved when the search direction, in the metric of the curvature, is shorter
+
+
+class Terms(NamedTuple):
+    """The stress of one frame.
+
+    Attributes:
+        points: (points,), the joint at each point.
+        delta, pi: (points, points), target distances [body sizes] and priorities.
+        x, gradient: (3, points), scratch.
+        priorities: (springs,), pi of each pair that counts.
+        springs: one for each of these, scratch for the curvature.
+    """
+
+    points: NDArray[np.intp]
+    delta: Array
+    pi: Array
+    x: Array
+    gradient: Array
+    priorities: Array
+    springs: Springs
+
+
+class Given(NamedTuple):
+    """A block of frames.
+
+    Attributes:
+        source: (frames, 3, points), the source's points [source file units].
+        guess: (frames, parts + 1, 3), a pose to start each frame from.
+        ratio: (points, points), tau2 / tau1 [body sizes / source file unit].
+        terms: of a frame, scratch.
+    """
+
+    source: Array
+    guess: Array
+    ratio: Array
+    terms: Terms
+
+
+def solve_paper(problem: PoseProblem, guess: Array, progress: Progress = lambda _frames: None) -> Poses:
+    """Minimise Eq. (2) over the rotations in every frame of a clip; lengths are in body sizes.
+
+    `guess`, (frames, parts + 1, 3), has a pose for each frame, to start from where it is better than the poses before.
+    `progress` is called with numbers of solved frames.
+    """
+    distances, unit = problem.distances, problem.distances.body_size
+    parts = int(problem.parts.max()) + 1
+    stiffness = np.append(np.full(parts, PART_STIFFNESS), ROOT_STIFFNESS)
+    body = Articulation.of(problem.skeleton, problem.parts, stiffness)
+    bones, root = np.ascontiguousarray(problem.bones / unit), np.ascontiguousarray(problem.root / unit)
+    S = np.ascontiguousarray(problem.source[:, distances.sources].transpose(0, 2, 1))
+    v = np.zeros((len(problem), parts + 1, 3))
+    log = np.zeros((4, len(problem)))
+    terms, work = _terms(distances), Workspace.of(body)
+    for block in blocks_of(len(problem)):
+        clip, given = Clip(bones[block], root[block]), Given(S[block], guess[block], distances.ratio, terms)
+        _solve_poses(body, clip, given, POSE_TOLERANCE, v, block.start, log, work)
+        progress(block.stop - block.start)
+    v[:, -1] *= unit
+    return Poses(v, Effort.from_log(log))
+
+
+def _terms(distances: DistanceProblem) -> Terms:
+    points = len(distances)
+    u, v = np.triu_indices(points, 1)
+    on = distances.priorities[u, v] > 0
+    u, v = u[on], v[on]
+    springs = Springs(
+        a=distances.targets[u],
+        b=distances.targets[v],
+        rest=np.zeros((len(u), 3)),
+        A=np.zeros((len(u), 3, 3)),
+    )
+    square, columns = np.zeros((points, points)), np.zeros((3, points))
+    return Terms(
+        distances.targets, square, distances.priorities, columns, columns.copy(), distances.priorities[u, v], springs
+    )
+
+
+@inlined(fastmath=True)
+def _stress(scratch: Scratch, terms: Terms) -> float:
+    for point, joint in enumerate(terms.points):
+        for i in range(3):
+            terms.x[i, point] = scratch.x[joint, i]
+    sigma = stress_and_gradient(terms.x, terms.delta, terms.pi, terms.gradient)
+    for point, joint in enumerate(terms.points):
+        for i in range(3):
+            scratch.gradient[joint, i] += terms.gradient[i, point]
+    return sigma
+
+
+@inlined(fastmath=True)
+def _pair_springs(scratch: Scratch, terms: Terms) -> tuple[Springs, int]:
+    """A spring along each pair, as stiff as its priority."""
+    springs = terms.springs
+    for s in range(len(springs.a)):
+        a, b = scratch.x[springs.a[s]], scratch.x[springs.b[s]]
+        square = 1e-30
+        for i in range(3):
+            square += (a[i] - b[i]) ** 2
+        for i in range(3):
+            for j in range(3):
+                springs.A[s, i, j] = terms.priorities[s] * (a[i] - b[i]) * (a[j] - b[j]) / square
+    return springs, len(springs.a)
+
+
+@inlined()
+def _terms_of(given: Given, frame: int, start: Array) -> Terms:
+    copy_to(start, given.guess[frame])
+    target_distances(given.source[frame], given.ratio, given.terms.delta)
+    return given.terms
+
+
+_solve_poses = compile_pose_solver(_terms_of, _stress, _pair_springs)

@@ -1,0 +1,171 @@
+"""Supports: joints that rest on the world, where they belong, and the springs that hold them there. Compiled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.ik.articulation import Articulation
+from distretarget.ik.springs import Springs, no_springs
+from distretarget.numerics.compiled import compiled, inlined
+from distretarget.numerics.loops import clear
+from distretarget.objectives.floor import Floor, no_floor
+
+Array = NDArray[np.float64]
+
+RESTS = 0.99  # weight from which a joint rests
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Supports:
+    """Joints that rest on the world in some frames, and where they belong. Foot joints come first.
+
+    Attributes:
+        joints: (supports,), joints of the target.
+        regions: (supports,), the region of the body that each belongs to; the joints of a region share its stiffness.
+        feet: how many of them are foot joints: ankle and toe of one leg, then those of the other.
+        weights: (frames, supports), 1 while the source's joint rests, blended to 0.
+        places: (frames, supports, 3), where the target's joint belongs [target file units].
+        floor: how low other joints may be [body units].
+        touching: springs that draw joints to where they touch other performers [body units].
+    """
+
+    joints: NDArray[np.intp]
+    regions: NDArray[np.intp]
+    feet: int
+    weights: Array
+    places: Array
+    floor: Floor
+    touching: Springs
+
+    @property
+    def standing(self) -> Array:
+        """(frames,), 1 while a foot rests, blended to 0."""
+        return np.asarray(self.weights[:, : self.feet].max(axis=1, initial=0.0))
+
+    def __getitem__(self, frames: slice) -> Supports:
+        floor, touching = self.floor.of_frames(frames), self.touching.of_frames(frames)
+        return replace(self, weights=self.weights[frames], places=self.places[frames], floor=floor, touching=touching)
+
+    def with_others(
+        self, joints: NDArray[np.intp], regions: NDArray[np.intp], weights: Array, places: Array
+    ) -> Supports:
+        """The same supports, and others."""
+        return replace(
+            self,
+            joints=np.append(self.joints, joints),
+            regions=np.append(self.regions, regions),
+            weights=np.concatenate([self.weights, weights], axis=1),
+            places=np.concatenate([self.places, places], axis=1),
+        )
+
+
+def no_supports(frames: int) -> Supports:
+    """Nothing rests."""
+    none = np.zeros(0, np.intp)
+    return Supports(
+        joints=none,
+        regions=none,
+        feet=0,
+        weights=np.zeros((frames, 0)),
+        places=np.zeros((frames, 0, 3)),
+        floor=no_floor(frames),
+        touching=no_springs(frames),
+    )
+
+
+LEAST_WEIGHT = 1e-6  # a joint of less weight is free
+FIRM = 2  # so many joints of a region are held with full stiffness; more share it
+
+
+def support_springs(supports: Supports, body: Articulation, bones: Array, unit: float, stiffness: float) -> Springs:
+    """The springs of resting joints; their arrays have the frames in front.
+
+    A joint of weight s is drawn the share s of the way to its place, whatever the `stiffness` k at its place: with M,
+    the compliance of the body at the joint, its spring is A = (m (1 - s) / s M + n I / k)^-1. Joints of one region that
+    rest together, such as the fingers of a hand, share what one of them would have: n is half their number, but at
+    least 1; m is their number, and n for foot joints. A stiffness of 0 leaves the joints free.
+
+    `bones`, (frames, joints, 3), are those of the copy, and `unit` is the body unit [file units].
+    """
+    weights, joints, regions, feet = supports.weights, supports.joints, supports.regions, supports.feet
+    A = np.zeros((*weights.shape, 3, 3))
+    if stiffness > 0.0:
+        scratch = np.zeros((len(body.stiffness), 3)), np.zeros((3, 3))
+        _write_springs(weights, joints, regions, feet, body, bones, stiffness, A, scratch)
+    return Springs(joints, np.full(len(joints), -1), supports.places / unit, A)
+
+
+@compiled()
+def _write_springs(weights, joints, regions, feet, body, bones, stiffness, A, scratch):  # type: ignore[no-untyped-def]
+    """Write A, (frames, joints, 3, 3), of resting joints with these weights and regions, those of the feet first;
+    lever arms and compliance are `scratch`.
+    """
+    arms, M = scratch
+    for frame in range(len(weights)):
+        for support in range(len(joints)):
+            s = weights[frame, support]
+            if s <= LEAST_WEIGHT:
+                continue
+            together = _together(weights[frame], regions, support)
+            n = max(together / FIRM, 1.0)
+            m = n if support < feet else together
+            if s < 1.0:
+                write_compliance(body, bones[frame], joints[support], arms, M)
+                for i in range(3):
+                    for j in range(3):
+                        M[i, j] *= m * (1.0 - s) / s
+                    M[i, i] += n / stiffness
+                _write_inverse(M, A[frame, support])
+            else:
+                for i in range(3):
+                    A[frame, support, i, i] = stiffness / n
+
+
+@inlined()
+def _together(weights: Array, regions: NDArray[np.intp], support: int) -> int:
+    """How many joints of the same region rest in a frame, this one included."""
+    count = 0
+    for other in range(len(weights)):
+        count += regions[other] == regions[support] and weights[other] > LEAST_WEIGHT
+    return count
+
+
+@inlined()
+def write_compliance(body: Articulation, bones: Array, joint: int, arms: Array, M: Array) -> None:
+    """Write M, (3, 3): how far a joint moves under a force, held by the stiffness of the parts and of the root alone.
+
+    A part of stiffness h, with the lever arm a on the joint, adds [a]^T [a] / h = (|a|^2 I - a a^T) / h. `bones`,
+    (joints, 3), are the frame's; `arms`, (parts + 1, 3), is scratch.
+    """
+    clear(arms)
+    while joint > 0:
+        parent = body.parents[joint]
+        for i in range(3):
+            arms[body.parts[parent], i] += bones[joint, i]
+        joint = parent
+    clear(M)
+    for i in range(3):
+        M[i, i] = 1.0 / body.stiffness[-1]
+    for part in range(len(arms) - 1):
+        square = arms[part, 0] ** 2 + arms[part, 1] ** 2 + arms[part, 2] ** 2
+        if square == 0.0:
+            continue
+        for i in range(3):
+            M[i, i] += square / body.stiffness[part]
+            for j in range(3):
+                M[i, j] -= arms[part, i] * arms[part, j] / body.stiffness[part]
+
+
+@inlined()
+def _write_inverse(M: Array, inverse: Array) -> None:
+    """Write the inverse of a symmetric matrix, (3, 3), by its cofactors."""
+    a, b, c, d, e, f = M[0, 0], M[0, 1], M[0, 2], M[1, 1], M[1, 2], M[2, 2]
+    A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
+    D, E, F = a * f - c * c, b * c - a * e, a * d - b * b
+    scale = 1.0 / (a * A + b * B + c * C)
+    inverse[0, 0], inverse[0, 1], inverse[0, 2] = scale * A, scale * B, scale * C
+    inverse[1, 0], inverse[1, 1], inverse[1, 2] = scale * B, scale * D, scale * E
+    inverse[2, 0], inverse[2, 1], inverse[2, 2] = scale * C, scale * E, scale * F

@@ -1,0 +1,1 @@
+"""One clip from source and target to a result."""

@@ -1,0 +1,100 @@
+"""From the texts of files to a retargeted motion: the work on one clip, for all commands that retarget."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+
+from distretarget.baseline.engine_root import RootFollows
+from distretarget.baseline.world import RootOffset
+from distretarget.errors import SAY_IN_A_MAP, DistretargetError, MatchingError
+from distretarget.ik.poses import Mapper, Progress
+from distretarget.io.files import STANDARD_INPUT, read_text, text_hash
+from distretarget.io.map_json import MapFile, joint_map
+from distretarget.io.target_file import parse_target
+from distretarget.motion import Motion
+from distretarget.numerics.parallel import in_threads
+from distretarget.objectives.resting_joints import Environment
+from distretarget.pipeline.performer import HoldMode
+from distretarget.pipeline.result import RetargetResult
+from distretarget.pipeline.retargeting import Objective, check_options, retarget
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """How to retarget a motion: the arguments of `retarget` with these names.
+
+    Raises:
+        SettingsError: one is none of its choices, or of another kind.
+    """
+
+    objective: Objective = "contact"
+    supports: HoldMode = "hold"
+    scene: Environment = "body"
+    root_scale: float | None = None
+    source_up: str | None = None
+    target_up: str | None = None
+    root_offset: RootOffset | None = None
+    root_follows: RootFollows | None = None
+
+    def __post_init__(self) -> None:
+        check_options(**asdict(self))
+
+
+@dataclass(frozen=True)
+class Text:
+    """A file that has been read: its text, and its path for errors."""
+
+    text: str
+    path: str | Path
+
+    @cached_property
+    def hash(self) -> str:
+        """The hash of the text, as UTF-8."""
+        return text_hash(self.text)
+
+
+def load_text(path: str | Path) -> Text:
+    """Read a text file; errors as in `read_text`."""
+    return Text(read_text(path), path)
+
+
+def retarget_onto(
+    motion: Motion,
+    target: Text,
+    *,
+    source: str | Path,
+    map_file: MapFile,
+    options: Options,
+    mapper: Mapper = in_threads,
+    progress: Progress = lambda _frames: None,
+) -> RetargetResult:
+    """Retarget a motion onto the target in a file that has been read, with the pairs of a map file.
+
+    `source` is the path of the motion's file, for errors; `mapper` and `progress` are as in `retarget`.
+
+    Raises:
+        DistretargetError: the motion cannot be retargeted, or the target's file is not valid; the error names the file.
+    """
+    whole_target = parse_target(target.text, target.path).for_source(motion.rigid_skeleton)
+    pairs = joint_map(motion.rigid_skeleton, whole_target, target.path, map_file)
+    try:
+        return retarget(motion, whole_target, joint_map=pairs, mapper=mapper, progress=progress, **asdict(options))
+    except MatchingError as error:
+        raise needs_map(error, source, target.path) from error
+    except DistretargetError as error:
+        raise error.in_file(source) from None
+
+
+def needs_map(error: MatchingError, source: str | Path, target: str | Path) -> MatchingError:
+    """Return a matching error with the advice to write a map, and the command for that."""
+    command = f"distretarget skeleton match {argument(source)} {argument(target)} -o MAP.json"
+    advice = f"{SAY_IN_A_MAP}: write one with `{command}`, and give it with --map MAP.json"
+    return error.advised(advice).in_file(target)
+
+
+def argument(path: str | Path) -> str:
+    """Return how a file is given on a command line, quoted for a shell."""
+    return "-" if path == STANDARD_INPUT else shlex.quote(str(path))

@@ -1,0 +1,152 @@
+"""The result of a retargeting: the motion, how it came about, how good it is, and what needs a look."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.baseline.world import World
+from distretarget.distances import DistanceProblem, posture_stress
+from distretarget.errors import quoted
+from distretarget.ik.spg import Effort
+from distretarget.matching.matching import Matching
+from distretarget.measure.figures import NOT_RUN, Track, Tracks, Variant, clip_figures
+from distretarget.measure.metrics import Comparison, Reference
+from distretarget.measure.snaps import find_snaps
+from distretarget.measure.verdict import verdict, what_needs_a_look
+from distretarget.motion import Motion
+from distretarget.numerics.vectors import lengths
+from distretarget.objectives.paper import Postures
+from distretarget.objectives.supports import RESTS, Supports
+
+Array = NDArray[np.float64]
+
+REACH = 0.005  # a resting joint farther than this from its place is worth a warning [body units]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RetargetResult:
+    """A retargeted motion, and how it came about.
+
+    Attributes:
+        source: the source's motion, in the target's world.
+        motion: on the target, with the source's frames and frame time.
+        rotation_copy: the baseline, the source's rotations on the target's bones.
+        matching: which source joint drives which target joint, and the two bodies.
+        world: the axes, and the root's OFFSET.
+        root_scale: target units per source unit of the root's path.
+        effort: what the solver spent on each frame.
+        supports: the joints that rest on the world and where they belong; none where all are free, as with the paper's
+            objective.
+        postures: the paper's solved points; None for the contact objective, which needs none.
+        distances: the points that source and target share, with their path lengths.
+    """
+
+    source: Motion
+    motion: Motion
+    rotation_copy: Motion
+    matching: Matching
+    world: World
+    root_scale: float
+    effort: Effort
+    supports: Supports
+    postures: Postures | None
+    distances: DistanceProblem
+
+    def __repr__(self) -> str:
+        return f"<RetargetResult of {len(self.motion)} frames, mean stress {self.written_stress.mean():.3g}>"
+
+    @property
+    def drivers(self) -> NDArray[np.intp]:
+        """(target joints,), the source joint that drives each target joint, -1 for none."""
+        return self.matching.drivers
+
+    @cached_property
+    def copy_stress(self) -> Array:
+        """(frames,), the stress of the rotation copy, Eq. (2), over the squared height of the target's rest pose."""
+        return self._stress_of(self.rotation_copy)
+
+    @cached_property
+    def written_stress(self) -> Array:
+        """(frames,), the same of `motion`."""
+        return self._stress_of(self.motion)
+
+    @property
+    def free_stress(self) -> Array | None:
+        """(frames,), the same of the solved points; None without them."""
+        return None if self.postures is None else self._relative * self.postures.stress
+
+    def _stress_of(self, motion: Motion) -> Array:
+        return self._relative * posture_stress(self.distances, self.source.positions, motion.positions)
+
+    @property
+    def _relative(self) -> float:
+        """What turns stress in body sizes squared into stress in heights of the target squared."""
+        return (self.distances.body_size / self.matching.target.height) ** 2
+
+    @property
+    def comparison(self) -> Comparison:
+        """The result measured against the source, frame by frame."""
+        return self._comparisons[0]
+
+    @cached_property
+    def _comparisons(self) -> tuple[Comparison, Comparison]:
+        """The result, and the rotation copy, measured against the source: both against what is measured of it once."""
+        reference = Reference(self.source, self.matching, self.world.up_vector)
+        return reference.compare(self.motion), reference.compare(self.rotation_copy)
+
+    @cached_property
+    def tracks(self) -> dict[Variant, Tracks]:
+        """What the figures of source, rotation copy and result are taken from, frame by frame."""
+        comparison, baseline = self._comparisons
+        return {
+            "source": comparison.source_tracks,
+            "rotation_copy": {**baseline.tracks, "stress": Track(self.copy_stress), **NOT_RUN},
+            "result": {**comparison.tracks, "stress": Track(self.written_stress), **self.run_tracks},
+        }
+
+    @cached_property
+    def run_tracks(self) -> Tracks:
+        """What is known of the result because it was made here: its snaps, and the frames that did not converge."""
+        unsolved = np.zeros(len(self.motion))
+        unsolved[self.effort.unsolved] = 1.0
+        snaps = find_snaps(self.rotation_copy, self.motion, self.matching.target)
+        return {"snap": Track(snaps, parts=self.motion.skeleton.keys), "unsolved": Track(unsolved)}
+
+    @cached_property
+    def figures(self) -> dict[Variant, dict[str, float | None]]:
+        """The figures of quality of the whole clip, by key (`measure.figures.FIGURES`), of source, rotation copy and
+        result; None where nothing was to be measured.
+        """
+        return {side: clip_figures(tracks) for side, tracks in self.tracks.items()}
+
+    @cached_property
+    def verdict(self) -> str:
+        """What was kept and what changed, in a plain sentence, and the names of the figures that need a look."""
+        return verdict(self.figures, self.tracks)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What needs a look, a line each: figures above their limits, figures that are worse than the rotation copy's,
+        and resting joints that do not reach their place.
+        """
+        return (*what_needs_a_look(self.figures, self.tracks), *self._missed_places())
+
+    def _missed_places(self) -> Iterator[str]:
+        held, keys = self.supports, self.motion.skeleton.keys
+        away = lengths(self.motion.positions[:, held.joints] - held.places) / self.matching.target.unit
+        short = np.where((held.weights > RESTS) & (away > REACH), away, 0.0)
+        frames = np.flatnonzero(short.any(axis=1))
+        if len(frames):
+            worst, support = np.unravel_index(short.argmax(), short.shape)
+            short_of = dict.fromkeys(keys[joint] for joint in held.joints[short.any(axis=0)])  # an ankle may be its toe
+            missing = 200 * short[worst, support]  # a body unit is twice the leg's length
+            yield (
+                f"resting joints do not reach their places in {len(frames)} of {len(short)} frames (first: frame "
+                f"{frames[0]}): {quoted(short_of)}; most: "
+                f"{keys[held.joints[support]]} in frame {worst}, {missing:.1f} % of a leg away"
+            )

@@ -1,0 +1,110 @@
+"""What a run reports: its verdict and figures in a line each, joints without a counterpart, its figures as JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Literal, TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.errors import quoted
+from distretarget.matching.matching import Matching
+from distretarget.measure.figures import BY_KEY, Figure, Variant, figures_at, frame_figures
+from distretarget.pipeline.result import RetargetResult
+
+
+class RunFiguresDocument(TypedDict):
+    """The figures of a run. The keys of figures, with their units, are those in `measure.figures.FIGURES`.
+
+    Attributes:
+        format, version: the name and the version of this format.
+        frame_time: the time between frames [s].
+        root_scale: target units per source unit of the root's path.
+        verdict: what was kept and what changed, in a plain sentence.
+        warnings: what needs a look, a line each.
+        figures: by key, the figures of the whole clip, of source, rotation copy and result; None where nothing was to
+            be measured.
+        frames: columns with an entry for each frame. Those of figures are named by key, with `_source` or `_copy`
+            after it for source and rotation copy. `iterations` and `evaluations` are the solver's effort, `reason` is
+            why it stopped, `stress_solved_points` the stress of the solved points (only with the paper's objective).
+    """
+
+    format: Literal["distretarget-figures"]
+    version: Literal[1]
+    frame_time: float
+    root_scale: float
+    verdict: str
+    warnings: Sequence[str]
+    figures: Mapping[Variant, Mapping[str, float | None]]
+    frames: Mapping[str, Sequence[float | str | None]]
+
+
+def summary_line(result: RetargetResult, seconds: float) -> str:
+    """One line for the end of a run: its frames, its time, and the verdict on the result."""
+    frames = "1 frame" if len(result.motion) == 1 else f"{len(result.motion)} frames"
+    return f"{frames} in {seconds:.2f} s. {result.verdict}"
+
+
+def figures_line(result: RetargetResult) -> str:
+    """One line of figures of rotation copy and result, and the frame of most stress."""
+    figures, stress = result.figures, BY_KEY["stress"]
+    worst = int(np.argmax(result.written_stress))
+    values = ", ".join(
+        f"{_named(figure)} {figure.brief(figures['rotation_copy'][figure.key])}"
+        f" / {figure.brief(figures['result'][figure.key])}"
+        for figure in figures_at("line")
+    )
+    points = result.free_stress
+    solved = "" if points is None else f"; stress of the solved points {stress.brief(float(points.mean()))}"
+    return (
+        f"rotation copy / result: {values}{solved}; "
+        f"most stress in frame {worst} ({stress.brief(float(result.written_stress[worst]))})"
+    )
+
+
+def unmatched(matching: Matching) -> Iterator[str]:
+    """A line with the joints that follow their parents, if there are any."""
+    if joints := matching.followers:
+        many = f"{len(joints)} joints of the target have no counterpart and follow their parents"
+        one = "1 joint of the target has no counterpart and follows its parent"
+        yield f"{one if len(joints) == 1 else many}: {quoted(joints)}"
+
+
+def figures_document(result: RetargetResult) -> RunFiguresDocument:
+    """The figures of a run as JSON values: those of the whole clip, and those of each frame."""
+    effort = result.effort
+    frames: dict[str, Sequence[float | str | None]] = {
+        **_columns(frame_figures(result.tracks, len(result.motion))),
+        "iterations": effort.iterations.tolist(),
+        "evaluations": effort.evaluations.tolist(),
+        "reason": effort.reason_names,
+    }
+    if result.free_stress is not None:
+        frames["stress_solved_points"] = result.free_stress.tolist()
+    return {
+        "format": "distretarget-figures",
+        "version": 1,
+        "frame_time": result.motion.frame_time,
+        "root_scale": result.root_scale,
+        "verdict": result.verdict,
+        "warnings": result.warnings,
+        "figures": result.figures,
+        "frames": frames,
+    }
+
+
+def figures_json(result: RetargetResult) -> str:
+    """The text of `figures_document` as JSON."""
+    return json.dumps(figures_document(result), indent=1, allow_nan=False) + "\n"
+
+
+def _named(figure: Figure) -> str:
+    return f"{figure.label} [{figure.symbol}]" if figure.symbol else figure.label
+
+
+def _columns(values: Mapping[str, NDArray[np.float64]]) -> dict[str, list[float | None]]:
+    """Lists of JSON values, null for nan."""
+    return {key: [value if math.isfinite(value) else None for value in row.tolist()] for key, row in values.items()}

@@ -1,0 +1,256 @@
+"""Performers and things together: what touches between them, and the sweeps that keep it together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.baseline.rotation_copy import RootScale
+from distretarget.ik.poses import Mapper, Poses
+from distretarget.ik.rigid_parts import posed_motion
+from distretarget.ik.springs import Springs, joined, no_springs
+from distretarget.measure.scene_gaps import TOUCH_DISTANCE
+from distretarget.motion import Motion
+from distretarget.numerics.kinematics import lowest_heights
+from distretarget.numerics.vectors import lengths, spread_out
+from distretarget.objectives.contact import solve_contact
+from distretarget.objectives.supports import Supports
+from distretarget.pipeline.performer import Prepared
+from distretarget.scene.prop_contacts import (
+    LEVER,
+    Grasp,
+    Placement,
+    Touched,
+    find_touched,
+    held_placement,
+    nearest,
+    turn_of,
+)
+from distretarget.scene.touch import Points, Touching, find_touching, gap_errors, touching_springs, with_shortfall
+
+Array = NDArray[np.float64]
+Joints = NDArray[np.intp]
+Grips = Mapping[int, tuple[int, ...]]
+"""The joints of targets that hold a thing, by the numbers of their performers."""
+
+REGION_POINTS = 9  # most joints of a region that may touch others
+MOST_SWEEPS = 2  # all performers are solved at most so many times
+SETTLED = 0.018  # gaps between what touches are less than this off, on average [leg lengths]
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedThing:
+    """A thing in the world of the performers.
+
+    Attributes:
+        points: (frames, points, 3), where it is in the source [source file units].
+        free: where it is while nobody holds it.
+        grips: what holds it.
+    """
+
+    points: Array
+    free: Placement
+    grips: Grips
+
+
+@dataclass(frozen=True, eq=False)
+class Together:
+    """Performers and things, and what touches between them.
+
+    Attributes:
+        performers: as they are solved, one by one.
+        things: what else is in their world.
+        touching: for each two performers, by their numbers, their joints that come near each other.
+        touched: for each performer and thing, by their numbers, the joints that come near it.
+    """
+
+    performers: tuple[Prepared, ...]
+    things: tuple[PlacedThing, ...]
+    touching: Mapping[tuple[int, int], Touching]
+    touched: Mapping[tuple[int, int], Touched]
+
+    def placement(self, thing: int, now: Sequence[Motion]) -> Placement:
+        """Where a thing is while the performers are where they are now."""
+        placed = self.things[thing]
+        holds = [hold for number in placed.grips for hold in self._holds(number, thing, now[number])]
+        return held_placement(placed.free, holds) if holds else placed.free
+
+    def _holds(self, number: int, thing: int, now: Motion) -> Iterator[Grasp]:
+        """How a performer holds a thing."""
+        one, touched = self.performers[number], self.touched[number, thing]
+        copied, turned = one.copy.world_rotations, now.world_rotations
+        for column in np.flatnonzero(np.isin(touched.joints, self.things[thing].grips[number])):
+            joint = touched.joints[column]
+            turn = turn_of(copied[:, joint], turned[:, joint])
+            place = now.positions[:, joint]
+            yield Grasp(touched.f[:, column], touched.source[:, column], place, turn, LEVER * one.problem.unit)
+
+    def springs(self, now: Sequence[Motion]) -> list[Springs]:
+        """The springs that draw each performer to the others, and to things."""
+        springs = [no_springs(len(one.problem)) for one in self.performers]
+        copies = [one.problem.copy_on_path(np.arange(len(one.problem.skeleton))) for one in self.performers]
+        units = [one.problem.unit for one in self.performers]
+        for (i, j), pairs in self.touching.items():
+            both = (copies[i], copies[j]), (now[i].positions, now[j].positions), (units[i], units[j])
+            for number, more in zip((i, j), touching_springs(pairs, *both, self.performers[i].settings), strict=True):
+                springs[number] = joined(springs[number], more)
+        places = [self.placement(thing, now) for thing in range(len(self.things))]
+        for (i, thing), touched in self.touched.items():
+            springs[i] = joined(springs[i], touched.springs(places[thing], copies[i], units[i]))
+        return springs
+
+    def off(self, now: Sequence[Motion]) -> float:
+        """How far the gaps between what touches are off, on average [leg lengths]; 0 where nothing touches."""
+        off = [np.zeros(0)]
+        for (i, j), pairs in self.touching.items():
+            leg = (self.performers[i].problem.unit + self.performers[j].problem.unit) / 4.0
+            near = lengths(pairs.vectors) < TOUCH_DISTANCE * leg
+            off.append(gap_errors(pairs, now[i].positions, now[j].positions)[near] / leg)
+        for (i, thing), touched in self.touched.items():
+            placement, leg = self.placement(thing, now), self.performers[i].problem.unit / 2.0
+            gaps = nearest(now[i].positions[:, touched.joints], placement(self.things[thing].points))
+            wanted = placement.scale * touched.gaps
+            off.append(np.abs(gaps - wanted)[wanted < TOUCH_DISTANCE * leg] / leg)
+        values = np.concatenate(off)
+        return float(values.mean()) if len(values) else 0.0
+
+
+def brought_together(performers: Sequence[Prepared], things: Sequence[PlacedThing]) -> Together:
+    """Find what touches, and let what rests on another performer or on a thing rest there."""
+    touching = {(i, j): _touching(performers[i], performers[j]) for i, j in combinations(range(len(performers)), 2)}
+    touched = {(i, k): _touched(one, thing, i) for i, one in enumerate(performers) for k, thing in enumerate(things)}
+    placed = []
+    for number, one in enumerate(performers):
+        of_others = [
+            (pairs.frames, pairs.joints[both.index(number)], pairs.f)
+            for both, pairs in touching.items()
+            if number in both
+        ]
+        supports = one.supports
+        for k, thing in enumerate(things):
+            near = touched[number, k]
+            if thing.grips:
+                frames, columns = np.nonzero(near.f)
+                of_others.append((frames, near.joints[columns], near.f[frames, columns]))
+            else:
+                supports = _resting_on(supports, near, thing.free)
+        placed.append(replace(one, supports=_yielding(one, supports, of_others)))
+    return Together(tuple(placed), tuple(things), touching, touched)
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """Performers and things after the last sweep.
+
+    Attributes:
+        poses: one for each performer.
+        placements: one for each thing.
+        sweeps: how many times all performers were solved.
+        off: how far what touches is off, on average [leg lengths].
+    """
+
+    poses: list[Poses]
+    placements: list[Placement]
+    sweeps: int
+    off: float
+
+
+def solve_together(together: Together, mapper: Mapper, progress: Callable[[int], object]) -> Solved:
+    """Solve all performers, each by itself, until what touches is as near as it should, at most `MOST_SWEEPS` times."""
+    performers = together.performers
+    now = [_on_path(one) for one in performers]
+    springs = together.springs(now)
+    for sweep in range(1, MOST_SWEEPS + 1):
+        progress(sweep)
+        poses = [_solve(one, more, mapper) for one, more in zip(performers, springs, strict=True)]
+        now = [_posed(one, pose) for one, pose in zip(performers, poses, strict=True)]
+        off = together.off(now)
+        if off < SETTLED or sweep == MOST_SWEEPS:
+            break
+        springs = [
+            with_shortfall(more, before, at.positions / one.problem.unit, one.performer.matching.regions.of_joint)
+            for one, more, before, at in zip(performers, together.springs(now), springs, now, strict=True)
+        ]
+    return Solved(poses, [together.placement(thing, now) for thing in range(len(together.things))], sweep, off)
+
+
+def _touching(one: Prepared, other: Prepared) -> Touching:
+    scale = RootScale(one.scale.level, (one.scale.height + other.scale.height) / 2.0)
+    up = one.performer.matching.source.up_vector
+    return find_touching(_points(one), _points(other), scale, up, one.problem.frame_time, one.settings)
+
+
+def _touched(one: Prepared, thing: PlacedThing, number: int) -> Touched:
+    points, matching, supports = _points(one), one.performer.matching, one.supports
+    regions = matching.regions.of_joint[points.joints]
+    free = np.ones((len(one.problem), len(points.joints)))
+    for support, region in enumerate(supports.regions[: supports.feet]):
+        free[:, regions == region] *= 1.0 - supports.weights[:, support, None]
+    leg = matching.leg_lengths[0] or matching.source.unit
+    touched = find_touched(points, regions, thing.points, leg, free, one.problem.frame_time, one.settings)
+    holders = thing.grips.get(number, ())
+    alone = sum(map(len, thing.grips.values())) == 1
+    held = np.isin(matching.regions.of_joint[touched.joints], matching.regions.of_joint[[*holders]])
+    return touched.without(held if alone else held & ~np.isin(touched.joints, holders))
+
+
+def _points(one: Prepared) -> Points:
+    """The joints of a performer's body that may touch, a few of each region: fingers follow the hand."""
+    matching, distances = one.performer.matching, one.problem.distances
+    tau = matching.source.skeleton.path_lengths
+    regions = matching.regions.of_joint[distances.targets]
+    kept: list[int] = []
+    for region in range(len(matching.regions.names)):
+        points = np.flatnonzero(regions == region)
+        sources = distances.sources[points]
+        kept += points[spread_out(tau[np.ix_(sources, sources)], REGION_POINTS)].tolist() if len(points) else []
+    sources = distances.sources[kept]
+    joints = distances.targets[kept]
+    return Points(
+        joints=joints,
+        source=matching.source_motion.positions[:, sources],
+        reach=tau[matching.drivers[matching.pelvis]][sources],
+        target_reach=matching.target.skeleton.path_lengths[matching.pelvis][joints],
+    )
+
+
+def _resting_on(supports: Supports, near: Touched, free: Placement) -> Supports:
+    """The same, but what rests, apart from feet, and touches a thing that stands has its place on the thing."""
+    places, on_thing = np.array(supports.places), free(near.source)
+    for support in range(supports.feet, len(supports.joints)):
+        for column in np.flatnonzero(near.joints == supports.joints[support]):
+            places[:, support] += near.f[:, column, None] * (on_thing[:, column] - places[:, support])
+    return replace(supports, places=places)
+
+
+def _yielding(one: Prepared, supports: Supports, touches: Sequence[tuple[Joints, Joints, Array]]) -> Supports:
+    """The same, but what stands still off the floor and touches another performer, or a thing that somebody holds,
+    rests on nothing: it goes where the two meet. `touches` are frames, joints and activations.
+    """
+    matching = one.performer.matching
+    up, reach = matching.source.up_vector, one.settings.rest_height * matching.leg_lengths[1]
+    floor = one.scale.height * lowest_heights(matching.source_motion.positions, up)[:, None]
+    regions = matching.regions.of_joint
+    touched = np.zeros((len(one.problem), len(matching.regions.names)))
+    for frames, joints, f in touches:
+        np.maximum.at(touched, (frames, regions[joints]), f)
+    yields = np.where(supports.places @ up - floor > 2.0 * reach, touched[:, supports.regions], 0.0)
+    yields[:, : supports.feet] = 0.0
+    return replace(supports, weights=supports.weights * (1.0 - yields))
+
+
+def _solve(one: Prepared, springs: Springs, mapper: Mapper) -> Poses:
+    return solve_contact(one.problem, replace(one.supports, touching=springs), one.settings, mapper=mapper)
+
+
+def _on_path(one: Prepared) -> Motion:
+    """The rotation copy whose root keeps to its path."""
+    return replace(one.copy, root_positions=one.problem.root)
+
+
+def _posed(one: Prepared, poses: Poses) -> Motion:
+    return posed_motion(one.copy, poses.v, one.problem.parts, one.problem.root + poses.v[:, -1])

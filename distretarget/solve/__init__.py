@@ -1,1 +1,0 @@
-"""Solve for the target's motion: the objectives, and the solver that minimises them over rotations on exact bones."""
