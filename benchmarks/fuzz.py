@@ -39,7 +39,7 @@ from distretarget.io.map_json import parse_map
 from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.io.target_file import parse_target
 from distretarget.pipeline.conversion import Text, retarget_onto
-from distretarget.pipeline.retargeting import OBJECTIVES
+from distretarget.pipeline.options import OBJECTIVES
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 import strategies as made

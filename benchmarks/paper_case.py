@@ -10,12 +10,12 @@ from clips import SAMPLES
 from edits import ARMS, LEGS, edited
 from numpy.typing import NDArray
 
-from distretarget import Motion, RetargetResult, Skeleton, read_bvh, retarget
+from distretarget import Motion, Options, RetargetResult, Skeleton, read_bvh, retarget
 from distretarget.baseline.rotation_copy import RootScale, find_root_scale, rotation_copy
 from distretarget.body.body import Body
 from distretarget.distances import DistanceProblem, distance_problem, posture_stress
 from distretarget.matching.matching import match
-from distretarget.pipeline.retargeting import Objective
+from distretarget.pipeline.options import Objective
 
 Array = NDArray[np.float64]
 
@@ -89,7 +89,7 @@ class Case:
         return self._retargeted("contact")
 
     def _retargeted(self, objective: Objective) -> RetargetResult:
-        return retarget(self.source, self.target, objective=objective)
+        return retarget(self.source, self.target, Options(objective=objective))
 
     @cached_property
     def copy(self) -> Array:

@@ -21,7 +21,7 @@ from clips import SAMPLES
 from edits import TARGETS, edited
 from scipy.spatial.transform import Rotation
 
-from distretarget import Motion, read_bvh, retarget
+from distretarget import Motion, Options, read_bvh, retarget
 from distretarget.body.body import Body
 from distretarget.numerics.vectors import normalised
 
@@ -66,7 +66,7 @@ def draw(folder: Path, corpus: Path, picture: Picture) -> None:
     """Draw source, rotation copy, paper and contact, all turned to face the same way, into `name.png`."""
     source = read_bvh((corpus if "/" in picture.clip else SAMPLES) / picture.clip)
     body = edited(source.rigid_skeleton, TARGETS[picture.target])
-    paper, contact = (retarget(source, body, objective=objective) for objective in ("paper", "contact"))
+    paper, contact = (retarget(source, body, Options(objective=objective)) for objective in ("paper", "contact"))
     turn = facing(source, picture.frames)
     rows = [
         (f"{picture.clip}", source),

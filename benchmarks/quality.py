@@ -23,7 +23,7 @@ from edits import TARGETS, edited, part_of
 from numpy.typing import NDArray
 from tables import insert
 
-from distretarget import Motion, RetargetResult, read_bvh, retarget
+from distretarget import Motion, Options, RetargetResult, read_bvh, retarget
 from distretarget.measure.figures import clip_figures
 from distretarget.measure.metrics import Reference
 
@@ -86,7 +86,7 @@ def measure(folder: Path, clip: str, target: str, methods: tuple[str, ...], fram
     body = edited(source.rigid_skeleton, TARGETS[target])
     rows = []
     for method in methods:
-        result = retarget(source, body, objective="paper" if method == "paper" else "contact")
+        result = retarget(source, body, Options(objective="paper" if method == "paper" else "contact"))
         if not rows:
             rows.append(Row(clip, target, "rotation copy", _figures(result, result.rotation_copy)))
         figures = _figures(result, result.motion)

@@ -31,8 +31,8 @@ from numpy.typing import NDArray
 from speed_picture import Bar, draw_bars
 from tables import insert
 
-from distretarget import Motion, read_bvh, retarget, write_bvh
-from distretarget.pipeline.retargeting import OBJECTIVES
+from distretarget import Motion, Options, read_bvh, retarget, write_bvh
+from distretarget.pipeline.options import OBJECTIVES
 from distretarget.skeleton import Skeleton
 
 LEAST_SECONDS = 0.5  # of processor time, for which each contestant runs in each round
@@ -72,7 +72,7 @@ def contestant(clip: Path, target: str, name: str) -> Contestant:
     if name in LONG_CLIP:
         return Contestant(_file_runs(clip, source, body)[name])
     if name in OBJECTIVE_OF:
-        return Contestant(lambda: retarget(source, body, objective=OBJECTIVE_OF[name]).motion.positions)
+        return Contestant(lambda: retarget(source, body, Options(objective=OBJECTIVE_OF[name])).motion.positions)
     result = retarget(source, body)
     if name == GMR:
         gmr = Gmr(result)

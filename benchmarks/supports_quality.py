@@ -22,7 +22,7 @@ from clips import SAMPLES
 from edits import TARGETS, edited
 from tables import insert
 
-from distretarget import DistretargetError, RetargetResult, read_bvh, retarget
+from distretarget import DistretargetError, Options, RetargetResult, read_bvh, retarget
 from distretarget.measure.figures import Variant
 
 BODIES = ("child", "H")
@@ -67,7 +67,7 @@ def measured(clip: Path, body: str) -> Run | None:
         results, seconds = [], []
         for supports in ("hold", "feet"):
             began = time.perf_counter()
-            results.append(retarget(motion, target, supports=supports))
+            results.append(retarget(motion, target, Options(supports=supports)))
             seconds.append(time.perf_counter() - began)
     except DistretargetError:
         return None

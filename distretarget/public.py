@@ -34,15 +34,15 @@ from distretarget.motion import Motion, MotionArrays, MovingBones
 from distretarget.numerics.kinematics import forward_kinematics
 from distretarget.objectives.settings import ContactSettings
 from distretarget.objectives.supports import Supports
-from distretarget.pipeline.conversion import Options
+from distretarget.pipeline.options import Options
 from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.retargeting import retarget
 from distretarget.pipeline.summary import RunFiguresDocument
 from distretarget.report.document_types import DiffDocument
 from distretarget.report.report import write_report
 from distretarget.report.scene_report import write_scene_report
-from distretarget.scene.prop import Grip, Thing, prop_of
-from distretarget.scene.retargeting import SceneResult, ThingResult, retarget_scene
+from distretarget.scene.prop import Grip, Prop, prop_of
+from distretarget.scene.retargeting import PropResult, SceneResult, retarget_scene
 from distretarget.scene.scene_file import SceneSetup, load_scene
 from distretarget.skeleton import Skeleton
 from distretarget.target import SkeletonEdit, Target
@@ -74,6 +74,8 @@ __all__ = [
     "MotionError",
     "MovingBones",
     "Options",
+    "Prop",
+    "PropResult",
     "RetargetResult",
     "RunFiguresDocument",
     "SceneDiff",
@@ -87,8 +89,6 @@ __all__ = [
     "Supports",
     "Tally",
     "Target",
-    "Thing",
-    "ThingResult",
     "World",
     "convert_folder",
     "diff",

@@ -1,4 +1,4 @@
-"""Animals, things, and rigs in which a person is a child of another joint."""
+"""Animals, props, and rigs in which a person is a child of another joint."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from distretarget.batch.compile_ahead import warm
 from distretarget.cli import main
-from distretarget.pipeline.retargeting import OBJECTIVES
+from distretarget.pipeline.options import OBJECTIVES
 
 LOOK = 0.02  # time between two checks of a running process [s]
 LOOKS = 15_000  # after this many seconds a test fails

@@ -231,7 +231,7 @@ options = st.fixed_dictionaries(
     optional={
         "objective": st.sampled_from(("contact", "contact", "paper")),
         "supports": st.sampled_from(("hold", "feet", "free")),
-        "scene": st.sampled_from(("body", "scaled")),
+        "environment": st.sampled_from(("body", "scaled")),
         "root_scale": st.sampled_from((1.0, 1e-12, 1e-3, 1e6, 1e12)),
         "source_up": st.sampled_from(AXES),
         "target_up": st.sampled_from(AXES),
@@ -240,7 +240,7 @@ options = st.fixed_dictionaries(
     },
 )
 strange_options = st.dictionaries(
-    st.sampled_from(("objective", "supports", "scene", "root_scale", "source_up", "root_follows", "jobs", "q")),
+    st.sampled_from(("objective", "supports", "environment", "root_scale", "source_up", "root_follows", "jobs", "q")),
     st.one_of(
         st.text(max_size=4).filter(lambda text: "\0" not in text), st.sampled_from(("nan", "-1", "1e999", "papr"))
     ),

@@ -144,7 +144,7 @@ def test_a_root_on_the_floor_that_feet_pass_changes_nothing(clip):
 
 @conventions
 @beings
-def test_no_animal_or_thing_is_taken_for_a_person(being, convention):
+def test_no_animal_or_prop_is_taken_for_a_person(being, convention):
     person, body = rig(convention, "T"), BEINGS[being]
     for source, target in ((person, body), (body, person)):
         with pytest.raises(MatchingError) as caught:
@@ -160,7 +160,7 @@ def test_no_animal_or_thing_is_taken_for_a_person(being, convention):
 
 @pytest.mark.parametrize("source", BEINGS)
 @pytest.mark.parametrize("target", BEINGS)
-def test_animals_and_things_are_not_taken_for_each_other(source, target):
+def test_animals_and_props_are_not_taken_for_each_other(source, target):
     if source == target:
         assert np.all(matched(BEINGS[source], BEINGS[target]).drivers >= 0)
     else:

@@ -102,14 +102,12 @@ def test_no_name_hides_a_module():
 
 @pytest.mark.parametrize("name", distretarget.__all__)
 def test_public_names_exist_and_are_documented(name):
-    thing = getattr(distretarget, name)
-    assert inspect.getdoc(thing)
-    if inspect.isclass(thing):
-        for member, value in vars(thing).items():
-            if not member.startswith("_") and (
-                callable(value) or isinstance(value, property | functools.cached_property)
-            ):
-                assert inspect.getdoc(value), f"{name}.{member}"
+    value = getattr(distretarget, name)
+    assert inspect.getdoc(value)
+    if inspect.isclass(value):
+        for member, own in vars(value).items():
+            if not member.startswith("_") and (callable(own) or isinstance(own, property | functools.cached_property)):
+                assert inspect.getdoc(own), f"{name}.{member}"
 
 
 def test_every_public_function_of_the_package_is_documented():

@@ -66,7 +66,7 @@ def test_keys_of_joints(key):
         {"objective": "papr"},
         {"objective": ["paper"]},
         {"supports": "all"},
-        {"scene": 1},
+        {"environment": 1},
         {"root_scale": -1},
         {"root_scale": float("nan")},
         {"root_scale": "1"},
@@ -79,7 +79,7 @@ def test_keys_of_joints(key):
     ids="".join,
 )
 def test_options_of_retarget(options):
-    is_refused(lambda: d.retarget(CLIP, BODY, **options))
+    is_refused(lambda: d.retarget(CLIP, BODY, d.Options(**options)))
     is_refused(lambda: d.Options(**options))
 
 

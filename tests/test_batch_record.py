@@ -10,7 +10,8 @@ from distretarget.batch.clips import Clip
 from distretarget.batch.plan import Work
 from distretarget.batch.record import ManifestRecord, Recipe, RecordedOptions, failed_record, parse_record, read_records
 from distretarget.io.map_json import MapFile
-from distretarget.pipeline.conversion import Options, Text
+from distretarget.pipeline.conversion import Text
+from distretarget.pipeline.options import Options
 
 RECIPE = Recipe(Options(), MapFile({"Head": "Skull"}, ""), "1")
 WORK = Work(Clip(PurePath("a.bvh"), PurePath("a.bvh"), 1), Text("{}", "hero.json"), PurePath("deep/a.bvh"))

@@ -18,7 +18,8 @@ from distretarget.batch.task import Outcome
 from distretarget.errors import BatchError, FileError
 from distretarget.io.map_json import MapFile
 from distretarget.io.skeleton_json import skeleton_to_json
-from distretarget.pipeline.conversion import Options, Text
+from distretarget.pipeline.conversion import Text
+from distretarget.pipeline.options import Options
 
 TARGET = Text(skeleton_to_json(other_lengths(person()), "body"), "body.json")
 RECIPE = Recipe(Options(), MapFile({}, ""), "1")

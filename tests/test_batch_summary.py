@@ -7,7 +7,8 @@ from distretarget.batch.plan import Work
 from distretarget.batch.record import Recipe, failed_record
 from distretarget.batch.summary import Tally
 from distretarget.io.map_json import MapFile
-from distretarget.pipeline.conversion import Options, Text
+from distretarget.pipeline.conversion import Text
+from distretarget.pipeline.options import Options
 
 RECIPE = Recipe(Options(), MapFile({}, ""), "1")
 

@@ -13,7 +13,8 @@ from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.map_json import MapFile
 from distretarget.io.skeleton_json import skeleton_to_json
-from distretarget.pipeline.conversion import Options, Text
+from distretarget.pipeline.conversion import Text
+from distretarget.pipeline.options import Options
 from distretarget.report.document import About
 
 TARGET = Text(skeleton_to_json(other_lengths(person()), "body"), "body.json")

@@ -202,10 +202,10 @@ REFUSED = {
 }
 
 
-def changed(thing, **values):
+def changed(prop, **values):
     for name, value in values.items():
-        setattr(thing, name, value)
-    return thing
+        setattr(prop, name, value)
+    return prop
 
 
 def first(container, **values):

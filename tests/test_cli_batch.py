@@ -13,7 +13,7 @@ import pytest
 from bodies import CORPUS, SAMPLES, needs_corpus, other_lengths, person, swaying
 from program import command, run, run_process, start_process, wait_until
 
-from distretarget import read_bvh, retarget, write_bvh
+from distretarget import Options, read_bvh, retarget, write_bvh
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.skeleton_json import skeleton_to_json
 
@@ -115,7 +115,9 @@ def test_options_are_passed_on(folder):
     assert (line["options"]["supports"], line["options"]["root_scale"]) == ("free", 3.0)
     assert line["options"]["map"] == {"Head": None}
     body = other_lengths(person())
-    made = retarget(read_bvh(folder / "in/a.bvh"), body, supports="free", root_scale=3.0, joint_map={"Head": None})
+    made = retarget(
+        read_bvh(folder / "in/a.bvh"), body, Options(supports="free", root_scale=3.0), joint_map={"Head": None}
+    )
     assert (folder / "out/a.bvh").read_text() == format_bvh(made.motion)
 
 

@@ -12,7 +12,7 @@ from bodies import SAMPLES
 from pages import settle
 from program import run
 from referencing import Registry, Resource
-from sample_things import SCENES
+from sample_props import SCENES
 
 from distretarget import write_bvh
 from distretarget.report.document_types import DiffLimit
@@ -91,17 +91,17 @@ def test_results_are_matched_by_the_maps_of_their_scene_file(results, folder):
     assert "LeftWrist" not in json.loads((folder / "e.json").read_text())["performers"]["one"]["unmatched_b"]
 
 
-def test_a_folder_with_a_scene_file_is_that_scene_and_things_are_followed(results):
+def test_a_folder_with_a_scene_file_is_that_scene_and_props_are_followed(results):
     done = run("diff", SAMPLES / "scenes" / "staff", results / "staff", "--fail-over", "gap_error=1")
     assert (done.returncode, done.stderr) == (0, "")
-    assert "things: staff" in done.stdout
+    assert "props: staff" in done.stdout
     assert "performer's left hand - staff: " in done.stdout
 
 
 def test_folders_without_a_scene_file_are_scenes_too(results):
     done = run("diff", results / "staff", results / "staff", *("--fail-over", "gap_error=0"))
     assert (done.returncode, done.stderr) == (0, "")
-    assert "things: staff" in done.stdout
+    assert "props: staff" in done.stdout
     assert "off by 0.0 on average; a unit of A's world is 1 of B's" in done.stdout
 
 

@@ -8,7 +8,7 @@ import numba
 import pytest
 from bodies import SAMPLES, other_lengths, person, swaying
 
-from distretarget import load_target, read_bvh, retarget
+from distretarget import Options, load_target, read_bvh, retarget
 from distretarget.batch.compile_ahead import warm
 from distretarget.objectives.contact import compile_solver
 
@@ -16,7 +16,8 @@ WATCHED = """
 import sys
 from distretarget import load_target, read_bvh
 from distretarget.batch.task import Task, convert
-from distretarget.pipeline.conversion import Options, load_text
+from distretarget.pipeline.options import Options
+from distretarget.pipeline.conversion import load_text
 from distretarget.io.map_json import MapFile
 from distretarget.batch.compile_ahead import warm
 from numba.core.dispatcher import Dispatcher
@@ -72,6 +73,6 @@ def test_the_solver_is_compiled_for_one_layout_of_arrays(monkeypatch):
     compile_solver()
     warm("contact")
     for supports in ("hold", "free"):
-        retarget(swaying(person(), frames=3), other_lengths(person()), supports=supports)
+        retarget(swaying(person(), frames=3), other_lengths(person()), Options(supports=supports))
     retarget(read_bvh(SAMPLES / "squat.bvh"), load_target(SAMPLES / "child.json"))
     assert len(seen) == 1

@@ -8,7 +8,7 @@ import pytest
 from bodies import SAMPLES, clapping, lengthened, person, posed
 from scipy.spatial.transform import Rotation
 
-from distretarget import load_target, read_bvh, retarget
+from distretarget import Options, load_target, read_bvh, retarget
 from distretarget.baseline.rotation_copy import RootScale, root_path
 from distretarget.body.body import Body
 from distretarget.ik.spg import Reason
@@ -49,7 +49,7 @@ def apart(result, expected, skeleton):
 @pytest.mark.parametrize("factors", [{"Wrist": 1.5}, {"Knee": 0.7, "Hip": 1.4}, {"Chest2": 1.6, "Elbow": 0.6}])
 def test_without_near_pairs_and_with_free_feet_it_is_the_rotation_copy(factors):
     source, body = clapping(np.zeros(30)), lengthened(PERSON, factors)
-    result = retarget(source, body, supports="free")
+    result = retarget(source, body, Options(supports="free"))
     np.testing.assert_allclose(result.motion.world_rotations, result.rotation_copy.world_rotations, atol=1e-12)
     path = root_path(result.rotation_copy, result.matching, RootScale.even(result.root_scale))
     np.testing.assert_allclose(result.motion.root_positions, path, atol=1e-12)
@@ -69,7 +69,7 @@ def test_hands_that_meet_meet_on_other_arms(factors):
 
 
 def test_hands_that_meet_leave_the_legs_alone():
-    result = retarget(clapping(CLAP), lengthened(PERSON, {"Wrist": 1.5}), supports="free")
+    result = retarget(clapping(CLAP), lengthened(PERSON, {"Wrist": 1.5}), Options(supports="free"))
     turns = np.abs(np.einsum("fji,fji->fj", result.motion.world_rotations, result.rotation_copy.world_rotations))
     angles = np.degrees(2 * np.arccos(np.minimum(turns, 1))).max(axis=0)
     assert angles[[PERSON.index(name) for name in ("LeftHip", "RightHip", "LeftKnee", "Hips")]].max() < 0.5

@@ -7,7 +7,7 @@ import pytest
 from bodies import CORPUS, SAMPLES, needs_corpus
 from edits import ARMS_AND_LEGS, edited
 
-from distretarget import DistretargetError, Motion, read_bvh, retarget, write_bvh
+from distretarget import DistretargetError, Motion, Options, read_bvh, retarget, write_bvh
 from distretarget.body.body import Body
 
 REFUSED = {
@@ -53,7 +53,7 @@ def assert_near(positions, expected, skeleton):
 @clips
 def test_the_same_body_gives_the_same_positions(path, tmp_path):
     source = read_rigid(path)
-    written = through_a_file(retarget(source, source.skeleton, root_offset="replaced").motion, tmp_path)
+    written = through_a_file(retarget(source, source.skeleton, Options(root_offset="replaced")).motion, tmp_path)
     assert written.frame_time_text == source.frame_time_text
     assert_near(written.positions, source.positions, source.skeleton)
 
@@ -62,7 +62,7 @@ def test_the_same_body_gives_the_same_positions(path, tmp_path):
 def test_a_scaled_body_gives_scaled_positions(path, tmp_path):
     source = read_rigid(path)
     target = source.skeleton.with_offsets(0.37 * source.skeleton.offsets)
-    written = through_a_file(retarget(source, target, root_offset="replaced").motion, tmp_path)
+    written = through_a_file(retarget(source, target, Options(root_offset="replaced")).motion, tmp_path)
     assert_near(written.positions, 0.37 * source.positions, target)
 
 

@@ -10,7 +10,7 @@ from bodies import SAMPLES, matched, person, posed, with_bone
 from make_rigs import rig
 from scipy.spatial.transform import Rotation
 
-from distretarget import Motion, MotionError, read_bvh, retarget, write_bvh
+from distretarget import Motion, MotionError, Options, read_bvh, retarget, write_bvh
 from distretarget.baseline.engine_root import find_engine_root
 from distretarget.baseline.rotation_copy import RootScale, rotation_copy
 from distretarget.body.body import Body
@@ -51,7 +51,7 @@ def tilted(turns):
     """A person whose hips take these rotations, on the rig."""
     path = np.tile([0.0, 0.9, 0.0], (len(turns), 1))
     motion = posed(person(), {"Hips": turns.as_rotvec()}, path, "0.0333333")
-    return retarget(motion, UNREAL, source_up="Y", supports="free").motion
+    return retarget(motion, UNREAL, Options(source_up="Y", supports="free")).motion
 
 
 def rotations(axis, degrees):
@@ -96,7 +96,7 @@ def test_the_root_turns_with_the_pelvis_and_is_never_tilted(name):
 
 
 def test_the_root_stays_upright_on_the_floor_of_another_world():
-    motion = retarget(clip("squat"), UNREAL, target_up="Y").motion
+    motion = retarget(clip("squat"), UNREAL, Options(target_up="Y")).motion
     pelvis = motion.positions[:, UNREAL.index("pelvis")]
     np.testing.assert_allclose(motion.root_positions, pelvis * [1, 0, 1], atol=LIMIT)
     ups = Rotation.from_quat(motion.rotations[:, 0]).apply([0, 0, 1])
@@ -135,7 +135,7 @@ def test_a_file_keeps_root_and_handles(name, tmp_path):
 
 
 def test_a_root_that_follows_nothing_stays_at_the_origin():
-    motion = retarget(clip("walk"), UNREAL, root_follows="nothing").motion
+    motion = retarget(clip("walk"), UNREAL, Options(root_follows="nothing")).motion
     np.testing.assert_allclose(motion.root_positions, 0, atol=LIMIT)
     np.testing.assert_allclose(np.abs(motion.rotations[:, 0, 3]), 1)
     pelvis = UNREAL.index("pelvis")
@@ -176,13 +176,13 @@ def test_the_root_follows_the_sources_root():
     path, turns = frames * [[30.0, 0.0, 80.0]], rotations("Y", 90 * frames[:, 0])
     rooted = with_root_motion(source, path, turns)
     np.testing.assert_allclose(rooted.positions[:, 1:], source.positions, atol=1e-9)
-    for motion in (retarget(rooted, UNREAL), retarget(rooted, UNREAL, root_follows="source")):
+    for motion in (retarget(rooted, UNREAL), retarget(rooted, UNREAL, Options(root_follows="source"))):
         expected = motion.root_scale * path[:, [0, 2, 1]] * [1, -1, 1]
         np.testing.assert_allclose(motion.motion.root_positions, expected, atol=LIMIT)
         yaw, tilt = headings(motion.motion)
         np.testing.assert_allclose(yaw, 90 * frames[:, 0], atol=1e-6)
         assert tilt < 1e-6
-    under = retarget(rooted, UNREAL, root_follows="pelvis").motion
+    under = retarget(rooted, UNREAL, Options(root_follows="pelvis")).motion
     pelvis = UNREAL.index("pelvis")
     np.testing.assert_allclose(under.root_positions, under.positions[:, pelvis] * [1, 1, 0], atol=LIMIT)
     np.testing.assert_allclose(under.positions[:, pelvis], motion.motion.positions[:, pelvis], atol=1e-3)
@@ -203,8 +203,8 @@ def test_a_source_root_that_never_moves_leads_only_a_root_of_the_same_name(name)
 
 def test_without_a_root_on_the_floor_the_source_cannot_lead():
     with pytest.raises(MotionError, match="no root on the floor to follow"):
-        retarget(clip("squat"), UNREAL, root_follows="source")
-    retarget(clip("squat"), clip("squat").skeleton, root_follows="source")
+        retarget(clip("squat"), UNREAL, Options(root_follows="source"))
+    retarget(clip("squat"), clip("squat").skeleton, Options(root_follows="source"))
 
 
 @pytest.mark.parametrize("channels", [ROTATION_CHANNELS, POSITION_CHANNELS])

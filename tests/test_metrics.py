@@ -5,7 +5,7 @@ import pytest
 from bodies import SAMPLES, clapping, lengthened, matched, moved, other_lengths, person, posed, swaying
 from scipy.spatial.transform import Rotation
 
-from distretarget import Motion, Skeleton, read_bvh, retarget
+from distretarget import Motion, Options, Skeleton, read_bvh, retarget
 from distretarget.measure.contacts import normalised_distances
 from distretarget.measure.figures import clip_figures
 from distretarget.measure.metrics import Reference
@@ -133,7 +133,7 @@ def test_a_motion_is_as_good_as_itself(name):
 
 def pair():
     source = clapping(np.sin(np.linspace(0, np.pi, 40)) ** 2)
-    return source, retarget(source, lengthened(PERSON, {"Wrist": 1.5, "Knee": 0.8}), supports="free")
+    return source, retarget(source, lengthened(PERSON, {"Wrist": 1.5, "Knee": 0.8}), Options(supports="free"))
 
 
 def assert_same(values, expected):

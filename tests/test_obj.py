@@ -1,4 +1,4 @@
-"""OBJ files: points of things."""
+"""OBJ files: points of props."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from distretarget.io.obj import MOST_POINTS, parse_obj
 CUBE = "".join(f"v {x} {y} {z}\n" for x in (0, 1) for y in (1, 2) for z in (-1, 0)) + "f 1 2 3\n"
 
 
-def test_a_thing_has_the_points_of_its_file():
+def test_a_prop_has_the_points_of_its_file():
     motion = parse_obj(f"# a cube\r\n{CUBE}vn 0 1 0\n", "cube.obj")
     assert motion.skeleton.names[0] == "cube"
     points = motion.positions[0]
@@ -20,7 +20,7 @@ def test_a_thing_has_the_points_of_its_file():
     assert motion.skeleton.lengths[1:].max() == 1.0
 
 
-def test_a_thing_survives_a_bvh_file():
+def test_a_prop_survives_a_bvh_file():
     motion = parse_obj(CUBE, "cube.obj")
     back = parse_bvh(format_bvh(motion), "cube.bvh")
     np.testing.assert_allclose(sorted(back.positions[0].tolist()), sorted(motion.positions[0].tolist()), atol=1e-6)
@@ -44,5 +44,5 @@ def test_many_points_are_thinned():
 )
 def test_what_is_no_obj_is_refused(text, line, words):
     with pytest.raises(BvhError, match=words) as caught:
-        parse_obj(text, "thing.obj")
+        parse_obj(text, "prop.obj")
     assert caught.value.line == line

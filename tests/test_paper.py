@@ -7,7 +7,7 @@ import pytest
 from bodies import SAMPLES, matched, other_lengths, person, swaying
 from scipy.optimize import minimize
 
-from distretarget import load_target, read_bvh, retarget
+from distretarget import Options, load_target, read_bvh, retarget
 from distretarget.baseline.rotation_copy import RootScale, rotation_copy
 from distretarget.distances import distance_problem, posture_stress, stress_and_gradient
 from distretarget.ik.articulation import Articulation, Scratch, pose_body, pose_gradient, stiffness_energy
@@ -26,7 +26,7 @@ CASES = [("clap", "long_arms"), ("hands_on_hips", "child"), ("walk", "long_spine
 def paper_of(name, body):
     source = read_bvh(SAMPLES / f"{name}.bvh")[::4]
     target = load_target(SAMPLES / f"{body}.json").for_source(source.rigid_skeleton).skeleton
-    return source, retarget(source, target, objective="paper")
+    return source, retarget(source, target, Options(objective="paper"))
 
 
 class Solved:
@@ -109,7 +109,7 @@ def test_written_bones_are_exact_and_every_frame_converges(name, body):
 @pytest.mark.parametrize("factor", [1.0, 0.31])
 def test_a_body_of_the_same_proportions_has_no_stress(factor):
     source = swaying(PERSON)
-    result = retarget(source, PERSON.with_offsets(factor * PERSON.offsets), objective="paper")
+    result = retarget(source, PERSON.with_offsets(factor * PERSON.offsets), Options(objective="paper"))
     assert result.written_stress.max() < 1e-12
     np.testing.assert_allclose(result.motion.positions, factor * source.positions, atol=1e-6)
 
@@ -169,6 +169,6 @@ def test_a_guess_that_is_better_than_the_copy_is_used():
 
 def test_progress_counts_every_frame():
     source, seen = swaying(PERSON, frames=BLOCK_FRAMES + 1), []
-    retarget(source, PERSON, objective="paper", progress=seen.append)
+    retarget(source, PERSON, Options(objective="paper"), progress=seen.append)
     assert sum(seen) == BLOCK_FRAMES + 1
     assert len(seen) > 1

@@ -28,7 +28,7 @@ def data(name):
 
 def test_everybody_and_everything_is_in_it():
     drawn = data("staff")
-    assert [(body["name"], body["thing"]) for body in drawn["bodies"]] == [("performer", False), ("staff", True)]
+    assert [(body["name"], body["prop"]) for body in drawn["bodies"]] == [("performer", False), ("staff", True)]
     assert drawn["frame_count"] == drawn["drawn"] == 157
     (table,) = drawn["tables"]
     ((between, frames, *gaps),) = table["rows"]
@@ -62,7 +62,7 @@ def test_python_writes_it_and_that_of_a_diff(tmp_path):
     write_scene_report(tmp_path / "scene.html", result, setup.names)
     assert (tmp_path / "scene.html").read_text("utf-8") == page("staff")
     performers = [diff(one.source, one.motion) for one in result.results]
-    difference = diff_scenes(performers, [(thing.source, thing.motion) for thing in result.things])
+    difference = diff_scenes(performers, [(prop.source, prop.motion) for prop in result.props])
     write_scene_report(tmp_path / "diff.html", difference, setup.names, a_name="take 1", b_name="take 2")
     text = (tmp_path / "diff.html").read_text("utf-8")
     assert "A: take 1" in text

@@ -7,7 +7,7 @@ import pytest
 from bodies import mirrored, moved, other_lengths, person, swaying, with_bone
 from scipy.spatial.transform import Rotation
 
-from distretarget import Motion, Skeleton, retarget
+from distretarget import Motion, Options, Skeleton, retarget
 from distretarget.errors import MapError, MatchingError, MotionError, SettingsError
 
 BODY = person()
@@ -94,7 +94,7 @@ def test_bones_are_the_targets():
 
 
 def test_stress_figures_are_in_order():
-    result = retarget(swaying(BODY), other_lengths(BODY), objective="paper")
+    result = retarget(swaying(BODY), other_lengths(BODY), Options(objective="paper"))
     assert np.all(result.free_stress <= result.written_stress)
     assert result.written_stress.mean() < result.copy_stress.mean()
 
@@ -114,7 +114,7 @@ def test_joints_with_fewer_channels_are_written_as_far_as_these_go():
 
 def test_a_given_root_scale_is_used():
     motion = swaying(BODY)
-    result = retarget(motion, BODY, root_scale=2.0)
+    result = retarget(motion, BODY, Options(root_scale=2.0))
     np.testing.assert_allclose(result.motion.root_positions, 2 * motion.root_positions)
 
 
@@ -165,7 +165,7 @@ def test_bodies_of_any_size_and_one_bone_without_proportion(size, objective):
         offsets = np.array(BODY.offsets)
         offsets[BODY.index(joint), 0] = 1e12
         for target in (BODY.with_offsets(size * BODY.offsets), BODY.with_offsets(offsets)):
-            result = retarget(motion, target, objective=objective)
+            result = retarget(motion, target, Options(objective=objective))
             assert np.isfinite(result.motion.positions).all()
             assert np.isfinite(result.motion.rotations).all()
 
@@ -173,14 +173,6 @@ def test_bodies_of_any_size_and_one_bone_without_proportion(size, objective):
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"objective": "papr"},
-        {"root_scale": -1},
-        {"root_scale": float("nan")},
-        {"root_scale": "1"},
-        {"source_up": "Q"},
-        {"target_up": "z"},
-        {"root_offset": "doubled"},
-        {"root_follows": "hips"},
         {"settings": 3},
         {"target": "body.json"},
         {"source": "walk.bvh"},
@@ -191,6 +183,28 @@ def test_wrong_arguments_are_named_with_what_would_have_worked(wrong):
     (name,) = wrong
     with pytest.raises(SettingsError, match=f"^{name} is .*; expected "):
         retarget(**{"source": swaying(BODY, frames=2), "target": BODY} | wrong)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"objective": "papr"},
+        {"supports": "hands"},
+        {"environment": "world"},
+        {"root_scale": -1},
+        {"root_scale": float("nan")},
+        {"root_scale": "1"},
+        {"source_up": "Q"},
+        {"target_up": "z"},
+        {"root_offset": "doubled"},
+        {"root_follows": "hips"},
+    ],
+    ids=str,
+)
+def test_wrong_options_are_named_with_what_would_have_worked(wrong):
+    (name,) = wrong
+    with pytest.raises(SettingsError, match=f"^{name} is .*; expected "):
+        Options(**wrong)
 
 
 def test_joints_without_a_driver_follow_their_parents():
@@ -223,7 +237,7 @@ def test_a_source_with_another_axis_up_gives_the_same_result(source_up):
     motion, target = swaying(BODY), replace(other_lengths(BODY), up="Y")
     lying = moved(motion, Rotation.from_euler("x", 90, degrees=True), (1, 2, 0))
     result, expected = (
-        retarget(lying, target, source_up=source_up),
+        retarget(lying, target, Options(source_up=source_up)),
         retarget(moved(motion, Rotation.identity(), (1, 0, -2)), target),
     )
     assert (result.world.source_up, result.world.up) == ("Z", "Y")
@@ -234,14 +248,14 @@ def test_a_source_with_another_axis_up_gives_the_same_result(source_up):
 
 def test_a_given_up_axis_of_the_target_is_used():
     motion, target = swaying(BODY), other_lengths(BODY)
-    upright, lying = retarget(motion, target), retarget(motion, target, target_up="Z")
+    upright, lying = retarget(motion, target), retarget(motion, target, Options(target_up="Z"))
     expected = upright.motion.positions[..., [0, 2, 1]] * [1, -1, 1]
     np.testing.assert_allclose(lying.motion.positions, expected, atol=1e-5 * size(target))
 
 
 def test_a_root_offset_is_replaced_or_added_as_given():
     raised = replace(swaying(BODY), skeleton=BODY.with_offsets(BODY.offsets + 3 * (np.arange(len(BODY)) == 0)[:, None]))
-    plain, added = (retarget(raised, BODY, root_offset=how) for how in ("replaced", "added"))
+    plain, added = (retarget(raised, BODY, Options(root_offset=how)) for how in ("replaced", "added"))
     np.testing.assert_allclose(plain.source.positions, raised.positions, atol=1e-12)
     np.testing.assert_allclose(added.source.positions, raised.positions + 3, atol=1e-12)
     np.testing.assert_allclose(added.motion.positions, plain.motion.positions + 3, atol=1e-5 * size(BODY))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from bodies import clapping, lengthened, other_lengths, person, swaying
 
-from distretarget import Skeleton, retarget
+from distretarget import Options, Skeleton, retarget
 from distretarget.ik.spg import Reason
 from distretarget.measure.figures import FIGURES, NOT_RUN, Track, clip_figures, figures_at
 from distretarget.measure.metrics import Reference
@@ -24,7 +24,7 @@ OF_SOURCE = {figure.key for figure in FIGURES if figure.of_source}
 @cache
 def run(objective="contact"):
     source = clapping(np.sin(np.linspace(0, np.pi, FRAMES)) ** 2)
-    return retarget(source, lengthened(person(), {"Wrist": 1.5, "Knee": 0.9}), objective=objective)
+    return retarget(source, lengthened(person(), {"Wrist": 1.5, "Knee": 0.9}), Options(objective=objective))
 
 
 def result_with(objective="contact", **changes):

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from bodies import SAMPLES
-from sample_things import SCENES
+from sample_props import SCENES
 
 from distretarget import load_target, retarget_scene
 from distretarget.scene.scene_file import load_scene
@@ -46,11 +46,11 @@ def joint_of(place, sources):
 def check_gaps(name, done, off):
     """Check that known contacts are no further off than this [arms]."""
     sources = [one.source for one in done.results]
-    before = [motion.positions for motion in [*sources, *(thing.source for thing in done.things)]]
-    after = [each.motion.positions for each in (*done.results, *done.things)]
+    before = [motion.positions for motion in [*sources, *(prop.source for prop in done.props)]]
+    after = [each.motion.positions for each in (*done.results, *done.props)]
     for contact in made(name).contacts:
-        thing = contact.other[0] - len(sources)
-        scale = done.things[thing].scale if thing >= 0 else done.world_scale
+        prop = contact.other[0] - len(sources)
+        scale = done.props[prop].scale if prop >= 0 else done.world_scale
         source, now = gaps(contact, sources, before), gaps(contact, sources, after) / scale
         assert source.max() < 0.2 * ARM, contact
         assert np.abs(now - source).max() < off * ARM, contact
@@ -80,7 +80,7 @@ def test_performers_are_solved_and_their_feet_stand(name):
 
 
 def test_a_staff_keeps_its_shape_in_both_hands():
-    (staff,) = result("staff").things
+    (staff,) = result("staff").props
     assert staff.scale == pytest.approx(0.6)
     lengths = np.linalg.norm(staff.motion.positions[:, 1] - staff.motion.positions[:, -1], axis=1)
     np.testing.assert_allclose(lengths, 0.6 * 160)

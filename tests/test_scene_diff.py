@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from bodies import SAMPLES, moved
-from sample_things import SCENES
+from sample_props import SCENES
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, MotionError, SettingsError, diff, diff_scenes, retarget_scene
@@ -27,7 +27,7 @@ def handshake():
 def drummer():
     scene = SCENES["drum_on_table"]()
     (performer,) = scene.performers.values()
-    (table,) = scene.things
+    (table,) = scene.props
     return performer, table.motion
 
 
@@ -103,11 +103,11 @@ def test_hands_leave_a_table_that_was_lowered():
     performer, table = drummer()
     lower = elsewhere(table, (0.0, -SHIFT, 0.0))
     leg = diff(performer, performer).matching.leg_lengths[0]
-    found = measured([performer], [performer], things=[(table, lower)])
+    found = measured([performer], [performer], props=[(table, lower)])
     assert {gap.between for gap in found.gaps} == {(0, 1)}
     assert {gap.regions[1] for gap in found.gaps} == {""}
     assert 0 < found.mean_gaps[2] <= SHIFT / leg
-    assert measured([performer], [performer], things=[(table, table)]).mean_gaps[2] == 0
+    assert measured([performer], [performer], props=[(table, table)]).mean_gaps[2] == 0
 
 
 def test_a_scene_that_lies_on_its_side_is_turned_as_a_whole():
@@ -134,5 +134,5 @@ def test_scenes_that_cannot_be_compared_are_refused():
         diff_scenes([same, diff(other, replace(other, frame_time_text="0.01"))])
     with pytest.raises(MotionError, match="performer 2 has other axes up"):
         diff_scenes([same, diff(other, other, a_up="Z", b_up="Z")])
-    with pytest.raises(MotionError, match="thing 1 has"):
-        diff_scenes([same], things=[(one, drummer()[1])])
+    with pytest.raises(MotionError, match="prop 1 has"):
+        diff_scenes([same], props=[(one, drummer()[1])])

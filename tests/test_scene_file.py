@@ -46,27 +46,33 @@ def test_everything_that_a_scene_may_say(tmp_path):
     document = {
         **HEAD,
         "performers": [{**ONE, "name": "lead", "map": "lead.map.json", "start": 0.5}, {**ONE, "name": "follower"}],
-        "things": [
+        "props": [
             {**STAFF, "scale": 1, "start": 0.5, "held_by": [{"performer": "follower", "joint": "LeftWrist"}]},
-            {"name": "sword", "prop": {"performer": "lead", "joint": "Sword"}, "scale": "lead"},
+            {"name": "sword", "part_of": {"performer": "lead", "joint": "Sword"}, "scale": "lead"},
         ],
         "world_scale": 0.9,
         "supports": "feet",
-        "scene": "scaled",
+        "environment": "scaled",
         "cut": True,
         "resample": True,
     }
     assert valid(document)
     setup = load_scene(written(tmp_path, document))
     assert setup.names == ["lead", "follower", "staff", "sword"]
-    staff, sword = setup.things
+    staff, sword = setup.props
     assert staff.origin == tmp_path / "staff.bvh"
     assert staff.scale == 1.0
     assert isinstance(staff.scale, float)
     assert staff.held_by == (Grip(1, "LeftWrist"),)
     assert sword.origin == Grip(0, "Sword")
     assert sword.scale == 0
-    assert (setup.world_scale, setup.supports, setup.scene, setup.cut, setup.resample) == (0.9, "feet", "scaled", 1, 1)
+    assert (setup.world_scale, setup.supports, setup.environment, setup.cut, setup.resample) == (
+        0.9,
+        "feet",
+        "scaled",
+        1,
+        1,
+    )
     assert setup.performers[0].start == 0.5
 
 
@@ -75,9 +81,9 @@ BAD = {
     "other format": ({**HEAD, "format": "x", "performers": [ONE]}, "format", '"distretarget-scene"'),
     "nobody": ({**HEAD, "performers": []}, "performers", "at least one performer"),
     "file and prop": (
-        {**HEAD, "performers": [ONE], "things": [{**STAFF, "prop": {"performer": "one", "joint": "x"}}]},
-        "things[0]",
-        'either "file" or "prop"',
+        {**HEAD, "performers": [ONE], "props": [{**STAFF, "part_of": {"performer": "one", "joint": "x"}}]},
+        "props[0]",
+        'either "file" or "part_of"',
     ),
     "negative start": ({**HEAD, "performers": [{**ONE, "start": -1}]}, "performers[0].start", "from 0"),
     "name of a path": ({**HEAD, "performers": [{**ONE, "name": "../x"}]}, "performers[0].name", "without slashes"),
@@ -85,8 +91,8 @@ BAD = {
     "no flag": ({**HEAD, "performers": [ONE], "cut": 1}, "cut", "true or false"),
     "same names": ({**HEAD, "performers": [ONE, ONE]}, "performers", "the name of two"),
     "no such performer": (
-        {**HEAD, "performers": [ONE], "things": [{**STAFF, "scale": "two"}]},
-        "things[0].scale",
+        {**HEAD, "performers": [ONE], "props": [{**STAFF, "scale": "two"}]},
+        "props[0].scale",
         "did you mean",
     ),
 }
@@ -120,12 +126,12 @@ def test_a_prop_in_a_performers_file_is_held_by_the_joint_above_it(tmp_path):
     document = {
         **HEAD,
         "performers": [{"source": str(source), "target": str(SAMPLES / "child.json")}],
-        "things": [{"name": "hand", "prop": {"performer": "performer", "joint": "RightWrist"}}],
+        "props": [{"name": "hand", "part_of": {"performer": "performer", "joint": "RightWrist"}}],
     }
     setup = load_scene(written(tmp_path, document))
-    thing = setup.things[0].made({}, [read_bvh(source)])
-    assert thing.held_by == (Grip(0, "RightElbow"),)
-    assert thing.motion.skeleton.names[0] == "RightWrist"
+    prop = setup.props[0].made({}, [read_bvh(source)])
+    assert prop.held_by == (Grip(0, "RightElbow"),)
+    assert prop.motion.skeleton.names[0] == "RightWrist"
 
 
 def test_one_performer_has_the_very_bytes_of_retarget(tmp_path):

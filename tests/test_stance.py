@@ -7,7 +7,7 @@ import pytest
 from bodies import SAMPLES, body_of, lengthened, matched, person, posed, swaying
 from scipy.spatial.transform import Rotation
 
-from distretarget import Skeleton, load_target, read_bvh, retarget
+from distretarget import Options, Skeleton, load_target, read_bvh, retarget
 from distretarget.baseline.rotation_copy import RootScale, find_root_scale, rotation_copy
 from distretarget.body.body import Body
 from distretarget.matching.matching import match
@@ -246,7 +246,7 @@ def test_a_single_frame_has_its_feet_at_rest():
 def test_resting_feet_of_the_result_are_at_their_places_on_exact_bones(name, body):
     source = read_bvh(SAMPLES / f"{name}.bvh")
     target = load_target(SAMPLES / f"{body}.json").for_source(source.rigid_skeleton).skeleton
-    held, free = (retarget(source, target, supports=supports) for supports in ("hold", "free"))
+    held, free = (retarget(source, target, Options(supports=supports)) for supports in ("hold", "free"))
     stance = held.supports
     resting = stance.weights > 1 - 1e-9
     assert resting.mean() > 0.3

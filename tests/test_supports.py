@@ -8,7 +8,7 @@ from bodies import SAMPLES, lengthened
 from sample_supported import SUPPORTED
 from sample_supports import FLOOR, WORLD
 
-from distretarget import load_target, read_bvh, retarget
+from distretarget import Options, load_target, read_bvh, retarget
 
 H = {"Chest": 0.8, "Chest2": 0.8, "Chest3": 0.8, "Elbow": 0.75, "Wrist": 0.75, "Knee": 1.15, "Ankle": 1.15}
 FEET = ("Ankle", "Toe", "Toe_End")
@@ -34,7 +34,7 @@ def target(body):
 
 @cache
 def on(name, body, supports="hold"):
-    return retarget(source(name), target(body), supports=supports)
+    return retarget(source(name), target(body), Options(supports=supports))
 
 
 def known(name, kinds):

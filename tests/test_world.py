@@ -9,7 +9,7 @@ from bodies import SAMPLES, in_world, moved, onto, person, posed, spun
 from make_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
-from distretarget import read_bvh, retarget
+from distretarget import Options, read_bvh, retarget
 from distretarget.baseline.world import find_root_offset, turned, with_root_offset
 from distretarget.body.axes import axis_vector
 from distretarget.body.body import Body
@@ -98,7 +98,7 @@ def test_units_do_not_matter(unit, target_unit):
 @ups
 def test_a_given_axis_is_the_one_that_would_be_found(up):
     source, body = in_world(walk(), onto(up)), replace(rig("xsens", "T"), up="Y")
-    found, given = retarget(source, body), retarget(source, body, source_up=up)
+    found, given = retarget(source, body), retarget(source, body, Options(source_up=up))
     assert found.world == given.world
     np.testing.assert_array_equal(found.motion.positions, given.motion.positions)
     near(found.motion.positions, retarget(walk(), body).motion.positions, 1e-5)
@@ -106,7 +106,7 @@ def test_a_given_axis_is_the_one_that_would_be_found(up):
 
 @ups
 def test_the_targets_axis_may_be_given(up):
-    result = retarget(walk(), walk().skeleton, target_up=up)
+    result = retarget(walk(), walk().skeleton, Options(target_up=up))
     assert result.world.up == up
     near(result.motion.positions, turned(walk(), "Y", up).positions)
 
@@ -185,7 +185,7 @@ def test_an_offset_with_the_feet_far_from_the_floor_either_way_is_replaced():
 
 def test_a_given_meaning_counts():
     motion = with_offset(walk(), 92.0, added=False)
-    result = retarget(motion, walk().skeleton, root_offset="added")
+    result = retarget(motion, walk().skeleton, Options(root_offset="added"))
     near(result.motion.positions, walk().positions + 92.0 * Y)
     np.testing.assert_allclose(with_root_offset(motion).root_positions, walk().root_positions + 92.0 * Y)
 

@@ -16,8 +16,8 @@ from pathlib import Path
 from sample_body import SKELETON
 from sample_motions import CLIPS
 from sample_partners import SampleScene
+from sample_props import SCENES, obj_text
 from sample_supported import SUPPORTED
-from sample_things import SCENES, obj_text
 
 from distretarget.io.bvh_writer import write_bvh
 from distretarget.io.skeleton_json import FORMAT, VERSION, skeleton_to_json
@@ -63,23 +63,23 @@ def reshaped(skeleton: Skeleton, factors: Mapping[str, float]) -> Skeleton:
 
 
 def write_scene(folder: Path, scene: SampleScene) -> None:
-    """Write a scene into a folder: clips, things, and `scene.json`, with the child as the target of all."""
+    """Write a scene into a folder: clips, props, and `scene.json`, with the child as the target of all."""
     folder.mkdir(parents=True, exist_ok=True)
     names = list(scene.performers)
     for name, motion in scene.performers.items():
         write_bvh(folder / f"{name}.bvh", motion, overwrite=True)
-    things = []
-    for thing in scene.things:
-        file = f"{thing.name}.{'obj' if len(thing.motion) == 1 else 'bvh'}"
+    props = []
+    for prop in scene.props:
+        file = f"{prop.name}.{'obj' if len(prop.motion) == 1 else 'bvh'}"
         if file.endswith("obj"):
-            (folder / file).write_text(obj_text(thing.motion.positions[0]), encoding="utf-8", newline="\n")
+            (folder / file).write_text(obj_text(prop.motion.positions[0]), encoding="utf-8", newline="\n")
         else:
-            write_bvh(folder / file, thing.motion, overwrite=True)
-        held_by = [{"performer": names[grip.performer], "joint": grip.joint} for grip in thing.held_by]
-        things.append({"name": thing.name, "file": file} | ({"held_by": held_by} if held_by else {}))
+            write_bvh(folder / file, prop.motion, overwrite=True)
+        held_by = [{"performer": names[grip.performer], "joint": grip.joint} for grip in prop.held_by]
+        props.append({"name": prop.name, "file": file} | ({"held_by": held_by} if held_by else {}))
     performers = [{"source": f"{name}.bvh", "target": "../../child.json"} for name in names]
     document = {"format": SCENE_FORMAT, "version": VERSION, "performers": performers}
-    text = json.dumps(document | ({"things": things} if things else {}), indent=2)
+    text = json.dumps(document | ({"props": props} if props else {}), indent=2)
     (folder / "scene.json").write_text(f"{text}\n", encoding="utf-8", newline="\n")
 
 

@@ -11,7 +11,7 @@ import argparse
 from pathlib import Path
 
 from draw import draw_together
-from sample_things import SCENES
+from sample_props import SCENES
 
 from distretarget import Motion, Skeleton, load_target, retarget, retarget_scene
 
@@ -30,14 +30,14 @@ def draw_scene(name: str, targets: tuple[str, ...], frame: int, folder: Path) ->
     draw_together(columns, frame, folder / f"{name}.png", view="side")
 
 
-def draw_things(frames: dict[str, int], target: str, path: Path) -> None:
-    """Draw a frame of the results of sample scenes with things, side by side."""
+def draw_props(frames: dict[str, int], target: str, path: Path) -> None:
+    """Draw a frame of the results of sample scenes with props, side by side."""
     columns = []
     for name, frame in frames.items():
         scene = SCENES[name]()
         (source,) = scene.performers.values()
-        result = retarget_scene([source], [_body(source, target)], scene.things)
-        moved = [result.results[0].motion, *(thing.motion for thing in result.things)]
+        result = retarget_scene([source], [_body(source, target)], scene.props)
+        moved = [result.results[0].motion, *(prop.motion for prop in result.props)]
         columns.append((name.replace("_", " "), [_frame(motion, frame) for motion in moved]))
     draw_together(columns, 0, path, view="three-quarter")
 
@@ -60,7 +60,7 @@ def main() -> None:
     folder = parser.parse_args().folder
     folder.mkdir(parents=True, exist_ok=True)
     draw_scene("high_five", ("child", "own"), 57, folder)
-    draw_things({"sit_on_chair": 120, "drum_on_table": 43, "staff": 20}, "child", folder / "things.png")
+    draw_props({"sit_on_chair": 120, "drum_on_table": 43, "staff": 20}, "child", folder / "props.png")
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from sample_tracks import FPS, Track
 from scipy.spatial.transform import Rotation
 
 from distretarget.motion import Motion
-from distretarget.scene.prop import Thing
+from distretarget.scene.prop import Prop
 
 NEAREST = ""
 
@@ -23,8 +23,8 @@ class Contact:
     """Two points that touch from frame `first` to frame `last`, both included.
 
     Attributes:
-        one, other: the number of a performer or, counted on from these, of a thing, and a joint there; `NEAREST` for
-            the nearest point of a thing.
+        one, other: the number of a performer or, counted on from these, of a prop, and a joint there; `NEAREST` for
+            the nearest point of a prop.
     """
 
     one: tuple[int, str]
@@ -35,11 +35,11 @@ class Contact:
 
 @dataclass(frozen=True)
 class SampleScene:
-    """Performers, things, and what touches between them."""
+    """Performers, props, and what touches between them."""
 
     performers: Mapping[str, Motion]
     contacts: tuple[Contact, ...]
-    things: tuple[Thing, ...] = ()
+    props: tuple[Prop, ...] = ()
 
 
 @dataclass(frozen=True)

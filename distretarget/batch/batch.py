@@ -25,13 +25,13 @@ from distretarget.errors import BatchError
 from distretarget.io.map_json import load_map
 from distretarget.io.target_file import parse_target
 from distretarget.numerics.parallel import cores
-from distretarget.pipeline.conversion import Options, load_text
+from distretarget.pipeline.conversion import load_text
+from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.report.document import About
 
 Paths = str | Path | Sequence[str | Path]
 Waiting = Callable[[str], Any]
 Progress = Callable[[ManifestRecord | None], Any]
-DEFAULT_OPTIONS = Options()
 
 
 def _ignore(_record: ManifestRecord | None) -> None:

@@ -25,8 +25,9 @@ from distretarget.motion import Motion
 from distretarget.numerics.code_cache import CAN_WAIT
 from distretarget.numerics.parallel import threads
 from distretarget.objectives.contact import solver_lacks_code
+from distretarget.pipeline.options import Objective, Options
 from distretarget.pipeline.performer import matched_performer
-from distretarget.pipeline.retargeting import Objective, retarget
+from distretarget.pipeline.retargeting import retarget
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 
 ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")
@@ -47,7 +48,7 @@ def warm(objective: Objective) -> None:
         _run_for_legs(source)
         if meanwhile:
             _run_without_solver(source, target)
-        retarget(source, target, objective=objective).figures  # noqa: B018 - what it needs is compiled
+        retarget(source, target, Options(objective=objective)).figures  # noqa: B018 - what it needs is compiled
 
 
 @contextmanager

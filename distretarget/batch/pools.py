@@ -22,7 +22,7 @@ from typing import Any, Protocol, cast
 from distretarget.batch.compile_ahead import warm
 from distretarget.batch.interrupts import interrupts_held
 from distretarget.errors import BatchError
-from distretarget.pipeline.retargeting import Objective
+from distretarget.pipeline.options import Objective
 
 # The variables that set the threads of a process. Workers have one thread each, as there is a worker for each core.
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")

@@ -13,9 +13,7 @@ from distretarget.baseline.world import RootOffset
 from distretarget.batch.plan import Work
 from distretarget.io.map_json import MapFile
 from distretarget.objectives.resting_joints import Environment
-from distretarget.pipeline.conversion import Options
-from distretarget.pipeline.performer import HoldMode
-from distretarget.pipeline.retargeting import Objective
+from distretarget.pipeline.options import HoldMode, Objective, Options
 from distretarget.report.index import ClipRecord
 
 
@@ -23,14 +21,14 @@ class RecordedOptions(TypedDict):
     """How a clip was retargeted.
 
     Attributes:
-        objective, supports, scene, root_scale, source_up, target_up, root_offset, root_follows: the arguments of
+        objective, supports, environment, root_scale, source_up, target_up, root_offset, root_follows: the arguments of
             `retarget`.
         map: the key of the source joint by that of the target joint; None for no map.
     """
 
     objective: Objective
     supports: HoldMode
-    scene: Environment
+    environment: Environment
     root_scale: float | None
     source_up: str | None
     target_up: str | None

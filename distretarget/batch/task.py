@@ -16,7 +16,8 @@ from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import text_hash
 from distretarget.io.map_json import MapFile
 from distretarget.measure.figures import Variant
-from distretarget.pipeline.conversion import Options, Text, retarget_onto
+from distretarget.pipeline.conversion import Text, retarget_onto
+from distretarget.pipeline.options import Options
 from distretarget.pipeline.summary import unmatched
 from distretarget.report.document import About
 from distretarget.report.report import run_page

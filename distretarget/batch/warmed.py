@@ -2,6 +2,5 @@
 
 from distretarget.batch import task as task
 from distretarget.batch.compile_ahead import warm
-from distretarget.pipeline.retargeting import OBJECTIVES
 
-warm(OBJECTIVES[0])
+warm("contact")

@@ -33,7 +33,8 @@ from distretarget.io.map_json import load_map
 from distretarget.io.target_file import parse_target
 from distretarget.measure.figures import FIGURES
 from distretarget.numerics.parallel import cores
-from distretarget.pipeline.conversion import Options, Text, load_text
+from distretarget.pipeline.conversion import Text, load_text
+from distretarget.pipeline.options import Options
 
 INTERRUPTED = 130  # exit status
 

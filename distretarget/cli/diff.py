@@ -92,7 +92,7 @@ def diff_command(
     Their skeletons may differ, and so may frame times and numbers of frames: A is resampled at B's, and the longer
     one is cut. - stands for standard input or output.
 
-    Two scenes are two folders of BVH files, one for each performer and thing, with the same names in both; a SCENE.json
+    Two scenes are two folders of BVH files, one for each performer and prop, with the same names in both; a SCENE.json
     may stand for either. Each performer is measured, and how far what touches between them in A is apart in B.
 
     \b

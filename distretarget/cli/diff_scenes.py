@@ -10,7 +10,7 @@ import click
 
 from distretarget.cli.figure_lines import number, over
 from distretarget.cli.outputs import LISTED, about, check_outputs, say
-from distretarget.cli.scene_input import SceneInput, is_scene, read_scene, things_of
+from distretarget.cli.scene_input import SceneInput, is_scene, props_of, read_scene
 from distretarget.cli.streams import write_output
 from distretarget.errors import DistretargetError, FileError, MatchingError, quoted
 from distretarget.io.map_json import MapFile, joint_map, load_map
@@ -61,15 +61,15 @@ def measure_scenes(request: Request) -> None:
 
 def _compared(a: SceneInput, b: SceneInput, request: Request) -> tuple[SceneDiff, SceneDiffDocument]:
     """The diff of two scenes, and its document."""
-    known = things_of(a, b)
-    things = [name for name in a.motions if name in known]
+    known = props_of(a, b)
+    props = [name for name in a.motions if name in known]
     performers = [name for name in a.motions if name not in known]
-    results = b.things is None  # a folder of results of a scene file, perhaps, and not another scene
+    results = b.props is None  # a folder of results of a scene file, perhaps, and not another scene
     maps, given = a.maps if results and not request.map_path else {}, load_map(request.map_path)
     measured = _measured(a, b, [(name, maps.get(name, given)) for name in performers])
     told_scale = a.world_scale if results else None
     try:
-        pairs = [(a.motions[name], b.motions[name]) for name in things]
+        pairs = [(a.motions[name], b.motions[name]) for name in props]
         result = diff_scenes(measured, pairs, world_scale=request.world_scale or told_scale)
     except DistretargetError as error:
         raise error.in_file(request.b) from None
@@ -80,11 +80,11 @@ def _compared(a: SceneInput, b: SceneInput, request: Request) -> tuple[SceneDiff
         name: document(one, replace(told, a=a.files[name].name, b=b.files[name].name, limits=of_each))
         for name, one in zip(performers, measured, strict=True)
     }
-    return result, scene_document(result, documents, things, replace(told, limits=of_scene))
+    return result, scene_document(result, documents, props, replace(told, limits=of_scene))
 
 
 def _check_names(a: SceneInput, b: SceneInput) -> None:
-    """Check that both scenes have the same performers and things."""
+    """Check that both scenes have the same performers and props."""
     for one, other in ((a, b), (b, a)):
         if missing := [name for name in one.motions if name not in other.motions]:
             raise FileError(
@@ -126,8 +126,8 @@ def _account(figures: SceneDiffDocument) -> Iterator[str]:
     performers = figures["performers"]
     first = next(iter(performers.values()))
     yield f"A: {figures['a']}, B: {figures['b']}; performers: {', '.join(performers)}"
-    if figures["things"]:
-        yield f"things: {', '.join(figures['things'])}"
+    if figures["props"]:
+        yield f"props: {', '.join(figures['props'])}"
     frames = min(one["frame_count"] for one in performers.values())
     yield f"{frames} {'frame' if frames == 1 else 'frames'} compared, {1 / first['frame_time']:.4g} a second"
     for name, one in performers.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, get_args
 
@@ -14,21 +15,19 @@ from distretarget.baseline.engine_root import RootFollows
 from distretarget.baseline.world import RootOffset
 from distretarget.cli.parameters import positive
 from distretarget.objectives.resting_joints import Environment
-from distretarget.pipeline.conversion import Options
-from distretarget.pipeline.performer import HoldMode
-from distretarget.pipeline.retargeting import OBJECTIVES, SUPPORTS, Objective
+from distretarget.pipeline.options import OBJECTIVES, HoldMode, Options
 from distretarget.skeleton import AXES
 
 SUPPORTS_OPTION = click.option(
     "--supports",
-    type=click.Choice(SUPPORTS),
+    type=click.Choice(get_args(HoldMode)),
     default="hold",
     show_default=True,
     help="What stays where it rests. hold: feet, hands, knees and all else that rests on the floor or holds on to "
     "something. feet: feet alone. free: nothing.",
 )
-SCENE_OPTION = click.option(
-    "--scene",
+ENVIRONMENT_OPTION = click.option(
+    "--environment",
     type=click.Choice(get_args(Environment)),
     default="body",
     show_default=True,
@@ -73,13 +72,13 @@ OPTIONS = (
     click.option(
         "--objective",
         type=click.Choice(OBJECTIVES),
-        default=OBJECTIVES[0],
+        default="contact",
         show_default=True,
         help="contact: parts of the body that nearly touch in SOURCE stay as near, all else keeps its rotations. "
         "paper: the method of Mucherino et al. (2017), which holds neither hands nor feet in place.",
     ),
     SUPPORTS_OPTION,
-    SCENE_OPTION,
+    ENVIRONMENT_OPTION,
 )
 
 
@@ -87,34 +86,15 @@ def retargeting(command: Callable[..., None]) -> Callable[..., None]:
     """Add the options of retargeting to a command, which receives `map_path`, and all others as `options`."""
 
     @functools.wraps(command)
-    def with_options(
-        *,
-        root_scale: float | None,
-        source_up: str | None,
-        target_up: str | None,
-        root_offset: RootOffset | None,
-        root_follows: RootFollows | None,
-        objective: Objective,
-        supports: HoldMode,
-        scene: Environment,
-        **others: Any,
-    ) -> None:
+    def with_options(**given: Any) -> None:
+        options = Options(**{field.name: given.pop(field.name) for field in fields(Options)})
         chosen = click.get_current_context().get_parameter_source("supports") is not ParameterSource.DEFAULT
-        if objective == "paper" and chosen and supports != "free":
+        if options.objective == "paper" and chosen and options.supports != "free":
             raise click.UsageError(
-                f"--supports {supports}: the paper's objective holds nothing in its place; use --objective contact."
+                f"--supports {options.supports}: the paper's objective holds nothing in its place; use --objective "
+                "contact."
             )
-        options = Options(
-            objective=objective,
-            supports=supports,
-            scene=scene,
-            root_scale=root_scale,
-            source_up=source_up,
-            target_up=target_up,
-            root_offset=root_offset,
-            root_follows=root_follows,
-        )
-        command(options=options, **others)
+        command(options=options, **given)
 
     for option in reversed(OPTIONS):
         with_options = option(with_options)

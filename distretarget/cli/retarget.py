@@ -33,7 +33,8 @@ from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.map_json import load_map
 from distretarget.io.target_file import is_json
 from distretarget.motion import Motion
-from distretarget.pipeline.conversion import Options, Text, argument, retarget_onto
+from distretarget.pipeline.conversion import Text, argument, retarget_onto
+from distretarget.pipeline.options import Options
 from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.summary import figures_json, figures_line, summary_line, unmatched
 from distretarget.report.report import run_page

@@ -12,7 +12,7 @@ import click
 from click.core import ParameterSource
 
 from distretarget.batch.compile_ahead import warm
-from distretarget.cli.options import SCENE_OPTION, SUPPORTS_OPTION
+from distretarget.cli.options import ENVIRONMENT_OPTION, SUPPORTS_OPTION
 from distretarget.cli.outputs import OVERWRITE_OPTION, check_outputs, quiet, say
 from distretarget.cli.parameters import positive
 from distretarget.errors import FileError
@@ -42,7 +42,7 @@ from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup
 @click.option(
     "--report",
     is_flag=True,
-    help="Write report.html to the folder, too: all performers and things in one player, with lines between what "
+    help="Write report.html to the folder, too: all performers and props in one player, with lines between what "
     "touches.",
 )
 @click.option("--cut", is_flag=True, help="Cut all clips to the frames of the shortest.")
@@ -63,7 +63,7 @@ from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup
     "or as much less as the legs of all can follow.",
 )
 @SUPPORTS_OPTION
-@SCENE_OPTION
+@ENVIRONMENT_OPTION
 @quiet
 def scene_command(
     sources: tuple[Path, ...], targets: tuple[Path, ...], output: Path, overwrite: bool, report: bool, **options: Any
@@ -72,7 +72,7 @@ def scene_command(
 
     SOURCES are their BVH files, which belong together frame for frame. Each performer gets a body; hands that hold each
     other do so on the other bodies, too. The results have the names of the sources. A single SCENE.json says all of
-    that, and which things the performers touch; of a folder, every scene.json below it is converted, each to the folder
+    that, and which props the performers touch; of a folder, every scene.json below it is converted, each to the folder
     of OUTPUT that it has there.
 
     \b
@@ -143,7 +143,7 @@ def _setup(sources: Sequence[Path], targets: Sequence[Path], options: dict[str, 
         performers=cast,
         world_scale=options["world_scale"],
         supports=options["supports"],
-        scene=options["scene"],
+        environment=options["environment"],
         cut=options["cut"],
         resample=options["resample"],
     )
@@ -156,7 +156,7 @@ def _convert(setup: SceneSetup, folder: Path, overwrite: bool, report: bool) -> 
     check_outputs([*outputs, page if report else None], setup.inputs, overwrite)
     began = time.perf_counter()
     result = setup.retargeted()
-    motions = [one.motion for one in result.results] + [thing.motion for thing in result.things]
+    motions = [one.motion for one in result.results] + [prop.motion for prop in result.props]
     texts = [format_bvh(motion) for motion in motions]
     seconds = time.perf_counter() - began
     written = dict(zip(outputs, texts, strict=True)) | ({page: scene_page(result, setup.names)} if report else {})

@@ -17,13 +17,13 @@ from distretarget.scene.scene_file import SCENE_NAME, SceneSetup, load_scene
 
 @dataclass(frozen=True)
 class SceneInput:
-    """The performers and things of a scene, by name.
+    """The performers and props of a scene, by name.
 
     Attributes:
         path: of its file or folder.
         motions: how each moves.
         files: where each was read.
-        things: the names of things; None for a folder, which does not say.
+        props: the names of props; None for a folder, which does not say.
         world_scale: the scale of the result's world along the floor, if a scene file says so.
         maps: the map of each performer who has one in a scene file.
     """
@@ -31,7 +31,7 @@ class SceneInput:
     path: Path
     motions: Mapping[str, Motion]
     files: Mapping[str, Path]
-    things: frozenset[str] | None = None
+    props: frozenset[str] | None = None
     world_scale: float | None = None
     maps: Mapping[str, MapFile] = field(default_factory=dict)
 
@@ -62,20 +62,20 @@ def read_scene(path: Path) -> SceneInput:
     return SceneInput(path, {name: read_bvh(file) for name, file in files.items()}, files)
 
 
-def things_of(a: SceneInput, b: SceneInput) -> frozenset[str]:
-    """Return the names of the things in two scenes: those that a scene file names; without one, clips of A whose bodies
+def props_of(a: SceneInput, b: SceneInput) -> frozenset[str]:
+    """Return the names of the props in two scenes: those that a scene file names; without one, clips of A whose bodies
     have no legs beside others that have some.
     """
     for scene in (a, b):
-        if scene.things is not None:
-            return scene.things
+        if scene.props is not None:
+            return scene.props
     without_legs = frozenset(name for name, motion in a.motions.items() if Body.of_motion(motion).legs is None)
     return without_legs if len(without_legs) < len(a.motions) else frozenset()
 
 
 def _of_setup(path: Path, setup: SceneSetup) -> SceneInput:
-    sources, things = setup.read()
-    motions = dict(zip(setup.names, [*sources, *(thing.motion for thing in things)], strict=True))
-    names = frozenset(thing.name for thing in setup.things)
+    sources, props = setup.read()
+    motions = dict(zip(setup.names, [*sources, *(prop.motion for prop in props)], strict=True))
+    names = frozenset(prop.name for prop in setup.props)
     maps = {one.name: load_map(one.map_path) for one in setup.performers if one.map_path}
     return SceneInput(path, motions, setup.files, names, setup.world_scale, maps)

@@ -123,6 +123,10 @@ Mapper = Callable[..., Iterable[Any]]  # like `map` and an executor's: calls a f
 Progress = Callable[[int], Any]
 
 
+def ignore_progress(_frames: int) -> None:
+    """Show no progress."""
+
+
 @dataclass(frozen=True)
 class Chunk:
     """Frames of a clip that are solved together.

@@ -1,4 +1,4 @@
-"""The points of Wavefront OBJ files: things that performers touch."""
+"""The points of Wavefront OBJ files: props that performers touch."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MOST_POINTS = 100  # vertices that are kept, spread evenly
 
 
 def parse_obj(text: str, path: str | Path) -> Motion:
-    """Return the vertices in the text of an OBJ file as a motion of one frame: a thing that stands still. `path` is for
+    """Return the vertices in the text of an OBJ file as a motion of one frame: a prop that stands still. `path` is for
     errors, and names the root.
 
     Its joints are the vertices, at most `MOST_POINTS` of them, each fixed to one near to it; the root is the first.

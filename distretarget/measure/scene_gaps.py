@@ -48,11 +48,11 @@ class Across:
 
 @dataclass(frozen=True, eq=False)
 class ScenePart:
-    """The points of a performer or a thing, in the source, the rotation copy and the result.
+    """The points of a performer or a prop, in the source, the rotation copy and the result.
 
     Attributes:
         source, rotation_copy, result: (frames, points, 3) each [file units].
-        leg: length of a leg in the source, of the performer who touches a thing [source file units].
+        leg: length of a leg in the source, of the performer who touches a prop [source file units].
     """
 
     source: Array
@@ -100,8 +100,8 @@ class Gaps:
     All are in leg lengths of A, the mean of both bodies; those of B are in the scale of A's world.
 
     Attributes:
-        between: the numbers of the two; performers are counted before things.
-        regions: the region of the body of each, such as "left hand"; empty for a thing.
+        between: the numbers of the two; performers are counted before props.
+        regions: the region of the body of each, such as "left hand"; empty for a prop.
         frames: in how many frames they touch.
         pairs: how many pairs of joints touch, counted in each frame.
         a, b: the mean gap.
@@ -123,13 +123,13 @@ class Gaps:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Touchable:
-    """The joints of a performer or a thing that may touch others.
+    """The joints of a performer or a prop that may touch others.
 
     Attributes:
         a, b: (frames, joints, 3), where they are in A and in B [file units of each].
-        leg: the length of a leg in A [file units]; 0 for a thing.
+        leg: the length of a leg in A [file units]; 0 for a prop.
         regions: (joints,), the number of the region of the body that each is in ...
-        names: ... and the names of these; a thing has one without a name.
+        names: ... and the names of these; a prop has one without a name.
         keys: of the joints in A.
     """
 
@@ -156,8 +156,8 @@ class Touchable:
         )
 
     @classmethod
-    def of_thing(cls, a: Motion, b: Motion) -> Touchable:
-        """All joints of a thing."""
+    def of_prop(cls, a: Motion, b: Motion) -> Touchable:
+        """All joints of a prop."""
         regions = np.zeros(len(a.skeleton), np.intp)
         return cls(a=a.positions, b=b.positions, leg=0.0, regions=regions, names=("",), keys=a.skeleton.keys)
 
@@ -193,13 +193,13 @@ class SceneDiff:
 
     Attributes:
         performers: each performer of B measured against that of A.
-        things: each thing in A and in B, A in B's world, both with the frames that all share.
+        props: each prop in A and in B, A in B's world, both with the frames that all share.
         world_scale: units of B per unit of A along the floor.
         gaps: between what touches in A, those that touch longest first.
     """
 
     performers: tuple[Diff, ...]
-    things: tuple[tuple[Motion, Motion], ...]
+    props: tuple[tuple[Motion, Motion], ...]
     world_scale: float
     gaps: tuple[Gaps, ...]
 
@@ -220,36 +220,36 @@ class SceneDiff:
 
 def diff_scenes(
     performers: Sequence[Diff],
-    things: Sequence[tuple[Motion, Motion]] = (),
+    props: Sequence[tuple[Motion, Motion]] = (),
     *,
     world_scale: float | None = None,
 ) -> SceneDiff:
-    """Measure what touches between the performers and things of two scenes, A and B.
+    """Measure what touches between the performers and props of two scenes, A and B.
 
     Args:
         performers: each performer of B measured against that of A, by `diff`.
-        things: each thing in A and in B, with the same joints.
+        props: each prop in A and in B, with the same joints.
         world_scale: units of B per unit of A along the floor; if not given, the scale that `retarget_scene` chooses.
 
     Raises:
-        MotionError: the performers differ in B's frame time or in the axes that point up, or a thing in its joints.
+        MotionError: the performers differ in B's frame time or in the axes that point up, or a prop in its joints.
         SettingsError: there is no performer, an argument is of another kind, or the scale is not above 0.
     """
-    _check(performers, things, world_scale)
+    _check(performers, props, world_scale)
     first, frames = performers[0], min(map(len, performers))
-    placed = tuple((_in_world_of(first, a, frames), b[np.minimum(np.arange(frames), len(b) - 1)]) for a, b in things)
+    placed = tuple((_in_world_of(first, a, frames), b[np.minimum(np.arange(frames), len(b) - 1)]) for a, b in props)
     scale = world_scale or _followed(performers)
     bodies = [Touchable.of_body(performer, frames) for performer in performers]
     gaps = [
         gap for i, j in combinations(range(len(bodies)), 2) for gap in gaps_between((i, j), bodies[i], bodies[j], scale)
     ]
-    for (i, body), (k, thing) in product(enumerate(bodies), enumerate(placed, len(bodies))):
-        gaps += gaps_between((i, k), body, Touchable.of_thing(*thing), _size_ratio(*thing) or scale)
+    for (i, body), (k, prop) in product(enumerate(bodies), enumerate(placed, len(bodies))):
+        gaps += gaps_between((i, k), body, Touchable.of_prop(*prop), _size_ratio(*prop) or scale)
     gaps.sort(key=lambda gap: (-gap.frames, gap.between, gap.regions))
-    return SceneDiff(performers=tuple(performers), things=placed, world_scale=scale, gaps=tuple(gaps))
+    return SceneDiff(performers=tuple(performers), props=placed, world_scale=scale, gaps=tuple(gaps))
 
 
-def _check(performers: Sequence[Diff], things: Sequence[tuple[Motion, Motion]], world_scale: float | None) -> None:
+def _check(performers: Sequence[Diff], props: Sequence[tuple[Motion, Motion]], world_scale: float | None) -> None:
     check_kind("performers", performers, Sequence)
     if not performers:
         raise SettingsError("performers is empty; expected a diff for each performer")
@@ -267,10 +267,10 @@ def _check(performers: Sequence[Diff], things: Sequence[tuple[Motion, Motion]], 
                 f"performer {number} has other axes up ({performer.world.source_up} in A, {performer.world.up} in B) "
                 f"than performer 1 ({first.world.source_up}, {first.world.up}); tell `diff` which point up"
             )
-    for number, (a, b) in enumerate(things, 1):
+    for number, (a, b) in enumerate(props, 1):
         if len(a.skeleton) != len(b.skeleton):
             raise MotionError(
-                f"thing {number} has {len(a.skeleton)} joints in A and {len(b.skeleton)} in B; expected the same"
+                f"prop {number} has {len(a.skeleton)} joints in A and {len(b.skeleton)} in B; expected the same"
             )
     if world_scale is not None:
         check_number("world_scale", world_scale, SMALLEST, LARGEST)
@@ -282,16 +282,16 @@ def _followed(performers: Sequence[Diff]) -> float:
     return followed_scale([*map(find_root_scale, matchings)], [*map(longest_strides, matchings)])
 
 
-def _in_world_of(performer: Diff, thing: Motion, frames: int) -> Motion:
-    """A thing of A in B's world, with a frame for each of the performer's."""
+def _in_world_of(performer: Diff, prop: Motion, frames: int) -> Motion:
+    """A prop of A in B's world, with a frame for each of the performer's."""
     time = performer.b.frame_time_text
-    thing = turned(thing, performer.world.source_up, performer.world.up)
-    if len(thing) > 1:
-        thing = resampled(thing, time)
-    return replace(thing[np.minimum(np.arange(frames), len(thing) - 1)], frame_time_text=time)
+    prop = turned(prop, performer.world.source_up, performer.world.up)
+    if len(prop) > 1:
+        prop = resampled(prop, time)
+    return replace(prop[np.minimum(np.arange(frames), len(prop) - 1)], frame_time_text=time)
 
 
 def _size_ratio(a: Motion, b: Motion) -> float:
-    """The size of a thing in B over that in A; 0 for a single point."""
+    """The size of a prop in B over that in A; 0 for a single point."""
     size = a.rigid_skeleton.path_lengths.max()
     return float(b.rigid_skeleton.path_lengths.max() / size) if size > 0 else 0.0

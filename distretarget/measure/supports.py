@@ -26,7 +26,7 @@ PLACE = 0.02  # which is no larger than this [leg lengths],
 SWAY = 8.0  # while the joint where its limb begins goes this many times as far, and ...
 FARTHER = 0.04  # ... this much farther [leg lengths]
 BETWEEN = 0.5  # the body takes about so long from its feet to other supports [s]
-ENDS = ("left hand", "right hand", "head")  # the regions that hold on to things
+ENDS = ("left hand", "right hand", "head")  # the regions that hold on to something
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from distretarget.body.legs import pelvis_joint
 from distretarget.ik.articulation import Articulation, Scratch
 from distretarget.ik.pose_solver import Clip, Workspace, compile_pose_solver
-from distretarget.ik.poses import Mapper, PoseProblem, Poses, Progress, solve_in_chunks
+from distretarget.ik.poses import Mapper, PoseProblem, Poses, Progress, ignore_progress, solve_in_chunks
 from distretarget.ik.rigid_parts import subtree_lengths
 from distretarget.ik.spg import Effort
 from distretarget.ik.springs import (
@@ -88,7 +88,7 @@ def solve_contact(
     settings: ContactSettings,
     *,
     mapper: Mapper = map,
-    progress: Progress = lambda _frames: None,
+    progress: Progress = ignore_progress,
 ) -> Poses:
     """Minimise the contact objective in every frame of a clip in which joints rest as `supports` says.
 

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from distretarget.distances import DistanceProblem, columns, filled, stress_and_gradient, target_distances
 from distretarget.ik.articulation import Articulation, Scratch
 from distretarget.ik.pose_solver import Clip, Workspace, compile_pose_solver
-from distretarget.ik.poses import PoseProblem, Poses, Progress
+from distretarget.ik.poses import PoseProblem, Poses, Progress, ignore_progress
 from distretarget.ik.spg import Effort, record, scratch_for, spectral_gradient, steepest
 from distretarget.ik.springs import Springs
 from distretarget.numerics.compiled import compiled, inlined
@@ -76,7 +76,7 @@ def solve_postures(
     problem: DistanceProblem,
     source: NDArray[np.float64],
     copy: NDArray[np.float64],
-    progress: Progress = lambda _frames: None,
+    progress: Progress = ignore_progress,
 ) -> Postures:
     """Minimise Eq. (2) in every frame.
 
@@ -168,7 +168,7 @@ class Given(NamedTuple):
     terms: Terms
 
 
-def solve_paper(problem: PoseProblem, guess: Array, progress: Progress = lambda _frames: None) -> Poses:
+def solve_paper(problem: PoseProblem, guess: Array, progress: Progress = ignore_progress) -> Poses:
     """Minimise Eq. (2) over the rotations in every frame of a clip; lengths are in body sizes.
 
     `guess`, (frames, parts + 1, 3), has a pose for each frame, to start from where it is better than the poses before.

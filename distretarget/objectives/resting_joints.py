@@ -73,7 +73,7 @@ def find_resting_joints(
     problem: PoseProblem,
     scale: RootScale,
     shots: Shots,
-    scene: Environment,
+    environment: Environment,
     settings: ContactSettings,
 ) -> RestingJoints | None:
     """Return the joints other than those of `feet` that rest on the floor or on something that stands still, if any.
@@ -84,7 +84,7 @@ def find_resting_joints(
     In the plane a joint keeps, over each time it rests, the place of the source's, scaled, plus the mean of what the
     copy is off that: so it does not slide, and nothing draws the body to where its proportions cannot follow. Where a
     region farther out in its limb rests as well, as the foot does in a kneel, the joint is as far from that as in the
-    copy. In a `scene` that is "scaled", a joint that rests on something else than the floor has the place of the
+    copy. In an `environment` that is "scaled", a joint that rests on something else than the floor has the place of the
     source's, scaled.
 
     The copy keeps to the path of the root in `problem`; `shots`, (frames,), are those of the clip.
@@ -115,7 +115,7 @@ def find_resting_joints(
         carried, shift = _carried([held[each] for each in _farther_out(matching, joint) if each in held], len(source))
         off = copied[:, column] + shift - places[:, column]
         columns = off, rests[:, column], on_floor[:, column], carried
-        places[:, column] += by_shot(partial(_offsets, up=up, scene=scene), shots, *columns)
+        places[:, column] += by_shot(partial(_offsets, up=up, environment=environment), shots, *columns)
         held[joint] = rests[:, column], places[:, column] - copied[:, column]
     names = np.array(matching.regions.names)[joints.regions]
     return RestingJoints(
@@ -198,14 +198,14 @@ def _carried(held: list[tuple[Flags, Array]], frames: int) -> tuple[Flags, Array
     return count > 0, total / np.maximum(count, 1.0)[:, None]
 
 
-def _offsets(off: Array, rests: Flags, on_floor: Flags, carried: Flags, up: Array, scene: Environment) -> Array:
+def _offsets(off: Array, rests: Flags, on_floor: Flags, carried: Flags, up: Array, environment: Environment) -> Array:
     """(frames, 3), the mean of `off`, (frames, 3), over each run of frames in which the joint rests; only over those in
     which it is `carried` by others, (frames,), if there are any. It has no height in a run in which the joint rests on
     the floor, and is zero in the others if the scene is scaled.
     """
     runs = runs_of(rests)
     with_floor = np.isin(runs, np.unique(runs[on_floor]))[:, None]
-    off = np.where(with_floor, level(off, up), off if scene == "body" else 0.0)
+    off = np.where(with_floor, level(off, up), off if environment == "body" else 0.0)
     counts = carried | ~np.isin(runs, np.unique(runs[carried & rests]))
     return over_runs(off, np.where(rests, np.maximum(counts, LITTLE), 0.0))
 

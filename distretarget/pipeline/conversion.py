@@ -3,44 +3,20 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from distretarget.baseline.engine_root import RootFollows
-from distretarget.baseline.world import RootOffset
 from distretarget.errors import SAY_IN_A_MAP, DistretargetError, MatchingError
-from distretarget.ik.poses import Mapper, Progress
+from distretarget.ik.poses import Mapper, Progress, ignore_progress
 from distretarget.io.files import STANDARD_INPUT, read_text, text_hash
 from distretarget.io.map_json import MapFile, joint_map
 from distretarget.io.target_file import parse_target
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import in_threads
-from distretarget.objectives.resting_joints import Environment
-from distretarget.pipeline.performer import HoldMode
+from distretarget.pipeline.options import Options
 from distretarget.pipeline.result import RetargetResult
-from distretarget.pipeline.retargeting import Objective, check_options, retarget
-
-
-@dataclass(frozen=True, kw_only=True)
-class Options:
-    """How to retarget a motion: the arguments of `retarget` with these names.
-
-    Raises:
-        SettingsError: one is none of its choices, or of another kind.
-    """
-
-    objective: Objective = "contact"
-    supports: HoldMode = "hold"
-    scene: Environment = "body"
-    root_scale: float | None = None
-    source_up: str | None = None
-    target_up: str | None = None
-    root_offset: RootOffset | None = None
-    root_follows: RootFollows | None = None
-
-    def __post_init__(self) -> None:
-        check_options(**asdict(self))
+from distretarget.pipeline.retargeting import retarget
 
 
 @dataclass(frozen=True)
@@ -69,7 +45,7 @@ def retarget_onto(
     map_file: MapFile,
     options: Options,
     mapper: Mapper = in_threads,
-    progress: Progress = lambda _frames: None,
+    progress: Progress = ignore_progress,
 ) -> RetargetResult:
     """Retarget a motion onto the target in a file that has been read, with the pairs of a map file.
 
@@ -81,7 +57,7 @@ def retarget_onto(
     whole_target = parse_target(target.text, target.path).for_source(motion.rigid_skeleton)
     pairs = joint_map(motion.rigid_skeleton, whole_target, target.path, map_file)
     try:
-        return retarget(motion, whole_target, joint_map=pairs, mapper=mapper, progress=progress, **asdict(options))
+        return retarget(motion, whole_target, options, joint_map=pairs, mapper=mapper, progress=progress)
     except MatchingError as error:
         raise needs_map(error, source, target.path) from error
     except DistretargetError as error:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.baseline.engine_root import EngineRoot, RootFollows, find_engine_root
 from distretarget.baseline.rotation_copy import RootScale, root_path, rotation_copy
-from distretarget.baseline.world import RootOffset, World, find_world
+from distretarget.baseline.world import World, find_world
 from distretarget.body.body import Body
 from distretarget.distances import distance_problem
 from distretarget.errors import MotionError
@@ -24,16 +23,16 @@ from distretarget.numerics.vectors import extent
 from distretarget.objectives.floor_heights import with_floor_heights
 from distretarget.objectives.foot_lock import find_stance, hips_rise
 from distretarget.objectives.paper import Postures
-from distretarget.objectives.resting_joints import Environment, find_resting_joints, root_shift, with_resting_joints
+from distretarget.objectives.resting_joints import find_resting_joints, root_shift, with_resting_joints
 from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
 from distretarget.objectives.supports import Supports, no_supports
+from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.soundness import check_finite, check_places
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
 from distretarget.target import SkeletonEdit, Target
 
 Array = NDArray[np.float64]
-HoldMode = Literal["hold", "feet", "free"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,16 +69,14 @@ class Performer:
 def matched_performer(
     source: Motion,
     target: Motion | Skeleton | Target | SkeletonEdit,
-    *,
+    options: Options = DEFAULT_OPTIONS,
     joint_map: JointMap | None = None,
-    source_up: str | None = None,
-    target_up: str | None = None,
-    root_offset: RootOffset | None = None,
 ) -> Performer:
     """Match a source to its target; arguments and errors are those of `retarget`."""
     goal = _target_for(source, target)
     _check(source, goal.skeleton)
     bodies = Body.of_motion(source), _target_body(goal)
+    source_up, target_up, root_offset = options.source_up, options.target_up, options.root_offset
     world = find_world(*bodies, source_up=source_up, target_up=target_up, root_offset=root_offset)
     source_body, target_body = world.to_target_axes(bodies[0]), bodies[1].with_up(world.up)
     return Performer(world, match(source_body, target_body, {**goal.map, **(joint_map or {})}))
@@ -133,7 +130,7 @@ class Prepared:
         )
 
 
-def with_supports(prepared: Prepared, held: HoldMode, scene: Environment, settings: ContactSettings) -> Prepared:
+def with_supports(prepared: Prepared, options: Options, settings: ContactSettings) -> Prepared:
     """Return the same with what rests in the source, and the root where that asks for it; for the arguments see
     `retarget`.
     """
@@ -143,12 +140,12 @@ def with_supports(prepared: Prepared, held: HoldMode, scene: Environment, settin
     feet = find_stance(matching, prepared.copy, scale, shots, settings)
     problem = problem.raised(np.outer(hips_rise(matching, feet, scale, shots), up))
     supports = feet
-    if held == "hold":
-        if others := find_resting_joints(feet, matching, problem, scale, shots, scene, settings):
+    if options.supports == "hold":
+        if others := find_resting_joints(feet, matching, problem, scale, shots, options.environment, settings):
             problem = problem.raised(root_shift(problem, feet, others, shots))
             supports = with_resting_joints(feet, others, problem, shots, settings)
         supports = with_floor_heights(supports, matching, problem, scale, settings)
-    if held == "free":
+    if options.supports == "free":
         settings = replace(settings, support_stiffness=0.0)
     return replace(prepared, problem=problem, supports=supports, settings=settings)
 

@@ -18,8 +18,8 @@ class DiffGaps(TypedDict):
     """The gaps between two parts of a scene that touch in A [% of leg length].
 
     Attributes:
-        between: the names of the two performers, or of a performer and a thing.
-        regions: the region of the body of each; empty for a thing.
+        between: the names of the two performers, or of a performer and a prop.
+        regions: the region of the body of each; empty for a prop.
         joints: the joints of A between which a gap is furthest off ...
         worst_frame: ... and the frame in which it is.
         frames: in how many frames they touch.
@@ -48,7 +48,7 @@ class SceneDiffDocument(TypedDict):
         gap_a, gap_b, gap_error: as in `DiffGaps`, of all that touches; None where nothing does [% of leg length].
         limits: those of `gap_error`, in the order given; those of other figures stand with the performers.
         performers: the diff of each performer, by name.
-        things: the names of the things.
+        props: the names of the props.
         gaps: between what touches in A, those that touch longest first.
     """
 
@@ -63,20 +63,20 @@ class SceneDiffDocument(TypedDict):
     gap_error: float | None
     limits: list[DiffLimit]
     performers: dict[str, DiffDocument]
-    things: list[str]
+    props: list[str]
     gaps: list[DiffGaps]
 
 
 def scene_document(
-    diff: SceneDiff, performers: Mapping[str, DiffDocument], things: Sequence[str], about: About
+    diff: SceneDiff, performers: Mapping[str, DiffDocument], props: Sequence[str], about: About
 ) -> SceneDiffDocument:
     """The diff of two scenes as JSON values that follow `scene_diff.schema.json`.
 
-    `performers` are the documents of the performers by name, `things` the names of the things; `about` has the limits
+    `performers` are the documents of the performers by name, `props` the names of the props; `about` has the limits
     of `GAP_ERROR`.
     """
     gap_a, gap_b, error = (None if gap is None else _percent(gap) for gap in diff.mean_gaps or (None, None, None))
-    names = [*performers, *things]
+    names = [*performers, *props]
     return {
         "format": "distretarget-scene-diff",
         "version": 1,
@@ -92,7 +92,7 @@ def scene_document(
             for key, limit in about.limits
         ],
         "performers": dict(performers),
-        "things": list(things),
+        "props": list(props),
         "gaps": [_gaps(gaps, names) for gaps in diff.gaps],
     }
 

@@ -30,9 +30,9 @@ def _bodies(diff: SceneDiff, document: SceneDiffDocument) -> Iterator[ShownBody]
         joints = one.matching.body_joints
         shown = one.a[: len(diff)], one.b[: len(diff)]
         yield ShownBody(name=name, left=shown[0], right=shown[1], joints=(one.matching.drivers[joints], joints))
-    for name, (a, b) in zip(document["things"], diff.things, strict=True):
+    for name, (a, b) in zip(document["props"], diff.props, strict=True):
         joints = np.arange(len(a.skeleton))
-        yield ShownBody(name=name, left=a, right=b, joints=(joints, joints), thing=True)
+        yield ShownBody(name=name, left=a, right=b, joints=(joints, joints), prop=True)
 
 
 def _gaps(document: SceneDiffDocument) -> Table:

@@ -13,7 +13,7 @@ NO_GAP = "\u2013"  # where nothing touches
 
 
 def scene_page(result: SceneResult, names: Sequence[str]) -> str:
-    """The HTML of the report on a scene; `names` are those of performers and things."""
+    """The HTML of the report on a scene; `names` are those of performers and props."""
     first = result.results[0]
     stage = Stage(
         sides=("Source", "Result"),
@@ -33,9 +33,9 @@ def _bodies(result: SceneResult, names: Sequence[str]) -> Iterator[ShownBody]:
     for name, one in zip(names, result.results, strict=False):
         joints = one.matching.body_joints
         yield ShownBody(name=name, left=one.source, right=one.motion, joints=(one.drivers[joints], joints))
-    for name, thing in zip(names[len(result.results) :], result.things, strict=True):
-        joints = np.arange(len(thing.motion.skeleton))
-        yield ShownBody(name=name, left=thing.source, right=thing.motion, joints=(joints, joints), thing=True)
+    for name, prop in zip(names[len(result.results) :], result.props, strict=True):
+        joints = np.arange(len(prop.motion.skeleton))
+        yield ShownBody(name=name, left=prop.source, right=prop.motion, joints=(joints, joints), prop=True)
 
 
 def _gaps(result: SceneResult, names: Sequence[str]) -> Iterator[list[str | int]]:

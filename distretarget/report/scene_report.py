@@ -1,4 +1,4 @@
-"""The report on a scene, or on the diff of two: an HTML file with all performers and things in one player."""
+"""The report on a scene, or on the diff of two: an HTML file with all performers and props in one player."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ def write_scene_report(
 ) -> None:
     """Write the report on a scene or on the diff of two: one HTML file that any browser opens, without a network.
 
-    `names` are those of the performers, and then of the things. `a_name` and `b_name` are what the report of a diff
+    `names` are those of the performers, and then of the props. `a_name` and `b_name` are what the report of a diff
     calls the two scenes.
 
     Raises:
         FileError: the file exists and `overwrite` is false, or it cannot be written.
-        SettingsError: `compared` is something else, or there are not as many different names as performers and things.
+        SettingsError: `compared` is something else, or there are not as many different names as performers and props.
     """
     check_kind("compared", compared, SceneResult, SceneDiff)
     performers = len(compared.results if isinstance(compared, SceneResult) else compared.performers)
-    count = performers + len(compared.things)
+    count = performers + len(compared.props)
     if len(names) != count or len({*names}) != count:
-        raise SettingsError(f"names is {list(names)}; expected {count} different names, performers before things")
+        raise SettingsError(f"names is {list(names)}; expected {count} different names, performers before props")
     if isinstance(compared, SceneResult):
         html = scene_page(compared, names)
     else:

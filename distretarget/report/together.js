@@ -1,5 +1,5 @@
 'use strict';
-// The player of a scene: all performers and things on both sides, such as source and result.
+// The player of a scene: all performers and props on both sides, such as source and result.
 
 const COLOURS = ['--b', '--e2', '--e1', '--stance'];
 const GRID = 0.25;
@@ -16,10 +16,10 @@ function unpacked({offset, scale, positions}, joints) {
     axis => offset[axis] + scale[axis] * numbers[(frame * joints + joint) * 3 + axis]);
 }
 
-const bodies = scene.bodies.map(({name, parents, sides, thing}, number) => ({
-  name, parents, thing, sides: sides.map((side, k) => unpacked(side, parents[k].length)),
+const bodies = scene.bodies.map(({name, parents, sides, prop}, number) => ({
+  name, parents, prop, sides: sides.map((side, k) => unpacked(side, parents[k].length)),
   colour: getComputedStyle(document.documentElement).getPropertyValue(
-    thing ? '--muted' : COLOURS[number % COLOURS.length]),
+    prop ? '--muted' : COLOURS[number % COLOURS.length]),
 }));
 
 /** The middle of all bodies on one side over the clip, and how far they reach from it. */

@@ -1,4 +1,4 @@
-"""The page of a scene: all performers and things in one player on both sides, and lines between what touches."""
+"""The page of a scene: all performers and props in one player on both sides, and lines between what touches."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ class DrawnPositions(TypedDict):
 
 
 class BodyDrawing(TypedDict):
-    """A performer or a thing, with the parent of each joint, -1 for the root, on the left and on the right."""
+    """A performer or a prop, with the parent of each joint, -1 for the root, on the left and on the right."""
 
     name: str
-    thing: bool
+    prop: bool
     parents: list[list[int]]
     sides: list[DrawnPositions]
 
@@ -50,20 +50,20 @@ class Table(TypedDict):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ShownBody:
-    """A performer or a thing as the page shows it.
+    """A performer or a prop as the page shows it.
 
     Attributes:
         name: what it is called.
         left, right: its motions on both sides, frame by frame.
         joints: the joints that may touch, on the left and on the right.
-        thing: whether it is a thing.
+        prop: whether it is a prop.
     """
 
     name: str
     left: Motion
     right: Motion
     joints: tuple[NDArray[np.intp], NDArray[np.intp]]
-    thing: bool = False
+    prop: bool = False
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -84,10 +84,10 @@ class Stage:
 
 
 def together_page(title: str, bodies: Sequence[ShownBody], stage: Stage, tables: Sequence[Table]) -> str:
-    """The HTML of the page; performers come before things. Lines join what touches on the left."""
+    """The HTML of the page; performers come before props. Lines join what touches on the left."""
     frames, joints = len(bodies[0].left), sum(len(b.left.skeleton) + len(b.right.skeleton) for b in bodies)
     step = drawn_step(frames, joints)
-    pairs = [(i, j) for i, j in combinations(range(len(bodies)), 2) if not bodies[i].thing]
+    pairs = [(i, j) for i, j in combinations(range(len(bodies)), 2) if not bodies[i].prop]
     data = {
         "frame_count": frames,
         "frame_time": bodies[0].right.frame_time,
@@ -113,7 +113,7 @@ def _drawing(body: ShownBody, stage: Stage, step: int) -> BodyDrawing:
         for motion, size in ((body.left, unit), (body.right, unit * stage.scale))
     ]
     parents = [motion.skeleton.parents.tolist() for motion in (body.left, body.right)]
-    return {"name": body.name, "thing": body.thing, "parents": parents, "sides": sides}
+    return {"name": body.name, "prop": body.prop, "parents": parents, "sides": sides}
 
 
 def _side(positions: Array) -> DrawnPositions:
@@ -123,7 +123,7 @@ def _side(positions: Array) -> DrawnPositions:
 
 def _across_them(bodies: Sequence[ShownBody], up: Array) -> float:
     """The angle about y from which the first two performers are seen side by side [rad]."""
-    if len(bodies) < 2 or bodies[1].thing:
+    if len(bodies) < 2 or bodies[1].prop:
         return 0.6
     middles = [body.left.positions.mean(axis=(0, 1)) for body in bodies[:2]]
     x, _, z = upright(up).apply(middles[1] - middles[0])

@@ -1,4 +1,4 @@
-"""Things that performers touch, hold or sit on: a prop, a chair, a pole, an instrument."""
+"""Props that performers touch, hold or sit on: a prop, a chair, a pole, an instrument."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from distretarget.errors import SettingsError
 from distretarget.motion import Motion
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, SMALLEST
 
-ThingScale = Literal["world"] | int | float
+PropScale = Literal["world"] | int | float
 
 
 @dataclass(frozen=True)
 class Grip:
-    """A joint that holds a thing while it is near it.
+    """A joint that holds a prop while it is near it.
 
     Attributes:
         performer: the number of the performer, from 0.
@@ -28,15 +28,15 @@ class Grip:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Thing:
-    """A thing in the world of the performers; its joints are points that may be touched.
+class Prop:
+    """A prop in the world of the performers; its joints are points that may be touched.
 
     Attributes:
         name: what it is called.
-        motion: where it is in the source; one frame for a thing that stands still.
+        motion: where it is in the source; one frame for a prop that stands still.
         scale: target units per source unit: "world", as the world along the floor; the number of a performer, as that
-            one's heights (an int); or a factor (a float), 1.0 for a thing that keeps its size.
-        held_by: the joints that hold it. The thing follows them while they are near it.
+            one's heights (an int); or a factor (a float), 1.0 for a prop that keeps its size.
+        held_by: the joints that hold it. The prop follows them while they are near it.
 
     Raises:
         SettingsError: the scale is none of these.
@@ -44,7 +44,7 @@ class Thing:
 
     name: str
     motion: Motion
-    scale: ThingScale = "world"
+    scale: PropScale = "world"
     held_by: tuple[Grip, ...] = ()
 
     def __post_init__(self) -> None:

@@ -1,7 +1,7 @@
-"""Things among performers: where they are on the way, which joints touch them, and the springs that keep them there.
+"""Props among performers: where they are on the way, which joints touch them, and the springs that keep them there.
 
-A thing keeps its shape, so that one similarity a frame takes all of the source's world around it to the target's: what
-touches the thing belongs where that takes it.
+A prop keeps its shape, so that one similarity a frame takes all of the source's world around it to the target's: what
+touches the prop belongs where that takes it.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from distretarget.scene.touch import Points, firmness
 Array = NDArray[np.float64]
 Joints = NDArray[np.intp]
 
-LEVER = 0.02  # how far from a hand its turn counts for a thing that it holds [body units]
-LOOSE = 1e-6  # how much the free place of a thing counts beside the hands that hold it
+LEVER = 0.02  # how far from a hand its turn counts for a prop that it holds [body units]
+LOOSE = 1e-6  # how much the free place of a prop counts beside the hands that hold it
 
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """A similarity in each frame, which takes the source's world around a thing to the target's.
+    """A similarity in each frame, which takes the source's world around a prop to the target's.
 
     Attributes:
-        centre: (frames, 3), the middle of the thing in the source [source file units].
+        centre: (frames, 3), the middle of the prop in the source [source file units].
         place: (frames, 3), where that is [target file units].
         turn: (frames, 3, 3), the rotation about it.
         scale: target units per source unit.
@@ -53,10 +53,10 @@ class Placement:
 
 
 class Grasp(NamedTuple):
-    """A joint that holds a thing.
+    """A joint that holds a prop.
 
     Attributes:
-        weight: (frames,), 1 while it holds the thing, blended to 0.
+        weight: (frames,), 1 while it holds the prop, blended to 0.
         source, now: (frames, 3), where it is in the source, and on its body [file units of each].
         turn: (frames, 3, 3), how its body's joint is turned against the source's, apart from the rest poses.
         lever: how far from it the turn counts [target file units].
@@ -70,7 +70,7 @@ class Grasp(NamedTuple):
 
 
 def free_placement(points: Array, scale: float, level: float, up: Array) -> Placement:
-    """Where a thing is that nobody holds: the middle of its points, (frames, points, 3), where the world's scale takes
+    """Where a prop is that nobody holds: the middle of its points, (frames, points, 3), where the world's scale takes
     it along the floor, and as high as its own scale says.
     """
     centre = points.mean(axis=1)
@@ -79,7 +79,7 @@ def free_placement(points: Array, scale: float, level: float, up: Array) -> Plac
 
 
 def held_placement(free: Placement, holds: Sequence[Grasp]) -> Placement:
-    """Where a thing is that joints hold: as near as it can be to all of them, in place and turn (Kabsch fit)."""
+    """Where a prop is that joints hold: as near as it can be to all of them, in place and turn (Kabsch fit)."""
     loose = np.maximum(1.0 - np.max([hold.weight for hold in holds], axis=0), LOOSE)
     weights = np.stack([loose, *(hold.weight for hold in holds)])[..., None]
     a = np.stack([0.0 * free.centre, *(free.scale * (hold.source - free.centre) for hold in holds)])
@@ -103,13 +103,13 @@ def turn_of(copy: Array, now: Array) -> Array:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Touched:
-    """The joints of a performer that come near a thing.
+    """The joints of a performer that come near a prop.
 
     Attributes:
         joints: (joints,), of the target.
         source: (frames, joints, 3), where their drivers are in the source [source file units].
-        gaps: (frames, joints), how far these are from the nearest point of the thing [source file units].
-        f: (frames, joints), how far each is drawn to the thing, 0 to 1.
+        gaps: (frames, joints), how far these are from the nearest point of the prop [source file units].
+        f: (frames, joints), how far each is drawn to the prop, 0 to 1.
         A: (frames, joints, 3, 3), the stiffness.
     """
 
@@ -124,7 +124,7 @@ class Touched:
         return replace(self, A=np.where(columns[:, None, None], 0.0, self.A))
 
     def springs(self, placement: Placement, copy: Array, unit: float) -> Springs:
-        """The springs that draw the joints to where they touch the thing; their arrays have the frames in front.
+        """The springs that draw the joints to where they touch the prop; their arrays have the frames in front.
 
         `copy`, (frames, joints, 3), are the joints of the copy [target file units], `unit` is the body unit.
         """
@@ -136,19 +136,19 @@ class Touched:
 def find_touched(
     points: Points,
     regions: Joints,
-    thing: Array,
+    prop: Array,
     leg: float,
     free: Array,
     frame_time: float,
     settings: ContactSettings,
 ) -> Touched:
-    """Return the joints of a performer that come near the points of a thing, (frames, points, 3).
+    """Return the joints of a performer that come near the points of a prop, (frames, points, 3).
 
     The normalised distance of a joint is its distance from the nearest point over the length of a `leg` [source file
-    units], since no path leads from it to the thing. Joints in the same of the `regions`, (points,), share their
+    units], since no path leads from it to the prop. Joints in the same of the `regions`, (points,), share their
     stiffness. `free`, (frames, points), is 0 where a joint is held elsewhere.
     """
-    length = nearest(points.source, thing)
+    length = nearest(points.source, prop)
     D = length / leg
     f = activation(D, settings.lead / frame_time, settings) * free
     on = np.flatnonzero(f.any(axis=0))
@@ -160,9 +160,9 @@ def find_touched(
     return Touched(joints=points.joints[on], source=points.source[:, on], gaps=length[:, on], f=f, A=A)
 
 
-def nearest(joints: Array, thing: Array) -> Array:
-    """(frames, joints), how far each joint is from the nearest point of a thing, (frames, points, 3)."""
+def nearest(joints: Array, prop: Array) -> Array:
+    """(frames, joints), how far each joint is from the nearest point of a prop, (frames, points, 3)."""
     length = np.empty(joints.shape[:2])
     for block in blocks_of(len(joints)):
-        length[block] = lengths(joints[block][:, :, None] - thing[block][:, None]).min(axis=-1)
+        length[block] = lengths(joints[block][:, :, None] - prop[block][:, None]).min(axis=-1)
     return length

@@ -17,8 +17,8 @@ from distretarget.io.obj import parse_obj
 from distretarget.io.target_file import load_target
 from distretarget.motion import Motion
 from distretarget.objectives.resting_joints import Environment
-from distretarget.pipeline.performer import HoldMode
-from distretarget.scene.prop import Grip, Thing, ThingScale, prop_of
+from distretarget.pipeline.options import HoldMode
+from distretarget.scene.prop import Grip, Prop, PropScale, prop_of
 from distretarget.scene.retargeting import SceneResult, retarget_scene
 from distretarget.synchronise import aligned
 
@@ -43,20 +43,20 @@ class PerformerFiles:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ThingFiles:
-    """A thing of a scene, by files.
+class PropFiles:
+    """A prop of a scene, by files.
 
     Attributes:
-        name: of the thing, and of its result.
+        name: of the prop, and of its result.
         origin: the path of a BVH or OBJ file; or, for a prop in a performer's file, who has it and its joint there.
-        scale: as in `Thing`.
-        held_by: as in `Thing`.
+        scale: as in `Prop`.
+        held_by: as in `Prop`.
         start: how much of the clip is left out at its beginning [s].
     """
 
     name: str
     origin: Path | Grip
-    scale: ThingScale = "world"
+    scale: PropScale = "world"
     held_by: tuple[Grip, ...] = ()
     start: float = 0.0
 
@@ -65,17 +65,17 @@ class ThingFiles:
         """The file of its own, if it has one."""
         return self.origin if isinstance(self.origin, Path) else None
 
-    def made(self, own: Mapping[str, Motion], sources: Sequence[Motion]) -> Thing:
-        """Return the thing, given the motions of things with a file of their own, by name, and those of the performers.
+    def made(self, own: Mapping[str, Motion], sources: Sequence[Motion]) -> Prop:
+        """Return the prop, given the motions of props with a file of their own, by name, and those of the performers.
 
         A prop is held by the joint that it hangs on, unless something else is said to hold it.
         """
         if isinstance(self.origin, Path):
-            return Thing(name=self.name, motion=own[self.name], scale=self.scale, held_by=self.held_by)
+            return Prop(name=self.name, motion=own[self.name], scale=self.scale, held_by=self.held_by)
         source, joint = sources[self.origin.performer], self.origin.joint
         above = source.skeleton.line(source.skeleton.index(joint))[1:2]
         held_by = self.held_by or tuple(Grip(self.origin.performer, source.skeleton.keys[each]) for each in above)
-        return Thing(name=self.name, motion=prop_of(source, joint), scale=self.scale, held_by=held_by)
+        return Prop(name=self.name, motion=prop_of(source, joint), scale=self.scale, held_by=held_by)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,17 +83,17 @@ class SceneSetup:
     """Everything that a scene is made of, but for the contents of its files.
 
     Attributes:
-        performers, things: who and what is in it.
-        world_scale, supports, scene: as in `retarget_scene`.
+        performers, props: who and what is in it.
+        world_scale, supports, environment: as in `retarget_scene`.
         cut: cut all clips to the frames of the shortest.
         resample: give all clips the frame time of the first.
     """
 
     performers: tuple[PerformerFiles, ...]
-    things: tuple[ThingFiles, ...] = ()
+    props: tuple[PropFiles, ...] = ()
     world_scale: float | None = None
     supports: HoldMode = "hold"
-    scene: Environment = "body"
+    environment: Environment = "body"
     cut: bool = False
     resample: bool = False
 
@@ -105,27 +105,27 @@ class SceneSetup:
 
     @property
     def names(self) -> list[str]:
-        """The names of performers and things, in their order."""
-        return [each.name for each in self.performers] + [thing.name for thing in self.things]
+        """The names of performers and props, in their order."""
+        return [each.name for each in self.performers] + [prop.name for prop in self.props]
 
     @property
     def files(self) -> dict[str, Path]:
-        """The file in which the motion of each performer and thing is, by name."""
+        """The file in which the motion of each performer and prop is, by name."""
         sources = [each.source for each in self.performers]
-        origins = [each.origin for each in self.things]
+        origins = [each.origin for each in self.props]
         files = [origin if isinstance(origin, Path) else sources[origin.performer] for origin in origins]
         return dict(zip(self.names, [*sources, *files], strict=True))
 
-    def read(self) -> tuple[list[Motion], list[Thing]]:
-        """Read the motions of the performers, and the things.
+    def read(self) -> tuple[list[Motion], list[Prop]]:
+        """Read the motions of the performers, and the props.
 
         Raises:
             DistretargetError: a file cannot be read, or ends before its start, or has no such prop.
         """
         clips = self._clips()
         sources = clips[: len(self.performers)]
-        own = dict(zip((thing.name for thing in self.things if thing.file), clips[len(sources) :], strict=True))
-        return sources, [self._made(thing, own, sources) for thing in self.things]
+        own = dict(zip((prop.name for prop in self.props if prop.file), clips[len(sources) :], strict=True))
+        return sources, [self._made(prop, own, sources) for prop in self.props]
 
     def retargeted(self, progress: Callable[[int], object] = lambda _sweep: None) -> SceneResult:
         """Read all files, and retarget the scene.
@@ -133,7 +133,7 @@ class SceneSetup:
         Raises:
             DistretargetError: a file cannot be read, or the scene cannot be retargeted.
         """
-        sources, things = self.read()
+        sources, props = self.read()
         targets, maps = [], []
         for performer, source in zip(self.performers, sources, strict=True):
             target = load_target(performer.target).for_source(source.rigid_skeleton)
@@ -143,31 +143,31 @@ class SceneSetup:
             return retarget_scene(
                 sources,
                 targets,
-                things,
+                props,
                 joint_maps=maps,
                 world_scale=self.world_scale,
                 supports=self.supports,
-                scene=self.scene,
+                environment=self.environment,
                 progress=progress,
             )
         except DistretargetError as error:
             raise error.in_file(error.path or self.performers[0].source) from None
 
-    def _made(self, thing: ThingFiles, own: Mapping[str, Motion], sources: Sequence[Motion]) -> Thing:
+    def _made(self, prop: PropFiles, own: Mapping[str, Motion], sources: Sequence[Motion]) -> Prop:
         try:
-            return thing.made(own, sources)
+            return prop.made(own, sources)
         except DistretargetError as error:
-            raise error.in_file(self.files[thing.name]) from None
+            raise error.in_file(self.files[prop.name]) from None
 
     def _own_files(self) -> list[Path]:
-        """The files of things that have one of their own."""
-        return [thing.file for thing in self.things if thing.file]
+        """The files of props that have one of their own."""
+        return [prop.file for prop in self.props if prop.file]
 
     def _clips(self) -> list[Motion]:
-        """The motions in the files of performers and things, with the same frames as far as the options ask for it."""
+        """The motions in the files of performers and props, with the same frames as far as the options ask for it."""
         files = [*(each.source for each in self.performers), *self._own_files()]
-        motions = [read_bvh(each.source) for each in self.performers] + [read_thing(file) for file in self._own_files()]
-        starts = [each.start for each in self.performers] + [thing.start for thing in self.things if thing.file]
+        motions = [read_bvh(each.source) for each in self.performers] + [read_prop(file) for file in self._own_files()]
+        starts = [each.start for each in self.performers] + [prop.start for prop in self.props if prop.file]
         moving = [number for number, motion in enumerate(motions) if len(motion) != 1]
         for number in moving:
             seconds = len(motions[number]) * motions[number].frame_time
@@ -184,8 +184,8 @@ class SceneSetup:
         return motions
 
 
-def read_thing(path: Path) -> Motion:
-    """Return the motion of a thing in a BVH or OBJ file; the content decides which it is.
+def read_prop(path: Path) -> Motion:
+    """Return the motion of a prop in a BVH or OBJ file; the content decides which it is.
 
     Raises:
         FileError: the file cannot be read.
@@ -199,7 +199,7 @@ FORMAT = "distretarget-scene"
 VERSION = 1
 SCENE_NAME = "scene.json"  # of scenes in a folder of scenes
 HEADER_KEYS = ("format", "version")
-OPTION_KEYS = ("things", "world_scale", "supports", "scene", "cut", "resample")
+OPTION_KEYS = ("props", "world_scale", "supports", "environment", "cut", "resample")
 
 
 def load_scene(path: str | Path) -> SceneSetup:
@@ -224,14 +224,16 @@ def parse_scene(text: str, path: str | Path) -> SceneSetup:
     if not performers:
         fields["performers"].expected("at least one performer")
     names = [each.name for each in performers]
-    things = tuple(_thing(node, folder, names) for node in fields["things"].items()) if "things" in fields else ()
-    _check_names(fields, [*names, *(thing.name for thing in things)])
+    props = tuple(_prop(node, folder, names) for node in fields["props"].items()) if "props" in fields else ()
+    _check_names(fields, [*names, *(prop.name for prop in props)])
     return SceneSetup(
         performers=performers,
-        things=things,
+        props=props,
         world_scale=fields["world_scale"].positive() if "world_scale" in fields else None,
         supports=cast(HoldMode, fields["supports"].one_of(get_args(HoldMode)) if "supports" in fields else "hold"),
-        scene=cast(Environment, fields["scene"].one_of(get_args(Environment)) if "scene" in fields else "body"),
+        environment=cast(
+            Environment, fields["environment"].one_of(get_args(Environment)) if "environment" in fields else "body"
+        ),
         cut="cut" in fields and fields["cut"].flag(),
         resample="resample" in fields and fields["resample"].flag(),
     )
@@ -249,14 +251,14 @@ def _performer(node: Node, folder: Path) -> PerformerFiles:
     )
 
 
-def _thing(node: Node, folder: Path, performers: Sequence[str]) -> ThingFiles:
-    fields = node.fields(("name",), ("file", "prop", "scale", "held_by", "start"))
-    if ("file" in fields) == ("prop" in fields):
-        node.fail('expected either "file" or "prop"')
+def _prop(node: Node, folder: Path, performers: Sequence[str]) -> PropFiles:
+    fields = node.fields(("name",), ("file", "part_of", "scale", "held_by", "start"))
+    if ("file" in fields) == ("part_of" in fields):
+        node.fail('expected either "file" or "part_of"')
     held_by = fields["held_by"].items() if "held_by" in fields else []
-    return ThingFiles(
+    return PropFiles(
         name=_name(fields["name"]),
-        origin=folder / fields["file"].text() if "file" in fields else _grip(fields["prop"], performers),
+        origin=folder / fields["file"].text() if "file" in fields else _grip(fields["part_of"], performers),
         scale=_scale(fields["scale"], performers) if "scale" in fields else "world",
         held_by=tuple(_grip(each, performers) for each in held_by),
         start=_start(fields),
@@ -268,7 +270,7 @@ def _grip(node: Node, performers: Sequence[str]) -> Grip:
     return Grip(_number(fields["performer"], performers), fields["joint"].text())
 
 
-def _scale(node: Node, performers: Sequence[str]) -> ThingScale:
+def _scale(node: Node, performers: Sequence[str]) -> PropScale:
     if isinstance(node.value, float):
         return node.positive()
     return "world" if node.text() == "world" else _number(node, performers)
@@ -300,4 +302,4 @@ def _start(fields: dict[str, Node]) -> float:
 def _check_names(fields: dict[str, Node], names: Sequence[str]) -> None:
     for number, name in enumerate(names):
         if name in names[:number]:
-            fields["performers"].fail(f"{name!r} is the name of two performers or things; give one of them another")
+            fields["performers"].fail(f"{name!r} is the name of two performers or props; give one of them another")

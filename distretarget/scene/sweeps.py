@@ -1,4 +1,4 @@
-"""Performers and things together: what touches between them, and the sweeps that keep it together."""
+"""Performers and props together: what touches between them, and the sweeps that keep it together."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from distretarget.scene.touch import Points, Touching, find_touching, gap_errors
 Array = NDArray[np.float64]
 Joints = NDArray[np.intp]
 Grips = Mapping[int, tuple[int, ...]]
-"""The joints of targets that hold a thing, by the numbers of their performers."""
+"""The joints of targets that hold a prop, by the numbers of their performers."""
 
 REGION_POINTS = 9  # most joints of a region that may touch others
 MOST_SWEEPS = 2  # all performers are solved at most so many times
@@ -43,8 +43,8 @@ SETTLED = 0.018  # gaps between what touches are less than this off, on average 
 
 
 @dataclass(frozen=True, eq=False)
-class PlacedThing:
-    """A thing in the world of the performers.
+class PlacedProp:
+    """A prop in the world of the performers.
 
     Attributes:
         points: (frames, points, 3), where it is in the source [source file units].
@@ -59,38 +59,38 @@ class PlacedThing:
 
 @dataclass(frozen=True, eq=False)
 class Together:
-    """Performers and things, and what touches between them.
+    """Performers and props, and what touches between them.
 
     Attributes:
         performers: as they are solved, one by one.
-        things: what else is in their world.
+        props: what else is in their world.
         touching: for each two performers, by their numbers, their joints that come near each other.
-        touched: for each performer and thing, by their numbers, the joints that come near it.
+        touched: for each performer and prop, by their numbers, the joints that come near it.
     """
 
     performers: tuple[Prepared, ...]
-    things: tuple[PlacedThing, ...]
+    props: tuple[PlacedProp, ...]
     touching: Mapping[tuple[int, int], Touching]
     touched: Mapping[tuple[int, int], Touched]
 
-    def placement(self, thing: int, now: Sequence[Motion]) -> Placement:
-        """Where a thing is while the performers are where they are now."""
-        placed = self.things[thing]
-        holds = [hold for number in placed.grips for hold in self._holds(number, thing, now[number])]
+    def placement(self, prop: int, now: Sequence[Motion]) -> Placement:
+        """Where a prop is while the performers are where they are now."""
+        placed = self.props[prop]
+        holds = [hold for number in placed.grips for hold in self._holds(number, prop, now[number])]
         return held_placement(placed.free, holds) if holds else placed.free
 
-    def _holds(self, number: int, thing: int, now: Motion) -> Iterator[Grasp]:
-        """How a performer holds a thing."""
-        one, touched = self.performers[number], self.touched[number, thing]
+    def _holds(self, number: int, prop: int, now: Motion) -> Iterator[Grasp]:
+        """How a performer holds a prop."""
+        one, touched = self.performers[number], self.touched[number, prop]
         copied, turned = one.copy.world_rotations, now.world_rotations
-        for column in np.flatnonzero(np.isin(touched.joints, self.things[thing].grips[number])):
+        for column in np.flatnonzero(np.isin(touched.joints, self.props[prop].grips[number])):
             joint = touched.joints[column]
             turn = turn_of(copied[:, joint], turned[:, joint])
             place = now.positions[:, joint]
             yield Grasp(touched.f[:, column], touched.source[:, column], place, turn, LEVER * one.problem.unit)
 
     def springs(self, now: Sequence[Motion]) -> list[Springs]:
-        """The springs that draw each performer to the others, and to things."""
+        """The springs that draw each performer to the others, and to props."""
         springs = [no_springs(len(one.problem)) for one in self.performers]
         copies = [one.problem.copy_on_path(np.arange(len(one.problem.skeleton))) for one in self.performers]
         units = [one.problem.unit for one in self.performers]
@@ -98,9 +98,9 @@ class Together:
             both = (copies[i], copies[j]), (now[i].positions, now[j].positions), (units[i], units[j])
             for number, more in zip((i, j), touching_springs(pairs, *both, self.performers[i].settings), strict=True):
                 springs[number] = joined(springs[number], more)
-        places = [self.placement(thing, now) for thing in range(len(self.things))]
-        for (i, thing), touched in self.touched.items():
-            springs[i] = joined(springs[i], touched.springs(places[thing], copies[i], units[i]))
+        places = [self.placement(prop, now) for prop in range(len(self.props))]
+        for (i, prop), touched in self.touched.items():
+            springs[i] = joined(springs[i], touched.springs(places[prop], copies[i], units[i]))
         return springs
 
     def off(self, now: Sequence[Motion]) -> float:
@@ -110,19 +110,19 @@ class Together:
             leg = (self.performers[i].problem.unit + self.performers[j].problem.unit) / 4.0
             near = lengths(pairs.vectors) < TOUCH_DISTANCE * leg
             off.append(gap_errors(pairs, now[i].positions, now[j].positions)[near] / leg)
-        for (i, thing), touched in self.touched.items():
-            placement, leg = self.placement(thing, now), self.performers[i].problem.unit / 2.0
-            gaps = nearest(now[i].positions[:, touched.joints], placement(self.things[thing].points))
+        for (i, prop), touched in self.touched.items():
+            placement, leg = self.placement(prop, now), self.performers[i].problem.unit / 2.0
+            gaps = nearest(now[i].positions[:, touched.joints], placement(self.props[prop].points))
             wanted = placement.scale * touched.gaps
             off.append(np.abs(gaps - wanted)[wanted < TOUCH_DISTANCE * leg] / leg)
         values = np.concatenate(off)
         return float(values.mean()) if len(values) else 0.0
 
 
-def brought_together(performers: Sequence[Prepared], things: Sequence[PlacedThing]) -> Together:
-    """Find what touches, and let what rests on another performer or on a thing rest there."""
+def brought_together(performers: Sequence[Prepared], props: Sequence[PlacedProp]) -> Together:
+    """Find what touches, and let what rests on another performer or on a prop rest there."""
     touching = {(i, j): _touching(performers[i], performers[j]) for i, j in combinations(range(len(performers)), 2)}
-    touched = {(i, k): _touched(one, thing, i) for i, one in enumerate(performers) for k, thing in enumerate(things)}
+    touched = {(i, k): _touched(one, prop, i) for i, one in enumerate(performers) for k, prop in enumerate(props)}
     placed = []
     for number, one in enumerate(performers):
         of_others = [
@@ -131,24 +131,24 @@ def brought_together(performers: Sequence[Prepared], things: Sequence[PlacedThin
             if number in both
         ]
         supports = one.supports
-        for k, thing in enumerate(things):
+        for k, prop in enumerate(props):
             near = touched[number, k]
-            if thing.grips:
+            if prop.grips:
                 frames, columns = np.nonzero(near.f)
                 of_others.append((frames, near.joints[columns], near.f[frames, columns]))
             else:
-                supports = _resting_on(supports, near, thing.free)
+                supports = _resting_on(supports, near, prop.free)
         placed.append(replace(one, supports=_yielding(one, supports, of_others)))
-    return Together(tuple(placed), tuple(things), touching, touched)
+    return Together(tuple(placed), tuple(props), touching, touched)
 
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """Performers and things after the last sweep.
+    """Performers and props after the last sweep.
 
     Attributes:
         poses: one for each performer.
-        placements: one for each thing.
+        placements: one for each prop.
         sweeps: how many times all performers were solved.
         off: how far what touches is off, on average [leg lengths].
     """
@@ -175,7 +175,7 @@ def solve_together(together: Together, mapper: Mapper, progress: Callable[[int],
             with_shortfall(more, before, at.positions / one.problem.unit, one.performer.matching.regions.of_joint)
             for one, more, before, at in zip(performers, together.springs(now), springs, now, strict=True)
         ]
-    return Solved(poses, [together.placement(thing, now) for thing in range(len(together.things))], sweep, off)
+    return Solved(poses, [together.placement(prop, now) for prop in range(len(together.props))], sweep, off)
 
 
 def _touching(one: Prepared, other: Prepared) -> Touching:
@@ -184,16 +184,16 @@ def _touching(one: Prepared, other: Prepared) -> Touching:
     return find_touching(_points(one), _points(other), scale, up, one.problem.frame_time, one.settings)
 
 
-def _touched(one: Prepared, thing: PlacedThing, number: int) -> Touched:
+def _touched(one: Prepared, prop: PlacedProp, number: int) -> Touched:
     points, matching, supports = _points(one), one.performer.matching, one.supports
     regions = matching.regions.of_joint[points.joints]
     free = np.ones((len(one.problem), len(points.joints)))
     for support, region in enumerate(supports.regions[: supports.feet]):
         free[:, regions == region] *= 1.0 - supports.weights[:, support, None]
     leg = matching.leg_lengths[0] or matching.source.unit
-    touched = find_touched(points, regions, thing.points, leg, free, one.problem.frame_time, one.settings)
-    holders = thing.grips.get(number, ())
-    alone = sum(map(len, thing.grips.values())) == 1
+    touched = find_touched(points, regions, prop.points, leg, free, one.problem.frame_time, one.settings)
+    holders = prop.grips.get(number, ())
+    alone = sum(map(len, prop.grips.values())) == 1
     held = np.isin(matching.regions.of_joint[touched.joints], matching.regions.of_joint[[*holders]])
     return touched.without(held if alone else held & ~np.isin(touched.joints, holders))
 
@@ -219,16 +219,16 @@ def _points(one: Prepared) -> Points:
 
 
 def _resting_on(supports: Supports, near: Touched, free: Placement) -> Supports:
-    """The same, but what rests, apart from feet, and touches a thing that stands has its place on the thing."""
-    places, on_thing = np.array(supports.places), free(near.source)
+    """The same, but what rests, apart from feet, and touches a prop that stands has its place on the prop."""
+    places, on_prop = np.array(supports.places), free(near.source)
     for support in range(supports.feet, len(supports.joints)):
         for column in np.flatnonzero(near.joints == supports.joints[support]):
-            places[:, support] += near.f[:, column, None] * (on_thing[:, column] - places[:, support])
+            places[:, support] += near.f[:, column, None] * (on_prop[:, column] - places[:, support])
     return replace(supports, places=places)
 
 
 def _yielding(one: Prepared, supports: Supports, touches: Sequence[tuple[Joints, Joints, Array]]) -> Supports:
-    """The same, but what stands still off the floor and touches another performer, or a thing that somebody holds,
+    """The same, but what stands still off the floor and touches another performer, or a prop that somebody holds,
     rests on nothing: it goes where the two meet. `touches` are frames, joints and activations.
     """
     matching = one.performer.matching

@@ -1,4 +1,4 @@
-"""Sample scenes of a performer and a thing."""
+"""Sample scenes of a performer and a prop."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.io.obj import parse_obj
 from distretarget.motion import Motion
-from distretarget.scene.prop import Grip, Thing
+from distretarget.scene.prop import Grip, Prop
 from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
 
 GRIP = 24.0  # from the middle of the staff to either hand [cm]
@@ -43,16 +43,16 @@ def staff() -> SampleScene:
         "Right": Reach(middle - GRIP * along, mirrored(fist), ones, (-0.8, -0.8, -0.1)),
     }
     points = np.array([[x, 0.0, 0.0] for x in (-80, -50, -GRIP, GRIP, 50, 80)])
-    thing = Thing(
+    prop = Prop(
         name="staff",
-        motion=_thing("staff", points, middle, turn),
+        motion=_prop("staff", points, middle, turn),
         held_by=(Grip(0, "LeftWrist"), Grip(0, "RightWrist")),
     )
     touches = (
         contact((0, "LeftWrist"), (1, NEAREST), 0.0, t[-1]),
         contact((0, "RightWrist"), (1, NEAREST), 0.0, t[-1]),
     )
-    return SampleScene({"performer": performer(t, body, reaches)}, touches, (thing,))
+    return SampleScene({"performer": performer(t, body, reaches)}, touches, (prop,))
 
 
 def sit_on_chair() -> SampleScene:
@@ -70,14 +70,14 @@ def sit_on_chair() -> SampleScene:
     seat = _grid(np.linspace(-19.4, 19.4, 5), [SEAT], np.linspace(-61, -23, 5))
     back = _grid([-20.0, 0.0, 20.0], [60.0, 75.0, 90.0], [-63.0])
     legs = _grid([-20.0, 20.0], [0.0], [-60.0, -24.0])
-    thing = Thing(name="chair", motion=standing_thing("chair", np.concatenate([seat, back, legs])))
+    prop = Prop(name="chair", motion=standing_prop("chair", np.concatenate([seat, back, legs])))
     touches = (contact((0, "LeftHip"), (1, NEAREST), 1.6, t[-1]),)
     above = hand(fingers=[-0.1, -0.2, 1.0], palm=[0.0, -1.0, -0.2])
     reaches = {
         "Left": Reach((13.0, SEAT + 18.0, -10.0), above, down, (0.8, -0.6, -0.3)),
         "Right": Reach((-13.0, SEAT + 18.0, -10.0), mirrored(above), down, (-0.8, -0.6, -0.3)),
     }
-    return SampleScene({"performer": performer(t, body, reaches, feet)}, touches, (thing,))
+    return SampleScene({"performer": performer(t, body, reaches, feet)}, touches, (prop,))
 
 
 def drum_on_table() -> SampleScene:
@@ -100,12 +100,12 @@ def drum_on_table() -> SampleScene:
         touches += [contact((0, f"{side}Wrist_End"), (1, NEAREST), strike, strike + 0.06) for strike in strikes]
     top = _grid([-48.0, -16.0, 16.0, 48.0], [TABLE], [18.0, 47.0, 60.0])
     legs = _grid([-48.0, 48.0], [0.0], [18.0, 60.0])
-    thing = Thing(name="table", motion=standing_thing("table", np.concatenate([top, legs])))
-    return SampleScene({"performer": performer(t, body, reaches)}, tuple(touches), (thing,))
+    prop = Prop(name="table", motion=standing_prop("table", np.concatenate([top, legs])))
+    return SampleScene({"performer": performer(t, body, reaches)}, tuple(touches), (prop,))
 
 
-def standing_thing(name: str, points: np.ndarray) -> Motion:
-    """A thing that stands still, with these points, (points, 3) [cm]."""
+def standing_prop(name: str, points: np.ndarray) -> Motion:
+    """A prop that stands still, with these points, (points, 3) [cm]."""
     return parse_obj(obj_text(points), f"{name}.obj")
 
 
@@ -114,8 +114,8 @@ def obj_text(points: np.ndarray) -> str:
     return "".join(f"v {x:.6f} {y:.6f} {z:.6f}\n" for x, y, z in points)
 
 
-def _thing(name: str, points: np.ndarray, path: Track, turn: Rotation) -> Motion:
-    """A thing of one joint with points fixed to it, (points, 3) [cm]."""
+def _prop(name: str, points: np.ndarray, path: Track, turn: Rotation) -> Motion:
+    """A prop of one joint with points fixed to it, (points, 3) [cm]."""
     count = len(points)
     skeleton = Skeleton(
         names=(name, *(f"{name}{number}" for number in range(1, count + 1))),

@@ -1,4 +1,4 @@
-"""Things: they keep their shape, follow the hands that hold them, and stand where they stood."""
+"""Props: they keep their shape, follow the hands that hold them, and stand where they stood."""
 
 from dataclasses import replace
 from functools import cache
@@ -6,10 +6,10 @@ from functools import cache
 import numpy as np
 import pytest
 from bodies import SAMPLES, moved, with_bone
-from sample_things import SCENES, standing_thing
+from sample_props import SCENES, standing_prop
 from scipy.spatial.transform import Rotation
 
-from distretarget import Grip, Motion, SettingsError, SkeletonError, Thing, load_target, prop_of, retarget_scene
+from distretarget import Grip, Motion, Prop, SettingsError, SkeletonError, load_target, prop_of, retarget_scene
 
 
 @cache
@@ -41,48 +41,48 @@ def test_a_prop_is_a_motion_of_its_own():
 
 def test_a_prop_stays_in_the_hand_that_holds_it():
     source = with_stick(drummer())
-    stick = Thing(name="stick", motion=prop_of(source, "Stick"), held_by=(Grip(0, "RightWrist"),))
+    stick = Prop(name="stick", motion=prop_of(source, "Stick"), held_by=(Grip(0, "RightWrist"),))
     done = retarget_scene([source], [child()], [stick])
-    (body,), (thing,) = done.results, done.things
+    (body,), (prop,) = done.results, done.props
     hand = body.motion.skeleton.index("RightWrist")
-    grip = np.linalg.norm(thing.motion.positions[:, 0] - body.motion.positions[:, hand], axis=1)
-    np.testing.assert_allclose(grip, thing.scale * 8.0, rtol=1e-5)
+    grip = np.linalg.norm(prop.motion.positions[:, 0] - body.motion.positions[:, hand], axis=1)
+    np.testing.assert_allclose(grip, prop.scale * 8.0, rtol=1e-5)
     in_hand = (
         Rotation.from_quat(body.motion.world_rotations[:, hand])
         .inv()
-        .apply(thing.motion.positions[:, 1] - body.motion.positions[:, hand])
+        .apply(prop.motion.positions[:, 1] - body.motion.positions[:, hand])
     )
     assert np.ptp(in_hand, axis=0).max() < 1e-5 * body.matching.target.height
 
 
-def test_a_thing_that_nobody_holds_stands_still_in_its_own_size():
-    box = Thing(name="box", motion=standing_thing("box", np.array([[40, 0, 60], [60, 0, 60], [50, 30, 60]])), scale=1.0)
+def test_a_prop_that_nobody_holds_stands_still_in_its_own_size():
+    box = Prop(name="box", motion=standing_prop("box", np.array([[40, 0, 60], [60, 0, 60], [50, 30, 60]])), scale=1.0)
     points = box.motion.positions[0]
     done = retarget_scene([drummer()], [child()], [box])
-    (thing,) = done.things
-    assert len(thing.motion) == len(drummer())
-    assert np.ptp(thing.motion.positions, axis=0).max() == 0
+    (prop,) = done.props
+    assert len(prop.motion) == len(drummer())
+    assert np.ptp(prop.motion.positions, axis=0).max() == 0
     scale = done.world_scale
     middle = points.mean(axis=0)
     expected = points - middle + middle * [scale, 1.0, scale]
-    np.testing.assert_allclose(thing.motion.positions[0], expected, atol=1e-9)
+    np.testing.assert_allclose(prop.motion.positions[0], expected, atol=1e-9)
 
 
-def test_a_scene_with_a_thing_that_is_turned_has_the_same_result():
+def test_a_scene_with_a_prop_that_is_turned_has_the_same_result():
     scene = SCENES["staff"]()
-    (source,), (staff,) = scene.performers.values(), scene.things
+    (source,), (staff,) = scene.performers.values(), scene.props
     turn, shift = Rotation.from_euler("Y", 110, degrees=True), (200.0, 0.0, 50.0)
     done = retarget_scene([source], [child()], [staff])
     elsewhere = retarget_scene(
         [moved(source, turn, shift)], [child()], [replace(staff, motion=moved(staff.motion, turn, shift))]
     )
-    for one, other in ((done.results[0], elsewhere.results[0]), (done.things[0], elsewhere.things[0])):
+    for one, other in ((done.results[0], elsewhere.results[0]), (done.props[0], elsewhere.props[0])):
         expected = turn.apply(one.motion.positions.reshape(-1, 3)) + done.world_scale * np.array(shift)
         assert np.abs(expected - other.motion.positions.reshape(-1, 3)).max() < 1e-4 * child().path_lengths.max()
 
 
-def test_things_that_cannot_be_are_refused():
-    thing = Thing(name="box", motion=standing_thing("box", np.ones((1, 3))))
+def test_props_that_cannot_be_are_refused():
+    prop = Prop(name="box", motion=standing_prop("box", np.ones((1, 3))))
     for wrong, error, words in (
         ({"scale": 3}, SettingsError, "scale of performer 3"),
         ({"held_by": (Grip(2, "RightWrist"),)}, SettingsError, "held by performer 2"),
@@ -90,7 +90,7 @@ def test_things_that_cannot_be_are_refused():
         ({"held_by": (Grip(0, "Stick"),)}, SettingsError, "drives no joint"),
     ):
         with pytest.raises(error, match=words):
-            retarget_scene([with_stick(drummer())], [child()], [replace(thing, **wrong)])
+            retarget_scene([with_stick(drummer())], [child()], [replace(prop, **wrong)])
     for scale in (0.0, -1.0, "big"):
         with pytest.raises(SettingsError, match="the scale of 'box'"):
-            replace(thing, scale=scale)
+            replace(prop, scale=scale)

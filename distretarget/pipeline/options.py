@@ -1,0 +1,67 @@
+"""How to retarget a clip: the choices that a person makes, checked in one place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from distretarget.baseline.engine_root import RootFollows
+from distretarget.baseline.world import RootOffset
+from distretarget.checks import check_choice, check_number
+from distretarget.objectives.resting_joints import Environment
+from distretarget.skeleton import AXES, LARGEST, SMALLEST
+
+Objective = Literal["contact", "paper"]
+HoldMode = Literal["hold", "feet", "free"]
+OBJECTIVES: tuple[Objective, ...] = get_args(Objective)
+CHOICES: dict[str, tuple[str | None, ...]] = {
+    "objective": OBJECTIVES,
+    "supports": get_args(HoldMode),
+    "environment": get_args(Environment),
+    "source_up": (*AXES, None),
+    "target_up": (*AXES, None),
+    "root_offset": (*get_args(RootOffset), None),
+    "root_follows": (*get_args(RootFollows), None),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """How to retarget a clip.
+
+    Attributes:
+        objective: "contact" keeps what is near near and the rest as it was; "paper" minimises Eq. (2) of
+            Mucherino, Goncalves, Bernardin, Hoyet, Multon, "A Distance-Based Approach for Human Posture Simulations",
+            FedCSIS 2017.
+        supports: what stays where it belongs while it rests on the world: "hold", feet (foot lock) and all other
+            joints; "feet", foot lock alone; "free", nothing. The paper's objective has no such term.
+        environment: where rails, walls, rungs and all else that stands still belongs, apart from the floor: "body",
+            where the target's limbs meet it on average; "scaled", where it is in the source, scaled as the root's path.
+        root_scale: target units per source unit of the root's path; the ratio of leg lengths if not given.
+        source_up: the axis that points up in the source's file ("Y", "-Z", ...); found if not given (`world`).
+        target_up: that of the target's file.
+        root_offset: whether position channels of the source's root replace its OFFSET or are added; found if not given.
+        root_follows: what a root on the floor of the target follows: "pelvis", on the floor; "source", the source's own
+            root; or "nothing", it stays at the origin. Found if not given (`engine_root`); no effect on other targets.
+
+    Raises:
+        SettingsError: one is none of its choices, or of another kind.
+    """
+
+    objective: Objective = "contact"
+    supports: HoldMode = "hold"
+    environment: Environment = "body"
+    root_scale: float | None = None
+    source_up: str | None = None
+    target_up: str | None = None
+    root_offset: RootOffset | None = None
+    root_follows: RootFollows | None = None
+
+    def __post_init__(self) -> None:
+        for name, choices in CHOICES.items():
+            check_choice(name, getattr(self, name), choices)
+        if self.root_scale is not None:
+            check_number("root_scale", self.root_scale, SMALLEST, LARGEST)
+
+
+DEFAULT_OPTIONS = Options()
