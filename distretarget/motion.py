@@ -163,12 +163,13 @@ class Motion:
 
     def __getitem__(self, frames: slice | NDArray[np.intp]) -> Motion:
         """Return the motion of some frames, by a slice or an array of their numbers, at the same frame time."""
-        return replace(
-            self,
-            root_positions=self.root_positions[frames],
-            rotations=self.rotations[frames],
-            moving=None if self.moving is None else self.moving[frames],
+        moving = None if self.moving is None else self.moving[frames]
+        part = replace(
+            self, root_positions=self.root_positions[frames], rotations=self.rotations[frames], moving=moving
         )
+        if "positions" in vars(self):
+            vars(part)["positions"] = self.positions[frames]
+        return part
 
     def __repr__(self) -> str:
         return f"<Motion of {len(self)} frames, {self.frame_time_text} s each, on {self.skeleton!r}>"

@@ -5,13 +5,12 @@ from bodies import swaying
 
 from distretarget import Skeleton
 from distretarget.ik.articulation import Articulation, Scratch, pose_body, pose_gradient, stiffness_energy
-from distretarget.ik.pose_solver import Clip, Workspace
+from distretarget.ik.pose_solver import CopiedBones, Workspace
 from distretarget.ik.rigid_parts import part_of_joint
 from distretarget.ik.springs import Springs, room_for, spring_energy
-from distretarget.objectives.contact import Given, _solve
+from distretarget.objectives.contact import TOLERANCE, Given, _solve
 from distretarget.objectives.contact_pairs import no_pairs
 from distretarget.objectives.floor import no_floor
-from distretarget.objectives.settings import ContactSettings
 
 
 def stiffer_along(e, w, k):
@@ -103,7 +102,7 @@ class Case:
             first = len(before)
             v[:first] = before
         rows = Springs(*self.springs[:2], *(values[first:] for values in self.springs[2:]))
-        clip, frames = Clip(self.bones[first:], self.root[first:]), len(self.root) - first
+        copy, frames = CopiedBones(self.bones[first:], self.root[first:]), len(self.root) - first
         given = Given(no_pairs(frames), rows, no_floor(frames), room_for(len(rows.a)))
-        _solve(self.body, clip, given, ContactSettings().tolerance, v, first, log, Workspace.of(self.body))
+        _solve(self.body, copy, given, TOLERANCE, v, first, log, Workspace.of(self.body))
         return v, log

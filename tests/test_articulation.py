@@ -6,7 +6,8 @@ from bodies import held_still, matched, other_lengths, person, swaying
 from scipy.spatial.transform import Rotation
 
 from distretarget.ik.articulation import Articulation, Scratch, pose_body, pose_gradient, stiffness_energy
-from distretarget.ik.rigid_parts import part_of_joint, posed_motion, rigid_part_roots
+from distretarget.ik.rigid_parts import part_of_joint, posed_motion
+from distretarget.objectives.clip import rigid_part_roots
 
 STILL = ("LeftHip", "RightHip", "LeftCollar", "RightCollar", "LeftShoulder")
 COPY = held_still(swaying(other_lengths(person()), frames=5, angle=1.2), STILL)

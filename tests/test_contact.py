@@ -132,7 +132,7 @@ def assert_a_garbage_frame_does_not_spread(name, body, joints):
     assert off[frame] > 0.1
     off[frame] = 0.0
     assert off.max() < 0.005
-    reach = round(2 * ContactSettings().lead / source.frame_time) + 3
+    reach = round(2 * ContactSettings().blend / source.frame_time) + 3
     off[frame - reach : frame + reach + 1] = 0.0
     assert off.max() < 2e-4
 

@@ -12,6 +12,9 @@ from distretarget.body.anatomy import Regions
 from distretarget.distances import distance_problem
 from distretarget.ik.springs import Springs
 from distretarget.objectives.contact_pairs import (
+    FADE,
+    LEAST_PATH,
+    STIFFNESS,
     CandidatePairs,
     activation,
     candidate_pairs,
@@ -27,11 +30,16 @@ PROBLEM = distance_problem(PERSON, TARGET, MATCHING.drivers)
 UNIT = 1.7
 SETTINGS = ContactSettings()
 BODY = MATCHING.target
-PAIRS = candidate_pairs(PROBLEM, BODY.regions, BODY.legs, UNIT, SETTINGS.least_path)
+PAIRS = candidate_pairs(PROBLEM, BODY.regions, BODY.legs, UNIT)
+REACH = SETTINGS.reach
+
+
+def one_shot(frames):
+    return np.zeros(len(frames), np.intp)
 
 
 def smootherstep(D):
-    t = np.clip((SETTINGS.apart - D) / (SETTINGS.apart - SETTINGS.close), 0, 1)
+    t = np.clip((REACH + FADE - D) / FADE, 0, 1)
     return 6 * t**5 - 15 * t**4 + 10 * t**3
 
 
@@ -43,7 +51,7 @@ def springs_of(source, block, lead):
     copy = copied(source) / UNIT
     points = source.positions[:, PROBLEM.sources], copy[:, PROBLEM.targets]
     standing = np.zeros(len(source))[block]
-    return written(near_pairs(PAIRS, PROBLEM, *points, standing, block=block, lead=lead, settings=SETTINGS))
+    return written(near_pairs(PAIRS, *points, standing, one_shot(source), block=block, lead=lead, settings=SETTINGS))
 
 
 def written(near):
@@ -71,7 +79,7 @@ def test_all_pairs_of_regions_apart_and_far_along_the_tree_are_looked_at_and_no_
         (u, v)
         for u in range(len(PERSON))
         for v in range(u + 1, len(PERSON))
-        if PERSON.path_sizes[u, v] >= SETTINGS.least_path
+        if PERSON.path_sizes[u, v] >= LEAST_PATH
         and not BODY.regions.neighbours[BODY.regions.of_joint[u], BODY.regions.of_joint[v]]
     }
     found = set(zip(PROBLEM.targets[PAIRS.u].tolist(), PROBLEM.targets[PAIRS.v].tolist(), strict=True))
@@ -84,7 +92,7 @@ def test_all_pairs_of_regions_apart_and_far_along_the_tree_are_looked_at_and_no_
 def test_path_lengths_are_the_sources_in_its_units_and_the_targets_in_body_units():
     u, v = PROBLEM.targets[PAIRS.u], PROBLEM.targets[PAIRS.v]
     np.testing.assert_allclose(PAIRS.tau1, PERSON.path_lengths[u, v])
-    np.testing.assert_allclose(PAIRS.tau2, TARGET.path_lengths[u, v] / UNIT)
+    np.testing.assert_allclose(PAIRS.ratio, TARGET.path_lengths[u, v] / UNIT / PERSON.path_lengths[u, v])
 
 
 def test_joints_that_coincide_by_their_bones_are_no_pair():
@@ -97,28 +105,28 @@ def test_joints_that_coincide_by_their_bones_are_no_pair():
     )
     longer = chain.with_offsets(np.tile([0, 1.0, 0], (6, 1)))
     problem = distance_problem(chain, longer, np.arange(6))
-    pairs = candidate_pairs(problem, every_joint_a_region(6), None, 1.0, SETTINGS.least_path)
+    pairs = candidate_pairs(problem, every_joint_a_region(6), None, 1.0)
     assert set(zip(pairs.u.tolist(), pairs.v.tolist(), strict=True)) == {(0, 5), (1, 5)}
 
 
 @pytest.mark.parametrize("lead", [0, 1, 7])
 def test_a_lasting_distance_has_a_full_activation_when_close_and_none_when_apart(lead):
-    D = np.tile(
-        [0.0, SETTINGS.close / 2, SETTINGS.close, (SETTINGS.close + SETTINGS.apart) / 2, SETTINGS.apart, 0.9], (40, 1)
+    D = np.tile([0.0, REACH / 2, REACH, REACH + FADE / 2, REACH + FADE, 0.9], (40, 1))
+    np.testing.assert_allclose(
+        activation(D, one_shot(D), lead, REACH), np.tile([1, 1, 1, 0.5, 0, 0], (40, 1)), atol=1e-12
     )
-    np.testing.assert_allclose(activation(D, lead, SETTINGS), np.tile([1, 1, 1, 0.5, 0, 0], (40, 1)), atol=1e-12)
 
 
 @pytest.mark.parametrize("lead", [0, 1, 4, 18])
 def test_an_activation_is_never_below_what_the_distance_asks_for_where_it_lasts_two_frames(lead):
     draw = np.random.default_rng(0)
     D = np.repeat(draw.uniform(0.05, 0.22, (100, 5)), 2, axis=0)
-    assert np.all(activation(D, lead, SETTINGS) >= smootherstep(D) - 1e-12)
+    assert np.all(activation(D, one_shot(D), lead, REACH) >= smootherstep(D) - 1e-12)
 
 
 def test_an_activation_falls_as_the_distance_grows():
     D = np.tile(np.linspace(0, 0.3, 301), (5, 1))
-    f = activation(D, 0, SETTINGS)[2]
+    f = activation(D, one_shot(D), 0, REACH)[2]
     assert np.all(np.diff(f) <= 0)
     assert np.all((f >= 0) & (f <= 1))
     assert np.abs(np.diff(f, 2)).max() < 0.005
@@ -127,7 +135,7 @@ def test_an_activation_falls_as_the_distance_grows():
 @pytest.mark.parametrize("lead", [6, 18])
 def test_a_pair_that_comes_near_at_once_sets_in_smoothly_and_ahead(lead):
     D = np.where(np.abs(np.arange(200) - 100) <= 10, 0.05, 0.4)[:, None]
-    f = activation(D, lead, SETTINGS)[:, 0]
+    f = activation(D, one_shot(D), lead, REACH)[:, 0]
     assert np.all(f[90:111] == pytest.approx(1.0))
     assert np.all(f[: 90 - 2 * lead] == 0)
     assert np.all(f[111 + 2 * lead :] == 0)
@@ -140,12 +148,19 @@ def test_a_pair_that_comes_near_at_once_sets_in_smoothly_and_ahead(lead):
 @pytest.mark.parametrize("spike", [0.0, 0.4])
 def test_a_single_frame_unlike_its_neighbours_counts_for_nothing(spike):
     D = np.full((60, 1), 0.4 - spike)
-    expected = activation(D, 5, SETTINGS)
+    expected = activation(D, one_shot(D), 5, REACH)
     D[30] = spike
-    np.testing.assert_array_equal(activation(D, 5, SETTINGS), expected)
+    np.testing.assert_array_equal(activation(D, one_shot(D), 5, REACH), expected)
     D[31] = spike
     if spike == 0.0:
-        assert activation(D, 5, SETTINGS)[30] == pytest.approx(1.0)
+        assert activation(D, one_shot(D), 5, REACH)[30] == pytest.approx(1.0)
+
+
+def test_a_contact_right_after_a_cut_does_not_set_in_before_it():
+    D = np.where(np.arange(80) < 40, 0.4, 0.05)[:, None]
+    shots = (np.arange(80) >= 40).astype(np.intp)
+    np.testing.assert_allclose(activation(D, shots, 9, REACH)[:, 0], shots, atol=1e-12)
+    assert activation(D, one_shot(D), 9, REACH)[30] > 0
 
 
 def assert_a_block_has_the_springs_of_the_whole(source, block, lead):
@@ -180,7 +195,7 @@ def test_a_kept_pair_belongs_at_its_scaled_distance_in_the_direction_of_the_sour
     rest, A = by_pair(springs)[right, left]
     d = source.positions[:, right] - source.positions[:, left]
     D = np.linalg.norm(d, axis=1) / PERSON.path_lengths[left, right]
-    assert D.max() < SETTINGS.close
+    assert D.max() < REACH
     np.testing.assert_allclose(np.linalg.norm(rest, axis=1), D * TARGET.path_lengths[left, right] / UNIT)
     np.testing.assert_allclose(rest / np.linalg.norm(rest, axis=1)[:, None], d / np.linalg.norm(d, axis=1)[:, None])
     stiffness, directions = np.linalg.eigh(A)
@@ -216,25 +231,17 @@ def test_nearer_pairs_are_stiffer_and_in_more_directions():
 def lone_and_cluster(count):
     """Weight of every pair where `count` points stand near `count` others, all at the distance `close`."""
     points = 2 * count
-    chain = Skeleton(
-        names=tuple(f"p{i}" for i in range(points)),
-        parents=np.arange(points) - 1,
-        offsets=np.tile([0, 1.0, 0], (points, 1)),
-        channels=((),) * points,
-        end_sites=[False] * points,
-    )
-    problem = distance_problem(chain, chain, np.arange(points))
     u, v = (ends.ravel() for ends in np.meshgrid(np.arange(count), np.arange(count, points), indexing="ij"))
-    tau = np.full(len(u), 1 / SETTINGS.close)
-    pairs = CandidatePairs(u, v, tau, tau, np.zeros(len(u), bool))
+    tau = np.full(len(u), 1 / REACH)
+    pairs = CandidatePairs(u, v, u, v, tau, np.ones(len(u)), np.zeros(len(u), bool), points)
     x = np.tile(np.where(np.arange(points) < count, 0.0, 1.0)[:, None] * [1.0, 0, 0], (3, 1, 1))
-    springs = written(near_pairs(pairs, problem, x, x, np.zeros(3), block=slice(0, 3), lead=0.0, settings=SETTINGS))
+    springs = written(near_pairs(pairs, x, x, np.zeros(3), one_shot(x), block=slice(0, 3), lead=0.0, settings=SETTINGS))
     return np.linalg.eigvalsh(springs.A[1])[:, -1]
 
 
 def test_a_point_near_a_cluster_is_pulled_about_as_much_as_one_near_a_single_point():
     lone = lone_and_cluster(1).sum()
-    assert SETTINGS.pair_stiffness / 3 < lone < SETTINGS.pair_stiffness
+    assert STIFFNESS / 3 < lone < STIFFNESS
     for count in (2, 4, 8):
         weights = lone_and_cluster(count)
         assert len(weights) == count**2
@@ -245,10 +252,10 @@ def test_feet_are_no_pair_while_one_of_them_rests():
     source = clapping(np.ones(4))
     copy = copied(source) / UNIT
     points = source.positions[:, PROBLEM.sources], copy[:, PROBLEM.targets]
-    near = replace(SETTINGS, close=0.5, apart=0.6)
+    near = replace(SETTINGS, reach=0.5)
     both = {"LeftAnkle", "LeftToe", "LeftToe_End"}, {"RightAnkle", "RightToe", "RightToe_End"}
     standing = np.array([0, 0.5, 1, 0])
-    pairs = near_pairs(PAIRS, PROBLEM, *points, standing, block=slice(0, 4), lead=0, settings=near)
+    pairs = near_pairs(PAIRS, *points, standing, one_shot(source), block=slice(0, 4), lead=0, settings=near)
     springs = written(pairs)
     feet = [
         {PERSON.names[a], PERSON.names[b]} & both[0] and {PERSON.names[a], PERSON.names[b]} & both[1]

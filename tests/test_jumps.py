@@ -1,13 +1,11 @@
-"""Jumps between solutions: found by their speed and smoothed; single-frame spikes stay."""
+"""Solution flips: found by their speed and smoothed, each shot apart; single-frame spikes stay."""
 
 import numpy as np
 import pytest
 
-from distretarget.objectives.discontinuities import smooth_jumps, smooth_landings
-from distretarget.objectives.settings import ContactSettings
+from distretarget.objectives.discontinuities import smooth_flips, smooth_landings
 
 FRAME_TIME = 1 / 60  # [s]
-SETTINGS = ContactSettings()
 
 
 def course(deviation):
@@ -19,10 +17,14 @@ def course(deviation):
     return v
 
 
-def smoothed(v, frame_time=FRAME_TIME):
+def one_shot(v):
+    return np.zeros(len(v), np.intp)
+
+
+def smoothed(v, frame_time=FRAME_TIME, shots=None):
     """The poses with no jump, as a copy."""
     smooth = np.array(v)
-    smooth_jumps(smooth, frame_time, SETTINGS)
+    smooth_flips(smooth, one_shot(v) if shots is None else shots, frame_time)
     return smooth
 
 
@@ -44,6 +46,7 @@ def test_a_lasting_jump_becomes_smooth():
     assert np.all(steps >= -1e-12)
     assert steps.max() < 0.2
     np.testing.assert_array_equal(smooth[[0, 40, 80, 119]], v[[0, 40, 80, 119]])
+    np.testing.assert_allclose(smooth[:, 0, 1], 1.0 - smooth[::-1, 0, 1], atol=1e-12)  # on both sides alike
     np.testing.assert_allclose(smooth[:, 1:], v[:, 1:])
 
 
@@ -65,7 +68,7 @@ def test_jumps_are_judged_by_their_speed_not_by_their_frame():
 def test_what_the_floor_stops_stops_smoothly_and_nothing_else_changes():
     v = course(np.maximum(np.arange(100) - 50.0, 0.0) * 0.02)
     smooth = np.array(v)
-    smooth_landings(smooth, np.array([0]), FRAME_TIME, SETTINGS)
+    smooth_landings(smooth, np.array([0]), one_shot(v), FRAME_TIME)
     accelerations = [np.abs(np.diff(poses[:, 0, 1], 2)).max() for poses in (v, smooth)]
     assert accelerations[1] < 0.25 * accelerations[0]
     np.testing.assert_allclose(smooth[:40], v[:40], atol=1e-12)
@@ -76,5 +79,18 @@ def test_what_the_floor_stops_stops_smoothly_and_nothing_else_changes():
 def test_parts_that_the_floor_does_not_move_keep_their_bits():
     v = course(np.zeros(100))
     same = np.array(v)
-    smooth_landings(same, np.array([0]), FRAME_TIME, SETTINGS)
+    smooth_landings(same, np.array([0]), one_shot(v), FRAME_TIME)
     np.testing.assert_array_equal(same, v)
+
+
+def test_a_cut_is_not_a_flip_and_shots_are_smoothed_apart():
+    v = course(np.where(np.arange(120) < 60, 0.0, 1.0))
+    v[30:, 0, 1] += 1.0
+    shots = (np.arange(120) >= 60).astype(np.intp)
+    smooth = smoothed(v, shots=shots)
+    np.testing.assert_array_equal(smooth[60:], v[60:])
+    np.testing.assert_array_equal(smooth[:60], smoothed(v[:60]))
+    assert np.abs(np.diff(smooth[:60, 0, 1])).max() < 0.2
+    landed = np.array(v)
+    smooth_landings(landed, np.array([0]), shots, FRAME_TIME)
+    np.testing.assert_allclose(landed[60:, 0, 1], np.full(60, 2.0), atol=1e-12)

@@ -1,5 +1,6 @@
 """The paper's objective over rotations: exact answers, bounds, and another solver from the solution."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -8,14 +9,14 @@ from bodies import SAMPLES, matched, other_lengths, person, swaying
 from scipy.optimize import minimize
 
 from distretarget import Options, load_target, read_bvh, retarget
-from distretarget.baseline.rotation_copy import RootScale, rotation_copy
-from distretarget.distances import distance_problem, posture_stress, stress_and_gradient
+from distretarget.baseline.rotation_copy import RootScale
+from distretarget.distances import posture_stress, stress_and_gradient
 from distretarget.ik.articulation import Articulation, Scratch, pose_body, pose_gradient, stiffness_energy
-from distretarget.ik.poses import PoseProblem
-from distretarget.ik.rigid_parts import part_of_joint, posed_motion, rigid_part_roots
+from distretarget.ik.rigid_parts import posed_motion
 from distretarget.ik.spg import Reason
 from distretarget.numerics.parallel import BLOCK_FRAMES
-from distretarget.objectives.paper import PART_STIFFNESS, ROOT_STIFFNESS, solve_paper
+from distretarget.objectives.clip import Clip
+from distretarget.objectives.paper import PART_STIFFNESS, ROOT_STIFFNESS, solve_poses
 
 PERSON = person()
 TARGET = other_lengths(PERSON)
@@ -34,35 +35,15 @@ class Solved:
 
     def __init__(self, source, target=TARGET):
         self.source, self.matching = source, matched(source, target)
-        self.problem = distance_problem(source.skeleton, target, self.matching.drivers)
-        self.copy = rotation_copy(self.matching, RootScale.even(1.0))
-        self.roots = rigid_part_roots(self.matching)
-        self.parts = part_of_joint(target, self.roots)
+        self.clip = Clip.of(self.matching, RootScale.even(1.0))
+        self.clip = replace(self.clip, root=self.clip.copy.root_positions)
+        self.problem, self.copy, self.parts = self.clip.distances, self.clip.copy, self.clip.parts
         count = self.parts.max() + 1
         self.body = Articulation.of(target, self.parts, np.append(np.full(count, PART_STIFFNESS), ROOT_STIFFNESS))
         self.scratch = Scratch.of(self.body)
-        guess = np.zeros((len(source), count + 1, 3))
-        self.poses = solve_paper(self.first(len(source)), guess)
+        self.poses = solve_poses(self.clip, np.zeros((len(source), count + 1, 3)))
         root = self.copy.root_positions + self.poses.v[:, -1]
         self.motion = posed_motion(self.copy, self.poses.v, self.parts, root)
-
-    def first(self, frames):
-        """The first frames of that motion."""
-        source, copy = self.source.positions[:frames], self.copy.positions[:frames]
-        body = self.matching.target
-        return PoseProblem(
-            skeleton=body.skeleton,
-            legs=body.legs,
-            unit=body.unit,
-            roots=self.roots,
-            parts=self.parts,
-            distances=self.problem,
-            regions=body.regions,
-            source=source,
-            copy=copy,
-            root=copy[:, 0],
-            frame_time=self.source.frame_time,
-        )
 
     def pose(self, frame):
         """The solved pose, the root's displacement in body sizes, (n,)."""
@@ -162,7 +143,7 @@ def test_the_root_stays_on_its_path():
 
 
 def test_a_guess_that_is_better_than_the_copy_is_used():
-    again = solve_paper(SOLVED.first(1), SOLVED.poses.v[:1])
+    again = solve_poses(SOLVED.clip[:1], SOLVED.poses.v[:1])
     assert again.effort.iterations[0] <= 1 < SOLVED.poses.effort.iterations[0]
     np.testing.assert_allclose(again.v, SOLVED.poses.v[:1], atol=1e-3)
 

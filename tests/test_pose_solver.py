@@ -6,7 +6,7 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 from spring_case import Case
 
-from distretarget.ik.pose_solver import FEW_ITERATIONS
+from distretarget.ik.pose_solver import FEW_ITERATIONS, ROUND_ITERATIONS
 from distretarget.ik.spg import Reason
 from distretarget.ik.springs import Springs
 
@@ -121,3 +121,14 @@ def test_a_turned_world_turns_the_solution():
     turned, again = case.solved()
     assert again[0, 0] == pytest.approx(log[0, 0], rel=1e-9)
     np.testing.assert_allclose(turned[0], turn.apply(straight[0]), atol=1e-4)
+
+
+def test_every_frame_also_starts_from_the_copy_whatever_the_frames_before_took():
+    """The first frame takes several rounds; in the second the copy itself is the minimum, and is found at once."""
+    case = Case(6, frames=2).without_residual()
+    case.springs.A[0] *= 1e4
+    case.springs.rest[0] = 10.0 * np.random.default_rng(0).normal(size=case.springs.rest[0].shape)
+    v, log = case.solved()
+    assert log[1, 0] > ROUND_ITERATIONS
+    assert log[1, 1] == 0
+    np.testing.assert_array_equal(v[1], 0.0)

@@ -30,6 +30,9 @@ class Still:
 
     frame_time = 1 / 60
 
+    def __init__(self, shots=ONE_SHOT):
+        self.shots = shots
+
     def copy_on_path(self, joints):
         return np.zeros((FRAMES, 1, 3))[:, joints]
 
@@ -44,19 +47,19 @@ def feet_at_rest(rests):
 
 def test_the_root_goes_where_the_only_support_asks_for():
     always = np.ones(FRAMES, bool)
-    np.testing.assert_allclose(root_shift(Still(), feet_at_rest(~always), resting(always), ONE_SHOT), [OFF] * FRAMES)
+    np.testing.assert_allclose(root_shift(Still(), feet_at_rest(~always), resting(always)), [OFF] * FRAMES)
 
 
 @pytest.mark.parametrize(("in_trunk", "share"), [(False, 1 / 2), (True, 10 / 11)])
 def test_feet_at_rest_count_as_in_place_and_a_seat_counts_most(in_trunk, share):
     always = np.ones(FRAMES, bool)
-    shift = root_shift(Still(), feet_at_rest(always), resting(always, in_trunk=in_trunk), ONE_SHOT)
+    shift = root_shift(Still(), feet_at_rest(always), resting(always, in_trunk=in_trunk))
     np.testing.assert_allclose(shift, [share * OFF] * FRAMES)
 
 
 def test_the_root_leads_smoothly_from_feet_to_hands():
     on_hands = np.arange(FRAMES) >= 70
-    shift = root_shift(Still(), feet_at_rest(np.arange(FRAMES) < 50), resting(on_hands), ONE_SHOT)
+    shift = root_shift(Still(), feet_at_rest(np.arange(FRAMES) < 50), resting(on_hands))
     np.testing.assert_allclose(shift[:30], 0, atol=0.03)
     np.testing.assert_allclose(shift[-20:], [OFF] * 20, atol=0.03)
     steps = np.linalg.norm(np.diff(shift, axis=0), axis=1)
@@ -65,6 +68,6 @@ def test_the_root_leads_smoothly_from_feet_to_hands():
 
 def test_shots_do_not_draw_at_each_other():
     shots = (np.arange(FRAMES) >= 60).astype(np.intp)
-    shift = root_shift(Still(), feet_at_rest(shots == 0), resting(shots == 1), shots)
+    shift = root_shift(Still(shots), feet_at_rest(shots == 0), resting(shots == 1))
     np.testing.assert_allclose(shift[:60], 0)
     np.testing.assert_allclose(shift[60:], [OFF] * 60)

@@ -16,18 +16,17 @@ DEFAULT = ContactSettings()
 
 
 def test_settings_survive_pickling():
-    changed = replace(DEFAULT, close=0.1, least_path=7)
+    changed = replace(DEFAULT, reach=0.1, blend=0.2)
     assert pickle.loads(pickle.dumps(changed)) == changed
 
 
 @pytest.mark.parametrize(
     ("change", "place"),
     [
-        ({"lead": -0.1}, "lead is -0.1"),
-        ({"rest_speed": math.nan}, "rest_speed is nan"),
-        ({"root_stiffness": math.inf}, "root_stiffness is inf"),
-        ({"touch": 0}, "touch is 0"),
-        ({"close": 0.2}, "close is 0.2 and apart is 0.18"),
+        ({"blend": -0.1}, "blend is -0.1"),
+        ({"reach": math.nan}, "reach is nan"),
+        ({"foot_lock": math.inf}, "foot_lock is inf"),
+        ({"strength": "much"}, "strength is 'much'"),
     ],
 )
 def test_values_without_meaning_are_refused_in_one_line(change, place):
@@ -38,12 +37,12 @@ def test_values_without_meaning_are_refused_in_one_line(change, place):
 
 def test_the_settings_given_are_those_that_count():
     source, body = clapping(np.ones(6)), lengthened(person(), {"Wrist": 1.5})
-    nothing = retarget(source, body, settings=replace(DEFAULT, pair_stiffness=0.0, support_stiffness=0.0))
+    nothing = retarget(source, body, settings=replace(DEFAULT, strength=0.0, foot_lock=0.0))
     np.testing.assert_allclose(nothing.motion.world_rotations, nothing.rotation_copy.world_rotations, atol=1e-12)
     wrists = [body.index("LeftWrist"), body.index("RightWrist")]
     stiff, soft = (
-        retarget(source, body, settings=replace(DEFAULT, pair_stiffness=stiffness)).motion.positions[:, wrists]
-        for stiffness in (100.0, 1.0)
+        retarget(source, body, settings=replace(DEFAULT, strength=strength)).motion.positions[:, wrists]
+        for strength in (2.0, 0.02)
     )
     gaps = [np.linalg.norm(x[:, 0] - x[:, 1], axis=1).mean() for x in (stiff, soft)]
     assert gaps[0] < gaps[1]

@@ -2,20 +2,18 @@
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, matched, other_lengths, person, swaying
+from bodies import SAMPLES, matched, person, swaying
 from program import compile_all, run
 
+from distretarget.baseline.rotation_copy import RootScale
 from distretarget.errors import MotionError
 from distretarget.motion import Motion
+from distretarget.objectives.clip import Clip
 from distretarget.pipeline.soundness import check_finite, check_places
 
 MOTION = swaying(person(), frames=4)
-MATCHING = matched(MOTION, other_lengths(person()))
-FAR = 4.0 * MATCHING.target.unit
-
-
-def on_path(joints):
-    return MOTION.positions[:, joints]
+CLIP = Clip.of(matched(MOTION, MOTION.skeleton), RootScale.even(1.0))
+FAR = 4.0 * CLIP.unit
 
 
 def shifted(joint, frame, way):
@@ -27,7 +25,7 @@ def shifted(joint, frame, way):
 
 def test_a_sound_motion_passes():
     check_finite(MOTION)
-    check_places(MOTION, on_path, MATCHING)
+    check_places(MOTION, CLIP)
 
 
 def test_positions_that_are_not_finite_or_too_large():
@@ -40,12 +38,12 @@ def test_positions_that_are_not_finite_or_too_large():
 @pytest.mark.parametrize(("joint", "heights"), [("Hips", 2), ("LeftAnkle", 3)])
 def test_hips_and_feet_that_fly_off(joint, heights):
     with pytest.raises(MotionError, match=f"frame 1 .* '{joint}' is more than {heights} heights away"):
-        check_places(shifted(joint, 1, [FAR, 0, 0]), on_path, MATCHING)
+        check_places(shifted(joint, 1, [FAR, 0, 0]), CLIP)
 
 
 def test_another_number_of_frames():
     with pytest.raises(MotionError, match="the result has 3 frames, the source 4"):
-        check_places(MOTION[:3], on_path, MATCHING)
+        check_places(MOTION[:3], CLIP)
 
 
 def test_nothing_is_written_where_the_solver_fails(tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""Stance of the target: which feet rest, and their places."""
+"""Foot lock: which feet rest, and where they belong on the target."""
 
 from dataclasses import replace
 
@@ -10,13 +10,12 @@ from scipy.spatial.transform import Rotation
 from distretarget import Options, Skeleton, load_target, read_bvh, retarget
 from distretarget.baseline.rotation_copy import RootScale, find_root_scale, rotation_copy
 from distretarget.body.body import Body
+from distretarget.body.resting import REST_SPEED
 from distretarget.matching.matching import match
-from distretarget.numerics.time_series import find_shots
-from distretarget.objectives.foot_lock import find_stance
-from distretarget.objectives.settings import ContactSettings
+from distretarget.objectives.clip import Clip
+from distretarget.objectives.foot_lock import find_foot_lock
 from distretarget.objectives.supports import no_supports
 
-SETTINGS = ContactSettings()
 LEG = 0.435 + 0.453
 SIDES = ("Left", "Right")
 UP = np.array([0.0, 1.0, 0.0])
@@ -42,10 +41,7 @@ def stance_of(source, target, scale=1.0, up="Y"):
 
 
 def stance_by(matching, scale):
-    shots = find_shots(
-        matching.source_motion.positions, np.arange(len(matching.source.skeleton)), matching.source.unit / 2
-    )
-    return find_stance(matching, rotation_copy(matching, RootScale.even(scale)), RootScale.even(scale), shots, SETTINGS)
+    return find_foot_lock(Clip.of(matching, RootScale.even(scale)))
 
 
 def places_of(stance, target, name):
@@ -90,13 +86,13 @@ def test_feet_alternate_in_a_walk_and_planted_frames_have_full_weight():
         assert np.abs(np.diff(weight)).max() < 0.3
         path = source.positions[:, source.skeleton.index(name)]
         speed = np.linalg.norm(np.gradient(path, source.frame_time, axis=0), axis=1)
-        slow = speed < 0.5 * SETTINGS.rest_speed * 88.8
+        slow = speed < 0.5 * REST_SPEED * 88.8
         assert np.all(weight[slow] > 0.99)
 
 
 @pytest.mark.parametrize("direction", [(0, 1, 0), (1, 0, 0), (0, -1, 0), (0, 0.6, 0.8)])
 def test_nothing_rests_while_the_whole_body_flies_or_skates(direction):
-    speed = 1.5 * SETTINGS.rest_speed * LEG
+    speed = 1.5 * REST_SPEED * LEG
     path = np.outer(speed * 0.02 * np.arange(40), direction) + 5 * UP
     assert stance_of(standing(person(), path=path), person()).weights.max() == 0.0
 

@@ -1,64 +1,44 @@
 """The stiffness of parts: which give way to contacts and feet, and which do not."""
 
-from dataclasses import replace
-
 import numpy as np
-from bodies import SAMPLES, matched, person
+from bodies import SAMPLES, matched, person, swaying
 
 from distretarget import load_target
-from distretarget.distances import distance_problem
-from distretarget.ik.poses import PoseProblem
-from distretarget.ik.rigid_parts import part_of_joint, rigid_part_roots
-from distretarget.objectives.contact import part_stiffness
-from distretarget.objectives.settings import ContactSettings
+from distretarget.baseline.rotation_copy import RootScale
+from distretarget.objectives.clip import Clip
+from distretarget.objectives.contact import LOOSE_FACTOR, ROOT_STIFFNESS, part_stiffness
 
 PERSON = person()
-SETTINGS = ContactSettings()
 
 
-def problem_of(target):
-    """A frame of the person in its rest pose, on a target."""
-    matching = matched(PERSON, target)
-    roots = rigid_part_roots(matching)
-    return PoseProblem(
-        skeleton=target,
-        legs=matching.target.legs,
-        unit=matching.target.unit,
-        roots=roots,
-        parts=part_of_joint(target, roots),
-        distances=distance_problem(PERSON, target, matching.drivers),
-        regions=matching.regions,
-        source=PERSON.rest_positions[None],
-        copy=target.rest_positions[None],
-        root=np.zeros((1, 3)),
-        frame_time=1.0,
-    )
+def clip_on(target):
+    """A short clip of the person, on a target."""
+    return Clip.of(matched(swaying(PERSON, frames=2), target), RootScale.even(1.0))
 
 
 def test_stiffness_grows_with_what_a_part_carries_and_feet_are_stiff():
-    problem = problem_of(PERSON)
-    parts = problem.parts
-    stiffness = part_stiffness(problem, SETTINGS)
+    clip = clip_on(PERSON)
+    parts = clip.parts
+    stiffness = part_stiffness(clip)
     at = {name: stiffness[parts[PERSON.index(name)]] for name in PERSON.names}
     assert at["Hips"] > at["Chest"] > at["LeftShoulder"] > at["LeftElbow"] > at["LeftWrist"]
     assert at["LeftShoulder"] == at["RightShoulder"]
-    assert stiffness[-1] == SETTINGS.root_stiffness
+    assert stiffness[-1] == ROOT_STIFFNESS
     assert at["Hips"] > 5 * at["LeftWrist"]
     assert at["LeftAnkle"] > at["LeftKnee"]
 
 
-def test_only_fingers_that_nothing_drives_are_loose():
+def test_only_fingers_that_nothing_drives_are_loose(monkeypatch):
     rig = load_target(SAMPLES / "rigs" / "unreal_t.json").skeleton
-    problem = problem_of(rig)
+    clip = clip_on(rig)
     fingers = {f"{finger}_01_{side}" for finger in ("thumb", "index", "middle", "ring", "pinky") for side in "lr"}
     assert {
-        rig.names[joint]
-        for joint in problem.roots
-        if rig.children[joint] and problem.parts[joint] in problem.loose_parts
+        rig.names[joint] for joint in clip.roots if rig.children[joint] and clip.parts[joint] in clip.loose_parts
     } == fingers
-    stiff = part_stiffness(problem, replace(SETTINGS, loose_factor=1.0))
-    loose = part_stiffness(problem, SETTINGS)
+    loose = part_stiffness(clip)
+    monkeypatch.setattr("distretarget.objectives.contact.LOOSE_FACTOR", 1.0)
+    stiff = part_stiffness(clip)
     changed = np.flatnonzero(stiff != loose)
-    np.testing.assert_array_equal(changed, problem.loose_parts)
-    np.testing.assert_allclose(loose[changed], SETTINGS.loose_factor * stiff[changed])
-    assert not len(problem_of(PERSON).loose_parts)
+    np.testing.assert_array_equal(changed, clip.loose_parts)
+    np.testing.assert_allclose(loose[changed], LOOSE_FACTOR * stiff[changed])
+    assert not len(clip_on(PERSON).loose_parts)

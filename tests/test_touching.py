@@ -15,7 +15,9 @@ BETWEEN = np.array([2.0, 1.0, 2.0])  # from the joint of the second performer to
 def points(place, target_reach):
     """A performer's only joint, with a path of 60 from the pelvis in the source."""
     source = np.broadcast_to(place, (FRAMES, 1, 3))
-    return Points(np.array([0]), np.array(source), np.array([60.0]), np.array([target_reach]))
+    return Points(
+        np.array([0]), np.array(source), np.array([60.0]), np.array([target_reach]), np.zeros(FRAMES, np.intp)
+    )
 
 
 def found(scale, *reaches):

@@ -18,7 +18,6 @@ from distretarget.batch.interrupts import interrupts_kept
 from distretarget.body.axes import axis_vector
 from distretarget.body.resting import above_lowest, joint_speeds, still_joints
 from distretarget.ik.poses import Poses
-from distretarget.ik.spg import Effort
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.motion import Motion
@@ -26,7 +25,7 @@ from distretarget.numerics.code_cache import CAN_WAIT
 from distretarget.numerics.parallel import threads
 from distretarget.objectives.contact import solver_lacks_code
 from distretarget.pipeline.options import Objective, Options
-from distretarget.pipeline.performer import matched_performer
+from distretarget.pipeline.performer import match_performer
 from distretarget.pipeline.retargeting import retarget
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 
@@ -92,6 +91,6 @@ def _run_for_legs(source: Motion) -> None:
 
 def _run_without_solver(source: Motion, target: Skeleton) -> None:
     """Make a result of the rotation copy, and measure it, while the solver is being compiled."""
-    prepared = matched_performer(source, target).prepared(RootScale.even(1.0))
-    still = np.zeros((len(source), int(prepared.problem.parts.max()) + 2, 3))
-    prepared.result(Poses(still, Effort.from_log(np.zeros((4, len(source)))))).figures  # noqa: B018 - as above
+    performer = match_performer(source, target).performer(RootScale.even(1.0))
+    still = np.zeros((len(source), int(performer.clip.parts.max()) + 2, 3))
+    performer.result(Poses(still, np.zeros((4, len(source))))).figures  # noqa: B018 - as above

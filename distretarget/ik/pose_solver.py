@@ -37,11 +37,11 @@ LONGEST_WAIT = 64  # ... or is computed anew for up to so many frames, until it 
 CONVERGED = Reason.CONVERGED.value
 
 
-class Clip(NamedTuple):
-    """The frames of the copy.
+class CopiedBones(NamedTuple):
+    """The rotation copy of a block of frames.
 
     Attributes:
-        bones: (frames, joints, 3), the copy's bones, from each joint's parent to it [solver units].
+        bones: (frames, joints, 3), from each joint's parent to it [solver units].
         root: (frames, 3), the root's path [solver units].
     """
 
@@ -107,7 +107,7 @@ def compile_pose_solver(
     like_springs(scratch, terms) -> (Springs, int): springs, of which the first ones, so many, have the same
         Gauss-Newton curvature at `scratch.x`.
 
-    Returns a compiled solve(body, clip, given, tolerance, v, first, log, work). It solves the frames of `clip`, whose
+    Returns a compiled solve(body, copy, given, tolerance, v, first, log, work). It solves the frames of `copy`, whose
     first is frame `first` of `v` and `log`, and writes their poses and efforts there. Each frame starts from the best
     of: the pose of `terms_of`, the pose before, the two poses before continued at the same speed. It stops when the
     norm of the search direction, in the metric of the curvature, is at most `tolerance` [square root of the objective].
@@ -148,12 +148,13 @@ def compile_pose_solver(
     minimise = spectral_gradient(objective, _steepest_in_metric, adaptive=False)
 
     @compiled()
-    def solve(body, clip, given, tolerance, v, first, log, work):  # type: ignore[no-untyped-def]
+    def solve(body, copy, given, tolerance, v, first, log, work):  # type: ignore[no-untyped-def]
         scratch, curvature = work.scratch, work.curvature
         parts = 0
         calm, wait = 0, 1  # frames in a row that took few iterations, and how many of them a curvature must wait for
-        for frame in range(len(clip.root)):
-            terms, bones, root = terms_of(given, frame, work.starts[0]), clip.bones[frame], clip.root[frame]
+        for frame in range(len(copy.root)):
+            clear(work.starts[0])
+            terms, bones, root = terms_of(given, frame, work.starts[0]), copy.bones[frame], copy.root[frame]
             pose, count = v[first + frame], _warm_starts(v, first + frame, work.starts)
             iterations, evaluations = 0, 0
             for _ in range(ROUNDS):

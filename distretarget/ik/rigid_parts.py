@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.matching.matching import Matching
 from distretarget.motion import Motion, motion_of_world
 from distretarget.numerics.euler import restrict
 from distretarget.numerics.kinematics import turn_parts
@@ -21,29 +20,11 @@ Array = NDArray[np.float64]
 LEAST_TURN = 2e-5  # [quaternion norm] a smaller local rotation is the rounding of files
 
 
-def rigid_part_roots(matching: Matching) -> NDArray[np.intp]:
-    """(target joints,), the topmost joint of the rigid part that each joint belongs to.
-
-    A joint belongs to its parent's part if it cannot turn against it, having no rotation channels, or has no reason to,
-    following its parent in the rotation copy as twist joints do that nothing drives. Every other joint is the root of a
-    part, even if it does not turn in this motion; so is the first joint of a finger, which gives way to the floor.
-    """
-    skeleton, anatomy = matching.target.skeleton, matching.target.anatomy
-    knuckles = anatomy.knuckles if anatomy else ()
-    roots = np.arange(len(skeleton))
-    for joint in range(1, len(skeleton)):
-        still = matching.rotation_sources[joint, 0] < 0 and joint not in knuckles
-        follows = still or not skeleton.rotation_axes(joint)
-        if follows and skeleton.children[joint]:
-            roots[joint] = roots[skeleton.parents[joint]]
-    return roots
-
-
 def part_of_joint(skeleton: Skeleton, roots: NDArray[np.intp]) -> NDArray[np.intp]:
     """(joints,), the number of the part that carries the bones below each joint.
 
-    `roots` is what `rigid_part_roots` returns. Parts are numbered from the skeleton's root down. A leaf carries no bone
-    and gets the number of its parent.
+    `roots`, (joints,), is the topmost joint of each joint's part. Parts are numbered from the skeleton's root down. A
+    leaf carries no bone and gets the number of its parent.
     """
     carriers = np.array([joint if below else skeleton.parents[joint] for joint, below in enumerate(skeleton.children)])
     numbers: NDArray[np.intp] = np.unique(roots[np.maximum(carriers, 0)], return_inverse=True)[1]

@@ -9,7 +9,7 @@ columns.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, NamedTuple
@@ -69,14 +69,6 @@ class Effort:
     def from_log(cls, log: NDArray[np.float64]) -> Effort:
         """The effort in a log, (4, frames), whose columns `record` has written."""
         return cls(*log[1:].astype(np.int64))
-
-    @classmethod
-    def joined(cls, efforts: Sequence[Effort]) -> Effort:
-        """The effort of a clip from those of its chunks."""
-        return cls(*(np.concatenate([getattr(each, name) for each in efforts]) for name in cls.__dataclass_fields__))
-
-    def __getitem__(self, frames: slice) -> Effort:
-        return Effort(self.iterations[frames], self.evaluations[frames], self.reasons[frames])
 
     @property
     def unsolved(self) -> NDArray[np.intp]:

@@ -145,9 +145,14 @@ def find_shots(positions: Array, joints: NDArray[np.intp], length: float) -> Sho
     return np.insert(np.cumsum(cuts), 0, 0).astype(np.intp)
 
 
+def slices_of(shots: Shots) -> list[slice]:
+    """Return the frames of each shot."""
+    edges = [0, *(np.flatnonzero(np.diff(shots)) + 1).tolist(), len(shots)]
+    return [slice(first, end) for first, end in pairwise(edges)]
+
+
 def by_shot(function: Callable[..., NDArray[Value]], shots: Shots, *values: NDArray[np.generic]) -> NDArray[Value]:
-    """Return what a function makes of values with the frames in front, made for each shot on its own, and joined."""
+    """Call a function on the values of each shot, frames in front, and concatenate the results."""
     if not len(shots) or shots[0] == shots[-1]:
         return function(*values)
-    edges = [0, *(np.flatnonzero(np.diff(shots)) + 1).tolist(), len(shots)]
-    return np.concatenate([function(*(each[first:end] for each in values)) for first, end in pairwise(edges)])
+    return np.concatenate([function(*(each[shot] for each in values)) for shot in slices_of(shots)])

@@ -2,18 +2,15 @@
 
 Per frame it minimises, over the rotations of a body of exact bones and the displacement of its root,
 
-    1/2 sum over near pairs     w r^T (k I + (1 - k) e e^T) r,    r = x_u - x_v - delta_uv
-  + 1/2 sum over parts          h_p |v_p|^2
-  + 1/2 sum over resting joints r^T A_f r,                        r = x_f - place_f
-  + 1/2 sum over joints below   k_j depth_j^2                     the height they keep above (`floor`)
-  + 1/2                         root_stiffness |root - its path|^2
+    1/2 sum over near pairs     w r^T (k I + (1 - k) e e^T) r,    r = x_u - x_v - delta_uv       (`contact_pairs`)
+  + 1/2 sum over parts          h_p |v_p|^2                                                      (`part_stiffness`)
+  + 1/2 sum over resting joints r^T A_f r,                        r = x_f - place_f              (`supports`)
+  + 1/2 sum over joints below   k_j depth_j^2                     the height they keep above     (`floor`)
+  + 1/2                         ROOT_STIFFNESS |root - its path|^2
 
-A pair is drawn to a vector, not only to a distance, so that nothing changes sides: delta = d_copy + f (tau2 / tau1
-d_source - d_copy). At f = 1 it has the length tau2 D of Eq. (1) and the direction e of the source. The activation f
-grows smoothly from 0 to 1 as the pair comes near, beginning a little ahead of time, and the weight w grows with it
-(`contact_pairs`). The stiffness A_f, a matrix, draws a joint that comes to rest or lets go a share of the way to its
-place (`support_springs`). Where nothing is near and nothing rests, the result has the rotation copy's rotations. Apart
-from the places of resting joints, a frame depends on the frames around it only.
+A pair is drawn to a vector, not only to a distance, so that nothing changes sides. Where nothing is near and nothing
+rests, the result has the rotation copy's rotations. Apart from the places of resting joints, a frame depends on the
+frames around it only.
 """
 
 from __future__ import annotations
@@ -26,110 +23,110 @@ from numpy.typing import NDArray
 
 from distretarget.body.legs import pelvis_joint
 from distretarget.ik.articulation import Articulation, Scratch
-from distretarget.ik.pose_solver import Clip, Workspace, compile_pose_solver
-from distretarget.ik.poses import Mapper, PoseProblem, Poses, Progress, ignore_progress, solve_in_chunks
+from distretarget.ik.pose_solver import CopiedBones, Workspace, compile_pose_solver
+from distretarget.ik.poses import Mapper, Poses, Progress, ignore_progress, solve_in_chunks
 from distretarget.ik.rigid_parts import subtree_lengths
-from distretarget.ik.spg import Effort
-from distretarget.ik.springs import (
-    NEGLIGIBLE,
-    Springs,
-    is_negligible,
-    joined,
-    no_springs,
-    room_for,
-    spring_energy,
-)
+from distretarget.ik.springs import NEGLIGIBLE, Springs, is_negligible, joined, no_springs, room_for, spring_energy
 from distretarget.numerics.compiled import inlined, is_to_be_compiled, read_only
 from distretarget.numerics.parallel import blocks_of
+from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact_pairs import (
     NearPairs,
     activation_window,
     candidate_pairs,
     near_pairs,
+    no_pairs,
     write_pair_spring,
 )
-from distretarget.objectives.discontinuities import smooth_jumps, smooth_landings
+from distretarget.objectives.discontinuities import smooth_flips, smooth_landings
 from distretarget.objectives.floor import Floor, add_floor, floor_energy, no_floor
 from distretarget.objectives.settings import ContactSettings
+from distretarget.objectives.supports import STIFFNESS as SUPPORT_STIFFNESS
 from distretarget.objectives.supports import Supports, support_springs
 
 Array = NDArray[np.float64]
 
-
-def part_stiffness(problem: PoseProblem, settings: ContactSettings) -> Array:
-    """h: (parts + 1,), the stiffness of each part's rotation; last, that of the root's path.
-
-    It grows with the length of a part's bones and, far more, with the share of the body that the part carries, so that
-    arms give way before the spine does. Bones that carry no point of the distance problem do not count as carried. Feet
-    are stiffer by `foot_factor`, and parts that only the floor moves softer by `loose_factor`. Parts above the pelvis
-    have the `fixed_stiffness`.
-    """
-    skeleton, legs, parts = problem.skeleton, problem.legs, problem.parts
-    carried = subtree_lengths(skeleton, problem.distances.targets)
-    longest = np.zeros(parts.max() + 1)
-    bones = np.zeros_like(longest)
-    np.add.at(bones, parts[skeleton.parents[1:]], skeleton.lengths[1:] / problem.unit)
-    share = np.divide(carried, carried[0], out=np.zeros_like(carried), where=carried[0] > 0)
-    np.maximum.at(longest, parts[skeleton.parents[1:]], share[skeleton.parents[1:]])
-    stiffness = settings.base_stiffness * (bones + settings.added_length) * (1.0 + settings.trunk_factor * longest)
-    feet = {joint for leg in legs or () for joint in (leg.ankle, leg.toe) if skeleton.children[joint]}
-    stiffness[parts[sorted(feet)]] *= settings.foot_factor
-    stiffness[problem.loose_parts] *= settings.loose_factor
-    if legs:
-        pelvis = pelvis_joint(skeleton, legs)
-        above = [joint for joint in skeleton.line(pelvis) if parts[joint] != parts[pelvis]]
-        stiffness[parts[above]] = settings.fixed_stiffness
-    return np.append(stiffness, settings.root_stiffness)
+BASE_STIFFNESS = 0.04  # of the rotation copy's rotations, per body unit of bones
+ADDED_LENGTH = 1.0  # added to the length of a part's bones, so that hands, fingers and eyes are stiff too [body units]
+TRUNK_FACTOR = 40.0  # how much stiffer a part is that carries the whole body: arms give way before the spine
+FOOT_FACTOR = 5.0  # how much stiffer feet are than other parts
+LOOSE_FACTOR = (
+    0.1  # how stiff parts are that only the floor moves: fingers that nothing drives give way before the hand
+)
+FIXED_STIFFNESS = 1e6  # of the parts above the pelvis, so that a root on the floor does not tip the body over
+ROOT_STIFFNESS = 300.0  # of the root's path, so that contacts and feet hardly move the hips
+TOLERANCE = 1e-6  # a frame is solved when the search direction is shorter, in the metric of the curvature
 
 
 def solve_contact(
-    problem: PoseProblem,
+    clip: Clip,
     supports: Supports,
     settings: ContactSettings,
     *,
     mapper: Mapper = map,
     progress: Progress = ignore_progress,
 ) -> Poses:
-    """Minimise the contact objective in every frame of a clip in which joints rest as `supports` says.
+    """Minimise the contact objective in every frame of a clip.
 
-    The clip is solved in chunks, by `mapper`; `progress` is called with numbers of solved frames (`chunks`).
+    The clip is solved in chunks, by `mapper`; `progress` is called with numbers of solved frames.
     """
-    margin = activation_window(settings.lead / problem.frame_time)
+    margin = activation_window(settings.blend / clip.frame_time)
     solve = partial(_solve_frames, settings=settings)
-    poses = solve_in_chunks(solve, problem, supports, margin=margin, mapper=mapper, progress=progress)
-    smooth_jumps(poses.v, problem.frame_time, settings)
-    smooth_landings(poses.v, problem.loose_parts, problem.frame_time, settings)
+    poses = solve_in_chunks(solve, clip, supports, margin, mapper, progress)
+    smooth_flips(poses.v, clip.shots, clip.frame_time)
+    smooth_landings(poses.v, clip.loose_parts, clip.shots, clip.frame_time)
     return poses
 
 
-def _solve_frames(problem: PoseProblem, supports: Supports, frames: slice, settings: ContactSettings) -> Poses:
+def part_stiffness(clip: Clip) -> Array:
+    """h: (parts + 1,), the stiffness of each part's rotation; last, that of the root's path.
+
+    It grows with the length of a part's bones and, far more, with the share of the body that the part carries. Bones
+    that carry no point of the distance problem do not count as carried.
+    """
+    skeleton, legs, parts = clip.skeleton, clip.target_legs, clip.parts
+    carrier = parts[skeleton.parents[1:]]
+    carried = subtree_lengths(skeleton, clip.distances.targets)
+    share = np.divide(carried, carried[0], out=np.zeros_like(carried), where=carried[0] > 0)
+    bones, largest_share = np.zeros((2, parts.max() + 1))
+    np.add.at(bones, carrier, skeleton.lengths[1:] / clip.unit)
+    np.maximum.at(largest_share, carrier, share[skeleton.parents[1:]])
+    stiffness = BASE_STIFFNESS * (bones + ADDED_LENGTH) * (1.0 + TRUNK_FACTOR * largest_share)
+    feet = {joint for leg in legs or () for joint in (leg.ankle, leg.toe) if skeleton.children[joint]}
+    stiffness[parts[sorted(feet)]] *= FOOT_FACTOR
+    stiffness[clip.loose_parts] *= LOOSE_FACTOR
+    if legs:
+        pelvis = pelvis_joint(skeleton, legs)
+        above = [joint for joint in skeleton.line(pelvis) if parts[joint] != parts[pelvis]]
+        stiffness[parts[above]] = FIXED_STIFFNESS
+    return np.append(stiffness, ROOT_STIFFNESS)
+
+
+def _solve_frames(clip: Clip, supports: Supports, frames: slice, settings: ContactSettings) -> Poses:
     """Solve some frames of a clip."""
-    distances, unit = problem.distances, problem.unit
-    stiffness = part_stiffness(problem, settings)
-    body = Articulation.of(problem.skeleton, problem.parts, stiffness)
-    pairs = candidate_pairs(distances, problem.regions, problem.legs, unit, settings.least_path)
+    distances, unit = clip.distances, clip.unit
+    body = Articulation.of(clip.skeleton, clip.parts, part_stiffness(clip))
+    pairs = candidate_pairs(distances, clip.regions, clip.target_legs, unit)
     # One layout of arrays, for which the solver is compiled once.
-    source, copy = np.take(problem.source, distances.sources, axis=1), np.take(problem.copy, distances.targets, axis=1)
-    bones, root = problem.bones, np.ascontiguousarray(problem.root / unit)
+    source = np.take(clip.source.positions, distances.sources, axis=1)
+    copy = np.take(clip.copy.positions, distances.targets, axis=1)
+    bones, root = clip.bones, np.ascontiguousarray(clip.root / unit)
     copy /= unit
     bones /= unit
-    lead = settings.lead / problem.frame_time
+    lead, firmness = settings.blend / clip.frame_time, settings.foot_lock * SUPPORT_STIFFNESS
     count = frames.stop - frames.start
-    v = np.zeros((count, len(stiffness), 3))
-    log = np.zeros((4, count))
+    v, log = np.zeros((count, len(body.stiffness), 3)), np.zeros((4, count))
     work = Workspace.of(body)
     for solved in blocks_of(count):
         block = slice(frames.start + solved.start, frames.start + solved.stop)
-        standing = supports.standing[block]
-        near = near_pairs(pairs, distances, source, copy, standing, block=block, lead=lead, settings=settings)
-        held = support_springs(supports[block], body, bones[block], unit, settings.support_stiffness)
-        springs = joined(held, supports.touching.of_frames(block))
-        floor = supports.floor.of_frames(block)
-        room = room_for(len(near.a) + len(springs.a) + len(floor.joints))
-        clip, given = Clip(bones[block], root[block]), Given(near, springs, floor, room)
-        _solve(body, clip, given, settings.tolerance, v, solved.start, log, work)
+        held = supports[block]
+        near = near_pairs(pairs, source, copy, held.standing, clip.shots, block=block, lead=lead, settings=settings)
+        springs = joined(support_springs(held, body, bones[block], unit, firmness), held.scene_springs)
+        room = room_for(len(near.a) + len(springs.a) + len(held.floor.joints))
+        given = Given(near, springs, held.floor, room)
+        _solve(body, CopiedBones(bones[block], root[block]), given, TOLERANCE, v, solved.start, log, work)
     v[:, -1] *= unit
-    return Poses(v, Effort.from_log(log))
+    return Poses(v, log)
 
 
 class Given(NamedTuple):
@@ -208,7 +205,6 @@ def solver_lacks_code() -> bool:
 def compile_solver() -> None:
     """Compile the solver, or load its code: let it solve a body of two joints in no frames."""
     body = Articulation(read_only(np.array([-1, 0])), np.zeros(2, np.intp), np.zeros(2), np.zeros((2, 2), np.intp))
-    none, lengths, points, weights = np.zeros(0, np.intp), np.zeros(0), np.zeros((0, 0, 3)), np.zeros((0, 0))
-    near = NearPairs(none, none, none, none, lengths, points, points, weights, weights, 0.0)
-    clip, given = Clip(np.zeros((0, 2, 3)), np.zeros((0, 3))), Given(near, no_springs(0), no_floor(0), room_for(0))
-    _solve(body, clip, given, 0.0, np.zeros((0, 2, 3)), 0, np.zeros((4, 0)), Workspace.of(body))
+    bones = CopiedBones(np.zeros((0, 2, 3)), np.zeros((0, 3)))
+    given = Given(no_pairs(0), no_springs(0), no_floor(0), room_for(0))
+    _solve(body, bones, given, 0.0, np.zeros((0, 2, 3)), 0, np.zeros((4, 0)), Workspace.of(body))

@@ -1,8 +1,14 @@
-"""Pairs of joints that come near each other: when their springs set in, how stiff they are, and what they draw to."""
+"""Pairs of joints that come near each other: when their springs set in, how stiff they are, and their rest vectors.
+
+    1/2 w r^T (k I + (1 - k) e e^T) r,   r = x_u - x_v - delta,   delta = d_copy + f (tau2 / tau1 d_source - d_copy)
+
+f is the activation, 0 to 1; w the stiffness; e the direction of d_source, and k the share of w that acts across it.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -12,10 +18,17 @@ from distretarget.body.anatomy import Regions
 from distretarget.body.legs import Legs
 from distretarget.distances import DistanceProblem
 from distretarget.numerics.compiled import compiled, inlined
-from distretarget.numerics.time_series import widened
+from distretarget.numerics.time_series import Shots, by_shot, widened
 from distretarget.objectives.settings import ContactSettings
 
 Array = NDArray[np.float64]
+Joints = NDArray[np.intp]
+
+FADE = 0.05  # [D] a pair is ignored from the reach of contacts plus this on
+LEAST_PATH = 5  # |P| of a pair: joints near each other along the tree make no contact
+STIFFNESS = 60.0  # of a pair at D = the reach of contacts, where their strength is 1
+TOUCH = 0.005  # [D] added to the D that the stiffness is divided by, so that pairs that touch are not endlessly stiff
+DIRECTION_RANGE = 0.08  # pairs nearer than about this keep their direction as well as their distance [body units]
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,57 +37,69 @@ class CandidatePairs:
 
     Attributes:
         u, v: (pairs,), points.
-        tau1, tau2: (pairs,), path lengths on the source and on the target [source file units, body units].
+        a, b: (pairs,), the target's joints at these.
+        tau1: (pairs,), path lengths on the source [source file units].
+        ratio: (pairs,), tau2 / tau1 [body units / source file unit].
         feet: (pairs,), whether it is a pair of the two feet, which come near without a contact in a body that stands.
+        points: how many points there are.
     """
 
-    u: NDArray[np.intp]
-    v: NDArray[np.intp]
+    u: Joints
+    v: Joints
+    a: Joints
+    b: Joints
     tau1: Array
-    tau2: Array
+    ratio: Array
     feet: NDArray[np.bool_]
+    points: int
 
 
-def candidate_pairs(
-    distances: DistanceProblem, regions: Regions, legs: Legs | None, unit: float, least_path: int
-) -> CandidatePairs:
-    """All pairs of points in two regions of the target that are not neighbours, with a path size |P| of at least
-    `least_path`; `legs` are the target's and `unit` is its body unit [file units].
+def candidate_pairs(distances: DistanceProblem, regions: Regions, legs: Legs | None, unit: float) -> CandidatePairs:
+    """Return all pairs of points in two regions of the target that are not neighbours, with a path size |P| of at least
+    `LEAST_PATH`; `legs` are the target's and `unit` is its body unit [file units].
     """
     of_point = regions.of_joint[distances.targets]
     u, v = np.triu_indices(len(distances), 1)
-    far = (distances.sizes[u, v] >= least_path) & (distances.tau1[u, v] > 0)
+    far = (distances.sizes[u, v] >= LEAST_PATH) & (distances.tau1[u, v] > 0)
     far &= (np.minimum(of_point[u], of_point[v]) >= 0) & ~regions.neighbours[of_point[u], of_point[v]]
     u, v = u[far], v[far]
     feet = np.zeros(len(u), bool)
     if legs:
-        one, other = (regions.of_joint[leg.ankle] for leg in legs)
-        feet = (np.minimum(of_point[u], of_point[v]) == min(one, other)) & (
-            np.maximum(of_point[u], of_point[v]) == max(one, other)
+        regions_of_pair, of_feet = (
+            np.sort([of_point[u], of_point[v]], axis=0),
+            [regions.of_joint[leg.ankle] for leg in legs],
         )
-    return CandidatePairs(u, v, distances.tau1[u, v], distances.tau2[u, v] / unit, feet)
+        feet = (regions_of_pair == np.sort(of_feet)[:, None]).all(axis=0)
+    tau1, targets = distances.tau1[u, v], distances.targets
+    ratio = distances.tau2[u, v] / unit / tau1
+    return CandidatePairs(u, v, targets[u], targets[v], tau1, ratio, np.asarray(feet), len(distances))
 
 
-def activation(D: Array, lead: float, settings: ContactSettings) -> Array:
+def activation(D: Array, shots: Shots, lead: float, reach: float) -> Array:
     """f: (frames, pairs), how far each pair has set in, from 0 to 1, given its normalised distances D.
 
-    It is 1 up to `settings.close`, 0 from `settings.apart` on, smooth in between, and widened by `lead` frames before
-    and after. A single frame unlike both its neighbours is a fault of the clip, and ignored.
+    It is 1 up to `reach`, 0 from `reach + FADE` on, smooth in between, and widened by `lead` frames before and after. A
+    single frame unlike both its neighbours is a fault of the clip, and ignored. `shots`, (frames,), say nothing of each
+    other.
     """
+    return by_shot(partial(_activation, lead=lead, reach=reach), shots, D)
+
+
+def _activation(D: Array, lead: float, reach: float) -> Array:
     f = np.empty_like(D)
-    _write_set_in(D, settings.close, settings.apart, f)
+    _write_set_in(D, reach, reach + FADE, f)
     return widened(f, lead)
 
 
 @compiled()
-def _write_set_in(D, close, apart, f):  # type: ignore[no-untyped-def]
+def _write_set_in(D, reach, apart, f):  # type: ignore[no-untyped-def]
     """Write how far pairs have set in by the median of three frames of their distances D, (frames, pairs)."""
     for frame in range(len(D)):
         before, after = max(frame - 1, 0), min(frame + 1, len(D) - 1)
         for pair in range(D.shape[1]):
             a, b, c = D[before, pair], D[frame, pair], D[after, pair]
             median = max(min(a, c), min(b, max(a, c)))
-            t = min(max((apart - median) / (apart - close), 0.0), 1.0)
+            t = min(max((apart - median) / (apart - reach), 0.0), 1.0)
             f[frame, pair] = t * t * t * (t * (6.0 * t - 15.0) + 10.0)
 
 
@@ -92,71 +117,59 @@ class NearPairs(NamedTuple):
         ratio: (pairs,), tau2 / tau1 [body units / file unit].
         source, copy: (frames, points, 3), the points of source and copy [file units, body units].
         f, w: (frames, pairs), how far they have set in, and their stiffness.
-        direction_range: the length at which half of the stiffness acts across their direction too [body units].
     """
 
-    a: NDArray[np.intp]
-    b: NDArray[np.intp]
-    u: NDArray[np.intp]
-    v: NDArray[np.intp]
+    a: Joints
+    b: Joints
+    u: Joints
+    v: Joints
     ratio: Array
     source: Array
     copy: Array
     f: Array
     w: Array
-    direction_range: float
 
 
 def near_pairs(
     pairs: CandidatePairs,
-    distances: DistanceProblem,
     source: Array,
     copy: Array,
     standing: Array,
+    shots: Shots,
     *,
     block: slice,
     lead: float,
     settings: ContactSettings,
 ) -> NearPairs:
-    """The pairs that are near in any frame of a block.
+    """Return the pairs that are near in any frame of a block.
 
-    `source`, (frames, points, 3), are the source's points [file units] and `copy` the copy's [body units], of the whole
-    clip; `standing`, (frames of the block,), is 1 while a foot rests; `lead` is in frames.
+    `source`, (frames, points, 3), are the source's points [file units], `copy` the copy's [body units], and `shots`,
+    (frames,), those of the whole clip; `standing`, (frames of the block,), is 1 while a foot rests; `lead` is in
+    frames.
     """
     margin = activation_window(lead)
     first, last = max(block.start - margin, 0), min(block.stop + margin, len(source))
-    window = source[first:last]
-    on = np.flatnonzero(come_near(window, window, pairs.u, pairs.v, settings.apart * pairs.tau1))
+    window, inside = source[first:last], slice(block.start - first, block.stop - first)
+    on = np.flatnonzero(come_near(window, window, pairs.u, pairs.v, (settings.reach + FADE) * pairs.tau1))
     u, v = pairs.u[on], pairs.v[on]
     D = normalised_distances(window, window, u, v, pairs.tau1[on])
-    inside = slice(block.start - first, block.stop - first)
-    f = activation(D, lead, settings)[inside] * (1.0 - np.outer(standing, pairs.feet[on]))
-    return NearPairs(
-        a=distances.targets[u],
-        b=distances.targets[v],
-        u=u,
-        v=v,
-        ratio=pairs.tau2[on] / pairs.tau1[on],
-        source=window[inside],
-        copy=copy[block],
-        f=f,
-        w=pair_stiffness(f, D[inside], (u, v), len(distances), settings),
-        direction_range=settings.direction_range,
-    )
+    f = activation(D, shots[first:last], lead, settings.reach)[inside] * (1.0 - np.outer(standing, pairs.feet[on]))
+    w = pair_stiffness(f, D[inside], (u, v), pairs.points, settings)
+    return NearPairs(pairs.a[on], pairs.b[on], u, v, pairs.ratio[on], window[inside], copy[block], f, w)
 
 
 def no_pairs(frames: int) -> NearPairs:
-    """Nothing is near."""
+    """Return the near pairs of frames in which nothing is near."""
     none, points, values = np.zeros(0, np.intp), np.zeros((frames, 0, 3)), np.zeros((frames, 0))
-    return NearPairs(none, none, none, none, np.zeros(0), points, points, values, values, 1.0)
+    return NearPairs(none, none, none, none, np.zeros(0), points, points, values, values)
 
 
 @inlined()
-def share_across(square, direction_range):  # type: ignore[no-untyped-def]
-    """k: the stiffness across the direction of a pair, as a share of that along it, by its squared length, a number or
-    an array; at the length `direction_range` it is a half.
+def share_across(square):  # type: ignore[no-untyped-def]
+    """k: the stiffness across the direction of a pair, as a share of that along it, by its squared length [body units],
+    a number or an array; at the length `DIRECTION_RANGE` it is a half.
     """
-    return direction_range**2 / (direction_range**2 + square)
+    return DIRECTION_RANGE**2 / (DIRECTION_RANGE**2 + square)
 
 
 @inlined(fastmath=True)
@@ -170,7 +183,7 @@ def write_pair_spring(near: NearPairs, frame: int, pair: int, rest: Array, A: Ar
     dy = near.source[frame, u, 1] - near.source[frame, v, 1]
     dz = near.source[frame, u, 2] - near.source[frame, v, 2]
     square = dx * dx + dy * dy + dz * dz
-    across = w * share_across(ratio * ratio * square, near.direction_range)
+    across = w * share_across(ratio * ratio * square)
     along = (w - across) / square if square > 0.0 else 0.0
     A[0, 0], A[0, 1], A[0, 2] = along * dx * dx + across, along * dx * dy, along * dx * dz
     A[1, 0], A[1, 1], A[1, 2] = along * dx * dy, along * dy * dy + across, along * dy * dz
@@ -181,7 +194,7 @@ def write_pair_spring(near: NearPairs, frame: int, pair: int, rest: Array, A: Ar
         rest[i] = copied + f * (ratio * rest[i] - copied)
 
 
-def come_near(a: Array, b: Array, u: NDArray[np.intp], v: NDArray[np.intp], reach: Array) -> NDArray[np.bool_]:
+def come_near(a: Array, b: Array, u: Joints, v: Joints, reach: Array) -> NDArray[np.bool_]:
     """Whether each point u of `a` and point v of `b`, (frames, points, 3) both, are nearer than their reach in any
     frame, (pairs,).
     """
@@ -203,7 +216,7 @@ def _mark_near(a, b, u, v, reach, near):  # type: ignore[no-untyped-def]
                 break
 
 
-def normalised_distances(a: Array, b: Array, u: NDArray[np.intp], v: NDArray[np.intp], tau: Array) -> Array:
+def normalised_distances(a: Array, b: Array, u: Joints, v: Joints, tau: Array) -> Array:
     """D: (frames, pairs), the distances between points u of `a` and points v of `b`, (frames, points, 3) both, over
     path lengths tau, (pairs,).
     """
@@ -223,9 +236,7 @@ def _write_distances(a, b, u, v, tau, D):  # type: ignore[no-untyped-def]
             D[frame, pair] = np.sqrt(x * x + y * y + z * z) / tau[pair]
 
 
-def pair_stiffness(
-    f: Array, D: Array, ends: tuple[NDArray[np.intp], NDArray[np.intp]], points: int, settings: ContactSettings
-) -> Array:
+def pair_stiffness(f: Array, D: Array, ends: tuple[Joints, Joints], points: int, settings: ContactSettings) -> Array:
     """w: (frames, pairs), the stiffness of pairs with activations f and normalised distances D, (frames, pairs), whose
     ends, (pairs,) each, are numbers of `points` points.
 
@@ -233,13 +244,13 @@ def pair_stiffness(
     comes near a cluster of points is drawn about as strongly as one that comes near a single point.
     """
     w = np.empty_like(f)
-    _write_stiffness(f, D, *ends, settings.pair_stiffness, settings.close, settings.touch, np.empty(points), w)
+    _write_stiffness(f, D, *ends, settings.strength * STIFFNESS, settings.reach, np.empty(points), w)
     return w
 
 
 @compiled()
-def _write_stiffness(f, D, u, v, stiffness, close, touch, sums, w):  # type: ignore[no-untyped-def]
-    """Write w = stiffness f / sqrt((1 + F_u) (1 + F_v)) close / (D + touch); `sums`, (points,), is scratch."""
+def _write_stiffness(f, D, u, v, stiffness, reach, sums, w):  # type: ignore[no-untyped-def]
+    """Write w = stiffness f / sqrt((1 + F_u) (1 + F_v)) reach / (D + TOUCH); `sums`, (points,), is scratch."""
     for frame in range(len(f)):
         for point in range(len(sums)):
             sums[point] = 1.0
@@ -250,4 +261,4 @@ def _write_stiffness(f, D, u, v, stiffness, close, touch, sums, w):  # type: ign
             w[frame, s] = 0.0
             if f[frame, s] > 0.0:
                 shared = f[frame, s] / np.sqrt(sums[u[s]] * sums[v[s]])
-                w[frame, s] = stiffness * shared * close / (D[frame, s] + touch)
+                w[frame, s] = stiffness * shared * reach / (D[frame, s] + TOUCH)

@@ -1,54 +1,54 @@
-"""Smooth discontinuities: solution flips and floor impacts."""
+"""Smooth discontinuities: solution flips and floor impacts.
+
+A part's deviation from the rotation copy flips where it changes faster than `FLIP_SPEED` and stays there: it becomes a
+mean over the frames around (a raised cosine). A spike of one or two frames is left as it is. Shots are smoothed apart.
+"""
 
 from __future__ import annotations
 
+import math
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.numerics.kinematics import steps_along
-from distretarget.numerics.time_series import averaged, widened
+from distretarget.numerics.time_series import Shots, averaged, slices_of, widened
 from distretarget.numerics.vectors import lengths
-from distretarget.objectives.settings import ContactSettings
 
 Array = NDArray[np.float64]
 
-
-def smooth_jumps(v: Array, frame_time: float, settings: ContactSettings) -> None:
-    """Let no part jump in poses (frames, parts + 1, 3), which are changed in place.
-
-    A part jumps where its deviation changes faster than `settings.jump_speed`. Where it stays after the jump, its
-    deviation becomes a mean over the frames around (a raised cosine). A spike of one or two frames is not a jump, and
-    is left as it is. `frame_time` is in [s].
-    """
-    limit = settings.jump_speed * frame_time
-    parts = np.flatnonzero(_jumps(v, limit)[:, :-1].any(axis=0))
-    if not len(parts):
-        return
-    lasting = _without_spikes(v[:, parts])
-    jumps = _jumps(lasting, limit)
-    reach = round(settings.jump_blend / frame_time)
-    share = widened(np.maximum(jumps, np.roll(jumps, 1, axis=0)), reach)[..., None]
-    v[:, parts] += share * (averaged(lasting, reach) - v[:, parts])
+FLIP_SPEED = 60.0 * math.radians(10.0)  # [rad/s]
+BLEND = 0.1  # deviations are averaged over this time before and after a frame [s]
 
 
-def smooth_landings(v: Array, parts: NDArray[np.intp], frame_time: float, settings: ContactSettings) -> None:
-    """Let nothing stop some parts suddenly, which only the floor moves: in poses (frames, parts + 1, 3), which are
-    changed in place, their deviation becomes a mean over the frames around. `frame_time` is in [s].
-    """
-    moved = parts[v[:, parts].any(axis=(0, 2))]
-    if len(moved):
-        v[:, moved] = averaged(v[:, moved], round(settings.jump_blend / frame_time))
+def smooth_flips(v: Array, shots: Shots, frame_time: float) -> None:
+    """Smooth the flips of all parts in poses (frames, parts + 1, 3), in place; `frame_time` is in [s]."""
+    limit, reach = FLIP_SPEED * frame_time, round(BLEND / frame_time)
+    for shot in map(v.__getitem__, slices_of(shots)):
+        parts = np.flatnonzero(_flips(shot, limit)[:, :-1].any(axis=0))
+        if len(parts):
+            lasting = _without_spikes(shot[:, parts])
+            flips = _flips(lasting, limit)
+            share = widened(np.maximum(flips, np.roll(flips, 1, axis=0)), reach)[..., None]
+            shot[:, parts] += share * (averaged(lasting, reach) - shot[:, parts])
 
 
-def _jumps(v: Array, limit: float) -> Array:
+def smooth_landings(v: Array, parts: NDArray[np.intp], shots: Shots, frame_time: float) -> None:
+    """Smooth floor impacts of `parts`, which only the floor moves, in poses (frames, parts + 1, 3), in place."""
+    for shot in map(v.__getitem__, slices_of(shots)):
+        moved = parts[shot[:, parts].any(axis=(0, 2))]
+        if len(moved):
+            shot[:, moved] = averaged(shot[:, moved], round(BLEND / frame_time))
+
+
+def _flips(v: Array, limit: float) -> Array:
     """(frames, parts), 1 where the deviation v, (frames, parts, 3), of a part changes by more than `limit` [rad] to the
     next frame, else 0.
     """
-    jumps = np.zeros(v.shape[:2])
-    jumps[:-1] = steps_along(v) > limit
-    return jumps
+    flips = np.zeros(v.shape[:2])
+    flips[:-1] = steps_along(v) > limit
+    return flips
 
 
 def _without_spikes(v: Array) -> Array:

@@ -1,4 +1,9 @@
-"""The floor: how low each joint may be where something rests on it. Compiled."""
+"""The floor: how low each joint may be where something rests on it.
+
+    1/2 sum over joints below their height h   k (h - x . up)^2
+
+A spring pushes a joint up that is below its height; above it nothing acts. Compiled.
+"""
 
 from __future__ import annotations
 
@@ -7,22 +12,27 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.body.resting import REST_HEIGHT
 from distretarget.ik.articulation import Scratch
 from distretarget.ik.springs import NEGLIGIBLE, Springs
 from distretarget.numerics.compiled import inlined
+from distretarget.numerics.kinematics import heights_of
+from distretarget.numerics.time_series import largest
+from distretarget.objectives.clip import Clip
 
 Array = NDArray[np.float64]
 
+STIFFNESS = 500.0  # k, of a region that is alone on the floor; its joints share it
+NEAR_FLOOR = 0.3  # a joint that never comes nearer to the floor than this in the copy is left out [leg lengths]
+STEADY = 0.16  # the floor is the lowest that it is within this time before and after a frame [s]
+
 
 class Floor(NamedTuple):
-    """Heights that joints keep above: springs that only push upwards.
-
-    A joint x below its height h has the energy 1/2 k (h - x . up)^2; above it has none. Arrays have the frames in
-    front, but for those of a single frame.
+    """The heights that joints keep above. Arrays have the frames in front, but for those of a single frame.
 
     Attributes:
         joints: (joints,), joints of the target.
-        heights: (joints,), h.
+        heights: (joints,), h [body units].
         stiffness: (joints,), k.
         up: (3,), the unit vector up.
     """
@@ -33,13 +43,41 @@ class Floor(NamedTuple):
     up: Array
 
     def of_frames(self, frames: slice) -> Floor:
-        """The same in some of the frames."""
+        """Return the heights in some of the frames."""
         return self._replace(heights=self.heights[frames], stiffness=self.stiffness[frames])
 
 
 def no_floor(frames: int) -> Floor:
-    """Nothing says where the floor is."""
+    """Return a floor that holds no joint."""
     return Floor(np.zeros(0, np.intp), np.zeros((frames, 0)), np.zeros((frames, 0)), np.zeros(3))
+
+
+def find_floor(clip: Clip, weights: Array) -> Floor:
+    """Return the heights that joints other than the feet's keep above while something rests.
+
+    The floor is as high as the source's lowest joint about then, scaled. A joint keeps the height of the source's joint
+    over it, scaled, or `REST_HEIGHT`, whichever is less; a joint that nothing drives may be as low as the floor. n
+    joints of a region, such as those of a hand, get 1/n of `STIFFNESS` each.
+
+    `weights`, (frames, supports), is how firmly each support rests, 0 to 1.
+    """
+    if not clip.legs:
+        return no_floor(len(clip))
+    up, leg, scale = clip.up, clip.leg_lengths[1], clip.scale.height
+    # The lowest heights around: the floor does not rise with feet that leave it, nor with a faulty frame.
+    floor = -scale * largest(-clip.source_floor[:, None], round(STEADY / clip.frame_time))
+    weight = weights.max(axis=1, initial=0.0)
+    joints = np.concatenate([clip.limb_joints, clip.undriven_joints])
+    lowest = np.repeat(floor, len(joints), axis=1)
+    high = scale * heights_of(clip.source.positions, clip.drivers[clip.limb_joints], up)
+    lowest[:, : len(clip.limb_joints)] += np.minimum(high - floor, REST_HEIGHT * leg)
+    rise = (clip.root - clip.copy.positions[:, 0]) @ up
+    over = heights_of(clip.copy.positions, joints, up) + rise[:, None] - lowest
+    near = ((over < NEAR_FLOOR * leg) & (weight[:, None] > 0.0)).any(axis=0)
+    joints, lowest = joints[near], lowest[:, near]
+    _, region, count = np.unique(clip.regions.of_joint[joints], return_inverse=True, return_counts=True)
+    stiffness = STIFFNESS * weight[:, None] / count[region]
+    return Floor(joints, np.ascontiguousarray(lowest / clip.unit), stiffness, up)
 
 
 @inlined(fastmath=True)
@@ -51,7 +89,7 @@ def depth_below(scratch, floor, n):  # type: ignore[no-untyped-def]
 
 @inlined(fastmath=True)
 def floor_energy(scratch: Scratch, floor: Floor) -> float:
-    """The energy of the floor at the positions `scratch.x`; its gradient is added to `scratch.gradient`."""
+    """Return the floor's energy at the positions `scratch.x`, and add its gradient to `scratch.gradient`."""
     energy = 0.0
     for n in range(len(floor.joints)):
         if floor.stiffness[n] < NEGLIGIBLE:
@@ -66,8 +104,8 @@ def floor_energy(scratch: Scratch, floor: Floor) -> float:
 
 @inlined(fastmath=True)
 def add_floor(scratch: Scratch, floor: Floor, springs: Springs, count: int) -> int:
-    """Write a spring for each joint that is below its height at the positions `scratch.x` behind the first springs, so
-    many; return how many they are together. They have the same curvature as those springs and the floor.
+    """Append a spring with the floor's curvature for each joint below its height, behind the first `count` springs;
+    return the new count.
     """
     for n in range(len(floor.joints)):
         if floor.stiffness[n] >= NEGLIGIBLE and depth_below(scratch, floor, n) > 0.0:

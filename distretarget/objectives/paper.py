@@ -16,19 +16,27 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.distances import DistanceProblem, columns, filled, stress_and_gradient, target_distances
 from distretarget.ik.articulation import Articulation, Scratch
-from distretarget.ik.pose_solver import Clip, Workspace, compile_pose_solver
-from distretarget.ik.poses import PoseProblem, Poses, Progress, ignore_progress
+from distretarget.ik.pose_solver import CopiedBones, Workspace, compile_pose_solver
+from distretarget.ik.poses import Poses, Progress, ignore_progress
+from distretarget.ik.rigid_parts import fit_rotations
 from distretarget.ik.spg import Effort, record, scratch_for, spectral_gradient, steepest
 from distretarget.ik.springs import Springs
 from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.loops import copy_to
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.rotations import best_rotation
+from distretarget.objectives.clip import Clip
+
+Array = NDArray[np.float64]
 
 POINT_TOLERANCE = 1e-9  # [body sizes] a posture is solved when the search direction is shorter than this
 POINT_ITERATIONS = 2000  # at most, per frame
 FLAT = 1e-6  # [body sizes] a posture thinner than this counts as planar ...
 NUDGE = 1e-4  # [body sizes] ... and starts this far off its plane
+
+PART_STIFFNESS = 1e-4  # keeps what the stress does not see (twist, the turn of the whole body) near the rotation copy
+ROOT_STIFFNESS = 1.0  # keeps the root on its path, which the stress does not see either
+POSE_TOLERANCE = 1e-5  # a frame is solved when the search direction, in the metric of the curvature, is shorter
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,16 +49,35 @@ class Postures:
         effort: what the solver took.
     """
 
-    positions: NDArray[np.float64]
-    stress: NDArray[np.float64]
+    positions: Array
+    stress: Array
     effort: Effort
+
+
+def solve_paper(clip: Clip, progress: Progress = ignore_progress) -> tuple[Poses, Postures]:
+    """Minimise Eq. (2) in every frame of a clip: over free points, and from these over the rotations of exact bones.
+
+    `progress` is called with numbers of frames whose rotations are solved.
+    """
+    postures = solve_postures(clip.distances, clip.source.positions, clip.copy.positions)
+    return solve_poses(clip, _fitted_poses(clip, postures), progress), postures
+
+
+def _fitted_poses(clip: Clip, postures: Postures) -> Array:
+    """(frames, parts + 1, 3), the poses that turn the copy's bones to the solved points; the root stays."""
+    copy, points = clip.copy, np.array(clip.copy.positions)
+    points[:, clip.distances.targets] = postures.positions
+    fitted = fit_rotations(copy, points, clip.distances.targets, clip.roots)
+    roots = np.unique(clip.parts, return_index=True)[1]
+    before, after = (Rotation.from_quat(motion.world_rotations[:, roots]) for motion in (copy, fitted))
+    return np.pad((after * before.inv()).as_rotvec(), ((0, 0), (0, 1), (0, 0)))
 
 
 class _Stress(NamedTuple):
     """The stress of one frame: target distances and priorities, (points, columns)."""
 
-    delta: NDArray[np.float64]
-    pi: NDArray[np.float64]
+    delta: Array
+    pi: Array
 
 
 @inlined()
@@ -74,8 +101,8 @@ def _solve_points(source, starts, ratio, problem, solved, first, log, gradient, 
 
 def solve_postures(
     problem: DistanceProblem,
-    source: NDArray[np.float64],
-    copy: NDArray[np.float64],
+    source: Array,
+    copy: Array,
     progress: Progress = ignore_progress,
 ) -> Postures:
     """Minimise Eq. (2) in every frame.
@@ -102,7 +129,7 @@ def solve_postures(
     return Postures(positions, log[0], Effort.from_log(log))
 
 
-def off_plane(x: NDArray[np.float64]) -> NDArray[np.float64]:
+def off_plane(x: Array) -> Array:
     """Postures, (frames, 3, points), with those that lie in a plane or on a line moved off it.
 
     The gradient of a planar posture lies in its plane, so that a solver never leaves it. The points move by at most
@@ -116,20 +143,13 @@ def off_plane(x: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(x + np.einsum("fix,fx,xp->fip", axes, flat, waves))
 
 
-def aligned(x: NDArray[np.float64], onto: NDArray[np.float64]) -> NDArray[np.float64]:
+def aligned(x: Array, onto: Array) -> Array:
     """Postures (frames, points, 3) turned about their centroids, by proper rotations, as near as possible to `onto`.
 
     The centroids of the result are at the origin.
     """
     x = x - x.mean(axis=1, keepdims=True)
     return np.asarray(Rotation.from_quat(best_rotation(x, onto)[:, None]).apply(x))
-
-
-Array = NDArray[np.float64]
-
-PART_STIFFNESS = 1e-4  # keeps what the stress does not see (twist, the turn of the whole body) near the rotation copy
-ROOT_STIFFNESS = 1.0  # keeps the root on its path, which the stress does not see either
-POSE_TOLERANCE = 1e-5  # a frame is solved when the search direction, in the metric of the curvature, is shorter
 
 
 class Terms(NamedTuple):
@@ -168,27 +188,26 @@ class Given(NamedTuple):
     terms: Terms
 
 
-def solve_paper(problem: PoseProblem, guess: Array, progress: Progress = ignore_progress) -> Poses:
+def solve_poses(clip: Clip, guess: Array, progress: Progress = ignore_progress) -> Poses:
     """Minimise Eq. (2) over the rotations in every frame of a clip; lengths are in body sizes.
 
     `guess`, (frames, parts + 1, 3), has a pose for each frame, to start from where it is better than the poses before.
     `progress` is called with numbers of solved frames.
     """
-    distances, unit = problem.distances, problem.distances.body_size
-    parts = int(problem.parts.max()) + 1
+    distances, unit = clip.distances, clip.distances.body_size
+    parts = int(clip.parts.max()) + 1
     stiffness = np.append(np.full(parts, PART_STIFFNESS), ROOT_STIFFNESS)
-    body = Articulation.of(problem.skeleton, problem.parts, stiffness)
-    bones, root = np.ascontiguousarray(problem.bones / unit), np.ascontiguousarray(problem.root / unit)
-    S = np.ascontiguousarray(problem.source[:, distances.sources].transpose(0, 2, 1))
-    v = np.zeros((len(problem), parts + 1, 3))
-    log = np.zeros((4, len(problem)))
+    body = Articulation.of(clip.skeleton, clip.parts, stiffness)
+    bones, root = np.ascontiguousarray(clip.bones / unit), np.ascontiguousarray(clip.root / unit)
+    S = np.ascontiguousarray(clip.source.positions[:, distances.sources].transpose(0, 2, 1))
+    v, log = np.zeros((len(clip), parts + 1, 3)), np.zeros((4, len(clip)))
     terms, work = _terms(distances), Workspace.of(body)
-    for block in blocks_of(len(problem)):
-        clip, given = Clip(bones[block], root[block]), Given(S[block], guess[block], distances.ratio, terms)
-        _solve_poses(body, clip, given, POSE_TOLERANCE, v, block.start, log, work)
+    for block in blocks_of(len(clip)):
+        copy, given = CopiedBones(bones[block], root[block]), Given(S[block], guess[block], distances.ratio, terms)
+        _solve_poses(body, copy, given, POSE_TOLERANCE, v, block.start, log, work)
         progress(block.stop - block.start)
     v[:, -1] *= unit
-    return Poses(v, Effort.from_log(log))
+    return Poses(v, log)
 
 
 def _terms(distances: DistanceProblem) -> Terms:
@@ -196,16 +215,10 @@ def _terms(distances: DistanceProblem) -> Terms:
     u, v = np.triu_indices(points, 1)
     on = distances.priorities[u, v] > 0
     u, v = u[on], v[on]
-    springs = Springs(
-        a=distances.targets[u],
-        b=distances.targets[v],
-        rest=np.zeros((len(u), 3)),
-        A=np.zeros((len(u), 3, 3)),
-    )
-    square, columns = np.zeros((points, points)), np.zeros((3, points))
-    return Terms(
-        distances.targets, square, distances.priorities, columns, columns.copy(), distances.priorities[u, v], springs
-    )
+    joints, pi = distances.targets, distances.priorities
+    springs = Springs(joints[u], joints[v], np.zeros((len(u), 3)), np.zeros((len(u), 3, 3)))
+    columns = np.zeros((2, 3, points))
+    return Terms(joints, np.zeros((points, points)), pi, columns[0], columns[1], pi[u, v], springs)
 
 
 @inlined(fastmath=True)

@@ -1,51 +1,45 @@
-"""Joints other than the feet's that rest on the world, their places, and where the root belongs meanwhile."""
+"""Joints other than the feet's that rest on the world, their places, and where the root belongs meanwhile.
+
+A joint rests on the floor while it is slow, and about as low as the lowest joint of the body; a joint of trunk or head
+also somewhat higher, if the body lies or sits on it. There it is as high as the source's, scaled. A joint that stands
+still while its limb moves, such as a hand on a rail, rests too, as high as in the rotation copy on average.
+
+Along the floor a joint keeps, over each time it rests, the place of the source's, scaled, plus the mean of what the
+copy is off that: so it does not slide, and nothing draws the body to where its proportions cannot follow. Where a
+region farther out in its limb rests as well, as the foot does in a kneel, the joint is as far from that as in the copy.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.baseline.rotation_copy import RootScale
 from distretarget.body.anatomy import TRUNK_REGIONS
-from distretarget.body.resting import above_lowest, joint_speeds, still_joints
-from distretarget.ik.poses import PoseProblem
-from distretarget.matching.matching import Matching
+from distretarget.body.resting import REST_HEIGHT, REST_SPEED, joint_speeds, still_joints
 from distretarget.numerics.kinematics import heights_of
-from distretarget.numerics.time_series import Shots, by_shot, median_of_three, over_runs, runs_of, widened
+from distretarget.numerics.time_series import by_shot, median_of_three, over_runs, runs_of, widened
 from distretarget.numerics.vectors import lengths, level
-from distretarget.objectives.settings import ContactSettings
-from distretarget.objectives.supports import RESTS, Supports
+from distretarget.objectives.clip import Clip
+from distretarget.objectives.supports import BLEND, RESTS, Supports
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-
+Joints = NDArray[np.intp]
 Environment = Literal["body", "scaled"]
+
 LITTLE = 1e-6  # weight of frames that hardly count
 INSIDE = 0.25  # a joint inside flesh that rests on the floor is no higher than this [leg lengths]
-HEAD = "head"
+APPROACH_SPEED = 0.5  # a joint whose place is far from the copy's goes there at about this speed [leg lengths/s] ...
+LONGEST_BLEND = 0.6  # ... but takes no longer than twice this time [s]
 
-
-@dataclass(frozen=True, eq=False)
-class _Candidates:
-    """The joints that may rest: all of the body but the feet.
-
-    Attributes:
-        targets, sources: (joints,), joints of the target and their drivers.
-        bases: (joints,), the source joint where the limb of each begins; the joint itself in the trunk.
-        regions: (joints,), the region of the target that each belongs to.
-    """
-
-    targets: NDArray[np.intp]
-    sources: NDArray[np.intp]
-    bases: NDArray[np.intp]
-    regions: NDArray[np.intp]
-
-    def __getitem__(self, on: NDArray[np.intp]) -> _Candidates:
-        return _Candidates(self.targets[on], self.sources[on], self.bases[on], self.regions[on])
+SEAT = 10.0  # weight of a region of the trunk that rests, which turns of the joints do not bring to its place
+ROOT_BLEND = 0.2  # the root takes about twice this time from one shift to the next [s]
+UNKNOWN = 1e-3  # weight of the nearest known shift in frames in which nothing rests; a region that rests has 1
+FEWEST = 5  # frames that a smoothing spline needs
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -60,136 +54,146 @@ class RestingJoints:
         places: (frames, joints, 3), where each belongs [target file units].
     """
 
-    joints: NDArray[np.intp]
-    regions: NDArray[np.intp]
+    joints: Joints
+    regions: Joints
     in_trunk: Flags
     rests: Flags
     places: Array
 
 
-def find_resting_joints(
-    feet: Supports,
-    matching: Matching,
-    problem: PoseProblem,
-    scale: RootScale,
-    shots: Shots,
-    environment: Environment,
-    settings: ContactSettings,
-) -> RestingJoints | None:
+def find_resting_joints(clip: Clip, feet: Supports, environment: Environment) -> RestingJoints | None:
     """Return the joints other than those of `feet` that rest on the floor or on something that stands still, if any.
 
-    A joint rests on the floor while it is slow, and about as low as the lowest joint of the body; a joint of trunk or
-    head also somewhat higher, if the body lies or sits on it. There it is as high as the source's, scaled. A joint that
-    stands still while its limb moves, such as a hand on a rail, rests too, as high as in the rotation copy on average.
-    In the plane a joint keeps, over each time it rests, the place of the source's, scaled, plus the mean of what the
-    copy is off that: so it does not slide, and nothing draws the body to where its proportions cannot follow. Where a
-    region farther out in its limb rests as well, as the foot does in a kneel, the joint is as far from that as in the
-    copy. In an `environment` that is "scaled", a joint that rests on something else than the floor has the place of the
+    In an `environment` that is "scaled", a joint that rests on something else than the floor has the place of the
     source's, scaled.
-
-    The copy keeps to the path of the root in `problem`; `shots`, (frames,), are those of the clip.
     """
-    if matching.legs is None:
+    if not clip.legs:
         return None
-    source, up, length = matching.source_motion, matching.source.up_vector, matching.leg_lengths[0]
-    joints = _candidates(matching)
-    height = above_lowest(source, joints.sources, up)
-    low = (height < settings.rest_height * length) | _lie_on_flesh(matching, joints, height < INSIDE * length, up)
-    speeds = joint_speeds(source, joints.sources, shots)
-    on_floor = (speeds < settings.rest_speed * length) & low
-    still = still_joints(source, joints.sources, joints.bases, speeds, length, shots)
+    source, length, targets = clip.source, clip.leg_lengths[0], clip.limb_joints
+    sources = clip.drivers[targets]
+    height = heights_of(source.positions, sources, clip.up) - clip.source_floor[:, None]
+    low = (height < REST_HEIGHT * length) | _lie_on_flesh(clip, height < INSIDE * length)
+    speeds = joint_speeds(source, sources, clip.shots)
+    on_floor = (speeds < REST_SPEED * length) & low
+    still = still_joints(source, sources, _limb_bases(clip), speeds, length, clip.shots)
     if still.any():
-        still &= ~_stand_on_others(joints, on_floor | still, feet, matching)
-    rests = on_floor | still
-    rests = median_of_three(rests)  # a single frame unlike both its neighbours is a fault
+        still &= ~_stand_on_others(clip, on_floor | still, feet)
+    rests = median_of_three(on_floor | still)  # a single frame unlike both its neighbours is a fault
     on = np.flatnonzero(rests.any(axis=0))
     if not len(on):
         return None
-    joints, on_floor, rests = joints[on], on_floor[:, on], rests[:, on]
-    places = scale.places(source.positions[:, joints.sources], up)
-    shifts = feet.places - problem.copy_on_path(feet.joints)
-    held = {int(j): (feet.weights[:, k] >= RESTS, shifts[:, k]) for k, j in enumerate(feet.joints)}
-    copied = problem.copy_on_path(joints.targets)
-    for column in np.argsort(-joints.targets):  # from the ends of limbs inwards
-        joint = int(joints.targets[column])
-        carried, shift = _carried([held[each] for each in _farther_out(matching, joint) if each in held], len(source))
-        off = copied[:, column] + shift - places[:, column]
-        columns = off, rests[:, column], on_floor[:, column], carried
-        places[:, column] += by_shot(partial(_offsets, up=up, environment=environment), shots, *columns)
-        held[joint] = rests[:, column], places[:, column] - copied[:, column]
-    names = np.array(matching.regions.names)[joints.regions]
-    return RestingJoints(
-        joints=joints.targets,
-        regions=joints.regions,
-        in_trunk=np.isin(names, TRUNK_REGIONS),
-        rests=rests,
-        places=places,
+    targets, on_floor, rests = targets[on], on_floor[:, on], rests[:, on]
+    regions = clip.regions.of_joint[targets]
+    in_trunk = np.isin(np.array(clip.regions.names)[regions], TRUNK_REGIONS)
+    places = _resting_places(clip, feet, targets, on_floor, rests, environment)
+    return RestingJoints(joints=targets, regions=regions, in_trunk=in_trunk, rests=rests, places=places)
+
+
+def with_resting_joints(clip: Clip, feet: Supports, resting: RestingJoints) -> Supports:
+    """Return feet and other resting joints, each of which goes to its place over a time that grows with how far that is
+    from the rotation copy whose root keeps to its path.
+    """
+    blend = partial(_blended, frame_time=clip.frame_time)
+    far = lengths(resting.places - clip.copy_on_path(resting.joints)) / (0.5 * clip.unit)
+    weights = [by_shot(blend, clip.shots, *columns) for columns in zip(resting.rests.T, far.T, strict=True)]
+    return replace(
+        feet,
+        joints=np.append(feet.joints, resting.joints),
+        regions=np.append(feet.regions, resting.regions),
+        weights=np.concatenate([feet.weights, np.stack(weights, axis=1)], axis=1),
+        places=np.concatenate([feet.places, resting.places], axis=1),
     )
 
 
-def with_resting_joints(
-    feet: Supports, resting: RestingJoints, problem: PoseProblem, shots: Shots, settings: ContactSettings
-) -> Supports:
-    """Return the feet at rest, and other joints, each of which goes to its place over a time that grows with how far
-    that is from the copy, whose root keeps to its path in `problem`.
+def root_shift(clip: Clip, feet: Supports, resting: RestingJoints) -> Array:
+    """Return how far the root belongs from its path, (frames, 3) [target file units].
+
+    The path is that of the source's hips, times the ratio of leg lengths, which suits a body on its feet. On its hands
+    a body moves as arms and trunk are long. So the root is displaced by the mean of how far the resting regions of the
+    body are from their places in the copy; feet at rest count as in place. A smoothing spline leads from one shift to
+    the next.
     """
-    blend = partial(_blended, frame_time=problem.frame_time, settings=settings)
-    far = lengths(resting.places - problem.copy_on_path(resting.joints)) / (0.5 * problem.unit)
-    weights = [by_shot(blend, shots, *columns) for columns in zip(resting.rests.T, far.T, strict=True)]
-    return feet.with_others(resting.joints, resting.regions, np.stack(weights, axis=1), resting.places)
+    off = resting.places - clip.copy_on_path(resting.joints)
+    sums, count = np.zeros((len(clip), 3)), np.zeros(len(clip))
+    for region in np.unique(resting.regions):
+        on = resting.rests & (resting.regions == region)
+        weight = SEAT if resting.in_trunk[resting.regions == region].all() else 1.0
+        sums += weight * (on[..., None] * off).sum(axis=1) / np.maximum(on.sum(axis=1), 1)[:, None]
+        count += weight * on.any(axis=1)
+    for leg in range(0, feet.feet, 2):
+        count += (feet.weights[:, leg : leg + 2] >= RESTS).any(axis=1)
+    smooth = partial(_smooth, frame_time=clip.frame_time)
+    return by_shot(smooth, clip.shots, sums / np.maximum(count, 1.0)[:, None], count)
 
 
-def _candidates(matching: Matching) -> _Candidates:
-    regions, skeleton, drivers = matching.regions, matching.target.skeleton, matching.drivers
-    of_joint = regions.of_joint
-    trunk = [number for number, name in enumerate(regions.names) if name in TRUNK_REGIONS]
-    targets = matching.joints_but_feet
+def _limb_bases(clip: Clip) -> Joints:
+    """(joints,), for each of `clip.limb_joints` the source joint where its limb begins; its own in the trunk."""
+    of_joint, skeleton, drivers = clip.regions.of_joint, clip.skeleton, clip.drivers
+    trunk = [number for number, name in enumerate(clip.regions.names) if name in TRUNK_REGIONS]
     bases = []
-    for joint in targets:
+    for joint in clip.limb_joints:
         line = [each for each in skeleton.line(int(joint)) if of_joint[each] in trunk and drivers[each] >= 0]
         bases.append(drivers[line[0] if line else joint])
-    return _Candidates(targets, drivers[targets], np.array(bases, np.intp), of_joint[targets])
+    return np.array(bases, np.intp)
 
 
-def _lie_on_flesh(matching: Matching, joints: _Candidates, near_floor: Flags, up: Array) -> Flags:
+def _lie_on_flesh(clip: Clip, near_floor: Flags) -> Flags:
     """(frames, joints), whether the body lies or sits on each: it is near the floor, inside flesh, in trunk or head,
     and lower than its neighbours in the tree.
     """
-    skeleton, positions = matching.source.skeleton, matching.source_motion.positions
-    flesh = np.isin(np.array(matching.regions.names)[joints.regions], (*TRUNK_REGIONS, HEAD))
+    skeleton, sources = clip.source_skeleton, clip.drivers[clip.limb_joints]
+    names = np.array(clip.regions.names)[clip.regions.of_joint[clip.limb_joints]]
     lies = np.zeros_like(near_floor)
-    for column in np.flatnonzero(flesh & near_floor.any(axis=0)):
-        joint = int(joints.sources[column])
+    for column in np.flatnonzero(np.isin(names, (*TRUNK_REGIONS, "head")) & near_floor.any(axis=0)):
+        joint = int(sources[column])
         around = [skeleton.parents[joint], *skeleton.children[joint]] if joint else skeleton.children[joint]
         around = [each for each in around if skeleton.path_lengths[joint, each] > 0]
         if around:
-            high = heights_of(positions, [joint, *around], up)
+            high = heights_of(clip.source.positions, [joint, *around], clip.up)
             lies[:, column] = near_floor[:, column] & (high[:, :1] <= high[:, 1:]).all(axis=1)
     return lies
 
 
-def _stand_on_others(joints: _Candidates, rests: Flags, feet: Supports, matching: Matching) -> Flags:
+def _stand_on_others(clip: Clip, rests: Flags, feet: Supports) -> Flags:
     """(frames, joints), whether another region of the same limb rests farther out: a knee over a foot keeps its place
     without a touch.
     """
-    resting = np.zeros((len(rests), len(matching.target.skeleton)), bool)
-    resting[:, joints.targets] = rests
+    resting = np.zeros((len(rests), len(clip.skeleton)), bool)
+    resting[:, clip.limb_joints] = rests
     resting[:, feet.joints] = feet.weights >= RESTS
-    columns = [resting[:, _farther_out(matching, joint)].any(axis=1) for joint in joints.targets.tolist()]
+    columns = [resting[:, _farther_out(clip, joint)].any(axis=1) for joint in clip.limb_joints.tolist()]
     return np.stack(columns, axis=1)
 
 
-def _farther_out(matching: Matching, joint: int) -> list[int]:
+def _farther_out(clip: Clip, joint: int) -> list[int]:
     """The joints of other regions farther out in the same limb; none for a joint of the trunk."""
-    names, of_joint = matching.regions.names, matching.regions.of_joint
+    names, of_joint = clip.regions.names, clip.regions.of_joint
     if names[of_joint[joint]] in TRUNK_REGIONS:
         return []
-    return [each for each in matching.target.skeleton.subtree(joint) if of_joint[each] not in (-1, of_joint[joint])]
+    return [each for each in clip.skeleton.subtree(joint) if of_joint[each] not in (-1, of_joint[joint])]
+
+
+def _resting_places(
+    clip: Clip, feet: Supports, targets: Joints, on_floor: Flags, rests: Flags, environment: Environment
+) -> Array:
+    """(frames, joints, 3), where resting joints belong [target file units]."""
+    places = clip.scale.places(clip.source.positions[:, clip.drivers[targets]], clip.up)
+    shifts = feet.places - clip.copy_on_path(feet.joints)
+    held = {int(j): (feet.weights[:, k] >= RESTS, shifts[:, k]) for k, j in enumerate(feet.joints)}
+    copied = clip.copy_on_path(targets)
+    offsets = partial(_offsets, up=clip.up, environment=environment)
+    for column in np.argsort(-targets):  # from the ends of limbs inwards
+        joint = int(targets[column])
+        carried, shift = _carried([held[each] for each in _farther_out(clip, joint) if each in held], len(clip))
+        off = copied[:, column] + shift - places[:, column]
+        places[:, column] += by_shot(offsets, clip.shots, off, rests[:, column], on_floor[:, column], carried)
+        held[joint] = rests[:, column], places[:, column] - copied[:, column]
+    return places
 
 
 def _carried(held: list[tuple[Flags, Array]], frames: int) -> tuple[Flags, Array]:
-    """Whether any of some joints rests, (frames,), and how far those that do are on average from their places to those
-    of the copy, (frames, 3); each is given by whether it rests, (frames,), and how far it is, (frames, 3).
+    """Whether any of some joints rests, (frames,), and the mean shift of those that do from the copy to their places,
+    (frames, 3); each is given by whether it rests, (frames,), and its shift, (frames, 3).
     """
     count, total = np.zeros(frames), np.zeros((frames, 3))
     for rests, shift in held:
@@ -200,8 +204,8 @@ def _carried(held: list[tuple[Flags, Array]], frames: int) -> tuple[Flags, Array
 
 def _offsets(off: Array, rests: Flags, on_floor: Flags, carried: Flags, up: Array, environment: Environment) -> Array:
     """(frames, 3), the mean of `off`, (frames, 3), over each run of frames in which the joint rests; only over those in
-    which it is `carried` by others, (frames,), if there are any. It has no height in a run in which the joint rests on
-    the floor, and is zero in the others if the scene is scaled.
+    which it is `carried` by others, if there are any. It has no height in a run in which the joint rests on the floor,
+    and is zero in the others if the environment is scaled.
     """
     runs = runs_of(rests)
     with_floor = np.isin(runs, np.unique(runs[on_floor]))[:, None]
@@ -210,43 +214,20 @@ def _offsets(off: Array, rests: Flags, on_floor: Flags, carried: Flags, up: Arra
     return over_runs(off, np.where(rests, np.maximum(counts, LITTLE), 0.0))
 
 
-def _blended(rests: Flags, far: Array, frame_time: float, settings: ContactSettings) -> Array:
+def _blended(rests: Flags, far: Array, frame_time: float) -> Array:
     """(frames,), 1 while a joint rests, blended to 0 over a time that grows with how far its place is, `far`, (frames,)
     [leg lengths].
     """
-    runs = runs_of(rests)
     free = np.ones(len(rests))
-    for run in range(1, runs.max() + 1):
-        on = runs == run
-        time = np.clip(far[on].mean() / settings.approach_speed, settings.support_blend, settings.longest_blend)
-        free *= 1.0 - widened(on.astype(np.float64)[:, None], time / frame_time)[:, 0]
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], rests, [False]])))
+    for first, end in edges.reshape(-1, 2):
+        frames = np.clip(far[first:end].mean() / APPROACH_SPEED, BLEND, LONGEST_BLEND) / frame_time
+        around = 2 * round(frames) + 1  # how far `widened` reaches beyond the run
+        near = slice(max(first - around, 0), end + around)
+        rest = np.zeros((len(free[near]), 1))
+        rest[first - near.start : end - near.start] = 1.0
+        free[near] *= 1.0 - widened(rest, frames)[:, 0]
     return 1.0 - free
-
-
-SEAT = 10.0  # weight of a region of the trunk that rests, which turns of the joints do not bring to its place
-BLEND = 0.2  # the root takes about twice this time from one shift to the next [s]
-UNKNOWN = 1e-3  # weight of the nearest known shift in frames in which nothing rests; a region that rests has 1
-FEWEST = 5  # frames that a smoothing spline needs
-
-
-def root_shift(problem: PoseProblem, feet: Supports, resting: RestingJoints, shots: Shots) -> Array:
-    """Return how far the root belongs from its path, (frames, 3) [target file units].
-
-    The path is that of the source's hips, times the ratio of leg lengths, which suits a body on its feet. On its hands
-    a body moves as arms and trunk are long. So the root is displaced by what the regions of the body that rest are off
-    their places in the copy, on average; feet at rest count as in place. A smoothing spline leads from one to the next.
-    """
-    off = resting.places - problem.copy_on_path(resting.joints)
-    sums, count = np.zeros((len(problem), 3)), np.zeros(len(problem))
-    for region in np.unique(resting.regions):
-        on = resting.rests & (resting.regions == region)
-        weight = SEAT if resting.in_trunk[resting.regions == region].all() else 1.0
-        sums += weight * (on[..., None] * off).sum(axis=1) / np.maximum(on.sum(axis=1), 1)[:, None]
-        count += weight * on.any(axis=1)
-    for leg in range(0, feet.feet, 2):
-        count += (feet.weights[:, leg : leg + 2] >= RESTS).any(axis=1)
-    smooth = partial(_smooth, frame_time=problem.frame_time)
-    return by_shot(smooth, shots, sums / np.maximum(count, 1.0)[:, None], count)
 
 
 def _smooth(values: Array, weights: Array, frame_time: float) -> Array:
@@ -261,5 +242,5 @@ def _smooth(values: Array, weights: Array, frame_time: float) -> Array:
     # Imported here: scipy.interpolate is slow to import, and most clips rest on nothing but feet.
     from scipy.interpolate import make_smoothing_spline
 
-    stiffness = (BLEND / frame_time) ** 4  # of a spline that bends over `BLEND` where the weights are 1
+    stiffness = (ROOT_BLEND / frame_time) ** 4  # of a spline that bends over `ROOT_BLEND` where the weights are 1
     return np.asarray(make_smoothing_spline(frames, filled, np.maximum(weights, UNKNOWN), stiffness)(frames))

@@ -1,4 +1,12 @@
-"""Supports: joints that rest on the world, where they belong, and the springs that hold them there. Compiled."""
+"""Supports: joints that rest on the world, and the springs that hold them in their places.
+
+    1/2 sum over supports   r^T A r,    r = x - place,    A = (m (1 - s) / s M + n I / k)^-1
+
+A joint of weight s goes the share s of the way from the rotation copy to its place, whatever the stiffness k of the
+place: M is the compliance of the body at the joint. Of the joints of one region that rest together, such as the fingers
+of a hand, each gets a share of one joint's stiffness: m is their number (n for the joints of feet), and n is half of
+it, but at least 1. Compiled.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +23,11 @@ from distretarget.objectives.floor import Floor, no_floor
 
 Array = NDArray[np.float64]
 
+STIFFNESS = 5000.0  # k, which comes before everything else
 RESTS = 0.99  # weight from which a joint rests
+LEAST_WEIGHT = 1e-6  # a joint of less weight is free
+FIRM = 2  # so many joints of a region are held with full stiffness; more share it
+BLEND = 0.16  # a joint goes to its place over twice this time before it rests, and leaves it over twice this time [s]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -24,12 +36,12 @@ class Supports:
 
     Attributes:
         joints: (supports,), joints of the target.
-        regions: (supports,), the region of the body that each belongs to; the joints of a region share its stiffness.
+        regions: (supports,), the region of the body that each belongs to.
         feet: how many of them are foot joints: ankle and toe of one leg, then those of the other.
         weights: (frames, supports), 1 while the source's joint rests, blended to 0.
         places: (frames, supports, 3), where the target's joint belongs [target file units].
         floor: how low other joints may be [body units].
-        touching: springs that draw joints to where they touch other performers [body units].
+        scene_springs: springs that draw joints to other performers and to props [body units].
     """
 
     joints: NDArray[np.intp]
@@ -38,7 +50,7 @@ class Supports:
     weights: Array
     places: Array
     floor: Floor
-    touching: Springs
+    scene_springs: Springs
 
     @property
     def standing(self) -> Array:
@@ -46,49 +58,26 @@ class Supports:
         return np.asarray(self.weights[:, : self.feet].max(axis=1, initial=0.0))
 
     def __getitem__(self, frames: slice) -> Supports:
-        floor, touching = self.floor.of_frames(frames), self.touching.of_frames(frames)
-        return replace(self, weights=self.weights[frames], places=self.places[frames], floor=floor, touching=touching)
-
-    def with_others(
-        self, joints: NDArray[np.intp], regions: NDArray[np.intp], weights: Array, places: Array
-    ) -> Supports:
-        """The same supports, and others."""
+        floor, springs = self.floor.of_frames(frames), self.scene_springs.of_frames(frames)
         return replace(
-            self,
-            joints=np.append(self.joints, joints),
-            regions=np.append(self.regions, regions),
-            weights=np.concatenate([self.weights, weights], axis=1),
-            places=np.concatenate([self.places, places], axis=1),
+            self, weights=self.weights[frames], places=self.places[frames], floor=floor, scene_springs=springs
         )
 
 
 def no_supports(frames: int) -> Supports:
-    """Nothing rests."""
-    none = np.zeros(0, np.intp)
+    """Return supports of a clip in which nothing rests."""
+    none, weights, places = np.zeros(0, np.intp), np.zeros((frames, 0)), np.zeros((frames, 0, 3))
+    floor, springs = no_floor(frames), no_springs(frames)
     return Supports(
-        joints=none,
-        regions=none,
-        feet=0,
-        weights=np.zeros((frames, 0)),
-        places=np.zeros((frames, 0, 3)),
-        floor=no_floor(frames),
-        touching=no_springs(frames),
+        joints=none, regions=none, feet=0, weights=weights, places=places, floor=floor, scene_springs=springs
     )
 
 
-LEAST_WEIGHT = 1e-6  # a joint of less weight is free
-FIRM = 2  # so many joints of a region are held with full stiffness; more share it
-
-
 def support_springs(supports: Supports, body: Articulation, bones: Array, unit: float, stiffness: float) -> Springs:
-    """The springs of resting joints; their arrays have the frames in front.
+    """Return the springs of resting joints; their arrays have the frames in front.
 
-    A joint of weight s is drawn the share s of the way to its place, whatever the `stiffness` k at its place: with M,
-    the compliance of the body at the joint, its spring is A = (m (1 - s) / s M + n I / k)^-1. Joints of one region that
-    rest together, such as the fingers of a hand, share what one of them would have: n is half their number, but at
-    least 1; m is their number, and n for foot joints. A stiffness of 0 leaves the joints free.
-
-    `bones`, (frames, joints, 3), are those of the copy, and `unit` is the body unit [file units].
+    `bones`, (frames, joints, 3), are those of the copy, `unit` is the body unit [file units], and `stiffness` is k; 0
+    leaves the joints free.
     """
     weights, joints, regions, feet = supports.weights, supports.joints, supports.regions, supports.feet
     A = np.zeros((*weights.shape, 3, 3))
@@ -100,18 +89,16 @@ def support_springs(supports: Supports, body: Articulation, bones: Array, unit: 
 
 @compiled()
 def _write_springs(weights, joints, regions, feet, body, bones, stiffness, A, scratch):  # type: ignore[no-untyped-def]
-    """Write A, (frames, joints, 3, 3), of resting joints with these weights and regions, those of the feet first;
-    lever arms and compliance are `scratch`.
-    """
+    """Write A, (frames, joints, 3, 3); the joints of the feet come first. Lever arms and compliance are `scratch`."""
     arms, M = scratch
     for frame in range(len(weights)):
         for support in range(len(joints)):
             s = weights[frame, support]
             if s <= LEAST_WEIGHT:
                 continue
-            together = _together(weights[frame], regions, support)
-            n = max(together / FIRM, 1.0)
-            m = n if support < feet else together
+            resting = _resting_in_region(weights[frame], regions, support)
+            n = max(resting / FIRM, 1.0)
+            m = n if support < feet else resting
             if s < 1.0:
                 write_compliance(body, bones[frame], joints[support], arms, M)
                 for i in range(3):
@@ -125,7 +112,7 @@ def _write_springs(weights, joints, regions, feet, body, bones, stiffness, A, sc
 
 
 @inlined()
-def _together(weights: Array, regions: NDArray[np.intp], support: int) -> int:
+def _resting_in_region(weights: Array, regions: NDArray[np.intp], support: int) -> int:
     """How many joints of the same region rest in a frame, this one included."""
     count = 0
     for other in range(len(weights)):

@@ -1,30 +1,23 @@
-"""One clip through all of it: source motion and target body in, target motion and figures out."""
+"""Retarget one clip: source motion and target body in, target motion and figures out."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from types import NoneType
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
-
 from distretarget.baseline.rotation_copy import RootScale, find_root_scale
 from distretarget.checks import check_callable, check_kind
-from distretarget.ik.poses import Mapper, PoseProblem, Progress, ignore_progress
-from distretarget.ik.rigid_parts import fit_rotations
+from distretarget.ik.poses import Mapper, Progress, ignore_progress
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import in_threads
 from distretarget.objectives.contact import solve_contact
-from distretarget.objectives.paper import Postures, solve_paper, solve_postures
+from distretarget.objectives.paper import solve_paper
 from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
-from distretarget.pipeline.performer import Prepared, matched_performer, with_supports
+from distretarget.pipeline.performer import match_performer
 from distretarget.pipeline.result import RetargetResult
 from distretarget.skeleton import JointMap, Skeleton
 from distretarget.target import SkeletonEdit, Target
-
-Array = NDArray[np.float64]
 
 
 def retarget(
@@ -66,28 +59,11 @@ def retarget(
     check_kind("settings", settings, ContactSettings)
     check_callable("mapper", mapper)
     check_callable("progress", progress)
-    performer = matched_performer(source, target, options, joint_map)
-    scale = RootScale.even(options.root_scale or find_root_scale(performer.matching))
-    prepared = performer.prepared(scale, options.root_follows)
+    match = match_performer(source, target, options, joint_map)
+    performer = match.performer(RootScale.even(options.root_scale or find_root_scale(match.matching)), options)
     if options.objective == "paper":
-        return _by_paper(prepared, progress)
-    prepared = with_supports(prepared, options, settings)
-    poses = solve_contact(prepared.problem, prepared.supports, prepared.settings, mapper=mapper, progress=progress)
-    return prepared.result(poses)
-
-
-def _by_paper(prepared: Prepared, progress: Progress) -> RetargetResult:
-    """Retarget by the paper's objective."""
-    postures = solve_postures(prepared.problem.distances, prepared.problem.source, prepared.copy.positions)
-    poses = solve_paper(prepared.problem, _fitted_poses(prepared.copy, prepared.problem, postures), progress)
-    return prepared.result(poses, postures)
-
-
-def _fitted_poses(copy: Motion, problem: PoseProblem, postures: Postures) -> Array:
-    """(frames, parts + 1, 3), the poses that turn the copy's bones to the solved points; the root stays."""
-    points = np.array(copy.positions)
-    points[:, problem.distances.targets] = postures.positions
-    fitted = fit_rotations(copy, points, problem.distances.targets, problem.roots)
-    roots = np.unique(problem.parts, return_index=True)[1]
-    before, after = (Rotation.from_quat(motion.world_rotations[:, roots]) for motion in (copy, fitted))
-    return np.pad((after * before.inv()).as_rotvec(), ((0, 0), (0, 1), (0, 0)))
+        return performer.result(*solve_paper(performer.clip, progress))
+    performer = performer.with_supports(options, settings)
+    return performer.result(
+        solve_contact(performer.clip, performer.supports, performer.settings, mapper=mapper, progress=progress)
+    )

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.errors import MotionError
-from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import extent, lengths
+from distretarget.objectives.clip import Clip
 from distretarget.skeleton import LARGEST
 
 Array = NDArray[np.float64]
@@ -21,20 +19,18 @@ DIGITS = 1e-9  # what is left of exactness far from the origin [of the distance 
 REPORT = "please report this with the clip and the target"
 
 
-def check_places(posed: Motion, on_path: Callable[[NDArray[np.intp]], Array], matching: Matching) -> None:
-    """Check that a result has the frames of its source, with hips and feet near the copy's.
-
-    `on_path` returns where copied rotations put the joints that it is given if the root keeps to its path, (frames,
-    joints, 3).
+def check_places(posed: Motion, clip: Clip) -> None:
+    """Check that a result has the frames of its source, with hips and ankles near those of the rotation copy.
 
     Raises:
         MotionError: it does not; the message names joint and frame.
     """
-    if len(posed) != len(matching.source_motion):
-        raise MotionError(f"the result has {len(posed)} frames, the source {len(matching.source_motion)}; {REPORT}")
-    unit = matching.target.unit + DIGITS * extent(on_path(np.array([matching.pelvis])))
-    for joints, most in ((np.array([matching.pelvis]), HIPS_RANGE), (_ankles(matching), FEET_RANGE)):
-        away = lengths(posed.positions[:, joints] - on_path(joints)) / unit
+    if len(posed) != len(clip):
+        raise MotionError(f"the result has {len(posed)} frames, the source {len(clip)}; {REPORT}")
+    pelvis, ankles = np.array([clip.pelvis]), np.array([pair.target.ankle for pair in clip.legs], np.intp)
+    unit = clip.unit + DIGITS * extent(clip.copy_on_path(pelvis))
+    for joints, most in ((pelvis, HIPS_RANGE), (ankles, FEET_RANGE)):
+        away = lengths(posed.positions[:, joints] - clip.copy_on_path(joints)) / unit
         far = f"is more than {most:g} heights away from where copied rotations put it"
         _refuse_first(~(away <= most), posed, joints, far)
 
@@ -52,10 +48,6 @@ def check_finite(motion: Motion) -> None:
     _refuse_first(
         farthest > LARGEST, motion, joints, f"is beyond {LARGEST:g}", "use other units, or a smaller root scale"
     )
-
-
-def _ankles(matching: Matching) -> NDArray[np.intp]:
-    return np.array([leg.ankle for leg in matching.legs[1]] if matching.legs else [], np.intp)
 
 
 def _refuse_first(

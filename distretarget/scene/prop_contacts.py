@@ -150,12 +150,12 @@ def find_touched(
     """
     length = nearest(points.source, prop)
     D = length / leg
-    f = activation(D, settings.lead / frame_time, settings) * free
+    f = activation(D, points.shots, settings.blend / frame_time, settings.reach) * free
     on = np.flatnonzero(f.any(axis=0))
     ends = np.arange(len(on)), len(on) + regions[on]
     f, D = f[:, on], D[:, on]
     w = firmness(D, settings) * pair_stiffness(f, D, ends, len(on) + int(regions.max(initial=0)) + 1, settings)
-    w *= share_across((length[:, on] / (2.0 * leg)) ** 2, settings.direction_range)
+    w *= share_across((length[:, on] / (2.0 * leg)) ** 2)
     A = w[..., None, None] * np.eye(3)
     return Touched(joints=points.joints[on], source=points.source[:, on], gaps=length[:, on], f=f, A=A)
 

@@ -21,7 +21,7 @@ from distretarget.numerics.parallel import in_threads
 from distretarget.objectives.resting_joints import Environment
 from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
 from distretarget.pipeline.options import HoldMode, Options
-from distretarget.pipeline.performer import Performer, matched_performer, with_supports
+from distretarget.pipeline.performer import Match, match_performer
 from distretarget.pipeline.result import RetargetResult
 from distretarget.scene.prop import Prop
 from distretarget.scene.prop_contacts import Placement, free_placement
@@ -145,7 +145,7 @@ def retarget_scene(
     longest = [longest_strides(performer.matching) for performer in performers]
     level = world_scale or followed_scale(heights, longest)
     prepared = [
-        with_supports(performer.prepared(RootScale(level, height)), options, settings)
+        performer.performer(RootScale(level, height), options).with_supports(options, settings)
         for performer, height in zip(performers, heights, strict=True)
     ]
     motions = [_in_target_axes(prop.motion, performers[0], len(sources[0])) for prop in props]
@@ -194,18 +194,18 @@ def _matched(
     sources: Sequence[Motion],
     targets: Sequence[Motion | Skeleton | Target | SkeletonEdit],
     maps: Sequence[JointMap | None],
-) -> list[Performer]:
+) -> list[Match]:
     """The performers, all in the axes of the first."""
-    first = matched_performer(sources[0], targets[0], joint_map=maps[0])
+    first = match_performer(sources[0], targets[0], joint_map=maps[0])
     up, target_up = first.world.source_up, first.world.up
     others = [
-        matched_performer(source, goal, Options(source_up=up, target_up=target_up), pairs)
+        match_performer(source, goal, Options(source_up=up, target_up=target_up), pairs)
         for source, goal, pairs in zip(sources[1:], targets[1:], maps[1:], strict=True)
     ]
     return [first, *others]
 
 
-def _in_target_axes(motion: Motion, first: Performer, frames: int) -> Motion:
+def _in_target_axes(motion: Motion, first: Match, frames: int) -> Motion:
     """A prop's motion in the target's axes, with a frame for each of the scene's."""
     motion = turned(motion, first.world.source_up, first.world.up)
     time = first.matching.source_motion.frame_time_text
@@ -214,7 +214,7 @@ def _in_target_axes(motion: Motion, first: Performer, frames: int) -> Motion:
 
 
 def _placed(
-    prop: Prop, motion: Motion, performers: Sequence[Performer], level: float, heights: Sequence[float]
+    prop: Prop, motion: Motion, performers: Sequence[Match], level: float, heights: Sequence[float]
 ) -> PlacedProp:
     grips: dict[int, tuple[int, ...]] = {}
     for grip in prop.held_by:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.baseline.rotation_copy import RootScale
+from distretarget.body.resting import REST_HEIGHT
 from distretarget.ik.poses import Mapper, Poses
-from distretarget.ik.rigid_parts import posed_motion
 from distretarget.ik.springs import Springs, joined, no_springs
 from distretarget.measure.scene_gaps import TOUCH_DISTANCE
 from distretarget.motion import Motion
@@ -19,7 +19,7 @@ from distretarget.numerics.kinematics import lowest_heights
 from distretarget.numerics.vectors import lengths, spread_out
 from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.supports import Supports
-from distretarget.pipeline.performer import Prepared
+from distretarget.pipeline.performer import Performer
 from distretarget.scene.prop_contacts import (
     LEVER,
     Grasp,
@@ -68,7 +68,7 @@ class Together:
         touched: for each performer and prop, by their numbers, the joints that come near it.
     """
 
-    performers: tuple[Prepared, ...]
+    performers: tuple[Performer, ...]
     props: tuple[PlacedProp, ...]
     touching: Mapping[tuple[int, int], Touching]
     touched: Mapping[tuple[int, int], Touched]
@@ -82,21 +82,21 @@ class Together:
     def _holds(self, number: int, prop: int, now: Motion) -> Iterator[Grasp]:
         """How a performer holds a prop."""
         one, touched = self.performers[number], self.touched[number, prop]
-        copied, turned = one.copy.world_rotations, now.world_rotations
+        copied, turned = one.clip.copy.world_rotations, now.world_rotations
         for column in np.flatnonzero(np.isin(touched.joints, self.props[prop].grips[number])):
             joint = touched.joints[column]
             turn = turn_of(copied[:, joint], turned[:, joint])
             place = now.positions[:, joint]
-            yield Grasp(touched.f[:, column], touched.source[:, column], place, turn, LEVER * one.problem.unit)
+            yield Grasp(touched.f[:, column], touched.source[:, column], place, turn, LEVER * one.clip.unit)
 
     def springs(self, now: Sequence[Motion]) -> list[Springs]:
         """The springs that draw each performer to the others, and to props."""
-        springs = [no_springs(len(one.problem)) for one in self.performers]
-        copies = [one.problem.copy_on_path(np.arange(len(one.problem.skeleton))) for one in self.performers]
-        units = [one.problem.unit for one in self.performers]
+        springs = [no_springs(len(one.clip)) for one in self.performers]
+        copies = [one.clip.copy_on_path(np.arange(len(one.clip.skeleton))) for one in self.performers]
+        units = [one.clip.unit for one in self.performers]
         for (i, j), pairs in self.touching.items():
             both = (copies[i], copies[j]), (now[i].positions, now[j].positions), (units[i], units[j])
-            for number, more in zip((i, j), touching_springs(pairs, *both, self.performers[i].settings), strict=True):
+            for number, more in zip((i, j), touching_springs(pairs, *both), strict=True):
                 springs[number] = joined(springs[number], more)
         places = [self.placement(prop, now) for prop in range(len(self.props))]
         for (i, prop), touched in self.touched.items():
@@ -107,11 +107,11 @@ class Together:
         """How far the gaps between what touches are off, on average [leg lengths]; 0 where nothing touches."""
         off = [np.zeros(0)]
         for (i, j), pairs in self.touching.items():
-            leg = (self.performers[i].problem.unit + self.performers[j].problem.unit) / 4.0
+            leg = (self.performers[i].clip.unit + self.performers[j].clip.unit) / 4.0
             near = lengths(pairs.vectors) < TOUCH_DISTANCE * leg
             off.append(gap_errors(pairs, now[i].positions, now[j].positions)[near] / leg)
         for (i, prop), touched in self.touched.items():
-            placement, leg = self.placement(prop, now), self.performers[i].problem.unit / 2.0
+            placement, leg = self.placement(prop, now), self.performers[i].clip.unit / 2.0
             gaps = nearest(now[i].positions[:, touched.joints], placement(self.props[prop].points))
             wanted = placement.scale * touched.gaps
             off.append(np.abs(gaps - wanted)[wanted < TOUCH_DISTANCE * leg] / leg)
@@ -119,7 +119,7 @@ class Together:
         return float(values.mean()) if len(values) else 0.0
 
 
-def brought_together(performers: Sequence[Prepared], props: Sequence[PlacedProp]) -> Together:
+def brought_together(performers: Sequence[Performer], props: Sequence[PlacedProp]) -> Together:
     """Find what touches, and let what rests on another performer or on a prop rest there."""
     touching = {(i, j): _touching(performers[i], performers[j]) for i, j in combinations(range(len(performers)), 2)}
     touched = {(i, k): _touched(one, prop, i) for i, one in enumerate(performers) for k, prop in enumerate(props)}
@@ -167,40 +167,40 @@ def solve_together(together: Together, mapper: Mapper, progress: Callable[[int],
     for sweep in range(1, MOST_SWEEPS + 1):
         progress(sweep)
         poses = [_solve(one, more, mapper) for one, more in zip(performers, springs, strict=True)]
-        now = [_posed(one, pose) for one, pose in zip(performers, poses, strict=True)]
+        now = [one.posed(pose) for one, pose in zip(performers, poses, strict=True)]
         off = together.off(now)
         if off < SETTLED or sweep == MOST_SWEEPS:
             break
         springs = [
-            with_shortfall(more, before, at.positions / one.problem.unit, one.performer.matching.regions.of_joint)
+            with_shortfall(more, before, at.positions / one.clip.unit, one.match.matching.regions.of_joint)
             for one, more, before, at in zip(performers, together.springs(now), springs, now, strict=True)
         ]
     return Solved(poses, [together.placement(prop, now) for prop in range(len(together.props))], sweep, off)
 
 
-def _touching(one: Prepared, other: Prepared) -> Touching:
-    scale = RootScale(one.scale.level, (one.scale.height + other.scale.height) / 2.0)
-    up = one.performer.matching.source.up_vector
-    return find_touching(_points(one), _points(other), scale, up, one.problem.frame_time, one.settings)
+def _touching(one: Performer, other: Performer) -> Touching:
+    scale = RootScale(one.clip.scale.level, (one.clip.scale.height + other.clip.scale.height) / 2.0)
+    up = one.clip.up
+    return find_touching(_points(one), _points(other), scale, up, one.clip.frame_time, one.settings)
 
 
-def _touched(one: Prepared, prop: PlacedProp, number: int) -> Touched:
-    points, matching, supports = _points(one), one.performer.matching, one.supports
+def _touched(one: Performer, prop: PlacedProp, number: int) -> Touched:
+    points, matching, supports = _points(one), one.match.matching, one.supports
     regions = matching.regions.of_joint[points.joints]
-    free = np.ones((len(one.problem), len(points.joints)))
+    free = np.ones((len(one.clip), len(points.joints)))
     for support, region in enumerate(supports.regions[: supports.feet]):
         free[:, regions == region] *= 1.0 - supports.weights[:, support, None]
     leg = matching.leg_lengths[0] or matching.source.unit
-    touched = find_touched(points, regions, prop.points, leg, free, one.problem.frame_time, one.settings)
+    touched = find_touched(points, regions, prop.points, leg, free, one.clip.frame_time, one.settings)
     holders = prop.grips.get(number, ())
     alone = sum(map(len, prop.grips.values())) == 1
     held = np.isin(matching.regions.of_joint[touched.joints], matching.regions.of_joint[[*holders]])
     return touched.without(held if alone else held & ~np.isin(touched.joints, holders))
 
 
-def _points(one: Prepared) -> Points:
+def _points(one: Performer) -> Points:
     """The joints of a performer's body that may touch, a few of each region: fingers follow the hand."""
-    matching, distances = one.performer.matching, one.problem.distances
+    matching, distances = one.match.matching, one.clip.distances
     tau = matching.source.skeleton.path_lengths
     regions = matching.regions.of_joint[distances.targets]
     kept: list[int] = []
@@ -212,9 +212,10 @@ def _points(one: Prepared) -> Points:
     joints = distances.targets[kept]
     return Points(
         joints=joints,
-        source=matching.source_motion.positions[:, sources],
+        source=one.clip.source.positions[:, sources],
         reach=tau[matching.drivers[matching.pelvis]][sources],
         target_reach=matching.target.skeleton.path_lengths[matching.pelvis][joints],
+        shots=one.clip.shots,
     )
 
 
@@ -227,15 +228,15 @@ def _resting_on(supports: Supports, near: Touched, free: Placement) -> Supports:
     return replace(supports, places=places)
 
 
-def _yielding(one: Prepared, supports: Supports, touches: Sequence[tuple[Joints, Joints, Array]]) -> Supports:
+def _yielding(one: Performer, supports: Supports, touches: Sequence[tuple[Joints, Joints, Array]]) -> Supports:
     """The same, but what stands still off the floor and touches another performer, or a prop that somebody holds,
     rests on nothing: it goes where the two meet. `touches` are frames, joints and activations.
     """
-    matching = one.performer.matching
-    up, reach = matching.source.up_vector, one.settings.rest_height * matching.leg_lengths[1]
-    floor = one.scale.height * lowest_heights(matching.source_motion.positions, up)[:, None]
+    matching = one.match.matching
+    up, reach = matching.source.up_vector, REST_HEIGHT * matching.leg_lengths[1]
+    floor = one.clip.scale.height * lowest_heights(one.clip.source.positions, up)[:, None]
     regions = matching.regions.of_joint
-    touched = np.zeros((len(one.problem), len(matching.regions.names)))
+    touched = np.zeros((len(one.clip), len(matching.regions.names)))
     for frames, joints, f in touches:
         np.maximum.at(touched, (frames, regions[joints]), f)
     yields = np.where(supports.places @ up - floor > 2.0 * reach, touched[:, supports.regions], 0.0)
@@ -243,14 +244,10 @@ def _yielding(one: Prepared, supports: Supports, touches: Sequence[tuple[Joints,
     return replace(supports, weights=supports.weights * (1.0 - yields))
 
 
-def _solve(one: Prepared, springs: Springs, mapper: Mapper) -> Poses:
-    return solve_contact(one.problem, replace(one.supports, touching=springs), one.settings, mapper=mapper)
+def _solve(one: Performer, springs: Springs, mapper: Mapper) -> Poses:
+    return solve_contact(one.clip, replace(one.supports, scene_springs=springs), one.settings, mapper=mapper)
 
 
-def _on_path(one: Prepared) -> Motion:
+def _on_path(one: Performer) -> Motion:
     """The rotation copy whose root keeps to its path."""
-    return replace(one.copy, root_positions=one.problem.root)
-
-
-def _posed(one: Prepared, poses: Poses) -> Motion:
-    return posed_motion(one.copy, poses.v, one.problem.parts, one.problem.root + poses.v[:, -1])
+    return replace(one.clip.copy, root_positions=one.clip.root)

@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.ik.springs import Springs
 from distretarget.numerics.parallel import blocks_of
+from distretarget.numerics.time_series import Shots
 from distretarget.numerics.vectors import lengths
 from distretarget.objectives.contact_pairs import (
+    FADE,
     activation,
     activation_window,
     come_near,
@@ -68,12 +70,14 @@ class Points:
         source: (frames, points, 3), where their drivers are in the source's world [source file units].
         reach: (points,), path lengths from the pelvis to them in the source [source file units].
         target_reach: (points,), the same on the target [target file units].
+        shots: (frames,), the shots of the clip.
     """
 
     joints: Joints
     source: Array
     reach: Array
     target_reach: Array
+    shots: Shots
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -104,7 +108,7 @@ def find_touching(
     lengths of both bodies, if it is less: where legs make the world larger than arms are long, hands that touch do not
     part.
     """
-    count, lead = len(one.source), settings.lead / frame_time
+    count, lead = len(one.source), settings.blend / frame_time
     found = [_found(one, other, block, lead, settings) for block in blocks_of(count)]
     frames, u, v, f, w, d = (np.concatenate(columns) for columns in zip(*found, strict=True))
     of_paths = (one.target_reach[u] + other.target_reach[v]) / (one.reach[u] + other.reach[v])
@@ -118,16 +122,19 @@ def _found(
     """The near pairs in a block of frames, an entry for each pair and frame: the frame, the number of either point, the
     activation, the stiffness, and the vector between them.
     """
-    margin = activation_window(lead)
+    margin, shots = activation_window(lead), one.shots + other.shots  # a new shot at the cuts of either
     first = max(block.start - margin, 0)
     a, b = (points.source[first : block.stop + margin] for points in (one, other))
-    reach = settings.apart * (one.reach[:, None] + other.reach)
+    reach = (settings.reach + FADE) * (one.reach[:, None] + other.reach)
     u, v = np.nonzero(reach > 0)
     on = come_near(a, b, u, v, reach[u, v])
     u, v = u[on], v[on]
     inside = slice(block.start - first, block.stop - first)
     D = normalised_distances(a, b, u, v, one.reach[u] + other.reach[v])
-    f, D = activation(D, lead, settings)[inside] if len(u) else D[inside], D[inside]
+    f, D = (
+        activation(D, shots[first : block.stop + margin], lead, settings.reach)[inside] if len(u) else D[inside],
+        D[inside],
+    )
     ends = u, v + len(one.joints)
     w = firmness(D, settings) * pair_stiffness(f, D, ends, len(one.joints) + len(other.joints), settings)
     frames, pairs = np.nonzero(w > LEAST_STIFFNESS)
@@ -142,7 +149,7 @@ def firmness(D: Array, settings: ContactSettings) -> Array:
     Whole bodies have to move, and not only their limbs. The nearest pairs decide: where hands differ in size, those who
     hold each other cannot keep all distances between their joints.
     """
-    return FIRMER * (settings.close + NEAREST) / (D + NEAREST)
+    return FIRMER * (settings.reach + NEAREST) / (D + NEAREST)
 
 
 def gap_errors(touching: Touching, one: Array, other: Array) -> Array:
@@ -158,7 +165,6 @@ def touching_springs(
     copies: tuple[Array, Array],
     now: tuple[Array, Array],
     units: tuple[float, float],
-    settings: ContactSettings,
 ) -> tuple[Springs, Springs]:
     """The springs that draw the joints of either performer to where they touch, in its body units; their arrays have
     the frames in front.
@@ -177,7 +183,7 @@ def touching_springs(
     change = delta - (c - d)
     springs = []
     for joints, unit, present, sign in zip(touching.joints, units, (c, d), (1.0, -1.0), strict=True):
-        k = share_across((length / unit) ** 2, settings.direction_range)
+        k = np.asarray(share_across((length / unit) ** 2))
         places = (present + sign * unit / sum(units) * change) / unit
         springs.append(_gathered(touching, joints, k, e, places, len(now[0])))
     return springs[0], springs[1]

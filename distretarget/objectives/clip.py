@@ -1,0 +1,173 @@
+"""A clip on its way to a target: what the objectives need to know of it, computed once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.baseline.rotation_copy import RootScale, root_path, rotation_copy
+from distretarget.body.anatomy import Regions
+from distretarget.body.legs import Leg, Legs
+from distretarget.body.soles import Sole
+from distretarget.distances import DistanceProblem, distance_problem
+from distretarget.ik.rigid_parts import part_of_joint
+from distretarget.matching.matching import Matching
+from distretarget.motion import Motion
+from distretarget.numerics.kinematics import lowest_heights
+from distretarget.numerics.time_series import Shots, find_shots
+from distretarget.skeleton import Skeleton
+
+Array = NDArray[np.float64]
+Joints = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class LegPair:
+    """A leg of the source and the leg of the target that it drives, with their soles."""
+
+    source: Leg
+    target: Leg
+    source_sole: Sole
+    target_sole: Sole
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Clip:
+    """A source motion, its rotation copy on the target, and how the two bodies correspond. A slice has some frames.
+
+    Attributes:
+        source: in the target's axes [source file units].
+        copy: the rotation copy [target file units].
+        root: (frames, 3), the path that the root keeps to [target file units].
+        shots: (frames,), the number of the shot between cuts that each frame belongs to.
+        scale: from the source's world to the target's.
+        up: (3,), the unit vector up in both.
+        unit: the target's body unit, twice its leg length [target file units].
+        leg_lengths: of source and target [file units of each]; 0 without legs.
+        legs: both legs; none unless source and target have them.
+        target_legs: the target's own legs, driven or not; None where it has none.
+        source_skeleton: the source's joints with rigid bones.
+        pelvis: the target's joint where its legs branch off, if it has a driver; else the first that has one.
+        drivers: (joints,), the source joint that drives each target joint; -1 for none.
+        regions: the target's regions that can touch each other.
+        limb_joints: driven joints of the target's body, without those of the feet; none without legs.
+        undriven_joints: the others of its body, without those of the feet; none without legs.
+        distances: the points that source and target share, with their path lengths.
+        roots: (joints,), the topmost joint of the rigid part that each joint belongs to.
+        parts: (joints,), the rigid part that carries the bones below each joint.
+    """
+
+    source: Motion
+    copy: Motion
+    root: Array
+    shots: Shots
+    scale: RootScale
+    up: Array
+    unit: float
+    leg_lengths: tuple[float, float]
+    legs: tuple[LegPair, ...]
+    target_legs: Legs | None
+    source_skeleton: Skeleton
+    pelvis: int
+    drivers: Joints
+    regions: Regions
+    limb_joints: Joints
+    undriven_joints: Joints
+    distances: DistanceProblem
+    roots: Joints
+    parts: Joints
+
+    @classmethod
+    def of(cls, matching: Matching, scale: RootScale) -> Clip:
+        """Return the clip of a source matched to its target, with the root where the source has it, scaled."""
+        source, body, motion = matching.source, matching.target, matching.source_motion
+        copy, roots = rotation_copy(matching, scale), rigid_part_roots(matching)
+        legs = zip(*matching.legs, matching.soles, strict=True) if matching.legs else ()
+        return cls(
+            source=motion,
+            copy=copy,
+            root=root_path(copy, matching, scale),
+            shots=find_shots(motion.positions, np.flatnonzero(source.regions.of_joint >= 0), source.unit / 2),
+            scale=scale,
+            up=source.up_vector,
+            unit=body.unit,
+            leg_lengths=matching.leg_lengths,
+            legs=tuple(LegPair(a, b, *soles) for a, b, soles in legs),
+            target_legs=body.legs,
+            source_skeleton=source.skeleton,
+            pelvis=matching.pelvis,
+            drivers=matching.drivers,
+            regions=matching.regions,
+            limb_joints=matching.joints_but_feet,
+            undriven_joints=matching.followers_but_feet,
+            distances=distance_problem(source.skeleton, body.skeleton, matching.drivers),
+            roots=roots,
+            parts=part_of_joint(body.skeleton, roots),
+        )
+
+    def __len__(self) -> int:
+        return len(self.copy)
+
+    def __getitem__(self, frames: slice) -> Clip:
+        source, copy = self.source[frames], self.copy[frames]
+        return replace(self, source=source, copy=copy, root=self.root[frames], shots=self.shots[frames])
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """The target's skeleton."""
+        return self.copy.skeleton
+
+    @property
+    def frame_time(self) -> float:
+        """The time between frames [s]."""
+        return self.source.frame_time
+
+    def raised(self, by: Array) -> Clip:
+        """Return the clip with the root's path displaced by vectors (frames, 3) [target file units]."""
+        return replace(self, root=self.root + by)
+
+    def copy_on_path(self, joints: Joints) -> Array:
+        """Return where joints of the rotation copy are if its root keeps to its path, (frames, joints, 3) [target file
+        units].
+        """
+        places = np.take(self.copy.positions, joints, axis=1)
+        places += (self.root - self.copy.positions[:, 0])[:, None]
+        return places
+
+    @cached_property
+    def source_floor(self) -> Array:
+        """(frames,), the height of the source's lowest joint [source file units]."""
+        return lowest_heights(self.source.positions, self.up)
+
+    @property
+    def bones(self) -> Array:
+        """(frames, joints, 3), the copy's bones, from each joint's parent to it [target file units]."""
+        bones = np.take(self.copy.positions, self.skeleton.parents, axis=1)
+        return np.subtract(self.copy.positions, bones, out=bones)
+
+    @property
+    def loose_parts(self) -> Joints:
+        """The parts that neither begin at a shared point nor carry one, such as fingers that nothing drives: only the
+        floor moves them.
+        """
+        return np.setdiff1d(self.parts, self.parts[[*self.skeleton.lines(self.distances.targets)]])
+
+
+def rigid_part_roots(matching: Matching) -> NDArray[np.intp]:
+    """(target joints,), the topmost joint of the rigid part that each joint belongs to.
+
+    A joint belongs to its parent's part if it cannot turn against it, having no rotation channels, or has no reason to,
+    following its parent in the rotation copy as twist joints do that nothing drives. Every other joint is the root of a
+    part, even if it does not turn in this motion; so is the first joint of a finger, which gives way to the floor.
+    """
+    skeleton, anatomy = matching.target.skeleton, matching.target.anatomy
+    knuckles = anatomy.knuckles if anatomy else ()
+    roots = np.arange(len(skeleton))
+    for joint in range(1, len(skeleton)):
+        still = matching.rotation_sources[joint, 0] < 0 and joint not in knuckles
+        if (still or not skeleton.rotation_axes(joint)) and skeleton.children[joint]:
+            roots[joint] = roots[skeleton.parents[joint]]
+    return roots
