@@ -18,10 +18,9 @@ from distretarget.cli.parameters import positive
 from distretarget.errors import FileError
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.files import is_folder, make_folder, write_whole
-from distretarget.measure.scene_gaps import Across
+from distretarget.measure.scene_gaps import Gap
 from distretarget.pipeline.summary import summary_line
 from distretarget.report.scene_page import scene_page
-from distretarget.scene.retargeting import SceneResult
 from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup, load_scene
 
 
@@ -136,7 +135,7 @@ def _setup(sources: Sequence[Path], targets: Sequence[Path], options: dict[str, 
             )
     bodies, times = (given * len(sources) if len(given) == 1 else given for given in (tuple(targets), starts))
     cast = tuple(
-        PerformerFiles(name=source.stem, source=source, target=target, start=start)
+        PerformerFiles(name=source.stem, file=source, target=target, start=start)
         for source, target, start in zip(sources, bodies, times, strict=True)
     )
     return SceneSetup(
@@ -166,36 +165,25 @@ def _convert(setup: SceneSetup, folder: Path, overwrite: bool, report: bool) -> 
         for warning in one.warnings:
             say(f"warning: {path.name}: {warning}", err=True)
         say(f"{path.name}: {summary_line(one, seconds)}")
-    for line in _too_long(result, setup.names):
-        say(f"warning: {line}", err=True)
-    for line in _together(result, setup.names):
-        say(line)
-    if any(across.frames for across in result.across.values()):
-        off = 100.0 * result.off
-        say(f"sweeps: {result.sweeps}; gaps between what touches are {off:.1f} % of a leg off on average")
-
-
-def _together(result: SceneResult, names: Sequence[str]) -> Iterator[str]:
-    """A line for each two that may touch: how near what touches is, in the source, copied, and in the result."""
-    for (i, j), across in result.across.items():
-        yield f"{names[i]} and {names[j]}: {_gaps(across)}"
-
-
-def _too_long(result: SceneResult, names: Sequence[str]) -> Iterator[str]:
-    """A line for each performer whose legs cannot follow in this world."""
-    for name, strides in zip(names, result.strides, strict=False):
-        if strides.factor > strides.longest:
-            yield (
-                f"{name}: with a world scale of {result.world_scale:.3g} its strides are {strides.factor:.2f} times as "
-                f"long as its legs make them; these reach {strides.longest:.2f} times: choose a smaller --world-scale"
+    for name, one, longest in zip(setup.names, result.results, result.longest_strides, strict=False):
+        if (factor := result.world_scale / one.root_scale) > longest:
+            say(
+                f"warning: {name}: with a world scale of {result.world_scale:.3g} its strides are {factor:.2f} times "
+                f"as long as its legs make them; these reach {longest:.2f} times: choose a smaller --world-scale",
+                err=True,
             )
+    for (i, j), gap in result.gaps.items():
+        say(f"{setup.names[i]} and {setup.names[j]}: {_gap_line(gap, result.copy_gaps[i, j])}")
+    if any(result.gaps.values()):
+        error = 100.0 * result.gap_error
+        say(f"sweeps: {result.sweeps}; gaps between what touches are {error:.1f} % of a leg off on average")
 
 
-def _gaps(across: Across) -> str:
-    if not across.frames:
+def _gap_line(gap: Gap | None, copy: Gap | None) -> str:
+    """How near what touches is, in the result, in the source and in the rotation copy."""
+    if not gap or not copy:
         return "nothing touches between them in the source"
-    source, copy, now = (100 * gap / across.leg for gap in (across.source, across.rotation_copy, across.result))
     return (
-        f"what touches between them in {across.frames} frames is {now:.1f} % of a leg apart "
-        f"({source:.1f} in the source, {copy:.1f} in copied rotations)"
+        f"what touches between them in {gap.frames} frames is {100 * gap.b:.1f} % of a leg apart "
+        f"({100 * gap.a:.1f} in the source, {100 * copy.b:.1f} in copied rotations)"
     )
