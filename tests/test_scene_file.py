@@ -148,6 +148,7 @@ def test_the_command_refuses_in_one_line(tmp_path):
     for arguments, status, words in (
         ([walk], 2, "Missing option"),
         ([staff, "--cut"], 2, "--cut belongs in the scene file"),
+        ([staff, "--supports", "feet"], 2, "--supports belongs in the scene file"),
         ([tmp_path / "empty"], 1, "has no scene.json"),
         ([written(tmp_path, bad)], 1, "start before that"),
     ):

@@ -101,17 +101,7 @@ def diff_command(
     distretarget diff scene.json duet -o duet.html --fail-over gap_error=2
     """  # noqa: D301
     if is_scene(a) or is_scene(b):
-        measure_scenes(
-            a,
-            b,
-            output=output,
-            json_path=json_path,
-            csv_path=csv_path,
-            map_path=map_path,
-            limits=limits,
-            world_scale=world_scale,
-            overwrite=overwrite,
-        )
+        measure_scenes(a, b, output, json_path, csv_path, map_path, limits, world_scale, overwrite)
         return
     _check_clips(limits, world_scale)
     check_outputs([output, json_path, csv_path], [a, b, map_path], overwrite)

@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from distretarget.body.body import Body
-from distretarget.cli.figure_lines import number, over
+from distretarget.cli.figure_lines import over
 from distretarget.cli.outputs import LISTED, about, check_outputs, say
 from distretarget.cli.streams import write_output
 from distretarget.errors import DistretargetError, FileError, MatchingError, quoted
@@ -17,14 +17,13 @@ from distretarget.io.bvh import read_bvh
 from distretarget.io.files import is_folder, reason_of
 from distretarget.io.map_json import joint_map, load_map
 from distretarget.measure.diff import Diff, diff
-from distretarget.measure.figures import FIGURES
 from distretarget.measure.scene_gaps import diff_scenes
 from distretarget.motion import Motion
 from distretarget.pipeline.conversion import needs_map
 from distretarget.report.document import document, json_text
-from distretarget.report.document_types import DiffDocument
-from distretarget.report.scene_diff import GAP_ERROR, SceneDiffDocument, part, scene_csv, scene_document
-from distretarget.report.scene_diff_page import scene_diff_page
+from distretarget.report.scene_diff import GAP_ERROR, SceneDiffDocument, scene_csv, scene_document
+from distretarget.report.scene_diff_page import figure_table, gap_table, scene_diff_page
+from distretarget.report.together import Table
 from distretarget.scene.scene_file import SCENE_NAME, SceneSetup, load_scene
 from distretarget.target import Target
 
@@ -79,7 +78,6 @@ def read_scene(path: Path) -> SceneInput:
 def measure_scenes(
     a_path: Path,
     b_path: Path,
-    *,
     output: Path | None,
     json_path: Path | None,
     csv_path: Path | None,
@@ -88,20 +86,20 @@ def measure_scenes(
     world_scale: float | None,
     overwrite: bool,
 ) -> None:
-    """Measure scene B against scene A, write what is asked for, and print the figures; for the options see
-    `distretarget diff`.
-    """
+    """Measure scene B against scene A, write what is asked for, and print the figures."""
     for path, other in ((a_path, b_path), (b_path, a_path)):
         if not is_scene(path):
             raise FileError(path, f"is not a scene, but {str(other)!r} is; name two scenes or two BVH files")
     a, b = read_scene(a_path), read_scene(b_path)
     inputs = [*a.files.values(), *b.files.values(), a_path, b_path, map_path]
     check_outputs([output, json_path, csv_path], inputs, overwrite)
-    _check_names(a, b)
-    known = _props(a, b)
-    props = [name for name in a.motions if name in known]
+    for scene, less in ((a, b), (b, a)):
+        if missing := [name for name in scene.motions if name not in less.motions]:
+            names = quoted(missing, LISTED)
+            raise FileError(less.path, f"lacks {names}, in {str(scene.path)!r}; names have to be the same")
+    props = _props(a, b)
     setup = a.setup if b.setup is None else None  # B may be a folder of results of A's scene file
-    performers = _measured(a, b, [name for name in a.motions if name not in known], setup, map_path)
+    performers = _measured(a, b, [name for name in a.motions if name not in props], setup, map_path)
     try:
         pairs = [(a.motions[name], b.motions[name]) for name in props]
         scale = world_scale or (setup.world_scale if setup else None)
@@ -109,13 +107,12 @@ def measure_scenes(
     except DistretargetError as error:
         raise error.in_file(b_path) from None
     run = about(a_path, b_path)
-    of_scene = replace(run, limits=tuple(limit for limit in limits if limit[0] == GAP_ERROR))
-    run = replace(run, limits=tuple(limit for limit in limits if limit[0] != GAP_ERROR))
+    of_scene, of_each = (tuple(limit for limit in limits if (limit[0] == GAP_ERROR) is own) for own in (True, False))
     documents = {
-        name: document(one, replace(run, a=a.files[name].name, b=b.files[name].name))
+        name: document(one, replace(run, a=a.files[name].name, b=b.files[name].name, limits=of_each))
         for name, one in performers.items()
     }
-    figures = scene_document(result, documents, props, of_scene)
+    figures = scene_document(result, documents, props, replace(run, limits=of_scene))
     if output:
         write_output(output, scene_diff_page(result, figures), overwrite)
     if json_path:
@@ -124,26 +121,18 @@ def measure_scenes(
         write_output(csv_path, scene_csv(figures), overwrite)
     for line in _account(figures):
         say(line)
-    if faults := list(_over(figures)):
+    faults = [f"{name}'s {fault}" for name, one in documents.items() for fault in over(one["limits"])]
+    if faults := [*over(figures["limits"]), *faults]:
         raise click.ClickException(f"{b_path}: {'; '.join(faults)}")
 
 
-def _check_names(a: SceneInput, b: SceneInput) -> None:
-    """Check that both scenes have the same performers and props."""
-    for one, other in ((a, b), (b, a)):
-        if missing := [name for name in one.motions if name not in other.motions]:
-            names = quoted(missing, LISTED)
-            raise FileError(other.path, f"lacks {names}, in {str(one.path)!r}; names have to be the same")
-
-
-def _props(a: SceneInput, b: SceneInput) -> set[str]:
-    """The names of the props: those in a scene file; without one, clips of A whose bodies have no legs beside others
-    that have some.
-    """
+def _props(a: SceneInput, b: SceneInput) -> list[str]:
+    """The names of the props: those in a scene file; without one, clips of A without legs where others have legs."""
     if setup := a.setup or b.setup:
-        return {prop.name for prop in setup.props}
-    without_legs = {name for name, motion in a.motions.items() if Body.of_motion(motion).legs is None}
-    return without_legs if len(without_legs) < len(a.motions) else set()
+        names = {prop.name for prop in setup.props}
+        return [name for name in a.motions if name in names]
+    without_legs = [name for name, motion in a.motions.items() if Body.of_motion(motion).legs is None]
+    return without_legs if len(without_legs) < len(a.motions) else []
 
 
 def _measured(
@@ -182,46 +171,23 @@ def _account(figures: SceneDiffDocument) -> Iterator[str]:
     for name, one in performers.items():
         for note in one["notes"]:
             yield f"{name}: {note}"
-    yield from ("", *_table(performers), "")
-    yield from _gaps(figures)
-
-
-def _table(performers: dict[str, DiffDocument]) -> Iterator[str]:
-    """A line per figure, of the figures of all performers in A, where it has one, and in B."""
-    columns = [["figure", *(figure.label for figure in FIGURES)]]
-    for name, one in performers.items():
-        of_a, of_b = one["figures"]["source"], one["figures"]["result"]
-        columns.append([f"{name} A", *(number(of_a[figure.key]) if figure.of_source else "" for figure in FIGURES)])
-        columns.append([f"{name} B", *(number(of_b[figure.key]) for figure in FIGURES)])
-    columns.append(["", *(f"[{figure.unit}]" if figure.unit else "" for figure in FIGURES)])
-    widths = [max(map(len, column)) for column in columns]
-    for label, *values, unit in zip(*columns, strict=True):
-        numbers = "  ".join(f"{value:>{width}}" for value, width in zip(values, widths[1:-1], strict=True))
-        yield f"{label:<{widths[0]}}  {numbers}  {unit}".rstrip()
-
-
-def _gaps(figures: SceneDiffDocument) -> Iterator[str]:
-    """The mean gap of all that touches, and a line for each of the parts that touch longest."""
-    gaps = figures["gaps"]
-    if not gaps:
+    yield from ("", *_table_lines(figure_table(figures)), "")
+    gaps = gap_table(figures)
+    if not gaps["rows"]:
         yield "nothing touches between them in A"
         return
     yield (
         f"what touches between them in A: {figures['gap_a']:.1f} % of a leg apart in A, {figures['gap_b']:.1f} in B, "
         f"off by {figures['gap_error']:.1f} on average; a unit of A's world is {figures['world_scale']:.3g} of B's"
     )
-    for each in gaps[:MOST]:
-        frames = "1 frame" if each["frames"] == 1 else f"{each['frames']} frames"
-        yield (
-            f"  {part(each['between'], each['regions'])}: {each['gap_a']:.1f}, {each['gap_b']:.1f} in {frames}; "
-            f"worst in frame {each['worst_frame']}"
-        )
-    if len(gaps) > MOST:
-        yield f"  and {len(gaps) - MOST} more"
+    yield from _table_lines(gaps, MOST)
+    if (more := len(gaps["rows"]) - MOST) > 0:
+        yield f"and {more} more"
 
 
-def _over(figures: SceneDiffDocument) -> Iterator[str]:
-    """The figures that are over their limits."""
-    yield from over(figures["limits"])
-    for name, one in figures["performers"].items():
-        yield from (f"{name}'s {fault}" for fault in over(one["limits"]))
+def _table_lines(table: Table, most: int | None = None) -> Iterator[str]:
+    """A line for the columns and each of the first rows of a table, its first column aligned left, the others right."""
+    rows = [table["columns"], *([str(cell) for cell in row] for row in table["rows"][:most])]
+    first, *widths = (max(map(len, column)) for column in zip(*rows, strict=True))
+    for label, *cells in rows:
+        yield "  ".join([f"{label:<{first}}", *map(str.rjust, cells, widths)]).rstrip()

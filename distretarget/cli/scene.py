@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -23,27 +24,22 @@ from distretarget.pipeline.summary import summary_line
 from distretarget.report.scene_page import scene_page
 from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup, load_scene
 
+PATH = click.Path(path_type=Path)
+
 
 @click.command("scene")
-@click.argument("sources", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("sources", nargs=-1, required=True, type=PATH)
 @click.option(
     "-t",
     "--target",
     "targets",
     multiple=True,
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="The body of a performer, a skeleton file or any BVH file: once for all, or once for each, in their order.",
 )
-@click.option(
-    "-o", "--output", required=True, type=click.Path(path_type=Path), help="The folder to write to, a file for each."
-)
+@click.option("-o", "--output", required=True, type=PATH, help="The folder to write to, a file for each.")
 @OVERWRITE_OPTION
-@click.option(
-    "--report",
-    is_flag=True,
-    help="Write report.html to the folder, too: all performers and props in one player, with lines between what "
-    "touches.",
-)
+@click.option("--report", is_flag=True, help="Write report.html, too: all performers and props in one player.")
 @click.option("--cut", is_flag=True, help="Cut all clips to the frames of the shortest.")
 @click.option("--resample", is_flag=True, help="Give all clips the frame time of the first.")
 @click.option(
@@ -59,7 +55,7 @@ from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup
     type=positive,
     metavar="NUMBER",
     help="Target units per source unit along the floor. Default: the mean of the performers' ratios of leg lengths, "
-    "or as much less as the legs of all can follow.",
+    "or less, if the legs of one would be too short.",
 )
 @SUPPORTS_OPTION
 @ENVIRONMENT_OPTION
@@ -79,87 +75,63 @@ def scene_command(
     distretarget scene staff.json -o staff
     distretarget scene sample_bvh/scenes -o scenes
     """  # noqa: D301
-    if not targets:
-        _check_alone(sources, options)
-        setups = list(_setups(sources[0], output))
-    else:
-        setups = [(_setup(sources, targets, options), output)]
+    setups = [(_setup(sources, targets, options), output)] if targets else _setups(sources, output, options)
     warm("contact")
     for setup, folder in setups:
-        with _folder_of_results(folder):
+        existed = is_folder(folder)
+        make_folder(folder)
+        try:
             _convert(setup, folder, overwrite, report)
+        finally:
+            if not existed:
+                with contextlib.suppress(OSError):  # something was written to it
+                    folder.rmdir()
 
 
-@contextlib.contextmanager
-def _folder_of_results(folder: Path) -> Iterator[None]:
-    """Make a folder, and remove it again if nothing was written to it."""
-    existed = is_folder(folder)
-    make_folder(folder)
-    try:
-        yield
-    finally:
-        if not existed:
-            with contextlib.suppress(OSError):  # it is not empty
-                folder.rmdir()
-
-
-def _check_alone(sources: tuple[Path, ...], options: dict[str, Any]) -> None:
-    """Check that what comes without targets is one scene file or folder, which has all options in it."""
-    if len(sources) > 1 or sources[0].suffix.lower() == ".bvh":
+def _setups(sources: Sequence[Path], output: Path, options: dict[str, Any]) -> list[tuple[SceneSetup, Path]]:
+    """The scene in a file, or all scenes in a folder, with the folders to write to."""
+    path = sources[0]
+    if len(sources) > 1 or path.suffix.lower() == ".bvh":
         raise click.UsageError("Missing option '-t' / '--target', or name one SCENE.json.")
     context = click.get_current_context()
-    given = [name for name in options if context.get_parameter_source(name) is ParameterSource.COMMANDLINE]
-    if given:
-        raise click.UsageError(f"--{given[0].rstrip('s').replace('_', '-')} belongs in the scene file.")
-
-
-def _setups(path: Path, output: Path) -> Iterator[tuple[SceneSetup, Path]]:
-    """The scene in a file, or all scenes in a folder, with the folders to write to."""
+    for option in context.command.params:
+        if option.name in options and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE:
+            raise click.UsageError(f"{option.opts[0]} belongs in the scene file.")
     if not is_folder(path):
-        yield load_scene(path), output
-        return
+        return [(load_scene(path), output)]
     found = sorted(path.rglob(SCENE_NAME))
     if not found:
         raise FileError(path, f"has no {SCENE_NAME} in it or below")
-    for file in found:
-        yield load_scene(file), output / file.parent.relative_to(path)
+    return [(load_scene(file), output / file.parent.relative_to(path)) for file in found]
 
 
 def _setup(sources: Sequence[Path], targets: Sequence[Path], options: dict[str, Any]) -> SceneSetup:
     """The scene that the command line describes."""
-    starts = options["starts"] or (0.0,)
+    starts = options.pop("starts") or (0.0,)
     for given, what in ((targets, "targets"), (starts, "starts")):
         if len(given) not in (1, len(sources)):
             raise click.UsageError(
                 f"{len(given)} {what} for {len(sources)} performers; give one for all, or one for each, in their order."
             )
-    bodies, times = (given * len(sources) if len(given) == 1 else given for given in (tuple(targets), starts))
-    cast = tuple(
-        PerformerFiles(name=source.stem, file=source, target=target, start=start)
-        for source, target, start in zip(sources, bodies, times, strict=True)
-    )
-    return SceneSetup(
-        performers=cast,
-        world_scale=options["world_scale"],
-        supports=options["supports"],
-        environment=options["environment"],
-        cut=options["cut"],
-        resample=options["resample"],
-    )
+    clips = zip(sources, cycle(targets), cycle(starts))
+    performers = [
+        PerformerFiles(name=file.stem, file=file, target=target, start=start) for file, target, start in clips
+    ]
+    return SceneSetup(performers=tuple(performers), **options)
 
 
 def _convert(setup: SceneSetup, folder: Path, overwrite: bool, report: bool) -> None:
     """Retarget a scene into a folder, and print what came of it."""
-    outputs = [folder / f"{name}.bvh" for name in setup.names]
-    page = folder / "report.html"
-    check_outputs([*outputs, page if report else None], setup.inputs, overwrite)
+    outputs = [folder / f"{name}.bvh" for name in setup.names] + ([folder / "report.html"] if report else [])
+    check_outputs(outputs, setup.inputs, overwrite)
     began = time.perf_counter()
     result = setup.retargeted()
     motions = [one.motion for one in result.results] + [prop.motion for prop in result.props]
     texts = [format_bvh(motion) for motion in motions]
     seconds = time.perf_counter() - began
-    written = dict(zip(outputs, texts, strict=True)) | ({page: scene_page(result, setup.names)} if report else {})
-    for path, text in written.items():
+    if report:
+        texts.append(scene_page(result, setup.names))
+    for path, text in zip(outputs, texts, strict=True):
         write_whole(path, text, overwrite=overwrite)
     for path, one in zip(outputs, result.results, strict=False):
         for warning in one.warnings:
