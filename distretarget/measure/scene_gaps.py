@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations, product
@@ -115,6 +115,20 @@ def measure_gap(between: tuple[int, int], one: ScenePart, other: ScenePart, scal
     )
 
 
+def measure_gaps(
+    bodies: Sequence[Sequence[ScenePart]], props: Sequence[tuple[ScenePart, float]], scale: float
+) -> Iterator[tuple[tuple[int, int], Gap | None]]:
+    """Measure the gaps between the parts of each two bodies, and between those and each prop, which has a scale of its
+    own; with the numbers of the two, performers before props.
+    """
+    pairs = [((i, j), one, other, scale) for (i, one), (j, other) in combinations(enumerate(bodies), 2)]
+    for (i, body), (k, (prop, own)) in product(enumerate(bodies), enumerate(props, len(bodies))):
+        pairs.append(((i, k), body, [prop], own))
+    for between, ones, others, each in pairs:
+        for one, other in product(ones, others):
+            yield between, measure_gap(between, one, other, each)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SceneDiff:
     """Scene B measured against scene A.
@@ -167,22 +181,19 @@ def diff_scenes(
         (prop_in_world(a, first.world, frames, first.b.frame_time_text), b[np.minimum(np.arange(frames), len(b) - 1)])
         for a, b in props
     )
-    bodies = [_regions(each.matching, each.a.positions[:frames], each.b.positions[:frames]) for each in performers]
-    pairs = [((i, j), one, other, scale) for (i, one), (j, other) in combinations(enumerate(bodies), 2)]
-    for (i, body), (k, (a, b)) in product(enumerate(bodies), enumerate(placed, len(bodies))):
-        prop = ScenePart(a=a.positions, b=b.positions, keys=a.skeleton.keys)
-        pairs.append(((i, k), body, [prop], _size_ratio(a, b) or scale))
-    found = [
-        measure_gap(between, one, other, ratio)
-        for between, ones, others, ratio in pairs
-        for one, other in product(ones, others)
+    bodies = [
+        [
+            body_part(each.matching, each.a.positions[:frames], each.b.positions[:frames], region)
+            for region in range(len(each.matching.regions.names))
+        ]
+        for each in performers
     ]
+    parts = [
+        (ScenePart(a=a.positions, b=b.positions, keys=a.skeleton.keys), _size_ratio(a, b) or scale) for a, b in placed
+    ]
+    found = [gap for _, gap in measure_gaps(bodies, parts, scale)]
     gaps = sorted(filter(None, found), key=lambda gap: (-gap.frames, gap.between, gap.regions))
     return SceneDiff(performers=tuple(performers), props=placed, world_scale=scale, gaps=tuple(gaps))
-
-
-def _regions(matching: Matching, a: Array, b: Array) -> list[ScenePart]:
-    return [body_part(matching, a, b, region) for region in range(len(matching.regions.names))]
 
 
 def prop_in_world(prop: Motion, world: World, frames: int, frame_time_text: str) -> Motion:

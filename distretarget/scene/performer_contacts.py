@@ -23,6 +23,7 @@ from distretarget.objectives.settings import ContactSettings
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
+Both = tuple[Array, Array]
 
 FIRMER = 2.0  # stiffness over that of a pair within a body, at D = `settings.close` ...
 NEAREST = 0.01  # ... growing for nearer pairs until D is about this
@@ -32,66 +33,43 @@ NO_STIFFNESS = 1e-12  # added to a stiffness matrix, so that it can be inverted 
 
 @dataclass(frozen=True, eq=False)
 class ContactPoints:
-    """The joints of a performer that may touch another performer or a prop.
+    """The joints of a performer that may touch another performer or a prop."""
 
-    Attributes:
-        joints: (points,), joints of the target.
-        regions: (points,), the region of the body that each is in.
-        source: (frames, points, 3), their drivers' positions in the source [source file units].
-        reach: (points,), path lengths from the pelvis to them in the source [source file units].
-        target_reach: (points,), the same on the target [target file units].
-    """
-
-    joints: Numbers
-    regions: Numbers
-    source: Array
-    reach: Array
-    target_reach: Array
+    joints: Numbers  # (points,), joints of the target
+    regions: Numbers  # (points,), the region of the body that each is in
+    source: Array  # (frames, points, 3), positions of their drivers [source file units]
+    reach: Array  # (points,), path lengths from the pelvis to them in the source [source file units]
+    target_reach: Array  # (points,), the same on the target [target file units]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PerformerContacts:
-    """The pairs of joints of two performers that are near each other, an entry for each pair and frame.
+    """The pairs of joints of two performers that are near each other, an entry for each pair and frame."""
 
-    Attributes:
-        frames: (entries,), the frame.
-        joints: (2, entries), the joint of each performer.
-        f: (entries,), the activation, 0 to 1.
-        w: (entries,), the stiffness.
-        vectors: (entries, 3), from the second to the first joint in the source, scaled [target file units].
-    """
+    frames: Numbers  # (entries,), the frame
+    joints: Numbers  # (2, entries), the joint of each performer
+    f: Array  # (entries,), the activation, 0 to 1
+    w: Array  # (entries,), the stiffness
+    vectors: Array  # (entries, 3), from the second to the first joint in the source, scaled [target file units]
 
-    frames: Numbers
-    joints: Numbers
-    f: Array
-    w: Array
-    vectors: Array
+    def gaps(self, one: Array, other: Array) -> Both:
+        """(entries,) each, how far the joints of a pair are apart, and how far they should be.
 
-    def gaps(self, one: Array, other: Array) -> tuple[Array, Array]:
-        """(entries,) each, how far the joints of each pair are apart and how far they should be, given the positions of
-        both performers, (frames, joints, 3) [target file units].
+        `one` and `other` are the positions of both performers, (frames, joints, 3) [target file units].
         """
         u, v = self.joints
         return lengths(one[self.frames, u] - other[self.frames, v]), lengths(self.vectors)
 
-    def springs(
-        self,
-        copies: tuple[Array, Array],
-        now: tuple[Array, Array],
-        units: tuple[float, float],
-        settings: ContactSettings,
-    ) -> tuple[Springs, Springs]:
-        """The springs that draw the joints of each performer to where they touch, in its body units; their arrays have
+    def springs(self, copies: Both, now: Both, units: tuple[float, float], settings: ContactSettings) -> list[Springs]:
+        """The springs of each performer that draw its joints to where they touch, in its body units; their arrays have
         the frames in front.
 
         `copies` and `now` are the positions, (frames, joints, 3), of both performers in the rotation copy and at
         present [target file units]; `units` are their body units. A joint that touches several others has one spring
         with the sum of their energies.
         """
-        (a, b), (c, d) = (
-            (positions[self.frames, joints] for positions, joints in zip(pair, self.joints, strict=True))
-            for pair in (copies, now)
-        )
+        a, b = (positions[self.frames, joints] for positions, joints in zip(copies, self.joints, strict=True))
+        c, d = (positions[self.frames, joints] for positions, joints in zip(now, self.joints, strict=True))
         delta = a - b + self.f[:, None] * (self.vectors - (a - b))
         length = lengths(self.vectors)
         e = self.vectors / np.maximum(length, 1e-12)[:, None]
@@ -101,13 +79,11 @@ class PerformerContacts:
             k = share_across((length / unit) ** 2, settings.direction_range)
             places = (present + sign * unit / sum(units) * change) / unit
             springs.append(self._summed(joints, k, e, places, len(now[0])))
-        return springs[0], springs[1]
+        return springs
 
     def _summed(self, joints: Numbers, k: Array, e: Array, places: Array, count: int) -> Springs:
-        """One spring for each joint, to the place where its pairs are in balance.
-
-        These draw to `places`, (entries, 3), with the stiffness A = w (k I + (1 - k) e e^T); `count` is the number of
-        frames.
+        """One spring for each joint, to where its pairs are in balance: they draw it to `places`, (entries, 3), with
+        the stiffness A = w (k I + (1 - k) e e^T). `count` is the number of frames.
         """
         touches = np.bincount(joints) > 0
         kept, column = np.flatnonzero(touches), np.cumsum(touches) - 1
@@ -120,10 +96,9 @@ class PerformerContacts:
         pull = along * (e * places).sum(axis=1)
         A = summed(across)[..., None, None] * np.eye(3)
         Ay = np.stack([summed(across * places[:, i] + pull * e[:, i]) for i in range(3)], axis=-1)
-        for i in range(3):
-            for j in range(i + 1):
-                A[..., i, j] += summed(along * e[:, i] * e[:, j])
-                A[..., j, i] = A[..., i, j]
+        for i, j in zip(*np.tril_indices(3), strict=True):
+            A[..., i, j] += summed(along * e[:, i] * e[:, j])
+            A[..., j, i] = A[..., i, j]
         balanced = np.linalg.solve(A + NO_STIFFNESS * np.eye(3), Ay[..., None])[..., 0]
         return Springs(kept, np.full(len(kept), -1), np.asarray(balanced, np.float64), A)
 

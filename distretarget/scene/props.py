@@ -30,7 +30,6 @@ from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS,
 Array = NDArray[np.float64]
 PropScale = Literal["world"] | int | float
 
-LEVER = 0.02  # weight of a holding joint's rotation: that of a point at this distance from it [body units]
 FREE_WEIGHT = 1e-6  # least weight of a prop's free place against those of the joints that hold it
 
 
@@ -137,19 +136,12 @@ class PropResult:
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """The similarity in each frame that takes a prop, and the source's world around it, to the target's world.
+    """The similarity in each frame that takes a prop, and the source's world around it, to the target's world."""
 
-    Attributes:
-        centre: (frames, 3), the centre of the prop in the source [source file units].
-        place: (frames, 3), the centre in the target's world [target file units].
-        turn: (frames, 3, 3), the rotation about the centre.
-        scale: target units per source unit.
-    """
-
-    centre: Array
-    place: Array
-    turn: Array
-    scale: float
+    centre: Array  # (frames, 3), the centre of the prop in the source [source file units]
+    place: Array  # (frames, 3), where the centre goes [target file units]
+    turn: Array  # (frames, 3, 3), the rotation about the centre
+    scale: float  # target units per source unit
 
     def __call__(self, points: Array) -> Array:
         """The places of points (frames, points, 3)."""
@@ -167,17 +159,11 @@ class Placement:
 
 @dataclass(frozen=True, eq=False)
 class PlacedProp:
-    """A prop in the world of the performers.
+    """A prop in the world of the performers."""
 
-    Attributes:
-        motion: where it is in the source, in the target's axes.
-        free: where it goes while nobody holds it.
-        grips: the joints of targets that hold it, by the numbers of their performers.
-    """
-
-    motion: Motion
-    free: Placement
-    grips: Mapping[int, tuple[int, ...]]
+    motion: Motion  # in the source, in the target's axes
+    free: Placement  # where it goes while nobody holds it
+    grips: Mapping[int, tuple[int, ...]]  # the joints of targets that hold it, by the numbers of their performers
 
 
 def free_placement(points: Array, scale: float, level: float, up: Array) -> Placement:
@@ -190,21 +176,13 @@ def free_placement(points: Array, scale: float, level: float, up: Array) -> Plac
 
 
 class Hold(NamedTuple):
-    """A joint that holds a prop, frame by frame.
+    """A joint that holds a prop, frame by frame."""
 
-    Attributes:
-        weight: (frames,), 1 while it holds the prop, blended to 0.
-        source: (frames, 3), the driver's position in the source [source file units].
-        place: (frames, 3), the joint's position on the target [target file units].
-        turn: (frames, 3, 3), the rotation of the joint against the rotation copy.
-        lever: the weight of that rotation: that of a point at this distance from the joint [target file units].
-    """
-
-    weight: Array
-    source: Array
-    place: Array
-    turn: Array
-    lever: float
+    weight: Array  # (frames,), 1 while it holds the prop, blended to 0
+    source: Array  # (frames, 3), where its driver is [source file units]
+    place: Array  # (frames, 3), where it is on the target [target file units]
+    turn: Array  # (frames, 3, 3), its rotation against the rotation copy, which turns as the source does
+    lever: float  # its rotation weighs as much as a point at this distance [target file units]
 
 
 def held_placement(free: Placement, holds: Sequence[Hold]) -> Placement:
@@ -225,21 +203,13 @@ def held_placement(free: Placement, holds: Sequence[Hold]) -> Placement:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PropContacts:
-    """The joints of a performer that come near a prop.
+    """The joints of a performer that come near a prop."""
 
-    Attributes:
-        joints: (joints,), of the target.
-        source: (frames, joints, 3), the positions of their drivers in the source [source file units].
-        distances: (frames, joints), from the driver to the nearest point of the prop [source file units].
-        f: (frames, joints), the activation, 0 to 1.
-        A: (frames, joints, 3, 3), the stiffness.
-    """
-
-    joints: NDArray[np.intp]
-    source: Array
-    distances: Array
-    f: Array
-    A: Array
+    joints: NDArray[np.intp]  # (joints,), of the target
+    source: Array  # (frames, joints, 3), where their drivers are [source file units]
+    distances: Array  # (frames, joints), of the drivers from the nearest point of the prop [source file units]
+    f: Array  # (frames, joints), the activation, 0 to 1
+    A: Array  # (frames, joints, 3, 3), the stiffness
 
     def springs(self, placement: Placement, copy: Array, unit: float) -> Springs:
         """The springs that draw the joints to their places on the prop; their arrays have the frames in front.
@@ -249,6 +219,13 @@ class PropContacts:
         copied = copy[:, self.joints]
         places = copied + self.f[..., None] * (placement(self.source) - copied)
         return Springs(self.joints, np.full(len(self.joints), -1), places / unit, self.A)
+
+    def gaps(self, now: Array, prop: Array, scale: float) -> tuple[Array, Array]:
+        """(frames, joints) each, how far the joints are from the nearest point of the prop, and how far they should be.
+
+        `now` and `prop` are the positions of the performer's joints and of the prop's points, (frames, joints, 3).
+        """
+        return _nearest_distances(now[:, self.joints], prop), scale * self.distances
 
 
 def find_prop_contacts(
@@ -260,7 +237,7 @@ def find_prop_contacts(
     a `leg` [source file units]. Joints of one region share their stiffness. `free`, (frames, points), is 0 where a
     joint rests elsewhere.
     """
-    distances = nearest_distances(points.source, prop)
+    distances = _nearest_distances(points.source, prop)
     D = distances / leg
     f = activation(D, settings.lead / frame_time, settings) * free
     on = np.flatnonzero(f.any(axis=0))
@@ -273,7 +250,7 @@ def find_prop_contacts(
     return PropContacts(joints=points.joints[on], source=points.source[:, on], distances=distances, f=f, A=A)
 
 
-def nearest_distances(joints: Array, prop: Array) -> Array:
+def _nearest_distances(joints: Array, prop: Array) -> Array:
     """(frames, joints), the distance of each joint from the nearest point of a prop, (frames, points, 3)."""
     distances = np.empty(joints.shape[:2])
     for block in blocks_of(len(joints)):

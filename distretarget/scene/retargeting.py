@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations, product, repeat
+from itertools import repeat
 from types import NoneType
 
 import numpy as np
@@ -13,7 +13,7 @@ from distretarget.baseline.rotation_copy import RootScale, find_root_scale, foll
 from distretarget.checks import check_callable, check_kind, check_number
 from distretarget.errors import MotionError, SettingsError
 from distretarget.ik.poses import Mapper
-from distretarget.measure.scene_gaps import Gap, ScenePart, body_part, measure_gap, prop_in_world
+from distretarget.measure.scene_gaps import Gap, ScenePart, body_part, measure_gaps, prop_in_world
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import in_threads
 from distretarget.numerics.vectors import extent
@@ -100,7 +100,17 @@ def retarget_scene(
         MatchingError: a source and its target cannot be matched.
         SkeletonError: a prop is held by a joint that its performer does not have.
     """
-    maps = _checked_maps(sources, targets, props, joint_maps, world_scale)
+    _check_each("sources", sources, Motion)
+    _check_each("targets", targets, Motion, Skeleton, Target, SkeletonEdit)
+    _check_each("props", props, Prop)
+    maps = [None] * len(sources) if joint_maps is None else joint_maps
+    _check_each("joint_maps", maps, Mapping, NoneType)
+    if not sources or len(sources) != len(targets) or len(maps) != len(sources):
+        raise SettingsError(
+            f"{len(sources)} sources, {len(targets)} targets and {len(maps)} maps; expected one for each source"
+        )
+    if world_scale is not None:
+        check_number("world_scale", world_scale, SMALLEST, LARGEST)
     check_kind("settings", settings, ContactSettings)
     check_callable("mapper", mapper)
     check_callable("progress", progress)
@@ -176,43 +186,20 @@ def _gaps(
 ) -> dict[tuple[int, int], Gap | None]:
     """The gaps between each two while the performers have some motions, and the props some placements."""
     bodies = [
-        body_part(one.matching, one.source.positions, motion.positions)
+        [body_part(one.matching, one.source.positions, motion.positions)]
         for one, motion in zip(results, motions, strict=True)
     ]
-    pairs = combinations(range(len(bodies)), 2)
-    gaps = {(i, j): measure_gap((i, j), bodies[i], bodies[j], level) for i, j in pairs}
-    for (i, body), k in product(enumerate(bodies), range(len(props))):
-        pair, motion, place = (i, len(bodies) + k), props[k].motion, placements[k]
-        part = ScenePart(a=motion.positions, b=place(motion.positions), keys=motion.skeleton.keys)
-        gaps[pair] = measure_gap(pair, body, part, place.scale)
-    return gaps
+    parts = [
+        (ScenePart(a=points, b=place(points), keys=prop.motion.skeleton.keys), place.scale)
+        for prop, place, points in zip(props, placements, (prop.motion.positions for prop in props), strict=True)
+    ]
+    return dict(measure_gaps(bodies, parts, level))
 
 
-def _checked_maps(
-    sources: Sequence[Motion],
-    targets: Sequence[Motion | Skeleton | Target | SkeletonEdit],
-    props: Sequence[Prop],
-    joint_maps: Sequence[JointMap | None] | None,
-    world_scale: float | None,
-) -> Sequence[JointMap | None]:
-    """Check the arguments, and return the map of each performer."""
-    for name, values, *kinds in (
-        ("sources", sources, Motion),
-        ("targets", targets, Motion, Skeleton, Target, SkeletonEdit),
-        ("props", props, Prop),
-        ("joint_maps", () if joint_maps is None else joint_maps, Mapping, NoneType),
-    ):
-        check_kind(name, values, Sequence)
-        for number, value in enumerate(values):
-            check_kind(f"{name}[{number}]", value, *kinds)
-    maps = [None] * len(sources) if joint_maps is None else joint_maps
-    if not sources or len(sources) != len(targets) or len(maps) != len(sources):
-        raise SettingsError(
-            f"{len(sources)} sources, {len(targets)} targets and {len(maps)} maps; expected one for each source"
-        )
-    if world_scale is not None:
-        check_number("world_scale", world_scale, SMALLEST, LARGEST)
-    return maps
+def _check_each(name: str, values: Sequence[object], *kinds: type) -> None:
+    check_kind(name, values, Sequence)
+    for number, value in enumerate(values):
+        check_kind(f"{name}[{number}]", value, *kinds)
 
 
 def _check_times(sources: Sequence[Motion], props: Sequence[Prop]) -> None:

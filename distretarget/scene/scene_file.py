@@ -22,9 +22,8 @@ from distretarget.scene.props import Grip, Prop, PropScale, prop_of
 from distretarget.scene.retargeting import SceneResult, retarget_scene
 from distretarget.synchronise import aligned, started
 
-FORMAT = "distretarget-scene"
 SCENE_NAME = "scene.json"  # of scenes in a folder of scenes
-HEADER = {"format": FORMAT, "version": 1}
+HEADER = {"format": "distretarget-scene", "version": 1}
 OPTIONS: dict[str, Callable[[Node], object]] = {
     "world_scale": Node.positive,
     "supports": lambda node: node.one_of(get_args(HoldMode)),
@@ -51,12 +50,7 @@ class SceneClip:
 
 @dataclass(frozen=True, kw_only=True)
 class PerformerFiles(SceneClip):
-    """A performer of a scene, by files.
-
-    Attributes:
-        target: path of its target.
-        map_path: path of a map file, if any.
-    """
+    """A performer of a scene: also the path of its target, and that of a map file, if any."""
 
     target: Path
     map_path: Path | None = None
@@ -64,11 +58,11 @@ class PerformerFiles(SceneClip):
 
 @dataclass(frozen=True, kw_only=True)
 class PropFiles(SceneClip):
-    """A prop of a scene, by files.
+    """A prop of a scene; `scale` and `held_by` are as in `Prop`.
 
     Attributes:
-        part_of: the joint it hangs on if it is part of a performer's file; it has all joints from there on.
-        scale, held_by: as in `Prop`; a prop that is part of a performer's file is held by the joint above by default.
+        part_of: the joint that the prop begins with if it is part of a performer's file, such as a sword. Such a prop
+            is held by the joint above unless `held_by` names others.
     """
 
     part_of: Grip | None = None
@@ -120,16 +114,14 @@ class SceneSetup:
             DistretargetError: a file cannot be read, or ends before its start, or has no such prop.
         """
         own = [prop for prop in self.props if prop.part_of is None]
-        motions = [_read(clip) for clip in (*self.performers, *own)]
-        count = len(self.performers)
-        moving = [i for i, motion in enumerate(motions) if i < count or len(motion) != 1]
-        clips = aligned([motions[i] for i in moving], cut=self.cut, resample=self.resample)
-        for i, clip in zip(moving, clips, strict=True):
-            motions[i] = clip
-        sources, of_props = motions[:count], dict(zip((prop.name for prop in own), motions[count:], strict=True))
-        return sources, [_made(prop, of_props, sources) for prop in self.props]
+        motions: dict[SceneClip, Motion] = {clip: _read(clip) for clip in (*self.performers, *own)}
+        moving = [*self.performers, *(prop for prop in own if len(motions[prop]) != 1)]
+        clips = aligned([motions[clip] for clip in moving], cut=self.cut, resample=self.resample)
+        motions |= zip(moving, clips, strict=True)
+        sources = [motions[performer] for performer in self.performers]
+        return sources, [_made(prop, motions, sources) for prop in self.props]
 
-    def retargeted(self, progress: Callable[[int], object] = lambda _sweep: None) -> SceneResult:
+    def retargeted(self) -> SceneResult:
         """Read all files, and retarget the scene.
 
         Raises:
@@ -150,7 +142,6 @@ class SceneSetup:
                 world_scale=self.world_scale,
                 supports=self.supports,
                 environment=self.environment,
-                progress=progress,
             )
         except DistretargetError as error:
             raise error.in_file(error.path or self.performers[0].file) from None
@@ -178,11 +169,11 @@ def _read(clip: SceneClip) -> Motion:
         raise error.in_file(clip.file) from None
 
 
-def _made(prop: PropFiles, own: Mapping[str, Motion], sources: Sequence[Motion]) -> Prop:
+def _made(prop: PropFiles, own: Mapping[SceneClip, Motion], sources: Sequence[Motion]) -> Prop:
     """A prop with the motion in its own file, or else with that of the joint that it hangs on."""
     try:
         if prop.part_of is None:
-            return Prop(name=prop.name, motion=own[prop.name], scale=prop.scale, held_by=prop.held_by)
+            return Prop(name=prop.name, motion=own[prop], scale=prop.scale, held_by=prop.held_by)
         source, joint = sources[prop.part_of.performer], prop.part_of.joint
         above = source.skeleton.line(source.skeleton.index(joint))[1:2]
         held_by = prop.held_by or tuple(Grip(prop.part_of.performer, source.skeleton.keys[each]) for each in above)
@@ -198,22 +189,21 @@ def load_scene(path: str | Path) -> SceneSetup:
         FileError: the file cannot be read.
         SkeletonFileError: it breaks the format.
     """
+    folder = Path(path).parent
     document = Node(path, "", parse_json(path, read_text(path)))
     fields = document.fields((*HEADER, "performers"), ("props", *OPTIONS))
     for key, known in HEADER.items():
         if fields[key].value != known or isinstance(fields[key].value, bool):
             fields[key].expected(json.dumps(known))
-    folder = Path(path).parent
-    performers = tuple(_performer(node, folder) for node in fields["performers"].items())
+    performers = [_performer(node, folder) for node in fields["performers"].items()]
     if not performers:
         fields["performers"].expected("at least one performer")
     props = [_prop(node, folder, performers) for node in (fields["props"].items() if "props" in fields else ())]
+    names = [clip.name for clip in (*performers, *props)]
+    if doubled := [name for number, name in enumerate(names) if name in names[:number]]:
+        fields["performers"].fail(f"{doubled[0]!r} is the name of two performers or props; give one of them another")
     options: dict[str, Any] = {key: read(fields[key]) for key, read in OPTIONS.items() if key in fields}
-    setup = SceneSetup(performers=performers, props=tuple(props), **options)
-    for number, name in enumerate(setup.names):
-        if name in setup.names[:number]:
-            fields["performers"].fail(f"{name!r} is the name of two performers or props; give one of them another")
-    return setup
+    return SceneSetup(performers=tuple(performers), props=tuple(props), **options)
 
 
 def _performer(node: Node, folder: Path) -> PerformerFiles:
@@ -222,9 +212,9 @@ def _performer(node: Node, folder: Path) -> PerformerFiles:
     return PerformerFiles(
         name=_name(fields["name"]) if "name" in fields else file.stem,
         file=file,
+        start=_start(fields),
         target=folder / fields["target"].text(),
         map_path=folder / fields["map"].text() if "map" in fields else None,
-        start=_start(fields),
     )
 
 
@@ -237,10 +227,10 @@ def _prop(node: Node, folder: Path, performers: Sequence[PerformerFiles]) -> Pro
     return PropFiles(
         name=_name(fields["name"]),
         file=performers[part_of.performer].file if part_of else folder / fields["file"].text(),
+        start=_start(fields),
         part_of=part_of,
         scale=_scale(fields["scale"], names) if "scale" in fields else "world",
         held_by=tuple(_grip(each, names) for each in (fields["held_by"].items() if "held_by" in fields else ())),
-        start=_start(fields),
     )
 
 

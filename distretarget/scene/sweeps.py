@@ -27,22 +27,8 @@ from distretarget.numerics.vectors import lengths, spread_out
 from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.supports import Supports
 from distretarget.pipeline.performer import Prepared
-from distretarget.scene.performer_contacts import (
-    NO_STIFFNESS,
-    ContactPoints,
-    PerformerContacts,
-    find_performer_contacts,
-)
-from distretarget.scene.props import (
-    LEVER,
-    Hold,
-    PlacedProp,
-    Placement,
-    PropContacts,
-    find_prop_contacts,
-    held_placement,
-    nearest_distances,
-)
+from distretarget.scene.performer_contacts import ContactPoints, PerformerContacts, find_performer_contacts
+from distretarget.scene.props import Hold, PlacedProp, Placement, PropContacts, find_prop_contacts, held_placement
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
@@ -50,24 +36,19 @@ Numbers = NDArray[np.intp]
 REGION_POINTS = 9  # most joints of a region that may touch others
 MOST_SWEEPS = 2
 SETTLED = 0.018  # mean gap error below which no further sweep follows [leg lengths]
+LEVER = 0.02  # the rotation of a joint that holds a prop weighs as much as a point at this distance [body units]
 MOST_SHORTFALL = 0.01  # joints are drawn no further beyond their places: what is out of reach stays so [body units]
+TINY = 1e-12  # divisors are no smaller
 
 
 @dataclass(frozen=True, eq=False)
 class SceneContacts:
-    """Performers and props, and the contacts between them.
+    """Performers and props, and the contacts between them."""
 
-    Attributes:
-        performers: as they are solved, one by one.
-        props: what else is in their world.
-        between: the contacts of each two performers, by their numbers.
-        on_props: the contacts of each performer and prop, by their numbers.
-    """
-
-    performers: tuple[Prepared, ...]
+    performers: tuple[Prepared, ...]  # as they are solved, one by one
     props: tuple[PlacedProp, ...]
-    between: Mapping[tuple[int, int], PerformerContacts]
-    on_props: Mapping[tuple[int, int], PropContacts]
+    between: Mapping[tuple[int, int], PerformerContacts]  # of each two performers, by their numbers
+    on_props: Mapping[tuple[int, int], PropContacts]  # of each performer and prop, by their numbers
 
     def placements(self, now: Sequence[Motion]) -> list[Placement]:
         """Where each prop is while the performers move as they do now."""
@@ -106,9 +87,8 @@ class SceneContacts:
             gaps, wanted = contacts.gaps(now[i].positions, now[j].positions)
             errors.append(np.abs(gaps - wanted)[wanted < TOUCH_DISTANCE * leg] / leg)
         for (i, prop), near in self.on_props.items():
-            placement, leg = placements[prop], self.performers[i].problem.unit / 2.0
-            points = placement(self.props[prop].motion.positions)
-            gaps, wanted = nearest_distances(now[i].positions[:, near.joints], points), placement.scale * near.distances
+            place, leg = placements[prop], self.performers[i].problem.unit / 2.0
+            gaps, wanted = near.gaps(now[i].positions, place(self.props[prop].motion.positions), place.scale)
             errors.append(np.abs(gaps - wanted)[wanted < TOUCH_DISTANCE * leg] / leg)
         values = np.concatenate(errors)
         return float(values.mean()) if len(values) else 0.0
@@ -177,8 +157,8 @@ def with_shortfall(springs: Springs, before: Springs, x: Array, regions: Numbers
     for region in np.unique(regions[before.a]):
         of_region = regions[before.a] == region
         total = weights[:, of_region].sum(axis=1)
-        mean = (weights[:, of_region] * short[:, of_region]).sum(axis=1) / np.maximum(total, NO_STIFFNESS)
-        mean *= np.minimum(MOST_SHORTFALL / np.maximum(lengths(mean), NO_STIFFNESS), 1.0)[:, None]
+        mean = (weights[:, of_region] * short[:, of_region]).sum(axis=1) / np.maximum(total, TINY)
+        mean *= np.minimum(MOST_SHORTFALL / np.maximum(lengths(mean), TINY), 1.0)[:, None]
         rest[:, of_region] += mean[:, None]
     return springs._replace(rest=rest)
 
