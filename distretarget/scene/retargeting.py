@@ -22,11 +22,13 @@ from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
 from distretarget.pipeline.options import HoldMode, Options
 from distretarget.pipeline.performer import Performer, matched_performer, with_supports
 from distretarget.pipeline.result import RetargetResult
-from distretarget.scene.props import PlacedProp, Placement, Prop, PropResult, free_placement
-from distretarget.scene.sweeps import find_contacts, solve_in_sweeps
+from distretarget.scene.props import PlacedProp, Prop, PropResult, free_placement
+from distretarget.scene.sweeps import SceneContacts, find_contacts, solve_in_sweeps
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
 from distretarget.synchronise import same_time
 from distretarget.target import SkeletonEdit, Target
+
+Gaps = dict[tuple[int, int], Gap | None]
 
 SAME_UNITS = 5.0  # root scales that differ by more than this factor are those of files in different units
 
@@ -53,8 +55,8 @@ class SceneResult:
     props: tuple[PropResult, ...]
     world_scale: float
     longest_strides: tuple[float, ...]
-    gaps: dict[tuple[int, int], Gap | None]
-    copy_gaps: dict[tuple[int, int], Gap | None]
+    gaps: Gaps
+    copy_gaps: Gaps
     sweeps: int
     gap_error: float
 
@@ -133,19 +135,19 @@ def retarget_scene(
         for performer, height in zip(performers, heights, strict=True)
     ]
     contacts = find_contacts(prepared, placed)
-    poses, motions, sweeps, gap_error = solve_in_sweeps(contacts, mapper, progress)
+    poses, sweeps, gap_error = solve_in_sweeps(contacts, mapper, progress)
     results = tuple(one.result(pose) for one, pose in zip(contacts.performers, poses, strict=True))
-    placements, copies = contacts.placements(motions), [one.rotation_copy for one in results]
+    motions, copies = [one.motion for one in results], [one.rotation_copy for one in results]
     return SceneResult(
         results=results,
         props=tuple(
             PropResult(prop.name, place.moved(each.motion), each.motion, place.scale)
-            for prop, each, place in zip(props, placed, placements, strict=True)
+            for prop, each, place in zip(props, placed, contacts.placements(motions), strict=True)
         ),
         world_scale=level,
         longest_strides=tuple(longest),
-        gaps=_gaps(results, [one.motion for one in results], placed, placements, level),
-        copy_gaps=_gaps(results, copies, placed, contacts.placements(copies), level),
+        gaps=_gaps(contacts, results, motions),
+        copy_gaps=_gaps(contacts, results, copies),
         sweeps=sweeps,
         gap_error=gap_error,
     )
@@ -177,23 +179,17 @@ def _placed(prop: Prop, performers: Sequence[Performer], level: float, heights: 
     return PlacedProp(motion, free, grips)
 
 
-def _gaps(
-    results: Sequence[RetargetResult],
-    motions: Sequence[Motion],
-    props: Sequence[PlacedProp],
-    placements: Sequence[Placement],
-    level: float,
-) -> dict[tuple[int, int], Gap | None]:
-    """The gaps between each two while the performers have some motions, and the props some placements."""
+def _gaps(contacts: SceneContacts, results: Sequence[RetargetResult], motions: Sequence[Motion]) -> Gaps:
+    """The gaps while the performers move like this, and props follow them."""
     bodies = [
         [body_part(one.matching, one.source.positions, motion.positions)]
         for one, motion in zip(results, motions, strict=True)
     ]
-    parts = [
-        (ScenePart(a=points, b=place(points), keys=prop.motion.skeleton.keys), place.scale)
-        for prop, place, points in zip(props, placements, (prop.motion.positions for prop in props), strict=True)
-    ]
-    return dict(measure_gaps(bodies, parts, level))
+    props = []
+    for prop, place in zip(contacts.props, contacts.placements(motions), strict=True):
+        points, keys = prop.motion.positions, prop.motion.skeleton.keys
+        props.append((ScenePart(a=points, b=place(points), keys=keys), place.scale))
+    return dict(measure_gaps(bodies, props, contacts.performers[0].scale.level))
 
 
 def _check_each(name: str, values: Sequence[object], *kinds: type) -> None:

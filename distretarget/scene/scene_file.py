@@ -147,22 +147,18 @@ class SceneSetup:
             raise error.in_file(error.path or self.performers[0].file) from None
 
 
-def read_prop(path: Path) -> Motion:
-    """Return the motion of a prop in a BVH or OBJ file; the content decides which it is.
-
-    Raises:
-        FileError: the file cannot be read.
-        BvhError: it is neither.
-    """
-    text = read_text(path)
-    return parse_bvh(text, path) if text.lstrip().upper().startswith("HIERARCHY") else parse_obj(text, path)
-
-
 def _read(clip: SceneClip) -> Motion:
-    """The motion in a file from its start; a prop of one frame has none."""
-    motion = read_bvh(clip.file) if isinstance(clip, PerformerFiles) else read_prop(clip.file)
-    if isinstance(clip, PropFiles) and len(motion) == 1:
-        return motion
+    """The motion in a file from its start. The content of a prop's file decides whether it is BVH or OBJ; a prop of one
+    frame stands still, and has no start.
+    """
+    if isinstance(clip, PerformerFiles):
+        motion = read_bvh(clip.file)
+    else:
+        text = read_text(clip.file)
+        is_bvh = text.lstrip().upper().startswith("HIERARCHY")
+        motion = parse_bvh(text, clip.file) if is_bvh else parse_obj(text, clip.file)
+        if len(motion) == 1:
+            return motion
     try:
         return started(motion, clip.start)
     except MotionError as error:

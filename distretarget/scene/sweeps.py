@@ -70,28 +70,27 @@ class SceneContacts:
         springs = [no_springs(len(one.problem)) for one in self.performers]
         copies = [one.problem.copy_on_path(np.arange(len(one.problem.skeleton))) for one in self.performers]
         units = [one.problem.unit for one in self.performers]
-        for (i, j), contacts in self.between.items():
+        for (i, j), near in self.between.items():
             both = (copies[i], copies[j]), (now[i].positions, now[j].positions), (units[i], units[j])
-            for number, more in zip((i, j), contacts.springs(*both, self.performers[i].settings), strict=True):
-                springs[number] = joined(springs[number], more)
+            of_i, of_j = near.springs(*both, self.performers[i].settings)
+            springs[i], springs[j] = joined(springs[i], of_i), joined(springs[j], of_j)
         places = self.placements(now)
-        for (i, prop), near in self.on_props.items():
-            springs[i] = joined(springs[i], near.springs(places[prop], copies[i], units[i]))
+        for (i, k), touching in self.on_props.items():
+            springs[i] = joined(springs[i], touching.springs(places[k], copies[i], units[i]))
         return springs
 
     def gap_error(self, now: Sequence[Motion]) -> float:
         """How far the gaps in contacts are off, on average [leg lengths]; 0 where nothing touches."""
-        errors, placements = [np.zeros(0)], self.placements(now)
-        for (i, j), contacts in self.between.items():
+        placements, measured = self.placements(now), []
+        for (i, j), near in self.between.items():
             leg = (self.performers[i].problem.unit + self.performers[j].problem.unit) / 4.0
-            gaps, wanted = contacts.gaps(now[i].positions, now[j].positions)
-            errors.append(np.abs(gaps - wanted)[wanted < TOUCH_DISTANCE * leg] / leg)
-        for (i, prop), near in self.on_props.items():
-            place, leg = placements[prop], self.performers[i].problem.unit / 2.0
-            gaps, wanted = near.gaps(now[i].positions, place(self.props[prop].motion.positions), place.scale)
-            errors.append(np.abs(gaps - wanted)[wanted < TOUCH_DISTANCE * leg] / leg)
-        values = np.concatenate(errors)
-        return float(values.mean()) if len(values) else 0.0
+            measured.append((*near.gaps(now[i].positions, now[j].positions), leg))
+        for (i, k), touching in self.on_props.items():
+            place, leg = placements[k], self.performers[i].problem.unit / 2.0
+            points = place(self.props[k].motion.positions)
+            measured.append((*touching.gaps(now[i].positions, points, place.scale), leg))
+        errors = [np.abs(gaps - due)[due < TOUCH_DISTANCE * leg] / leg for gaps, due, leg in measured]
+        return float(np.concatenate(errors).mean()) if any(map(len, errors)) else 0.0
 
 
 def find_contacts(performers: Sequence[Prepared], props: Sequence[PlacedProp]) -> SceneContacts:
@@ -118,9 +117,9 @@ def find_contacts(performers: Sequence[Prepared], props: Sequence[PlacedProp]) -
 
 def solve_in_sweeps(
     contacts: SceneContacts, mapper: Mapper, progress: Callable[[int], object]
-) -> tuple[list[Poses], list[Motion], int, float]:
-    """Solve all performers, once more if gaps are off. Return the poses and the motion of each, how many sweeps there
-    were, and the mean gap error after the last [leg lengths].
+) -> tuple[list[Poses], int, float]:
+    """Solve all performers, once more if gaps are off. Return the poses of each, how many sweeps there were, and the
+    mean gap error after the last [leg lengths].
     """
     performers = contacts.performers
     now = [replace(one.copy, root_positions=one.problem.root) for one in performers]
@@ -142,7 +141,7 @@ def solve_in_sweeps(
             with_shortfall(drawn, before, at.positions / one.problem.unit, one.performer.matching.regions.of_joint)
             for one, drawn, before, at in zip(performers, contacts.springs(now), springs, now, strict=True)
         ]
-    return poses, now, sweep, error
+    return poses, sweep, error
 
 
 def with_shortfall(springs: Springs, before: Springs, x: Array, regions: Numbers) -> Springs:
