@@ -160,6 +160,18 @@ def test_the_command_writes_a_file_for_each_performer(folder):
     assert "exists" in again.stderr
 
 
+@pytest.mark.parametrize("options", [[], ["--resample"]], ids=["cut", "cut and resampled"])
+def test_clips_of_one_frame_are_cut_too(folder, options):
+    one, other = pair()
+    write_bvh(folder / "pose.bvh", one[:1])
+    write_bvh(folder / "other.bvh", other[:1])
+    for second in ("other", "follow"):
+        output = folder / f"out_{second}"
+        done = run("scene", "pose.bvh", f"{second}.bvh", "--cut", *options, "-t", SAMPLES / "child.json", "-o", output)
+        assert done.returncode == 0, done.stderr
+        assert [len(read_bvh(output / f"{name}.bvh")) for name in ("pose", second)] == [1, 1]
+
+
 @pytest.mark.usefixtures("folder")
 def test_the_command_refuses_what_cannot_be():
     child = SAMPLES / "child.json"

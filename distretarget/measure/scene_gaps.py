@@ -18,7 +18,7 @@ from distretarget.matching.matching import Matching
 from distretarget.measure.diff import Diff
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import blocks_of
-from distretarget.numerics.vectors import lengths
+from distretarget.numerics.vectors import extent, lengths
 from distretarget.skeleton import LARGEST, SMALLEST
 from distretarget.synchronise import resampled, same_time
 
@@ -171,7 +171,8 @@ def diff_scenes(
         world_scale: units of B per unit of A along the floor; if not given, the scale that `retarget_scene` chooses.
 
     Raises:
-        MotionError: the performers differ in B's frame time or in the axes that point up, or a prop in its joints.
+        MotionError: the performers differ in B's frame time or in the axes that point up; or a prop differs in its
+            joints, or has no frames or positions too large to compute with.
         SettingsError: there is no performer, an argument is of another kind, or the scale is not above 0.
     """
     _check(performers, props, world_scale)
@@ -181,25 +182,20 @@ def diff_scenes(
         (prop_in_world(a, first.world, frames, first.b.frame_time_text), b[np.minimum(np.arange(frames), len(b) - 1)])
         for a, b in props
     )
-    bodies = [
-        [
-            body_part(each.matching, each.a.positions[:frames], each.b.positions[:frames], region)
-            for region in range(len(each.matching.regions.names))
-        ]
-        for each in performers
-    ]
-    parts = [
-        (ScenePart(a=a.positions, b=b.positions, keys=a.skeleton.keys), _size_ratio(a, b) or scale) for a, b in placed
-    ]
-    found = [gap for _, gap in measure_gaps(bodies, parts, scale)]
+    bodies = []
+    for each in performers:
+        a, b, regions = each.a.positions[:frames], each.b.positions[:frames], range(len(each.matching.regions.names))
+        bodies.append([body_part(each.matching, a, b, region) for region in regions])
+    parts = [ScenePart(a=a.positions, b=b.positions, keys=a.skeleton.keys) for a, b in placed]
+    sizes = [_size_ratio(a, b) or scale for a, b in placed]
+    found = [gap for _, gap in measure_gaps(bodies, [*zip(parts, sizes, strict=True)], scale)]
     gaps = sorted(filter(None, found), key=lambda gap: (-gap.frames, gap.between, gap.regions))
     return SceneDiff(performers=tuple(performers), props=placed, world_scale=scale, gaps=tuple(gaps))
 
 
 def prop_in_world(prop: Motion, world: World, frames: int, frame_time_text: str) -> Motion:
-    """Return a prop of the source in the target's axes, with a number of frames; a prop that ends earlier stands still.
-
-    A prop of one frame stands still from the beginning; others are resampled at the frame time.
+    """Return a prop of the source in the target's axes, with other frames; it stands still after its last frame, and is
+    resampled if it has more than one.
     """
     prop = turned(prop, world.source_up, world.up)
     if len(prop) > 1:
@@ -211,25 +207,29 @@ def _check(performers: Sequence[Diff], props: Sequence[tuple[Motion, Motion]], w
     check_kind("performers", performers, Sequence)
     if not performers:
         raise SettingsError("performers is empty; expected a diff for each performer")
-    for number, performer in enumerate(performers):
-        check_kind(f"performers[{number}]", performer, Diff)
-    first = performers[0]
-    for number, performer in enumerate(performers[1:], 2):
-        if not same_time(first.b.frame_time, performer.b.frame_time):
+    for number, performer in enumerate(performers, 1):
+        check_kind(f"performers[{number - 1}]", performer, Diff)
+        one, time = performers[0].b.frame_time, performer.b.frame_time
+        if not same_time(one, time):
             raise MotionError(
-                f"performer {number} of B has a frame time of {performer.b.frame_time:g} s and performer 1 of "
-                f"{first.b.frame_time:g} s; resample one of them"
+                f"performer {number} of B has a frame time of {time:g} s and performer 1 of {one:g} s; resample one"
             )
-        if (performer.world.source_up, performer.world.up) != (first.world.source_up, first.world.up):
+        (a, b), ups = ((each.world.source_up, each.world.up) for each in (performers[0], performer))
+        if ups != (a, b):
             raise MotionError(
-                f"performer {number} has other axes up ({performer.world.source_up} in A, {performer.world.up} in B) "
-                f"than performer 1 ({first.world.source_up}, {first.world.up}); tell `diff` which point up"
+                f"performer {number} has other axes up ({ups[0]} in A, {ups[1]} in B) than performer 1 ({a}, {b}); "
+                "tell `diff` which point up"
             )
-    for number, (a, b) in enumerate(props, 1):
-        if len(a.skeleton) != len(b.skeleton):
-            raise MotionError(
-                f"prop {number} has {len(a.skeleton)} joints in A and {len(b.skeleton)} in B; expected the same"
-            )
+    check_kind("props", props, Sequence)
+    for number, pair in enumerate(props, 1):
+        check_kind(f"prop {number}", pair, tuple)
+        for motion in pair:
+            check_kind(f"a motion of prop {number}", motion, Motion)
+            if not len(motion) or not extent(motion.positions) <= LARGEST:
+                raise MotionError(f"prop {number} has no frames, or positions beyond {LARGEST:g}; check its file")
+        in_a, in_b = (len(motion.skeleton) for motion in pair)
+        if in_a != in_b:
+            raise MotionError(f"prop {number} has {in_a} joints in A and {in_b} in B; expected the same")
     if world_scale is not None:
         check_number("world_scale", world_scale, SMALLEST, LARGEST)
 

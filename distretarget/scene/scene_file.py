@@ -185,12 +185,12 @@ def load_scene(path: str | Path) -> SceneSetup:
         FileError: the file cannot be read.
         SkeletonFileError: it breaks the format.
     """
-    folder = Path(path).parent
     document = Node(path, "", parse_json(path, read_text(path)))
     fields = document.fields((*HEADER, "performers"), ("props", *OPTIONS))
     for key, known in HEADER.items():
         if fields[key].value != known or isinstance(fields[key].value, bool):
             fields[key].expected(json.dumps(known))
+    folder = Path(path).parent
     performers = [_performer(node, folder) for node in fields["performers"].items()]
     if not performers:
         fields["performers"].expected("at least one performer")
