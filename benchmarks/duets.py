@@ -19,7 +19,7 @@ from tables import insert
 
 from distretarget import Motion, RetargetResult, SceneResult, read_bvh, retarget, retarget_scene
 from distretarget.batch.compile_ahead import warm
-from distretarget.measure.scene_gaps import body_part, measure_across
+from distretarget.measure.scene_gaps import body_part, measure_gap
 
 PAIRS = (("its own", "child"), ("H", "its own"), ("H", "child"))  # bodies of lead and follower
 
@@ -43,13 +43,15 @@ def rows(duets: Path) -> Iterator[str]:
             middle = time.process_time()
             scene = retarget_scene(motions, bodies)
             seconds = middle - began, time.process_time() - middle
-            across, scale = scene.across[0, 1], scene.world_scale
-            sides = [body_part(result.matching, result.rotation_copy, result.motion) for result in alone]
-            apart = measure_across(*sides, float(np.mean([result.root_scale for result in alone]))).result
-            gaps = [100 * gap / across.leg for gap in (across.source, across.rotation_copy, apart, across.result)]
+            gap, copy, scale = scene.gaps[0, 1], scene.copy_gaps[0, 1], scene.world_scale
+            one, other = (body_part(each.matching, each.source.positions, each.motion.positions) for each in alone)
+            apart = measure_gap((0, 1), one, other, float(np.mean([result.root_scale for result in alone])))
+            if gap is None or copy is None or apart is None:
+                raise SystemExit(f"nothing touches in take {number}")
+            gaps = [100 * mean for mean in (gap.a, copy.b, apart.b, gap.b)]
             yield (
-                f"| {number}, {names[0]} and {names[1]} | {across.frames} | "
-                f"{' / '.join(f'{gap:.1f}' for gap in gaps)} | {scale * across.result / across.source:.2f} | "
+                f"| {number}, {names[0]} and {names[1]} | {gap.frames} | "
+                f"{' / '.join(f'{mean:.1f}' for mean in gaps)} | {scale * gap.b / gap.a:.2f} | "
                 f"{_both(scene.results, 'slide', 3)} ({_strides(scene)}) | "
                 f"{_both(scene.results, 'foot_height', 2)} | {_jerks(scene.results)} | "
                 f"{_both(scene.results, 'turn', 1)} | {_both(scene.results, 'snap', 0)} | "

@@ -29,7 +29,7 @@ from distretarget.matching.matching import Matching, match
 from distretarget.measure.diff import Diff, diff
 from distretarget.measure.figures import FIGURES, Figure
 from distretarget.measure.metrics import Comparison
-from distretarget.measure.scene_gaps import Across, Gaps, SceneDiff, diff_scenes
+from distretarget.measure.scene_gaps import Gap, SceneDiff, diff_scenes
 from distretarget.motion import Motion, MotionArrays, MovingBones
 from distretarget.numerics.kinematics import forward_kinematics
 from distretarget.objectives.settings import ContactSettings
@@ -41,15 +41,14 @@ from distretarget.pipeline.summary import RunFiguresDocument
 from distretarget.report.document_types import DiffDocument
 from distretarget.report.report import write_report
 from distretarget.report.scene_report import write_scene_report
-from distretarget.scene.prop import Grip, Prop, prop_of
-from distretarget.scene.retargeting import PropResult, SceneResult, retarget_scene
+from distretarget.scene.props import Grip, Prop, PropResult, prop_of
+from distretarget.scene.retargeting import SceneResult, retarget_scene
 from distretarget.scene.scene_file import SceneSetup, load_scene
 from distretarget.skeleton import Skeleton
 from distretarget.target import SkeletonEdit, Target
 
 __all__ = [
     "FIGURES",
-    "Across",
     "Anatomy",
     "BatchError",
     "Body",
@@ -62,7 +61,7 @@ __all__ = [
     "Effort",
     "Figure",
     "FileError",
-    "Gaps",
+    "Gap",
     "Grip",
     "ManifestRecord",
     "MapError",

@@ -13,20 +13,28 @@ from distretarget.motion import Motion
 SAME_TIME = 1e-6  # largest difference between two frame times that are the same [of the frame time]
 
 
-def aligned(motions: Sequence[Motion], starts: Sequence[float], *, cut: bool, resample: bool) -> list[Motion]:
-    """Return the motions without the time before their `starts` [s], as far as asked for with the first one's frame
-    time (`resample`) and with as many frames as the shortest has (`cut`).
+def aligned(motions: Sequence[Motion], *, cut: bool, resample: bool) -> list[Motion]:
+    """Return the motions, as far as asked for with the first one's frame time (`resample`) and with as many frames as
+    the shortest has (`cut`).
+    """
+    if resample:
+        motions = [resampled(motion, motions[0].frame_time_text) for motion in motions]
+    if cut:
+        frames = min(map(len, motions))
+        motions = [motion[:frames] for motion in motions]
+    return list(motions)
+
+
+def started(motion: Motion, start: float) -> Motion:
+    """Return the motion without the time before its start [s].
 
     Raises:
-        MotionError: a motion ends before its start.
+        MotionError: the motion ends before its start.
     """
-    begun = [_from(motion, start) for motion, start in zip(motions, starts, strict=True)]
-    if resample:
-        begun = [resampled(motion, begun[0].frame_time_text) for motion in begun]
-    if cut:
-        frames = min(map(len, begun))
-        begun = [motion[:frames] for motion in begun]
-    return begun
+    first = round(start / motion.frame_time)
+    if first >= len(motion):
+        raise MotionError(f"lasts {len(motion) * motion.frame_time:g} s; start before that")
+    return motion[first:] if first else motion
 
 
 def resampled(motion: Motion, frame_time_text: str) -> Motion:
@@ -49,10 +57,3 @@ def resampled(motion: Motion, frame_time_text: str) -> Motion:
 def same_time(one: float, other: float) -> bool:
     """Return whether two frame times [s] are the same but for their last digits."""
     return abs(one - other) <= SAME_TIME * one
-
-
-def _from(motion: Motion, start: float) -> Motion:
-    first = round(start / motion.frame_time)
-    if first >= len(motion):
-        raise MotionError(f"begins at {start:g} s of a clip of {len(motion) * motion.frame_time:g} s; begin earlier")
-    return motion[first:] if first else motion

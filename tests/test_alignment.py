@@ -7,7 +7,7 @@ import pytest
 from bodies import person, swaying
 
 from distretarget import MotionError
-from distretarget.synchronise import aligned, resampled
+from distretarget.synchronise import aligned, resampled, started
 
 
 def swayed():
@@ -16,13 +16,13 @@ def swayed():
 
 def test_nothing_is_changed_that_need_not_be():
     motion = swayed()
-    (same,) = aligned([motion], [0.0], cut=False, resample=True)
+    (same,) = aligned([started(motion, 0.0)], cut=False, resample=True)
     assert same is motion
 
 
 def test_starts_and_cuts_leave_the_common_frames():
     motion = swayed()
-    late, early = aligned([motion, motion], [5 * motion.frame_time, 0.0], cut=True, resample=False)
+    late, early = aligned([started(motion, 5 * motion.frame_time), motion], cut=True, resample=False)
     assert len(late) == len(early) == 16
     np.testing.assert_array_equal(late.positions, motion.positions[5:])
     np.testing.assert_array_equal(early.positions, motion.positions[:16])
@@ -40,5 +40,5 @@ def test_resampled_frames_lie_on_the_motion():
 
 
 def test_a_start_after_the_end_is_refused():
-    with pytest.raises(MotionError, match="begins at 5 s"):
-        aligned([replace(swayed(), frame_time_text="0.1")], [5.0], cut=False, resample=False)
+    with pytest.raises(MotionError, match=r"lasts 2\.1 s; start before that"):
+        started(replace(swayed(), frame_time_text="0.1"), 5.0)

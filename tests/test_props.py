@@ -9,7 +9,17 @@ from bodies import SAMPLES, moved, with_bone
 from sample_props import SCENES, standing_prop
 from scipy.spatial.transform import Rotation
 
-from distretarget import Grip, Motion, Prop, SettingsError, SkeletonError, load_target, prop_of, retarget_scene
+from distretarget import (
+    Grip,
+    Motion,
+    MotionError,
+    Prop,
+    SettingsError,
+    SkeletonError,
+    load_target,
+    prop_of,
+    retarget_scene,
+)
 
 
 @cache
@@ -91,6 +101,17 @@ def test_props_that_cannot_be_are_refused():
     ):
         with pytest.raises(error, match=words):
             retarget_scene([with_stick(drummer())], [child()], [replace(prop, **wrong)])
-    for scale in (0.0, -1.0, "big"):
+    for scale in (0.0, -1.0, "big", True):
         with pytest.raises(SettingsError, match="the scale of 'box'"):
             replace(prop, scale=scale)
+
+
+@pytest.mark.parametrize("held_by", [(), (Grip(0, "RightWrist"),)], ids=["free", "held"])
+def test_props_too_large_to_compute_with_are_refused(held_by):
+    box = standing_prop("box", np.array([[40.0, 0.0, 60.0], [60.0, 0.0, 60.0]]))
+    prop = Prop(name="box", motion=box, scale=1e12, held_by=held_by)
+    with pytest.raises(MotionError, match=r"'box' reaches beyond 1e\+12 with a scale of 1e\+12; choose a smaller"):
+        retarget_scene([drummer()], [child()], [prop])
+    for far in (1e13, 1e300):
+        with pytest.raises(MotionError, match=r"'box' has positions beyond 1e\+12"):
+            Prop(name="box", motion=replace(box, root_positions=far * np.ones((1, 3))), held_by=held_by)

@@ -63,14 +63,14 @@ def test_hands_that_touch_go_on_touching():
 
 
 def test_the_gaps_of_the_scene_are_measured():
-    across = duet().across[0, 1]
-    assert across.frames > 40
-    assert across.result < 2 * across.source < across.rotation_copy
+    gap, copy = duet().gaps[0, 1], duet().copy_gaps[0, 1]
+    assert gap.frames == copy.frames > 40
+    assert gap.b < 2 * gap.a < copy.b
 
 
 def test_one_sweep_is_enough_where_arms_can_reach_and_the_rest_is_told():
     assert duet().sweeps == 1
-    assert 0 < duet().off < 0.02
+    assert 0 < duet().gap_error < 0.02
 
 
 def test_both_stand_on_the_floor():
@@ -108,7 +108,7 @@ def test_performers_who_never_meet_move_as_alone_in_that_world():
     one, other = leaning(), moved(leaning(), Rotation.identity(), shift=(1000.0, 0.0, 0.0))
     scene = retarget_scene([one, other], [bodies()[0]] * 2)
     assert scene.sweeps == 1
-    assert scene.across[0, 1].frames == 0
+    assert scene.gaps[0, 1] is None
     expected = retarget(one, bodies()[0]).motion.positions
     np.testing.assert_allclose(scene.results[0].motion.positions, expected, atol=1e-6 * size())
 
@@ -134,10 +134,10 @@ def test_the_world_is_no_larger_than_the_shortest_legs_can_follow():
     giant = load_target(SAMPLES / "giant.json").for_source(walk.rigid_skeleton).skeleton
     sources = [walk, moved(walk, Rotation.identity(), shift=(500.0, 0.0, 0.0))]
     done = retarget_scene(sources, [child, giant])
-    small = done.strides[0]
-    assert done.world_scale == pytest.approx(0.6 * small.longest)
-    assert small.factor == pytest.approx(small.longest)
-    assert retarget_scene(sources, [child, giant], world_scale=1.25).strides[0].factor > small.longest
+    assert done.results[0].root_scale == pytest.approx(0.6)
+    assert done.world_scale == pytest.approx(0.6 * done.longest_strides[0])
+    larger = retarget_scene(sources, [child, giant], world_scale=1.25)
+    assert larger.world_scale / larger.results[0].root_scale > larger.longest_strides[0]
 
 
 @pytest.fixture
@@ -158,6 +158,18 @@ def test_the_command_writes_a_file_for_each_performer(folder):
     again = run("scene", "lead.bvh", "follow.bvh", "--cut", "-t", SAMPLES / "child.json", "-o", "duet")
     assert again.returncode == 1
     assert "exists" in again.stderr
+
+
+@pytest.mark.parametrize("options", [[], ["--resample"]], ids=["cut", "cut and resampled"])
+def test_clips_of_one_frame_are_cut_too(folder, options):
+    one, other = pair()
+    write_bvh(folder / "pose.bvh", one[:1])
+    write_bvh(folder / "other.bvh", other[:1])
+    for second in ("other", "follow"):
+        output = folder / f"out_{second}"
+        done = run("scene", "pose.bvh", f"{second}.bvh", "--cut", *options, "-t", SAMPLES / "child.json", "-o", output)
+        assert done.returncode == 0, done.stderr
+        assert [len(read_bvh(output / f"{name}.bvh")) for name in ("pose", second)] == [1, 1]
 
 
 @pytest.mark.usefixtures("folder")

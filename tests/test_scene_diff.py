@@ -92,11 +92,11 @@ def scaled(motion, scale):
 def test_the_gaps_of_a_result_are_those_that_the_scene_tells():
     setup = load_scene(SAMPLES / "scenes" / "handshake" / "scene.json")
     scene = setup.retargeted()
-    across, found = scene.across[0, 1], diff_scenes([run_diff(one) for one in scene.results])
+    gap, found = scene.gaps[0, 1], diff_scenes([run_diff(one) for one in scene.results])
     assert found.world_scale == pytest.approx(scene.world_scale)
     a, b, error = found.mean_gaps
-    assert error == pytest.approx(scene.off, rel=0.02)
-    assert (a, b) == pytest.approx((across.source / across.leg, across.result / across.leg))
+    assert error == pytest.approx(scene.gap_error, rel=0.02)
+    assert (a, b) == pytest.approx((gap.a, gap.b))
 
 
 def test_hands_leave_a_table_that_was_lowered():

@@ -9,7 +9,7 @@ from bodies import SAMPLES
 from program import run
 
 from distretarget import SkeletonFileError, read_bvh
-from distretarget.scene.prop import Grip
+from distretarget.scene.props import Grip
 from distretarget.scene.scene_file import load_scene
 
 SCENES = sorted((SAMPLES / "scenes").glob("*/scene.json"))
@@ -60,11 +60,11 @@ def test_everything_that_a_scene_may_say(tmp_path):
     setup = load_scene(written(tmp_path, document))
     assert setup.names == ["lead", "follower", "staff", "sword"]
     staff, sword = setup.props
-    assert staff.origin == tmp_path / "staff.bvh"
+    assert staff.file == tmp_path / "staff.bvh"
     assert staff.scale == 1.0
     assert isinstance(staff.scale, float)
     assert staff.held_by == (Grip(1, "LeftWrist"),)
-    assert sword.origin == Grip(0, "Sword")
+    assert sword.part_of == Grip(0, "Sword")
     assert sword.scale == 0
     assert (setup.world_scale, setup.supports, setup.environment, setup.cut, setup.resample) == (
         0.9,
@@ -128,8 +128,7 @@ def test_a_prop_in_a_performers_file_is_held_by_the_joint_above_it(tmp_path):
         "performers": [{"source": str(source), "target": str(SAMPLES / "child.json")}],
         "props": [{"name": "hand", "part_of": {"performer": "performer", "joint": "RightWrist"}}],
     }
-    setup = load_scene(written(tmp_path, document))
-    prop = setup.props[0].made({}, [read_bvh(source)])
+    _, (prop,) = load_scene(written(tmp_path, document)).read()
     assert prop.held_by == (Grip(0, "RightElbow"),)
     assert prop.motion.skeleton.names[0] == "RightWrist"
 
@@ -149,6 +148,7 @@ def test_the_command_refuses_in_one_line(tmp_path):
     for arguments, status, words in (
         ([walk], 2, "Missing option"),
         ([staff, "--cut"], 2, "--cut belongs in the scene file"),
+        ([staff, "--supports", "feet"], 2, "--supports belongs in the scene file"),
         ([tmp_path / "empty"], 1, "has no scene.json"),
         ([written(tmp_path, bad)], 1, "start before that"),
     ):

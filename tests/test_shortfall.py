@@ -3,7 +3,7 @@
 import numpy as np
 
 from distretarget.ik.springs import Springs
-from distretarget.scene.touch import MOST, with_shortfall
+from distretarget.scene.sweeps import MOST_SHORTFALL, with_shortfall
 
 REGIONS = np.array([0, 1, 1, 2])
 PLACES = np.array([[0.0, 1.0, 0.0], [1.0, 1.0, 0.0], [2.0, 1.0, 0.0]])
@@ -42,7 +42,7 @@ def test_stiff_joints_decide():
 def test_what_is_out_of_reach_is_not_torn_at():
     far = np.array([[0.0, 0.0, -3.0]] * 3)
     further = with_shortfall(springs(), springs(), reached(far), REGIONS)
-    np.testing.assert_allclose(further.rest[0] - PLACES, [[0.0, 0.0, MOST]] * 3)
+    np.testing.assert_allclose(further.rest[0] - PLACES, [[0.0, 0.0, MOST_SHORTFALL]] * 3)
 
 
 def test_where_nothing_draws_nothing_changes():

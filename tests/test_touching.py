@@ -5,7 +5,7 @@ import pytest
 
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.objectives.settings import ContactSettings
-from distretarget.scene.touch import Points, find_touching, gap_errors
+from distretarget.scene.performer_contacts import ContactPoints, find_performer_contacts
 
 FRAMES = 5
 UP = np.array([0.0, 1.0, 0.0])
@@ -15,14 +15,13 @@ BETWEEN = np.array([2.0, 1.0, 2.0])  # from the joint of the second performer to
 def points(place, target_reach):
     """A performer's only joint, with a path of 60 from the pelvis in the source."""
     source = np.broadcast_to(place, (FRAMES, 1, 3))
-    return Points(
-        np.array([0]), np.array(source), np.array([60.0]), np.array([target_reach]), np.zeros(FRAMES, np.intp)
-    )
+    reaches = np.array([60.0]), np.array([target_reach])
+    return ContactPoints(np.array([0]), np.array([0]), np.array(source), *reaches, np.zeros(FRAMES, np.intp))
 
 
 def found(scale, *reaches):
     one, other = points(BETWEEN, reaches[0]), points(np.zeros(3), reaches[1])
-    return find_touching(one, other, scale, UP, 0.02, ContactSettings())
+    return find_performer_contacts(one, other, scale, UP, 0.02, ContactSettings())
 
 
 @pytest.mark.parametrize("reaches", [(90.0, 90.0), (60.0, 120.0)])
@@ -40,7 +39,9 @@ def test_gaps_do_not_grow_with_legs_alone(reaches):
 
 
 def test_a_gap_is_off_by_what_its_length_is():
-    touching = found(RootScale.even(1.0), 60.0, 60.0)
+    contacts = found(RootScale.even(1.0), 60.0, 60.0)
     one = np.full((FRAMES, 1, 3), 4.0)
-    assert gap_errors(touching, one, one - 2.0 * BETWEEN) == pytest.approx(3.0)
-    assert gap_errors(touching, one, one + BETWEEN) == pytest.approx(0.0)
+    for other, gap in ((one - 2.0 * BETWEEN, 6.0), (one + BETWEEN, 3.0)):
+        gaps, wanted = contacts.gaps(one, other)
+        np.testing.assert_allclose(gaps, gap)
+        np.testing.assert_allclose(wanted, 3.0)

@@ -21,7 +21,7 @@ from sample_supported import SUPPORTED
 
 from distretarget.io.bvh_writer import write_bvh
 from distretarget.io.skeleton_json import FORMAT, VERSION, skeleton_to_json
-from distretarget.scene.scene_file import FORMAT as SCENE_FORMAT
+from distretarget.scene.scene_file import HEADER as SCENE_HEADER
 from distretarget.skeleton import Skeleton
 
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"
@@ -78,7 +78,7 @@ def write_scene(folder: Path, scene: SampleScene) -> None:
         held_by = [{"performer": names[grip.performer], "joint": grip.joint} for grip in prop.held_by]
         props.append({"name": prop.name, "file": file} | ({"held_by": held_by} if held_by else {}))
     performers = [{"source": f"{name}.bvh", "target": "../../child.json"} for name in names]
-    document = {"format": SCENE_FORMAT, "version": VERSION, "performers": performers}
+    document = {**SCENE_HEADER, "performers": performers}
     text = json.dumps(document | ({"props": props} if props else {}), indent=2)
     (folder / "scene.json").write_text(f"{text}\n", encoding="utf-8", newline="\n")
 

@@ -13,7 +13,7 @@ from sample_tracks import FPS, Track
 from scipy.spatial.transform import Rotation
 
 from distretarget.motion import Motion
-from distretarget.scene.prop import Prop
+from distretarget.scene.props import Prop
 
 NEAREST = ""
 

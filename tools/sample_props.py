@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.io.obj import parse_obj
 from distretarget.motion import Motion
-from distretarget.scene.prop import Grip, Prop
+from distretarget.scene.props import Grip, Prop
 from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
 
 GRIP = 24.0  # from the middle of the staff to either hand [cm]

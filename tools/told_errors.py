@@ -42,7 +42,7 @@ CURES = {
     ),
     "no performer …; …": NAMES,
     "Missing option '-t' / '--target', or name one SCENE.json.": "add `-t TARGET`, or put all of it into a scene file",
-    "--… belongs in the scene file.": "write it into the scene file, which has a key for it",
+    "… belongs in the scene file.": "write it into the scene file, which has a key for it",
     "has no BVH file and no … in it": "name a folder with a file for each performer, or a scene file",
     "has no … in it or below": "name a scene file, or a folder with one in it",
     # skeleton files and maps

@@ -8,11 +8,10 @@ from pathlib import Path
 
 import click
 
-from distretarget.cli.diff_scenes import Request, measure_scenes
+from distretarget.cli.diff_scenes import is_scene, measure_scenes
 from distretarget.cli.figure_lines import number, over
 from distretarget.cli.outputs import LISTED, OVERWRITE_OPTION, about, check_outputs, quiet, say
 from distretarget.cli.parameters import of_figure, positive
-from distretarget.cli.scene_input import is_scene
 from distretarget.cli.streams import FileOrStandard, read_input, write_output
 from distretarget.errors import DistretargetError, MatchingError, quoted
 from distretarget.io.bvh import parse_bvh
@@ -102,7 +101,7 @@ def diff_command(
     distretarget diff scene.json duet -o duet.html --fail-over gap_error=2
     """  # noqa: D301
     if is_scene(a) or is_scene(b):
-        measure_scenes(Request(a, b, output, json_path, csv_path, map_path, limits, world_scale, overwrite))
+        measure_scenes(a, b, output, json_path, csv_path, map_path, limits, world_scale, overwrite)
         return
     _check_clips(limits, world_scale)
     check_outputs([output, json_path, csv_path], [a, b, map_path], overwrite)

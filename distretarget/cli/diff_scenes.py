@@ -2,123 +2,161 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import click
 
-from distretarget.cli.figure_lines import number, over
+from distretarget.body.body import Body
+from distretarget.cli.figure_lines import over
 from distretarget.cli.outputs import LISTED, about, check_outputs, say
-from distretarget.cli.scene_input import SceneInput, is_scene, props_of, read_scene
 from distretarget.cli.streams import write_output
 from distretarget.errors import DistretargetError, FileError, MatchingError, quoted
-from distretarget.io.map_json import MapFile, joint_map, load_map
+from distretarget.io.bvh import read_bvh
+from distretarget.io.files import is_folder, reason_of
+from distretarget.io.map_json import joint_map, load_map
 from distretarget.measure.diff import Diff, diff
-from distretarget.measure.figures import FIGURES
-from distretarget.measure.scene_gaps import SceneDiff, diff_scenes
+from distretarget.measure.scene_gaps import diff_scenes
+from distretarget.motion import Motion
 from distretarget.pipeline.conversion import needs_map
 from distretarget.report.document import document, json_text
-from distretarget.report.document_types import DiffDocument
-from distretarget.report.scene_diff import GAP_ERROR, SceneDiffDocument, part, scene_csv, scene_document
-from distretarget.report.scene_diff_page import scene_diff_page
+from distretarget.report.scene_diff import GAP_ERROR, SceneDiffDocument, scene_csv, scene_document
+from distretarget.report.scene_diff_page import figure_table, gap_table, scene_diff_page
+from distretarget.report.together import Table
+from distretarget.scene.scene_file import SCENE_NAME, SceneSetup, load_scene
 from distretarget.target import Target
 
-MOST = 10  # parts that touch which are printed
+MOST = 10  # gaps that are printed
 
 
 @dataclass(frozen=True)
-class Request:
-    """What the command line asks for: scenes A and B, the files to write, and the options of `distretarget diff`."""
+class SceneInput:
+    """The performers and props of a scene, by name.
 
-    a: Path
-    b: Path
-    output: Path | None
-    json_path: Path | None
-    csv_path: Path | None
-    map_path: Path | None
-    limits: tuple[tuple[str, float], ...]
-    world_scale: float | None
-    overwrite: bool
+    Attributes:
+        path: of its file or folder.
+        motions: how each moves.
+        files: where each was read.
+        setup: what the scene file says; None for a folder without one.
+    """
+
+    path: Path
+    motions: Mapping[str, Motion]
+    files: Mapping[str, Path]
+    setup: SceneSetup | None = None
 
 
-def measure_scenes(request: Request) -> None:
+def is_scene(path: Path) -> bool:
+    """Return whether a path leads to a scene: a folder, or a file named *.json."""
+    return is_folder(path) or path.suffix.lower() == ".json"
+
+
+def read_scene(path: Path) -> SceneInput:
+    """Read the scene in a file, or in a folder: its scene.json, or else all BVH files in it.
+
+    Raises:
+        DistretargetError: a file cannot be read, or the folder has no BVH file.
+    """
+    file = path / SCENE_NAME if is_folder(path) else path
+    if file == path or file.is_file():
+        setup = load_scene(file)
+        sources, props = setup.read()
+        motions = [*sources, *(prop.motion for prop in props)]
+        files = {clip.name: clip.file for clip in setup.clips}
+        return SceneInput(path, dict(zip(files, motions, strict=True)), files, setup)
+    try:
+        found = sorted(each for each in path.iterdir() if each.suffix.lower() == ".bvh" and each.name[0] != ".")
+    except OSError as error:
+        raise FileError(path, reason_of(error)) from error
+    if not found:
+        raise FileError(path, f"has no BVH file and no {SCENE_NAME} in it")
+    files = {each.stem: each for each in found}
+    return SceneInput(path, {name: read_bvh(file) for name, file in files.items()}, files)
+
+
+def measure_scenes(
+    a_path: Path,
+    b_path: Path,
+    output: Path | None,
+    json_path: Path | None,
+    csv_path: Path | None,
+    map_path: Path | None,
+    limits: Sequence[tuple[str, float]],
+    world_scale: float | None,
+    overwrite: bool,
+) -> None:
     """Measure scene B against scene A, write what is asked for, and print the figures."""
-    for path, other in ((request.a, request.b), (request.b, request.a)):
+    for path, other in ((a_path, b_path), (b_path, a_path)):
         if not is_scene(path):
             raise FileError(path, f"is not a scene, but {str(other)!r} is; name two scenes or two BVH files")
-    a, b = read_scene(request.a), read_scene(request.b)
-    inputs = [*a.files.values(), *b.files.values(), request.a, request.b, request.map_path]
-    check_outputs([request.output, request.json_path, request.csv_path], inputs, request.overwrite)
-    _check_names(a, b)
-    result, figures = _compared(a, b, request)
-    _write(request, result, figures)
-    for line in _account(figures):
-        say(line)
-    if faults := list(_over(figures)):
-        raise click.ClickException(f"{request.b}: {'; '.join(faults)}")
-
-
-def _compared(a: SceneInput, b: SceneInput, request: Request) -> tuple[SceneDiff, SceneDiffDocument]:
-    """The diff of two scenes, and its document."""
-    known = props_of(a, b)
-    props = [name for name in a.motions if name in known]
-    performers = [name for name in a.motions if name not in known]
-    results = b.props is None  # a folder of results of a scene file, perhaps, and not another scene
-    maps, given = a.maps if results and not request.map_path else {}, load_map(request.map_path)
-    measured = _measured(a, b, [(name, maps.get(name, given)) for name in performers])
-    told_scale = a.world_scale if results else None
+    a, b = read_scene(a_path), read_scene(b_path)
+    inputs = [*a.files.values(), *b.files.values(), a_path, b_path, map_path]
+    check_outputs([output, json_path, csv_path], inputs, overwrite)
+    for scene, less in ((a, b), (b, a)):
+        if missing := [name for name in scene.motions if name not in less.motions]:
+            names = quoted(missing, LISTED)
+            raise FileError(less.path, f"lacks {names}, in {str(scene.path)!r}; names have to be the same")
+    props = _props(a, b)
+    setup = a.setup if b.setup is None else None  # B may be a folder of results of A's scene file
+    performers = _measured(a, b, [name for name in a.motions if name not in props], setup, map_path)
     try:
         pairs = [(a.motions[name], b.motions[name]) for name in props]
-        result = diff_scenes(measured, pairs, world_scale=request.world_scale or told_scale)
+        scale = world_scale or (setup.world_scale if setup else None)
+        result = diff_scenes([*performers.values()], pairs, world_scale=scale)
     except DistretargetError as error:
-        raise error.in_file(request.b) from None
-    told = about(request.a, request.b)
-    of_scene = tuple(limit for limit in request.limits if limit[0] == GAP_ERROR)
-    of_each = tuple(limit for limit in request.limits if limit[0] != GAP_ERROR)
+        raise error.in_file(b_path) from None
+    run = about(a_path, b_path)
+    of_scene, of_each = (tuple(limit for limit in limits if (limit[0] == GAP_ERROR) is own) for own in (True, False))
     documents = {
-        name: document(one, replace(told, a=a.files[name].name, b=b.files[name].name, limits=of_each))
-        for name, one in zip(performers, measured, strict=True)
+        name: document(one, replace(run, a=a.files[name].name, b=b.files[name].name, limits=of_each))
+        for name, one in performers.items()
     }
-    return result, scene_document(result, documents, props, replace(told, limits=of_scene))
+    figures = scene_document(result, documents, props, replace(run, limits=of_scene))
+    if output:
+        write_output(output, scene_diff_page(result, figures), overwrite)
+    if json_path:
+        write_output(json_path, json_text(figures), overwrite)
+    if csv_path:
+        write_output(csv_path, scene_csv(figures), overwrite)
+    for line in _account(figures):
+        say(line)
+    faults = [f"{name}'s {fault}" for name, one in documents.items() for fault in over(one["limits"])]
+    if faults := [*over(figures["limits"]), *faults]:
+        raise click.ClickException(f"{b_path}: {'; '.join(faults)}")
 
 
-def _check_names(a: SceneInput, b: SceneInput) -> None:
-    """Check that both scenes have the same performers and props."""
-    for one, other in ((a, b), (b, a)):
-        if missing := [name for name in one.motions if name not in other.motions]:
-            raise FileError(
-                other.path, f"lacks {quoted(missing, LISTED)}, in {str(one.path)!r}; names have to be the same"
-            )
+def _props(a: SceneInput, b: SceneInput) -> list[str]:
+    """The names of the props: those in a scene file; without one, clips of A without legs where others have legs."""
+    if setup := a.setup or b.setup:
+        names = {prop.name for prop in setup.props}
+        return [name for name in a.motions if name in names]
+    without_legs = [name for name, motion in a.motions.items() if Body.of_motion(motion).legs is None]
+    return without_legs if len(without_legs) < len(a.motions) else []
 
 
-def _measured(a: SceneInput, b: SceneInput, performers: Sequence[tuple[str, MapFile]]) -> list[Diff]:
-    """Each performer of B, given by name and map, measured against that of A, all with the axes that point up for the
-    first.
+def _measured(
+    a: SceneInput, b: SceneInput, names: Sequence[str], setup: SceneSetup | None, map_path: Path | None
+) -> dict[str, Diff]:
+    """Each performer of B measured against that of A, by name, all with the axes that point up for the first.
+
+    Maps are those of the scene file whose results B has, unless one is given for all.
     """
-    measured: list[Diff] = []
-    for name, map_file in performers:
+    paths = {each.name: each.map_path for each in setup.performers} if setup and not map_path else {}
+    measured: dict[str, Diff] = {}
+    ups: dict[str, str] = {}
+    for name in names:
         first, second = a.motions[name], b.motions[name]
         goal = Target(second.rigid_skeleton, {}, "")
-        pairs = joint_map(first.rigid_skeleton, goal, b.files[name], map_file)
-        ups = {"a_up": measured[0].world.source_up, "b_up": measured[0].world.up} if measured else {}
+        pairs = joint_map(first.rigid_skeleton, goal, b.files[name], load_map(paths.get(name, map_path)))
         try:
-            measured.append(diff(first, second, pairs, **ups))
+            measured[name] = diff(first, second, pairs, **ups)
         except MatchingError as error:
             raise needs_map(error, a.files[name], b.files[name]) from error
         except DistretargetError as error:
             raise error.in_file(b.files[name]) from None
+        ups = {"a_up": measured[name].world.source_up, "b_up": measured[name].world.up}
     return measured
-
-
-def _write(request: Request, result: SceneDiff, figures: SceneDiffDocument) -> None:
-    """Write the files that are asked for."""
-    if request.output:
-        write_output(request.output, scene_diff_page(result, figures), request.overwrite)
-    if request.json_path:
-        write_output(request.json_path, json_text(figures), request.overwrite)
-    if request.csv_path:
-        write_output(request.csv_path, scene_csv(figures), request.overwrite)
 
 
 def _account(figures: SceneDiffDocument) -> Iterator[str]:
@@ -133,46 +171,23 @@ def _account(figures: SceneDiffDocument) -> Iterator[str]:
     for name, one in performers.items():
         for note in one["notes"]:
             yield f"{name}: {note}"
-    yield from ("", *_table(performers), "")
-    yield from _gaps(figures)
-
-
-def _table(performers: dict[str, DiffDocument]) -> Iterator[str]:
-    """A line per figure, of the figures of all performers in A, where it has one, and in B."""
-    columns = [["figure", *(figure.label for figure in FIGURES)]]
-    for name, one in performers.items():
-        of_a, of_b = one["figures"]["source"], one["figures"]["result"]
-        columns.append([f"{name} A", *(number(of_a[figure.key]) if figure.of_source else "" for figure in FIGURES)])
-        columns.append([f"{name} B", *(number(of_b[figure.key]) for figure in FIGURES)])
-    columns.append(["", *(f"[{figure.unit}]" if figure.unit else "" for figure in FIGURES)])
-    widths = [max(map(len, column)) for column in columns]
-    for label, *values, unit in zip(*columns, strict=True):
-        numbers = "  ".join(f"{value:>{width}}" for value, width in zip(values, widths[1:-1], strict=True))
-        yield f"{label:<{widths[0]}}  {numbers}  {unit}".rstrip()
-
-
-def _gaps(figures: SceneDiffDocument) -> Iterator[str]:
-    """The mean gap of all that touches, and a line for each of the parts that touch longest."""
-    gaps = figures["gaps"]
-    if not gaps:
+    yield from ("", *_table_lines(figure_table(figures)), "")
+    gaps = gap_table(figures)
+    if not gaps["rows"]:
         yield "nothing touches between them in A"
         return
     yield (
         f"what touches between them in A: {figures['gap_a']:.1f} % of a leg apart in A, {figures['gap_b']:.1f} in B, "
         f"off by {figures['gap_error']:.1f} on average; a unit of A's world is {figures['world_scale']:.3g} of B's"
     )
-    for each in gaps[:MOST]:
-        frames = "1 frame" if each["frames"] == 1 else f"{each['frames']} frames"
-        yield (
-            f"  {part(each['between'], each['regions'])}: {each['gap_a']:.1f}, {each['gap_b']:.1f} in {frames}; "
-            f"worst in frame {each['worst_frame']}"
-        )
-    if len(gaps) > MOST:
-        yield f"  and {len(gaps) - MOST} more"
+    yield from _table_lines(gaps, MOST)
+    if (more := len(gaps["rows"]) - MOST) > 0:
+        yield f"and {more} more"
 
 
-def _over(figures: SceneDiffDocument) -> Iterator[str]:
-    """The figures that are over their limits."""
-    yield from over(figures["limits"])
-    for name, one in figures["performers"].items():
-        yield from (f"{name}'s {fault}" for fault in over(one["limits"]))
+def _table_lines(table: Table, most: int | None = None) -> Iterator[str]:
+    """A line for the columns and each of the first rows of a table, its first column aligned left, the others right."""
+    rows = [table["columns"], *([str(cell) for cell in row] for row in table["rows"][:most])]
+    first, *widths = (max(map(len, column)) for column in zip(*rows, strict=True))
+    for label, *cells in rows:
+        yield "  ".join([f"{label:<{first}}", *map(str.rjust, cells, widths)]).rstrip()

@@ -7,7 +7,7 @@ import io
 from collections.abc import Mapping, Sequence
 from typing import Literal, TypedDict
 
-from distretarget.measure.scene_gaps import Gaps, SceneDiff
+from distretarget.measure.scene_gaps import Gap, SceneDiff
 from distretarget.report.document import DECIMALS, About
 from distretarget.report.document_types import DiffDocument, DiffLimit, Program
 
@@ -112,7 +112,7 @@ def part(between: Sequence[str], regions: Sequence[str]) -> str:
     return " - ".join(f"{name}'s {region}" if region else name for name, region in zip(between, regions, strict=True))
 
 
-def _gaps(gaps: Gaps, names: Sequence[str]) -> DiffGaps:
+def _gaps(gaps: Gap, names: Sequence[str]) -> DiffGaps:
     return {
         "between": [names[number] for number in gaps.between],
         "regions": list(gaps.regions),

@@ -22,7 +22,7 @@ def scene_diff_page(diff: SceneDiff, document: SceneDiffDocument) -> str:
         scale=diff.world_scale,
     )
     title = f"{document['b']} against {document['a']}"
-    return together_page(title, list(_bodies(diff, document)), stage, [_gaps(document), _figures(document)])
+    return together_page(title, list(_bodies(diff, document)), stage, [gap_table(document), figure_table(document)])
 
 
 def _bodies(diff: SceneDiff, document: SceneDiffDocument) -> Iterator[ShownBody]:
@@ -35,7 +35,8 @@ def _bodies(diff: SceneDiff, document: SceneDiffDocument) -> Iterator[ShownBody]
         yield ShownBody(name=name, left=a, right=b, joints=(joints, joints), prop=True)
 
 
-def _gaps(document: SceneDiffDocument) -> Table:
+def gap_table(document: SceneDiffDocument) -> Table:
+    """The gaps between regions that touch in A, those that touch longest first."""
     rows: list[list[str | int]] = [
         [
             part(gaps["between"], gaps["regions"]),
@@ -52,7 +53,7 @@ def _gaps(document: SceneDiffDocument) -> Table:
     }
 
 
-def _figures(document: SceneDiffDocument) -> Table:
+def figure_table(document: SceneDiffDocument) -> Table:
     """The figures of all performers: of B, and of A where it has one."""
     columns, rows = (
         ["figure"],

@@ -40,7 +40,7 @@ def _bodies(result: SceneResult, names: Sequence[str]) -> Iterator[ShownBody]:
 
 def _gaps(result: SceneResult, names: Sequence[str]) -> Iterator[list[str | int]]:
     """The rows of the table of gaps."""
-    for (i, j), across in result.across.items():
-        means = (across.source, across.rotation_copy, across.result)
-        numbers = [f"{100 * gap / across.leg:.1f}" if across.frames else NO_GAP for gap in means]
-        yield [f"{names[i]} and {names[j]}", str(across.frames), *numbers]
+    for (i, j), gap in result.gaps.items():
+        copy = result.copy_gaps[i, j]
+        numbers = [f"{100 * mean:.1f}" for mean in (gap.a, copy.b, gap.b)] if gap and copy else [NO_GAP] * 3
+        yield [f"{names[i]} and {names[j]}", str(gap.frames if gap else 0), *numbers]

@@ -1,92 +1,64 @@
-"""Several performers, and props, in one world: each on another body, and what touches goes on touching."""
+"""Retarget several performers and props who share a world: each performer to another body, keeping their contacts."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from itertools import combinations, product
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import repeat
+from types import NoneType
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.rotation_copy import RootScale, find_root_scale, followed_scale, longest_strides
-from distretarget.baseline.world import turned
-from distretarget.checks import check_kind, check_number
+from distretarget.checks import check_callable, check_kind, check_number
 from distretarget.errors import MotionError, SettingsError
 from distretarget.ik.poses import Mapper
-from distretarget.measure.scene_gaps import Across, ScenePart, body_part, measure_across
+from distretarget.measure.scene_gaps import Gap, ScenePart, body_part, measure_gaps, prop_in_world
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import in_threads
+from distretarget.numerics.vectors import extent
 from distretarget.objectives.resting_joints import Environment
 from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
 from distretarget.pipeline.options import HoldMode, Options
 from distretarget.pipeline.performer import Match, match_performer
 from distretarget.pipeline.result import RetargetResult
-from distretarget.scene.prop import Prop
-from distretarget.scene.prop_contacts import Placement, free_placement
-from distretarget.scene.sweeps import PlacedProp, Together, brought_together, solve_together
+from distretarget.scene.props import PlacedProp, Prop, PropResult, free_placement
+from distretarget.scene.sweeps import SceneContacts, find_contacts, solve_in_sweeps
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
 from distretarget.synchronise import same_time
 from distretarget.target import SkeletonEdit, Target
 
-Array = NDArray[np.float64]
+Gaps = dict[tuple[int, int], Gap | None]
 
-SAME_UNITS = 5.0  # root scales that differ by more than this are those of files in different units
-
-
-@dataclass(frozen=True, eq=False)
-class PropResult:
-    """A prop among the retargeted performers.
-
-    Attributes:
-        name: what it is called.
-        motion: where it is, in its own size.
-        source: where it was in the source, in the target's axes.
-        scale: target units per source unit of its size.
-    """
-
-    name: str
-    motion: Motion
-    source: Motion
-    scale: float
-
-
-@dataclass(frozen=True)
-class Strides:
-    """How long the strides of a performer are, against what its legs alone would make of the source's.
-
-    Attributes:
-        factor: in the scene's world.
-        longest: that its legs can reach.
-    """
-
-    factor: float
-    longest: float
+SAME_UNITS = 5.0  # root scales that differ by more than this factor are those of files in different units
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SceneResult:
     """Retargeted performers in one world.
 
+    Pairs are two performers, or a performer and a prop, by their numbers; performers are counted before props.
+
     Attributes:
         results: one for each performer, in their order.
         props: one for each prop, in their order.
         world_scale: target units per source unit along the floor.
-        strides: of each performer, in this world.
-        across: for each two of them, performers counted before props, how well they keep touching; props among each
-            other are left out.
+        longest_strides: of each performer, how many times longer than its own `root_scale` makes them its strides
+            may be before its legs are too short.
+        gaps: the gap between each pair in source (A) and result (B); None where nothing touches.
+        copy_gaps: the same in source and rotation copy.
         sweeps: how many times all performers were solved.
-        off: how far the gaps between what touches are off after the last sweep, on average [leg lengths].
+        gap_error: the mean difference between gaps and what they should be, after the last sweep [leg lengths].
     """
 
     results: tuple[RetargetResult, ...]
     props: tuple[PropResult, ...]
     world_scale: float
-    strides: tuple[Strides, ...]
-    across: dict[tuple[int, int], Across]
+    longest_strides: tuple[float, ...]
+    gaps: Gaps
+    copy_gaps: Gaps
     sweeps: int
-    off: float
+    gap_error: float
 
 
 def retarget_scene(
@@ -102,20 +74,20 @@ def retarget_scene(
     mapper: Mapper = in_threads,
     progress: Callable[[int], object] = lambda _sweep: None,
 ) -> SceneResult:
-    """Retarget several performers who share a world, and keep together what touches between them.
+    """Retarget several performers who share a world, and keep the contacts between them.
 
     The world has one scale along the floor, so that they meet; each performer has its own upwards, so that each stands
     on the floor. Joints of two performers that come near each other are drawn to each other, joints that come near a
-    prop to their place on it. Each performer is solved by itself, all of them once more if what touches is not in its
-    place; their order does not matter.
+    prop to their places on it. Each performer is solved by itself, and all of them once more if the gaps are off; their
+    order does not matter.
 
     Args:
         sources: the performers' motions, in one world, frame by frame.
         targets: a body for each; for its kinds see `retarget`.
-        props: what else is in their world, such as chairs, tables and props.
+        props: what else is in their world, such as chairs, tables and swords.
         joint_maps: for each performer as in `retarget`.
         world_scale: target units per source unit along the floor; if not given, the mean of the performers' ratios of
-            leg lengths, or as much less as the legs of all can follow.
+            leg lengths, or less if the legs of one would be too short.
         supports: as in `retarget`.
         environment: as in `retarget`.
         settings: as in `retarget`.
@@ -125,165 +97,115 @@ def retarget_scene(
     Raises:
         SettingsError: there is not a target or map for each source, the world's scale is not above 0, or a prop has
             the scale of no performer or is held by none.
-        MotionError: the sources differ in frames or frame times, or targets are in different units.
+        MotionError: the sources differ in frames or frame times, targets are in different units, or a prop becomes too
+            large to compute with.
         MatchingError: a source and its target cannot be matched.
         SkeletonError: a prop is held by a joint that its performer does not have.
     """
-    _check_kinds(
-        sources=(sources, (Motion,)),
-        targets=(targets, (Motion, Skeleton, Target, SkeletonEdit)),
-        props=(props, (Prop,)),
-    )
+    _check_each("sources", sources, Motion)
+    _check_each("targets", targets, Motion, Skeleton, Target, SkeletonEdit)
+    _check_each("props", props, Prop)
     maps = [None] * len(sources) if joint_maps is None else joint_maps
-    _check_arguments(sources, targets, maps, world_scale)
-    options = Options(supports=supports, environment=environment)
-    check_kind("settings", settings, ContactSettings)
-    _check_times(sources, props)
-    performers = _matched(sources, targets, maps)
-    heights = [find_root_scale(performer.matching) for performer in performers]
-    _check_units(heights)
-    longest = [longest_strides(performer.matching) for performer in performers]
-    level = world_scale or followed_scale(heights, longest)
-    prepared = [
-        performer.performer(RootScale(level, height), options).with_supports(options, settings)
-        for performer, height in zip(performers, heights, strict=True)
-    ]
-    motions = [_in_target_axes(prop.motion, performers[0], len(sources[0])) for prop in props]
-    placed = [_placed(prop, motion, performers, level, heights) for prop, motion in zip(props, motions, strict=True)]
-    together = brought_together(prepared, placed)
-    solved = solve_together(together, mapper, progress)
-    results = tuple(one.result(pose) for one, pose in zip(together.performers, solved.poses, strict=True))
-    moved = tuple(
-        PropResult(prop.name, _moved(motion, place), motion, place.scale)
-        for prop, motion, place in zip(props, motions, solved.placements, strict=True)
-    )
-    return SceneResult(
-        results=results,
-        props=moved,
-        world_scale=level,
-        strides=tuple(Strides(level / height, most) for height, most in zip(heights, longest, strict=True)),
-        across=_across(together, results, solved.placements, level),
-        sweeps=solved.sweeps,
-        off=solved.off,
-    )
-
-
-def _check_kinds(**sequences: tuple[Sequence[object], tuple[type, ...]]) -> None:
-    """Check that each argument is a sequence, and that all in it are of its kinds."""
-    for name, (values, kinds) in sequences.items():
-        check_kind(name, values, Sequence)
-        for number, value in enumerate(values):
-            check_kind(f"{name}[{number}]", value, *kinds)
-
-
-def _check_arguments(
-    sources: Sequence[Motion],
-    targets: Sequence[Motion | Skeleton | Target | SkeletonEdit],
-    maps: Sequence[JointMap | None],
-    world_scale: float | None,
-) -> None:
+    _check_each("joint_maps", maps, Mapping, NoneType)
     if not sources or len(sources) != len(targets) or len(maps) != len(sources):
         raise SettingsError(
             f"{len(sources)} sources, {len(targets)} targets and {len(maps)} maps; expected one for each source"
         )
     if world_scale is not None:
         check_number("world_scale", world_scale, SMALLEST, LARGEST)
-
-
-def _matched(
-    sources: Sequence[Motion],
-    targets: Sequence[Motion | Skeleton | Target | SkeletonEdit],
-    maps: Sequence[JointMap | None],
-) -> list[Match]:
-    """The performers, all in the axes of the first."""
+    check_kind("settings", settings, ContactSettings)
+    check_callable("mapper", mapper)
+    check_callable("progress", progress)
+    options = Options(supports=supports, environment=environment)
+    _check_times(sources, props)
     first = match_performer(sources[0], targets[0], joint_map=maps[0])
-    up, target_up = first.world.source_up, first.world.up
-    others = [
-        match_performer(source, goal, Options(source_up=up, target_up=target_up), pairs)
-        for source, goal, pairs in zip(sources[1:], targets[1:], maps[1:], strict=True)
-    ]
-    return [first, *others]
-
-
-def _in_target_axes(motion: Motion, first: Match, frames: int) -> Motion:
-    """A prop's motion in the target's axes, with a frame for each of the scene's."""
-    motion = turned(motion, first.world.source_up, first.world.up)
-    time = first.matching.source_motion.frame_time_text
-    every = np.minimum(np.arange(frames), len(motion) - 1)
-    return replace(motion[every], frame_time_text=time)
-
-
-def _placed(
-    prop: Prop, motion: Motion, performers: Sequence[Match], level: float, heights: Sequence[float]
-) -> PlacedProp:
-    grips: dict[int, tuple[int, ...]] = {}
-    for grip in prop.held_by:
-        if not 0 <= grip.performer < len(performers):
-            raise SettingsError(f"{prop.name!r} is held by performer {grip.performer}; there are {len(performers)}")
-        matching = performers[grip.performer].matching
-        driven = np.flatnonzero(matching.drivers == matching.source.skeleton.index(grip.joint))
-        if not len(driven):
-            raise SettingsError(f"{prop.name!r} is held by {grip.joint!r}, which drives no joint of the target")
-        grips[grip.performer] = (*grips.get(grip.performer, ()), *driven[:1].tolist())
-    up, scale = performers[0].matching.source.up_vector, _scale_of(prop, level, heights)
-    return PlacedProp(motion.positions, free_placement(motion.positions, scale, level, up), grips)
-
-
-def _scale_of(prop: Prop, level: float, heights: Sequence[float]) -> float:
-    match prop.scale:
-        case float():
-            return prop.scale
-        case int():
-            if not 0 <= prop.scale < len(heights):
-                raise SettingsError(f"{prop.name!r} has the scale of performer {prop.scale}; there are {len(heights)}")
-            return heights[prop.scale]
-        case _:
-            return level
-
-
-def _moved(motion: Motion, placement: Placement) -> Motion:
-    """A prop's motion where its placement takes it."""
-    turn = Rotation.from_matrix(placement.turn)
-    translations, rotations = placement.scale * motion.translations, np.array(motion.rotations)
-    translations[:, 0] = placement(motion.positions[:, :1])[:, 0]
-    rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
-    skeleton = motion.skeleton.with_offsets(placement.scale * motion.skeleton.offsets)
-    return Motion.of_translations(skeleton, translations, rotations, motion.frame_time_text)
-
-
-def _across(
-    together: Together, results: Sequence[RetargetResult], placements: Sequence[Placement], level: float
-) -> dict[tuple[int, int], Across]:
-    """How well each two keep touching, performers before props."""
-    bodies = [body_part(each.matching, each.rotation_copy, each.motion) for each in results]
-    copies = [each.rotation_copy for each in results]
-    across = {(i, j): measure_across(bodies[i], bodies[j], level) for i, j in combinations(range(len(bodies)), 2)}
-    for i, (k, place) in product(range(len(bodies)), enumerate(placements)):
-        points = together.props[k].points
-        prop = ScenePart(points, together.placement(k, copies)(points), place(points), bodies[i].leg)
-        across[i, len(bodies) + k] = measure_across(bodies[i], prop, place.scale)
-    return across
-
-
-def _check_times(sources: Sequence[Motion], props: Sequence[Prop]) -> None:
-    frames, time = len(sources[0]), sources[0].frame_time
-    everything = [(f"performer {number + 1}", source) for number, source in enumerate(sources)]
-    everything += [(repr(prop.name), prop.motion) for prop in props if len(prop.motion) != 1]
-    for name, motion in everything:
-        if len(motion) != frames:
-            raise MotionError(
-                f"{name} has {len(motion)} frames and performer 1 has {frames}; cut them to the same frames"
-            )
-        if not same_time(time, motion.frame_time):
-            raise MotionError(
-                f"{name} has a frame time of {motion.frame_time:g} s and performer 1 of {time:g} s; "
-                "resample one of them"
-            )
-
-
-def _check_units(heights: Sequence[float]) -> None:
+    axes = Options(source_up=first.world.source_up, target_up=first.world.up)
+    performers = [first, *map(match_performer, sources[1:], targets[1:], repeat(axes), maps[1:])]
+    heights = [find_root_scale(performer.matching) for performer in performers]
     if max(heights) > SAME_UNITS * min(heights):
         raise MotionError(
             f"the targets' root scales go from {min(heights):.3g} to {max(heights):.3g}: their files seem to be in "
             "different units; scale one of the targets"
         )
+    longest = [longest_strides(performer.matching) for performer in performers]
+    level = world_scale or followed_scale(heights, longest)
+    placed = [_placed(prop, performers, level, heights) for prop in props]
+    prepared = [
+        performer.performer(RootScale(level, height), options).with_supports(options, settings)
+        for performer, height in zip(performers, heights, strict=True)
+    ]
+    contacts = find_contacts(prepared, placed)
+    poses, sweeps, gap_error = solve_in_sweeps(contacts, mapper, progress)
+    results = tuple(one.result(pose) for one, pose in zip(contacts.performers, poses, strict=True))
+    motions, copies = [one.motion for one in results], [one.rotation_copy for one in results]
+    return SceneResult(
+        results=results,
+        props=tuple(
+            PropResult(prop.name, place.moved(each.motion), each.motion, place.scale)
+            for prop, each, place in zip(props, placed, contacts.placements(motions), strict=True)
+        ),
+        world_scale=level,
+        longest_strides=tuple(longest),
+        gaps=_gaps(contacts, results, motions),
+        copy_gaps=_gaps(contacts, results, copies),
+        sweeps=sweeps,
+        gap_error=gap_error,
+    )
+
+
+def _placed(prop: Prop, performers: Sequence[Match], level: float, heights: Sequence[float]) -> PlacedProp:
+    """A prop in the target's axes, and the joints of targets that hold it."""
+    scale, matching = level, performers[0].matching
+    if isinstance(prop.scale, int):
+        if not 0 <= prop.scale < len(heights):
+            raise SettingsError(f"{prop.name!r} has the scale of performer {prop.scale}; there are {len(heights)}")
+        scale = heights[prop.scale]
+    elif isinstance(prop.scale, float):
+        scale = prop.scale
+    grips: dict[int, tuple[int, ...]] = {}
+    for grip in prop.held_by:
+        if not 0 <= grip.performer < len(performers):
+            raise SettingsError(f"{prop.name!r} is held by performer {grip.performer}; there are {len(performers)}")
+        holder = performers[grip.performer].matching
+        driven = np.flatnonzero(holder.drivers == holder.source.skeleton.index(grip.joint))
+        if not len(driven):
+            raise SettingsError(f"{prop.name!r} is held by {grip.joint!r}, which drives no joint of the target")
+        grips[grip.performer] = (*grips.get(grip.performer, ()), int(driven[0]))
+    source = matching.source_motion
+    motion = prop_in_world(prop.motion, performers[0].world, len(source), source.frame_time_text)
+    free = free_placement(motion.positions, scale, level, matching.source.up_vector)
+    if not max(extent(free(motion.positions)), scale * extent(motion.skeleton.offsets)) <= LARGEST:
+        raise MotionError(f"{prop.name!r} reaches beyond {LARGEST:g} with a scale of {scale:g}; choose a smaller scale")
+    return PlacedProp(motion, free, grips)
+
+
+def _gaps(contacts: SceneContacts, results: Sequence[RetargetResult], motions: Sequence[Motion]) -> Gaps:
+    """The gaps while the performers move like this, and props follow them."""
+    bodies = [
+        [body_part(one.matching, one.source.positions, motion.positions)]
+        for one, motion in zip(results, motions, strict=True)
+    ]
+    props = []
+    for prop, place in zip(contacts.props, contacts.placements(motions), strict=True):
+        points, keys = prop.motion.positions, prop.motion.skeleton.keys
+        props.append((ScenePart(a=points, b=place(points), keys=keys), place.scale))
+    return dict(measure_gaps(bodies, props, contacts.performers[0].clip.scale.level))
+
+
+def _check_each(name: str, values: Sequence[object], *kinds: type) -> None:
+    check_kind(name, values, Sequence)
+    for number, value in enumerate(values):
+        check_kind(f"{name}[{number}]", value, *kinds)
+
+
+def _check_times(sources: Sequence[Motion], props: Sequence[Prop]) -> None:
+    count, time = len(sources[0]), sources[0].frame_time
+    moving = [(repr(prop.name), prop.motion) for prop in props if len(prop.motion) != 1]
+    for name, motion in [*((f"performer {number}", each) for number, each in enumerate(sources, 1)), *moving]:
+        frames, own = len(motion), motion.frame_time
+        if frames != count:
+            raise MotionError(f"{name} has {frames} frames and performer 1 has {count}; cut them to the same frames")
+        if not same_time(time, own):
+            raise MotionError(
+                f"{name} has a frame time of {own:g} s and performer 1 of {time:g} s; resample one of them"
+            )

@@ -1,4 +1,4 @@
-"""Scene files: JSON that names the performers, their bodies, props and options; and the scene that they describe."""
+"""Scene files: JSON that names the performers, their targets, props and options; and the scenes that they describe."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import cast, get_args
+from typing import Any, get_args
 
 from distretarget.errors import DistretargetError, MotionError, closest
 from distretarget.io.bvh import parse_bvh, read_bvh
@@ -18,64 +18,56 @@ from distretarget.io.target_file import load_target
 from distretarget.motion import Motion
 from distretarget.objectives.resting_joints import Environment
 from distretarget.pipeline.options import HoldMode
-from distretarget.scene.prop import Grip, Prop, PropScale, prop_of
+from distretarget.scene.props import Grip, Prop, PropScale, prop_of
 from distretarget.scene.retargeting import SceneResult, retarget_scene
-from distretarget.synchronise import aligned
+from distretarget.synchronise import aligned, started
+
+SCENE_NAME = "scene.json"  # of scenes in a folder of scenes
+HEADER = {"format": "distretarget-scene", "version": 1}
+OPTIONS: dict[str, Callable[[Node], object]] = {
+    "world_scale": Node.positive,
+    "supports": lambda node: node.one_of(get_args(HoldMode)),
+    "environment": lambda node: node.one_of(get_args(Environment)),
+    "cut": Node.flag,
+    "resample": Node.flag,
+}
 
 
 @dataclass(frozen=True, kw_only=True)
-class PerformerFiles:
-    """A performer of a scene, by files.
+class SceneClip:
+    """The motion of a performer or a prop, by files.
 
     Attributes:
-        name: of the performer, and of its result.
-        source: path of its BVH file.
-        target: path of its target.
-        map_path: path of a map file, if any.
+        name: of the performer or prop, and of its result.
+        file: path of the BVH file, or of the OBJ file of a prop.
         start: how much of the clip is left out at its beginning [s].
     """
 
     name: str
-    source: Path
+    file: Path
+    start: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class PerformerFiles(SceneClip):
+    """A performer of a scene: also the path of its target, and that of a map file, if any."""
+
     target: Path
     map_path: Path | None = None
-    start: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class PropFiles:
-    """A prop of a scene, by files.
+class PropFiles(SceneClip):
+    """A prop of a scene; `scale` and `held_by` are as in `Prop`.
 
     Attributes:
-        name: of the prop, and of its result.
-        origin: the path of a BVH or OBJ file; or, for a prop in a performer's file, who has it and its joint there.
-        scale: as in `Prop`.
-        held_by: as in `Prop`.
-        start: how much of the clip is left out at its beginning [s].
+        part_of: the joint that the prop begins with if it is part of a performer's file, such as a sword. Such a prop
+            is held by the joint above unless `held_by` names others.
     """
 
-    name: str
-    origin: Path | Grip
+    part_of: Grip | None = None
     scale: PropScale = "world"
     held_by: tuple[Grip, ...] = ()
-    start: float = 0.0
-
-    @property
-    def file(self) -> Path | None:
-        """The file of its own, if it has one."""
-        return self.origin if isinstance(self.origin, Path) else None
-
-    def made(self, own: Mapping[str, Motion], sources: Sequence[Motion]) -> Prop:
-        """Return the prop, given the motions of props with a file of their own, by name, and those of the performers.
-
-        A prop is held by the joint that it hangs on, unless something else is said to hold it.
-        """
-        if isinstance(self.origin, Path):
-            return Prop(name=self.name, motion=own[self.name], scale=self.scale, held_by=self.held_by)
-        source, joint = sources[self.origin.performer], self.origin.joint
-        above = source.skeleton.line(source.skeleton.index(joint))[1:2]
-        held_by = self.held_by or tuple(Grip(self.origin.performer, source.skeleton.keys[each]) for each in above)
-        return Prop(name=self.name, motion=prop_of(source, joint), scale=self.scale, held_by=held_by)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,36 +90,38 @@ class SceneSetup:
     resample: bool = False
 
     @property
-    def inputs(self) -> list[Path]:
-        """All files that the scene is made of."""
-        paths = [path for each in self.performers for path in (each.source, each.target, each.map_path) if path]
-        return [*paths, *self._own_files()]
+    def clips(self) -> list[SceneClip]:
+        """Performers and props, in their order."""
+        return [*self.performers, *self.props]
 
     @property
     def names(self) -> list[str]:
         """The names of performers and props, in their order."""
-        return [each.name for each in self.performers] + [prop.name for prop in self.props]
+        return [clip.name for clip in self.clips]
 
     @property
-    def files(self) -> dict[str, Path]:
-        """The file in which the motion of each performer and prop is, by name."""
-        sources = [each.source for each in self.performers]
-        origins = [each.origin for each in self.props]
-        files = [origin if isinstance(origin, Path) else sources[origin.performer] for origin in origins]
-        return dict(zip(self.names, [*sources, *files], strict=True))
+    def inputs(self) -> list[Path]:
+        """All files that the scene is made of."""
+        others = [path for each in self.performers for path in (each.target, each.map_path) if path]
+        return [*(clip.file for clip in self.clips), *others]
 
     def read(self) -> tuple[list[Motion], list[Prop]]:
         """Read the motions of the performers, and the props.
 
+        Clips get the same frames as far as `cut` and `resample` ask for it; props of one frame stay as they are.
+
         Raises:
             DistretargetError: a file cannot be read, or ends before its start, or has no such prop.
         """
-        clips = self._clips()
-        sources = clips[: len(self.performers)]
-        own = dict(zip((prop.name for prop in self.props if prop.file), clips[len(sources) :], strict=True))
-        return sources, [self._made(prop, own, sources) for prop in self.props]
+        own = [prop for prop in self.props if prop.part_of is None]
+        motions: dict[SceneClip, Motion] = {clip: _read(clip) for clip in (*self.performers, *own)}
+        moving = [*self.performers, *(prop for prop in own if len(motions[prop]) != 1)]
+        clips = aligned([motions[clip] for clip in moving], cut=self.cut, resample=self.resample)
+        motions |= zip(moving, clips, strict=True)
+        sources = [motions[performer] for performer in self.performers]
+        return sources, [_made(prop, motions, sources) for prop in self.props]
 
-    def retargeted(self, progress: Callable[[int], object] = lambda _sweep: None) -> SceneResult:
+    def retargeted(self) -> SceneResult:
         """Read all files, and retarget the scene.
 
         Raises:
@@ -148,58 +142,40 @@ class SceneSetup:
                 world_scale=self.world_scale,
                 supports=self.supports,
                 environment=self.environment,
-                progress=progress,
             )
         except DistretargetError as error:
-            raise error.in_file(error.path or self.performers[0].source) from None
-
-    def _made(self, prop: PropFiles, own: Mapping[str, Motion], sources: Sequence[Motion]) -> Prop:
-        try:
-            return prop.made(own, sources)
-        except DistretargetError as error:
-            raise error.in_file(self.files[prop.name]) from None
-
-    def _own_files(self) -> list[Path]:
-        """The files of props that have one of their own."""
-        return [prop.file for prop in self.props if prop.file]
-
-    def _clips(self) -> list[Motion]:
-        """The motions in the files of performers and props, with the same frames as far as the options ask for it."""
-        files = [*(each.source for each in self.performers), *self._own_files()]
-        motions = [read_bvh(each.source) for each in self.performers] + [read_prop(file) for file in self._own_files()]
-        starts = [each.start for each in self.performers] + [prop.start for prop in self.props if prop.file]
-        moving = [number for number, motion in enumerate(motions) if len(motion) != 1]
-        for number in moving:
-            seconds = len(motions[number]) * motions[number].frame_time
-            if starts[number] >= seconds:
-                raise MotionError(f"lasts {seconds:g} s; start before that").in_file(files[number])
-        clips = aligned(
-            [motions[number] for number in moving],
-            [starts[number] for number in moving],
-            cut=self.cut,
-            resample=self.resample,
-        )
-        for number, clip in zip(moving, clips, strict=True):
-            motions[number] = clip
-        return motions
+            raise error.in_file(error.path or self.performers[0].file) from None
 
 
-def read_prop(path: Path) -> Motion:
-    """Return the motion of a prop in a BVH or OBJ file; the content decides which it is.
-
-    Raises:
-        FileError: the file cannot be read.
-        BvhError: it is neither.
+def _read(clip: SceneClip) -> Motion:
+    """The motion in a file from its start. The content of a prop's file decides whether it is BVH or OBJ; a prop of one
+    frame stands still, and has no start.
     """
-    text = read_text(path)
-    return parse_bvh(text, path) if text.lstrip().upper().startswith("HIERARCHY") else parse_obj(text, path)
+    if isinstance(clip, PerformerFiles):
+        motion = read_bvh(clip.file)
+    else:
+        text = read_text(clip.file)
+        is_bvh = text.lstrip().upper().startswith("HIERARCHY")
+        motion = parse_bvh(text, clip.file) if is_bvh else parse_obj(text, clip.file)
+        if len(motion) == 1:
+            return motion
+    try:
+        return started(motion, clip.start)
+    except MotionError as error:
+        raise error.in_file(clip.file) from None
 
 
-FORMAT = "distretarget-scene"
-VERSION = 1
-SCENE_NAME = "scene.json"  # of scenes in a folder of scenes
-HEADER_KEYS = ("format", "version")
-OPTION_KEYS = ("props", "world_scale", "supports", "environment", "cut", "resample")
+def _made(prop: PropFiles, own: Mapping[SceneClip, Motion], sources: Sequence[Motion]) -> Prop:
+    """A prop with the motion in its own file, or else with that of the joint that it hangs on."""
+    try:
+        if prop.part_of is None:
+            return Prop(name=prop.name, motion=own[prop], scale=prop.scale, held_by=prop.held_by)
+        source, joint = sources[prop.part_of.performer], prop.part_of.joint
+        above = source.skeleton.line(source.skeleton.index(joint))[1:2]
+        held_by = prop.held_by or tuple(Grip(prop.part_of.performer, source.skeleton.keys[each]) for each in above)
+        return Prop(name=prop.name, motion=prop_of(source, joint), scale=prop.scale, held_by=held_by)
+    except DistretargetError as error:
+        raise error.in_file(prop.file) from None
 
 
 def load_scene(path: str | Path) -> SceneSetup:
@@ -209,59 +185,48 @@ def load_scene(path: str | Path) -> SceneSetup:
         FileError: the file cannot be read.
         SkeletonFileError: it breaks the format.
     """
-    return parse_scene(read_text(path), path)
-
-
-def parse_scene(text: str, path: str | Path) -> SceneSetup:
-    """Return the scene in the text of a file as `load_scene` does."""
-    document = Node(path, "", parse_json(path, text))
-    fields = document.fields((*HEADER_KEYS, "performers"), OPTION_KEYS)
-    for key, known in zip(HEADER_KEYS, (FORMAT, VERSION), strict=True):
+    document = Node(path, "", parse_json(path, read_text(path)))
+    fields = document.fields((*HEADER, "performers"), ("props", *OPTIONS))
+    for key, known in HEADER.items():
         if fields[key].value != known or isinstance(fields[key].value, bool):
             fields[key].expected(json.dumps(known))
     folder = Path(path).parent
-    performers = tuple(_performer(node, folder) for node in fields["performers"].items())
+    performers = [_performer(node, folder) for node in fields["performers"].items()]
     if not performers:
         fields["performers"].expected("at least one performer")
-    names = [each.name for each in performers]
-    props = tuple(_prop(node, folder, names) for node in fields["props"].items()) if "props" in fields else ()
-    _check_names(fields, [*names, *(prop.name for prop in props)])
-    return SceneSetup(
-        performers=performers,
-        props=props,
-        world_scale=fields["world_scale"].positive() if "world_scale" in fields else None,
-        supports=cast(HoldMode, fields["supports"].one_of(get_args(HoldMode)) if "supports" in fields else "hold"),
-        environment=cast(
-            Environment, fields["environment"].one_of(get_args(Environment)) if "environment" in fields else "body"
-        ),
-        cut="cut" in fields and fields["cut"].flag(),
-        resample="resample" in fields and fields["resample"].flag(),
-    )
+    props = [_prop(node, folder, performers) for node in (fields["props"].items() if "props" in fields else ())]
+    names = [clip.name for clip in (*performers, *props)]
+    if doubled := [name for number, name in enumerate(names) if name in names[:number]]:
+        fields["performers"].fail(f"{doubled[0]!r} is the name of two performers or props; give one of them another")
+    options: dict[str, Any] = {key: read(fields[key]) for key, read in OPTIONS.items() if key in fields}
+    return SceneSetup(performers=tuple(performers), props=tuple(props), **options)
 
 
 def _performer(node: Node, folder: Path) -> PerformerFiles:
     fields = node.fields(("source", "target"), ("name", "map", "start"))
-    source = folder / fields["source"].text()
+    file = folder / fields["source"].text()
     return PerformerFiles(
-        name=_name(fields["name"]) if "name" in fields else source.stem,
-        source=source,
+        name=_name(fields["name"]) if "name" in fields else file.stem,
+        file=file,
+        start=_start(fields),
         target=folder / fields["target"].text(),
         map_path=folder / fields["map"].text() if "map" in fields else None,
-        start=_start(fields),
     )
 
 
-def _prop(node: Node, folder: Path, performers: Sequence[str]) -> PropFiles:
+def _prop(node: Node, folder: Path, performers: Sequence[PerformerFiles]) -> PropFiles:
     fields = node.fields(("name",), ("file", "part_of", "scale", "held_by", "start"))
     if ("file" in fields) == ("part_of" in fields):
         node.fail('expected either "file" or "part_of"')
-    held_by = fields["held_by"].items() if "held_by" in fields else []
+    names = [each.name for each in performers]
+    part_of = _grip(fields["part_of"], names) if "part_of" in fields else None
     return PropFiles(
         name=_name(fields["name"]),
-        origin=folder / fields["file"].text() if "file" in fields else _grip(fields["part_of"], performers),
-        scale=_scale(fields["scale"], performers) if "scale" in fields else "world",
-        held_by=tuple(_grip(each, performers) for each in held_by),
+        file=performers[part_of.performer].file if part_of else folder / fields["file"].text(),
         start=_start(fields),
+        part_of=part_of,
+        scale=_scale(fields["scale"], names) if "scale" in fields else "world",
+        held_by=tuple(_grip(each, names) for each in (fields["held_by"].items() if "held_by" in fields else ())),
     )
 
 
@@ -292,14 +257,6 @@ def _name(node: Node) -> str:
 
 
 def _start(fields: dict[str, Node]) -> float:
-    if "start" not in fields:
-        return 0.0
-    if fields["start"].number() < 0:
+    if "start" in fields and fields["start"].number() < 0:
         fields["start"].expected("a time in seconds, from 0")
-    return fields["start"].number()
-
-
-def _check_names(fields: dict[str, Node], names: Sequence[str]) -> None:
-    for number, name in enumerate(names):
-        if name in names[:number]:
-            fields["performers"].fail(f"{name!r} is the name of two performers or props; give one of them another")
+    return fields["start"].number() if "start" in fields else 0.0

@@ -1,0 +1,149 @@
+"""Contacts between two performers: the pairs of joints that come near, and the springs that keep them near."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.baseline.rotation_copy import RootScale
+from distretarget.ik.springs import Springs
+from distretarget.numerics.parallel import blocks_of
+from distretarget.numerics.time_series import Shots
+from distretarget.numerics.vectors import lengths
+from distretarget.objectives.contact_pairs import (
+    FADE,
+    activation,
+    activation_window,
+    come_near,
+    normalised_distances,
+    pair_stiffness,
+    share_across,
+)
+from distretarget.objectives.settings import ContactSettings
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.intp]
+Both = tuple[Array, Array]
+
+FIRMER = 2.0  # stiffness over that of a pair within a body, at D = `settings.reach` ...
+NEAREST = 0.01  # ... growing for nearer pairs until D is about this
+LEAST_STIFFNESS = 0.05  # of a pair that counts
+NO_STIFFNESS = 1e-12  # added to a stiffness matrix, so that it can be inverted where nothing acts
+
+
+@dataclass(frozen=True, eq=False)
+class ContactPoints:
+    """The joints of a performer that may touch another performer or a prop."""
+
+    joints: Numbers  # (points,), joints of the target
+    regions: Numbers  # (points,), the region of the body that each is in
+    source: Array  # (frames, points, 3), positions of their drivers [source file units]
+    reach: Array  # (points,), path lengths from the pelvis to them in the source [source file units]
+    target_reach: Array  # (points,), the same on the target [target file units]
+    shots: Shots  # (frames,), the shots of the clip
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PerformerContacts:
+    """The pairs of joints of two performers that are near each other, an entry for each pair and frame."""
+
+    frames: Numbers  # (entries,), the frame
+    joints: Numbers  # (2, entries), the joint of each performer
+    f: Array  # (entries,), the activation, 0 to 1
+    w: Array  # (entries,), the stiffness
+    vectors: Array  # (entries, 3), from the second to the first joint in the source, scaled [target file units]
+
+    def gaps(self, one: Array, other: Array) -> Both:
+        """(entries,) each, how far the joints of a pair are apart, and how far they should be.
+
+        `one` and `other` are the positions of both performers, (frames, joints, 3) [target file units].
+        """
+        u, v = self.joints
+        return lengths(one[self.frames, u] - other[self.frames, v]), lengths(self.vectors)
+
+    def springs(self, copies: Both, now: Both, units: tuple[float, float]) -> list[Springs]:
+        """The springs of each performer that draw its joints to where they touch, in its body units; their arrays have
+        the frames in front.
+
+        `copies` and `now` are the positions, (frames, joints, 3), of both performers in the rotation copy and at
+        present [target file units]; `units` are their body units. A joint that touches several others has one spring
+        with the sum of their energies.
+        """
+        a, b = (positions[self.frames, joints] for positions, joints in zip(copies, self.joints, strict=True))
+        c, d = (positions[self.frames, joints] for positions, joints in zip(now, self.joints, strict=True))
+        delta = a - b + self.f[:, None] * (self.vectors - (a - b))
+        length = lengths(self.vectors)
+        e = self.vectors / np.maximum(length, 1e-12)[:, None]
+        change = delta - (c - d)
+        springs = []
+        for joints, unit, present, sign in zip(self.joints, units, (c, d), (1.0, -1.0), strict=True):
+            k = np.asarray(share_across((length / unit) ** 2))
+            places = (present + sign * unit / sum(units) * change) / unit
+            springs.append(self._summed(joints, k, e, places, len(now[0])))
+        return springs
+
+    def _summed(self, joints: Numbers, k: Array, e: Array, places: Array, count: int) -> Springs:
+        """One spring for each joint, to where its pairs are in balance: they draw it to `places`, (entries, 3), with
+        the stiffness A = w (k I + (1 - k) e e^T). `count` is the number of frames.
+        """
+        touches = np.bincount(joints) > 0
+        kept, column = np.flatnonzero(touches), np.cumsum(touches) - 1
+        cell = self.frames * len(kept) + column[joints]
+
+        def summed(values: Array) -> Array:
+            return np.bincount(cell, values, count * len(kept)).astype(np.float64).reshape(count, len(kept))
+
+        across, along = self.w * k, self.w * (1.0 - k)
+        pull = along * (e * places).sum(axis=1)
+        A = summed(across)[..., None, None] * np.eye(3)
+        Ay = np.stack([summed(across * places[:, i] + pull * e[:, i]) for i in range(3)], axis=-1)
+        for i, j in zip(*np.tril_indices(3), strict=True):
+            A[..., i, j] += summed(along * e[:, i] * e[:, j])
+            A[..., j, i] = A[..., i, j]
+        balanced = np.linalg.solve(A + NO_STIFFNESS * np.eye(3), Ay[..., None])[..., 0]
+        return Springs(kept, np.full(len(kept), -1), np.asarray(balanced, np.float64), A)
+
+
+def find_performer_contacts(
+    one: ContactPoints, other: ContactPoints, scale: RootScale, up: Array, frame_time: float, settings: ContactSettings
+) -> PerformerContacts:
+    """Return the pairs of joints of two performers that are near each other.
+
+    Their vectors have the `scale` of the world, `up` being the unit vector up in it; or that of Eq. (1), with the path
+    lengths of both bodies, if it is less: hands that touch do not part because longer legs make the world larger.
+    """
+    found, lead = [], settings.blend / frame_time
+    margin, shots = activation_window(lead), one.shots + other.shots  # a new shot at the cuts of either
+    path = one.reach[:, None] + other.reach
+    near_u, near_v = np.nonzero(path > 0)
+    for block in blocks_of(len(one.source)):
+        first = max(block.start - margin, 0)
+        inside = slice(block.start - first, block.stop - first)
+        a, b = (points.source[first : block.stop + margin] for points in (one, other))
+        on = come_near(a, b, near_u, near_v, (settings.reach + FADE) * path[near_u, near_v])
+        u, v = near_u[on], near_v[on]
+        D = normalised_distances(a, b, u, v, path[u, v])
+        f = activation(D, shots[first : block.stop + margin], lead, settings.reach)[inside] if len(u) else D[inside]
+        D = D[inside]
+        w = pair_stiffness(f, D, (u, v + len(one.joints)), len(one.joints) + len(other.joints), settings)
+        w *= firmness(D, settings)
+        frames, pairs = np.nonzero(w > LEAST_STIFFNESS)
+        u, v = u[pairs], v[pairs]
+        d = a[inside][frames, u] - b[inside][frames, v]
+        found.append((frames + block.start, u, v, f[frames, pairs], w[frames, pairs], d))
+    frames, u, v, f, w, d = (np.concatenate(columns) for columns in zip(*found, strict=True))
+    of_paths = (one.target_reach[u] + other.target_reach[v]) / (one.reach[u] + other.reach[v])
+    vectors = np.minimum(of_paths / scale.level, 1.0)[:, None] * scale.places(d, up)
+    joints = np.stack([one.joints[u], other.joints[v]])
+    return PerformerContacts(frames=frames, joints=joints, f=f, w=w, vectors=vectors)
+
+
+def firmness(D: Array, settings: ContactSettings) -> Array:
+    """The stiffness of pairs across bodies over that of pairs within a body, by their normalised distances D.
+
+    Whole bodies have to move, and not only limbs. The nearest pairs decide: where hands differ in size, those that hold
+    each other cannot keep all distances between their joints.
+    """
+    return FIRMER * (settings.reach + NEAREST) / (D + NEAREST)

@@ -1,0 +1,258 @@
+"""Props that performers touch, hold or sit on: where they go, and the joints that touch them.
+
+A prop keeps its shape: in each frame, one similarity takes it and the source's world around it to the target's world. A
+joint that touches a prop belongs where that similarity takes its driver.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.baseline.rotation_copy import RootScale
+from distretarget.checks import check_kind, check_number
+from distretarget.errors import MotionError, SettingsError
+from distretarget.ik.springs import Springs
+from distretarget.motion import Motion
+from distretarget.numerics.parallel import blocks_of
+from distretarget.numerics.rotations import nearest_rotations
+from distretarget.numerics.vectors import extent, lengths
+from distretarget.objectives.contact_pairs import activation, pair_stiffness, share_across
+from distretarget.objectives.settings import ContactSettings
+from distretarget.scene.performer_contacts import ContactPoints, firmness
+from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, SMALLEST
+
+Array = NDArray[np.float64]
+PropScale = Literal["world"] | int | float
+
+FREE_WEIGHT = 1e-6  # least weight of a prop's free place against those of the joints that hold it
+
+
+@dataclass(frozen=True)
+class Grip:
+    """A joint that holds a prop while it is near it.
+
+    Attributes:
+        performer: the number of the performer, from 0.
+        joint: the key of the joint in the performer's source.
+    """
+
+    performer: int
+    joint: str
+
+    def __post_init__(self) -> None:
+        check_kind("performer", self.performer, int)
+        check_kind("joint", self.joint, str)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Prop:
+    """A prop in the world of the performers; its joints are the points that may be touched.
+
+    Attributes:
+        name: what it is called.
+        motion: where it is in the source; one frame for a prop that stands still.
+        scale: target units per source unit: "world", the scale of the world along the floor; the number of a performer
+            (an int), the scale of that performer's heights; or a factor (a float), 1.0 for a prop that keeps its size.
+        held_by: the joints that hold it. The prop follows them while they are near it.
+
+    Raises:
+        SettingsError: the scale is none of these, or another argument is of another kind.
+        MotionError: positions are too large to compute with.
+    """
+
+    name: str
+    motion: Motion
+    scale: PropScale = "world"
+    held_by: tuple[Grip, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_kind("name", self.name, str)
+        check_kind(f"the motion of {self.name!r}", self.motion, Motion)
+        check_kind(f"held_by of {self.name!r}", self.held_by, tuple, list)
+        for grip in self.held_by:
+            check_kind(f"a joint that holds {self.name!r}", grip, Grip)
+        if isinstance(self.scale, float):
+            check_number(f"the scale of {self.name!r}", self.scale, SMALLEST, LARGEST)
+        elif isinstance(self.scale, bool) or not (isinstance(self.scale, int) or str(self.scale) == "world"):
+            raise SettingsError(
+                f"the scale of {self.name!r} is {self.scale!r}; expected 'world', the number of a performer or a factor"
+            )
+        if not extent(self.motion.positions) <= LARGEST:
+            raise MotionError(
+                f"{self.name!r} has positions beyond {LARGEST:g}; its OFFSETs or position channels must be wrong"
+            )
+
+
+def prop_of(motion: Motion, joint: str) -> Motion:
+    """Return the motion of a joint and all joints below it as a motion of its own, such as a sword in a hand.
+
+    Raises:
+        SkeletonError: there is no such joint.
+        SettingsError: `motion` is something else.
+    """
+    check_kind("motion", motion, Motion)
+    skeleton = motion.skeleton
+    root = skeleton.index(joint)
+    joints = np.sort([*skeleton.subtree(root)])
+    channels = [skeleton.channels[each] for each in joints]
+    channels[0] = (*POSITION_CHANNELS, *(channels[0][-3:] if len(channels[0]) >= 3 else ROTATION_CHANNELS))
+    parents = np.searchsorted(joints, skeleton.parents[joints])
+    parents[0] = -1
+    below = replace(
+        skeleton,
+        names=tuple(skeleton.names[each] for each in joints),
+        parents=parents,
+        offsets=skeleton.offsets[joints],
+        channels=tuple(channels),
+        end_sites=np.append(False, skeleton.end_sites[joints[1:]]),
+    )
+    translations, rotations = np.array(motion.translations[:, joints]), np.array(motion.rotations[:, joints])
+    translations[:, 0], rotations[:, 0] = motion.positions[:, root], motion.world_rotations_of(root)
+    return Motion.of_translations(below, translations, rotations, motion.frame_time_text)
+
+
+@dataclass(frozen=True, eq=False)
+class PropResult:
+    """A prop among the retargeted performers.
+
+    Attributes:
+        name: what it is called.
+        motion: where it is, in its own size.
+        source: where it was in the source, in the target's axes.
+        scale: target units per source unit of its size.
+    """
+
+    name: str
+    motion: Motion
+    source: Motion
+    scale: float
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """The similarity in each frame that takes a prop, and the source's world around it, to the target's world."""
+
+    centre: Array  # (frames, 3), the centre of the prop in the source [source file units]
+    place: Array  # (frames, 3), where the centre goes [target file units]
+    turn: Array  # (frames, 3, 3), the rotation about the centre
+    scale: float  # target units per source unit
+
+    def __call__(self, points: Array) -> Array:
+        """The places of points (frames, points, 3)."""
+        around = self.scale * (points - self.centre[:, None])
+        return np.asarray(self.place[:, None] + around @ self.turn.swapaxes(1, 2))
+
+    def moved(self, motion: Motion) -> Motion:
+        """The motion of the prop in the target's world."""
+        translations, rotations = self.scale * motion.translations, np.array(motion.rotations)
+        translations[:, 0] = self(motion.positions[:, :1])[:, 0]
+        rotations[:, 0] = (Rotation.from_matrix(self.turn) * Rotation.from_quat(rotations[:, 0])).as_quat()
+        skeleton = motion.skeleton.with_offsets(self.scale * motion.skeleton.offsets)
+        return Motion.of_translations(skeleton, translations, rotations, motion.frame_time_text)
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedProp:
+    """A prop in the world of the performers."""
+
+    motion: Motion  # in the source, in the target's axes
+    free: Placement  # where it goes while nobody holds it
+    grips: Mapping[int, tuple[int, ...]]  # the joints of targets that hold it, by the numbers of their performers
+
+
+def free_placement(points: Array, scale: float, level: float, up: Array) -> Placement:
+    """Where a prop goes that nobody holds: along the floor its centre follows the scale of the world, `level`, and its
+    height its own `scale`. `points` are (frames, points, 3).
+    """
+    centre = points.mean(axis=1)
+    turn = np.broadcast_to(np.eye(3), (len(points), 3, 3))
+    return Placement(centre, RootScale(level, scale).places(centre, up), turn, scale)
+
+
+class Hold(NamedTuple):
+    """A joint that holds a prop, frame by frame."""
+
+    weight: Array  # (frames,), 1 while it holds the prop, blended to 0
+    source: Array  # (frames, 3), where its driver is [source file units]
+    place: Array  # (frames, 3), where it is on the target [target file units]
+    turn: Array  # (frames, 3, 3), its rotation against the rotation copy, which turns as the source does
+    lever: float  # its rotation weighs as much as a point at this distance [target file units]
+
+
+def held_placement(free: Placement, holds: Sequence[Hold]) -> Placement:
+    """Where a prop goes that joints hold: the best fit, in place and rotation, to all of them (Kabsch)."""
+    loose = np.maximum(1.0 - np.max([hold.weight for hold in holds], axis=0), FREE_WEIGHT)
+    weights = np.stack([loose, *(hold.weight for hold in holds)])[..., None]
+    a = np.stack([0.0 * free.centre, *(free.scale * (hold.source - free.centre) for hold in holds)])
+    b = np.stack([free.place, *(hold.place for hold in holds)])
+    middle_a, middle_b = ((weights * x).sum(axis=0) / weights.sum(axis=0) for x in (a, b))
+    H = np.einsum("hfi,hfj->fij", weights * (b - middle_b), a - middle_a)
+    lever = max(hold.lever for hold in holds)
+    H += (lever**2 * loose)[:, None, None] * np.eye(3)
+    for hold in holds:
+        H += (hold.lever**2 * hold.weight)[:, None, None] * hold.turn
+    turn = nearest_rotations(H)
+    return Placement(free.centre, middle_b - np.einsum("fij,fj->fi", turn, middle_a), turn, free.scale)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PropContacts:
+    """The joints of a performer that come near a prop."""
+
+    joints: NDArray[np.intp]  # (joints,), of the target
+    source: Array  # (frames, joints, 3), where their drivers are [source file units]
+    distances: Array  # (frames, joints), of the drivers from the nearest point of the prop [source file units]
+    f: Array  # (frames, joints), the activation, 0 to 1
+    A: Array  # (frames, joints, 3, 3), the stiffness
+
+    def springs(self, placement: Placement, copy: Array, unit: float) -> Springs:
+        """The springs that draw the joints to their places on the prop; their arrays have the frames in front.
+
+        `copy`, (frames, joints, 3), are the joints of the rotation copy [target file units], `unit` is the body unit.
+        """
+        copied = copy[:, self.joints]
+        places = copied + self.f[..., None] * (placement(self.source) - copied)
+        return Springs(self.joints, np.full(len(self.joints), -1), places / unit, self.A)
+
+    def gaps(self, now: Array, prop: Array, scale: float) -> tuple[Array, Array]:
+        """(frames, joints) each, how far the joints are from the nearest point of the prop, and how far they should be.
+
+        `now` and `prop` are the positions of the performer's joints and of the prop's points, (frames, joints, 3).
+        """
+        return _nearest_distances(now[:, self.joints], prop), scale * self.distances
+
+
+def find_prop_contacts(
+    points: ContactPoints, prop: Array, leg: float, free: Array, frame_time: float, settings: ContactSettings
+) -> PropContacts:
+    """Return the joints of a performer that come near the points of a prop, (frames, points, 3).
+
+    No path leads from a joint to the prop, so its normalised distance is that from the nearest point over the length of
+    a `leg` [source file units]. Joints of one region share their stiffness. `free`, (frames, points), is 0 where a
+    joint rests elsewhere.
+    """
+    distances = _nearest_distances(points.source, prop)
+    D = distances / leg
+    f = activation(D, points.shots, settings.blend / frame_time, settings.reach) * free
+    on = np.flatnonzero(f.any(axis=0))
+    ends = np.arange(len(on)), len(on) + points.regions[on]
+    f, D, distances = f[:, on], D[:, on], distances[:, on]
+    count = len(on) + int(points.regions.max(initial=0)) + 1
+    w = firmness(D, settings) * pair_stiffness(f, D, ends, count, settings)
+    w *= share_across((distances / (2.0 * leg)) ** 2)
+    A = w[..., None, None] * np.eye(3)
+    return PropContacts(joints=points.joints[on], source=points.source[:, on], distances=distances, f=f, A=A)
+
+
+def _nearest_distances(joints: Array, prop: Array) -> Array:
+    """(frames, joints), the distance of each joint from the nearest point of a prop, (frames, points, 3)."""
+    distances = np.empty(joints.shape[:2])
+    for block in blocks_of(len(joints)):
+        distances[block] = lengths(joints[block][:, :, None] - prop[block][:, None]).min(axis=-1)
+    return distances
