@@ -11,9 +11,8 @@ from pages import CONTRASTS, settle
 from distretarget import load_target, read_bvh, retarget
 from distretarget.measure.diff import diff
 from distretarget.measure.figures import BY_KEY, FIGURES, NOT_RUN, figures_at
-from distretarget.report.document import About, document
-from distretarget.report.page import page
-from distretarget.report.report import run_diff
+from distretarget.report.clip_page import diff_page, run_diff
+from distretarget.report.diff_document import About, document
 
 NASTY = "</script><b>&amp; \"q' " + 60 * "ü"
 PERSON = person()
@@ -101,7 +100,7 @@ def reports(tmp_path_factory):
         if name not in made:
             result, figures = MADE[name]()
             path = folder / f"{name}.html"
-            path.write_text(page(result, figures), "utf-8")
+            path.write_text(diff_page(result, figures), "utf-8")
             made[name] = path, figures
         return made[name]
 

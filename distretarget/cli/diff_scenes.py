@@ -18,10 +18,9 @@ from distretarget.measure.diff import Diff, diff
 from distretarget.measure.figures import FIGURES
 from distretarget.measure.scene_gaps import SceneDiff, diff_scenes
 from distretarget.pipeline.conversion import needs_map
-from distretarget.report.document import document, json_text
-from distretarget.report.document_types import DiffDocument
-from distretarget.report.scene_diff import GAP_ERROR, SceneDiffDocument, part, scene_csv, scene_document
-from distretarget.report.scene_diff_page import scene_diff_page
+from distretarget.report.diff_document import DiffDocument, document, json_text
+from distretarget.report.scene_diff_document import GAP_ERROR, SceneDiffDocument, part, scene_csv, scene_document
+from distretarget.report.scene_page import scene_diff_page
 from distretarget.target import Target
 
 MOST = 10  # parts that touch which are printed

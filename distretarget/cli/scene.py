@@ -19,7 +19,7 @@ from distretarget.errors import FileError
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.files import is_folder, make_folder, write_whole
 from distretarget.measure.scene_gaps import Across
-from distretarget.pipeline.summary import summary_line
+from distretarget.report.run_summary import summary_line
 from distretarget.report.scene_page import scene_page
 from distretarget.scene.retargeting import SceneResult
 from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup, load_scene

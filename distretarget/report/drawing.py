@@ -1,22 +1,24 @@
-"""What the page draws: both motions, small enough to embed, and which joints touch in which frames."""
+"""What the report on a clip draws: both motions, small enough to embed, and which joints touch in which frames.
+
+Arrays are base64 of little-endian numbers.
+"""
 
 from __future__ import annotations
 
 from base64 import b64encode
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.legs import Leg, leg_length
-from distretarget.measure.contacts import CONTACT_DISTANCE, FAR_ALONG, find_candidates, points_of, touching
+from distretarget.measure.contacts import CONTACT_DISTANCE, FAR_ALONG
 from distretarget.measure.diff import Diff
 from distretarget.measure.feet import LOWEST
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import least_rotation
-from distretarget.report.drawing_types import ContactDrawing, DiffDrawing, MotionDrawing
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -27,9 +29,85 @@ STEPS = 65_535  # steps of a quantised coordinate across the bounding box
 SAMPLES = 64  # frames from which the range of the differences of D is estimated
 
 
+class MotionDrawing(TypedDict):
+    """One motion, as it is drawn.
+
+    Attributes:
+        names: the keys of the joints.
+        parents: the parent of each joint, -1 for the root.
+        points: the joints that the matrices show, of A and B in the same order.
+        resting: the joints that rest on the world in some frame of A: with legs first ankle and toe of each.
+        tau: (points, points), lengths of the paths between points [drawn units], 32-bit floats.
+        offset, scale: three numbers each; a position is offset + scale * number.
+        positions: (drawn frames, joints, 3), the numbers, 16-bit integers.
+    """
+
+    names: list[str]
+    parents: list[int]
+    points: list[int]
+    resting: list[int]
+    tau: str
+    offset: list[float]
+    scale: list[float]
+    positions: str
+
+
+class ContactDrawing(TypedDict):
+    """A row of the contact timeline: two regions of the body.
+
+    Attributes:
+        pair: the two points of them that are nearest in A in the worst frame.
+        a, b: the spans of frames in which they touch in A and in B: the first frame, and the frame after the last.
+    """
+
+    pair: list[int]
+    a: list[list[int]]
+    b: list[list[int]]
+
+
+class DiffDrawing(TypedDict):
+    """What the page draws. Both motions have y up, the floor at 0, and twice the leg length as the unit.
+
+    Attributes:
+        step: every how many frames one is drawn.
+        notes: what a reader should know about the drawing.
+        near: two regions touch where D of their nearest points is below this ...
+        far_along: ... and the path between these has at least this number of joints.
+        regions: the region of the body that each point is in, -1 for none.
+        neighbours: (regions, regions), which regions are neighbours; these are never said to touch.
+        foot_regions: the regions of the two feet, which do not touch while one of them rests; empty without legs.
+        facing: the direction that B faces in its first frame, as the angle about y from z [rad].
+        a, b: the two motions.
+        bone_errors: (drawn frames, joints of B), the direction error of the bone above each joint, in half degrees, at
+            most 254; 255 where it has none; bytes.
+        pelvis: the joint of the pelvis in A and in B.
+        sizes: (points, points), the numbers of joints on the paths between points, at most 255, bytes.
+        rests: (frames, bytes), whether each of the `resting` joints rests in A, a bit each, the first joint's lowest.
+        largest_difference: |D_a - D_b| that hardly any pair of points exceeds, where the colours end.
+        contacts: the regions that touch in A, in the order of the document.
+    """
+
+    step: int
+    notes: list[str]
+    near: float
+    far_along: int
+    regions: list[int]
+    neighbours: list[list[bool]]
+    foot_regions: list[int]
+    facing: float
+    a: MotionDrawing
+    b: MotionDrawing
+    bone_errors: str
+    pelvis: list[int]
+    sizes: str
+    rests: str
+    largest_difference: float
+    contacts: list[ContactDrawing]
+
+
 def diff_drawing(diff: Diff) -> DiffDrawing:
     """The drawing data of a diff. Only one frame in several is drawn where all would take more than `BUDGET`."""
-    b_points = points_of(diff.matching)
+    b_points = diff.comparison.contacts.candidates.points
     a_points = diff.matching.drivers[b_points]
     step = drawn_step(len(diff), len(diff.a.skeleton) + len(diff.b.skeleton))
     legs = diff.matching.legs or (None, None)
@@ -59,7 +137,7 @@ def diff_drawing(diff: Diff) -> DiffDrawing:
 
 
 def drawn_step(frames: int, joints: int) -> int:
-    """Draw one frame in how many: so that the positions of `joints` joints, those of both motions, fit in `BUDGET`."""
+    """Every how many frames one is drawn, so that the positions of the joints of both motions fit in `BUDGET`."""
     return max(1, -(-frames * joints * 3 * 2 // BUDGET))
 
 
@@ -128,24 +206,20 @@ def _bone_errors(diff: Diff, step: int) -> NDArray[np.float64]:
 
 def _contacts(diff: Diff, points: list[int]) -> list[ContactDrawing]:
     """The regions that touch in A, with the spans of frames in which they do in A and in B."""
-    pairs, everything = find_candidates(diff.matching), np.arange(len(diff.b.skeleton))
-    frame, regions, _ = touching(diff.b, pairs, everything, diff.comparison.feet.stance)
+    contacts, everything = diff.comparison.contacts, np.arange(len(diff.b.skeleton))
+    frame, regions, _ = contacts.candidates.touching(diff.b, everything, diff.comparison.feet.stance)
+    names = contacts.candidates.names
     return [
         {
             "pair": [points.index(touch.u), points.index(touch.v)],
-            "a": _spans(touch.frames, len(diff)),
-            "b": _spans(frame[regions == pairs.names.index(touch.name)], len(diff)),
+            "a": spans(np.isin(np.arange(len(diff)), touch.frames)),
+            "b": spans(np.isin(np.arange(len(diff)), frame[regions == names.index(touch.name)])),
         }
-        for touch in diff.comparison.contacts.touches
+        for touch in contacts.touches
     ]
 
 
-def _spans(frames: NDArray[np.intp], count: int) -> list[list[int]]:
-    """The spans of a clip of `count` frames that consist of the given frames."""
-    return spans(np.isin(np.arange(count), frames))
-
-
-def _largest_difference(diff: Diff, a_points: NDArray[np.intp], b_points: NDArray[np.intp]) -> float:
+def _largest_difference(diff: Diff, a_points: Joints, b_points: Joints) -> float:
     """The 99.5th percentile of |D_a - D_b| over `SAMPLES` frames."""
     tau_a = diff.matching.source.skeleton.path_lengths[np.ix_(a_points, a_points)]
     tau_b = diff.matching.target.skeleton.path_lengths[np.ix_(b_points, b_points)]
@@ -154,15 +228,11 @@ def _largest_difference(diff: Diff, a_points: NDArray[np.intp], b_points: NDArra
         return 0.0
     difference = []
     for frame in np.unique(np.linspace(0, len(diff) - 1, SAMPLES).astype(np.intp)):
-        D_a = _distances(diff.a.positions[frame, a_points], i, j) / tau_a[i, j]
-        D_b = _distances(diff.b.positions[frame, b_points], i, j) / tau_b[i, j]
+        x_a, x_b = diff.a.positions[frame, a_points], diff.b.positions[frame, b_points]
+        D_a = np.linalg.norm(x_a[i] - x_a[j], axis=-1) / tau_a[i, j]
+        D_b = np.linalg.norm(x_b[i] - x_b[j], axis=-1) / tau_b[i, j]
         difference.append(np.abs(D_a - D_b))
     return float(np.percentile(difference, 99.5))
-
-
-def _distances(x: Array, i: NDArray[np.intp], j: NDArray[np.intp]) -> Array:
-    """(pairs,), the distances between points i and j of x, (points, 3)."""
-    return np.asarray(np.linalg.norm(x[i] - x[j], axis=-1))
 
 
 def _notes(step: int, diff: Diff) -> list[str]:
@@ -176,5 +246,5 @@ def _notes(step: int, diff: Diff) -> list[str]:
 
 
 def in_base64(array: NDArray[Any], dtype: str) -> str:
-    """An array of numbers, of another type, as the text that the players read."""
+    """An array as the text that the players read, its numbers of the given type."""
     return b64encode(np.ascontiguousarray(array, dtype).tobytes()).decode("ascii")
