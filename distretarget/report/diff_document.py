@@ -177,12 +177,16 @@ def rounded(value: SupportsFloat) -> float:
     return round(float(value), DECIMALS) + 0.0
 
 
+def _known(value: SupportsFloat | None) -> float | None:
+    """The number rounded; None for nan, infinity and None."""
+    return None if value is None or not math.isfinite(value) else rounded(value)
+
+
 def _body(file: str, skeleton: Skeleton) -> DiffBody:
     return {"file": file, "joints": len(skeleton.joints), "convention": convention_of(skeleton)}
 
 
 def _of_clip(tracks: Tracks) -> FigureValues:
-    """The figures of the whole clip, by key."""
     return {key: _known(value) for key, value in clip_figures(tracks).items()}
 
 
@@ -197,16 +201,12 @@ def _frames(diff: Diff, sides: Mapping[Variant, Tracks]) -> dict[str, list[float
     count = np.arange(len(diff))
     return {
         "frame": count.tolist(),
-        "time": _column(np.multiply(count, diff.b.frame_time)),
+        "time": [rounded(time) for time in count * diff.b.frame_time],
         "contacts": diff.comparison.contacts.counts.tolist(),
         "stance": diff.comparison.feet.stance.sum(axis=1).tolist(),
         "supports": diff.comparison.supports.rest.sum(axis=1).tolist(),
-        **{key: _column(values) for key, values in frame_figures(sides, len(diff)).items()},
+        **{key: [*map(_known, values)] for key, values in frame_figures(sides, len(diff)).items()},
     }
-
-
-def _column(values: Array) -> list[float | None]:
-    return [_known(value) for value in values]
 
 
 def _worst(column: list[float | None]) -> int | None:
@@ -231,8 +231,3 @@ def _contacts(diff: Diff) -> list[DiffContact]:
         }
         for touch in diff.comparison.contacts.touches
     ]
-
-
-def _known(value: SupportsFloat | None) -> float | None:
-    """The number rounded; None for nan, infinity and None."""
-    return None if value is None or not math.isfinite(value) else rounded(value)

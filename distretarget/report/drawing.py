@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from base64 import b64encode
 from collections.abc import Sequence
-from typing import Any, TypedDict
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,110 +29,38 @@ STEPS = 65_535  # steps of a quantised coordinate across the bounding box
 SAMPLES = 64  # frames from which the range of the differences of D is estimated
 
 
-class MotionDrawing(TypedDict):
-    """One motion, as it is drawn.
+def diff_drawing(diff: Diff) -> dict[str, Any]:
+    """The drawing data of a diff, with y up, the floor at 0, and twice the leg length as the unit of both motions.
 
-    Attributes:
-        names: the keys of the joints.
-        parents: the parent of each joint, -1 for the root.
-        points: the joints that the matrices show, of A and B in the same order.
-        resting: the joints that rest on the world in some frame of A: with legs first ankle and toe of each.
-        tau: (points, points), lengths of the paths between points [drawn units], 32-bit floats.
-        offset, scale: three numbers each; a position is offset + scale * number.
-        positions: (drawn frames, joints, 3), the numbers, 16-bit integers.
+    Not every frame is drawn where all would take more than `BUDGET`. Points are the joints that the matrices show, of A
+    and B in the same order.
     """
-
-    names: list[str]
-    parents: list[int]
-    points: list[int]
-    resting: list[int]
-    tau: str
-    offset: list[float]
-    scale: list[float]
-    positions: str
-
-
-class ContactDrawing(TypedDict):
-    """A row of the contact timeline: two regions of the body.
-
-    Attributes:
-        pair: the two points of them that are nearest in A in the worst frame.
-        a, b: the spans of frames in which they touch in A and in B: the first frame, and the frame after the last.
-    """
-
-    pair: list[int]
-    a: list[list[int]]
-    b: list[list[int]]
-
-
-class DiffDrawing(TypedDict):
-    """What the page draws. Both motions have y up, the floor at 0, and twice the leg length as the unit.
-
-    Attributes:
-        step: every how many frames one is drawn.
-        notes: what a reader should know about the drawing.
-        near: two regions touch where D of their nearest points is below this ...
-        far_along: ... and the path between these has at least this number of joints.
-        regions: the region of the body that each point is in, -1 for none.
-        neighbours: (regions, regions), which regions are neighbours; these are never said to touch.
-        foot_regions: the regions of the two feet, which do not touch while one of them rests; empty without legs.
-        facing: the direction that B faces in its first frame, as the angle about y from z [rad].
-        a, b: the two motions.
-        bone_errors: (drawn frames, joints of B), the direction error of the bone above each joint, in half degrees, at
-            most 254; 255 where it has none; bytes.
-        pelvis: the joint of the pelvis in A and in B.
-        sizes: (points, points), the numbers of joints on the paths between points, at most 255, bytes.
-        rests: (frames, bytes), whether each of the `resting` joints rests in A, a bit each, the first joint's lowest.
-        largest_difference: |D_a - D_b| that hardly any pair of points exceeds, where the colours end.
-        contacts: the regions that touch in A, in the order of the document.
-    """
-
-    step: int
-    notes: list[str]
-    near: float
-    far_along: int
-    regions: list[int]
-    neighbours: list[list[bool]]
-    foot_regions: list[int]
-    facing: float
-    a: MotionDrawing
-    b: MotionDrawing
-    bone_errors: str
-    pelvis: list[int]
-    sizes: str
-    rests: str
-    largest_difference: float
-    contacts: list[ContactDrawing]
-
-
-def diff_drawing(diff: Diff) -> DiffDrawing:
-    """The drawing data of a diff. Only one frame in several is drawn where all would take more than `BUDGET`."""
-    b_points = diff.comparison.contacts.candidates.points
-    a_points = diff.matching.drivers[b_points]
+    comparison, matching, contacts = diff.comparison, diff.matching, diff.comparison.contacts
+    b_points, regions = contacts.candidates.points, matching.target.regions
+    a_points = matching.drivers[b_points]
     step = drawn_step(len(diff), len(diff.a.skeleton) + len(diff.b.skeleton))
-    legs = diff.matching.legs or (None, None)
-    comparison, regions = diff.comparison, diff.matching.target.regions
+    legs = matching.legs or (None, None)
     resting = np.concatenate([comparison.feet.joints, comparison.supports.joints])
     rests = np.concatenate([comparison.feet.stance, comparison.supports.rest], axis=1)
-    sizes = np.minimum(diff.matching.target.skeleton.path_sizes[np.ix_(b_points, b_points)], 255)
-    a_resting = diff.matching.drivers[resting]
+    sizes = np.minimum(matching.target.skeleton.path_sizes[np.ix_(b_points, b_points)], 255)
+    a_joints, b_joints = (a_points, matching.drivers[resting]), (b_points, resting)
     return {
-        "step": step,
-        "notes": _notes(step, diff),
-        "near": CONTACT_DISTANCE,
-        "far_along": FAR_ALONG,
-        "regions": regions.of_joint[b_points].tolist(),
-        "neighbours": regions.neighbours.tolist(),
-        "foot_regions": [int(regions.of_joint[leg.ankle]) for leg in legs[1] or ()],
+        "step": step,  # every how many frames one is drawn
+        "notes": _notes(step, diff),  # what a reader should know about the drawing
+        "near": CONTACT_DISTANCE,  # two regions touch where D of their nearest points is below this ...
+        "far_along": FAR_ALONG,  # ... and the path between these has at least this number of joints
+        "regions": regions.of_joint[b_points].tolist(),  # of each point, -1 for none
+        "neighbours": regions.neighbours.tolist(),  # (regions, regions), which are neighbours and never touch
+        "foot_regions": [int(regions.of_joint[leg.ankle]) for leg in legs[1] or ()],  # do not touch while one rests
         "facing": _facing(diff),
-        "a": _drawing(diff.a, diff.matching.source.skeleton, legs[0], (a_points, a_resting), diff.up, step),
-        "b": _drawing(diff.b, diff.matching.target.skeleton, legs[1], (b_points, resting), diff.up, step),
+        "a": _drawing(diff.a, matching.source.skeleton, legs[0], a_joints, diff.up, step),
+        "b": _drawing(diff.b, matching.target.skeleton, legs[1], b_joints, diff.up, step),
         "bone_errors": in_base64(_bone_errors(diff, step), "<u1"),
-        "pelvis": [int(diff.matching.drivers[diff.matching.pelvis]), diff.matching.pelvis],
-        "sizes": in_base64(sizes, "<u1"),
-        "rests": in_base64(np.packbits(rests, axis=1, bitorder="little"), "<u1"),
-        "largest_difference": _largest_difference(diff, a_points, b_points),
-        "contacts": _contacts(diff, b_points.tolist()),
+        "pelvis": [int(matching.drivers[matching.pelvis]), matching.pelvis],  # its joint in A and in B
+        "sizes": in_base64(sizes, "<u1"),  # (points, points), the numbers of joints on the paths between, at most 255
+        "rests": in_base64(np.packbits(rests, axis=1, bitorder="little"), "<u1"),  # (frames, bytes), a bit a joint
+        "largest_difference": _largest_difference(diff, a_points, b_points),  # where the colours of the matrices end
+        "contacts": _contacts(diff, b_points.tolist()),  # in the order of the document
     }
 
 
@@ -160,22 +88,29 @@ def spans(mask: NDArray[np.bool_]) -> list[list[int]]:
 
 def _drawing(
     motion: Motion, body: Skeleton, legs: Sequence[Leg] | None, joints: tuple[Joints, Joints], up: Array, step: int
-) -> MotionDrawing:
-    """The drawing data of one motion; `body` is its skeleton with rigid bones, `joints` are those of the matrices, and
-    those that rest in some frame.
+) -> dict[str, Any]:
+    """The drawing data of one motion; `body` is its skeleton with rigid bones, `joints` are its points, and the joints
+    that rest in some frame of A: with legs first ankle and toe of each.
     """
     points, resting = joints
     unit = (2 * leg_length(body, legs) if legs else float(body.path_lengths.max())) or 1.0
     placed = upright(up).apply(motion.positions[::step].reshape(-1, 3)) / unit
     positions = placed.reshape(-1, len(body), 3)
     positions[..., 1] -= np.percentile(positions[..., 1].min(axis=1), LOWEST)
-    numbers, offset, scale = quantised(positions)
     return {
         "names": list(body.keys),
-        "parents": body.parents.tolist(),
         "points": points.tolist(),
         "resting": resting.tolist(),
-        "tau": in_base64(body.path_lengths[np.ix_(points, points)] / unit, "<f4"),
+        "tau": in_base64(body.path_lengths[np.ix_(points, points)] / unit, "<f4"),  # (points, points), path lengths
+        **packed(body, positions),
+    }
+
+
+def packed(skeleton: Skeleton, positions: Array) -> dict[str, Any]:
+    """Positions (frames, joints, 3) in few bytes, as offset + scale * number, and the parents of the joints."""
+    numbers, offset, scale = quantised(positions)
+    return {
+        "parents": skeleton.parents.tolist(),
         "offset": offset.tolist(),
         "scale": scale.tolist(),
         "positions": in_base64(numbers, "<i2"),
@@ -204,8 +139,10 @@ def _bone_errors(diff: Diff, step: int) -> NDArray[np.float64]:
     return coded
 
 
-def _contacts(diff: Diff, points: list[int]) -> list[ContactDrawing]:
-    """The regions that touch in A, with the spans of frames in which they do in A and in B."""
+def _contacts(diff: Diff, points: list[int]) -> list[dict[str, Any]]:
+    """The regions that touch in A: their points that are nearest in the worst frame, and the spans of frames in which
+    they touch in A and in B.
+    """
     contacts, everything = diff.comparison.contacts, np.arange(len(diff.b.skeleton))
     frame, regions, _ = contacts.candidates.touching(diff.b, everything, diff.comparison.feet.stance)
     names = contacts.candidates.names
@@ -237,12 +174,9 @@ def _largest_difference(diff: Diff, a_points: Joints, b_points: Joints) -> float
 
 def _notes(step: int, diff: Diff) -> list[str]:
     """What a reader should know about the drawing."""
-    notes = []
-    if step > 1:
-        notes.append(f"long clip: player, matrices and thumbnails show one frame in {step}; figures are of all frames")
-    if diff.matching.legs:
-        notes.append("A and B are drawn with legs of the same length")
-    return notes
+    thinned = f"long clip: player, matrices and thumbnails show one frame in {step}; figures are of all frames"
+    same_legs = "A and B are drawn with legs of the same length"
+    return [*([thinned] if step > 1 else []), *([same_legs] if diff.matching.legs else [])]
 
 
 def in_base64(array: NDArray[Any], dtype: str) -> str:

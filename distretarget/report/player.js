@@ -41,10 +41,11 @@ function buildLegend() {
   };
   const item = (mark, text) => element('span', {class: 'item'}, mark, text);
   const drawn = kind => element('span', {class: `mark ${kind}`});
+  const direction = figureOf('direction_error');
   place(B, 0);
   const shared = B.bones.every(bone => directionError(bone) !== null);
   $('legend').append(
-    element('span', {class: 'group'}, term('B turned from A’s motion', figureOf('direction_error').explanation),
+    element('span', {class: 'group'}, term(`${direction.label} of B`, direction.explanation),
       ...[...LEVELS, ...(shared ? [] : [NOT_SHARED])].map(level => item(bone(level), level.name))),
     element('span', {class: 'group'}, item(bone(OF_A), 'A'), item(drawn('touch'), 'contact'),
       item(drawn('touch lost'), 'lost in B'), item(drawn('ring'), 'foot at rest in A')),

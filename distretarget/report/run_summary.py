@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal, TypedDict
@@ -13,6 +12,7 @@ from distretarget.errors import quoted
 from distretarget.matching.matching import Matching
 from distretarget.measure.figures import BY_KEY, Variant, figures_at, frame_figures
 from distretarget.pipeline.result import RetargetResult
+from distretarget.report.diff_document import json_text
 
 
 class RunFiguresDocument(TypedDict):
@@ -96,4 +96,4 @@ def figures_document(result: RetargetResult) -> RunFiguresDocument:
 
 def figures_json(result: RetargetResult) -> str:
     """The text of `figures_document` as JSON."""
-    return json.dumps(figures_document(result), indent=1, allow_nan=False) + "\n"
+    return json_text(figures_document(result))

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from itertools import combinations
 from pathlib import Path
-from typing import TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,29 +20,23 @@ from distretarget.io.files import write_whole
 from distretarget.matching.matching import Matching
 from distretarget.measure.diff import Diff
 from distretarget.measure.figures import FIGURES
-from distretarget.measure.scene_gaps import TOUCH_DISTANCE, SceneDiff
+from distretarget.measure.scene_gaps import TOUCH_DISTANCE, Across, SceneDiff
 from distretarget.motion import Motion
 from distretarget.pipeline.result import RetargetResult
 from distretarget.report.diff_document import About, document
-from distretarget.report.drawing import drawn_step, in_base64, quantised, spans, upright
+from distretarget.report.drawing import drawn_step, packed, spans, upright
 from distretarget.report.page import html_page
 from distretarget.report.scene_diff_document import SceneDiffDocument, part, scene_document
 from distretarget.scene.retargeting import SceneResult
 
 Array = NDArray[np.float64]
 Line = tuple[tuple[int, int], list[int], list[int], int, int]
-"""Two points that touch: their bodies, the joint of either on the left and on the right, the first drawn frame, and the
-one after the last.
+"""Two joints that touch: their bodies, the two joints on the left and on the right, the first drawn frame and the one
+after the last.
 """
+Table = dict[str, object]
+"""A title, columns and rows. The number of a frame, as an integer, becomes a button that goes there."""
 NO_GAP = "\u2013"  # where two never touch
-
-
-class Table(TypedDict):
-    """A table below the player. The number of a frame, in a cell of its own, becomes a button that goes there."""
-
-    title: str
-    columns: list[str]
-    rows: list[list[str | int]]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -134,41 +127,44 @@ def scene_diff_page(diff: SceneDiff, document: SceneDiffDocument) -> str:
 
 
 def _gaps_of_result(result: SceneResult, names: Sequence[str]) -> Table:
-    rows: list[list[str | int]] = []
-    for (i, j), across in result.across.items():
-        means = (across.source, across.rotation_copy, across.result)
-        numbers = [f"{100 * gap / across.leg:.1f}" if across.frames else NO_GAP for gap in means]
-        rows.append([f"{names[i]} and {names[j]}", str(across.frames), *numbers])
-    return {
-        "title": "Mean gap where they touch in the source, in % of a leg of the source\u2019s world",
-        "columns": ["between", "frames", "source", "rotation copy", "result"],
-        "rows": rows,
-    }
+    def percent(gap: float, across: Across) -> str:
+        return f"{100 * gap / across.leg:.1f}" if across.frames else NO_GAP
+
+    rows = [
+        [
+            f"{names[i]} and {names[j]}",
+            str(across.frames),
+            *(percent(gap, across) for gap in (across.source, across.rotation_copy, across.result)),
+        ]
+        for (i, j), across in result.across.items()
+    ]
+    title = "Mean gap where they touch in the source, in % of a leg of the source\u2019s world"
+    return {"title": title, "columns": ["between", "frames", "source", "rotation copy", "result"], "rows": rows}
 
 
 def _gaps_of_diff(document: SceneDiffDocument) -> Table:
-    rows: list[list[str | int]] = []
-    for gaps in document["gaps"]:
-        numbers = [f"{gaps[key]:.1f}" for key in ("gap_a", "gap_b", "gap_error")]
-        rows.append([part(gaps["between"], gaps["regions"]), str(gaps["frames"]), *numbers, gaps["worst_frame"]])
-    return {
-        "title": "Mean gap where they touch in A, in % of a leg of A\u2019s world",
-        "columns": ["between", "frames", "A", "B", "error", "worst frame"],
-        "rows": rows,
-    }
+    rows = [
+        [
+            part(gaps["between"], gaps["regions"]),
+            str(gaps["frames"]),
+            *(f"{gaps[key]:.1f}" for key in ("gap_a", "gap_b", "gap_error")),
+            gaps["worst_frame"],
+        ]
+        for gaps in document["gaps"]
+    ]
+    title = "Mean gap where they touch in A, in % of a leg of A\u2019s world"
+    return {"title": title, "columns": ["between", "frames", "A", "B", "error", "worst frame"], "rows": rows}
 
 
 def _figures(document: SceneDiffDocument) -> Table:
-    """The figures of all performers: of B, and of A where it has one."""
-    columns = ["figure"]
-    rows: list[list[str | int]] = [
-        [f"{figure.label} [{figure.unit}]" if figure.unit else figure.label] for figure in FIGURES
-    ]
-    for name, one in document["performers"].items():
-        columns += [f"{name} A", f"{name} B"]
-        for figure, row in zip(FIGURES, rows, strict=True):
-            values = one["figures"]["source"].get(figure.key), one["figures"]["result"][figure.key]
-            row += ["" if value is None else f"{value:.4g}" for value in values]
+    """The figures of all performers: of A, where it has one, and of B."""
+    sides = [one["figures"][side] for one in document["performers"].values() for side in ("source", "result")]
+    rows = []
+    for figure in FIGURES:
+        values = [side.get(figure.key) for side in sides]
+        name = f"{figure.label} [{figure.unit}]" if figure.unit else figure.label
+        rows.append([name, *("" if value is None else f"{value:.4g}" for value in values)])
+    columns = ["figure", *(f"{name} {side}" for name in document["performers"] for side in "AB")]
     return {"title": "Figures of each performer", "columns": columns, "rows": rows}
 
 
@@ -215,17 +211,8 @@ def _player_page(
 
 
 def _drawing(motion: Motion, up: Array, unit: float, step: int) -> dict[str, object]:
-    """One side of a body for the script: the parents of its joints, -1 for the root, and its positions, each offset +
-    scale * number, of 16-bit numbers in base64.
-    """
     positions = motion.positions[::step] / unit
-    numbers, offset, scale = quantised(upright(up).apply(positions.reshape(-1, 3)).reshape(positions.shape))
-    return {
-        "parents": motion.skeleton.parents.tolist(),
-        "offset": offset.tolist(),
-        "scale": scale.tolist(),
-        "positions": in_base64(numbers, "<i2"),
-    }
+    return packed(motion.skeleton, upright(up).apply(positions.reshape(-1, 3)).reshape(positions.shape))
 
 
 def _facing(bodies: Sequence[ShownBody], up: Array) -> float:
