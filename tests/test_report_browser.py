@@ -480,7 +480,7 @@ def test_without_contacts_the_page_says_so(opened):
     tab = opened("no contacts")
     assert tab.inner_text("#contacts") == "No two regions of the body touch in A."
     assert "no contacts in A" in tab.inner_text("#figures")
-    assert "B does the same as A in every frame" in tab.inner_text("#worst")
+    assert "B moves like A in every frame" in tab.inner_text("#worst")
     scrolled(tab)
 
 
