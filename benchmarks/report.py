@@ -24,8 +24,8 @@ from playwright.sync_api import Page, sync_playwright
 
 from distretarget import Motion, Skeleton, read_bvh, retarget
 from distretarget.measure.diff import diff
-from distretarget.report.document import About, document
-from distretarget.report.page import page
+from distretarget.report.clip_page import diff_page
+from distretarget.report.diff_document import About, document
 
 SAMPLE = SAMPLES / "clap.bvh"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
@@ -87,7 +87,7 @@ def with_helpers(motion: Motion, joints: int) -> Motion:
 def html(a: Motion, b: Motion) -> str:
     """The report of the diff of two motions."""
     difference = diff(a, b)
-    return page(difference, document(difference, About(a="a.bvh", b="b.bvh", command="", version="")))
+    return diff_page(difference, document(difference, About(a="a.bvh", b="b.bvh", command="", version="")))
 
 
 def drawings(tab: Page) -> float:

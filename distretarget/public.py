@@ -37,10 +37,10 @@ from distretarget.objectives.supports import Supports
 from distretarget.pipeline.options import Options
 from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.retargeting import retarget
-from distretarget.pipeline.summary import RunFiguresDocument
-from distretarget.report.document_types import DiffDocument
-from distretarget.report.report import write_report
-from distretarget.report.scene_report import write_scene_report
+from distretarget.report.clip_page import write_report
+from distretarget.report.diff_document import DiffDocument
+from distretarget.report.run_summary import RunFiguresDocument
+from distretarget.report.scene_page import write_scene_report
 from distretarget.scene.props import Grip, Prop, PropResult, prop_of
 from distretarget.scene.retargeting import SceneResult, retarget_scene
 from distretarget.scene.scene_file import SceneSetup, load_scene

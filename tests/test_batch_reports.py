@@ -11,7 +11,7 @@ from distretarget.batch.task import Outcome
 from distretarget.errors import FileError
 from distretarget.io.files import text_hash
 from distretarget.pipeline.conversion import Text
-from distretarget.report.document import About
+from distretarget.report.diff_document import About
 
 
 def work(name):

@@ -15,7 +15,7 @@ from distretarget.io.map_json import MapFile
 from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.pipeline.conversion import Text
 from distretarget.pipeline.options import Options
-from distretarget.report.document import About
+from distretarget.report.diff_document import About
 
 TARGET = Text(skeleton_to_json(other_lengths(person()), "body"), "body.json")
 

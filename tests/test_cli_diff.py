@@ -78,7 +78,7 @@ def test_the_figures_are_printed():
     assert "12 frames compared, 50 a second" in output
     bones = diff(bent(0), bent(10)).comparison.direction_error.shape[1]
     assert row(output, "direction error") == [pytest.approx(10 / bones, rel=1e-3)]
-    assert row(output, "slide") == [0, 0]
+    assert row(output, "foot slide") == [0, 0]
     assert [word for line in output.splitlines() if line.startswith("contact error") for word in line.split()][2] == "-"
     assert "worst frames by contact error: none" in output
     assert "contacts: none" in output

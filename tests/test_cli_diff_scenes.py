@@ -15,8 +15,8 @@ from referencing import Registry, Resource
 from sample_props import SCENES
 
 from distretarget import write_bvh
-from distretarget.report.document_types import DiffLimit
-from distretarget.report.scene_diff import DiffGaps, SceneDiffDocument
+from distretarget.report.diff_document import DiffLimit
+from distretarget.report.scene_diff_document import DiffGaps, SceneDiffDocument
 
 HANDSHAKE = SAMPLES / "scenes" / "handshake"
 

@@ -8,7 +8,7 @@ from bodies import clapping, lengthened, matched, person, posed
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton
-from distretarget.measure.contacts import Contacts, find_contacts
+from distretarget.measure.contacts import Candidates, Contacts, find_contacts
 from distretarget.measure.figures import BY_KEY
 from distretarget.measure.metrics import Reference
 
@@ -63,8 +63,10 @@ def test_joints_near_along_the_tree_are_no_contact():
 
 
 def test_contact_error_is_the_mean_over_the_contacts_of_a_frame_then_over_frames():
+    none = np.zeros(0, np.intp)
+    names = ("hand - head", "hand - hips")
     contacts = Contacts(
-        names=("hand - head", "hand - hips"),
+        candidates=Candidates(points=none, names=names, feet=np.zeros(2, bool), first=none, u=none, v=none),
         frames=3,
         frame=np.array([0, 0, 2]),
         regions=np.array([0, 1, 1]),

@@ -11,7 +11,6 @@ from distretarget import Motion, read_bvh, retarget
 from distretarget.baseline.world import turned
 from distretarget.errors import MapError, MatchingError, MotionError
 from distretarget.io.target_file import load_full_target
-from distretarget.measure.contacts import points_of
 from distretarget.measure.diff import diff
 from distretarget.synchronise import resampled
 
@@ -170,7 +169,7 @@ def test_a_joint_that_one_of_them_has():
     tailed = with_bone(PERSON, "Tail", "Hips")
     result = diff(swaying(PERSON), swaying(tailed))
     assert result.matching.drivers[tailed.index("Tail")] == -1
-    assert len(tailed) - 1 not in points_of(result.matching)
+    assert len(tailed) - 1 not in result.comparison.contacts.candidates.points
 
 
 def test_z_up_against_y_up():
@@ -228,7 +227,7 @@ def test_a_map_says_which_joint_is_which():
     motion = swaying(PERSON)
     swapped = diff(motion, motion, {"LeftElbow": None})
     assert swapped.matching.drivers[PERSON.index("LeftElbow")] == -1
-    assert PERSON.index("LeftElbow") not in points_of(swapped.matching)
+    assert PERSON.index("LeftElbow") not in swapped.comparison.contacts.candidates.points
 
 
 def test_resampling_a_steady_motion_keeps_it_steady():

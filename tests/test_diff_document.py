@@ -15,9 +15,19 @@ from bodies import SAMPLES, clapping, lengthened, person, posed, swaying, with_b
 from distretarget import read_bvh, retarget
 from distretarget.measure.diff import diff
 from distretarget.measure.figures import BY_KEY, FIGURES
-from distretarget.report.document import About, csv_text, document, json_text
-from distretarget.report.document_types import DiffBody, DiffContact, DiffDocument, DiffFigures, DiffLimit, Program
-from distretarget.report.report import run_diff
+from distretarget.report.clip_page import run_diff
+from distretarget.report.diff_document import (
+    About,
+    DiffBody,
+    DiffContact,
+    DiffDocument,
+    DiffFigures,
+    DiffLimit,
+    Program,
+    csv_text,
+    document,
+    json_text,
+)
 
 PERSON = person()
 ABOUT = About(a="a.bvh", b="b.bvh", command="distretarget diff a.bvh b.bvh", version="1.2.3")
@@ -107,7 +117,7 @@ def test_the_types_have_the_keys_of_the_schema():
 
 @pytest.mark.parametrize("name", CLIPS)
 def test_csv_has_the_numbers_of_the_frames(name):
-    rows = list(csv.reader(io.StringIO(csv_text(made(name)))))
+    rows = list(csv.reader(io.StringIO(csv_text(made(name)["frames"]))))
     assert rows[0] == COLUMNS
     read = [{key: float(cell) if cell else None for key, cell in zip(COLUMNS, row, strict=True)} for row in rows[1:]]
     assert read == made(name)["frames"]

@@ -6,7 +6,7 @@ from bodies import matched, person, posed, swaying
 from scipy.spatial.transform import Rotation
 
 from distretarget import retarget
-from distretarget.measure.directions import bones_of, direction_error, expected_directions
+from distretarget.measure.directions import direction_error, expected_directions, shared_bones
 
 PERSON = person()
 
@@ -14,7 +14,8 @@ PERSON = person()
 def errors(source, result):
     """The mean error of each bone by the name of its lower joint."""
     matching = matched(source, result.skeleton)
-    values = direction_error(expected_directions(source, matching), result, bones_of(matching))
+    bones = shared_bones(matching)
+    values = direction_error(expected_directions(source, matching, bones), result, bones)
     assert values.shape == (len(source), len(PERSON) - 1)
     return dict(zip(PERSON.names[1:], values.mean(axis=0), strict=True))
 

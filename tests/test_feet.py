@@ -24,7 +24,7 @@ def standing(body=PERSON, frames=30, path=0.0, height=LEG, turns=None):
 
 
 def measured(source, result, up=UP):
-    return find_feet(source, matched(source, result), up).in_result(result)
+    return find_feet(source, matched(source, result), up).in_result(result, np.zeros(len(result), bool))
 
 
 def figures(source, result):
@@ -177,7 +177,8 @@ def test_feet_that_point_down_in_the_rest_pose_are_flat_as_they_rest():
 
 
 def test_a_flat_sole_that_neither_rest_pose_nor_motion_shows_is_not_measured():
-    feet = find_feet(standing(), matched(PERSON, high_ankles(90.0)), UP).in_result(standing(high_ankles(90.0)))
+    found = find_feet(standing(), matched(PERSON, high_ankles(90.0)), UP)
+    feet = found.in_result(standing(high_ankles(90.0)), np.zeros(30, bool))
     assert np.isnan(feet.foot_pitch).all()
     assert np.isnan(feet.ankle_height).all()
     assert np.isfinite(feet.hips_height).all()

@@ -3,6 +3,7 @@
 import re
 import sys
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 import numpy as np
 import pytest
@@ -39,6 +40,15 @@ def test_every_figure_has_a_track_and_every_track_a_figure():
     found = diff(swaying(person(), 6, seed=1), swaying(person(), 6, seed=2))
     assert set(found.tracks) == {one.track or one.key for one in FIGURES}
     assert set(found.comparison.source_tracks) == {one.key for one in FIGURES if one.of_source}
+
+
+def test_the_choices_of_the_registry_are_known():
+    types = get_type_hints(Figure)
+    for one in FIGURES:
+        assert one.reduction in get_args(types["reduction"])
+        assert one.judged in get_args(types["judged"])
+        assert {*one.places} <= {*get_args(get_args(types["places"])[0])}
+        assert one.limit is None or one.limit.of in get_args(get_type_hints(Limit)["of"])
 
 
 def test_a_figure_may_be_missing_where_the_source_is_needed():

@@ -1,23 +1,16 @@
-"""The page over clips, without a browser: its content, its size, and whether its parts fit together."""
+"""The page over clips, without a browser: its content, and its size."""
 
 import html
 import json
 import re
-import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
 
 import distretarget.report
 from distretarget.measure.figures import BY_KEY, FIGURES
-from distretarget.report.index import FIELDS, FIGURE_COLUMNS, index_page
+from distretarget.report.index_page import FIELDS, FIGURE_COLUMNS, index_page
 
-FOLDER = Path(distretarget.report.__file__).parent
-TEMPLATE, STYLE, BASE, SCRIPT = (
-    (FOLDER / name).read_text("utf-8") for name in ("index.html", "index.css", "base.js", "index.js")
-)
-IDS = re.findall(r'\bid="([\w-]+)"', TEMPLATE)
 NASTY = "</script><!--<b>&amp; \"q' ü \u2028\u2029 \ud800 {{batch}}"
 
 
@@ -158,33 +151,6 @@ def test_a_clip_takes_few_bytes():
     assert (size(1100) - size(100)) / 1000 < 300
 
 
-@pytest.mark.parametrize("name", ["index.html", "index.css", "index.js"])
-def test_lines_are_short_and_end_in_no_space(name):
-    for number, line in enumerate((FOLDER / name).read_text("utf-8").splitlines(), 1):
-        assert len(line) <= 120, f"{name}:{number}"
-        assert line == line.rstrip(), f"{name}:{number}"
-
-
-def test_the_script_can_be_read():
-    if not (node := shutil.which("node")):
-        pytest.skip("node, which reads the script, is not installed")
-    done = subprocess.run([node, "--check", FOLDER / "index.js"], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-
-
-def test_every_name_of_the_script_is_used_and_not_one_of_base_js():
-    names = re.findall(r"^(?:function|const|let) ([\w$]+)", SCRIPT, re.MULTILINE)
-    assert len(names) == len(set(names)) > 30
-    assert not set(names) & set(re.findall(r"^(?:function|const|let) ([\w$]+)", BASE, re.MULTILINE))
-    for name in names:
-        assert len(re.findall(rf"(?<![\w$.]){re.escape(name)}(?![\w$])", BASE + SCRIPT)) > 1, name
-
-
-def test_the_script_and_the_style_use_what_the_template_has():
-    assert len(IDS) == len(set(IDS))
-    asked = set(re.findall(r"\$\('([\w-]+)'\)", BASE + SCRIPT))
-    assert asked <= set(IDS)
-    rules = re.sub(r"\{[^{}]*\}", "{}", STYLE)
-    words = set(re.findall(r"[\w-]+", TEMPLATE + SCRIPT))
-    assert set(re.findall(r"[.#]([a-z][\w-]*)", rules)) <= words
-    assert set(re.findall(r"clip\.(\w+)", SCRIPT)) <= {*FIELDS, "clip"}
+def test_the_script_reads_fields_that_the_page_has():
+    script = Path(distretarget.report.__file__).with_name("index.js").read_text("utf-8")
+    assert set(re.findall(r"clip\.(\w+)", script)) <= {*FIELDS, "clip"}

@@ -7,7 +7,7 @@ import pytest
 from pages import CONTRASTS, settle
 from test_index import failed, figures, record
 
-from distretarget.report.index import index_page
+from distretarget.report.index_page import index_page
 
 NASTY = "</script><b>&amp; \"q' ü"
 LONG = "x" * 300

@@ -37,7 +37,7 @@ def test_limits_of_source_and_copy():
     )
     assert lines({"jerk": 1.4}, {"jerk": 1.0}, tracks=tracks) == []
     (line,) = lines({"slide": 0.2}, {"slide": 0.3}, {"slide": 0.1}, tracks)
-    assert line.startswith("slide 0.2 leg lengths/s, limit 0.115; worst in frame 0;")
+    assert line.startswith("foot slide 0.2 leg lengths/s, limit 0.115; worst in frame 0;")
 
 
 def test_figures_worse_than_the_copy_but_within_their_limits_share_a_line():

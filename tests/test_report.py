@@ -11,9 +11,10 @@ from bodies import SAMPLES, clapping, lengthened, person, posed, swaying, with_b
 
 from distretarget import Skeleton, read_bvh
 from distretarget.measure.diff import diff
-from distretarget.report.document import About, document
+from distretarget.report.clip_page import diff_page
+from distretarget.report.diff_document import About, document
 from distretarget.report.drawing import BUDGET, STEPS, diff_drawing, drawn_step, quantised, spans
-from distretarget.report.page import SCRIPTS, page, script_json
+from distretarget.report.page import SCRIPTS, script_json
 
 PERSON = person()
 NASTY = "</script><!--<b>&amp; \"q' ü \u2028\u2029 \ud800 {{drawing}}"
@@ -25,7 +26,7 @@ def about(**others):
 
 def page_of(motion_a, motion_b, **others):
     difference = diff(motion_a, motion_b)
-    return page(difference, document(difference, about(**others)))
+    return diff_page(difference, document(difference, about(**others)))
 
 
 def embedded(text, name):
@@ -80,7 +81,7 @@ def test_json_in_a_script_is_the_same_json():
 def test_the_document_stands_in_the_page_as_it_is():
     difference = diff(clap(), clap())
     whole = document(difference, about())
-    assert embedded(page(difference, whole), "document") == json.loads(json.dumps(whole))
+    assert embedded(diff_page(difference, whole), "document") == json.loads(json.dumps(whole))
 
 
 def test_the_page_is_one_file_that_asks_for_nothing():
@@ -90,7 +91,8 @@ def test_the_page_is_one_file_that_asks_for_nothing():
     assert "default-src 'none'" in text
     assert "{{" not in text
     assert text.count("'use strict';") == 1
-    assert len(set(SCRIPTS)) == len(SCRIPTS)
+    for scripts in SCRIPTS.values():
+        assert len(set(scripts)) == len(scripts)
 
 
 def test_scripts_make_no_markup_of_text():

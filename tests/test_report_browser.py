@@ -11,9 +11,8 @@ from pages import CONTRASTS, settle
 from distretarget import load_target, read_bvh, retarget
 from distretarget.measure.diff import diff
 from distretarget.measure.figures import BY_KEY, FIGURES, NOT_RUN, figures_at
-from distretarget.report.document import About, document
-from distretarget.report.page import page
-from distretarget.report.report import run_diff
+from distretarget.report.clip_page import diff_page, run_diff
+from distretarget.report.diff_document import About, document
 
 NASTY = "</script><b>&amp; \"q' " + 60 * "ü"
 PERSON = person()
@@ -101,7 +100,7 @@ def reports(tmp_path_factory):
         if name not in made:
             result, figures = MADE[name]()
             path = folder / f"{name}.html"
-            path.write_text(page(result, figures), "utf-8")
+            path.write_text(diff_page(result, figures), "utf-8")
             made[name] = path, figures
         return made[name]
 
@@ -481,7 +480,7 @@ def test_without_contacts_the_page_says_so(opened):
     tab = opened("no contacts")
     assert tab.inner_text("#contacts") == "No two regions of the body touch in A."
     assert "no contacts in A" in tab.inner_text("#figures")
-    assert "B does the same as A in every frame" in tab.inner_text("#worst")
+    assert "B moves like A in every frame" in tab.inner_text("#worst")
     scrolled(tab)
 
 

@@ -13,7 +13,7 @@ from distretarget import Options, Skeleton, retarget
 from distretarget.ik.spg import Reason
 from distretarget.measure.figures import FIGURES, NOT_RUN, Track, clip_figures, figures_at
 from distretarget.measure.metrics import Reference
-from distretarget.pipeline.summary import figures_json, figures_line, summary_line
+from distretarget.report.run_summary import figures_json, figures_line, summary_line
 
 FRAMES = 40
 SOLVER = {"iterations", "evaluations", "reason"}
@@ -131,7 +131,7 @@ def test_the_line_gives_each_figure_for_copy_and_result():
     baseline, result = (made.figures[side] for side in ("rotation_copy", "result"))
     line = figures_line(made)
     assert f"contact error {baseline['contact_error']:.4f} / {result['contact_error']:.4f}" in line
-    assert f"slide [legs/s] {baseline['slide']:.3f} / {result['slide']:.3f}" in line
+    assert f"foot slide [legs/s] {baseline['slide']:.3f} / {result['slide']:.3f}" in line
     assert f"direction error [°] 0.0 / {result['direction_error']:.1f}" in line
     for figure in figures_at("line"):
         assert f"{figure.brief(baseline[figure.key])} / {figure.brief(result[figure.key])}" in line
@@ -160,7 +160,7 @@ def test_frames_that_did_not_converge_are_counted_and_the_first_is_named():
     result = run()
     warnings = list(result_with(effort=replace(result.effort, reasons=reasons)).warnings)
     assert len(warnings) == 1
-    assert warnings[0].startswith("unsolved 3, limit 0; worst in frame 7; likely cause: ")
+    assert warnings[0].startswith("unsolved frames 3, limit 0; worst in frame 7; likely cause: ")
 
 
 @pytest.mark.parametrize(("off", "warned"), [(0.001, False), (0.05, True)])
@@ -211,10 +211,10 @@ def test_a_chain_without_legs_or_contacts_has_a_line_and_json():
     )
     source = swaying(chain)
     made = retarget(source, chain.with_offsets(2 * offsets))
-    assert "contact error - / -, direction error [°] 0.0 / 0.0, slide [legs/s] - / -" in figures_line(made)
+    assert "contact error - / -, direction error [°] 0.0 / 0.0, foot slide [legs/s] - / -" in figures_line(made)
     assert set(document(made)["frames"]["contact_error"]) == {None}
     assert list(made.warnings) == []
-    assert made.verdict == "Nothing touches in the source; no foot rests in the source."
+    assert made.verdict == "The source has no self-contacts; no foot rests in the source."
 
 
 def test_a_still_clip_is_as_smooth_as_its_copy():

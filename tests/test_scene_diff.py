@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from distretarget import Motion, MotionError, SettingsError, diff, diff_scenes, retarget_scene
 from distretarget.baseline.world import turned
 from distretarget.measure.scene_gaps import TOUCH_DISTANCE
-from distretarget.report.report import run_diff
+from distretarget.report.clip_page import run_diff
 from distretarget.scene.scene_file import load_scene
 
 SHIFT = 7.0  # [cm]

@@ -5,7 +5,7 @@ import pytest
 from bodies import body_of, person, posed, with_bone
 
 from distretarget.measure.figures import BY_KEY, Track
-from distretarget.measure.snaps import find_snaps
+from distretarget.measure.metrics import find_snaps
 
 PERSON = person()
 LEG = 0.435 + 0.453

@@ -21,15 +21,15 @@ def said(result, copy=None, source=None, tracks=TRACKS):
 
 def test_a_good_run():
     assert said(GOOD, {"contact_error": 0.041}, {"slide": 0.001}) == (
-        "Contacts kept 4.1 times better than by copied rotations; feet do not slide; hips within 0.6 % of a leg; "
-        "largest change: Neck 12 degrees at frame 1."
+        "Contacts kept 4.1 times better than by copied rotations; feet do not slide; hips height kept within "
+        "0.6 % of a leg; largest direction error: Neck, 12 degrees at frame 1."
     )
 
 
 @pytest.mark.parametrize(
     ("result", "copy", "words"),
     [
-        (None, None, "Nothing touches in the source;"),
+        (None, None, "The source has no self-contacts;"),
         (0.01, 0.0105, "Contacts kept as well as by copied rotations;"),
         (0.0005, 0.001, "Contacts kept as well as by copied rotations;"),
         (0.03, 0.01, "Contacts kept worse than by copied rotations;"),
@@ -44,8 +44,8 @@ def test_contacts(result, copy, words):
     ("result", "source", "words"),
     [
         (None, None, "no foot rests in the source"),
-        (0.1, 0.1, "feet slide no more than the source's"),
-        (0.2, 0.1, "feet slide more than the source's"),
+        (0.1, 0.1, "feet slide no more than in the source"),
+        (0.2, 0.1, "feet slide more than in the source"),
     ],
 )
 def test_feet(result, source, words):
@@ -54,13 +54,13 @@ def test_feet(result, source, words):
 
 def test_hips_that_are_off_are_named_with_their_frame_and_need_a_look():
     text = said(GOOD | {"hips_height_largest": 7.2})
-    assert "hips up to 7 % of a leg off their height at frame 1" in text
+    assert "hips height off by up to 7 % of a leg at frame 1" in text
     assert text.endswith(" Needs a look: largest hips height.")
 
 
 def test_nothing_measured_claims_nothing():
     empty = {"direction_error": Track(np.zeros((3, 0))), "hips_height": Track(np.zeros((3, 0)))}
-    assert said({}, tracks=empty) == "Nothing touches in the source; no foot rests in the source."
+    assert said({}, tracks=empty) == "The source has no self-contacts; no foot rests in the source."
 
 
 def test_figures_that_need_a_look_are_named_once():

@@ -60,7 +60,7 @@ def _of_summary() -> list[Row]:
     source_slide, peer_slide, _ = means(cells("motionbuilder"), 5)
     return [
         (
-            "how far parts that touch are off, relative to copied rotations",
+            "error of the distance between body parts that touch, relative to copied rotations",
             {**row("contact error, mean over clips"), MOTIONBUILDER: f"{peer / copied:.2f}"},
         ),
         ("clap on long forearms: gap of the wrists, % of arm (source: 4.0)", row("clap on long forearms", 1)),

@@ -27,7 +27,7 @@ from distretarget.io.target_file import parse_target
 from distretarget.numerics.parallel import cores
 from distretarget.pipeline.conversion import load_text
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
-from distretarget.report.document import About
+from distretarget.report.diff_document import About
 
 Paths = str | Path | Sequence[str | Path]
 Waiting = Callable[[str], Any]

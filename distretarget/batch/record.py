@@ -14,7 +14,7 @@ from distretarget.batch.plan import Work
 from distretarget.io.map_json import MapFile
 from distretarget.objectives.resting_joints import Environment
 from distretarget.pipeline.options import HoldMode, Objective, Options
-from distretarget.report.index import ClipRecord
+from distretarget.report.index_page import ClipRecord
 
 
 class RecordedOptions(TypedDict):

@@ -15,8 +15,8 @@ from distretarget.batch.task import Outcome
 from distretarget.errors import FileError
 from distretarget.io.files import check_writable, is_folder, make_folder, reason_of, write_whole
 from distretarget.measure.figures import FIGURES
-from distretarget.report.document import About
-from distretarget.report.index import index_page
+from distretarget.report.diff_document import About
+from distretarget.report.index_page import index_page
 
 FOLDER = "_reports"  # the folder of the reports on clips is named as the page over all clips, and this
 MARK = '<meta name="generator" content="distretarget">'

@@ -19,7 +19,7 @@ from distretarget.batch.task import Outcome, Task, convert
 from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import check_inside, hash_of, hash_of_file, make_folder, read_bytes, text_of, write_whole
 from distretarget.pipeline.conversion import Text
-from distretarget.report.document import About
+from distretarget.report.diff_document import About
 
 CHECK_INTERVAL = 5.0  # time without a result after which the run checks that all workers are alive [s]
 QUEUED = 2  # tasks that are submitted at a time, running or waiting [tasks per worker]

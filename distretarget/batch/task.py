@@ -18,9 +18,9 @@ from distretarget.io.map_json import MapFile
 from distretarget.measure.figures import Variant
 from distretarget.pipeline.conversion import Text, retarget_onto
 from distretarget.pipeline.options import Options
-from distretarget.pipeline.summary import unmatched
-from distretarget.report.document import About
-from distretarget.report.report import run_page
+from distretarget.report.clip_page import run_page
+from distretarget.report.diff_document import About
+from distretarget.report.run_summary import unmatched
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,10 +19,9 @@ from distretarget.io.map_json import joint_map, load_map
 from distretarget.measure.diff import diff
 from distretarget.measure.figures import BY_KEY, FIGURES, Figure, figures_at
 from distretarget.pipeline.conversion import needs_map
-from distretarget.report.document import csv_text, document, json_text
-from distretarget.report.document_types import DiffContact, DiffDocument, FigureValues
-from distretarget.report.page import page
-from distretarget.report.scene_diff import GAP_ERROR
+from distretarget.report.clip_page import diff_page
+from distretarget.report.diff_document import DiffContact, DiffDocument, FigureValues, csv_text, document, json_text
+from distretarget.report.scene_diff_document import GAP_ERROR
 from distretarget.target import Target
 
 MOST = 5  # frames and contacts that are printed
@@ -117,11 +116,11 @@ def diff_command(
         raise error.in_file(texts[1].path) from None
     figures = document(result, replace(about(*(Path(one.path) for one in texts)), limits=limits))
     if output:
-        write_output(output, page(result, figures), overwrite)
+        write_output(output, diff_page(result, figures), overwrite)
     if json_path:
         write_output(json_path, json_text(figures), overwrite)
     if csv_path:
-        write_output(csv_path, csv_text(figures), overwrite)
+        write_output(csv_path, csv_text(figures["frames"]), overwrite)
     for line in _account(figures):
         say(line)
     if faults := list(over(figures["limits"])):

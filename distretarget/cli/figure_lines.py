@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from distretarget.report.document_types import DiffLimit
+from distretarget.report.diff_document import DiffLimit
 
 
 def number(value: float | None) -> str:

@@ -13,7 +13,7 @@ import click
 from distretarget.cli.streams import STANDARD
 from distretarget.errors import FileError
 from distretarget.io.files import check_writable
-from distretarget.report.document import About
+from distretarget.report.diff_document import About
 
 OVERWRITE_OPTION = click.option(
     "--overwrite", is_flag=True, help="Replace files that exist. An input is never replaced."

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from distretarget.measure.figures import BY_KEY
-from distretarget.report.scene_diff import GAP_ERROR
+from distretarget.report.scene_diff_document import GAP_ERROR
 from distretarget.skeleton import LARGEST, SMALLEST
 
 

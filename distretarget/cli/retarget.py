@@ -36,8 +36,8 @@ from distretarget.motion import Motion
 from distretarget.pipeline.conversion import Text, argument, retarget_onto
 from distretarget.pipeline.options import Options
 from distretarget.pipeline.result import RetargetResult
-from distretarget.pipeline.summary import figures_json, figures_line, summary_line, unmatched
-from distretarget.report.report import run_page
+from distretarget.report.clip_page import run_page
+from distretarget.report.run_summary import figures_json, figures_line, summary_line, unmatched
 
 
 @click.command("retarget")

@@ -20,7 +20,7 @@ from distretarget.errors import FileError
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.files import is_folder, make_folder, write_whole
 from distretarget.measure.scene_gaps import Gap
-from distretarget.pipeline.summary import summary_line
+from distretarget.report.run_summary import summary_line
 from distretarget.report.scene_page import scene_page
 from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup, load_scene
 

@@ -1,7 +1,7 @@
-"""Contacts as people name them: which regions of a body touch, such as hand and hip, and how well a result keeps that.
+"""Self-contacts: which regions of a body touch, such as hand and hip, and how well a result keeps that.
 
 Two regions of the target's body that are not neighbours touch in a frame if the nearest of their joints are near each
-other in the source and far apart along the tree. Feet are not a contact while one of them rests: in a stride they pass
+other in the source and far apart along the tree. Two feet do not count while one of them rests: in a stride they pass
 each other.
 """
 
@@ -18,30 +18,10 @@ from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.vectors import lengths
 
 Array = NDArray[np.float64]
-
-
-def points_of(matching: Matching) -> NDArray[np.intp]:
-    """The joints and End Sites of the target that stand for a place of their own on one of the bodies."""
-    source, result, drivers = matching.source.skeleton, matching.target.skeleton, matching.drivers
-    shared = np.flatnonzero(drivers >= 0)
-    apart = (result.path_lengths > 0)[np.ix_(shared, shared)]
-    apart |= (source.path_lengths > 0)[np.ix_(drivers[shared], drivers[shared])]
-    first = np.array([np.flatnonzero(~row)[0] for row in apart])
-    return np.asarray(shared[first == np.arange(len(shared))])
-
-
-def normalised_distances(motion: Motion, u: NDArray[np.intp], v: NDArray[np.intp], frames: slice) -> Array:
-    """D, (frames, pairs), of joints u and v, (pairs,) each; nan where the path between them has no length."""
-    tau = motion.rigid_skeleton.path_lengths[u, v]
-    x, y, z = np.ascontiguousarray(np.moveaxis(motion.positions[frames], -1, 0))  # eight times as fast as a norm
-    squared = (x[:, u] - x[:, v]) ** 2 + (y[:, u] - y[:, v]) ** 2 + (z[:, u] - z[:, v]) ** 2
-    return np.asarray(np.sqrt(squared) / np.where(tau > 0, tau, np.nan))
-
-
 Numbers = NDArray[np.intp]
 
 CONTACT_DISTANCE = 0.15  # joints in contact have D below this in the source ...
-FAR_ALONG = 5  # ... and at least so many joints on the path between them
+FAR_ALONG = 5  # ... and at least this many joints on the path between them
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -49,40 +29,56 @@ class Candidates:
     """The pairs of joints that may touch, ordered by the regions of the two.
 
     Attributes:
-        names: of the pairs of regions, such as "left hand - right hand", those of most interest first.
+        points: (points,), the joints and End Sites of the target with a driver, one of those that coincide on both.
+        names: the pairs of regions, such as "left hand - right hand", those of most interest first.
         feet: (pairs of regions,), whether the two regions are the two feet.
         first: (pairs of regions,), the first pair of joints of each.
         u, v: (pairs of joints,), joints of the target.
     """
 
+    points: Numbers
     names: tuple[str, ...]
     feet: NDArray[np.bool_]
     first: Numbers
     u: Numbers
     v: Numbers
 
-    def nearest(self, D: Array) -> tuple[Numbers, Numbers, Numbers]:
-        """The regions that touch where D, (frames, pairs of joints), is below `CONTACT_DISTANCE`: the frame, the pair
-        of regions and the nearest pair of joints of each contact.
+    def touching(self, motion: Motion, joint_of: Numbers, feet_rest: NDArray[np.bool_]) -> Numbers:
+        """(3, contacts), the frame, the pair of regions and the nearest pair of joints of each contact in a motion.
+
+        `joint_of`, (target joints,), is the joint of the motion that corresponds to each joint of the target;
+        `feet_rest` is as in `find_contacts`.
         """
-        if not len(self.first):
-            nothing = np.zeros(0, np.intp)
-            return nothing, nothing, nothing
+        u, v = joint_of[self.u], joint_of[self.v]
+        found = [np.zeros((3, 0), np.intp)]
+        if len(self.first):
+            for block in blocks_of(len(motion)):
+                rows = self._nearest(normalised_distances(motion, u, v, block))
+                rows[0] += block.start
+                found.append(rows)
+        rows = np.concatenate(found, axis=1)
+        stands = np.asarray(feet_rest.any(axis=1))
+        return np.asarray(rows[:, ~(self.feet[rows[1]] & stands[rows[0]])])
+
+    def _nearest(self, D: Array) -> Numbers:
+        """(3, contacts), frame, pair of regions and nearest pair of joints where D, (frames, pairs of joints), is below
+        `CONTACT_DISTANCE`.
+        """
         frame, regions = np.nonzero(np.minimum.reduceat(D, self.first, axis=1) < CONTACT_DISTANCE)
         ends = np.append(self.first[1:], D.shape[1])
         pairs = np.zeros(len(frame), np.intp)
         for k in np.unique(regions):
             some = np.flatnonzero(regions == k)
             pairs[some] = self.first[k] + D[frame[some], self.first[k] : ends[k]].argmin(axis=1)
-        return frame, regions, pairs
+        return np.stack([frame, regions, pairs])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Touch:
-    """What became of the contacts between two regions over a clip.
+    """The contacts between two regions over a clip, and how well the result keeps them.
 
     Attributes:
-        name: of the two regions, such as "left hand - right hand".
+        name: the two regions, such as "left hand - right hand".
         frames: (frames of contact,), in which frames they touch in the source.
         distance_source, distance_result: mean D of their nearest joints over these frames.
         error: mean |D_source - D_result| over these frames.
@@ -102,18 +98,18 @@ class Touch:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Contacts:
-    """The contacts of a source and what became of them in a result: a row for each contact in each frame.
+    """The contacts of a source and their distances in a result: a row for each contact in each frame.
 
     Attributes:
-        names: of the pairs of regions that may touch, those of most interest first.
+        candidates: the pairs of joints that may touch.
         frames: the number of frames of the clip.
         frame: (rows,), in which frame it is, in ascending order.
-        regions: (rows,), which pair of regions touches, as a number of `names`.
+        regions: (rows,), which pair of regions touches, as an index of `candidates.names`.
         u, v: (rows,), the joints of the target that are nearest to each other in the source.
         distance_source, distance_result: (rows,), D of these joints.
     """
 
-    names: tuple[str, ...]
+    candidates: Candidates
     frames: int
     frame: Numbers
     regions: Numbers
@@ -123,7 +119,7 @@ class Contacts:
     distance_result: Array
 
     def in_result(self, result: Motion) -> Contacts:
-        """The same contacts, and how near the joints are in a result."""
+        """The same contacts with the distances of a result."""
         return replace(self, distance_result=_distances(result, self.frame, self.u, self.v))
 
     @property
@@ -133,7 +129,7 @@ class Contacts:
 
     @property
     def counts(self) -> Numbers:
-        """(frames,), how many contacts a frame has."""
+        """(frames,), the number of contacts in each frame."""
         return np.bincount(self.frame, minlength=self.frames)
 
     @property
@@ -144,14 +140,14 @@ class Contacts:
 
     @property
     def touches(self) -> tuple[Touch, ...]:
-        """What became of each pair of regions that touches in the source, those of most interest first."""
+        """The contacts of each pair of regions that touches in the source, those of most interest first."""
         return tuple(self._touch(int(k)) for k in np.unique(self.regions))
 
     def _touch(self, k: int) -> Touch:
         rows = np.flatnonzero(self.regions == k)
         worst = rows[self.error[rows].argmax()]
         return Touch(
-            name=self.names[k],
+            name=self.candidates.names[k],
             frames=self.frame[rows],
             distance_source=float(self.distance_source[rows].mean()),
             distance_result=float(self.distance_result[rows].mean()),
@@ -163,16 +159,16 @@ class Contacts:
 
 
 def find_contacts(source: Motion, matching: Matching, feet_rest: NDArray[np.bool_]) -> Contacts:
-    """The contacts of a source; the result they are measured in is as yet the source itself.
+    """Find the contacts of a source; their distances in a result are the source's own until `in_result`.
 
     `feet_rest`, (frames, foot joints), is whether each foot joint rests in the source; without legs it has no columns.
     """
-    pairs = find_candidates(matching)
-    frame, regions, nearest = touching(source, pairs, matching.drivers, feet_rest)
-    u, v = pairs.u[nearest], pairs.v[nearest]
-    distance = _distances(source, frame, matching.drivers[u], matching.drivers[v])
+    candidates, drivers = find_candidates(matching), matching.drivers
+    frame, regions, nearest = candidates.touching(source, drivers, feet_rest)
+    u, v = candidates.u[nearest], candidates.v[nearest]
+    distance = _distances(source, frame, drivers[u], drivers[v])
     return Contacts(
-        names=pairs.names,
+        candidates=candidates,
         frames=len(source),
         frame=frame,
         regions=regions,
@@ -184,53 +180,36 @@ def find_contacts(source: Motion, matching: Matching, feet_rest: NDArray[np.bool
 
 
 def find_candidates(matching: Matching) -> Candidates:
-    """The pairs of joints of the target that may touch: of regions that are not neighbours, and far apart along the
-    tree.
-    """
-    body, drivers = matching.target, matching.drivers
-    points = points_of(matching)
+    """Find the pairs of target joints that may touch: in regions that are not neighbours, far apart along the tree."""
+    tau, tau_source = matching.target.skeleton.path_lengths, matching.source.skeleton.path_lengths
+    drivers, regions = matching.drivers, matching.regions
+    driven = np.flatnonzero(drivers >= 0)
+    apart = (tau > 0)[np.ix_(driven, driven)] | (tau_source > 0)[np.ix_(drivers[driven], drivers[driven])]
+    points = driven[(~apart).argmax(axis=1) == np.arange(len(driven))]
     u, v = (points[end] for end in np.triu_indices(len(points), 1))
-    regions_of = matching.regions
-    of_u, of_v = regions_of.of_joint[u], regions_of.of_joint[v]
-    possible = (of_u >= 0) & (of_v >= 0) & (body.skeleton.path_sizes[u, v] >= FAR_ALONG)
-    possible &= ~regions_of.neighbours[of_u, of_v] & (body.skeleton.path_lengths[u, v] > 0)
-    possible &= matching.source.skeleton.path_lengths[drivers[u], drivers[v]] > 0
+    of_u, of_v = regions.of_joint[u], regions.of_joint[v]
+    possible = (of_u >= 0) & (of_v >= 0) & (matching.target.skeleton.path_sizes[u, v] >= FAR_ALONG)
+    possible &= ~regions.neighbours[of_u, of_v] & (tau[u, v] > 0) & (tau_source[drivers[u], drivers[v]] > 0)
     ends = np.sort(np.stack([of_u, of_v], axis=1)[possible], axis=1)
     order = np.lexsort(ends.T[::-1])
-    regions, first = np.unique(ends[order], axis=0, return_index=True)
-    names = regions_of.names
+    pairs, first = np.unique(ends[order], axis=0, return_index=True)
+    feet = [] if matching.legs is None else sorted(regions.of_joint[[leg.ankle for leg in matching.legs[1]]])
     return Candidates(
-        names=tuple(f"{names[a]} - {names[b]}" for a, b in regions),
-        feet=_between_feet(regions, matching),
+        points=points,
+        names=tuple(f"{regions.names[a]} - {regions.names[b]}" for a, b in pairs),
+        feet=np.array([[*pair] == feet for pair in pairs], bool),
         first=first,
         u=u[possible][order],
         v=v[possible][order],
     )
 
 
-def touching(motion: Motion, pairs: Candidates, joint_of: Numbers, feet_rest: NDArray[np.bool_]) -> Numbers:
-    """(3, contacts), the frame, the pair of regions and the nearest pair of joints of each contact in a motion.
-
-    `joint_of`, (target joints,), is the joint of the motion that corresponds to each joint of the target; `feet_rest`
-    is as in `find_contacts`.
-    """
-    u, v = joint_of[pairs.u], joint_of[pairs.v]
-    found = [np.zeros((3, 0), np.intp)]
-    for block in blocks_of(len(motion)):
-        frame, regions, nearest = pairs.nearest(normalised_distances(motion, u, v, block))
-        found.append(np.stack([frame + block.start, regions, nearest]))
-    rows = np.concatenate(found, axis=1)
-    stands = np.asarray(feet_rest.any(axis=1))
-    standing = pairs.feet[rows[1]] & stands[rows[0]]
-    return np.asarray(rows[:, ~standing])
-
-
-def _between_feet(regions: Numbers, matching: Matching) -> NDArray[np.bool_]:
-    """(pairs of regions,), whether the two regions, (pairs of regions, 2), are the two feet."""
-    if matching.legs is None:
-        return np.zeros(len(regions), bool)
-    feet = np.sort(matching.regions.of_joint[[leg.ankle for leg in matching.legs[1]]])
-    return np.asarray((regions == feet).all(axis=1))
+def normalised_distances(motion: Motion, u: Numbers, v: Numbers, frames: slice) -> Array:
+    """D, (frames, pairs), of joints u and v, (pairs,) each; nan where the path between them has no length."""
+    tau = motion.rigid_skeleton.path_lengths[u, v]
+    x, y, z = np.ascontiguousarray(np.moveaxis(motion.positions[frames], -1, 0))  # eight times as fast as a norm
+    squared = (x[:, u] - x[:, v]) ** 2 + (y[:, u] - y[:, v]) ** 2 + (z[:, u] - z[:, v]) ** 2
+    return np.asarray(np.sqrt(squared) / np.where(tau > 0, tau, np.nan))
 
 
 def _distances(motion: Motion, frame: Numbers, u: Numbers, v: Numbers) -> Array:

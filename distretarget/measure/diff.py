@@ -1,4 +1,4 @@
-"""Two motions against each other, frame by frame: A, the reference, and B, measured against it."""
+"""Measure a motion B against a motion A, the reference, frame by frame."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ class Diff:
 
     Attributes:
         a, b: the motions, A in B's world and both with B's frame time and the frames they share.
-        matching: which joint of A stands for each joint of B.
-        world: how A's world was taken into B's.
+        matching: which joint of A corresponds to each joint of B.
+        world: the axes that point up, and the root's OFFSET.
         stress: (frames,), Eq. (2) of B against A's distances, over the squared height of B.
         comparison: what else was measured, per frame.
-        run_tracks: what is known of B if it was made here: its snaps, and the frames that did not converge.
         notes: what was done to compare them: resampled, cut, turned.
+        run_tracks: the snaps and unsolved frames of B, if B was made here.
     """
 
     a: Motion
@@ -64,24 +64,19 @@ class Diff:
 
     @cached_property
     def figures(self) -> dict[Variant, dict[str, float | None]]:
-        """The figures of quality of the whole clip, by key (`measure.figures.FIGURES`), of A, the source, and of B, the
-        result; None where nothing was to be measured.
+        """The figures of the whole clip by key, of A as the source and B as the result; None where nothing was to be
+        measured.
         """
         return {"source": clip_figures(self.comparison.source_tracks), "result": clip_figures(self.tracks)}
 
 
 def diff(
-    a: Motion,
-    b: Motion,
-    joint_map: JointMap | None = None,
-    *,
-    a_up: str | None = None,
-    b_up: str | None = None,
+    a: Motion, b: Motion, joint_map: JointMap | None = None, *, a_up: str | None = None, b_up: str | None = None
 ) -> Diff:
     """Measure a motion B against a motion A, on the same skeleton or another.
 
-    If frame times differ, A is resampled at B's; if the numbers of frames do, the longer one is cut. If the axes that
-    point up do, A is turned.
+    If frame times differ, A is resampled at B's. If the numbers of frames differ, the longer motion is cut. If other
+    axes point up, A is turned.
 
     Args:
         a: the reference.
@@ -99,8 +94,8 @@ def diff(
     """
     check_kind("a", a, Motion)
     check_kind("b", b, Motion)
-    for motion, name in ((a, "A"), (b, "B")):
-        _check(motion, name)
+    _check(a, "A")
+    _check(b, "B")
     bodies = Body.of_motion(a), Body.of_motion(b)
     world = find_world(*bodies, source_up=a_up, target_up=b_up)
     notes = list(turned_note(world))

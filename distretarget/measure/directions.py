@@ -1,4 +1,4 @@
-"""Where the bones of a result point, against where the source's motion points them on that body."""
+"""Bone directions of a result, against where the source's motion points the bones on that body."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from distretarget.numerics.parallel import in_blocks
 from distretarget.numerics.vectors import angles_between
 
 Array = NDArray[np.float64]
+Joints = NDArray[np.intp]
 
 # Roles whose bones point differently in every build: of trunk, collar bones, hands, head and feet.
 BUILT_DIFFERENTLY = ("hips", "spine", "chest", "upperChest", "neck", "head", "Shoulder", "Hand", "Foot", "Toes")
 
 
-def direction_error(expected: Array, result: Motion, lower: NDArray[np.intp]) -> Array:
+def direction_error(expected: Array, result: Motion, lower: Joints) -> Array:
     """(frames, bones), the angle between the bones that end at the joints `lower`, (bones,), and their expected
     directions, (frames, bones, 3), of any length [degrees].
     """
@@ -31,16 +32,15 @@ def direction_error(expected: Array, result: Motion, lower: NDArray[np.intp]) ->
     return in_blocks(error, len(result))
 
 
-def expected_directions(source: Motion, matching: Matching) -> Array:
-    """(frames, bones, 3), where the bones that both bodies have (`bones_of`) are expected to point; lengths vary.
+def expected_directions(source: Motion, matching: Matching, lower: Joints) -> Array:
+    """(frames, bones, 3), where the target's bones that end at the joints `lower`, those of `shared_bones`, are
+    expected to point; lengths vary.
 
-    A bone of an arm, a leg or a finger, and any other, is expected to point as the source's bone does. The bones of
-    trunk, collar bones, hands, head and feet point differently in every build: they are expected to point where the
-    source's rotation, by way of the rest poses, points the target's own bone.
+    A bone of an arm, leg or finger is expected to point as the source's bone does. Bones of trunk, collar bones, hands,
+    head and feet point differently in every build: they are expected to point where the source's rotation, relative to
+    the rest poses, points the target's own bone.
     """
-    lower = bones_of(matching)
-    upper = matching.target.skeleton.parents[lower]
-    drivers = matching.drivers
+    drivers, upper = matching.drivers, matching.target.skeleton.parents[lower]
     own = np.isin(upper, _built_differently(matching))
     alignment = rest_alignment(matching)
 
@@ -55,14 +55,14 @@ def expected_directions(source: Motion, matching: Matching) -> Array:
     return in_blocks(directions, len(source))
 
 
-def bones_of(matching: Matching) -> NDArray[np.intp]:
-    """The lower joints of the bones that both bodies have, with a length on both."""
+def shared_bones(matching: Matching) -> Joints:
+    """(bones,), the lower joints of the target's bones that both bodies have, with a length on both."""
     source, skeleton, drivers = matching.source.skeleton, matching.target.skeleton, matching.drivers
-    lower = np.arange(1, len(skeleton))
-    upper = skeleton.parents[1:]
-    shared = (drivers[lower] >= 0) & (drivers[upper] >= 0) & (skeleton.lengths[1:] > 0)
-    lower, upper = lower[shared], upper[shared]
-    return lower[source.path_lengths[drivers[lower], drivers[upper]] > 0]
+    upper = skeleton.parents
+    shared = (drivers >= 0) & (drivers[upper] >= 0) & (skeleton.lengths > 0)
+    shared[0] = False
+    lower = np.flatnonzero(shared)
+    return lower[source.path_lengths[drivers[lower], drivers[upper[lower]]] > 0]
 
 
 def _built_differently(matching: Matching) -> list[int]:
@@ -74,15 +74,13 @@ def _built_differently(matching: Matching) -> list[int]:
     return [*joints, *anatomy.spine, *anatomy.neck, *matching.target.above_hips]
 
 
-def _by_rotation(
-    world: Array, alignment: Array, matching: Matching, upper: NDArray[np.intp], lower: NDArray[np.intp]
-) -> Array:
-    """(frames, bones, 3), the target's own bones turned by the rotations of the source, R A b; R is `world`, (frames,
-    source joints, 4), and A the alignment of the rest poses.
+def _by_rotation(world: Array, alignment: Array, matching: Matching, upper: Joints, lower: Joints) -> Array:
+    """(frames, bones, 3), R A b: the target's own bones b turned by the source's world rotations R, `world`, (frames,
+    source joints, 4), after the alignment A of the rest poses.
     """
 
-    def turned(bones: NDArray[np.intp], k: int) -> Array:
-        """The target's own bones, turned by their first (k = 0) or second (k = 1) rotation source."""
+    def turned(bones: Joints, k: int) -> Array:
+        """Some of the bones, turned by their first (k = 0) or second (k = 1) rotation source."""
         own = Rotation.from_quat(alignment[upper[bones], k]).apply(matching.target.skeleton.offsets[lower[bones]])
         return np.asarray(Rotation.from_quat(world[:, matching.rotation_sources[upper[bones], k]]).apply(own))
 
@@ -90,6 +88,6 @@ def _by_rotation(
     between = np.flatnonzero(weight)
     directions = turned(np.arange(len(upper)), 0)
     if len(between):
-        first, second = (1.0 - weight[between]) * directions[:, between], weight[between] * turned(between, 1)
-        directions[:, between] = first + second
+        directions[:, between] *= 1.0 - weight[between]
+        directions[:, between] += weight[between] * turned(between, 1)
     return directions

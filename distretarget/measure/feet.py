@@ -1,7 +1,7 @@
-"""Feet and hips over resting feet: when feet rest, whether they slide, and whether they and the hips are in place.
+"""Feet and hips: when feet rest, how fast they slide then, and how far feet and hips are from where they should be.
 
-Heights and lengths are compared after scaling by the ratio of leg lengths, and a foot is compared with how the target's
-own foot stands on its sole, so that a foot of another build is not an error.
+Heights are compared in leg lengths of each body. A foot is compared with how the target's own foot stands on its flat
+sole, so a foot of another build is not an error.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.body.axes import axis_vector
 from distretarget.body.body import Body
 from distretarget.body.legs import Leg
 from distretarget.matching.matching import Matching
-from distretarget.measure.flat_foot import FlatFoot, find_flat_foot
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import speeds_along
-from distretarget.numerics.vectors import level
+from distretarget.numerics.vectors import lengths, level
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -27,24 +27,80 @@ SLOW = 0.35  # a resting foot joint is slower than this [leg lengths / s] ...
 LOW = 0.06  # ... and within this [leg lengths] of its lowest heights,
 LOWEST = 2.0  # which is this percentile of them [%]
 FLAT = 5.0  # a foot within this of the pitch of its flat sole stands flat [degrees]
+STEEPEST = 60.0  # a foot that points farther up or down than this in the rest pose is not flat there [degrees]
+
+
+@dataclass(frozen=True, eq=False)
+class FlatFoot:
+    """A foot, and how it stands on its flat sole.
+
+    Attributes:
+        leg: its leg.
+        points: (points,), the ankle and all joints below it: toes, heel, End Sites. Only the ankle if there is no toe.
+        flat_pitch: the elevation of the bone from ankle to toe while the sole is flat [degrees]; nan if unknown.
+        flat_height: the ankle's height over the lowest point while the sole is flat [file units]; nan if unknown.
+    """
+
+    leg: Leg
+    points: NDArray[np.intp]
+    flat_pitch: float = np.nan
+    flat_height: float = np.nan
+
+    def pitch(self, positions: Array, up: Array) -> Array:
+        """(...), the elevation of the bone from ankle to toe at positions (..., joints, 3) [degrees]; nan without a
+        toe. `up`, (3,), is the unit vector up.
+        """
+        bone = positions[..., self.leg.toe, :] - positions[..., self.leg.ankle, :]
+        length = lengths(bone)
+        sine = np.divide(bone @ up, length, out=np.full_like(length, np.nan), where=length > 0)
+        return np.asarray(np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0))))
+
+    def lowest(self, positions: Array, up: Array) -> Array:
+        """(...), the height of the lowest of the points [file units]; arguments as in `pitch`."""
+        return np.asarray((positions[..., self.points, :] @ up).min(axis=-1))
+
+    def ankle_height(self, positions: Array, up: Array) -> Array:
+        """(...), the height of the ankle over the lowest of the points [file units]; arguments as in `pitch`."""
+        return np.asarray(positions[..., self.leg.ankle, :] @ up - self.lowest(positions, up))
+
+
+def find_flat_foot(body: Body, leg: Leg, resting: Array, up: Array) -> FlatFoot:
+    """Find how the foot of a leg stands on its flat sole.
+
+    The sole is flat in the rest pose if a person can stand in that and the foot does not point steeply up or down
+    there. Otherwise it is as in the median of the postures `resting`, (frames, joints, 3), in which the foot rests;
+    `up`, (3,), is the unit vector up in these.
+    """
+    if leg.toe == leg.ankle:
+        return FlatFoot(leg, np.array([leg.ankle], np.intp))
+    below = [joint for joint in body.skeleton.subtree(leg.ankle) if body.regions.of_joint[joint] >= 0]
+    foot = FlatFoot(leg, np.array(below, np.intp))
+    if body.up_at_rest:
+        rest, rest_up = body.skeleton.rest_positions, axis_vector(body.up_at_rest)
+        pitch = float(foot.pitch(rest, rest_up))
+        if abs(pitch) <= STEEPEST:
+            return replace(foot, flat_pitch=pitch, flat_height=float(foot.ankle_height(rest, rest_up)))
+    if not len(resting):
+        return foot
+    pitch, height = (float(np.median(values(resting, up))) for values in (foot.pitch, foot.ankle_height))
+    return replace(foot, flat_pitch=pitch, flat_height=height)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Feet:
-    """The feet of a result against those of its source; without legs there are no columns.
+    """The feet of a result against those of its source. All arrays have no columns if the bodies have no legs.
 
     Attributes:
-        joints: (foot joints,), the target's ankle and toe of the one leg, then of the other.
+        joints: (foot joints,), the target's left ankle and toe, then the right ones.
         stance: (frames, foot joints), whether each foot joint of the source rests.
-        slide_source, slide: (frames, foot joints), horizontal speed of the foot joints [leg lengths / s].
-        foot_height: (frames, legs), how far the height of the sole is off the scaled source's [% of leg length]; nan
-            unless ankle or toe rests.
-        foot_pitch: (frames, legs), how far the pitch of the foot from its flat sole is off that of the source's foot
-            [degrees]; nan unless ankle and toe rest, or if a flat sole is not known.
-        ankle_height: (frames, legs), how far the height of the ankle over the floor, the scaled source's, is off that
-            of the target's own flat foot [% of leg length]; nan unless the source's foot rests flat.
-        hips_height: (frames, legs), how far the height of the middle between the hip joints over the ankle is off the
-            scaled source's [% of leg length]; nan unless the ankle rests, and only feet carry the body.
+        slide_source, slide: (frames, foot joints), horizontal speed [leg lengths / s].
+        foot_height: (frames, legs), error of the sole's height [% of leg length]; nan unless ankle or toe rests.
+        foot_pitch: (frames, legs), error of the foot's pitch from its flat sole [degrees]; nan unless ankle and toe
+            rest, or if a flat sole is not known.
+        ankle_height: (frames, legs), error of the ankle's height against the target's own flat foot on the source's
+            floor [% of leg length]; nan unless the source's foot rests flat.
+        hips_height: (frames, legs), error of the height of the middle of the hip joints over the ankle [% of leg
+            length]; nan unless the ankle rests and only feet carry the body.
     """
 
     joints: NDArray[np.intp]
@@ -56,22 +112,20 @@ class Feet:
     ankle_height: Array
     hips_height: Array
 
-    def standing_alone(self, others: Flags) -> Feet:
-        """The same, without the height of the hips in the frames, (frames,), in which others carry the body as well."""
-        return replace(self, hips_height=np.where(others[:, None], np.nan, self.hips_height))
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FootHeights:
-    """The feet of a motion in numbers that are compared between bodies; of one without legs they have no columns.
+class _FootTracks:
+    """What is compared between the feet of two bodies, each array (frames, legs) but `slide`.
 
     Attributes:
-        sole: (frames, legs), the height of the sole [leg lengths].
-        pitch: (frames, legs), that of the foot from its flat sole [degrees].
-        flat_ankle: (frames, legs), the height of the ankle less that over a flat sole [leg lengths].
-        hips: (frames, legs), the height of the middle between the hip joints over the ankle [leg lengths].
+        slide: (frames, foot joints), horizontal speed of the foot joints [leg lengths / s].
+        sole: the height of the sole [leg lengths].
+        pitch: that of the foot from its flat sole [degrees].
+        flat_ankle: the height of the ankle less that over a flat sole [leg lengths].
+        hips: the height of the middle of the hip joints over the ankle [leg lengths].
     """
 
+    slide: Array
     sole: Array
     pitch: Array
     flat_ankle: Array
@@ -84,84 +138,79 @@ class SourceFeet:
 
     Attributes:
         up: (3,), the unit vector up in source and results.
-        soles: those of the target's legs.
-        leg: the length of these [file units].
-        stance, slide: as in `Feet`.
-        heights: the source's.
+        soles: the target's feet.
+        leg: the length of the target's legs [file units].
+        stance: as in `Feet`.
+        tracks: the source's.
     """
 
     up: Array
     soles: Sequence[FlatFoot]
     leg: float
     stance: Flags
-    slide: Array
-    heights: FootHeights
+    tracks: _FootTracks
 
-    def in_result(self, result: Motion) -> Feet:
-        """The feet of a result against these."""
+    def in_result(self, result: Motion, others_carry: Flags) -> Feet:
+        """Measure the feet of a result; `others_carry`, (frames,), is whether other joints carry the body as well."""
         ankle_rests, toe_rests = self.stance[:, ::2], self.stance[:, 1::2]
-        legs = [sole.leg for sole in self.soles]
-        source, own = self.heights, _heights(result, self.soles, self.leg, self.up)
+        source, own = self.tracks, _foot_tracks(result, self.soles, self.leg, self.up)
         flat = ankle_rests & toe_rests & (np.abs(source.pitch) <= FLAT)
+        alone = ankle_rests & ~others_carry[:, None]
         return Feet(
-            joints=_foot_joints(legs),
+            joints=_foot_joints([sole.leg for sole in self.soles]),
             stance=self.stance,
-            slide_source=self.slide,
-            slide=_slide(result, legs, self.leg, self.up),
-            foot_height=_where(ankle_rests | toe_rests, 100 * np.abs(own.sole - source.sole)),
-            foot_pitch=_where(ankle_rests & toe_rests, np.abs(own.pitch - source.pitch)),
-            ankle_height=_where(flat, 100 * np.abs(own.flat_ankle - source.sole)),
-            hips_height=_where(ankle_rests, 100 * np.abs(own.hips - source.hips)),
+            slide_source=source.slide,
+            slide=own.slide,
+            foot_height=np.where(ankle_rests | toe_rests, 100 * np.abs(own.sole - source.sole), np.nan),
+            foot_pitch=np.where(ankle_rests & toe_rests, np.abs(own.pitch - source.pitch), np.nan),
+            ankle_height=np.where(flat, 100 * np.abs(own.flat_ankle - source.sole), np.nan),
+            hips_height=np.where(alone, 100 * np.abs(own.hips - source.hips), np.nan),
         )
 
 
 def find_feet(source: Motion, matching: Matching, up: Array) -> SourceFeet:
-    """The feet of a source, for measuring those of results; `up`, (3,), points up in source and results."""
+    """Measure the feet of a source; `up`, (3,), is the unit vector up in source and results."""
     legs, target_legs = matching.legs or ((), ())
     length, target_length = matching.leg_lengths
-    rest = _stance(source, legs, length, up)
-    soles = _soles(matching.source, legs, source.positions, rest, up)
+    stance = _stance(source, legs, length, up)
+    soles = _soles(matching.source, legs, source.positions, stance, up)
     return SourceFeet(
         up=up,
-        soles=_soles_of_target(matching.target, target_legs, target_length),
+        soles=_target_soles(matching.target, target_legs, target_length),
         leg=target_length,
-        stance=rest,
-        slide=_slide(source, legs, length, up),
-        heights=_heights(source, soles, length, up),
+        stance=stance,
+        tracks=_foot_tracks(source, soles, length, up),
     )
 
 
-def _soles_of_target(body: Body, legs: Sequence[Leg], length: float) -> list[FlatFoot]:
-    """The soles of the target's legs, which are of this length [file units]."""
-    up = body.up_vector
-    if body.motion is None:
-        no_frames = np.zeros((0, len(body.skeleton), 3))
-        return _soles(body, legs, no_frames, np.zeros((0, 2 * len(legs)), bool), up)
-    return _soles(body, legs, body.motion.positions, _stance(body.motion, legs, length, up), up)
+def _target_soles(body: Body, legs: Sequence[Leg], length: float) -> list[FlatFoot]:
+    """The feet of the target, whose motion, if it has one, may show how they stand."""
+    up, motion = body.up_vector, body.motion
+    if motion is None:
+        return _soles(body, legs, np.zeros((0, len(body.skeleton), 3)), np.zeros((0, 2 * len(legs)), bool), up)
+    return _soles(body, legs, motion.positions, _stance(motion, legs, length, up), up)
 
 
-def _soles(body: Body, legs: Sequence[Leg], positions: Array, rest: Flags, up: Array) -> list[FlatFoot]:
-    """The soles of legs; `positions`, (frames, joints, 3), are of their body, and `rest`, (frames, foot joints), is
-    whether the foot joints rest there.
-    """
-    flat = rest[:, ::2] & rest[:, 1::2]
+def _soles(body: Body, legs: Sequence[Leg], positions: Array, stance: Flags, up: Array) -> list[FlatFoot]:
+    """The feet of a body with positions (frames, joints, 3) and stance (frames, foot joints) in its motion."""
+    flat = stance[:, ::2] & stance[:, 1::2]
     return [find_flat_foot(body, leg, positions[flat[:, k]], up) for k, leg in enumerate(legs)]
 
 
-def _heights(motion: Motion, soles: Sequence[FlatFoot], length: float, up: Array) -> FootHeights:
-    """The heights and pitches of feet in a motion; legs are of this length, `up`, (3,), is the unit vector up."""
-    positions = motion.positions
-    ankles = [positions[:, sole.leg.ankle] for sole in soles]
-    hips = [positions[:, [sole.leg.hip for sole in soles]].mean(axis=1) - ankle for ankle in ankles]
-    flat_ankles = [ankle @ up - sole.flat_height for ankle, sole in zip(ankles, soles, strict=True)]
+def _foot_tracks(motion: Motion, soles: Sequence[FlatFoot], length: float, up: Array) -> _FootTracks:
+    """What is compared of the feet of a motion; legs are of this length [file units]."""
+    positions, legs = motion.positions, [sole.leg for sole in soles]
+    ankles = [positions[:, leg.ankle] for leg in legs]
+    hips = [positions[:, [leg.hip for leg in legs]].mean(axis=1) - ankle for ankle in ankles]
 
     def columns(values: list[Array]) -> Array:
         return np.reshape(values, (len(soles), len(motion))).T
 
-    return FootHeights(
+    return _FootTracks(
+        slide=speeds_along(level(_foot_paths(motion, legs, length), up), motion.frame_time),
         sole=columns([sole.lowest(positions, up) for sole in soles]) / length,
         pitch=columns([sole.pitch(positions, up) - sole.flat_pitch for sole in soles]),
-        flat_ankle=columns(flat_ankles) / length,
+        flat_ankle=columns([ankle @ up - sole.flat_height for ankle, sole in zip(ankles, soles, strict=True)]) / length,
         hips=columns([over @ up for over in hips]) / length,
     )
 
@@ -174,21 +223,11 @@ def _stance(motion: Motion, legs: Sequence[Leg], length: float, up: Array) -> Fl
     return np.asarray(low & (speeds_along(paths, motion.frame_time) < SLOW))
 
 
-def _slide(motion: Motion, legs: Sequence[Leg], length: float, up: Array) -> Array:
-    """(frames, foot joints), the horizontal speed of the foot joints [leg lengths / s]."""
-    return speeds_along(level(_foot_paths(motion, legs, length), up), motion.frame_time)
-
-
 def _foot_paths(motion: Motion, legs: Sequence[Leg], length: float) -> Array:
-    """(frames, foot joints, 3), where the foot joints of legs of this length are [leg lengths]."""
+    """(frames, foot joints, 3), positions of the foot joints [leg lengths]."""
     return motion.positions[:, _foot_joints(legs)] / length
 
 
 def _foot_joints(legs: Sequence[Leg]) -> NDArray[np.intp]:
-    """Ankle and toe of the one leg, then of the other."""
+    """Ankle and toe of each leg in turn."""
     return np.array([joint for leg in legs for joint in (leg.ankle, leg.toe)], np.intp)
-
-
-def _where(measured: Flags, values: Array) -> Array:
-    """(frames, legs), the values where they are measured, nan elsewhere."""
-    return np.where(measured, values, np.nan)

@@ -1,14 +1,16 @@
 """The figures of quality: what each is called, what it means, and how it is taken from a clip, shown and limited.
 
-Whatever prints, writes or draws figures takes them from `FIGURES`. To add one, add its entry there and its track to
-`metrics.Comparison`, or to `RetargetResult.tracks` if it takes more than source and result, and run
-`tools/make_figures.py` and `tools/make_reference.py`.
+Everything that prints, writes or draws figures takes them from `FIGURES`, the entries of `figures.toml`. To add one,
+add its entry there and its track to `metrics.Comparison`, or to `RetargetResult.tracks` if it takes more than source
+and result, and run `tools/make_figures.py` and `tools/make_reference.py`.
 """
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.resources import files
 from typing import Any, Literal
 
 import numpy as np
@@ -19,6 +21,13 @@ Variant = Literal["source", "rotation_copy", "result"]
 
 # What follows a key where the figures of several motions stand in one list.
 SUFFIXES: dict[Variant, str] = {"source": "_source", "rotation_copy": "_copy", "result": ""}
+SYMBOLS = {  # short forms of units
+    "degrees": "°",
+    "degrees in 1/60 s": "°",
+    "% of leg length": "% leg",
+    "leg lengths/s": "legs/s",
+    "body sizes/s³": "sizes/s³",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,9 +36,8 @@ class Track:
 
     Attributes:
         values: (frames,) or (frames, parts); fewer rows where a value takes several frames, as a speed does.
-        counts: like values: how many measurements each value is the sum of, 0 where nothing was to be measured; None
-            where each value is one measurement.
-        parts: what the columns of values are of, such as joints; empty if that has no name.
+        counts: like values, the number of measurements that each value sums up; None where all are single ones.
+        parts: the names of the columns, such as joints; may be empty.
     """
 
     values: Array
@@ -38,10 +46,8 @@ class Track:
 
     @property
     def weights(self) -> NDArray[np.intp]:
-        """Like values: how many measurements each value is the sum of."""
-        if self.counts is None:
-            return np.ones(self.values.shape, np.intp)
-        return self.counts.astype(np.intp)
+        """Like values, the number of measurements that each value sums up."""
+        return np.ones(self.values.shape, np.intp) if self.counts is None else self.counts.astype(np.intp)
 
 
 Tracks = Mapping[str, Track]  # by the key of what was measured
@@ -63,7 +69,7 @@ class Limit:
         cause: what such a value most likely comes from.
     """
 
-    margin: float
+    margin: float = 0.0
     factor: float = 0.0
     of: Literal["source", "rotation_copy"] = "source"
     reason: str
@@ -71,9 +77,7 @@ class Limit:
 
     def value(self, key: str, figures: Figures) -> float | None:
         """The limit of the figure with this key; None where the other motion has no such figure."""
-        if not self.factor:
-            return self.margin
-        other = figures.get(self.of, {}).get(key)
+        other = figures.get(self.of, {}).get(key) if self.factor else 0.0
         return None if other is None else self.factor * other + self.margin
 
     def formula(self, unit: str) -> str:
@@ -81,9 +85,8 @@ class Limit:
         margin = f"{self.margin:g} {unit}".rstrip()
         if not self.factor:
             return margin
-        other = f"the {self.of.replace('_', ' ')}'s"
-        other = other if self.factor == 1 else f"{self.factor:g} times {other}"
-        return f"{other} + {margin}" if self.margin else other
+        times = "" if self.factor == 1 else f"{self.factor:g} times "
+        return f"{times}the {self.of.replace('_', ' ')}'s" + (f" + {margin}" if self.margin else "")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,15 +100,15 @@ class Figure:
         meaning: what it measures.
         missing: why a clip may have no value; empty if every clip has one.
         track: the key of the track, if it is that of another figure.
-        reduction: what of the track's values is the figure: their mean, the largest (at least 0), the one that a
+        reduction: how the track's values become the figure: their mean, the largest (at least 0), the one that a
             hundredth of them exceed, or the number of frames in which any is above 0.
         judged: what is good, and what `--fail-over` is for: the value itself, 0 being best; or, where the source has a
             value too, the result's over the source's.
         still: where the ratio is judged, source values up to this count as nothing, and as this in `--fail-over`.
         limit: above which a run needs a look; None if the figure has no such limit.
-        rivals_copy: whether a run says so if it is worse than the rotation copy by more than `least`; false where the
+        rivals_copy: whether a run warns if it is worse than the rotation copy by more than `least`; false where the
             rotation copy is best by definition.
-        factor, symbol: pages and the line of a run show the number times `factor`, in the unit `symbol`.
+        factor: pages and the line of a run show the number times this.
         decimals: of the number in the line of a run.
         least: values up to this are too small to look at.
         places: where the figure stands besides the lists of all figures: in the line of a run, among the first figures
@@ -125,10 +128,14 @@ class Figure:
     limit: Limit | None = None
     rivals_copy: bool = False
     factor: float = 1.0
-    symbol: str = ""
     decimals: int = 2
     least: float = 0.0
     places: tuple[Literal["line", "card", "curve", "worst frames", "page over clips", "worst clips"], ...] = ()
+
+    @property
+    def symbol(self) -> str:
+        """The unit in which pages and the line of a run show the number."""
+        return SYMBOLS.get(self.unit) or {100.0: "%", 1000.0: "\N{MULTIPLICATION SIGN} 1000"}.get(self.factor, "")
 
     @property
     def of_source(self) -> bool:
@@ -149,7 +156,7 @@ class Figure:
         if not values.size:
             return None
         if self.reduction == "frames":
-            return float((np.where(measured, track.values, 0.0).reshape(len(measured), -1) > 0).any(axis=1).sum())
+            return float(np.nansum(self.over_time(tracks, len(track.values))))
         if self.reduction == "largest":
             return float(values.max(initial=0.0))
         if self.reduction == "percentile 99":
@@ -160,17 +167,18 @@ class Figure:
         """(frames,), the figure of each frame; nan where nothing was to be measured, as in rows that are missing."""
         track = tracks[self.track or self.key]
         values, weights = (a if a.ndim == 2 else a[:, None] for a in (track.values, track.weights))
-        column = np.full(frames, np.nan)
+        values = np.where(weights > 0, values, 0.0)
         if self.reduction in ("largest", "frames"):
-            reduced = np.where(weights > 0, values, 0.0).max(axis=1, initial=0.0)
-            reduced = (reduced > 0).astype(np.float64) if self.reduction == "frames" else reduced
+            reduced = values.max(axis=1, initial=0.0)
+            reduced = np.sign(reduced) if self.reduction == "frames" else reduced
         else:
-            reduced = np.where(weights > 0, values, 0.0).sum(axis=1) / np.maximum(weights.sum(axis=1), 1)
+            reduced = values.sum(axis=1) / np.maximum(weights.sum(axis=1), 1)
+        column = np.full(frames, np.nan)
         column[: len(values)] = np.where(weights.any(axis=1), reduced, np.nan)
         return column
 
     def worst(self, tracks: Tracks) -> tuple[int, str]:
-        """The frame of the largest value, and what it is of; empty if that has no name.
+        """The frame of the largest value, and the name of its part; empty if that has none.
 
         Raises:
             ValueError: nothing was measured.
@@ -181,19 +189,19 @@ class Figure:
         return int(frame), track.parts[part[0]] if part and track.parts else ""
 
     def judgement(self, value: float | None, source: float | None) -> float | None:
-        """What `--fail-over` is for, of the result's value and the source's; None where nothing was to be measured."""
+        """The number that `--fail-over` limits, from the result's value and the source's; None where nothing was to be
+        measured.
+        """
         if self.judged == "value" or value is None:
             return value
-        if source is None:
-            return None
-        least = max(source, self.still)
+        least = 0.0 if source is None else max(source, self.still)
         return value / least if least > 0 else None
 
     def explanation(self, source: str, result: str) -> str:
         """What it measures and in which unit, and what is best, in two sentences with the names of the motions."""
         meaning = self.meaning.format(source=source, result=result)
         unit = f" [{self.unit}]" if self.unit else ""
-        best = f"As in {source} is best" if self.of_source else "0 is best"
+        best = f"The same as in {source} is best" if self.of_source else "0 is best"
         return f"{meaning[0].upper()}{meaning[1:]}{unit}. {best}."
 
     def comparison(self, source: str, result: str) -> str:
@@ -218,279 +226,14 @@ class Figure:
         return "-" if value is None else f"{self.factor * value:.{self.decimals}f}"
 
 
-FIGURES = (  # the most telling first
-    Figure(
-        key="contact_error",
-        label="contact error",
-        meaning="how far the distances of regions of the body that touch in {source} are off, over the length of the "
-        "bones between",
-        missing="no contacts in {source}",
-        limit=Limit(
-            margin=0.002,
-            factor=1.0,
-            of="rotation_copy",
-            reason="contacts are kept worse than by copied rotations",
-            cause="the limbs cannot reach, or contacts contradict each other",
-        ),
-        rivals_copy=True,
-        decimals=4,
-        least=0.002,
-        places=("line", "card", "curve", "worst frames", "page over clips", "worst clips"),
-    ),
-    Figure(
-        key="direction_error",
-        label="direction error",
-        unit="degrees",
-        meaning="mean angle between the bones of {result} and where {source} points them on that body",
-        missing="no bones in common",
-        symbol="°",
-        decimals=1,
-        least=0.2,
-        places=("line", "card", "curve", "worst frames", "page over clips", "worst clips"),
-    ),
-    Figure(
-        key="direction_error_p99",
-        label="direction p99",
-        unit="degrees",
-        meaning="angle between the bones of {result} and where {source} points them that 1 in 100 exceeds",
-        missing="no bones in common",
-        track="direction_error",
-        reduction="percentile 99",
-        symbol="°",
-        decimals=1,
-        least=0.2,
-    ),
-    Figure(
-        key="slide",
-        label="slide",
-        unit="leg lengths/s",
-        meaning="horizontal speed of ankles and toes while they rest in {source}",
-        missing="no feet at rest in {source}",
-        judged="ratio",
-        still=1e-3,  # [leg lengths/s]; what is left are rounding errors of the file
-        limit=Limit(
-            margin=0.01,
-            factor=1.05,
-            reason="feet slide more than in the source",
-            cause="the legs cannot reach the place where the foot rests",
-        ),
-        rivals_copy=True,
-        symbol="legs/s",
-        decimals=3,
-        least=0.01,
-        places=("line", "card", "curve", "worst frames", "page over clips"),
-    ),
-    Figure(
-        key="foot_height",
-        label="foot height",
-        unit="% of leg length",
-        meaning="how far the height of a resting foot's sole is off that in {source}, scaled by leg length",
-        missing="no feet at rest in {source}",
-        limit=Limit(
-            margin=1.0,
-            reason="feet float over the floor or sink into it",
-            cause="the legs cannot reach the floor, or the rest pose of the feet is not how they stand",
-        ),
-        rivals_copy=True,
-        symbol="% leg",
-        least=0.1,
-        places=("card", "curve", "worst frames"),
-    ),
-    Figure(
-        key="foot_pitch",
-        label="foot pitch",
-        unit="degrees",
-        meaning="how far the pitch of a resting foot from its flat sole is off that in {source}",
-        missing="no flat soles at rest in {source}",
-        limit=Limit(
-            margin=5.0,
-            reason="feet are visibly tilted",
-            cause="the rest pose of the feet is not how they stand, or the ankles cannot turn",
-        ),
-        rivals_copy=True,
-        symbol="°",
-        decimals=1,
-        least=2.0,
-        places=("card", "curve", "worst frames", "page over clips"),
-    ),
-    Figure(
-        key="ankle_height",
-        label="ankle height",
-        unit="% of leg length",
-        meaning="how far the height of an ankle over the floor is off that of a flat foot of {result}, while the foot "
-        "rests flat in {source}",
-        missing="no feet that rest flat in {source}",
-        limit=Limit(
-            margin=3.0,
-            reason="feet lie flat or stand on tiptoe as those of another body",
-            cause="the rest pose of the feet is not how they stand, or End Sites of the feet are missing",
-        ),
-        rivals_copy=True,
-        symbol="% leg",
-        least=1.0,
-        places=("card",),
-    ),
-    Figure(
-        key="hips_height",
-        label="hips height",
-        unit="% of leg length",
-        meaning="how far the height of the hips over a resting ankle is off that in {source}, scaled by leg length",
-        missing="no feet at rest in {source}",
-        rivals_copy=True,
-        symbol="% leg",
-        decimals=1,
-        least=1.0,
-        places=("line", "curve", "worst frames", "page over clips", "worst clips"),
-    ),
-    Figure(
-        key="hips_height_largest",
-        label="largest hips height",
-        unit="% of leg length",
-        meaning="how far the height of the hips over a resting ankle is at most off that in {source}, scaled by leg "
-        "length",
-        missing="no feet at rest in {source}",
-        track="hips_height",
-        reduction="largest",
-        limit=Limit(
-            margin=3.0,
-            reason="the body crouches or stretches",
-            cause="the legs cannot reach, or the ankles cannot turn",
-        ),
-        symbol="% leg",
-        decimals=1,
-        least=1.0,
-        places=("card",),
-    ),
-    Figure(
-        key="support_slide",
-        label="slide of other supports",
-        unit="leg lengths/s",
-        meaning="horizontal speed of hands, knees and all other joints but the feet's while they rest on the world in "
-        "{source}",
-        missing="nothing but feet rests in {source}",
-        judged="ratio",
-        still=1e-3,  # [leg lengths/s]; what is left are rounding errors of the file
-        limit=Limit(
-            margin=0.02,
-            factor=1.1,
-            reason="hands, knees or other resting joints slide more than in the source",
-            cause="the body cannot reach all places where it rests",
-        ),
-        rivals_copy=True,
-        symbol="legs/s",
-        decimals=3,
-        least=0.02,
-        places=("curve", "worst frames"),
-    ),
-    Figure(
-        key="support_height",
-        label="height of other supports",
-        unit="% of leg length",
-        meaning="how far the height of a joint other than a foot's that rests on the floor is off that in {source}, "
-        "scaled by leg length",
-        missing="nothing but feet rests on the floor in {source}",
-        limit=Limit(
-            margin=1.0,
-            reason="hands, knees or other resting joints float over the floor or sink into it",
-            cause="the body cannot reach all places where it rests",
-        ),
-        rivals_copy=True,
-        symbol="% leg",
-        least=0.3,
-        places=("curve", "worst frames"),
-    ),
-    Figure(
-        key="snap",
-        label="snaps",
-        meaning="in how many frames a joint of {result} moves more than 4 % of a leg in 1/60 s while in the rotation "
-        "copy it moves less than 1.5 %",
-        missing="no rotation copy, or only one frame",
-        reduction="frames",
-        limit=Limit(
-            margin=0.0,
-            reason="a joint jumps that does not in copied rotations",
-            cause="a contact or the stance of a foot begins too suddenly, or a limb flips over",
-        ),
-        decimals=0,
-        places=("card", "page over clips"),
-    ),
-    Figure(
-        key="unsolved",
-        label="unsolved",
-        meaning="how many frames of {result} did not converge",
-        missing="not solved here",
-        reduction="frames",
-        limit=Limit(
-            margin=0.0,
-            reason="the posture is not the best there is",
-            cause="contacts contradict each other, or bone lengths are out of proportion",
-        ),
-        decimals=0,
-        places=("card",),
-    ),
-    Figure(
-        key="stress",
-        label="stress",
-        meaning="how far the distances of all joints are off, squared, over the squared height of {result} (Eq. 2)",
-        factor=1000.0,
-        symbol="\N{MULTIPLICATION SIGN} 1000",
-        least=1e-4,
-        places=("line", "curve", "worst frames", "worst clips"),
-    ),
-    Figure(
-        key="distance_error",
-        label="distance error",
-        meaning="how far the distances of all joints are off, over the length of the bones between",
-        decimals=4,
-        least=0.002,
-    ),
-    Figure(
-        key="jerk",
-        label="jerk",
-        unit="body sizes/s³",
-        meaning="roughness: how fast the acceleration of the joints changes",
-        missing="under four frames",
-        judged="ratio",
-        limit=Limit(
-            margin=0.0,
-            factor=1.5,
-            of="rotation_copy",
-            reason="the motion shakes or twitches",
-            cause="contacts or stances of the feet begin and end too often",
-        ),
-        symbol="sizes/s³",
-        decimals=1,
-        least=0.1,
-        places=("line", "card", "curve", "page over clips"),
-    ),
-    Figure(
-        key="turn",
-        label="turn",
-        unit="degrees in 1/60 s",
-        meaning="largest angle by which a joint of {result} turns further from one frame to the next than in {source}",
-        missing="only one frame",
-        reduction="largest",
-        limit=Limit(
-            margin=12.0,
-            reason="a joint pops",
-            cause="a contact or the stance of a foot begins too suddenly, or a limb flips over",
-        ),
-        symbol="°",
-        decimals=1,
-        least=0.2,
-        places=("card",),
-    ),
-    Figure(
-        key="bone_error",
-        label="bone error",
-        meaning="largest change of a bone's length in {result}, relative to the length in its skeleton",
-        reduction="largest",
-        factor=100.0,
-        symbol="%",
-        least=1e-4,
-        places=("curve", "worst frames"),
-    ),
-)
+def _figure(key: str, entry: dict[str, Any]) -> Figure:
+    """The figure of an entry of the registry."""
+    limit = Limit(**entry.pop("limit")) if "limit" in entry else None
+    return Figure(key=key, limit=limit, places=tuple(entry.pop("places", ())), **entry)
+
+
+_REGISTRY = tomllib.loads(files(__package__).joinpath("figures.toml").read_text("utf-8"))
+FIGURES = tuple(_figure(key, entry) for key, entry in _REGISTRY.items())  # the most telling first
 BY_KEY = {figure.key: figure for figure in FIGURES}
 
 

@@ -3,26 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.body import Body
 from distretarget.matching.matching import Matching
-from distretarget.measure.contacts import Contacts, find_contacts, points_of
-from distretarget.measure.directions import bones_of, direction_error, expected_directions
-from distretarget.measure.feet import Feet, SourceFeet, find_feet
+from distretarget.measure.contacts import Contacts, find_contacts
+from distretarget.measure.directions import direction_error, expected_directions, shared_bones
+from distretarget.measure.feet import Feet, find_feet
 from distretarget.measure.figures import Track, Tracks
-from distretarget.measure.snaps import INSTANT
-from distretarget.measure.supports import SourceSupports, SupportsMeasured, find_supports
+from distretarget.measure.supports import SupportsMeasured, find_supports
 from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled
+from distretarget.numerics.kinematics import steps_along
 from distretarget.numerics.parallel import in_blocks
+from distretarget.numerics.time_series import find_shots
 from distretarget.numerics.vectors import lengths
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
+Joints = NDArray[np.intp]
+
+INSTANT = 1 / 60  # the time over which turns and snaps are measured [s]
+SNAP = 4.0  # a joint snaps if it moves farther than this ...
+CALM = 1.5  # ... while it moves less than this in the rotation copy [both % of leg length in INSTANT]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -30,9 +35,9 @@ class Comparison:
     """What was measured of a result and its source, per frame; `figures` makes the figures of it.
 
     Attributes:
-        contacts: the regions of the body that touch in the source, and how well the result keeps that.
-        feet: the feet at rest, whether they slide, and whether they and the hips are in place.
-        supports: the other joints that rest on the world, whether they slide, and whether they keep their height.
+        contacts: the self-contacts of the source, and how well the result keeps them.
+        feet: the feet: when they rest, how fast they slide, and how far feet and hips are from where they should be.
+        supports: the other joints that rest on the world, how fast they slide, and how far off their height is.
         skeleton: that of the result.
         distance_error: (frames,), mean |D_source - D_result| over all pairs of joints.
         bones: (bones,), the lower joints of the bones that both bodies have.
@@ -50,42 +55,42 @@ class Comparison:
     supports: SupportsMeasured
     skeleton: Skeleton
     distance_error: Array
-    bones: NDArray[np.intp]
+    bones: Joints
     direction_error: Array
     bone_error: Array
     jerk_source: Array
     jerk: Array
-    turned: NDArray[np.intp]
+    turned: Joints
     turn: Array
 
     @property
     def tracks(self) -> Tracks:
-        """What the figures of the result are taken from; stress, snaps and what was not solved are known to whoever
-        made the result.
+        """What the figures of the result are taken from, but for stress, snaps and unsolved frames, which are added
+        where the result is made.
         """
         feet, supports = self.feet, self.supports
         return {
             "contact_error": Track(self.contacts.error_of_frames, self.contacts.counts > 0),
-            "direction_error": Track(self.direction_error, parts=self._names_of(self.skeleton.parents[self.bones])),
+            "direction_error": self._track(self.direction_error, self.skeleton.parents[self.bones]),
             "hips_height": self._of_feet(feet.hips_height),
             "foot_pitch": self._of_feet(feet.foot_pitch),
             "ankle_height": self._of_feet(feet.ankle_height),
             "foot_height": self._of_feet(feet.foot_height),
-            "slide": Track(feet.slide, feet.stance, self._names_of(feet.joints)),
-            "support_slide": Track(supports.slide, supports.rest, self._names_of(supports.joints)),
-            "support_height": Track(supports.height, supports.on_floor, self._names_of(supports.joints)),
+            "slide": self._track(feet.slide, feet.joints, feet.stance),
+            "support_slide": self._track(supports.slide, supports.joints, supports.rest),
+            "support_height": self._track(supports.height, supports.joints, supports.on_floor),
             "distance_error": Track(self.distance_error),
             "jerk": Track(self.jerk),
-            "turn": Track(self.turn, parts=self._names_of(self.turned)),
+            "turn": self._track(self.turn, self.turned),
             "bone_error": Track(self.bone_error),
         }
 
-    def _names_of(self, joints: NDArray[np.intp]) -> tuple[str, ...]:
-        return tuple(self.skeleton.keys[joint] for joint in joints)
+    def _track(self, values: Array, joints: Joints, counts: NDArray[np.bool_] | None = None) -> Track:
+        return Track(values, counts, tuple(self.skeleton.keys[joint] for joint in joints))
 
     def _of_feet(self, values: Array) -> Track:
-        """What was measured of each foot, (frames, legs), nan where nothing was; feet have the names of ankles."""
-        return Track(values, np.isfinite(values), self._names_of(self.feet.joints[::2]))
+        """The track of values (frames, legs), nan where nothing was measured, named by the ankles."""
+        return self._track(values, self.feet.joints[::2], np.isfinite(values))
 
     @property
     def source_tracks(self) -> Tracks:
@@ -97,63 +102,36 @@ class Comparison:
         }
 
 
-@dataclass(frozen=True, eq=False)
 class Reference:
-    """A source, for measuring results on a target against it. What is measured of the source alone is measured once.
+    """A source, for measuring results on a target against it. What concerns the source alone is measured once."""
 
-    Attributes:
-        source: the motion.
-        matching: that of its body and the target.
-        up: (3,), points up in source and results.
-    """
-
-    source: Motion
-    matching: Matching
-    up: Array
-
-    @cached_property
-    def _feet(self) -> SourceFeet:
-        return find_feet(self.source, self.matching, self.up)
-
-    @cached_property
-    def _contacts(self) -> Contacts:
-        return find_contacts(self.source, self.matching, self._feet.stance)
-
-    @cached_property
-    def _supports(self) -> SourceSupports:
-        return find_supports(self.source, self.matching, self.up)
-
-    @cached_property
-    def _directions(self) -> Array:
-        return expected_directions(self.source, self.matching)
-
-    @cached_property
-    def _jerk(self) -> Array:
-        return _jerk(self.source, self.matching.source)
-
-    @cached_property
-    def _steps(self) -> Array:
-        return _steps(self.source, self.matching.drivers[self._turned])
-
-    @property
-    def _turned(self) -> NDArray[np.intp]:
-        return np.flatnonzero(self.matching.drivers >= 0)
+    def __init__(self, source: Motion, matching: Matching, up: Array) -> None:
+        """Measure the source; `up`, (3,), is the unit vector up in source and results."""
+        self.source, self.matching = source, matching
+        self._feet = find_feet(source, matching, up)
+        self._contacts = find_contacts(source, matching, self._feet.stance)
+        self._supports = find_supports(source, matching, up)
+        self._bones = shared_bones(matching)
+        self._directions = expected_directions(source, matching, self._bones)
+        self._turned = np.flatnonzero(matching.drivers >= 0)
+        self._turns = _turns(source, matching.drivers[self._turned])
+        self._jerk = _jerk(source, matching.source)
 
     def compare(self, result: Motion) -> Comparison:
         """Measure a result with the same number of frames."""
-        supports, bones, turned = self._supports.in_result(result), bones_of(self.matching), self._turned
+        supports = self._supports.in_result(result)
         return Comparison(
             contacts=self._contacts.in_result(result),
-            feet=self._feet.in_result(result).standing_alone(supports.carry(result.frame_time)),
+            feet=self._feet.in_result(result, supports.carry(result.frame_time)),
             supports=supports,
             skeleton=result.skeleton,
-            distance_error=_distance_error(self.source, result, self.matching),
-            bones=bones,
-            direction_error=direction_error(self._directions, result, bones),
-            bone_error=_bone_error(result, self.matching),
+            distance_error=self._distance_error(result),
+            bones=self._bones,
+            direction_error=direction_error(self._directions, result, self._bones),
+            bone_error=_bone_error(result, self.matching.target),
             jerk_source=self._jerk,
             jerk=_jerk(result, self.matching.target),
-            turned=turned,
+            turned=self._turned,
             turn=self._turn_of(result),
         )
 
@@ -161,33 +139,33 @@ class Reference:
         """(frames - 1, joints), how much further the joints turn to the next frame than the source's [degrees in
         `INSTANT`].
         """
-        further = _steps(result, self._turned)
-        further -= self._steps
+        further = _turns(result, self._turned)
+        further -= self._turns
         np.degrees(further, out=further)
         further *= INSTANT
         further /= result.frame_time
         return further
 
-
-def _distance_error(source: Motion, result: Motion, matching: Matching) -> Array:
-    joints = points_of(matching)
-    drivers = matching.drivers[joints]
-    tau = result.rigid_skeleton.path_lengths[np.ix_(joints, joints)]
-    tau_source = source.rigid_skeleton.path_lengths[np.ix_(drivers, drivers)]
-    share = ((tau > 0) & (tau_source > 0)).astype(np.float64)
-    share /= max(np.triu(share, 1).sum(), 1.0)
-    of_source = source.positions, drivers, np.where(share > 0, tau_source, 1.0)
-    of_result = result.positions, joints, np.where(share > 0, tau, 1.0)
-    scratch, means = np.empty((2, 3, len(joints))), np.empty(len(result))
-    _write_mean_difference(*of_source, *of_result, share, scratch, means)
-    return means
+    def _distance_error(self, result: Motion) -> Array:
+        """(frames,), mean |D_source - D_result| over all pairs of points with a path length in both."""
+        points = self._contacts.candidates.points
+        drivers = self.matching.drivers[points]
+        tau = result.rigid_skeleton.path_lengths[np.ix_(points, points)]
+        tau_source = self.source.rigid_skeleton.path_lengths[np.ix_(drivers, drivers)]
+        share = ((tau > 0) & (tau_source > 0)).astype(np.float64)
+        share /= max(np.triu(share, 1).sum(), 1.0)
+        of_source = self.source.positions, drivers, np.where(share > 0, tau_source, 1.0)
+        of_result = result.positions, points, np.where(share > 0, tau, 1.0)
+        scratch, means = np.empty((2, 3, len(points))), np.empty(len(result))
+        _write_mean_difference(*of_source, *of_result, share, scratch, means)
+        return means
 
 
 @compiled(fastmath=True)
 def _write_mean_difference(x, of_x, tau_x, y, of_y, tau_y, share, scratch, means):  # type: ignore[no-untyped-def]
     """Write the means, (frames,), over all pairs of points of the differences of their distances in x over tau_x, and
     in y over tau_y, (points, points); `of_x` and `of_y`, (points,), are the joints of x and y at the points, and
-    `share`, (points, points), is what each pair counts in the mean.
+    `share`, (points, points), is the weight of each pair in the mean.
     """
     points, p, q = len(of_x), scratch[0], scratch[1]
     for frame in range(len(x)):
@@ -203,8 +181,29 @@ def _write_mean_difference(x, of_x, tau_x, y, of_y, tau_y, share, scratch, means
         means[frame] = total
 
 
-def _bone_error(result: Motion, matching: Matching) -> Array:
-    skeleton, of_body = result.skeleton, matching.target.regions.of_joint >= 0
+def find_snaps(copy: Motion, result: Motion, body: Body) -> Array:
+    """(frames - 1, joints), how far each joint of a result jumps to the next frame while it hardly moves in the
+    rotation copy on the same body [% of leg length in `INSTANT`]; 0 where it does not jump.
+
+    Joints that are not part of the body, such as a root on the floor, do not snap, and no joint does at a cut.
+    """
+    of_body = body.regions.of_joint >= 0
+    steps, calm = _steps(result, body), _steps(copy, body) < CALM
+    calm[np.diff(find_shots(copy.positions, np.flatnonzero(of_body), 0.5 * body.unit)) > 0] = False
+    steps[~(of_body & calm & (steps > SNAP))] = 0.0
+    return steps
+
+
+def _steps(motion: Motion, body: Body) -> Array:
+    """(frames - 1, joints), how far each joint moves to the next frame [% of leg length in `INSTANT`]."""
+    steps = steps_along(motion.positions)
+    steps *= 100 * INSTANT / (0.5 * body.unit * motion.frame_time)
+    return steps
+
+
+def _bone_error(result: Motion, body: Body) -> Array:
+    """(frames,), the largest relative error of the length of a bone of the body."""
+    skeleton, of_body = result.skeleton, body.regions.of_joint >= 0
     lower = np.flatnonzero((skeleton.lengths > 0) & of_body & of_body[skeleton.parents])
 
     def error(block: slice) -> Array:
@@ -226,14 +225,14 @@ def _jerk(motion: Motion, body: Body) -> Array:
     return in_blocks(jerk, max(len(motion) - 3, 0))
 
 
-def _steps(motion: Motion, joints: NDArray[np.intp]) -> Array:
-    """(frames - 1, joints), the angle from each frame's rotation to the next [rad]: that of unit quaternions apart by
-    2 sin(angle / 4), of which q and -q are the same.
+def _turns(motion: Motion, joints: Joints) -> Array:
+    """(frames - 1, joints), the angle from each frame's world rotation to the next [rad], from the distance of the
+    unit quaternions, 2 sin(angle / 4), of which q and -q are the same.
     """
 
-    def steps(block: slice) -> Array:
+    def turns(block: slice) -> Array:
         rotations = motion.world_rotations_in(slice(block.start, block.stop + 1))[:, joints]
         apart = np.minimum(lengths(rotations[1:] - rotations[:-1]), lengths(rotations[1:] + rotations[:-1]))
         return np.asarray(4.0 * np.arcsin(np.minimum(apart / 2.0, 1.0)))
 
-    return in_blocks(steps, max(len(motion) - 1, 0))
+    return in_blocks(turns, max(len(motion) - 1, 0))

@@ -25,20 +25,21 @@ HOLD = 1.0  # a hand or head that holds on to something stays in its place for t
 PLACE = 0.02  # which is no larger than this [leg lengths],
 SWAY = 8.0  # while the joint where its limb begins goes this many times as far, and ...
 FARTHER = 0.04  # ... this much farther [leg lengths]
-BETWEEN = 0.5  # the body takes about so long from its feet to other supports [s]
+BETWEEN = 0.5  # the body takes about this long from its feet to other supports [s]
 ENDS = ("left hand", "right hand", "head")  # the regions that hold on to something
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SupportsMeasured:
-    """The resting joints of a result against those of its source, but for the feet; without legs there are no columns.
+    """Joints of a result that rest on the world in its source, against those of the source. Feet are left out; without
+    legs there are no columns.
 
     Attributes:
         joints: (joints,), joints of the target that rest in some frame of the source.
         on_floor: (frames, joints), whether each rests on the floor in the source.
         holds: (frames, joints), whether each holds on to something that stands still.
         slide_source, slide: (frames, joints), horizontal speed [leg lengths / s].
-        height: (frames, joints), how far the height is off the scaled source's [% of leg length].
+        height: (frames, joints), error of the height against the source's [% of leg length].
     """
 
     joints: NDArray[np.intp]
@@ -54,7 +55,7 @@ class SupportsMeasured:
         return self.on_floor | self.holds
 
     def carry(self, frame_time: float) -> Flags:
-        """(frames,), whether any of them rests within `BETWEEN` before and after, so that it carries the body, or the
+        """(frames,), whether any of them rests within `BETWEEN` before or after, so that it carries the body, or the
         body is on its way to it or from it.
         """
         rests = np.asarray(self.rest.any(axis=1))
@@ -82,23 +83,22 @@ class SourceSupports:
     leg: float
 
     def in_result(self, result: Motion) -> SupportsMeasured:
-        """The resting joints of a result against these."""
+        """Measure the same joints of a result."""
         paths = result.positions[:, self.joints] / self.leg
         return SupportsMeasured(
             joints=self.joints,
             on_floor=self.on_floor,
             holds=self.holds,
             slide_source=self.slide,
-            slide=_along_floor(paths, self.up, result.frame_time),
+            slide=speeds_along(level(paths, self.up), result.frame_time),
             height=100.0 * np.abs(paths @ self.up - self.height),
         )
 
 
 def find_supports(source: Motion, matching: Matching, up: Array) -> SourceSupports:
-    """The resting joints of a source, but for the feet; `up`, (3,), points up in source and results."""
-    joints = matching.joints_but_feet
+    """Find the joints that rest in a source; `up`, (3,), is the unit vector up in source and results."""
+    joints, drivers = matching.joints_but_feet, matching.drivers[matching.joints_but_feet]
     source_leg, leg = matching.leg_lengths if matching.legs else (1.0, 1.0)
-    drivers = matching.drivers[joints]
     height = heights_of(source.positions, drivers, up) / source_leg
     low = height - lowest_heights(source.positions, up)[:, None] / source_leg < LOW
     on_floor = low & (speeds_along(source.positions, source.frame_time, drivers) < SLOW * source_leg)
@@ -108,7 +108,7 @@ def find_supports(source: Motion, matching: Matching, up: Array) -> SourceSuppor
         joints=joints[some],
         on_floor=on_floor[:, some],
         holds=holds[:, some],
-        slide=_along_floor(source.positions[:, drivers[some]] / source_leg, up, source.frame_time),
+        slide=speeds_along(level(source.positions[:, drivers[some]] / source_leg, up), source.frame_time),
         height=height[:, some],
         up=up,
         leg=leg,
@@ -121,20 +121,14 @@ def _holds(source: Motion, matching: Matching, joints: NDArray[np.intp], leg: fl
     reach = max(int(min(0.5 * HOLD / source.frame_time, len(source))), 1)
     holds = np.zeros((len(source), len(joints)), bool)
     for column, joint in enumerate(joints.tolist()):
-        if names[of_joint[joint]] not in ENDS:
-            continue
-        above = [each for each in matching.target.skeleton.line(joint) if drivers[each] >= 0]
-        base = next((each for each in above if names[of_joint[each]] in TRUNK_REGIONS), joint)
-        way, base_way = (_extent(source.positions[:, drivers[each]] / leg, reach) for each in (joint, base))
-        holds[:, column] = (way < PLACE) & (base_way > SWAY * way + FARTHER)
+        if names[of_joint[joint]] in ENDS:
+            above = [each for each in matching.target.skeleton.line(joint) if drivers[each] >= 0]
+            base = next((each for each in above if names[of_joint[each]] in TRUNK_REGIONS), joint)
+            way, base_way = (_extent(source.positions[:, drivers[each]] / leg, reach) for each in (joint, base))
+            holds[:, column] = (way < PLACE) & (base_way > SWAY * way + FARTHER)
     return holds
 
 
 def _extent(path: Array, reach: int) -> Array:
     """(frames,), the diagonal of the box that a path (frames, 3) fills within `reach` frames before and after."""
     return lengths(largest(path, reach) + largest(-path, reach))
-
-
-def _along_floor(paths: Array, up: Array, frame_time: float) -> Array:
-    """(frames, joints), the horizontal speed along paths (frames, joints, 3)."""
-    return speeds_along(level(paths, up), frame_time)

@@ -15,8 +15,7 @@ from distretarget.errors import quoted
 from distretarget.ik.spg import Effort
 from distretarget.matching.matching import Matching
 from distretarget.measure.figures import NOT_RUN, Track, Tracks, Variant, clip_figures
-from distretarget.measure.metrics import Comparison, Reference
-from distretarget.measure.snaps import find_snaps
+from distretarget.measure.metrics import Comparison, Reference, find_snaps
 from distretarget.measure.verdict import verdict, what_needs_a_look
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import lengths

@@ -24,25 +24,13 @@ function shown(value) {
   return value.toFixed(digits).replace('-', '−');
 }
 
+/** The bytes that a text in base64 stands for. */
+function bytes(text) {
+  return Uint8Array.from(atob(text), character => character.charCodeAt(0)).buffer;
+}
+
 function clamp(value, low, high) {
   return Math.min(high, Math.max(low, value));
-}
-
-// ---- the figures of quality: the page has their registry as data
-
-const FIGURES = JSON.parse($('registry').textContent);
-
-function figuresAt(place) {
-  return FIGURES.filter(({places}) => places.includes(place));
-}
-
-function figureOf(key) {
-  return FIGURES.find(figure => figure.key === key);
-}
-
-/** What a figure is called, with the unit that the page shows it in. */
-function nameOf({label, symbol}) {
-  return symbol ? `${label}, ${symbol}` : label;
 }
 
 // ---- colours, which the style sheet defines for both themes
@@ -83,15 +71,15 @@ function followTheme() {
   addEventListener('afterprint', () => printing(false));
 }
 
-/** Makes the page light and opens its glossary for the printer; afterwards it is as before. */
+/** Makes the page light and opens its glossary, if it has one, for the printer; afterwards it is as before. */
 function printing(on) {
-  const root = document.documentElement;
+  const root = document.documentElement, glossary = $('glossary') || {};
   if (on) {
-    Object.assign(printing, {theme: root.dataset.theme, open: $('glossary').open});
+    Object.assign(printing, {theme: root.dataset.theme, open: glossary.open});
     root.dataset.theme = 'light';
   } else if (printing.theme) root.dataset.theme = printing.theme;
   else delete root.dataset.theme;
-  $('glossary').open = on || printing.open;
+  glossary.open = on || printing.open;
   readColours();
   paintAll();
 }

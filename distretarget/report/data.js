@@ -5,10 +5,6 @@ const drawing = JSON.parse($('drawing').textContent);
 const frameCount = report.frame_count;
 const frameTime = report.frame_time || 1 / 30;
 
-function bytes(text) {
-  return Uint8Array.from(atob(text), character => character.charCodeAt(0)).buffer;
-}
-
 /** The namespace that all names share, with its colon, as in `mixamorig:Hips`; the page omits it. */
 function namespaceOf(names) {
   const first = names[0].slice(0, names[0].lastIndexOf(':') + 1);
@@ -111,37 +107,7 @@ function pairText([i, j], frame) {
   return `${called}: D in A ${shown(a)}, in B ${shown(b)}, difference ${more}${touching}`;
 }
 
-// ---- going from frame to frame
-
-let clock = 0, before = 0;
-
-function goTo(frame) {
-  state.frame = clamp(Math.round(frame), 0, frameCount - 1);
-  clock = state.frame * frameTime;
-  repaint();
-}
-
-function setPlaying(playing) {
-  state.playing = playing && frameCount > 1;
-  before = performance.now();
-  $('play').setAttribute('aria-label', state.playing ? 'Stop' : 'Play');
-  $('play').classList.toggle('playing', state.playing);
-  repaint();
-}
-
 function choose(pair) {
   state.pair = pair;
   repaint();
-}
-
-function tick(now) {
-  waiting = false;
-  if (state.playing) {
-    clock = (clock + Math.max(0, now - before) / 1000 * state.speed) % (frameCount * frameTime);
-    state.frame = Math.min(Math.floor(clock / frameTime + 1e-6), frameCount - 1);
-    before = now;
-  }
-  painters.filter(painter => painter.visible).forEach(painter => painter.paint());
-  state.draws += 1;
-  if (state.playing) repaint();
 }

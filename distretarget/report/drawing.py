@@ -1,4 +1,7 @@
-"""What the page draws: both motions, small enough to embed, and which joints touch in which frames."""
+"""What the report on a clip draws: both motions, small enough to embed, and which joints touch in which frames.
+
+Arrays are base64 of little-endian numbers.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +14,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.legs import Leg, leg_length
-from distretarget.measure.contacts import CONTACT_DISTANCE, FAR_ALONG, find_candidates, points_of, touching
+from distretarget.measure.contacts import CONTACT_DISTANCE, FAR_ALONG
 from distretarget.measure.diff import Diff
 from distretarget.measure.feet import LOWEST
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import least_rotation
-from distretarget.report.drawing_types import ContactDrawing, DiffDrawing, MotionDrawing
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -27,39 +29,43 @@ STEPS = 65_535  # steps of a quantised coordinate across the bounding box
 SAMPLES = 64  # frames from which the range of the differences of D is estimated
 
 
-def diff_drawing(diff: Diff) -> DiffDrawing:
-    """The drawing data of a diff. Only one frame in several is drawn where all would take more than `BUDGET`."""
-    b_points = points_of(diff.matching)
-    a_points = diff.matching.drivers[b_points]
+def diff_drawing(diff: Diff) -> dict[str, Any]:
+    """The drawing data of a diff, with y up, the floor at 0, and twice the leg length as the unit of both motions.
+
+    Not every frame is drawn where all would take more than `BUDGET`. Points are the joints that the matrices show, of A
+    and B in the same order.
+    """
+    comparison, matching, contacts = diff.comparison, diff.matching, diff.comparison.contacts
+    b_points, regions = contacts.candidates.points, matching.target.regions
+    a_points = matching.drivers[b_points]
     step = drawn_step(len(diff), len(diff.a.skeleton) + len(diff.b.skeleton))
-    legs = diff.matching.legs or (None, None)
-    comparison, regions = diff.comparison, diff.matching.target.regions
+    legs = matching.legs or (None, None)
     resting = np.concatenate([comparison.feet.joints, comparison.supports.joints])
     rests = np.concatenate([comparison.feet.stance, comparison.supports.rest], axis=1)
-    sizes = np.minimum(diff.matching.target.skeleton.path_sizes[np.ix_(b_points, b_points)], 255)
-    a_resting = diff.matching.drivers[resting]
+    sizes = np.minimum(matching.target.skeleton.path_sizes[np.ix_(b_points, b_points)], 255)
+    a_joints, b_joints = (a_points, matching.drivers[resting]), (b_points, resting)
     return {
-        "step": step,
-        "notes": _notes(step, diff),
-        "near": CONTACT_DISTANCE,
-        "far_along": FAR_ALONG,
-        "regions": regions.of_joint[b_points].tolist(),
-        "neighbours": regions.neighbours.tolist(),
-        "foot_regions": [int(regions.of_joint[leg.ankle]) for leg in legs[1] or ()],
+        "step": step,  # every how many frames one is drawn
+        "notes": _notes(step, diff),  # what a reader should know about the drawing
+        "near": CONTACT_DISTANCE,  # two regions touch where D of their nearest points is below this ...
+        "far_along": FAR_ALONG,  # ... and the path between these has at least this number of joints
+        "regions": regions.of_joint[b_points].tolist(),  # of each point, -1 for none
+        "neighbours": regions.neighbours.tolist(),  # (regions, regions), which are neighbours and never touch
+        "foot_regions": [int(regions.of_joint[leg.ankle]) for leg in legs[1] or ()],  # do not touch while one rests
         "facing": _facing(diff),
-        "a": _drawing(diff.a, diff.matching.source.skeleton, legs[0], (a_points, a_resting), diff.up, step),
-        "b": _drawing(diff.b, diff.matching.target.skeleton, legs[1], (b_points, resting), diff.up, step),
+        "a": _drawing(diff.a, matching.source.skeleton, legs[0], a_joints, diff.up, step),
+        "b": _drawing(diff.b, matching.target.skeleton, legs[1], b_joints, diff.up, step),
         "bone_errors": in_base64(_bone_errors(diff, step), "<u1"),
-        "pelvis": [int(diff.matching.drivers[diff.matching.pelvis]), diff.matching.pelvis],
-        "sizes": in_base64(sizes, "<u1"),
-        "rests": in_base64(np.packbits(rests, axis=1, bitorder="little"), "<u1"),
-        "largest_difference": _largest_difference(diff, a_points, b_points),
-        "contacts": _contacts(diff, b_points.tolist()),
+        "pelvis": [int(matching.drivers[matching.pelvis]), matching.pelvis],  # its joint in A and in B
+        "sizes": in_base64(sizes, "<u1"),  # (points, points), the numbers of joints on the paths between, at most 255
+        "rests": in_base64(np.packbits(rests, axis=1, bitorder="little"), "<u1"),  # (frames, bytes), a bit a joint
+        "largest_difference": _largest_difference(diff, a_points, b_points),  # where the colours of the matrices end
+        "contacts": _contacts(diff, b_points.tolist()),  # in the order of the document
     }
 
 
 def drawn_step(frames: int, joints: int) -> int:
-    """Draw one frame in how many: so that the positions of `joints` joints, those of both motions, fit in `BUDGET`."""
+    """Every how many frames one is drawn, so that the positions of the joints of both motions fit in `BUDGET`."""
     return max(1, -(-frames * joints * 3 * 2 // BUDGET))
 
 
@@ -82,22 +88,29 @@ def spans(mask: NDArray[np.bool_]) -> list[list[int]]:
 
 def _drawing(
     motion: Motion, body: Skeleton, legs: Sequence[Leg] | None, joints: tuple[Joints, Joints], up: Array, step: int
-) -> MotionDrawing:
-    """The drawing data of one motion; `body` is its skeleton with rigid bones, `joints` are those of the matrices, and
-    those that rest in some frame.
+) -> dict[str, Any]:
+    """The drawing data of one motion; `body` is its skeleton with rigid bones, `joints` are its points, and the joints
+    that rest in some frame of A: with legs first ankle and toe of each.
     """
     points, resting = joints
     unit = (2 * leg_length(body, legs) if legs else float(body.path_lengths.max())) or 1.0
     placed = upright(up).apply(motion.positions[::step].reshape(-1, 3)) / unit
     positions = placed.reshape(-1, len(body), 3)
     positions[..., 1] -= np.percentile(positions[..., 1].min(axis=1), LOWEST)
-    numbers, offset, scale = quantised(positions)
     return {
         "names": list(body.keys),
-        "parents": body.parents.tolist(),
         "points": points.tolist(),
         "resting": resting.tolist(),
-        "tau": in_base64(body.path_lengths[np.ix_(points, points)] / unit, "<f4"),
+        "tau": in_base64(body.path_lengths[np.ix_(points, points)] / unit, "<f4"),  # (points, points), path lengths
+        **packed(body, positions),
+    }
+
+
+def packed(skeleton: Skeleton, positions: Array) -> dict[str, Any]:
+    """Positions (frames, joints, 3) in few bytes, as offset + scale * number, and the parents of the joints."""
+    numbers, offset, scale = quantised(positions)
+    return {
+        "parents": skeleton.parents.tolist(),
         "offset": offset.tolist(),
         "scale": scale.tolist(),
         "positions": in_base64(numbers, "<i2"),
@@ -126,26 +139,24 @@ def _bone_errors(diff: Diff, step: int) -> NDArray[np.float64]:
     return coded
 
 
-def _contacts(diff: Diff, points: list[int]) -> list[ContactDrawing]:
-    """The regions that touch in A, with the spans of frames in which they do in A and in B."""
-    pairs, everything = find_candidates(diff.matching), np.arange(len(diff.b.skeleton))
-    frame, regions, _ = touching(diff.b, pairs, everything, diff.comparison.feet.stance)
+def _contacts(diff: Diff, points: list[int]) -> list[dict[str, Any]]:
+    """The regions that touch in A: their points that are nearest in the worst frame, and the spans of frames in which
+    they touch in A and in B.
+    """
+    contacts, everything = diff.comparison.contacts, np.arange(len(diff.b.skeleton))
+    frame, regions, _ = contacts.candidates.touching(diff.b, everything, diff.comparison.feet.stance)
+    names = contacts.candidates.names
     return [
         {
             "pair": [points.index(touch.u), points.index(touch.v)],
-            "a": _spans(touch.frames, len(diff)),
-            "b": _spans(frame[regions == pairs.names.index(touch.name)], len(diff)),
+            "a": spans(np.isin(np.arange(len(diff)), touch.frames)),
+            "b": spans(np.isin(np.arange(len(diff)), frame[regions == names.index(touch.name)])),
         }
-        for touch in diff.comparison.contacts.touches
+        for touch in contacts.touches
     ]
 
 
-def _spans(frames: NDArray[np.intp], count: int) -> list[list[int]]:
-    """The spans of a clip of `count` frames that consist of the given frames."""
-    return spans(np.isin(np.arange(count), frames))
-
-
-def _largest_difference(diff: Diff, a_points: NDArray[np.intp], b_points: NDArray[np.intp]) -> float:
+def _largest_difference(diff: Diff, a_points: Joints, b_points: Joints) -> float:
     """The 99.5th percentile of |D_a - D_b| over `SAMPLES` frames."""
     tau_a = diff.matching.source.skeleton.path_lengths[np.ix_(a_points, a_points)]
     tau_b = diff.matching.target.skeleton.path_lengths[np.ix_(b_points, b_points)]
@@ -154,27 +165,20 @@ def _largest_difference(diff: Diff, a_points: NDArray[np.intp], b_points: NDArra
         return 0.0
     difference = []
     for frame in np.unique(np.linspace(0, len(diff) - 1, SAMPLES).astype(np.intp)):
-        D_a = _distances(diff.a.positions[frame, a_points], i, j) / tau_a[i, j]
-        D_b = _distances(diff.b.positions[frame, b_points], i, j) / tau_b[i, j]
+        x_a, x_b = diff.a.positions[frame, a_points], diff.b.positions[frame, b_points]
+        D_a = np.linalg.norm(x_a[i] - x_a[j], axis=-1) / tau_a[i, j]
+        D_b = np.linalg.norm(x_b[i] - x_b[j], axis=-1) / tau_b[i, j]
         difference.append(np.abs(D_a - D_b))
     return float(np.percentile(difference, 99.5))
 
 
-def _distances(x: Array, i: NDArray[np.intp], j: NDArray[np.intp]) -> Array:
-    """(pairs,), the distances between points i and j of x, (points, 3)."""
-    return np.asarray(np.linalg.norm(x[i] - x[j], axis=-1))
-
-
 def _notes(step: int, diff: Diff) -> list[str]:
     """What a reader should know about the drawing."""
-    notes = []
-    if step > 1:
-        notes.append(f"long clip: player, matrices and thumbnails show one frame in {step}; figures are of all frames")
-    if diff.matching.legs:
-        notes.append("A and B are drawn with legs of the same length")
-    return notes
+    thinned = f"long clip: player, matrices and thumbnails show one frame in {step}; figures are of all frames"
+    same_legs = "A and B are drawn with legs of the same length"
+    return [*([thinned] if step > 1 else []), *([same_legs] if diff.matching.legs else [])]
 
 
 def in_base64(array: NDArray[Any], dtype: str) -> str:
-    """An array of numbers, of another type, as the text that the players read."""
+    """An array as the text that the players read, its numbers of the given type."""
     return b64encode(np.ascontiguousarray(array, dtype).tobytes()).decode("ascii")

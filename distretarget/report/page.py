@@ -1,44 +1,39 @@
-"""The report as one HTML file that needs no other: document, drawing data, style and script."""
+"""HTML pages as single files that need no other: a template, its styles and scripts, and JSON data."""
 
 from __future__ import annotations
 
 import html
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from importlib.resources import files
 
-from distretarget.measure.diff import Diff
-from distretarget.measure.figures import as_data
-from distretarget.report.document_types import DiffDocument
-from distretarget.report.drawing import diff_drawing
-
-SCRIPTS = ("base.js", "data.js", "camera.js", "skeletons.js", "player.js", "curves.js", "heatmap.js", "tables.js")
+# The styles and scripts of each kind of page; its body is the file KIND.html.
+STYLES = {"clip": ["style.css"], "index": ["style.css", "index.css"], "scene": ["style.css", "scene.css"]}
+SCRIPTS = {
+    "clip": [
+        *("base.js", "figures.js", "data.js", "camera.js", "playback.js", "skeletons.js", "player.js", "curves.js"),
+        *("heatmap.js", "tables.js"),
+    ],
+    "index": ["base.js", "figures.js", "index.js"],
+    "scene": ["base.js", "camera.js", "playback.js", "scene.js"],
+}
 HALVES = re.compile("[\ud800-\udfff]")  # half characters, which file names may contain and UTF-8 cannot encode
 ESCAPES = {ord(character): f"\\u{ord(character):04x}" for character in "<>&\u2028\u2029"}
 
 
-def page(diff: Diff, document: DiffDocument) -> str:
-    """The HTML of the report on a diff, with the diff's `document` embedded unchanged."""
-    source, result = ("source ", "result ") if document["figures"]["rotation_copy"] else ("", "")
-    title = f"{result}{document['b']['file']} against {source}{document['a']['file']}"
-    data = {"document": document, "drawing": diff_drawing(diff), "registry": as_data("A", "B")}
-    return filled("template.html", title, styles=["style.css"], scripts=SCRIPTS, data=data)
-
-
-def filled(
-    template: str, title: str, *, styles: Sequence[str], scripts: Sequence[str], data: Mapping[str, object]
-) -> str:
-    """Fill the head of all pages and the template of one: its title, the files of its style and script, and named JSON
-    data.
-    """
+def html_page(kind: str, title: str, data: Mapping[str, object]) -> str:
+    """The HTML of a "clip", "index" or "scene" page. Its scripts read `data` by name."""
     parts = {
         "title": html.escape(HALVES.sub("\ufffd", title)),
-        "style": "\n".join(map(_asset, styles)),
-        "script": "\n".join(map(_asset, scripts)),
-        **{name: script_json(value) for name, value in data.items()},
+        "style": "\n".join(map(_asset, STYLES[kind])),
+        "script": "\n".join(map(_asset, SCRIPTS[kind])),
+        "data": "\n".join(
+            f'<script type="application/json" id="{name}">{script_json(value)}</script>' for name, value in data.items()
+        ),
     }
-    return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], _asset("head.html") + _asset(template))
+    template = _asset("page.html").replace("{{body}}", _asset(f"{kind}.html"))
+    return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], template)
 
 
 def script_json(value: object) -> str:

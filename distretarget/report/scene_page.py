@@ -1,46 +1,244 @@
-"""The report on a scene that was retargeted: source and result, and the gaps between what touches."""
+"""The report on a scene, or on the diff of two: an HTML page with all performers and props in one player, both scenes
+side by side, lines between what touches, and tables of gaps and figures.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from itertools import combinations
+from pathlib import Path
+from typing import TypedDict
 
 import numpy as np
+from numpy.typing import NDArray
 
-from distretarget.report.together import ShownBody, Stage, Table, together_page
+from distretarget.checks import check_kind
+from distretarget.errors import SettingsError
+from distretarget.io.files import write_whole
+from distretarget.matching.matching import Matching
+from distretarget.measure.diff import Diff
+from distretarget.measure.figures import FIGURES
+from distretarget.measure.scene_gaps import TOUCH_DISTANCE, SceneDiff
+from distretarget.motion import Motion
+from distretarget.pipeline.result import RetargetResult
+from distretarget.report.diff_document import About, document
+from distretarget.report.drawing import drawn_step, packed, spans, upright
+from distretarget.report.page import html_page
+from distretarget.report.scene_diff_document import SceneDiffDocument, part, scene_document
 from distretarget.scene.retargeting import SceneResult
 
-NO_GAP = "\u2013"  # where nothing touches
+Array = NDArray[np.float64]
+Line = tuple[tuple[int, int], list[int], list[int], int, int]
+"""Two joints that touch: their bodies, the two joints on the left and on the right, the first drawn frame and the one
+after the last.
+"""
+NO_GAP = "\u2013"  # where two never touch
+
+
+class Table(TypedDict):
+    """A table below the player. The number of a frame, in a cell of its own, becomes a button that goes there."""
+
+    title: str
+    columns: list[str]
+    rows: list[list[str | int]]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ShownBody:
+    """A performer or a prop as the page shows it.
+
+    Attributes:
+        left, right: its motions on the two sides.
+        joints: the joints that may touch others, on the left and on the right.
+        prop: whether it is a prop.
+    """
+
+    name: str
+    left: Motion
+    right: Motion
+    joints: tuple[NDArray[np.intp], NDArray[np.intp]]
+    prop: bool = False
+
+    @classmethod
+    def of_performer(cls, name: str, left: Motion, right: Motion, matching: Matching) -> ShownBody:
+        """A performer, whose driven joints may touch others."""
+        joints = matching.body_joints
+        return cls(name=name, left=left, right=right, joints=(matching.drivers[joints], joints))
+
+    @classmethod
+    def of_prop(cls, name: str, left: Motion, right: Motion) -> ShownBody:
+        """A prop, all of whose joints may touch others."""
+        joints = np.arange(len(left.skeleton))
+        return cls(name=name, left=left, right=right, joints=(joints, joints), prop=True)
+
+
+def write_scene_report(
+    path: str | Path,
+    compared: SceneResult | SceneDiff,
+    names: Sequence[str],
+    *,
+    a_name: str = "A",
+    b_name: str = "B",
+    overwrite: bool = False,
+) -> None:
+    """Write the report on a scene or on the diff of two: one HTML file that any browser opens, without a network.
+
+    `names` are those of the performers, and then of the props. `a_name` and `b_name` are what the report of a diff
+    calls the two scenes.
+
+    Raises:
+        FileError: the file exists and `overwrite` is false, or it cannot be written.
+        SettingsError: `compared` is something else, or there are not as many different names as performers and props.
+    """
+    check_kind("compared", compared, SceneResult, SceneDiff)
+    performers = len(compared.results if isinstance(compared, SceneResult) else compared.performers)
+    count = performers + len(compared.props)
+    if len(names) != count or len({*names}) != count:
+        raise SettingsError(f"names is {list(names)}; expected {count} different names, performers before props")
+    if isinstance(compared, SceneResult):
+        html = scene_page(compared, names)
+    else:
+        about = About(a=a_name, b=b_name, command="", version=version("distretarget"))
+        pairs = zip(names[:performers], compared.performers, strict=True)
+        documents = {name: document(one, about) for name, one in pairs}
+        html = scene_diff_page(compared, scene_document(compared, documents, names[performers:], about))
+    write_whole(path, html, overwrite)
 
 
 def scene_page(result: SceneResult, names: Sequence[str]) -> str:
-    """The HTML of the report on a scene; `names` are those of performers and props."""
-    first = result.results[0]
-    stage = Stage(
-        sides=("Source", "Result"),
-        up=first.world.up_vector,
-        leg=first.matching.leg_lengths[0] or first.matching.source.unit / 2.0,
-        scale=result.world_scale,
-    )
-    gaps: Table = {
-        "title": "What touches: mean gap, % of a leg, in the source\u2019s world",
-        "columns": ["between", "frames", "source", "copied rotations", "result"],
-        "rows": list(_gaps(result, names)),
-    }
-    return together_page(" and ".join(names), list(_bodies(result, names)), stage, [gaps])
+    """The HTML of the report on a scene, its source and result. `names` are those of performers, and then of props."""
+    bodies = [
+        ShownBody.of_performer(name, one.source, one.motion, one.matching)
+        for name, one in zip(names, result.results, strict=False)
+    ]
+    props = zip(names[len(bodies) :], result.props, strict=True)
+    bodies += [ShownBody.of_prop(name, prop.source, prop.motion) for name, prop in props]
+    title, tables = " and ".join(names), [_gaps_of_result(result, names)]
+    return _player_page(title, ("Source", "Result"), bodies, result.results[0], result.world_scale, tables)
 
 
-def _bodies(result: SceneResult, names: Sequence[str]) -> Iterator[ShownBody]:
-    for name, one in zip(names, result.results, strict=False):
-        joints = one.matching.body_joints
-        yield ShownBody(name=name, left=one.source, right=one.motion, joints=(one.drivers[joints], joints))
-    for name, prop in zip(names[len(result.results) :], result.props, strict=True):
-        joints = np.arange(len(prop.motion.skeleton))
-        yield ShownBody(name=name, left=prop.source, right=prop.motion, joints=(joints, joints), prop=True)
+def scene_diff_page(diff: SceneDiff, document: SceneDiffDocument) -> str:
+    """The HTML of the report on the diff of two scenes, A and B."""
+    frames = slice(len(diff))
+    bodies = [
+        ShownBody.of_performer(name, one.a[frames], one.b[frames], one.matching)
+        for name, one in zip(document["performers"], diff.performers, strict=True)
+    ]
+    bodies += [ShownBody.of_prop(name, a, b) for name, (a, b) in zip(document["props"], diff.props, strict=True)]
+    title, sides = f"{document['b']} against {document['a']}", (f"A: {document['a']}", f"B: {document['b']}")
+    tables = [gap_table(document), figure_table(document)]
+    return _player_page(title, sides, bodies, diff.performers[0], diff.world_scale, tables)
 
 
-def _gaps(result: SceneResult, names: Sequence[str]) -> Iterator[list[str | int]]:
-    """The rows of the table of gaps."""
+def _gaps_of_result(result: SceneResult, names: Sequence[str]) -> Table:
+    rows: list[list[str | int]] = []
     for (i, j), gap in result.gaps.items():
         copy = result.copy_gaps[i, j]
         numbers = [f"{100 * mean:.1f}" for mean in (gap.a, copy.b, gap.b)] if gap and copy else [NO_GAP] * 3
-        yield [f"{names[i]} and {names[j]}", str(gap.frames if gap else 0), *numbers]
+        rows.append([f"{names[i]} and {names[j]}", str(gap.frames if gap else 0), *numbers])
+    title = "Mean gap where they touch in the source, in % of a leg of the source\u2019s world"
+    return {"title": title, "columns": ["between", "frames", "source", "rotation copy", "result"], "rows": rows}
+
+
+def gap_table(document: SceneDiffDocument) -> Table:
+    """The gaps between regions that touch in A, those that touch longest first."""
+    rows: list[list[str | int]] = [
+        [
+            part(gaps["between"], gaps["regions"]),
+            str(gaps["frames"]),
+            *(f"{gaps[key]:.1f}" for key in ("gap_a", "gap_b", "gap_error")),
+            gaps["worst_frame"],
+        ]
+        for gaps in document["gaps"]
+    ]
+    title = "Mean gap where they touch in A, in % of a leg of A\u2019s world"
+    return {"title": title, "columns": ["between", "frames", "A", "B", "error", "worst frame"], "rows": rows}
+
+
+def figure_table(document: SceneDiffDocument) -> Table:
+    """The figures of all performers: of A, where it has one, and of B."""
+    sides = [one["figures"][side] for one in document["performers"].values() for side in ("source", "result")]
+    rows: list[list[str | int]] = []
+    for figure in FIGURES:
+        values = [side.get(figure.key) for side in sides]
+        name = f"{figure.label} [{figure.unit}]" if figure.unit else figure.label
+        rows.append([name, *("" if value is None else f"{value:.4g}" for value in values)])
+    columns = ["figure", *(f"{name} {side}" for name in document["performers"] for side in "AB")]
+    return {"title": "Figures of each performer", "columns": columns, "rows": rows}
+
+
+def _player_page(
+    title: str,
+    sides: tuple[str, str],
+    bodies: Sequence[ShownBody],
+    first: RetargetResult | Diff,
+    scale: float,
+    tables: Sequence[Table],
+) -> str:
+    """The HTML of the page with titles for the left and the right side; performers come before props.
+
+    `first` is the first performer; `scale` is in units of the right side per unit of the left, along the floor. Both
+    sides are drawn in the unit of twice a leg of the first performer on the left. Lines join what touches on the left.
+    """
+    leg, up = first.matching.leg_lengths[0] or first.matching.source.unit / 2.0, first.world.up_vector
+    frames, joints = len(bodies[0].left), sum(len(b.left.skeleton) + len(b.right.skeleton) for b in bodies)
+    step = drawn_step(frames, joints)
+    pairs = [(i, j) for i, j in combinations(range(len(bodies)), 2) if not bodies[i].prop]
+    scene = {
+        "frame_count": frames,
+        "frame_time": bodies[0].right.frame_time,
+        "step": step,
+        "drawn": -(-frames // step),
+        "facing": _facing(bodies, up),
+        "near": TOUCH_DISTANCE / 2.0,
+        "sides": sides,
+        "bodies": [
+            {
+                "name": body.name,
+                "prop": body.prop,
+                "sides": [
+                    _drawing(body.left, up, 2.0 * leg, step),
+                    _drawing(body.right, up, 2.0 * leg * scale, step),
+                ],
+            }
+            for body in bodies
+        ],
+        "lines": [line for pair in pairs for line in _lines(pair, bodies, TOUCH_DISTANCE * leg, step)],
+        "tables": tables,
+    }
+    return html_page("scene", title, {"scene": scene})
+
+
+def _drawing(motion: Motion, up: Array, unit: float, step: int) -> dict[str, object]:
+    positions = motion.positions[::step] / unit
+    return packed(motion.skeleton, upright(up).apply(positions.reshape(-1, 3)).reshape(positions.shape))
+
+
+def _facing(bodies: Sequence[ShownBody], up: Array) -> float:
+    """The angle about y from which the first two performers are seen side by side [rad]."""
+    if len(bodies) < 2 or bodies[1].prop:
+        return 0.6
+    middles = [body.left.positions.mean(axis=(0, 1)) for body in bodies[:2]]
+    x, _, z = upright(up).apply(middles[1] - middles[0])
+    return math.atan2(-z, x)
+
+
+def _lines(pair: tuple[int, int], bodies: Sequence[ShownBody], near: float, step: int) -> Iterator[Line]:
+    """What touches between two bodies: each joint of the first that is nearer than `near` to the second, with the joint
+    that is nearest.
+    """
+    one, other = (bodies[number] for number in pair)
+    a = one.left.positions[::step][:, one.joints[0]]
+    b = other.left.positions[::step][:, other.joints[0]]
+    nearest, touch = np.zeros(a.shape[:2], np.intp), np.zeros(a.shape[:2], bool)
+    for frame, (x, y) in enumerate(zip(a, b, strict=True)):
+        gaps = np.linalg.norm(x[:, None] - y, axis=-1)
+        nearest[frame], touch[frame] = gaps.argmin(axis=1), gaps.min(axis=1) < near
+    for k in range(a.shape[1]):
+        for point in np.unique(nearest[touch[:, k], k]).tolist():
+            before, after = ([int(p[k]), int(q[point])] for p, q in zip(one.joints, other.joints, strict=True))
+            for first, end in spans(touch[:, k] & (nearest[:, k] == point)):
+                yield pair, before, after, first, end

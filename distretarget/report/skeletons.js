@@ -11,17 +11,10 @@ const NOT_SHARED = {name: 'not in A', colour: 'muted', width: 0.55, dash: null};
 const OF_A = {colour: 'a', width: 1, dash: null};
 const OVER_B = {...OF_A, width: 0.4};
 const BONE = 0.024;
-const GRID = 0.25;
+const SAMPLES = 48; // frames from which the size of the view is estimated
 
 function levelOf(degrees) {
   return degrees === null ? NOT_SHARED : LEVELS.find(level => degrees < level.below);
-}
-
-/** Makes the straight line between two points on the screen the path of a context. */
-function traceLine(context, from, to) {
-  context.beginPath();
-  context.moveTo(from[0], from[1]);
-  context.lineTo(to[0], to[1]);
 }
 
 /** Draws one bone: a halo that separates it from what is behind, its colour, and the dashes of its level. */
@@ -58,24 +51,6 @@ function drawBody(context, motion, project, lookOf) {
     context.fill();
   }
   return at;
-}
-
-function drawFloor(context, project, centre, box) {
-  const [column, row, size] = project(centre[0], 0, centre[2]);
-  const fade = context.createRadialGradient(column, row, size * 0.3, column, row, size * 1.6);
-  fade.addColorStop(0, colour.line);
-  fade.addColorStop(1, 'transparent');
-  context.strokeStyle = fade;
-  context.lineWidth = 1;
-  context.beginPath();
-  const [west, south] = [Math.round(centre[0] / GRID), Math.round(centre[2] / GRID)];
-  for (let k = -8; k <= 8; k++) {
-    for (const ends of [[k, -8, k, 8], [-8, k, 8, k]]) {
-      context.moveTo(...project((west + ends[0]) * GRID, 0, (south + ends[1]) * GRID).slice(0, 2));
-      context.lineTo(...project((west + ends[2]) * GRID, 0, (south + ends[3]) * GRID).slice(0, 2));
-    }
-  }
-  context.stroke();
 }
 
 function drawShadow(context, motion, project) {
@@ -166,6 +141,35 @@ function centreOf(motion, frame) {
   return state.follow ? hips(motion) : motion.middle;
 }
 
+/** The width and height that the view needs for both bodies, from how far their joints are from their hips. */
+function reach() {
+  const wide = [], high = [];
+  for (let k = 0; k < SAMPLES; k++) {
+    for (const motion of [A, B]) {
+      place(motion, Math.floor(k * frameCount / SAMPLES));
+      const [x, , z] = hips(motion);
+      let across = 0, top = 0;
+      for (let joint = 0; joint < motion.joints; joint++) {
+        across = Math.max(across, Math.hypot(motion.x[3 * joint] - x, motion.x[3 * joint + 2] - z));
+        top = Math.max(top, motion.x[3 * joint + 1]);
+      }
+      wide.push(across);
+      high.push(top);
+    }
+  }
+  const most = values => values.sort((p, q) => p - q)[Math.floor(0.9 * (values.length - 1))];
+  return {width: clamp(2.1 * most(wide), 0.65, 2), height: clamp(1.25 * most(high), 0.5, 2.5)};
+}
+
+/** How many pixels one unit takes at zoom 1. */
+function unitOf(box) {
+  return Math.min(box.height / room.height, box.width / room.width);
+}
+
+function newCamera() {
+  return {azimuth: drawing.facing + 0.55, elevation: 0.15, zoom: 1, x: 0, y: 0, distance: 6};
+}
+
 const room = {width: 1, height: 1};
 Object.assign(room, reach());
 
@@ -178,8 +182,9 @@ function drawScene(context, box, frame, motions, camera) {
   const centres = motions.map(motion => centreOf(motion, frame));
   [A, B].forEach(motion => place(motion, frame));
   // A view that follows the hips puts both bodies in one place; otherwise each stands in its place in the world.
-  const views = centres.map(centre => projection(camera, box, state.follow ? centre : centres[centres.length - 1]));
-  drawFloor(context, views[views.length - 1], centres[centres.length - 1], box);
+  const views = centres.map(
+    centre => projection(camera, box, state.follow ? centre : centres[centres.length - 1], unitOf(box)));
+  drawFloor(context, views[views.length - 1], centres[centres.length - 1]);
   motions.forEach((motion, k) => drawShadow(context, motion, views[k]));
   const look = {a: () => motions[0] === B ? OVER_B : OF_A, b: bone => levelOf(directionError(bone))};
   const places = motions.map((motion, k) => {

@@ -2,10 +2,10 @@
 
 const D_MEANS = 'Distance of two joints divided by the length of the bones between them: 0 where they coincide, 1 '
   + 'where the path between them is straight.';
-const COPY_MEANS = 'The rotation copy: what comes of giving the joints of B the rotations of A, and nothing else.';
-const TOUCHING = `Two regions of the body, such as a hand and the head, touch where D of their nearest joints is below `
-  + `${drawing.near} and at least ${drawing.far_along} joints lie on the path between these. Regions joined by a bone `
-  + 'never do, nor do two feet that rest.';
+const COPY_MEANS = 'The rotation copy: A’s rotations on the bones of B, before anything is corrected.';
+const TOUCHING = `Two regions of the body, such as a hand and the head, touch if D of their nearest joints is below `
+  + `${drawing.near} and at least ${drawing.far_along} joints lie on the path between them. Regions joined by a bone `
+  + 'do not count, nor do two feet while one of them rests.';
 const WORST_SHOWN = 2; // frames by each figure
 
 /** A line that says, in words and by a mark, whether a figure is within a limit; `over` is null if it has no value. */
@@ -126,7 +126,7 @@ function buildWorst() {
       element('b', {}, `Frame ${frame}`),
       ...reasons.map(([name, value]) => element('span', {}, name, element('i', {}, value)))));
   }
-  if (!found.size) $('worst').append(element('p', {class: 'none'}, 'B does the same as A in every frame.'));
+  if (!found.size) $('worst').append(element('p', {class: 'none'}, 'B moves like A in every frame.'));
 }
 
 // ---- contacts

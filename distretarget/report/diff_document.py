@@ -1,4 +1,8 @@
-"""The numbers of a diff as one document, to be written as JSON or, frame by frame, as CSV."""
+"""The numbers of a diff as one document, to be written as JSON or, frame by frame, as CSV.
+
+`diff.schema.json` describes the document key by key; the types here have the same keys. Figures have the keys of
+`measure.figures.FIGURES`.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +10,9 @@ import csv
 import io
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import SupportsFloat
+from typing import Literal, SupportsFloat, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +20,86 @@ from numpy.typing import NDArray
 from distretarget.body.conventions import convention_of
 from distretarget.measure.diff import Diff
 from distretarget.measure.figures import BY_KEY, Tracks, Variant, clip_figures, clip_limits, figures_at, frame_figures
-from distretarget.report.document_types import DiffBody, DiffContact, DiffDocument, DiffLimit, FigureValues
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
+FigureValues = Mapping[str, float | None]
+"""Figures of quality by key; None where nothing was to be measured."""
 
-DECIMALS = 12  # that a number is rounded to, so that rounding errors vanish
+DECIMALS = 12  # of the numbers in documents; fewer than doubles have, so that rounding errors vanish
+
+
+class DiffBody(TypedDict):
+    """One of the two motions: its file, number of joints and naming convention."""
+
+    file: str
+    joints: int
+    convention: str
+
+
+class Program(TypedDict):
+    """The program that made the document."""
+
+    version: str
+    command: str
+
+
+class DiffFigures(TypedDict):
+    """The figures of the whole clip, of A (`source`), of the rotation copy if B was made from A, and of B (`result`);
+    and the values of B above which a run needs a look.
+    """
+
+    source: FigureValues
+    rotation_copy: FigureValues | None
+    result: FigureValues
+    needs_look_above: FigureValues
+
+
+class DiffLimit(TypedDict):
+    """A limit of a figure, as given to `--fail-over`, and the value that it is for."""
+
+    figure: str
+    limit: float
+    value: float | None
+    over: bool
+
+
+class DiffContact(TypedDict):
+    """The contacts between two regions of the body, and how well B keeps their distances, as D."""
+
+    regions: str
+    joints_a: list[str]
+    joints_b: list[str]
+    frames: int
+    distance_a: float
+    distance_b: float
+    error: float
+    worst_frame: int
+
+
+class DiffDocument(TypedDict):
+    """The numbers of a diff: motion B measured against motion A, the reference. `diff.schema.json` describes its keys;
+    `docs/diff.md` has them as a table.
+    """
+
+    format: Literal["distretarget-diff"]
+    version: Literal[1]
+    a: DiffBody
+    b: DiffBody
+    program: Program
+    verdict: str
+    warnings: list[str]
+    notes: list[str]
+    frame_time: float
+    frame_count: int
+    unmatched_b: list[str]
+    unmatched_a: list[str]
+    contact_frames: int
+    figures: DiffFigures
+    limits: list[DiffLimit]
+    worst: dict[str, int | None]
+    frames: list[FigureValues]
+    contacts: list[DiffContact]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -30,11 +108,9 @@ class About:
 
     Attributes:
         a, b: the names of the files.
-        command: the command line that made the diff, "" if none.
+        command: the command line that made the diff; empty if none.
         version: of this package.
-        rotation_copy: what the figures of the rotation copy are taken from, where B was made from A.
-        verdict: what was kept and what changed in a plain sentence, where B was made from A.
-        warnings: what needs a look, a line each, where B was made from A.
+        rotation_copy, verdict, warnings: those of the run, where B was made from A.
         limits: keys of figures, each with the limit that it is to stay at or below.
     """
 
@@ -49,7 +125,7 @@ class About:
 
 
 def document(diff: Diff, about: About) -> DiffDocument:
-    """The diff as JSON values that follow `diff.schema.json`; None where nothing was to be measured."""
+    """The diff as JSON values; None where nothing was to be measured."""
     sides: dict[Variant, Tracks] = {"source": diff.comparison.source_tracks, "result": diff.tracks}
     frames = _frames(diff, sides)
     a, b, drivers = diff.matching.source.skeleton, diff.matching.target.skeleton, diff.matching.drivers
@@ -87,13 +163,23 @@ def json_text(document: Mapping[str, object]) -> str:
     return json.dumps(document, indent=1, allow_nan=False) + "\n"
 
 
-def csv_text(document: DiffDocument) -> str:
-    """The frames of the document as CSV: a row of keys, then a row per frame, with an empty cell for None."""
+def csv_text(rows: Sequence[Mapping[str, object]]) -> str:
+    """Frames of documents as CSV: a row of keys, then a row for each, with an empty cell for None."""
     text = io.StringIO()
-    table = csv.DictWriter(text, list(document["frames"][0]), lineterminator="\n")
+    table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     table.writeheader()
-    table.writerows(document["frames"])
+    table.writerows(rows)
     return text.getvalue()
+
+
+def rounded(value: SupportsFloat) -> float:
+    """The number rounded to `DECIMALS`, 0 without a sign."""
+    return round(float(value), DECIMALS) + 0.0
+
+
+def _known(value: SupportsFloat | None) -> float | None:
+    """The number rounded; None for nan, infinity and None."""
+    return None if value is None or not math.isfinite(value) else rounded(value)
 
 
 def _body(file: str, skeleton: Skeleton) -> DiffBody:
@@ -101,14 +187,12 @@ def _body(file: str, skeleton: Skeleton) -> DiffBody:
 
 
 def _of_clip(tracks: Tracks) -> FigureValues:
-    """The figures of the whole clip, by key."""
-    return {key: None if value is None else _rounded(value) for key, value in clip_figures(tracks).items()}
+    return {key: _known(value) for key, value in clip_figures(tracks).items()}
 
 
 def _limit(key: str, limit: float, value: float | None, source: float | None) -> DiffLimit:
     """A limit of a figure, the number that it is for, and whether that is over it."""
-    judged = BY_KEY[key].judgement(value, source)
-    number = None if judged is None else _rounded(judged)
+    number = _known(BY_KEY[key].judgement(value, source))
     return {"figure": key, "limit": limit, "value": number, "over": number is not None and number > limit}
 
 
@@ -117,16 +201,12 @@ def _frames(diff: Diff, sides: Mapping[Variant, Tracks]) -> dict[str, list[float
     count = np.arange(len(diff))
     return {
         "frame": count.tolist(),
-        "time": _column(np.multiply(count, diff.b.frame_time)),
+        "time": [rounded(time) for time in count * diff.b.frame_time],
         "contacts": diff.comparison.contacts.counts.tolist(),
         "stance": diff.comparison.feet.stance.sum(axis=1).tolist(),
         "supports": diff.comparison.supports.rest.sum(axis=1).tolist(),
-        **{key: _column(values) for key, values in frame_figures(sides, len(diff)).items()},
+        **{key: [*map(_known, values)] for key, values in frame_figures(sides, len(diff)).items()},
     }
-
-
-def _column(values: Array) -> list[float | None]:
-    return [_rounded(value) for value in values]
 
 
 def _worst(column: list[float | None]) -> int | None:
@@ -144,20 +224,10 @@ def _contacts(diff: Diff) -> list[DiffContact]:
             "joints_a": [a[drivers[touch.u]], a[drivers[touch.v]]],
             "joints_b": [b[touch.u], b[touch.v]],
             "frames": len(touch.frames),
-            "distance_a": _round(touch.distance_source),
-            "distance_b": _round(touch.distance_result),
-            "error": _round(touch.error),
+            "distance_a": rounded(touch.distance_source),
+            "distance_b": rounded(touch.distance_result),
+            "error": rounded(touch.error),
             "worst_frame": touch.worst_frame,
         }
         for touch in diff.comparison.contacts.touches
     ]
-
-
-def _rounded(value: SupportsFloat) -> float | None:
-    """The number rounded; None for nan and infinity."""
-    return _round(value) if math.isfinite(value) else None
-
-
-def _round(value: SupportsFloat) -> float:
-    """The number rounded to `DECIMALS`, 0 without a sign."""
-    return round(float(value), DECIMALS) + 0.0

@@ -1,4 +1,4 @@
-"""The page over all clips of a folder of results, with links to their reports, as one HTML file that needs no other."""
+"""The page over all clips of a batch, with links to their reports, as one HTML file that needs no other."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Literal, TypedDict
 from urllib.parse import quote
 
 from distretarget.measure.figures import SUFFIXES, Variant, as_data, figures_at
-from distretarget.report.page import filled
+from distretarget.report.page import html_page
 
 # The columns of figures: for each figure of the page the source's, where it has one, the rotation copy's, the result's.
 FIGURE_COLUMNS: dict[str, tuple[Variant, str]] = {
@@ -49,24 +49,6 @@ class ClipRecord(TypedDict):
     error: str | None
 
 
-class _Table(TypedDict):
-    """The records in few bytes.
-
-    Attributes:
-        folder: the folder that all clips share; the names of clips omit it.
-        targets: the targets' paths, without the folder that they share.
-        warnings: each warning once.
-        fields: what the entries of a row are.
-        rows: per clip, the values of `fields`; target and warnings as indices into the lists of these.
-    """
-
-    folder: str
-    targets: list[str]
-    warnings: list[str]
-    fields: tuple[str, ...]
-    rows: list[list[object]]
-
-
 def index_page(records: Sequence[ClipRecord], links: Mapping[str, str], title: str, version: str) -> str:
     """The HTML of the page over clips.
 
@@ -74,45 +56,38 @@ def index_page(records: Sequence[ClipRecord], links: Mapping[str, str], title: s
     relative to the page and not quoted. `version` is that of the program.
     """
     data = {"batch": {**_table(records, links), "version": version}, "registry": as_data("the source", "the result")}
-    return filled("index.html", title, styles=["style.css", "index.css"], scripts=["base.js", "index.js"], data=data)
+    return html_page("index", title, data)
 
 
-def _table(records: Sequence[ClipRecord], links: Mapping[str, str]) -> _Table:
-    """The records as the page has them."""
+def _table(records: Sequence[ClipRecord], links: Mapping[str, str]) -> dict[str, object]:
+    """The records in few bytes: the `folder` that all clips share and their names omit; each path of `targets` and each
+    of `warnings` once; and per clip a row of the values of `FIELDS`, with target and warnings as indices.
+    """
     targets = list(dict.fromkeys(record["target"] for record in records))
     folder, target_folder = _folder(record["input"] for record in records), _folder(targets)
     warnings = list(dict.fromkeys(text for record in records for text in record["warnings"]))
     target_at, warning_at = ({text: k for k, text in enumerate(texts)} for texts in (targets, warnings))
-    return {
-        "folder": folder,
-        "targets": [target[len(target_folder) :] for target in targets],
-        "warnings": warnings,
-        "fields": FIELDS,
-        "rows": [
-            [
-                record["input"][len(folder) :],
-                _url(links.get(record["output"])),
-                target_at[record["target"]],
-                *_outcome(record),
-                [warning_at[text] for text in record["warnings"]],
-                _reason(record),
-                *_figures(record["figures"]),
-            ]
-            for record in records
-        ],
-    }
+    rows = [
+        [
+            record["input"][len(folder) :],
+            _url(links.get(record["output"])),
+            target_at[record["target"]],
+            *_outcome(record),
+            [warning_at[text] for text in record["warnings"]],
+            _reason(record),
+            *(_number((record["figures"].get(side) or {}).get(key)) for side, key in FIGURE_COLUMNS.values()),
+        ]
+        for record in records
+    ]
+    names = [target[len(target_folder) :] for target in targets]
+    return {"folder": folder, "targets": names, "warnings": warnings, "fields": FIELDS, "rows": rows}
 
 
 def _outcome(record: ClipRecord) -> tuple[int, float | None, float | None]:
-    """Whether a clip is done, its frames and its seconds; a failed clip has neither of these."""
+    """Whether a clip is done (1 or 0), and its frames and seconds, which a failed clip lacks."""
     if record["status"] != "done":
         return 0, None, None
     return 1, _number(record["frames"]), _number(record["seconds"])
-
-
-def _figures(figures: Mapping[Variant, Mapping[str, float | None]]) -> list[float | None]:
-    """The numbers of FIGURE_COLUMNS, None where there is none."""
-    return [_number((figures.get(side) or {}).get(key)) for side, key in FIGURE_COLUMNS.values()]
 
 
 def _number(value: object) -> float | None:

@@ -90,3 +90,12 @@ def test_it_plays_in_a_browser(name, tmp_path, open_page):
     assert tab.locator("#now").inner_text().startswith("10 / 156")
     assert tab.locator("#tables tbody tr").count() == 1
     assert tab.locator("#legend span").count() == 2
+    before = tab.evaluate("getComputedStyle(document.body).backgroundColor")
+    tab.click("#theme")
+    assert tab.evaluate("getComputedStyle(document.body).backgroundColor") != before
+    zoom = tab.evaluate("camera.zoom")
+    tab.keyboard.press("+")
+    assert tab.evaluate("camera.zoom") > zoom
+    tab.keyboard.press("End")
+    settle(tab)
+    assert tab.locator("#now").inner_text().startswith("156 / 156")

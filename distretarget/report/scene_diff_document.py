@@ -1,31 +1,21 @@
-"""The diff of two scenes as one document, to be written as JSON or, frame by frame, as CSV."""
+"""The diff of two scenes as one document, to be written as JSON or, frame by frame, as CSV.
+
+`scene_diff.schema.json` describes the document key by key; the types here have the same keys.
+"""
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from typing import Literal, TypedDict
 
 from distretarget.measure.scene_gaps import Gap, SceneDiff
-from distretarget.report.document import DECIMALS, About
-from distretarget.report.document_types import DiffDocument, DiffLimit, Program
+from distretarget.report.diff_document import About, DiffDocument, DiffLimit, Program, csv_text, rounded
 
 GAP_ERROR = "gap_error"  # the figure of a whole scene
 
 
 class DiffGaps(TypedDict):
-    """The gaps between two parts of a scene that touch in A [% of leg length].
-
-    Attributes:
-        between: the names of the two performers, or of a performer and a prop.
-        regions: the region of the body of each; empty for a prop.
-        joints: the joints of A between which a gap is furthest off ...
-        worst_frame: ... and the frame in which it is.
-        frames: in how many frames they touch.
-        gap_a, gap_b: the mean gap in A and in B.
-        gap_error: how far a gap in B is off that in A, on average.
-    """
+    """The gaps between two parts of a scene that touch in A [% of leg length]."""
 
     between: list[str]
     regions: list[str]
@@ -38,19 +28,7 @@ class DiffGaps(TypedDict):
 
 
 class SceneDiffDocument(TypedDict):
-    """The numbers of a diff of two scenes.
-
-    Attributes:
-        format, version: the name and the version of this format.
-        a, b: the names of the files or folders of the scenes.
-        program: what made the document.
-        world_scale: units of B per unit of A along the floor.
-        gap_a, gap_b, gap_error: as in `DiffGaps`, of all that touches; None where nothing does [% of leg length].
-        limits: those of `gap_error`, in the order given; those of other figures stand with the performers.
-        performers: the diff of each performer, by name.
-        props: the names of the props.
-        gaps: between what touches in A, those that touch longest first.
-    """
+    """The numbers of a diff of two scenes. Limits of figures other than `GAP_ERROR` stand with the performers."""
 
     format: Literal["distretarget-scene-diff"]
     version: Literal[1]
@@ -70,10 +48,8 @@ class SceneDiffDocument(TypedDict):
 def scene_document(
     diff: SceneDiff, performers: Mapping[str, DiffDocument], props: Sequence[str], about: About
 ) -> SceneDiffDocument:
-    """The diff of two scenes as JSON values that follow `scene_diff.schema.json`.
-
-    `performers` are the documents of the performers by name, `props` the names of the props; `about` has the limits
-    of `GAP_ERROR`.
+    """The diff of two scenes as JSON values. `performers` are the documents of the performers by name, `props` the
+    names of the props; `about` has the limits of `GAP_ERROR`.
     """
     gap_a, gap_b, error = (None if gap is None else _percent(gap) for gap in diff.mean_gaps or (None, None, None))
     names = [*performers, *props]
@@ -98,13 +74,9 @@ def scene_document(
 
 
 def scene_csv(document: SceneDiffDocument) -> str:
-    """The frames of all performers as CSV: a row of keys, then a row per performer and frame; None is an empty cell."""
-    rows = [{"performer": name, **frame} for name, one in document["performers"].items() for frame in one["frames"]]
-    text = io.StringIO()
-    table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    table.writeheader()
-    table.writerows(rows)
-    return text.getvalue()
+    """The frames of all performers as CSV: a row of keys, then a row for each performer and frame."""
+    performers = document["performers"].items()
+    return csv_text([{"performer": name, **frame} for name, one in performers for frame in one["frames"]])
 
 
 def part(between: Sequence[str], regions: Sequence[str]) -> str:
@@ -126,4 +98,4 @@ def _gaps(gaps: Gap, names: Sequence[str]) -> DiffGaps:
 
 
 def _percent(gap: float) -> float:
-    return round(100.0 * gap, DECIMALS) + 0.0
+    return rounded(100.0 * gap)

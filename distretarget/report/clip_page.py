@@ -1,4 +1,4 @@
-"""The report on a run or a diff: an HTML file that shows both motions, and the figures of quality beside them."""
+"""The report on a clip: an HTML page that plays a source and its result, or A and B of a diff, beside their figures."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ from pathlib import Path
 from distretarget.checks import check_kind
 from distretarget.io.files import write_whole
 from distretarget.measure.diff import Diff, turned_note
+from distretarget.measure.figures import as_data
 from distretarget.pipeline.result import RetargetResult
-from distretarget.report.document import About, document
-from distretarget.report.page import page
+from distretarget.report.diff_document import About, DiffDocument, document
+from distretarget.report.drawing import diff_drawing
+from distretarget.report.page import html_page
 
 
 def write_report(
@@ -35,7 +37,7 @@ def write_report(
     if isinstance(compared, RetargetResult):
         html = run_page(compared, about)
     else:
-        html = page(compared, document(compared, about))
+        html = diff_page(compared, document(compared, about))
     write_whole(path, html, overwrite)
 
 
@@ -45,7 +47,7 @@ def run_page(result: RetargetResult, about: About) -> str:
     """
     diff, copy = run_diff(result), result.tracks["rotation_copy"]
     about = replace(about, rotation_copy=copy, verdict=result.verdict, warnings=result.warnings)
-    return page(diff, document(diff, about))
+    return diff_page(diff, document(diff, about))
 
 
 def run_diff(result: RetargetResult) -> Diff:
@@ -59,4 +61,13 @@ def run_diff(result: RetargetResult) -> Diff:
         comparison=result.comparison,
         notes=turned_note(result.world),
         run_tracks=result.run_tracks,
+    )
+
+
+def diff_page(diff: Diff, document: DiffDocument) -> str:
+    """The HTML of the report on a diff, with its document embedded unchanged."""
+    source, result = ("source ", "result ") if document["figures"]["rotation_copy"] else ("", "")
+    title = f"{result}{document['b']['file']} against {source}{document['a']['file']}"
+    return html_page(
+        "clip", title, {"document": document, "drawing": diff_drawing(diff), "registry": as_data("A", "B")}
     )

@@ -1,23 +1,22 @@
-"""What a run reports: its verdict and figures in a line each, joints without a counterpart, its figures as JSON."""
+"""The account of a run: its verdict and figures in a line each, joints without a counterpart, its figures as JSON."""
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal, TypedDict
 
 import numpy as np
-from numpy.typing import NDArray
 
 from distretarget.errors import quoted
 from distretarget.matching.matching import Matching
-from distretarget.measure.figures import BY_KEY, Figure, Variant, figures_at, frame_figures
+from distretarget.measure.figures import BY_KEY, Variant, figures_at, frame_figures
 from distretarget.pipeline.result import RetargetResult
+from distretarget.report.diff_document import json_text
 
 
 class RunFiguresDocument(TypedDict):
-    """The figures of a run. The keys of figures, with their units, are those in `measure.figures.FIGURES`.
+    """The figures of a run. The keys of figures, with their units, are those of `measure.figures.FIGURES`.
 
     Attributes:
         format, version: the name and the version of this format.
@@ -25,11 +24,10 @@ class RunFiguresDocument(TypedDict):
         root_scale: target units per source unit of the root's path.
         verdict: what was kept and what changed, in a plain sentence.
         warnings: what needs a look, a line each.
-        figures: by key, the figures of the whole clip, of source, rotation copy and result; None where nothing was to
-            be measured.
-        frames: columns with an entry for each frame. Those of figures are named by key, with `_source` or `_copy`
-            after it for source and rotation copy. `iterations` and `evaluations` are the solver's effort, `reason` is
-            why it stopped, `stress_solved_points` the stress of the solved points (only with the paper's objective).
+        figures: of the whole clip, for source, rotation copy and result; None where nothing was to be measured.
+        frames: columns with an entry for each frame: the figures, with `_source` or `_copy` after their keys for source
+            and rotation copy; the solver's effort, `iterations` and `evaluations`, and the `reason` why it stopped;
+            with the paper's objective `stress_solved_points`.
     """
 
     format: Literal["distretarget-figures"]
@@ -53,8 +51,8 @@ def figures_line(result: RetargetResult) -> str:
     figures, stress = result.figures, BY_KEY["stress"]
     worst = int(np.argmax(result.written_stress))
     values = ", ".join(
-        f"{_named(figure)} {figure.brief(figures['rotation_copy'][figure.key])}"
-        f" / {figure.brief(figures['result'][figure.key])}"
+        f"{figure.label}{f' [{figure.symbol}]' if figure.symbol else ''} "
+        f"{figure.brief(figures['rotation_copy'][figure.key])} / {figure.brief(figures['result'][figure.key])}"
         for figure in figures_at("line")
     )
     points = result.free_stress
@@ -75,12 +73,12 @@ def unmatched(matching: Matching) -> Iterator[str]:
 
 def figures_document(result: RetargetResult) -> RunFiguresDocument:
     """The figures of a run as JSON values: those of the whole clip, and those of each frame."""
-    effort = result.effort
+    columns = frame_figures(result.tracks, len(result.motion))
     frames: dict[str, Sequence[float | str | None]] = {
-        **_columns(frame_figures(result.tracks, len(result.motion))),
-        "iterations": effort.iterations.tolist(),
-        "evaluations": effort.evaluations.tolist(),
-        "reason": effort.reason_names,
+        **{key: [value if math.isfinite(value) else None for value in row.tolist()] for key, row in columns.items()},
+        "iterations": result.effort.iterations.tolist(),
+        "evaluations": result.effort.evaluations.tolist(),
+        "reason": result.effort.reason_names,
     }
     if result.free_stress is not None:
         frames["stress_solved_points"] = result.free_stress.tolist()
@@ -98,13 +96,4 @@ def figures_document(result: RetargetResult) -> RunFiguresDocument:
 
 def figures_json(result: RetargetResult) -> str:
     """The text of `figures_document` as JSON."""
-    return json.dumps(figures_document(result), indent=1, allow_nan=False) + "\n"
-
-
-def _named(figure: Figure) -> str:
-    return f"{figure.label} [{figure.symbol}]" if figure.symbol else figure.label
-
-
-def _columns(values: Mapping[str, NDArray[np.float64]]) -> dict[str, list[float | None]]:
-    """Lists of JSON values, null for nan."""
-    return {key: [value if math.isfinite(value) else None for value in row.tolist()] for key, row in values.items()}
+    return json_text(figures_document(result))
