@@ -90,9 +90,8 @@ def clips_in(folder, target=TARGET):
 
 def batch_of(folder, clips=None, **others):
     """A batch over the clips of a folder, with the options in `others`."""
-    own = {"options": Options(), "map_file": MapFile({}, ""), "overwrite": False, "fail_fast": False}
-    pages = {"index": None, "reports": 0, "about": lambda clip, _: f"report on {clip.name}"}
-    return Batch(clips=clips or clips_in(folder), folder=folder / "out", **own | pages | others)
+    own = {"options": Options(), "map_file": MapFile({}, ""), "about": lambda clip, _: f"report on {clip.name}"}
+    return Batch(clips or clips_in(folder), folder / "out", **own | others)
 
 
 def go(folder, workers=None, clips=None, **others):

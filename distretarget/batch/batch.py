@@ -45,7 +45,7 @@ HEAD = 4096  # characters at the beginning of a page, in which MARK and OF are l
 Show = Callable[[ManifestRecord | None], object]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Batch:
     """Clips to convert, and how.
 
@@ -53,11 +53,11 @@ class Batch:
         clips: the clips.
         folder: the folder of results.
         options, map_file: how to retarget.
-        overwrite: whether to convert again what is done, and to replace files that this program did not write.
-        fail_fast: whether the first failure ends the batch.
+        about: returns what the report on a clip says of it, from the paths of the clip and of its result.
         index: the page over all clips; None for no pages.
         reports: how many clips get a report beside it, the worst first; None for all.
-        about: returns what the report on a clip says of it, from the paths of the clip and of its result.
+        overwrite: whether to convert again what is done, and to replace files that this program did not write.
+        fail_fast: whether the first failure ends the batch.
         problems: why a report could not be written, by its path.
     """
 
@@ -65,11 +65,11 @@ class Batch:
     folder: Path
     options: Options
     map_file: MapFile
-    overwrite: bool
-    fail_fast: bool
-    index: Path | None
-    reports: int | None
     about: Callable[[PurePath, PurePath], About]
+    index: Path | None = None
+    reports: int | None = None
+    overwrite: bool = False
+    fail_fast: bool = False
     problems: dict[Path, FileError] = field(default_factory=dict)
 
     @cached_property
@@ -288,17 +288,9 @@ def convert_folder(
     found, unread = find_clips(paths, (), include, exclude)
     if unread:
         raise unread[0]
-    batch = Batch(
-        clips=plan(found, load_targets(_listed("targets", targets)), Path(folder), paths),
-        folder=Path(folder),
-        options=options,
-        map_file=load_map(map_file),
-        overwrite=overwrite,
-        fail_fast=fail_fast,
-        index=Path(report) if report else None,
-        reports=reports,
-        about=lambda clip, result: About(a=clip.name, b=result.name, command="", version=VERSION),
-    )
+    clips = plan(found, load_targets(_listed("targets", targets)), Path(folder), paths)
+    index, pairs = Path(report) if report else None, load_map(map_file)
+    batch = Batch(clips, Path(folder), options, pairs, _about, index, reports, overwrite, fail_fast)
     batch.check()
     tally = Tally(clips=len(batch.clips))
     with closing(Processes(jobs or cores(), options.objective)) as workers:
@@ -312,6 +304,11 @@ def load_targets(paths: Sequence[Path]) -> list[Text]:
     for target in targets:
         parse_target(target.text, target.path)
     return targets
+
+
+def _about(clip: PurePath, result: PurePath) -> About:
+    """What a report says of a clip where no command line made it."""
+    return About(a=clip.name, b=result.name, command="", version=VERSION)
 
 
 def _listed(name: str, paths: str | Path | Sequence[str | Path]) -> list[Path]:

@@ -138,17 +138,7 @@ def batch_command(
         clips = plan(found, texts, folder, sources)
     except BatchError as error:
         raise click.UsageError(str(error)) from error
-    batch = Batch(
-        clips=clips,
-        folder=folder,
-        options=options,
-        map_file=map_file,
-        overwrite=overwrite,
-        fail_fast=fail_fast,
-        index=index,
-        reports=reports,
-        about=about,
-    )
+    batch = Batch(clips, folder, options, map_file, about, index, reports, overwrite, fail_fast)
     for each in unread:
         complain(f"not searched: {each}")
     if dry_run:
