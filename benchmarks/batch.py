@@ -37,7 +37,7 @@ from clips import SAMPLES, back_and_forth
 
 from distretarget import Motion, read_bvh, write_bvh
 from distretarget.batch.plan import MANIFEST
-from distretarget.batch.pools import Processes
+from distretarget.batch.workers import Processes
 
 CLIPS = ("walk", "clap", "wave", "turn", "hands_on_hips")
 TARGET = SAMPLES / "rigs" / "mixamo_t.json"
@@ -86,7 +86,7 @@ def start_times() -> str:
         started = time.perf_counter()
         pool.executor.submit(os.getpid).result()
         seconds.append(time.perf_counter() - started)
-        pool.renew()
+        pool.close()
     return f"the first worker is ready after {seconds[0]:.2f} s, another one after {seconds[1]:.3f} s"
 
 

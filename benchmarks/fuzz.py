@@ -32,7 +32,7 @@ from hypothesis import strategies as st
 
 from distretarget import DistretargetError, Motion, Options, Skeleton, Tally, Target
 from distretarget.batch.compile_ahead import warm
-from distretarget.batch.manifest import History
+from distretarget.batch.manifest import Manifest
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.map_json import parse_map
@@ -117,10 +117,10 @@ def _read_map(text: str) -> None:
 def _read_manifest(text: str) -> None:
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "manifest.jsonl").write_bytes(text.encode("utf-8", "surrogatepass"))
-        tally = Tally()
-        for record in History(Path(folder)).latest([]):
+        tally = Tally(clips=3, seconds=1.0)
+        for record in Manifest(Path(folder), read_only=True).latest([]):
             tally.add(record)
-        list(tally.lines(3, 1.0, 1))
+        assert tally.lines
 
 
 def convert(case: tuple[tuple[str, str], str, dict[str, Any]]) -> None:

@@ -2,8 +2,7 @@
 
 from distretarget.baseline.world import World
 from distretarget.batch.batch import convert_folder
-from distretarget.batch.record import ManifestRecord
-from distretarget.batch.summary import Tally
+from distretarget.batch.manifest import ManifestRecord, Tally
 from distretarget.body.anatomy import Anatomy
 from distretarget.body.body import Body
 from distretarget.errors import (

@@ -1,11 +1,10 @@
 """A Dask cluster that cannot be used is refused in one line."""
 
+import importlib
 import sys
 
 import pytest
 
-from distretarget.batch import pools
-from distretarget.batch.pools import Cluster
 from distretarget.errors import BatchError
 
 ADDRESS = "tcp://machine:8786"
@@ -20,41 +19,68 @@ class Idle:
     def ncores(self):
         return {}
 
-    def close(self):
+    def get_executor(self, **_):
+        pass
+
+    def close(self, **_):
         pass
 
 
+class Busy(Idle):
+    """A client of a cluster whose workers have gone since."""
+
+    def ncores(self):
+        return {"worker": 2}
+
+    def scheduler_info(self):
+        return {"workers": {}}
+
+
 @pytest.fixture
-def answer(monkeypatch):
-    """Let the Dask process at the address say what it is."""
-
-    def says(kind):
-        async def identity(_address):
-            return {"type": kind}
-
-        monkeypatch.setattr(pools, "_identity", identity)
-
-    return says
-
-
-def is_refused(reason):
-    with pytest.raises(BatchError, match=reason):
-        Cluster(ADDRESS)
-
-
-def test_the_address_of_a_worker(answer):
+def cluster():
+    """The module of the cluster, which needs Dask."""
     pytest.importorskip("distributed", reason="the extra `dask` is not installed")
-    answer("Worker")
-    is_refused(f"{ADDRESS!r} is the address of a Dask worker; expected that of the scheduler")
+    from distretarget.batch import cluster
+
+    return cluster
 
 
-def test_a_cluster_without_workers(answer, monkeypatch):
-    distributed = pytest.importorskip("distributed", reason="the extra `dask` is not installed")
-    monkeypatch.setattr(distributed, "Client", Idle)
-    answer("Scheduler")
-    is_refused(f"the Dask scheduler at {ADDRESS} has no workers")
+def is_refused(cluster, reason):
+    with pytest.raises(BatchError, match=reason):
+        cluster.Cluster(ADDRESS, print)
+
+
+def answer(kind):
+    """What the Dask process at the address says that it is."""
+
+    async def kind_of(_address):
+        return kind
+
+    return kind_of
+
+
+def test_the_address_of_a_worker(cluster, monkeypatch):
+    monkeypatch.setattr(cluster, "_kind", answer("Worker"))
+    is_refused(cluster, f"{ADDRESS!r} is the address of a Dask worker; expected that of the scheduler")
+
+
+def test_a_cluster_without_workers(cluster, monkeypatch):
+    monkeypatch.setattr(cluster, "Client", Idle)
+    monkeypatch.setattr(cluster, "_kind", answer("Scheduler"))
+    is_refused(cluster, f"the Dask scheduler at {ADDRESS} has no workers")
+
+
+def test_workers_that_are_gone_are_reported_now_and_then(cluster, monkeypatch):
+    monkeypatch.setattr(cluster, "Client", Busy)
+    monkeypatch.setattr(cluster, "_kind", answer("Scheduler"))
+    reasons = []
+    workers = cluster.Cluster(ADDRESS, reasons.append)
+    assert (workers.lost(), workers.lost()) == (False, False)
+    assert reasons == ["the Dask cluster has no workers"]
 
 
 def test_an_installation_without_dask(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    is_refused("--dask needs the package distributed")
+    monkeypatch.delitem(sys.modules, "distretarget.batch.cluster", raising=False)
+    with pytest.raises(BatchError, match="--dask needs the package distributed"):
+        importlib.import_module("distretarget.batch.cluster")

@@ -2,19 +2,15 @@
 
 from pathlib import Path, PurePath
 
-from distretarget.batch.clips import Clip
-from distretarget.batch.plan import Work
-from distretarget.batch.record import Recipe, failed_record
-from distretarget.batch.summary import Tally
+from distretarget.batch.manifest import Tally, new_record
+from distretarget.batch.plan import Clip
 from distretarget.io.map_json import MapFile
 from distretarget.pipeline.conversion import Text
 from distretarget.pipeline.options import Options
 
-RECIPE = Recipe(Options(), MapFile({}, ""), "1")
 
-
-def work(name):
-    return Work(Clip(Path(name), PurePath(name), 1), Text("{}", "hero.json"), PurePath(name))
+def record(name):
+    return new_record(Clip(Path(name), Text("{}", "hero.json"), PurePath(name), 1), Options(), MapFile({}, ""))
 
 
 def done(name, contact):
@@ -23,18 +19,18 @@ def done(name, contact):
         for of in ("result", "rotation_copy")
     }
     outcome = {"status": "done", "output_hash": "out", "frames": 100, "figures": figures}
-    return failed_record(work(name), "in", RECIPE) | outcome
+    return record(name) | outcome
 
 
 def failed(name, error):
-    return failed_record(work(name), "in", RECIPE) | {"error": error}
+    return record(name) | {"error": error}
 
 
 def summary(records, clips=None):
-    tally = Tally()
+    tally = Tally(clips=len(records) if clips is None else clips, workers=2, seconds=2.0)
     for record in records:
         tally.add(record)
-    return list(tally.lines(len(records) if clips is None else clips, 2.0, 2))
+    return tally.lines
 
 
 def test_the_summary_counts_clips_and_names_the_worst():

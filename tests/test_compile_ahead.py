@@ -14,8 +14,11 @@ from distretarget.objectives.contact import compile_solver
 
 WATCHED = """
 import sys
+from pathlib import PurePath
 from distretarget import load_target, read_bvh
-from distretarget.batch.task import Task, convert
+from distretarget.batch.manifest import new_record
+from distretarget.batch.plan import Clip
+from distretarget.batch.workers import Job, convert
 from distretarget.pipeline.options import Options
 from distretarget.pipeline.conversion import load_text
 from distretarget.io.map_json import MapFile
@@ -28,8 +31,9 @@ Dispatcher.compile = lambda self, signature: late.append(self.py_func.__name__) 
 for target in sys.argv[2:4]:
     for clip in sys.argv[4:]:
         options = Options(objective=sys.argv[1])
-        task = Task(source=load_text(clip), target=load_text(target), map=MapFile({}, ""), options=options)
-        assert not convert(task).error
+        planned, no_map = Clip(clip, load_text(target), PurePath("out.bvh"), 0), MapFile({}, "")
+        job = Job(load_text(clip), planned.target, no_map, options, new_record(planned, options, no_map))
+        assert convert(job).output
 print(late)
 """
 

@@ -1,118 +1,243 @@
-"""A batch from beginning to end: clips are planned, converted and counted, and the pages on them written."""
+"""A batch from beginning to end: clips are converted, the results written and recorded, and pages made on them."""
 
 from __future__ import annotations
 
+import os
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import closing
-from dataclasses import dataclass
-from importlib.metadata import version
-from pathlib import Path
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, suppress
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path, PurePath
 from types import NoneType
-from typing import Any
 
-from distretarget.batch.clips import find_clips
-from distretarget.batch.manifest import Manifest
-from distretarget.batch.plan import Work, check_page, plan
-from distretarget.batch.pools import Pool, Processes
-from distretarget.batch.record import ManifestRecord, Recipe
-from distretarget.batch.reports import Pages
-from distretarget.batch.run import Run
-from distretarget.batch.summary import Tally
-from distretarget.batch.task import Outcome
+from distretarget.batch.manifest import VERSION, Manifest, ManifestRecord, Tally, new_record, worst
+from distretarget.batch.plan import Clip, check_page, find_clips, plan
+from distretarget.batch.workers import Job, Processes, Result, Workers, convert_all
 from distretarget.checks import check_kind, check_number, check_path
-from distretarget.errors import BatchError
-from distretarget.io.map_json import load_map
+from distretarget.errors import BatchError, DistretargetError, FileError
+from distretarget.io.files import (
+    check_inside,
+    check_writable,
+    hash_of,
+    hash_of_file,
+    is_folder,
+    make_folder,
+    read_bytes,
+    text_of,
+    write_whole,
+)
+from distretarget.io.map_json import MapFile, load_map
 from distretarget.io.target_file import parse_target
+from distretarget.measure.figures import FIGURES
 from distretarget.numerics.parallel import cores
-from distretarget.pipeline.conversion import load_text
+from distretarget.pipeline.conversion import Text, load_text
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.report.diff_document import About
+from distretarget.report.index_page import index_page
 
-Paths = str | Path | Sequence[str | Path]
-Waiting = Callable[[str], Any]
-Progress = Callable[[ManifestRecord | None], Any]
+SPLIT_SIZE = 1 << 20  # smallest clip that is split into chunks if it would keep one worker busy at the end [bytes]
+MARK = '<meta name="generator" content="distretarget">'
+OF = '<meta name="output" content="{}">'  # the hash of the output that a report is on
+HEAD = 4096  # characters at the beginning of a page, in which MARK and OF are looked for
 
-
-def _ignore(_record: ManifestRecord | None) -> None:
-    """Show no progress."""
-
-
-def _wait(_reason: str) -> None:
-    """Wait without a word."""
+Show = Callable[[ManifestRecord | None], object]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Batch:
     """Clips to convert, and how.
 
     Attributes:
-        works: the clips, each with its target and the place of its output.
+        clips: the clips.
         folder: the folder of results.
-        recipe: what determines an output besides clip and target.
-        pages: the pages to write; None for none.
-        overwrite: whether to convert again what is done, and to replace files that no batch made.
+        options, map_file: how to retarget.
+        about: returns what the report on a clip says of it, from the paths of the clip and of its result.
+        index: the page over all clips; None for no pages.
+        reports: how many clips get a report beside it, the worst first; None for all.
+        overwrite: whether to convert again what is done, and to replace files that this program did not write.
         fail_fast: whether the first failure ends the batch.
+        problems: why a report could not be written, by its path.
     """
 
-    works: Sequence[Work]
+    clips: Sequence[Clip]
     folder: Path
-    recipe: Recipe
-    pages: Pages | None = None
+    options: Options
+    map_file: MapFile
+    about: Callable[[PurePath, PurePath], About]
+    index: Path | None = None
+    reports: int | None = None
     overwrite: bool = False
     fail_fast: bool = False
+    problems: dict[Path, FileError] = field(default_factory=dict)
 
-    def convert(
-        self, manifest: Manifest, pool: Pool, tally: Tally, progress: Progress = _ignore, waiting: Waiting = _wait
-    ) -> None:
-        """Convert the clips with the workers of `pool`, count them in `tally`, and write the pages.
+    @cached_property
+    def manifest(self) -> Manifest:
+        """The manifest of the folder of results; both are made when it is first used."""
+        return Manifest(self.folder)
 
-        `manifest` is that of the folder, `progress` is called with the manifest's line of each clip, or None for a clip
-        that was done before, and `waiting` now and then, with the reason, while no results come.
+    def check(self) -> None:
+        """Check, before any work, that there are clips, and that the page over all clips can be written.
+
+        Raises:
+            BatchError: there are no clips, or the page would replace an input or a result.
+            FileError: another file is in the place of the page, or its folder cannot be written to.
+        """
+        if not self.clips:
+            raise BatchError("there are no clips to convert")
+        if self.index is None:
+            return
+        check_page(self.index, self.clips, self.folder, self.map_file.path)
+        above = next(path for path in (self.index, *self.index.absolute().parents) if os.path.lexists(path))
+        if above == self.index:
+            check_writable(self.index, self._is_replaceable(self.index))
+        elif not is_folder(above) or not os.access(above, os.W_OK | os.X_OK):
+            raise FileError(self.index, f"nothing can be written to {str(above)!r}")
+
+    def convert(self, workers: Workers, tally: Tally, show: Show = lambda _record: None) -> None:
+        """Convert the clips that are not done, count them, and write the pages.
+
+        `show` is called with the line of the manifest on each clip, or None for a clip that was done before.
 
         Raises:
             BatchError: the workers are gone, or a clip failed and `fail_fast` is set.
-            FileError: the manifest or the page over all clips cannot be written.
+            FileError: the page over all clips cannot be written.
         """
-        pages = self.pages
-        every_clip = pages.about if pages and pages.most is None else None
-        watcher = _Counted(tally, pages, progress, waiting)
-        run = Run(
-            folder=self.folder,
-            recipe=self.recipe,
-            manifest=manifest,
-            pool=pool,
-            watcher=watcher,
-            overwrite=self.overwrite,
-            fail_fast=self.fail_fast,
-            about=every_clip,
-        )
-        run.go(self.works, sum(work.clip.size for work in self.works))
-        if pages:
-            pages.finish(run, self.works, manifest.latest(self.works))
+
+        def count(record: ManifestRecord | None) -> None:
+            tally.add(record)
+            show(record)
+
+        started, tally.workers = time.perf_counter(), workers.count
+        try:
+            for result in convert_all(workers, self._jobs(workers.count, count)):
+                self._finish(result, count)
+            if self.index:
+                self._write_pages(self.index, workers)
+        finally:
+            tally.seconds = time.perf_counter() - started - workers.start_seconds
+
+    def _write_pages(self, index: Path, workers: Workers) -> None:
+        """Make the reports that are missing, and write the page over all clips."""
+        records = {record["output"]: record for record in self.manifest.latest(self.clips)}
+        for result in convert_all(workers, self._report_jobs(records)):
+            self._write_report(result)
+        paths = {name: self._report_path(name) for name, record in records.items() if self._has_report(record)}
+        links = {name: Path(os.path.relpath(path, index.parent)).as_posix() for name, path in paths.items()}
+        title = f"{len(records)} clips in {self.folder.resolve().name}"
+        self._write_page(index, index_page(list(records.values()), links, title, VERSION))
+
+    def _jobs(self, workers: int, show: Show) -> Iterator[Job]:
+        """The clips that are not done."""
+        left = sum(clip.size for clip in self.clips)
+        for clip in self.clips:
+            split = clip.size > max(SPLIT_SIZE, left / workers)
+            left -= clip.size
+            record = new_record(clip, self.options, self.map_file)
+            try:
+                content = read_bytes(clip.path)
+                record["input_hash"] = hash_of(content)
+                output_hash = None if self.overwrite else hash_of_file(self.folder / clip.place)
+                if output_hash and self.manifest.is_done(record, output_hash):
+                    self.manifest.confirm(record["output"], output_hash)
+                    show(None)
+                    continue
+                source = Text(text_of(content, clip.path), clip.path)
+            except FileError as error:
+                self._finish(Result(record | {"error": str(error)}), show)
+                continue
+            about = self.about(clip.path, clip.place) if self.index and self.reports is None else None
+            yield Job(source, clip.target, self.map_file, self.options, record, about, split)
+
+    def _report_jobs(self, records: dict[str, ManifestRecord]) -> Iterator[Job]:
+        """The clips that are to have a report and have none on the present output."""
+        done = [record for record in records.values() if record["status"] == "done"]
+        chosen = {record["output"]: record for record in worst(done, FIGURES[0])[: self.reports]}
+        for clip in self.clips:
+            record = chosen.get(clip.place.as_posix())
+            if record and not self._has_report(record) and self._report_path(record["output"]) not in self.problems:
+                with suppress(FileError):
+                    source, about = load_text(clip.path), self.about(clip.path, clip.place)
+                    yield Job(source, clip.target, self.map_file, self.options, record, about)
+
+    def _finish(self, result: Result, show: Show) -> None:
+        """Write what became of a clip: output, line of the manifest, report."""
+        record = result.record
+        try:
+            if record["status"] == "done":
+                self._put(result)
+        except DistretargetError as error:
+            record |= {"status": "failed", "output_hash": None, "error": str(error)}
+        if record["status"] == "failed":
+            try:
+                self.manifest.add(record)
+            except FileError as error:
+                record["error"] = f"{record['error']} ({error})"
+        show(record)
+        if record["status"] == "failed" and self.fail_fast:
+            raise BatchError(f"stopped at the first failure: {record['error']}")
+        if record["status"] == "done":
+            self._write_report(result)
+
+    def _put(self, result: Result) -> None:
+        """Write an output, and its line of the manifest just before it is put in place."""
+        record = result.record
+        path = self.folder / record["output"]
+        check_inside(path, self.folder)
+        make_folder(path.parent)
+        with self.manifest.locked():
+            output_hash = hash_of_file(path)
+            if output_hash == record["output_hash"]:
+                self.manifest.add(record)  # another run was faster
+                return
+            if not self.overwrite:
+                self.manifest.check_replaceable(record, path, output_hash)
+            replace = self.overwrite or output_hash is not None
+            write_whole(path, result.output, replace, lambda: self.manifest.add(record))
+
+    def _write_report(self, result: Result) -> None:
+        """Write the report on a clip, if there is one, or remember why that failed."""
+        path = self._report_path(result.record["output"])
+        try:
+            if result.report:
+                mark = MARK + OF.format(result.record["output_hash"])
+                self._write_page(path, result.report.replace(MARK, mark, 1))
+        except FileError as error:
+            self.problems[path] = error
+
+    def _report_path(self, output: str) -> Path:
+        index = self.index or Path()
+        return index.parent / f"{index.stem}_reports" / PurePath(output).with_suffix(".html")
+
+    def _has_report(self, record: ManifestRecord) -> bool:
+        """Whether there is a report on the present output of a clip, rather than on an earlier one."""
+        return OF.format(record["output_hash"]) in _head(self._report_path(record["output"]))
+
+    def _write_page(self, path: Path, html: str) -> None:
+        make_folder(path.parent)
+        with self.manifest.locked():
+            write_whole(path, html, self._is_replaceable(path))
+
+    def _is_replaceable(self, page: Path) -> bool:
+        """Whether a page may be replaced: this program wrote it, or `overwrite` is set."""
+        return self.overwrite or MARK in _head(page)
 
 
-@dataclass(frozen=True)
-class _Counted:
-    """The watcher of a run: counts clips, and writes the reports on them."""
-
-    tally: Tally
-    pages: Pages | None
-    progress: Progress
-    waiting: Waiting
-
-    def clip(self, record: ManifestRecord | None) -> None:
-        self.tally.add(record)
-        self.progress(record)
-
-    def report(self, work: Work, outcome: Outcome) -> None:
-        if self.pages:
-            self.pages.add(work, outcome)
+def _head(path: Path) -> str:
+    """The beginning of a page; empty if there is no file or it cannot be read, which writing it will report."""
+    try:
+        if path.is_file():
+            with path.open(encoding="utf-8", errors="replace") as file:
+                return file.read(HEAD)
+    except OSError:
+        pass
+    return ""
 
 
 def convert_folder(
-    sources: Paths,
-    targets: Paths,
+    sources: str | Path | Sequence[str | Path],
+    targets: str | Path | Sequence[str | Path],
     folder: str | Path,
     *,
     include: Sequence[str] = (),
@@ -153,44 +278,42 @@ def convert_folder(
         SettingsError: an argument is of another kind, or out of its bounds.
     """
     check_kind("options", options, Options)
-    for name, patterns in (("include", include), ("exclude", exclude)):
-        check_kind(name, patterns, Sequence)
+    check_kind("include", include, Sequence)
+    check_kind("exclude", exclude, Sequence)
     for name, number, least in (("jobs", jobs, 1), ("reports", reports, 0)):
         check_kind(name, number, int, NoneType)
         check_number(name, least if number is None else number, least, sys.maxsize)
     check_path("folder", folder)
     paths = _listed("sources", sources)
-    found = find_clips(paths, (), include, exclude)
-    if found.unread:
-        raise found.unread[0]
-    texts = [load_text(target) for target in _listed("targets", targets)]
-    for text in texts:
-        parse_target(text.text, text.path)
-    works = plan(found.clips, texts, Path(folder), paths)
-    if not works:
-        raise BatchError("there are no clips to convert")
-    recipe = Recipe(options, load_map(map_file), version("distretarget"))
-    pages = Pages(index=Path(report), most=reports, overwrite=overwrite, about=_about) if report else None
-    if pages:
-        check_page(pages.index, works, Path(folder), Path(map_file) if map_file else None)
-        pages.check()
-    batch = Batch(
-        works=works, folder=Path(folder), recipe=recipe, pages=pages, overwrite=overwrite, fail_fast=fail_fast
-    )
-    tally = Tally()
-    with closing(Processes(jobs or cores(), options.objective)) as pool, closing(Manifest(batch.folder)) as manifest:
-        batch.convert(manifest, pool, tally)
+    found, unread = find_clips(paths, (), include, exclude)
+    if unread:
+        raise unread[0]
+    clips = plan(found, load_targets(_listed("targets", targets)), Path(folder), paths)
+    index, pairs = Path(report) if report else None, load_map(map_file)
+    batch = Batch(clips, Path(folder), options, pairs, _about, index, reports, overwrite, fail_fast)
+    batch.check()
+    tally = Tally(clips=len(batch.clips))
+    with closing(Processes(jobs or cores(), options.objective)) as workers:
+        batch.convert(workers, tally)
     return tally
 
 
-def _listed(name: str, paths: Paths) -> list[Path]:
+def load_targets(paths: Sequence[Path]) -> list[Text]:
+    """Read the files of targets, and check that each is one."""
+    targets = [load_text(path) for path in paths]
+    for target in targets:
+        parse_target(target.text, target.path)
+    return targets
+
+
+def _about(clip: PurePath, result: PurePath) -> About:
+    """What a report says of a clip where no command line made it."""
+    return About(a=clip.name, b=result.name, command="", version=VERSION)
+
+
+def _listed(name: str, paths: str | Path | Sequence[str | Path]) -> list[Path]:
     """The paths in an argument that is one or several."""
     several = paths if isinstance(paths, Sequence) and not isinstance(paths, str) else [paths]
     for path in several:
         check_path(name, path)
     return [Path(path) for path in several]
-
-
-def _about(work: Work) -> About:
-    """What a report says of a clip where no command line made it."""
-    return About(a=work.clip.path.name, b=work.place.name, command="", version=version("distretarget"))

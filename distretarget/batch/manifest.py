@@ -6,29 +6,115 @@ was interrupted between the two, and the clip is converted again.
 
 from __future__ import annotations
 
-import contextlib
 import fnmatch
-import hashlib
-import io
 import json
 import os
-import sys
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import asdict, dataclass, field
+from importlib.metadata import version
+from operator import itemgetter
 from pathlib import Path
+from typing import Any, cast
 
-from distretarget.batch.plan import MANIFEST, Work
-from distretarget.batch.record import ManifestRecord, Recipe, RecordedOptions, is_of_manifest, read_records
+from filelock import FileLock
+
+from distretarget.batch.plan import MANIFEST, Clip
 from distretarget.errors import FileError
-from distretarget.io.files import check_inside, check_writable, hash_of_file, make_folder, reason_of
+from distretarget.io.files import check_inside, check_writable, make_folder, reason_of
+from distretarget.io.map_json import MapFile
+from distretarget.measure.figures import Figure, Variant, figures_at
+from distretarget.pipeline.options import Options
+from distretarget.report.index_page import ClipRecord
 
-try:
-    import fcntl
-except ImportError:  # Windows
-    fcntl = None  # type: ignore[assignment]
+VERSION = version("distretarget")
+LOCK_INTERVAL = 0.005  # time between two attempts to lock the folder [s]
+FAILURES = 20  # most failures that are listed
+WORST = 3  # most clips that are listed as the worst by a figure
+LEAST = 1e-6  # a clip with a figure up to this is not listed among the worst
+made_from = itemgetter("input_hash", "target_hash", "options", "version")  # all that determines an output
 
 
-class History:
-    """The earlier runs into a folder of results, read from its manifest.
+class ManifestRecord(ClipRecord):
+    """A line of a manifest. Hashes of files are "sha256:" and hexadecimal digits.
+
+    Attributes:
+        input_hash: the hash of the clip's file; None if it could not be read.
+        output_hash: the hash of the output; None if there is none.
+        target_hash: the hash of the target's file.
+        options: how the clip was retargeted: the fields of `Options`, and `map`, the key of the source joint by that of
+            the target joint, None for no map.
+        notes: joints of the target without a counterpart, in a line.
+        version: the version of the program.
+    """
+
+    input_hash: str | None
+    output_hash: str | None
+    target_hash: str
+    options: dict[str, Any]
+    notes: list[str]
+    version: str
+
+
+KINDS: dict[Any, tuple[str, ...]] = {  # the keys of a record by the kind of their values
+    str: ("input", "output", "target", "target_hash", "version"),
+    str | None: ("input_hash", "output_hash", "error"),
+    int: ("frames",),
+    int | float: ("seconds",),
+    dict: ("options", "figures"),
+    list: ("notes", "warnings"),
+}
+
+
+def new_record(clip: Clip, options: Options, map_file: MapFile) -> ManifestRecord:
+    """Return the line of a clip that is not converted yet: failed, without a reason."""
+    return {
+        "input": str(clip.path),
+        "input_hash": None,
+        "output": clip.place.as_posix(),
+        "output_hash": None,
+        "target": str(clip.target.path),
+        "target_hash": clip.target.hash,
+        "options": asdict(options) | {"map": dict(map_file.pairs) or None},
+        "version": VERSION,
+        "frames": 0,
+        "seconds": 0.0,
+        "figures": {},
+        "notes": [],
+        "warnings": [],
+        "status": "failed",
+        "error": None,
+    }
+
+
+def parse_record(line: bytes) -> ManifestRecord | None:
+    """Return the record in a line of a manifest; None if the line is not a whole record."""
+    record = _parsed(line)
+    if any(not isinstance(record.get(key, ...), kind) for kind, keys in KINDS.items() for key in keys):
+        return None
+    texts = (*record["notes"], *record["warnings"], record.get("status"))
+    sides = record["figures"].values()
+    if not all(isinstance(text, str) for text in texts) or texts[-1] not in ("done", "failed"):
+        return None
+    if not all(isinstance(side, dict) for side in sides):
+        return None
+    numbers = (number for side in sides for number in side.values())
+    return cast(ManifestRecord, record) if all(isinstance(number, int | float | None) for number in numbers) else None
+
+
+def _parsed(line: bytes) -> dict[str, Any]:
+    """The object in a line; an empty one if the line is something else."""
+    try:
+        value = json.loads(line)
+    except (ValueError, RecursionError):
+        return {}
+    return value if isinstance(value, dict) else {}
+
+
+class Manifest:
+    """The manifest in a folder of results. Several runs may add to it at the same time.
+
+    Only the places of the lines in the file are kept in memory, so a folder may have many thousand clips.
 
     Attributes:
         path: the path of the manifest.
@@ -36,115 +122,68 @@ class History:
             count as not converted.
     """
 
-    def __init__(self, folder: Path) -> None:
-        """Read the manifest of a folder, if there is one.
+    def __init__(self, folder: Path, read_only: bool = False) -> None:
+        """Read the manifest of a folder; create both if they do not exist, unless `read_only` is set.
+
+        Temporary files that killed runs have left in the folder are removed.
 
         Raises:
-            FileError: the file is not a manifest, or cannot be read.
+            FileError: the file is not a manifest, or one of the two cannot be created, read or written.
         """
-        self.path = folder / MANIFEST
-        self.broken: list[int] = []
-        self._last: dict[str, tuple[bytes, str]] = {}
-        self._makers: dict[str, dict[str, tuple[str, str]]] = {}
-        self._failed: set[str] = set()
-        try:
-            _check_is_manifest(self.path)
-            self._size = self.path.stat().st_size if self.path.exists() else 0  # how much has been read [bytes]
-            for record in read_records(self.path, self.broken.append):
-                self._remember(record)
-            self._hidden = self._done_before_failing()
-        except OSError as error:
-            raise FileError(self.path, reason_of(error)) from error
+        self.path, self.broken = folder / MANIFEST, list[int]()
+        lock = FileLock(f"{self.path}.lock", poll_interval=LOCK_INTERVAL)
+        self._lock: nullcontext[None] | FileLock = nullcontext() if read_only else lock
+        self._size = self._lines = 0  # how much of the file has been read [bytes], [lines]
+        self._ends_whole = True
+        self._made: dict[tuple[str, str], int] = {}  # where the line begins [bytes] of each output with each hash
+        self._last: dict[str, int] = {}  # where the last line of each output begins [bytes]
+        if not read_only:
+            make_folder(folder)
+            check_inside(self.path, folder)
+        with self._named_errors():
+            if self.path.exists():
+                self._check_first_line()
+        with self.locked():
+            self._catch_up()
+            if not read_only:
+                self.path.touch()
+                _remove_temporary_files(folder)
 
-    def is_done(self, work: Work, input_hash: str, recipe: Recipe, folder: Path) -> bool:
-        """Return whether the output of a clip exists as a batch made it from the same files in the same way."""
-        last = self._last.get(work.place.as_posix())
-        return last is not None and last == (
-            _digest_of(input_hash, work.target.hash, recipe.recorded(), recipe.version),
-            hash_of_file(folder / work.place),
-        )
-
-    def check_replaceable(self, work: Work, path: Path, existing_hash: str | None) -> None:
-        """Check that the file at `path`, if there is one, may be replaced by a clip's output without --overwrite.
-
-        It may if a batch made it from the same clip and target. `existing_hash` is the hash of the file, None where it
-        does not exist or cannot be read.
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep other runs from writing to the folder meanwhile.
 
         Raises:
-            FileError: the file must not be replaced.
+            FileError: the folder cannot be locked.
         """
-        maker = self._makers.get(work.place.as_posix(), {}).get(existing_hash or "")
-        if maker is None:
+        with self._named_errors(), self._lock:
+            yield
+
+    def is_done(self, record: ManifestRecord, output_hash: str | None) -> bool:
+        """Return whether the output with this hash was made from the same files in the same way as `record` says."""
+        made = self._record_of(record["output"], output_hash)
+        return made is not None and bool(made_from(made) == made_from(record))
+
+    def check_replaceable(self, record: ManifestRecord, path: Path, output_hash: str | None) -> None:
+        """Check that an output may replace the file at `path`, which has this hash, without --overwrite.
+
+        It may if there is no file, or a batch made it from the same clip and target.
+
+        Raises:
+            FileError: it may not.
+        """
+        made = self._record_of(record["output"], output_hash)
+        if made is None:
             if path.exists():
                 check_writable(path)
-        elif _is_other(maker[0], work.clip.path) or _is_other(maker[1], work.target.path):
-            raise FileError(path, f"is the result of {maker[0]} onto {maker[1]}; --overwrite replaces it")
+        elif _is_other(made["input"], record["input"]) or _is_other(made["target"], record["target"]):
+            raise FileError(path, f"is the result of {made['input']} onto {made['target']}; --overwrite replaces it")
 
-    def latest(self, works: Iterable[Work]) -> list[ManifestRecord]:
+    def latest(self, clips: Iterable[Clip]) -> list[ManifestRecord]:
         """Return the last record of each clip that has one, the newest last."""
-        wanted = {work.place.as_posix() for work in works}
-        records: dict[str, ManifestRecord] = {}
-        for record in read_records(self.path):
-            if record["output"] in wanted:
-                records.pop(record["output"], None)
-                records[record["output"]] = record
-        return list(records.values())
-
-    def _remember(self, record: ManifestRecord) -> None:
-        """Keep what decides whether a clip is done and whether its output may be replaced."""
-        place = record["output"]
-        self._failed.add(place)
-        if record["status"] == "done" and (output_hash := record["output_hash"]):
-            made_from = record["input_hash"], record["target_hash"], record["options"], record["version"]
-            self._failed.discard(place)
-            self._last[place] = (_digest_of(*made_from), output_hash)
-            files = record["input"], sys.intern(record["target"])
-            self._makers.setdefault(place, {})[output_hash] = files
-
-    def _done_before_failing(self) -> dict[str, ManifestRecord]:
-        """By output, the last record of a conversion, for the clips that failed in a later run."""
-        failed = self._failed & self._last.keys()
-        records = read_records(self.path) if failed else ()
-        return {record["output"]: record for record in records if record["output"] in failed and record["output_hash"]}
-
-
-class Manifest(History):
-    """The manifest in a folder of results, open for adding lines. Several runs may add to it at the same time."""
-
-    def __init__(self, folder: Path) -> None:
-        """Open the manifest of a folder; create both if they do not exist.
-
-        Raises:
-            FileError: the file is not a manifest, or one of the two cannot be created or opened.
-        """
-        make_folder(folder)
-        check_inside(folder / MANIFEST, folder)
-        super().__init__(folder)
-        existed = self.path.exists()
-        try:
-            self._file = self.path.open("ab", buffering=0)
-        except OSError as error:
-            raise FileError(self.path, reason_of(error)) from error
-        self._register(folder, clean_up=existed)
-
-    def close(self) -> None:
-        """Close the file, which also ends the registration of this run."""
-        self._file.close()
-
-    def catch_up(self) -> None:
-        """Take note of what other runs have added to the manifest.
-
-        Raises:
-            FileError: the file cannot be read.
-        """
-        with self._locked():
-            size = self._file.seek(0, io.SEEK_END)
-        try:
-            for record in read_records(self.path, start=self._size) if size > self._size else ():
-                self._remember(record)
-        except OSError as error:
-            raise FileError(self.path, reason_of(error)) from error
-        self._size = size
+        self._catch_up()
+        places = (clip.place.as_posix() for clip in clips)
+        return list(self._records_at(sorted(self._last[place] for place in places if place in self._last)))
 
     def add(self, record: ManifestRecord) -> None:
         """Add a line and flush it to the disk.
@@ -153,86 +192,175 @@ class Manifest(History):
             FileError: the line cannot be written, if the disk is full for example; then the file is as before.
         """
         line = json.dumps(record, allow_nan=False).encode() + b"\n"
-        with self._locked():
-            size = self._file.seek(0, io.SEEK_END)
-            try:
-                self._append(line if self._ends_whole(size) else b"\n" + line)
-            except OSError as error:
-                with contextlib.suppress(OSError):
-                    self._file.truncate(size)
-                raise FileError(self.path, reason_of(error)) from error
-        self._remember(record)
+        with self.locked():
+            self._catch_up()
+            with self.path.open("ab", buffering=0) as file:
+                try:
+                    line = line if self._ends_whole else b"\n" + line
+                    while line:
+                        line = line[file.write(line) :]
+                    os.fsync(file.fileno())
+                except OSError:
+                    file.truncate(self._size)
+                    raise
+            self._catch_up()
 
-    def confirm(self, work: Work) -> None:
-        """Let the last line of a clip that is done be that of its output, after a failure in between.
+    def confirm(self, output: str, output_hash: str) -> None:
+        """Repeat the line of an output that is done, if a later line is on a failure or on another result."""
+        start = self._made[output, output_hash]
+        if start != self._last[output]:
+            for record in self._records_at([start]):
+                self.add(record)
 
-        Raises:
-            FileError: the line cannot be written.
-        """
-        if record := self._hidden.pop(work.place.as_posix(), None):
-            self.add(record)
+    def _record_of(self, output: str, output_hash: str | None) -> ManifestRecord | None:
+        """The last record of the output with this hash, if a batch made it."""
+        self._catch_up()
+        start = self._made.get((output, output_hash or ""))
+        return None if start is None else next(self._records_at([start]), None)
 
-    def _append(self, line: bytes) -> None:
-        while line:
-            line = line[self._file.write(line) :]
-        os.fsync(self._file.fileno())
+    def _records_at(self, starts: Iterable[int]) -> Iterator[ManifestRecord]:
+        with self._named_errors(), self.path.open("rb") as file:
+            for start in starts:
+                file.seek(start)
+                if record := parse_record(file.readline()):
+                    yield record
 
-    def _ends_whole(self, size: int) -> bool:
-        """Whether the last line of a manifest of `size` bytes is complete."""
-        if not size:
-            return True
+    def _catch_up(self) -> None:
+        """Take note of the lines that this run and others have added since the last call."""
+        with self._named_errors():
+            if not self.path.exists() or self.path.stat().st_size == self._size:
+                return
+            with self.locked(), self.path.open("rb") as file:
+                file.seek(self._size)
+                for line in file:
+                    self._note(line)
+
+    def _note(self, line: bytes) -> None:
+        self._lines += 1
+        if record := parse_record(line):
+            self._last[record["output"]] = self._size
+            if record["output_hash"]:
+                self._made[record["output"], record["output_hash"]] = self._size
+        elif line.strip():
+            self.broken.append(self._lines)
+        self._size += len(line)
+        self._ends_whole = line.endswith(b"\n")
+
+    def _check_first_line(self) -> None:
+        """Check that the file is a manifest; its first line may be incomplete or have values of other kinds."""
         with self.path.open("rb") as file:
-            file.seek(size - 1)
-            return file.read(1) == b"\n"
+            first = file.readline()
+        if first.endswith(b"\n") and first.strip() and not _parsed(first).keys() >= ManifestRecord.__required_keys__:
+            raise FileError(self.path, "is not the manifest of a batch; choose another folder for the results")
 
-    @contextlib.contextmanager
-    def _locked(self) -> Iterator[None]:
-        """Lock the file against other runs that add lines."""
-        if fcntl is None:
-            yield
-            return
-        with contextlib.suppress(OSError):  # not all file systems have locks
-            fcntl.lockf(self._file, fcntl.LOCK_EX)
+    @contextmanager
+    def _named_errors(self) -> Iterator[None]:
+        """Raise an error of the operating system as one of the manifest."""
         try:
             yield
-        finally:
-            with contextlib.suppress(OSError):
-                fcntl.lockf(self._file, fcntl.LOCK_UN)
-
-    def _register(self, folder: Path, clean_up: bool) -> None:
-        """Show other runs that this one uses the folder; if no other does, remove temporary files of killed runs."""
-        if fcntl is None:
-            return
-        with contextlib.suppress(OSError):
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            for place, folders, files in os.walk(folder) if clean_up else ():
-                if Path(place) != folder and MANIFEST in files:
-                    folders.clear()  # a folder of results inside this one, which belongs to other runs
-                    continue
-                for name in fnmatch.filter(files, ".distretarget-*.tmp"):
-                    Path(place, name).unlink()
-        with contextlib.suppress(OSError):
-            fcntl.flock(self._file, fcntl.LOCK_SH)
+        except OSError as error:
+            raise FileError(self.path, reason_of(error)) from error
 
 
-def _check_is_manifest(path: Path) -> None:
-    """Check that a file with the manifest's name, if there is one, is a manifest; an incomplete first line may be."""
-    if path.exists():
-        with path.open("rb") as file:
-            first = file.readline()
-        if first.endswith(b"\n") and first.strip() and not is_of_manifest(first):
-            raise FileError(path, "is not the manifest of a batch; choose another folder for the results")
+def _remove_temporary_files(folder: Path) -> None:
+    """Remove what killed runs have left, but not in folders of results inside this one: each has its own lock."""
+    for inside, folders, files in os.walk(folder):
+        if Path(inside) != folder and MANIFEST in files:
+            folders.clear()
+            continue
+        for name in fnmatch.filter(files, ".distretarget-*.tmp"):
+            with suppress(OSError):
+                Path(inside, name).unlink()
 
 
-def _is_other(recorded: str, path: str | Path) -> bool:
+def _is_other(recorded: str, path: str) -> bool:
     """Whether a path in the manifest leads to another file than `path`; False if the recorded file no longer exists."""
     try:
-        return recorded != str(path) and not Path(recorded).samefile(path)
+        return recorded != path and not Path(recorded).samefile(path)
     except (OSError, ValueError):
         return False
 
 
-def _digest_of(input_hash: str | None, target_hash: str, options: RecordedOptions, version: str) -> bytes:
-    """A hash of everything that determines an output, 16 bytes."""
-    text = json.dumps([input_hash, target_hash, options, version], sort_keys=True)
-    return hashlib.sha256(text.encode()).digest()[:16]
+@dataclass(kw_only=True)
+class Tally:
+    """Counts the clips of a run by outcome, and remembers the worst and the failures.
+
+    Attributes:
+        clips: clips in the run.
+        done: clips converted.
+        skipped: clips that were converted by an earlier run.
+        failed: clips that could not be converted.
+        warned: clips converted that need a look.
+        frames: frames converted.
+        workers: processes that converted them.
+        seconds: the time that took, without the start of the processes [s].
+    """
+
+    clips: int
+    done: int = 0
+    skipped: int = 0
+    failed: int = 0
+    warned: int = 0
+    frames: int = 0
+    workers: int = 1
+    seconds: float = 0.0
+    _worst: dict[Figure, list[ManifestRecord]] = field(default_factory=dict)
+    _failures: list[str] = field(default_factory=list)
+
+    def add(self, record: ManifestRecord | None) -> None:
+        """Count a clip by its line of the manifest, or None for a clip that an earlier run converted."""
+        if record is None:
+            self.skipped += 1
+        elif record["status"] == "done":
+            self.done += 1
+            self.frames += record["frames"]
+            self.warned += bool(record["warnings"])
+            for figure in figures_at("worst clips"):
+                self._worst[figure] = worst([*self._worst.get(figure, ()), record], figure)[:WORST]
+        else:
+            self.failed += 1
+            if self.failed <= FAILURES:
+                clip, error = record["input"], record["error"] or "no reason given"
+                self._failures.append(f"  {error}" if error.startswith(clip) else f"  {clip}: {error}")
+
+    @property
+    def lines(self) -> list[str]:
+        """The summary of the run."""
+        counts = [f"{self.done} converted", f"{self.skipped} done before", f"{self.failed} failed"]
+        if left := self.clips - self.done - self.skipped - self.failed:
+            counts.append(f"{left} left")
+        lines = [f"{self.clips} {'clip' if self.clips == 1 else 'clips'}: {', '.join(counts)}"]
+        if self.frames:
+            jobs = f"{self.workers} {'job' if self.workers == 1 else 'jobs'}"
+            frames = "1 frame" if self.frames == 1 else f"{self.frames:,} frames"
+            lines.append(f"{frames} in {self.seconds:.1f} s, {self.frames / self.seconds:,.0f} frames/s with {jobs}")
+        if self.warned:
+            lines.append(f"{self.warned} of {self.done} need a look; the manifest has their warnings")
+        for figure, records in self._worst.items():
+            values = [
+                (record["output"], value(record, figure), value(record, figure, "rotation_copy")) for record in records
+            ]
+            if bad := [
+                f"{output} ({result:.3g}, rotation copy {copy:.3g})"
+                for output, result, copy in values
+                if result > LEAST
+            ]:
+                lines.append(f"worst {figure.label}: {', '.join(bad)}")
+        return lines + self.failures
+
+    @property
+    def failures(self) -> list[str]:
+        """Which clips failed, and why."""
+        more = self.failed - len(self._failures)
+        listed = ["failed:", *self._failures] if self.failed else []
+        return [*listed, f"  and {more} more; the manifest has them all"] if more else listed
+
+
+def worst(records: Iterable[ManifestRecord], figure: Figure) -> list[ManifestRecord]:
+    """Return the lines of converted clips, those with the largest figure first."""
+    return sorted(records, key=lambda record: -value(record, figure))
+
+
+def value(record: ManifestRecord, figure: Figure, of: Variant = "result") -> float:
+    """Return a figure of a clip, 0 where nothing was to be measured."""
+    return record["figures"].get(of, {}).get(figure.key) or 0.0

@@ -1,37 +1,80 @@
-"""The plan of a batch: each clip onto each target, and the places of the results."""
+"""The plan of a batch: which files are clips, onto which targets they go, and where their results belong."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+import stat
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path, PurePath
 
-from distretarget.batch.clips import Clip
-from distretarget.errors import BatchError
-from distretarget.io.files import is_folder
+from distretarget.errors import BatchError, FileError
+from distretarget.io.files import is_folder, reason_of
 from distretarget.pipeline.conversion import Text
+from distretarget.scene.scene_file import SCENE_NAME
 
 MANIFEST = "manifest.jsonl"  # the name of the manifest in the folder of results
+SUFFIX = ".bvh"
+WILDCARDS = frozenset("*?[")
 
 
 @dataclass(frozen=True)
-class Work:
-    """One clip to convert onto one target.
+class Clip:
+    """A clip to convert onto a target.
 
     Attributes:
-        clip: the clip.
+        path: the path of the clip's file.
         target: the target's file.
-        place: the path of the output, relative to the folder of results.
+        place: the path of the result, relative to the folder of results.
+        size: the size of the clip's file [bytes]; 0 where it cannot be read.
     """
 
-    clip: Clip
+    path: Path
     target: Text
     place: PurePath
+    size: int
 
 
-def plan(clips: Sequence[Clip], targets: Sequence[Text], folder: Path, sources: Sequence[Path]) -> list[Work]:
-    """Plan the conversion of every clip onto every target into `folder`, the largest clips first.
+def find_clips(
+    sources: Sequence[Path], listed: Sequence[Path] = (), include: Sequence[str] = (), exclude: Sequence[str] = ()
+) -> tuple[list[tuple[Path, PurePath]], list[FileError]]:
+    """Find the clips in files and folders.
+
+    Results keep the tree of a folder; with several sources, each folder's tree goes below the folder's name. In
+    folders, files named *.bvh are clips, unless their name or that of a folder on their path begins with a dot. Folders
+    of scenes, which have a scene.json, are left out. Links are followed, but not in circles. The results of files in
+    `sources` go to the top, those of `listed` files to their places below the deepest folder that contains them all.
+
+    `include` and `exclude` are shell patterns for the names of files in folders, or for their paths in the folder.
+    Patterns that end in / or have no wildcards match names and paths of folders as well.
+
+    Returns:
+        The path of each clip with the place of its result, relative to the folder of results; and the errors of files
+        and folders that could not be searched.
+    """
+    clips: list[tuple[Path, PurePath]] = []
+    unread: list[FileError] = []
+    for source in sources:
+        if not is_folder(source):
+            clips.append((source, _result(PurePath(source.name))))
+            continue
+        above = PurePath() if len(sources) == 1 else PurePath(source.resolve().name)
+        for place in sorted(_files_below(source, unread)):
+            if _matches_any(place, include or ("*",)) and not _matches_any(place, exclude):
+                clips.append((source / place, above / _result(place)))
+    paths = [os.path.normpath(path.absolute()) for path in listed]
+    shared = os.path.commonpath([os.path.dirname(path) for path in paths]) if paths else ""  # noqa: PTH120
+    clips += [
+        (clip, _result(PurePath(os.path.relpath(path, shared)))) for clip, path in zip(listed, paths, strict=True)
+    ]
+    return clips, unread
+
+
+def plan(
+    found: Sequence[tuple[Path, PurePath]], targets: Sequence[Text], folder: Path, sources: Sequence[Path]
+) -> list[Clip]:
+    """Plan the conversion of every clip found onto every target into `folder`, the largest clips first.
 
     With several targets, the results of each go to a folder of their own.
 
@@ -39,13 +82,89 @@ def plan(clips: Sequence[Clip], targets: Sequence[Text], folder: Path, sources: 
         BatchError: two results would have the same path, a result would replace a clip or a target, or `folder` is
             inside one of `sources`.
     """
-    _check_folder(folder, sources)
+    for source in sources:
+        if is_folder(source) and folder.resolve().is_relative_to(source.resolve()):
+            raise BatchError(
+                f"{folder}: is inside {source}, whose clips are to be converted; choose a folder elsewhere with -o"
+            )
     names = [PurePath()] if len(targets) == 1 else [_folder_name(Path(target.path)) for target in targets]
-    works = [
-        Work(clip, target, name / clip.place) for target, name in zip(targets, names, strict=True) for clip in clips
+    sizes = [status.st_size if (status := _status(path)) else 0 for path, _ in found]
+    clips = [
+        Clip(path, target, name / place, size)
+        for target, name in zip(targets, names, strict=True)
+        for (path, place), size in zip(found, sizes, strict=True)
     ]
-    _check_places(works, folder)
-    return sorted(works, key=lambda work: -work.clip.size)
+    taken: dict[str, Clip] = {}
+    inputs = _inputs(clips)
+    for clip in clips:
+        result = folder / clip.place
+        other = taken.setdefault(clip.place.as_posix().casefold(), clip)
+        if other is not clip:
+            both = " and ".join(f"{each.path} onto {each.target.path}" for each in (other, clip))
+            raise BatchError(
+                f"{result} would be the result of both {both}; "
+                "leave one of them out with --exclude, and convert it into another folder"
+            )
+        if _file(result) in inputs:
+            raise BatchError(f"{result} is an input and would be replaced; choose another folder with -o")
+    return sorted(clips, key=lambda clip: -clip.size)
+
+
+def check_page(page: Path, clips: Sequence[Clip], folder: Path, map_path: str | Path) -> None:
+    """Check that the page over all clips replaces neither an input nor a file that the batch writes to `folder`.
+
+    Raises:
+        BatchError: it would replace one.
+    """
+    written = {folder.resolve() / place for place in (PurePath(MANIFEST), *(clip.place for clip in clips))}
+    if page.resolve() in written or _file(page) in {*_inputs(clips), _file(map_path) or ()}:
+        raise BatchError(f"{page}: is an input, or the place of a result; give the page another name")
+
+
+def _files_below(folder: Path, unread: list[FileError]) -> Iterator[PurePath]:
+    """The paths of the BVH files in the tree of a folder, relative to it."""
+
+    def refuse(error: OSError) -> None:
+        unread.append(FileError(error.filename, reason_of(error)))
+
+    for inside, folders, files in os.walk(folder, onerror=refuse, followlinks=True):
+        if SCENE_NAME in files:
+            folders.clear()
+            continue
+        folders[:] = [name for name in folders if name[0] != "." and not _leads_back(Path(inside, name), folder)]
+        for path in (Path(inside, name) for name in files if name[0] != "."):
+            is_clip = path.suffix.lower() == SUFFIX
+            try:
+                is_regular = stat.S_ISREG(path.stat().st_mode)
+            except OSError as error:  # a link to nothing, to itself, or to a folder without permission
+                is_regular = True  # reading the clip will report the error
+                if not is_clip and not isinstance(error, FileNotFoundError):
+                    refuse(error)
+            if is_clip and is_regular:
+                yield path.relative_to(folder)
+            elif is_clip:
+                unread.append(FileError(path, "is not a regular file"))
+
+
+def _leads_back(path: Path, folder: Path) -> bool:
+    """Whether a path below a folder is a link to one of the folders on the path."""
+    return path.is_symlink() and any(path.samefile(above) for above in path.parents if above.is_relative_to(folder))
+
+
+def _result(place: PurePath) -> PurePath:
+    """The place of the result of a clip: its suffix is .bvh in lower case."""
+    return place.with_suffix(SUFFIX) if place.suffix.lower() == SUFFIX else place.with_name(place.name + SUFFIX)
+
+
+def _matches_any(place: PurePath, patterns: Iterable[str]) -> bool:
+    """Whether a path or its name matches a shell pattern, or a folder on the path a pattern for folders."""
+    for pattern in patterns:
+        for_folders = pattern.endswith("/") or not WILDCARDS.intersection(pattern)
+        plain = pattern.removeprefix("**/").rstrip("/")
+        for path in (place, *(place.parents[:-1] if for_folders else ())):
+            if fnmatchcase(path.name, plain) or fnmatchcase(path.as_posix(), plain):
+                return True
+    return False
 
 
 def _folder_name(target: Path) -> PurePath:
@@ -53,51 +172,21 @@ def _folder_name(target: Path) -> PurePath:
     return PurePath(target.stem if target.stem.strip(".") else target.name)
 
 
-def _check_folder(folder: Path, sources: Sequence[Path]) -> None:
-    for source in sources:
-        if is_folder(source) and folder.resolve().is_relative_to(source.resolve()):
-            raise BatchError(
-                f"{folder}: is inside {source}, whose clips are to be converted; choose a folder elsewhere with -o"
-            )
+def _inputs(clips: Sequence[Clip]) -> set[tuple[int, ...]]:
+    """The files of clips and targets."""
+    return {
+        file for path in {path for clip in clips for path in (clip.path, clip.target.path)} if (file := _file(path))
+    }
 
 
-def _check_places(works: Sequence[Work], folder: Path) -> None:
-    taken: dict[str, Work] = {}
-    for work in works:
-        other = taken.setdefault(work.place.as_posix().casefold(), work)
-        if other is not work:
-            raise BatchError(
-                f"{folder / work.place} would be the result of both {_named(other)} and {_named(work)}; "
-                "leave one of them out with --exclude, and convert it into another folder"
-            )
-    inputs = {_file(path) for work in works for path in (work.clip.path, work.target.path)} - {None}
-    for work in works:
-        if _file(folder / work.place) in inputs:
-            raise BatchError(f"{folder / work.place} is an input and would be replaced; choose another folder with -o")
-
-
-def check_page(page: Path, works: Sequence[Work], folder: Path, map_path: Path | None) -> None:
-    """Check that the page over all clips replaces neither an input nor a file that the batch writes to `folder`.
-
-    Raises:
-        BatchError: it would replace one.
-    """
-    read = {path for work in works for path in (work.clip.path, work.target.path)} | {map_path}
-    existing = _file(page)
-    is_input = existing is not None and existing in {_file(path) for path in read if path}
-    written = {folder.resolve() / place for place in (PurePath(MANIFEST), *(work.place for work in works))}
-    if is_input or page.resolve() in written:
-        raise BatchError(f"{page}: is an input, or the place of a result; give the page another name")
-
-
-def _file(path: str | Path) -> tuple[int, int] | None:
+def _file(path: str | Path) -> tuple[int, ...] | None:
     """What identifies a file, whichever path leads to it: device and inode; None where there is no file."""
+    status = _status(path)
+    return (status.st_dev, status.st_ino) if status else None
+
+
+def _status(path: str | Path) -> os.stat_result | None:
     try:
-        status = os.stat(path)  # noqa: PTH116 - of many thousand paths
+        return os.stat(path)  # noqa: PTH116 - of many thousand paths
     except (OSError, ValueError):
         return None
-    return status.st_dev, status.st_ino
-
-
-def _named(work: Work) -> str:
-    return f"{work.clip.path} onto {work.target.path}"

@@ -5,24 +5,17 @@ from __future__ import annotations
 import os
 import signal
 import sys
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import closing
-from importlib.metadata import version
 from pathlib import Path
-from types import TracebackType
 
 import click
 from tqdm import tqdm
 
-from distretarget.batch.batch import Batch
-from distretarget.batch.clips import FoundClips, find_clips
-from distretarget.batch.manifest import History, Manifest
-from distretarget.batch.plan import Work, check_page, plan
-from distretarget.batch.pools import Cluster, Pool, Processes
-from distretarget.batch.record import ManifestRecord, Recipe
-from distretarget.batch.reports import Pages
-from distretarget.batch.summary import Tally
+from distretarget.batch.batch import Batch, load_targets
+from distretarget.batch.manifest import Manifest, ManifestRecord, Tally, new_record
+from distretarget.batch.plan import find_clips, plan
+from distretarget.batch.workers import Processes, Workers
 from distretarget.cli.options import retargeting
 from distretarget.cli.outputs import about, complain, is_quiet, quiet, say
 from distretarget.cli.parameters import of_reports
@@ -30,23 +23,22 @@ from distretarget.cli.streams import STANDARD
 from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import hash_of, hash_of_file, is_folder, read_bytes
 from distretarget.io.map_json import load_map
-from distretarget.io.target_file import parse_target
 from distretarget.measure.figures import FIGURES
 from distretarget.numerics.parallel import cores
-from distretarget.pipeline.conversion import Text, load_text
 from distretarget.pipeline.options import Options
 
 INTERRUPTED = 130  # exit status
+PATH = click.Path(path_type=Path)
 
 
 @click.command("batch")
-@click.argument("sources", nargs=-1, metavar="SOURCES... TARGET", type=click.Path(path_type=Path))
-@click.option("-o", "--output", "folder", required=True, type=click.Path(path_type=Path), help="The folder of results.")
+@click.argument("sources", nargs=-1, metavar="SOURCES... TARGET", type=PATH)
+@click.option("-o", "--output", "folder", required=True, type=PATH, help="The folder of results.")
 @click.option(
     "--target",
     "targets",
     multiple=True,
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="A target; all arguments are sources then. Several targets may be given; each gets its own folder of results.",
 )
 @click.option(
@@ -80,7 +72,7 @@ INTERRUPTED = 130  # exit status
 @click.option(
     "--report",
     "index",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="FILE",
     help="Write an HTML page on all clips to this file; reports on single clips go to a folder beside it.",
 )
@@ -123,9 +115,15 @@ def batch_command(
     distretarget batch mocap --target hero.json --target child.json -o converted
     find mocap -name '*walk*.bvh' | distretarget batch hero.json -o walks --input-list -
     """  # noqa: D301
-    target_texts, sources = _targets(sources, tuple(dict.fromkeys(targets)))
-    lines = dict.fromkeys(line.rstrip("\r\n") for line in input_list or () if line.strip())
-    listed = [Path(line) for line in lines]
+    if not targets:
+        if not sources:
+            raise click.UsageError("expected SOURCES... TARGET.")
+        sources, targets = sources[:-1], sources[-1:]
+        if is_folder(targets[0]):
+            raise click.UsageError(f"{targets[0]} is a folder; the last argument is the target, or give --target.")
+    texts = load_targets(list(dict.fromkeys(targets)))
+    sources = tuple(dict.fromkeys(sources))
+    listed = [Path(line) for line in dict.fromkeys(line.rstrip("\r\n") for line in input_list or () if line.strip())]
     if not sources and input_list is None:
         raise click.UsageError("no sources; expected files, folders or --input-list.")
     if jobs and dask is not None:
@@ -134,133 +132,86 @@ def batch_command(
         raise click.UsageError("results are named after their sources, and standard input has no name; give a file.")
     if missing := [source for source in sources if not os.path.lexists(source)]:
         raise click.UsageError(f"{missing[0]}: there is no such file or folder.")
-    found = find_clips(sources, listed, include, exclude)
-    recipe = Recipe(options, load_map(map_path), version("distretarget"))
-    works = _planned(found, target_texts, folder, sources)
+    found, unread = find_clips(sources, listed, include, exclude)
+    map_file = load_map(map_path)
+    try:
+        clips = plan(found, texts, folder, sources)
+    except BatchError as error:
+        raise click.UsageError(str(error)) from error
+    batch = Batch(clips, folder, options, map_file, about, index, reports, overwrite, fail_fast)
+    for each in unread:
+        complain(f"not searched: {each}")
     if dry_run:
-        _print_plan(works, folder, recipe, overwrite)
-        _print_unread(found)
+        _print_plan(batch)
         return
-    if not works:
-        _print_unread(found)
-        raise BatchError("there are no clips to convert")
-    pages = (
-        Pages(index=index, most=reports, overwrite=overwrite, about=lambda work: about(work.clip.path, work.place))
-        if index
-        else None
-    )
-    if pages:
-        check_page(pages.index, works, folder, map_path)
-        pages.check()
-    batch = Batch(works=works, folder=folder, recipe=recipe, pages=pages, overwrite=overwrite, fail_fast=fail_fast)
-    pool: Pool = Cluster(dask) if dask is not None else Processes(jobs or cores(), options.objective)
-    with closing(pool), closing(Manifest(folder)) as manifest, Progress(len(works)) as progress:
-        _print_broken(manifest)
-        stopped, status = _convert(batch, manifest, pool, progress)
-    for line in progress.tally.lines(len(works), progress.seconds - pool.start_seconds, pool.workers):
+    batch.check()
+    tally = Tally(clips=len(clips))
+    stopped, status = _convert(batch, _workers(dask, jobs, options), tally)
+    for line in tally.lines:
         say(line)
-    for line in progress.tally.failure_lines() if is_quiet() else ():
+    for line in tally.failures if is_quiet() else ():
         complain(line)
-    _print_unread(found)
-    problems = pages.problems if pages else {}
-    for problem in problems.values():
+    for problem in batch.problems.values():
         complain(f"no report: {problem}")
     if stopped:
         complain(f"distretarget: {stopped}")
-    sys.exit(status or int(bool(progress.tally.failed or found.unread or problems)))
+    sys.exit(status or int(bool(tally.failed or unread or batch.problems)))
 
 
-def _targets(sources: tuple[Path, ...], targets: tuple[Path, ...]) -> tuple[list[Text], tuple[Path, ...]]:
-    """Read the targets, and return them with the remaining arguments, the sources."""
-    if not targets:
-        if not sources:
-            raise click.UsageError("expected SOURCES... TARGET.")
-        targets, sources = sources[-1:], sources[:-1]
-        if is_folder(targets[0]):
-            raise click.UsageError(f"{targets[0]} is a folder; the last argument is the target, or give --target.")
-    target_texts = [load_text(target) for target in targets]
-    for target in target_texts:
-        parse_target(target.text, target.path)
-    return target_texts, tuple(dict.fromkeys(sources))
+def _workers(dask: str | None, jobs: int | None, options: Options) -> Workers:
+    if dask is None:
+        return Processes(jobs or cores(), options.objective)
+    from distretarget.batch.cluster import Cluster
+
+    return Cluster(dask, lambda reason: say(f"waiting: {reason}", err=True))
 
 
-def _planned(found: FoundClips, targets: Sequence[Text], folder: Path, sources: Sequence[Path]) -> list[Work]:
-    try:
-        return plan(found.clips, targets, folder, sources)
-    except BatchError as error:
-        raise click.UsageError(str(error)) from error
-
-
-def _convert(batch: Batch, manifest: Manifest, pool: Pool, progress: Progress) -> tuple[str, int]:
+def _convert(batch: Batch, workers: Workers, tally: Tally) -> tuple[str, int]:
     """Convert the clips; return why the batch was stopped and the exit status for that; empty and 0 if it was not."""
-    try:
-        batch.convert(manifest, pool, progress.tally, progress.show, _say_waiting)
-    except KeyboardInterrupt:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the summary is left to print
-        return "interrupted; run this again to go on", INTERRUPTED
-    except (BatchError, FileError) as error:
-        return str(error), 1
+    silent = is_quiet() or None  # None: on a terminal only
+    with (
+        closing(workers),
+        tqdm(total=tally.clips, unit=" clips", disable=silent, leave=False) as clips,
+        tqdm(unit=" frames", unit_scale=True, disable=silent, leave=False, position=1) as frames,
+    ):
+
+        def show(record: ManifestRecord | None) -> None:
+            frames.update(record["frames"] if record else 0)
+            clips.set_postfix(failed=tally.failed, refresh=False)
+            clips.update()
+
+        _print_broken(batch.manifest)
+        try:
+            batch.convert(workers, tally, show)
+        except KeyboardInterrupt:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the summary is left to print
+            return "interrupted; run this again to go on", INTERRUPTED
+        except (BatchError, FileError) as error:
+            return str(error), 1
     return "", 0
 
 
-def _say_waiting(reason: str) -> None:
-    """Print why no results come."""
-    say(f"waiting: {reason}", err=True)
-
-
-class Progress:
-    """The progress of a batch: bars for clips and frames on a terminal, beside the tally."""
-
-    def __init__(self, clips: int) -> None:
-        self.tally = Tally()
-        self._started = time.perf_counter()
-        self._clips = tqdm(total=clips, unit=" clips", disable=is_quiet() or None, leave=False)
-        self._frames = tqdm(unit=" frames", unit_scale=True, disable=is_quiet() or None, leave=False, position=1)
-
-    @property
-    def seconds(self) -> float:
-        """The time since the beginning [s]."""
-        return time.perf_counter() - self._started
-
-    def __enter__(self) -> Progress:
-        return self
-
-    def __exit__(self, *error: type[BaseException] | BaseException | TracebackType | None) -> None:
-        self._frames.close()
-        self._clips.close()
-
-    def show(self, record: ManifestRecord | None) -> None:
-        """Show that a clip is done or has failed."""
-        self._frames.update(record["frames"] if record else 0)
-        self._clips.set_postfix(failed=self.tally.failed, refresh=False)
-        self._clips.update()
-
-
-def _print_plan(works: Sequence[Work], folder: Path, recipe: Recipe, overwrite: bool) -> None:
+def _print_plan(batch: Batch) -> None:
     """Print what would be done with each clip."""
-    history = History(folder)
-    _print_broken(history)
-    for work in works:
+    manifest = Manifest(batch.folder, read_only=True)
+    _print_broken(manifest)
+    for clip in batch.clips:
+        path = batch.folder / clip.place
+        record = new_record(clip, batch.options, batch.map_file)
         try:
-            done = history.is_done(work, hash_of(read_bytes(work.clip.path)), recipe, folder)
-            if not done and not overwrite:
-                path = folder / work.place
-                history.check_replaceable(work, path, hash_of_file(path))
+            record["input_hash"], output_hash = hash_of(read_bytes(clip.path)), hash_of_file(path)
+            skip = not batch.overwrite and manifest.is_done(record, output_hash)
+            if not skip and not batch.overwrite:
+                manifest.check_replaceable(record, path, output_hash)
         except DistretargetError as error:
             say(f"fail     {error}")
         else:
-            say(f"{'skip   ' if done and not overwrite else 'convert'}  {work.clip.path} -> {folder / work.place}")
+            say(f"{'skip   ' if skip else 'convert'}  {clip.path} -> {path}")
 
 
-def _print_broken(history: History) -> None:
+def _print_broken(manifest: Manifest) -> None:
     """Print which lines of a manifest cannot be used."""
-    if history.broken:
-        first, *others = history.broken
+    if manifest.broken:
+        first, *others = manifest.broken
         more = f", nor are {len(others)} more lines" if others else ""
-        say(f"warning: {history.path}:{first}: is not a record of a clip{more}; what it says is not used", err=True)
-
-
-def _print_unread(found: FoundClips) -> None:
-    """Print the errors of files and folders that could not be searched."""
-    for error in found.unread:
-        complain(f"not searched: {error}")
+        say(f"warning: {manifest.path}:{first}: is not a record of a clip{more}; what it says is not used", err=True)

@@ -1,0 +1,291 @@
+"""The workers, which convert clips: texts in, texts and figures out, without access to files.
+
+They are processes of this machine, or a Dask cluster (`cluster`); both have an executor of `concurrent.futures`.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import shutil
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
+from concurrent.futures.process import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from multiprocessing import resource_tracker
+from multiprocessing.process import BaseProcess
+from multiprocessing.util import get_temp_dir
+from pathlib import Path
+from typing import Protocol
+
+from distretarget.batch.compile_ahead import warm
+from distretarget.batch.interrupts import interrupts_held
+from distretarget.batch.manifest import VERSION, ManifestRecord
+from distretarget.errors import BatchError, DistretargetError
+from distretarget.ik.poses import Mapper
+from distretarget.io.bvh import parse_bvh
+from distretarget.io.bvh_writer import bvh_parts
+from distretarget.io.files import encoded, hash_of
+from distretarget.io.map_json import MapFile
+from distretarget.pipeline.conversion import Text, retarget_onto
+from distretarget.pipeline.options import Objective, Options
+from distretarget.report.clip_page import run_page
+from distretarget.report.diff_document import About
+from distretarget.report.run_summary import unmatched
+
+# The variables that set the threads of a process. Workers have one thread each, as there is a worker for each core.
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+CHECK_INTERVAL = 5.0  # time without a result after which the workers are asked whether one has died [s]
+QUEUED = 2  # jobs that are submitted at a time, running or waiting [jobs per worker]
+
+
+@dataclass(frozen=True)
+class Job:
+    """A clip to convert.
+
+    Attributes:
+        source, target: the files of the clip and of its target.
+        map_file, options: how to retarget.
+        record: the line of the manifest on the clip, as long as it is not converted.
+        about: what the report on the clip is to say; None for no report.
+        split: whether all workers share its frames.
+    """
+
+    source: Text
+    target: Text
+    map_file: MapFile
+    options: Options
+    record: ManifestRecord
+    about: About | None = None
+    split: bool = False
+
+    def failed(self, reason: str) -> Result:
+        """Return the result of the clip if it fails; the reason names the file."""
+        return Result(self.record | {"error": " ".join(reason.split())})
+
+
+@dataclass(frozen=True)
+class Result:
+    """What became of a clip: its line of the manifest, and if it is converted its output and the HTML of its report."""
+
+    record: ManifestRecord
+    output: bytes = b""
+    report: str = ""
+
+
+def convert(job: Job, mapper: Mapper = map) -> Result:
+    """Convert a clip; the result says what went wrong, if anything did. `mapper` is as in `retarget`."""
+    started = time.perf_counter()
+    path = job.source.path
+    if job.record["version"] != VERSION:
+        return job.failed(f"{path}: a worker runs version {VERSION}, this is {job.record['version']}")
+    try:
+        result = _converted(job, mapper)
+    except DistretargetError as error:
+        result = job.failed(str(error))
+    except (BrokenExecutor, CancelledError):  # raised by the mapper: the clip is not to blame
+        raise
+    except MemoryError:
+        result = job.failed(f"{path}: out of memory")
+    except Exception as error:  # one clip must not stop the others
+        result = job.failed(f"{path}: unexpected {type(error).__name__}: {error}; please report this")
+    result.record["seconds"] = round(time.perf_counter() - started, 3)
+    return result
+
+
+def _converted(job: Job, mapper: Mapper) -> Result:
+    path = job.source.path
+    motion = parse_bvh(job.source.text, path)
+    result = retarget_onto(motion, job.target, source=path, map_file=job.map_file, options=job.options, mapper=mapper)
+    parts = bvh_parts(result.motion, mapper)  # other workers, if the mapper has any, make them while figures are made
+    record = job.record | {
+        "status": "done",
+        "frames": len(result.motion),
+        "figures": result.figures,
+        "notes": list(unmatched(result.matching)),
+        "warnings": list(result.warnings),
+    }
+    report = run_page(result, job.about) if job.about else ""
+    output = encoded("".join(parts))
+    return Result(record | {"output_hash": hash_of(output)}, output, report)
+
+
+class Workers(Protocol):
+    """Workers: how many, the time that their start has taken [s], and the executor that hands jobs to them."""
+
+    count: int
+    start_seconds: float
+
+    @property
+    def executor(self) -> Executor: ...
+
+    def lost(self) -> bool:
+        """Return whether a worker has died unnoticed; called every `CHECK_INTERVAL` while no results come."""
+
+    def close(self) -> None:
+        """Release the workers at once, even if they are busy. Others start when the executor is needed again."""
+
+
+class Processes:
+    """Processes on this machine."""
+
+    def __init__(self, count: int, objective: Objective) -> None:
+        """Prepare to start this many processes, for an objective."""
+        self.count, self.start_seconds = count, 0.0
+        self._objective = objective
+        self._executor: ProcessPoolExecutor | None = None
+        # Not "fork": a process with threads, which numerical libraries start, must not be forked.
+        methods = multiprocessing.get_all_start_methods()
+        self._context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
+        if "forkserver" in methods:
+            self._context.set_forkserver_preload(["distretarget.batch.warmed"])
+            with _worker_environment():
+                resource_tracker.ensure_running()  # before another library starts it in another environment
+
+    @property
+    def executor(self) -> ProcessPoolExecutor:
+        """The processes, which start when they are needed.
+
+        Code is compiled only once, by this process; the others find it in the folder of compiled code.
+        """
+        if self._executor is None:
+            started = time.perf_counter()
+            warm(self._objective)
+            with _worker_environment():
+                self._executor = ProcessPoolExecutor(self.count, self._context, _start_worker, (get_temp_dir(),))
+                wait([self._executor.submit(os.getpid) for _ in range(self.count)])  # starts the processes
+            self.start_seconds += time.perf_counter() - started
+        return self._executor
+
+    def lost(self) -> bool:
+        """Return whether a process has ended; the executor does not notice one that ends while it sends a result."""
+        if any(process.exitcode is not None for process in self._processes()):
+            self.close()
+            return True
+        return False
+
+    def close(self) -> None:
+        """End the processes at once, without a word, even while they start."""
+        for process in self._processes():
+            process.kill()
+        if self._executor:
+            self._executor.shutdown(wait=False, cancel_futures=True)
+            self._executor = None
+
+    def _processes(self) -> list[BaseProcess]:
+        return list((self._executor._processes or {}).values()) if self._executor else []
+
+
+def convert_all(workers: Workers, jobs: Iterable[Job]) -> Iterator[Result]:
+    """Convert clips, a few at a time, and yield the results as they come.
+
+    When a worker dies, the clips that had been submitted are tried again at the end, one by one; one that kills its
+    worker then fails.
+
+    Raises:
+        BatchError: the workers are gone, or die as they start.
+    """
+    unfinished: list[Job] = []
+    yield from _convert(workers, jobs, unfinished)
+    for job in unfinished:
+        deadly: list[Job] = []
+        yield from _convert(workers, [replace(job, split=False)], deadly)
+        if deadly:
+            yield job.failed(f"{job.source.path}: the process that converted it died, perhaps out of memory")
+
+
+def _convert(workers: Workers, jobs: Iterable[Job], unfinished: list[Job]) -> Iterator[Result]:
+    """Convert clips; those that had been submitted when a worker died are added to `unfinished`."""
+    running: dict[Future[Result], Job] = {}
+    for job in jobs:
+        running[_submit(workers, job)] = job
+        while len(running) >= QUEUED * workers.count:
+            yield from _next_results(workers, running, unfinished)
+    while running:
+        yield from _next_results(workers, running, unfinished)
+
+
+def _next_results(workers: Workers, running: dict[Future[Result], Job], unfinished: list[Job]) -> Iterator[Result]:
+    """Wait for clips to end, remove them from `running`, and yield their results."""
+    done, _ = wait(running, CHECK_INTERVAL, FIRST_COMPLETED)
+    if not done and workers.lost():
+        unfinished += running.values()
+        running.clear()
+    for future in done:
+        job = running.pop(future)
+        try:
+            result = future.result()
+        except BrokenExecutor:
+            unfinished.append(job)
+            continue
+        except CancelledError as error:
+            raise BatchError("the workers are gone; run this again to go on") from error
+        except Exception as error:  # of the cluster; it concerns this clip only
+            result = job.failed(f"{job.source.path}: {type(error).__name__}: {error}")
+        yield result
+
+
+def _submit(workers: Workers, job: Job, again: bool = True) -> Future[Result]:
+    """Submit a clip to one worker, or split it for all. Workers of which one has died are replaced first."""
+    try:
+        executor = workers.executor
+        return _split(executor, job) if job.split else executor.submit(convert, job)
+    except BrokenExecutor as error:
+        if again:
+            workers.close()
+            return _submit(workers, job, again=False)
+        advice = 'a script that converts needs a file of its own, with `if __name__ == "__main__":`'
+        raise BatchError(f"the workers die as they start; {advice}") from error
+
+
+def _split(executor: Executor, job: Job) -> Future[Result]:
+    """Convert a clip in a thread of this process, in chunks for all workers; no end of the program waits for it."""
+    future: Future[Result] = Future()
+
+    def run() -> None:
+        try:
+            future.set_result(convert(job, executor.map))
+        except BaseException as error:
+            future.set_exception(error)
+
+    threading.Thread(target=run, daemon=True).start()
+    return future
+
+
+def _start_worker(temporary: str) -> None:
+    """Let a worker ignore Ctrl-C, which its parent handles, and end with it; then it removes temporary files."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_SETMASK, [])
+
+    def end_with_parent() -> None:
+        if parent := multiprocessing.parent_process():
+            parent.join()
+            shutil.rmtree(temporary, ignore_errors=True)
+            os._exit(1)
+
+    threading.Thread(target=end_with_parent, daemon=True).start()
+
+
+@contextmanager
+def _worker_environment() -> Iterator[None]:
+    """Set the environment variables of workers while they are started, and let Ctrl-C wait until they are.
+
+    Workers import from the same folders as this process. They do not import from the working directory, which may hold
+    another copy of this program. After a kill of this process, nothing is said of the semaphores that are cleared away.
+    """
+    before = dict(os.environ)
+    path = os.pathsep.join(str(Path(folder).absolute()) for folder in sys.path)
+    quiet = {"PYTHONWARNINGS": "ignore:resource_tracker", "PYTHONSAFEPATH": "1", "PYTHONPATH": path}
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1") | before | quiet)
+    try:
+        with interrupts_held():
+            yield
+    finally:
+        os.environ.clear()
+        os.environ.update(before)

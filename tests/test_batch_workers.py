@@ -1,0 +1,73 @@
+"""The conversion of one clip by a worker: its result is that of `retarget`, or says what went wrong."""
+
+from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path, PurePath
+
+import pytest
+from bodies import other_lengths, person, swaying
+
+from distretarget import retarget
+from distretarget.batch import workers
+from distretarget.batch.manifest import new_record
+from distretarget.batch.plan import Clip
+from distretarget.batch.workers import Job, convert
+from distretarget.io.bvh import parse_bvh
+from distretarget.io.bvh_writer import format_bvh
+from distretarget.io.files import text_hash
+from distretarget.io.map_json import MapFile
+from distretarget.io.skeleton_json import skeleton_to_json
+from distretarget.pipeline.conversion import Text
+from distretarget.pipeline.options import Options
+from distretarget.report.diff_document import About
+
+TARGET = Text(skeleton_to_json(other_lengths(person()), "body"), "body.json")
+
+
+def job_of(text, target=TARGET, about=None):
+    record = new_record(Clip(Path("in.bvh"), target, PurePath("out.bvh"), 0), Options(), MapFile({}, ""))
+    return Job(Text(text, "in.bvh"), target, MapFile({}, ""), Options(), record, about)
+
+
+def test_a_worker_does_what_retargeting_does():
+    text = format_bvh(swaying(person()))
+    result = convert(job_of(text))
+    record = result.record
+    assert (record["status"], record["error"], record["frames"]) == ("done", None, 20)
+    expected = format_bvh(retarget(parse_bvh(text, "in.bvh"), other_lengths(person())).motion)
+    assert (result.output, record["output_hash"]) == (expected.encode(), text_hash(expected))
+    assert record["figures"]["result"]["bone_error"] < 1e-9
+    assert "<title>" in convert(job_of(text, about=About(a="a", b="b", command="", version="1"))).report
+    with ThreadPoolExecutor(2) as pool:
+        assert convert(job_of(text), pool.map).output == result.output
+
+
+def error_of(job):
+    record = convert(job).record
+    assert (record["status"], record["output_hash"]) == ("failed", None)
+    return record["error"]
+
+
+def test_a_worker_says_what_went_wrong(monkeypatch):
+    assert error_of(job_of("HIERARCHY")).startswith("in.bvh:1: ")
+    assert error_of(job_of(format_bvh(swaying(person())), Text("{}", "body.json"))).startswith("body.json: ")
+
+    def fail(*_):
+        raise ZeroDivisionError("two\nlines")
+
+    monkeypatch.setattr(workers, "parse_bvh", fail)
+    assert error_of(job_of("")) == "in.bvh: unexpected ZeroDivisionError: two lines; please report this"
+
+
+def test_a_worker_of_another_version_refuses(monkeypatch):
+    job = job_of("")
+    monkeypatch.setattr(workers, "VERSION", "0")
+    assert error_of(job) == f"in.bvh: a worker runs version 0, this is {job.record['version']}"
+
+
+def test_the_death_of_another_worker_is_not_the_clips_failure():
+    def broken(*_):
+        raise BrokenProcessPool("died")
+
+    with pytest.raises(BrokenProcessPool):
+        convert(job_of(format_bvh(swaying(person()))), broken)
