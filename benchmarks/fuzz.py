@@ -36,8 +36,7 @@ from distretarget.batch.manifest import History
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.map_json import parse_map
-from distretarget.io.skeleton_json import skeleton_to_json
-from distretarget.io.target_file import parse_target
+from distretarget.io.target_file import parse_target, skeleton_to_json
 from distretarget.pipeline.conversion import Text, retarget_onto
 from distretarget.pipeline.options import OBJECTIVES
 

@@ -17,7 +17,7 @@ from distretarget.batch.run import Run, reports
 from distretarget.batch.task import Outcome
 from distretarget.errors import BatchError, FileError
 from distretarget.io.map_json import MapFile
-from distretarget.io.skeleton_json import skeleton_to_json
+from distretarget.io.target_file import skeleton_to_json
 from distretarget.pipeline.conversion import Text
 from distretarget.pipeline.options import Options
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from distretarget import Motion, read_bvh, retarget
 from distretarget.baseline.world import turned
 from distretarget.errors import MapError, MatchingError, MotionError
-from distretarget.io.target_file import load_full_target
+from distretarget.io.target_file import load_target
 from distretarget.measure.contacts import points_of
 from distretarget.measure.diff import diff
 from distretarget.synchronise import resampled
@@ -195,7 +195,7 @@ def test_a_root_offset_that_is_added():
 @pytest.mark.parametrize("rig", ["mixamo_a", "unreal_t"])
 def test_a_retargeted_clip_has_the_figures_of_its_run(rig):
     source = read_bvh(SAMPLES / "clap.bvh")[:30]
-    run = retarget(source, load_full_target(SAMPLES / "rigs" / f"{rig}.json").skeleton)
+    run = retarget(source, load_target(SAMPLES / "rigs" / f"{rig}.json").skeleton)
     result = diff(source, run.motion)
     np.testing.assert_array_equal(result.matching.drivers, run.matching.drivers)
     np.testing.assert_allclose(result.stress, run.written_stress)

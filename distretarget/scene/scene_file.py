@@ -214,7 +214,7 @@ def load_scene(path: str | Path) -> SceneSetup:
 
 def parse_scene(text: str, path: str | Path) -> SceneSetup:
     """Return the scene in the text of a file as `load_scene` does."""
-    document = Node(path, "", parse_json(path, text))
+    document = parse_json(path, text)
     fields = document.fields((*HEADER_KEYS, "performers"), OPTION_KEYS)
     for key, known in zip(HEADER_KEYS, (FORMAT, VERSION), strict=True):
         if fields[key].value != known or isinstance(fields[key].value, bool):
