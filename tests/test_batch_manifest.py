@@ -11,9 +11,8 @@ from distretarget.batch.manifest import Manifest
 from distretarget.batch.plan import MANIFEST, Work
 from distretarget.batch.record import Recipe, failed_record, read_records
 from distretarget.errors import FileError
-from distretarget.io.files import hash_of_file, text_hash
+from distretarget.io.files import Text, hash_of_file, text_hash
 from distretarget.io.map_json import MapFile
-from distretarget.pipeline.conversion import Text
 from distretarget.pipeline.options import Options
 
 RECIPE = Recipe(Options(), MapFile({}, ""), "1")

@@ -7,7 +7,7 @@ import pytest
 from distretarget.batch.clips import Clip
 from distretarget.batch.plan import plan
 from distretarget.errors import BatchError
-from distretarget.pipeline.conversion import Text
+from distretarget.io.files import Text
 
 
 def clip(tmp_path, name, size=0):

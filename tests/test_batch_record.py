@@ -9,8 +9,8 @@ import pytest
 from distretarget.batch.clips import Clip
 from distretarget.batch.plan import Work
 from distretarget.batch.record import ManifestRecord, Recipe, RecordedOptions, failed_record, parse_record, read_records
+from distretarget.io.files import Text
 from distretarget.io.map_json import MapFile
-from distretarget.pipeline.conversion import Text
 from distretarget.pipeline.options import Options
 
 RECIPE = Recipe(Options(), MapFile({"Head": "Skull"}, ""), "1")

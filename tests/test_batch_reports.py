@@ -9,8 +9,7 @@ from distretarget.batch.plan import Work
 from distretarget.batch.reports import MARK, OF, Pages
 from distretarget.batch.task import Outcome
 from distretarget.errors import FileError
-from distretarget.io.files import text_hash
-from distretarget.pipeline.conversion import Text
+from distretarget.io.files import Text, text_hash
 from distretarget.report.document import About
 
 

@@ -16,9 +16,9 @@ from distretarget.batch.record import Recipe, read_records
 from distretarget.batch.run import Run, reports
 from distretarget.batch.task import Outcome
 from distretarget.errors import BatchError, FileError
+from distretarget.io.files import Text
 from distretarget.io.map_json import MapFile
 from distretarget.io.target_file import skeleton_to_json
-from distretarget.pipeline.conversion import Text
 from distretarget.pipeline.options import Options
 
 TARGET = Text(skeleton_to_json(other_lengths(person()), "body"), "body.json")

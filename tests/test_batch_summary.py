@@ -6,8 +6,8 @@ from distretarget.batch.clips import Clip
 from distretarget.batch.plan import Work
 from distretarget.batch.record import Recipe, failed_record
 from distretarget.batch.summary import Tally
+from distretarget.io.files import Text
 from distretarget.io.map_json import MapFile
-from distretarget.pipeline.conversion import Text
 from distretarget.pipeline.options import Options
 
 RECIPE = Recipe(Options(), MapFile({}, ""), "1")

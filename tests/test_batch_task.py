@@ -11,9 +11,9 @@ from distretarget.batch import task as batch_task
 from distretarget.batch.task import Task, convert
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
+from distretarget.io.files import Text
 from distretarget.io.map_json import MapFile
 from distretarget.io.target_file import skeleton_to_json
-from distretarget.pipeline.conversion import Text
 from distretarget.pipeline.options import Options
 from distretarget.report.document import About
 

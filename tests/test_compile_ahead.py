@@ -17,7 +17,7 @@ import sys
 from distretarget import load_target, read_bvh
 from distretarget.batch.task import Task, convert
 from distretarget.pipeline.options import Options
-from distretarget.pipeline.conversion import load_text
+from distretarget.io.files import load_text
 from distretarget.io.map_json import MapFile
 from distretarget.batch.compile_ahead import warm
 from numba.core.dispatcher import Dispatcher

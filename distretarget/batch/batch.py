@@ -22,10 +22,10 @@ from distretarget.batch.summary import Tally
 from distretarget.batch.task import Outcome
 from distretarget.checks import check_kind, check_number, check_path
 from distretarget.errors import BatchError
+from distretarget.io.files import load_text
 from distretarget.io.map_json import load_map
 from distretarget.io.target_file import parse_target
 from distretarget.numerics.parallel import cores
-from distretarget.pipeline.conversion import load_text
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.report.document import About
 

@@ -9,8 +9,7 @@ from pathlib import Path, PurePath
 
 from distretarget.batch.clips import Clip
 from distretarget.errors import BatchError
-from distretarget.io.files import is_folder
-from distretarget.pipeline.conversion import Text
+from distretarget.io.files import Text, is_folder
 
 MANIFEST = "manifest.jsonl"  # the name of the manifest in the folder of results
 

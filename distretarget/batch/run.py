@@ -17,8 +17,16 @@ from distretarget.batch.pools import Pool
 from distretarget.batch.record import ManifestRecord, Recipe, failed_record
 from distretarget.batch.task import Outcome, Task, convert
 from distretarget.errors import BatchError, DistretargetError, FileError
-from distretarget.io.files import check_inside, hash_of, hash_of_file, make_folder, read_bytes, text_of, write_whole
-from distretarget.pipeline.conversion import Text
+from distretarget.io.files import (
+    Text,
+    check_inside,
+    hash_of,
+    hash_of_file,
+    make_folder,
+    read_bytes,
+    text_of,
+    write_whole,
+)
 from distretarget.report.document import About
 
 CHECK_INTERVAL = 5.0  # time without a result after which the run checks that all workers are alive [s]

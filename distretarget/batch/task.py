@@ -13,11 +13,11 @@ from distretarget.errors import DistretargetError
 from distretarget.ik.poses import Mapper
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import bvh_parts
-from distretarget.io.files import text_hash
+from distretarget.io.files import Text, text_hash
 from distretarget.io.map_json import MapFile
 from distretarget.measure.figures import Variant
-from distretarget.pipeline.conversion import Text, retarget_onto
 from distretarget.pipeline.options import Options
+from distretarget.pipeline.retarget_files import retarget_onto
 from distretarget.pipeline.summary import unmatched
 from distretarget.report.document import About
 from distretarget.report.report import run_page

@@ -28,12 +28,11 @@ from distretarget.cli.outputs import about, complain, is_quiet, quiet, say
 from distretarget.cli.parameters import of_reports
 from distretarget.cli.streams import STANDARD
 from distretarget.errors import BatchError, DistretargetError, FileError
-from distretarget.io.files import hash_of, hash_of_file, is_folder, read_bytes
+from distretarget.io.files import Text, hash_of, hash_of_file, is_folder, load_text, read_bytes
 from distretarget.io.map_json import load_map
 from distretarget.io.target_file import parse_target
 from distretarget.measure.figures import FIGURES
 from distretarget.numerics.parallel import cores
-from distretarget.pipeline.conversion import Text, load_text
 from distretarget.pipeline.options import Options
 
 INTERRUPTED = 130  # exit status

@@ -19,7 +19,7 @@ from distretarget.io.bvh import parse_bvh
 from distretarget.io.map_json import joint_map, load_map
 from distretarget.measure.diff import diff
 from distretarget.measure.figures import BY_KEY, FIGURES, Figure, figures_at
-from distretarget.pipeline.conversion import needs_map
+from distretarget.pipeline.retarget_files import needs_map
 from distretarget.report.document import csv_text, document, json_text
 from distretarget.report.document_types import DiffContact, DiffDocument, FigureValues
 from distretarget.report.page import page

@@ -17,7 +17,7 @@ from distretarget.io.map_json import MapFile, joint_map, load_map
 from distretarget.measure.diff import Diff, diff
 from distretarget.measure.figures import FIGURES
 from distretarget.measure.scene_gaps import SceneDiff, diff_scenes
-from distretarget.pipeline.conversion import needs_map
+from distretarget.pipeline.retarget_files import needs_map
 from distretarget.report.document import document, json_text
 from distretarget.report.document_types import DiffDocument
 from distretarget.report.scene_diff import GAP_ERROR, SceneDiffDocument, part, scene_csv, scene_document

@@ -30,12 +30,13 @@ from distretarget.cli.streams import FileOrStandard, read_input, write_output
 from distretarget.errors import FileError, quoted
 from distretarget.io.bvh import declared_frames, parse_bvh
 from distretarget.io.bvh_writer import bvh_parts
+from distretarget.io.files import Text
 from distretarget.io.map_json import load_map
 from distretarget.io.target_file import is_json
 from distretarget.motion import Motion
-from distretarget.pipeline.conversion import Text, argument, retarget_onto
 from distretarget.pipeline.options import Options
 from distretarget.pipeline.result import RetargetResult
+from distretarget.pipeline.retarget_files import argument, retarget_onto
 from distretarget.pipeline.summary import figures_json, figures_line, summary_line, unmatched
 from distretarget.report.report import run_page
 

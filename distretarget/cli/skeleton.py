@@ -16,10 +16,10 @@ from distretarget.cli.parameters import of_bone, positive
 from distretarget.cli.streams import STANDARD, FileOrStandard, read_input, write_output
 from distretarget.errors import FileError, closest
 from distretarget.io.bvh import parse_bvh
+from distretarget.io.files import Text
 from distretarget.io.map_json import joint_map, load_map, map_to_json
 from distretarget.io.target_file import is_json, parse_full_target, parse_target, skeleton_to_json
 from distretarget.matching.matching import find_matching, refusal
-from distretarget.pipeline.conversion import Text
 from distretarget.skeleton import Skeleton
 from distretarget.target import SkeletonEdit, Target
 

@@ -11,8 +11,7 @@ from typing import Any
 import click
 
 from distretarget.errors import FileError
-from distretarget.io.files import STANDARD_INPUT, encoded_parts, reason_of, text_of, write_whole
-from distretarget.pipeline.conversion import Text, load_text
+from distretarget.io.files import STANDARD_INPUT, Text, encoded_parts, load_text, reason_of, text_of, write_whole
 
 STANDARD = Path("-")
 

@@ -16,11 +16,10 @@ from distretarget.checks import check_kind, check_number
 from distretarget.errors import MotionError, SettingsError
 from distretarget.matching.matching import Matching
 from distretarget.measure.diff import Diff
-from distretarget.motion import Motion
+from distretarget.motion import Motion, same_time
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.vectors import lengths
 from distretarget.skeleton import LARGEST, SMALLEST
-from distretarget.synchronise import resampled, same_time
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
@@ -287,7 +286,7 @@ def _in_world_of(performer: Diff, prop: Motion, frames: int) -> Motion:
     time = performer.b.frame_time_text
     prop = turned(prop, performer.world.source_up, performer.world.up)
     if len(prop) > 1:
-        prop = resampled(prop, time)
+        prop = prop.resampled(time)
     return replace(prop[np.minimum(np.arange(frames), len(prop) - 1)], frame_time_text=time)
 
 

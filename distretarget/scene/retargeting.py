@@ -16,7 +16,7 @@ from distretarget.checks import check_kind, check_number
 from distretarget.errors import MotionError, SettingsError
 from distretarget.ik.poses import Mapper
 from distretarget.measure.scene_gaps import Across, ScenePart, body_part, measure_across
-from distretarget.motion import Motion
+from distretarget.motion import Motion, same_time
 from distretarget.numerics.parallel import in_threads
 from distretarget.objectives.resting_joints import Environment
 from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
@@ -27,7 +27,6 @@ from distretarget.scene.prop import Prop
 from distretarget.scene.prop_contacts import Placement, free_placement
 from distretarget.scene.sweeps import PlacedProp, Together, brought_together, solve_together
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
-from distretarget.synchronise import same_time
 from distretarget.target import SkeletonEdit, Target
 
 Array = NDArray[np.float64]
