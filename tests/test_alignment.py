@@ -7,7 +7,7 @@ import pytest
 from bodies import person, swaying
 
 from distretarget import MotionError
-from distretarget.scene.scene_file import aligned
+from distretarget.synchronise import aligned
 
 
 def swayed():

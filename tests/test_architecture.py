@@ -32,6 +32,7 @@ FLOORS = (
     "body",
     "target",
     "distances",
+    "synchronise",
     "motion",
     "skeleton",
     "numerics",

@@ -20,6 +20,7 @@ from distretarget.objectives.resting_joints import Environment
 from distretarget.pipeline.options import HoldMode
 from distretarget.scene.prop import Grip, Prop, PropScale, prop_of
 from distretarget.scene.retargeting import SceneResult, retarget_scene
+from distretarget.synchronise import aligned
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,28 +182,6 @@ class SceneSetup:
         for number, clip in zip(moving, clips, strict=True):
             motions[number] = clip
         return motions
-
-
-def aligned(motions: Sequence[Motion], starts: Sequence[float], *, cut: bool, resample: bool) -> list[Motion]:
-    """Return the motions from their `starts` [s] on, with the frame time of the first if `resample`, and with as many
-    frames as the shortest if `cut`.
-
-    Raises:
-        MotionError: a motion ends before its start.
-    """
-    begun = []
-    for motion, start in zip(motions, starts, strict=True):
-        first = round(start / motion.frame_time)
-        if first >= len(motion):
-            length = len(motion) * motion.frame_time
-            raise MotionError(f"begins at {start:g} s of a clip of {length:g} s; begin earlier")
-        begun.append(motion[first:] if first else motion)
-    if resample:
-        begun = [motion.resampled(begun[0].frame_time_text) for motion in begun]
-    if cut:
-        shortest = min(map(len, begun))
-        begun = [motion[:shortest] for motion in begun]
-    return begun
 
 
 def read_prop(path: Path) -> Motion:
