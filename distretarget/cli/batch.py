@@ -23,10 +23,8 @@ from distretarget.batch.pools import Cluster, Pool, Processes
 from distretarget.batch.record import ManifestRecord, Recipe
 from distretarget.batch.reports import Pages
 from distretarget.batch.summary import Tally
-from distretarget.cli.options import retargeting
-from distretarget.cli.outputs import about, complain, is_quiet, quiet, say
-from distretarget.cli.parameters import of_reports
-from distretarget.cli.streams import STANDARD
+from distretarget.cli.options import of_reports, retargeting
+from distretarget.cli.outputs import STANDARD, about, complain, is_quiet, quiet, say
 from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import Text, hash_of, hash_of_file, is_folder, load_text, read_bytes
 from distretarget.io.map_json import load_map

@@ -8,10 +8,8 @@ from pathlib import Path
 
 import click
 
-from distretarget.cli.figure_lines import number, over
-from distretarget.cli.outputs import LISTED, about, check_outputs, say
+from distretarget.cli.outputs import LISTED, about, check_outputs, number, over, say, write_output
 from distretarget.cli.scene_input import SceneInput, is_scene, props_of, read_scene
-from distretarget.cli.streams import write_output
 from distretarget.errors import DistretargetError, FileError, MatchingError, quoted
 from distretarget.io.map_json import MapFile, joint_map, load_map
 from distretarget.measure.diff import Diff, diff

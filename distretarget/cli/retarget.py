@@ -14,19 +14,20 @@ from tqdm import tqdm
 from distretarget.baseline.world import RootOffset
 from distretarget.batch.compile_ahead import warm
 from distretarget.cli.matching_table import headline, unused
-from distretarget.cli.options import retargeting
+from distretarget.cli.options import STRIP_NAMESPACE_OPTION, retargeting
 from distretarget.cli.outputs import (
     LISTED,
     OVERWRITE_OPTION,
+    FileOrStandard,
     about,
     check_outputs,
     check_suffix,
     is_quiet,
     quiet,
+    read_input,
     say,
-    strip_namespace,
+    write_output,
 )
-from distretarget.cli.streams import FileOrStandard, read_input, write_output
 from distretarget.errors import FileError, quoted
 from distretarget.io.bvh import declared_frames, parse_bvh
 from distretarget.io.bvh_writer import bvh_parts
@@ -47,7 +48,7 @@ from distretarget.report.report import run_page
 @click.option("-o", "--output", required=True, type=FileOrStandard(), help="The BVH file to write.")
 @OVERWRITE_OPTION
 @retargeting
-@strip_namespace
+@STRIP_NAMESPACE_OPTION
 @click.option("--json", "figures", type=FileOrStandard(), help="Write the figures of each frame to this file.")
 @click.option(
     "--report",
