@@ -23,7 +23,7 @@ import numpy as np
 from edits import ARMS_AND_LEGS, edited
 
 from distretarget import DistretargetError, Motion, read_bvh
-from distretarget.io.skeleton_json import skeleton_to_json
+from distretarget.io.target_file import skeleton_to_json
 
 STRESSES = ("stress_copy", "stress")
 VERDICTS = ("ok", "refused", "FAILED")

@@ -35,11 +35,11 @@ from distretarget.batch.compile_ahead import warm
 from distretarget.batch.manifest import Manifest
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
+from distretarget.io.files import Text
 from distretarget.io.map_json import parse_map
-from distretarget.io.skeleton_json import skeleton_to_json
-from distretarget.io.target_file import parse_target
-from distretarget.pipeline.conversion import Text, retarget_onto
+from distretarget.io.target_file import parse_target, skeleton_to_json
 from distretarget.pipeline.options import OBJECTIVES
+from distretarget.pipeline.retarget_files import retarget_onto
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 import strategies as made

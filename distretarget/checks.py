@@ -1,4 +1,4 @@
-"""Checks of the arguments of public functions, which type checkers see and scripts may not."""
+"""Checks of the arguments of public functions, since scripts may not be type-checked. All raise SettingsError."""
 
 from __future__ import annotations
 
@@ -11,52 +11,32 @@ from distretarget.errors import SettingsError
 
 
 def check_kind(name: str, value: object, *kinds: type) -> None:
-    """Check that an argument is of one of some types.
-
-    Raises:
-        SettingsError: it is of another one.
-    """
+    """Check that an argument has one of some types."""
     if not isinstance(value, kinds):
         wanted = " or ".join(kind.__name__ for kind in kinds)
         raise SettingsError(f"{name} is {reprlib.repr(value)}; expected a {wanted}")
 
 
 def check_path(name: str, value: object) -> None:
-    """Check that an argument is the path of a file or folder.
-
-    Raises:
-        SettingsError: it is something else.
-    """
+    """Check that an argument is the path of a file or folder, as text or a path object."""
     if not isinstance(value, str) and not (isinstance(value, os.PathLike) and isinstance(os.fspath(value), str)):
         raise SettingsError(f"{name} is {reprlib.repr(value)}; expected a path, as str or pathlib.Path")
 
 
 def check_choice(name: str, value: object, choices: Collection[str | None]) -> None:
-    """Check that an argument is one of some texts, or None where that is one of them.
-
-    Raises:
-        SettingsError: it is something else.
-    """
+    """Check that an argument is one of the choices."""
     if not (value is None or isinstance(value, str)) or value not in choices:
         raise SettingsError(f"{name} is {reprlib.repr(value)}; expected one of {', '.join(map(repr, choices))}")
 
 
 def check_number(name: str, value: object, least: float, most: float) -> None:
-    """Check that an argument is a number within bounds.
-
-    Raises:
-        SettingsError: it is something else.
-    """
+    """Check that an argument is a number within bounds."""
     number: Any = value
     if isinstance(value, bool | str) or not hasattr(value, "__float__") or not least <= number <= most:
         raise SettingsError(f"{name} is {reprlib.repr(value)}; expected a number from {least:g} to {most:g}")
 
 
 def check_callable(name: str, value: object) -> None:
-    """Check that an argument can be called.
-
-    Raises:
-        SettingsError: it cannot.
-    """
+    """Check that an argument can be called."""
     if not isinstance(value, Callable):  # type: ignore[arg-type]
         raise SettingsError(f"{name} is {reprlib.repr(value)}; expected a function")

@@ -1,4 +1,4 @@
-"""The errors of this package. Each is one line that names the place of the fault and what would have worked."""
+"""The errors of this package: each is one line that names the place of the fault and what would have worked."""
 
 from __future__ import annotations
 
@@ -14,9 +14,7 @@ SAY_IN_A_MAP = "say in a map which source joint drives which target joint"
 class DistretargetError(Exception):
     """Base of all errors of this package; `str(error)` is one line for the user.
 
-    Attributes:
-        reason: what is wrong, without the place.
-        path: the path of the file that is wrong; None where the error is not about a file.
+    Attributes: `reason`, what is wrong without the place, and `path`, the file at fault, None if it is not a file.
     """
 
     path: Path | None = None
@@ -29,20 +27,17 @@ class DistretargetError(Exception):
 
     @property
     def location(self) -> str:
-        """Where the fault is: the file, and the place in it where that is known; empty without a file."""
+        """The file at fault and, where known, the place in it; empty without a file."""
         return str(self.path) if self.path else ""
 
     def in_file(self, path: str | Path) -> Self:
-        """Return this error, after naming the file it is about."""
+        """Set the file at fault, and return this error."""
         self.path = Path(path)
         return self
 
 
 class FileError(DistretargetError):
-    """A file that cannot be read or written.
-
-    Attributes: `path`, and `reason`, such as "is a folder".
-    """
+    """A file or folder that cannot be read or written."""
 
     def __init__(self, path: str | Path, reason: str) -> None:
         super().__init__(reason)
@@ -50,49 +45,41 @@ class FileError(DistretargetError):
 
 
 class BvhError(DistretargetError):
-    """A BVH file that is not valid.
-
-    Attributes: `path`, `line` (from 1; 0 for the whole file) and `reason`.
-    """
+    """A BVH file that is not valid; `line` counts from 1, 0 is the whole file."""
 
     def __init__(self, path: str | Path, line: int, reason: str) -> None:
         super().__init__(reason)
-        self.path = Path(path)
-        self.line = line
+        self.path, self.line = Path(path), line
 
     @property
     def location(self) -> str:
-        """The file and, unless the whole file is wrong, the line."""
+        """The file and, unless the whole file is at fault, the line."""
         return f"{self.path}:{self.line}" if self.line else str(self.path)
 
 
 class SkeletonFileError(DistretargetError):
-    """A target skeleton file or a map file (JSON) that breaks its format.
-
-    Attributes: `path`, `place` (such as `joints[3].offset[2]`; empty for the whole file) and `reason`.
-    """
+    """A JSON file that breaks its format; `place` is such as `joints[3].offset[2]`, empty for the whole file."""
 
     def __init__(self, path: str | Path, place: str, reason: str) -> None:
         super().__init__(reason)
-        self.path = Path(path)
-        self.place = place
+        self.path, self.place = Path(path), place
 
     @property
     def location(self) -> str:
-        """The file and, unless the whole file is wrong, the place in it."""
+        """The file and, unless the whole file is at fault, the place in it."""
         return f"{self.path}: {self.place}" if self.place else str(self.path)
 
 
 class SkeletonError(DistretargetError):
-    """A skeleton that is not a tree of distinguishable joints, or that lacks a joint asked for."""
+    """A skeleton that is not a tree of joints that can be told apart, or that lacks a joint asked for."""
 
 
 class MotionError(DistretargetError):
-    """A motion that cannot be retargeted: no frames, positions that overflow."""
+    """A motion that cannot be made or retargeted, for example one without frames."""
 
 
 class SettingsError(DistretargetError):
-    """An argument, or a setting of an objective, with a value that has no meaning there."""
+    """An argument or setting with an invalid value."""
 
 
 class MatchingError(DistretargetError):
@@ -109,33 +96,27 @@ class MatchingError(DistretargetError):
         shown = f"closest names: {', '.join(pairs[:6])}; " if pairs else ""
         names = f"the target has {quoted(target, 12)}; the source has {quoted(source, 12)}"
         super().__init__(f"{fault}; {shown}{names}; {advice}")
-        self.fault = fault
-        self.source = tuple(source)
-        self.target = tuple(target)
+        self.fault, self.source, self.target = fault, tuple(source), tuple(target)
 
     def advised(self, advice: str) -> MatchingError:
-        """Return the same error with another advice at the end of its message."""
+        """Return the same error with other advice at the end of its message."""
         return MatchingError(self.fault, self.source, self.target, advice)
 
 
 class MapError(DistretargetError):
-    """A map from target joints to source joints that names a joint that does not exist.
-
-    Attributes: `key`, the key of the wrong entry, and `fault`, what is wrong with it.
-    """
+    """A joint map that names a joint that does not exist: `fault` is what is wrong with the entry at `key`."""
 
     def __init__(self, key: str, fault: str) -> None:
         super().__init__(f"map[{key!r}]: {fault}")
-        self.key = key
-        self.fault = fault
+        self.key, self.fault = key, fault
 
 
 class MissingPackageError(DistretargetError):
-    """A package that only this call needs, and that is not installed."""
+    """An optional package that this call needs, and that is not installed."""
 
 
 class BatchError(DistretargetError):
-    """Clips and folders that cannot be converted as asked."""
+    """A batch that cannot run, or that stopped."""
 
 
 def quoted(names: Iterable[str], most: int = 6) -> str:
@@ -146,11 +127,11 @@ def quoted(names: Iterable[str], most: int = 6) -> str:
 
 
 def closest(name: str, available: Sequence[str]) -> str:
-    """Return what would have worked in place of `name`: the closest available names, or all of them."""
+    """Return the names close to `name`, or else all available names, as a clause for an error message."""
     near = difflib.get_close_matches(name, available, n=3, cutoff=0.6)
     return f"did you mean {quoted(near)}?" if near else f"it has {quoted(available, 12)}"
 
 
 def entry_place(place: str, key: str) -> str:
-    """Return the place of an entry whose key the user chooses, in printable characters."""
+    """Return the place of an entry whose key the user chose, in printable characters."""
     return f"{place}[{json.dumps(key, ensure_ascii=not key.isprintable())}]"

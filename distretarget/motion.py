@@ -10,6 +10,7 @@ from typing import TypedDict, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from distretarget.checks import check_kind
 from distretarget.errors import MotionError, quoted
@@ -22,6 +23,7 @@ from distretarget.skeleton import Skeleton
 
 SHORTEST_FRAME, LONGEST_FRAME = 1e-5, 1e3  # the times between frames that a recording may have [s]
 UNIT_ERROR = 1e-6  # how far the length of a unit quaternion may be off
+SAME_TIME = 1e-6  # largest difference between two frame times that are the same [of the frame time]
 NUMERALS = frozenset("0123456789.+-eE")
 
 
@@ -31,6 +33,11 @@ def is_frame_time(text: str) -> bool:
         return NUMERALS.issuperset(text) and SHORTEST_FRAME <= float(text) <= LONGEST_FRAME
     except ValueError:
         return False
+
+
+def same_time(one: float, other: float) -> bool:
+    """Return whether two frame times [s] are the same but for their last digits."""
+    return abs(one - other) <= SAME_TIME * one
 
 
 class MotionArrays(TypedDict):
@@ -229,6 +236,22 @@ class Motion:
 
         over_blocks(place, *positions.shape[:2])
         return positions
+
+    def resampled(self, frame_time_text: str) -> Motion:
+        """Return the motion with another frame time: translations between frames linear, rotations about one axis."""
+        step = float(frame_time_text)
+        if same_time(self.frame_time, step):
+            return self
+        last = len(self) - 1
+        times = np.arange(int(last * self.frame_time / step + SAME_TIME) + 1) * step / self.frame_time
+        before = np.minimum(times.astype(int), last)
+        after, share = np.minimum(before + 1, last), (times - before)[:, None, None]
+        start, end = (Rotation.from_quat(self.rotations[frames]) for frames in (before, after))
+        turns = (start.inv() * end).as_rotvec() * share
+        every = self.translations
+        translations = every[before] + share * (every[after] - every[before])
+        rotations = (start * Rotation.from_rotvec(turns)).as_quat()
+        return Motion.of_translations(self.skeleton, translations, rotations, frame_time_text)
 
     def to_dict(self, rotations: RotationKind = "quaternion") -> MotionArrays:
         """Return the motion as arrays.

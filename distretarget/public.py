@@ -21,8 +21,7 @@ from distretarget.errors import (
 from distretarget.ik.spg import Effort
 from distretarget.io.bvh import read_bvh
 from distretarget.io.bvh_writer import write_bvh
-from distretarget.io.bvhio_bridge import from_bvhio, to_bvhio
-from distretarget.io.npz import write_npz
+from distretarget.io.interop import from_bvhio, to_bvhio, write_npz
 from distretarget.io.target_file import load_target
 from distretarget.matching.matching import Matching, match
 from distretarget.measure.diff import Diff, diff

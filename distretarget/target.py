@@ -1,4 +1,4 @@
-"""The target: a whole skeleton, or other bone lengths for the source's own skeleton."""
+"""Targets: a whole skeleton, or other bone lengths for the source's skeleton."""
 
 from __future__ import annotations
 
@@ -22,9 +22,6 @@ class Target:
         map: the map in the file, source key by target key; empty where the file has none.
         name: the name of the skeleton in the file; empty where it has none.
         motion: the motion of a BVH file, if it has a valid one; it can show what the rest pose does not.
-
-    Raises:
-        SettingsError: a field is of another kind.
     """
 
     skeleton: Skeleton
@@ -38,22 +35,22 @@ class Target:
         check_kind("motion", self.motion, Motion, NoneType)
 
     def for_source(self, source: Skeleton) -> Target:  # noqa: ARG002
-        """Return the target itself: a whole skeleton is the same for every source."""
+        """Return the target itself, since it is the same for every source."""
         return self
 
 
 @dataclass(frozen=True)
 class SkeletonEdit:
-    """Other bone lengths for the skeleton of a source; a bone is named by its lower joint.
+    """Other bone lengths for the skeleton of a source.
 
     Attributes:
         scale: the factor for all bone lengths and the root's offset.
-        lengths: by joint key, the final length of the joint's bone, whatever the scale [file units].
-        factors: by joint key, an additional factor for the length of the joint's bone.
+        lengths: by the key of a bone's lower joint, the bone's final length, whatever the scale [file units].
+        factors: by the key of a bone's lower joint, an additional factor for the bone's length.
         path: the path of the file, for errors.
 
     Raises:
-        SettingsError: a number is not above 0, or a field of another kind.
+        SettingsError: a number is not above 0.
     """
 
     scale: float
@@ -69,15 +66,15 @@ class SkeletonEdit:
                 check_number(entry_place(field, str(key)), number, SMALLEST, LARGEST)
 
     def for_source(self, source: Skeleton) -> Target:
-        """Return the target for a source: the source's skeleton with these lengths; errors as in `apply`."""
+        """Return the source's skeleton with these lengths as a target; errors as in `apply`."""
         return Target(self.apply(source), {}, "")
 
     def apply(self, source: Skeleton) -> Skeleton:
         """Return the source's skeleton with these bone lengths and its own rest directions.
 
         Raises:
-            SkeletonFileError: a named joint does not exist in the source, has a bone of length 0, or is in both
-                `lengths` and `factors`; or all bones have length 0, or one becomes too long.
+            SkeletonFileError: a key is not a joint of the source, has a bone of length 0, or is in both `lengths` and
+                `factors`; or all bones have length 0, or one becomes too long.
         """
         check_kind("source", source, Skeleton)
         lengths = self.scale * source.lengths
@@ -95,7 +92,7 @@ class SkeletonEdit:
             raise SkeletonFileError(self.path, "", str(error)) from error
 
     def _bone(self, field: str, key: str, source: Skeleton) -> int:
-        """The number of the joint with this key, which must have a bone to change."""
+        """The joint with this key, which must have a bone to change."""
         place = entry_place(field, key)
         if key not in source.keys:
             raise SkeletonFileError(self.path, place, f"no such joint; {closest(key, source.keys)}")
@@ -108,7 +105,7 @@ class SkeletonEdit:
 
 
 def with_bones(skeleton: Skeleton, path: str | Path, place: str = "") -> Skeleton:
-    """The skeleton itself; raises an error if no bone has a length."""
+    """Return the skeleton; raise a SkeletonFileError if no bone has a length."""
     if not skeleton.lengths.max() >= SMALLEST:
         fault = f"all bones have length 0, or are shorter than {SMALLEST:g}"
         raise SkeletonFileError(path, place, f"{fault}; expected at least one longer bone")

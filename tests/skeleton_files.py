@@ -7,7 +7,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from distretarget.io.target_file import load_full_target
+from distretarget.io.target_file import load_target
 
 HEAD = {"format": "distretarget-skeleton", "version": 1}
 HIPS = {"name": "Hips", "parent": None, "offset": [0, 96.4, 0]}
@@ -28,7 +28,7 @@ def load_json(text):
     """The skeleton in a text, without a file of its own for each of many."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("distretarget.io.target_file.read_text", lambda _: text)
-        return load_full_target("given.json").skeleton
+        return load_target("given.json").skeleton
 
 
 def assert_same(one, other):

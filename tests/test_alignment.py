@@ -7,7 +7,7 @@ import pytest
 from bodies import person, swaying
 
 from distretarget import MotionError
-from distretarget.synchronise import aligned, resampled, started
+from distretarget.synchronise import aligned, started
 
 
 def swayed():
@@ -30,12 +30,12 @@ def test_starts_and_cuts_leave_the_common_frames():
 
 def test_resampled_frames_lie_on_the_motion():
     motion = swayed()
-    half = resampled(motion, str(motion.frame_time / 2))
+    half = motion.resampled(str(motion.frame_time / 2))
     assert len(half) == 41
     np.testing.assert_allclose(half.positions[::2], motion.positions, atol=1e-9)
     between = (motion.positions[:-1] + motion.positions[1:]) / 2
     assert np.abs(half.positions[1::2] - between).max() < 0.01
-    back = resampled(half, motion.frame_time_text)
+    back = half.resampled(motion.frame_time_text)
     np.testing.assert_allclose(back.positions, motion.positions, atol=1e-9)
 
 

@@ -78,7 +78,7 @@ def test_only_the_command_line_prints_and_only_the_bridge_knows_bvhio(path):
     if module_of(path) != "cli":
         assert not imported & {"click", "tqdm"}
         assert "print(" not in path.read_text()
-    if path.name != "bvhio_bridge.py":
+    if path.name != "interop.py":
         assert "bvhio" not in imported
 
 

@@ -15,10 +15,9 @@ from distretarget.batch.manifest import Manifest, Tally, parse_record
 from distretarget.batch.plan import find_clips, plan
 from distretarget.batch.workers import Result
 from distretarget.errors import BatchError, FileError
-from distretarget.io.files import encoded, text_hash
+from distretarget.io.files import Text, encoded_parts, text_hash
 from distretarget.io.map_json import MapFile
-from distretarget.io.skeleton_json import skeleton_to_json
-from distretarget.pipeline.conversion import Text
+from distretarget.io.target_file import skeleton_to_json
 from distretarget.pipeline.options import Options
 
 TARGET = Text(skeleton_to_json(other_lengths(person()), "body"), "body.json")
@@ -68,7 +67,7 @@ def copied(job, *_):
     figures = {"result": {"contact_error": len(job.source.text)}}
     done = {"seconds": 0.5, "frames": 7, "figures": figures, "notes": ["a tail"], "warnings": ["careful"]}
     record = job.record | done | {"status": "done", "output_hash": text_hash(text)}
-    return Result(record, encoded(text), f"{MARK} {job.about}" if job.about else "")
+    return Result(record, b"".join(encoded_parts(text)), f"{MARK} {job.about}" if job.about else "")
 
 
 @pytest.fixture(autouse=True)

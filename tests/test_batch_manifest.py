@@ -15,9 +15,8 @@ from distretarget.batch import manifest as batch_manifest
 from distretarget.batch.manifest import Manifest, ManifestRecord, new_record, parse_record
 from distretarget.batch.plan import MANIFEST, Clip
 from distretarget.errors import FileError
-from distretarget.io.files import hash_of_file, text_hash
+from distretarget.io.files import Text, hash_of_file, text_hash
 from distretarget.io.map_json import MapFile
-from distretarget.pipeline.conversion import Text
 from distretarget.pipeline.options import Options
 
 OPTIONS = Options()

@@ -9,7 +9,7 @@ import pytest
 
 from distretarget.batch.plan import find_clips, plan
 from distretarget.errors import BatchError
-from distretarget.pipeline.conversion import Text
+from distretarget.io.files import Text
 
 
 def made(root, *names):

@@ -4,8 +4,8 @@ from pathlib import Path, PurePath
 
 from distretarget.batch.manifest import Tally, new_record
 from distretarget.batch.plan import Clip
+from distretarget.io.files import Text
 from distretarget.io.map_json import MapFile
-from distretarget.pipeline.conversion import Text
 from distretarget.pipeline.options import Options
 
 

@@ -14,10 +14,9 @@ from distretarget.batch.plan import Clip
 from distretarget.batch.workers import Job, convert
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
-from distretarget.io.files import text_hash
+from distretarget.io.files import Text, text_hash
 from distretarget.io.map_json import MapFile
-from distretarget.io.skeleton_json import skeleton_to_json
-from distretarget.pipeline.conversion import Text
+from distretarget.io.target_file import skeleton_to_json
 from distretarget.pipeline.options import Options
 from distretarget.report.diff_document import About
 

@@ -9,7 +9,7 @@ from bodies import SAMPLES, other_lengths, person, swaying
 from program import run, run_process
 
 from distretarget import read_bvh, write_bvh
-from distretarget.io.skeleton_json import skeleton_to_json
+from distretarget.io.target_file import skeleton_to_json
 
 
 def lengths_of(skeleton):
@@ -260,7 +260,7 @@ def test_frames_that_do_not_converge_are_reported(monkeypatch):
     monkeypatch.setattr("distretarget.objectives.contact._solve", _stop_early)
     done = run("in.bvh", "body.json", "-o", "out.bvh")
     assert done.returncode == 0
-    assert "warning: unsolved 20, limit 0; worst in frame 0; likely cause: " in done.stderr
+    assert "warning: unsolved frames 20, limit 0; worst in frame 0; likely cause: " in done.stderr
 
 
 def _stop_early(_body, _clip, _given, _tolerance, _v, _first, log, _work):

@@ -9,8 +9,7 @@ from bodies import SAMPLES, person, swaying
 from program import run
 
 from distretarget import write_bvh
-from distretarget.io.skeleton_json import skeleton_to_json
-from distretarget.io.target_file import load_full_target
+from distretarget.io.target_file import load_target, skeleton_to_json
 from distretarget.skeleton import Skeleton
 
 RIGS = SAMPLES / "rigs"
@@ -66,7 +65,7 @@ def test_show_says_what_is_recognised(file, says):
 @pytest.mark.usefixtures("folder")
 def test_what_is_exported_from_a_skeleton_file_is_that_file():
     for file in ("body.json", RIGS / "unreal_a.json"):
-        assert load_full_target(file).name
+        assert load_target(file).name
         written = json.loads(run("skeleton", "export", file).stdout)
         assert written == json.loads(Path(file).read_text())
 
@@ -85,7 +84,7 @@ def test_match_prints_a_table_in_the_order_of_the_tree():
         "matched: 22 of the target's 23 joints (18 by equal name, 4 by names)",
         "",
     ]
-    target = load_full_target(RIGS / "xsens_t.json").skeleton
+    target = load_target(RIGS / "xsens_t.json").skeleton
     table = lines[4 : lines.index("", 4)]
     assert table[0].split("  ")[0] == "target joint"
     names = [target.names[joint] for joint in target.depth_first if not target.end_sites[joint]]
@@ -157,7 +156,7 @@ def test_match_refuses_to_write_over_its_inputs():
 def test_edit_changes_lengths_and_keeps_the_rest():
     options = ["--scale", "2", "--length", "LeftKnee=0.5", "--factor", "*Wrist=1.5"]
     done = run("skeleton", "edit", "body.json", *options, "-o", "new.json")
-    body, edited = load_full_target("body.json"), load_full_target("new.json")
+    body, edited = load_target("body.json"), load_target("new.json")
     expected = 2 * body.skeleton.lengths
     expected[[key.endswith("Wrist") for key in body.skeleton.keys]] *= 1.5
     expected[body.skeleton.index("LeftKnee")] = 0.5
@@ -172,11 +171,11 @@ def test_edit_changes_lengths_and_keeps_the_rest():
 @pytest.mark.usefixtures("folder")
 def test_edit_takes_bvh_and_keeps_units_and_axis():
     assert run("skeleton", "edit", "in.bvh", "--scale", "1", "-o", "same.json").stdout.startswith("0 bones changed; ")
-    assert load_full_target("same.json").name == "in"
+    assert load_target("same.json").name == "in"
     done = run("skeleton", "edit", SAMPLES / "child.json", "--factor", "LeftKnee=1.1", "-o", "child.json")
     assert done.stdout.startswith("1 bone changed; ")
     assert done.stdout.endswith(" cm\n")
-    child = load_full_target("child.json").skeleton
+    child = load_target("child.json").skeleton
     assert (child.units, child.up) == ("cm", "Y")
 
 
@@ -187,7 +186,7 @@ def test_patterns_pass_over_bones_without_length():
     offsets[body.index("LeftToe")] = 0
     Path("flat.json").write_text(skeleton_to_json(body.with_offsets(offsets), "flat"))
     assert run("skeleton", "edit", "flat.json", "--length", "Left*=0.1", "-o", "new.json").returncode == 0
-    edited = load_full_target("new.json").skeleton
+    edited = load_target("new.json").skeleton
     changed = [key.startswith("Left") and key != "LeftToe" for key in edited.keys]
     np.testing.assert_allclose(edited.lengths[changed], 0.1)
     assert edited.lengths[edited.index("LeftToe")] == 0

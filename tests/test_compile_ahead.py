@@ -20,7 +20,7 @@ from distretarget.batch.manifest import new_record
 from distretarget.batch.plan import Clip
 from distretarget.batch.workers import Job, convert
 from distretarget.pipeline.options import Options
-from distretarget.pipeline.conversion import load_text
+from distretarget.io.files import load_text
 from distretarget.io.map_json import MapFile
 from distretarget.batch.compile_ahead import warm
 from numba.core.dispatcher import Dispatcher

@@ -10,9 +10,8 @@ from scipy.spatial.transform import Rotation
 from distretarget import Motion, read_bvh, retarget
 from distretarget.baseline.world import turned
 from distretarget.errors import MapError, MatchingError, MotionError
-from distretarget.io.target_file import load_full_target
+from distretarget.io.target_file import load_target
 from distretarget.measure.diff import diff
-from distretarget.synchronise import resampled
 
 LEG = 0.435 + 0.453
 PERSON = person()
@@ -194,7 +193,7 @@ def test_a_root_offset_that_is_added():
 @pytest.mark.parametrize("rig", ["mixamo_a", "unreal_t"])
 def test_a_retargeted_clip_has_the_figures_of_its_run(rig):
     source = read_bvh(SAMPLES / "clap.bvh")[:30]
-    run = retarget(source, load_full_target(SAMPLES / "rigs" / f"{rig}.json").skeleton)
+    run = retarget(source, load_target(SAMPLES / "rigs" / f"{rig}.json").skeleton)
     result = diff(source, run.motion)
     np.testing.assert_array_equal(result.matching.drivers, run.matching.drivers)
     np.testing.assert_allclose(result.stress, run.written_stress)
@@ -233,7 +232,7 @@ def test_a_map_says_which_joint_is_which():
 def test_resampling_a_steady_motion_keeps_it_steady():
     times = np.arange(11) * 0.1
     motion = posed(PERSON, {"LeftHip": np.outer(times, UP)}, np.outer(times, ALONG), "0.1")
-    other = resampled(motion, "0.03")
+    other = motion.resampled("0.03")
     wanted = np.arange(34) * 0.03
     assert len(other) == 34
     np.testing.assert_allclose(other.root_positions, np.outer(wanted, ALONG), atol=1e-12)
@@ -244,7 +243,7 @@ def test_resampling_a_steady_motion_keeps_it_steady():
 @pytest.mark.parametrize(("text", "frames"), [("0.1", 11), ("0.05", 21), ("0.2", 6), ("0.3", 4), ("2", 1)])
 def test_resampling_keeps_within_the_clip(text, frames):
     motion = posed(PERSON, {}, np.outer(np.arange(11) * 0.1, ALONG), "0.1")
-    other = resampled(motion, text)
+    other = motion.resampled(text)
     assert len(other) == frames
     assert other.frame_time_text == text
     np.testing.assert_allclose(other.root_positions[-1], (frames - 1) * float(text) * ALONG, atol=1e-12)
@@ -253,7 +252,7 @@ def test_resampling_keeps_within_the_clip(text, frames):
 def test_rotations_are_resampled_the_short_way():
     turns = np.radians([[0, 170, 0], [0, 190, 0]])
     motion = posed(PERSON, {"Hips": turns}, np.zeros((2, 3)), "0.1")
-    between = Rotation.from_quat(resampled(motion, "0.05").world_rotations[1, 0]).magnitude()
+    between = Rotation.from_quat(motion.resampled("0.05").world_rotations[1, 0]).magnitude()
     assert np.degrees(between) == pytest.approx(180)
 
 
@@ -277,7 +276,7 @@ def test_longer_arms_move_a_clap_apart():
 def test_clips_that_drift_apart_are_resampled():
     motion = swaying(person(), frames=600)
     slow, fast = (replace(motion, frame_time_text=text) for text in ("0.0417083", "0.0416667"))
-    other = resampled(slow, "0.0416667")
+    other = slow.resampled("0.0416667")
     assert diff(slow, other).comparison.direction_error.mean() < 0.1
     assert "A was resampled" in diff(slow, other).notes[0]
     assert not diff(slow[:9], fast).notes[1:]

@@ -9,7 +9,7 @@ from bodies import CORPUS, SAMPLES, needs_corpus, other_lengths, person
 from distretarget import DistretargetError, Skeleton, read_bvh
 from distretarget.body.body import Body
 from distretarget.body.legs import find_legs, foot_bone, leg_length, pelvis_joint, tree_legs
-from distretarget.io.target_file import load_full_target
+from distretarget.io.target_file import load_target
 
 RIGS = sorted((SAMPLES / "rigs").glob("*.json"))
 FIVE_TOES = (
@@ -97,7 +97,7 @@ def joints_by_side(legs, parts=("hip", "ankle", "toe")):
 
 @pytest.mark.parametrize("path", RIGS, ids=lambda path: path.stem)
 def test_the_parts_and_the_tree_of_a_rig_show_the_same_legs(path):
-    skeleton = load_full_target(path).skeleton
+    skeleton = load_target(path).skeleton
     assert joints_by_side(by_anatomy(skeleton)) == joints_by_side(tree_legs(skeleton))
 
 
@@ -118,13 +118,13 @@ def test_a_body_that_lacks_a_leg_has_no_legs():
 
 
 def test_a_foot_points_to_the_toes():
-    body = load_full_target(SAMPLES / "rigs" / "mixamo_t.json").skeleton
+    body = load_target(SAMPLES / "rigs" / "mixamo_t.json").skeleton
     foot, toe = foot_bone(body, Body.of(body).anatomy, "left")
     assert (body.names[foot], body.names[toe]) == ("mixamorig:LeftFoot", "mixamorig:LeftToeBase")
 
 
 def test_a_foot_without_a_bone_points_nowhere_and_its_toe_is_the_ankle():
-    body = load_full_target(SAMPLES / "rigs" / "xsens_t.json").skeleton
+    body = load_target(SAMPLES / "rigs" / "xsens_t.json").skeleton
     offsets = np.array(body.offsets)
     offsets[[joint for joint, name in enumerate(body.names) if "Toe" in name]] = 0.0
     bare = body.with_offsets(offsets)

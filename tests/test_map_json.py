@@ -11,7 +11,7 @@ from distretarget import read_bvh, retarget
 from distretarget.errors import FileError, MatchingError, SkeletonFileError
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.map_json import joint_map, load_map, map_to_json
-from distretarget.io.target_file import load_full_target
+from distretarget.io.target_file import load_target
 from distretarget.matching.matching import find_matching
 from distretarget.target import Target
 
@@ -95,7 +95,7 @@ def test_the_written_map_has_each_joint_but_end_sites():
 
 
 def test_joints_that_bend_along_a_spine_are_left_out():
-    source, target = person(), load_full_target(SAMPLES / "rigs" / "xsens_t.json").skeleton
+    source, target = person(), load_target(SAMPLES / "rigs" / "xsens_t.json").skeleton
     matching = find_matching(body_of(source), body_of(target))
     bending = {target.keys[j] for j in range(len(target)) if matching.drivers[j] < 0 <= matching.rotation_sources[j, 0]}
     assert bending
@@ -105,7 +105,7 @@ def test_joints_that_bend_along_a_spine_are_left_out():
 
 def assert_same_with_its_own_map(source, target):
     source = read_bvh(source)
-    target = load_full_target(target).skeleton
+    target = load_target(target).skeleton
     matching = matched(source, target)
     again = retarget(source, target, joint_map=json.loads(map_to_json(matching)))
     assert format_bvh(retarget(source, target).motion) == format_bvh(again.motion)

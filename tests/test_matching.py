@@ -10,11 +10,11 @@ from bodies import SAMPLES, body_of, matched, person, posed, with_bone
 from distretarget import Skeleton
 from distretarget.body.body import Body
 from distretarget.errors import MapError, MatchingError
-from distretarget.io.target_file import load_full_target
+from distretarget.io.target_file import load_target
 from distretarget.matching.matching import find_matching, match, refusal
 
 PERSON = person()
-RIGS = {path.stem: load_full_target(path).skeleton for path in sorted((SAMPLES / "rigs").glob("*.json"))}
+RIGS = {path.stem: load_target(path).skeleton for path in sorted((SAMPLES / "rigs").glob("*.json"))}
 MIXAMO = RIGS["mixamo_t"]
 # Both arms and legs of each convention, from the collar bone to the hand and from the hip joint to the toes.
 LIMBS = {

@@ -11,7 +11,7 @@ from bodies import SAMPLES
 from make_rigs import CONVENTIONS, POSES, rig
 
 from distretarget.body.body import Body
-from distretarget.io.target_file import load_full_target
+from distretarget.io.target_file import load_target
 
 RIGS = SAMPLES / "rigs"
 JOINTS = {"mixamo": 65, "xsens": 23, "lafan1": 22, "unreal": 68}
@@ -48,7 +48,7 @@ def test_the_script_makes_these_bytes(tmp_path):
 @conventions
 @poses
 def test_a_file_holds_the_skeleton(convention, pose):
-    skeleton, made = load_full_target(RIGS / f"{convention}_{pose.lower()}.json").skeleton, rig(convention, pose)
+    skeleton, made = load_target(RIGS / f"{convention}_{pose.lower()}.json").skeleton, rig(convention, pose)
     np.testing.assert_array_equal(skeleton.offsets, made.offsets)
     assert (skeleton.names, skeleton.channels) == (made.names, made.channels)
     assert (skeleton.units, skeleton.up) == ("cm", "Z" if convention == "unreal" else "Y")

@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 from table_one import table_one
 
 from distretarget import load_target, read_bvh, retarget
-from distretarget.io.target_file import load_full_target
 
 CLIPS = sorted([*SAMPLES.glob("*.bvh"), *SAMPLES.glob("supports/*.bvh")])
 HEEL = (0.0, -6.5, -5.0)  # from the ankle of a foot that stands [cm]
@@ -90,7 +89,7 @@ def test_a_clap_brings_the_wrists_together():
 
 def test_the_turn_goes_once_round_on_both_bodies():
     source = read_bvh(SAMPLES / "turn.bvh")
-    result = retarget(source, load_full_target(SAMPLES / "child.json").skeleton).motion
+    result = retarget(source, load_target(SAMPLES / "child.json").skeleton).motion
     assert heading(source)[-1] == pytest.approx(360, abs=0.01)
     assert heading(result)[-1] == pytest.approx(360, abs=0.01)
 

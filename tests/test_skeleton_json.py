@@ -11,8 +11,7 @@ from skeleton_files import HEAD_END, HIPS, MANUAL, SPINE, full, short, valid
 from table_one import table_one
 
 from distretarget.errors import SkeletonFileError
-from distretarget.io.skeleton_json import JOINT_CHANNELS, ROOT_CHANNELS
-from distretarget.io.target_file import load_target
+from distretarget.io.target_file import JOINT_CHANNELS, ROOT_CHANNELS, load_target
 from distretarget.skeleton import Skeleton
 
 

@@ -11,8 +11,7 @@ from skeleton_files import HIPS, SPINE, assert_same, full, load_json, valid
 from table_one import table_one
 
 from distretarget.errors import SkeletonError
-from distretarget.io.skeleton_json import ALL_CHANNELS, skeleton_to_json
-from distretarget.io.target_file import load_full_target
+from distretarget.io.target_file import ALL_CHANNELS, load_target, skeleton_to_json
 from distretarget.skeleton import SMALLEST, Skeleton
 
 
@@ -67,7 +66,7 @@ def test_round_trip(skeleton, name):
 def test_name_and_map_are_kept(written):
     joint_map = {"Spine": "Chest", "Hips": None}
     text = skeleton_to_json(load_json(json.dumps(full())), "hero", joint_map)
-    body = load_full_target(written(text))
+    body = load_target(written(text))
     assert (body.name, body.map) == ("hero", joint_map)
     assert list(body.map) == list(joint_map)
     assert skeleton_to_json(body.skeleton, body.name, body.map) == text

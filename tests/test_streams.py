@@ -8,7 +8,7 @@ from bodies import other_lengths, person, swaying
 from program import run
 
 from distretarget.io.bvh_writer import format_bvh
-from distretarget.io.skeleton_json import skeleton_to_json
+from distretarget.io.target_file import skeleton_to_json
 
 CLIP = format_bvh(swaying(person()))
 BODY = skeleton_to_json(other_lengths(person()), "body")
@@ -91,7 +91,7 @@ def test_errors_in_standard_input_say_so():
 
 @pytest.mark.usefixtures("folder")
 def test_closed_standard_input_is_an_error(monkeypatch):
-    monkeypatch.setattr("distretarget.cli.streams.sys", type("Closed", (), {"stdin": None}))
+    monkeypatch.setattr("distretarget.cli.outputs.sys", type("Closed", (), {"stdin": None}))
     assert run("-", "body.json", "-o", "out.bvh").stderr == "distretarget: standard input: is closed\n"
 
 

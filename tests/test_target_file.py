@@ -8,7 +8,7 @@ from skeleton_files import HEAD_END, HIPS, SPINE, assert_same, full, short
 from table_one import table_one
 
 from distretarget.errors import BvhError, FileError, SkeletonFileError
-from distretarget.io.target_file import is_json, load_full_target, load_target
+from distretarget.io.target_file import is_json, load_target, parse_full_target
 
 BVH = """HIERARCHY
 ROOT Hips
@@ -32,13 +32,10 @@ Frame Time: 0.01
 """
 
 
-def test_load_full_target_reads_the_full_form(written):
-    assert load_full_target(written(full())).skeleton.names == ("Hips", "Spine")
-
-
-def test_load_full_target_refuses_the_short_form(written):
+def test_only_the_full_form_is_a_full_target():
+    assert parse_full_target(json.dumps(full()), "a.json").skeleton.names == ("Hips", "Spine")
     with pytest.raises(SkeletonFileError, match="short form needs a source"):
-        load_full_target(written(short(scale=2)))
+        parse_full_target(json.dumps(short(scale=2)), "a.json")
 
 
 def test_content_decides_between_json_and_bvh(tmp_path):
@@ -46,13 +43,13 @@ def test_content_decides_between_json_and_bvh(tmp_path):
     (tmp_path / "json.bvh").write_text(f"\ufeff\r\n  {json.dumps(full(HIPS, SPINE, HEAD_END))}", "utf-8")
     bvh = load_target(tmp_path / "bvh.json").for_source(table_one())
     assert bvh.map == {}
-    np.testing.assert_array_equal(bvh.skeleton.lengths, load_full_target(tmp_path / "json.bvh").skeleton.lengths)
-    assert_same(load_full_target(tmp_path / "bvh.json").skeleton, bvh.skeleton)
+    np.testing.assert_array_equal(bvh.skeleton.lengths, load_target(tmp_path / "json.bvh").skeleton.lengths)
+    assert_same(load_target(tmp_path / "bvh.json").skeleton, bvh.skeleton)
 
 
 def test_neither_json_nor_bvh(written):
     with pytest.raises(BvhError):
-        load_full_target(written("name: hero"))
+        load_target(written("name: hero"))
 
 
 def test_missing_file(tmp_path):

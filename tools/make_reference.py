@@ -10,8 +10,7 @@ from pathlib import Path
 
 import click
 
-from distretarget.cli import cli
-from distretarget.cli.group import ImportedCommand
+from distretarget.cli import ImportedCommand, cli
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "command_line.md"
 WIDTH = 96  # characters of a line, as many as the site shows on a desktop

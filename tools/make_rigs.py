@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rig_bodies import BODIES, Body, Chain
 from scipy.spatial.transform import Rotation
 
-from distretarget.io.skeleton_json import skeleton_to_json
+from distretarget.io.target_file import skeleton_to_json
 from distretarget.skeleton import Skeleton
 
 Convention = Literal["mixamo", "xsens", "lafan1", "unreal"]

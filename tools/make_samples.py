@@ -20,7 +20,7 @@ from sample_props import SCENES, obj_text
 from sample_supported import SUPPORTED
 
 from distretarget.io.bvh_writer import write_bvh
-from distretarget.io.skeleton_json import FORMAT, VERSION, skeleton_to_json
+from distretarget.io.target_file import FORMAT, VERSION, skeleton_to_json
 from distretarget.scene.scene_file import HEADER as SCENE_HEADER
 from distretarget.skeleton import Skeleton
 

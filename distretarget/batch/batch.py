@@ -18,11 +18,13 @@ from distretarget.batch.workers import Job, Processes, Result, Workers, convert_
 from distretarget.checks import check_kind, check_number, check_path
 from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import (
+    Text,
     check_inside,
     check_writable,
     hash_of,
     hash_of_file,
     is_folder,
+    load_text,
     make_folder,
     read_bytes,
     text_of,
@@ -32,7 +34,6 @@ from distretarget.io.map_json import MapFile, load_map
 from distretarget.io.target_file import parse_target
 from distretarget.measure.figures import FIGURES
 from distretarget.numerics.parallel import cores
-from distretarget.pipeline.conversion import Text, load_text
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.report.diff_document import About
 from distretarget.report.index_page import index_page

@@ -10,8 +10,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path, PurePath
 
 from distretarget.errors import BatchError, FileError
-from distretarget.io.files import is_folder, reason_of
-from distretarget.pipeline.conversion import Text
+from distretarget.io.files import Text, is_folder, reason_of
 from distretarget.scene.scene_file import SCENE_NAME
 
 MANIFEST = "manifest.jsonl"  # the name of the manifest in the folder of results

@@ -30,10 +30,10 @@ from distretarget.errors import BatchError, DistretargetError
 from distretarget.ik.poses import Mapper
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import bvh_parts
-from distretarget.io.files import encoded, hash_of
+from distretarget.io.files import Text, encoded_parts, hash_of
 from distretarget.io.map_json import MapFile
-from distretarget.pipeline.conversion import Text, retarget_onto
 from distretarget.pipeline.options import Objective, Options
+from distretarget.pipeline.retarget_files import retarget_onto
 from distretarget.report.clip_page import run_page
 from distretarget.report.diff_document import About
 from distretarget.report.run_summary import unmatched
@@ -111,7 +111,7 @@ def _converted(job: Job, mapper: Mapper) -> Result:
         "warnings": list(result.warnings),
     }
     report = run_page(result, job.about) if job.about else ""
-    output = encoded("".join(parts))
+    output = b"".join(encoded_parts(parts))
     return Result(record | {"output_hash": hash_of(output)}, output, report)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import io
 import os
 import signal
@@ -9,16 +10,18 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import NoReturn
+from difflib import get_close_matches
+from functools import cached_property
+from pkgutil import resolve_name
+from typing import Any, NoReturn
 
 import click
 
 from distretarget.batch.interrupts import interrupts_kept
-from distretarget.cli.group import DefaultGroup, ImportedCommand
 from distretarget.errors import DistretargetError
 from distretarget.io.files import reason_of
 
-COMMANDS = {  # by name: where the command is, and its help in one line
+COMMANDS = {  # by name: where the command is, and its short help
     "batch": ("distretarget.cli.batch:batch_command", "Convert many clips to one or several targets."),
     "diff": ("distretarget.cli.diff:diff_command", "Measure the motion of B against that of A, the reference."),
     "retarget": (
@@ -31,10 +34,55 @@ COMMANDS = {  # by name: where the command is, and its help in one line
         "Show, edit and match skeletons, and write skeleton files.",
     ),
 }
-THREAD_TIMEOUT = 5.0  # time that each remaining thread has to end before the program ends without it [s]
+DEFAULT_COMMAND = "retarget"
+THREAD_TIMEOUT = 5.0  # how long the program waits for each remaining thread before it ends without it [s]
 
 
-@click.group(cls=DefaultGroup, default="retarget", context_settings={"help_option_names": ["-h", "--help"]})
+class DefaultGroup(click.Group):
+    """A group that runs `DEFAULT_COMMAND` if the first argument is not the name of a command.
+
+    A first argument that is not a file, but nearly the name of a command, is refused.
+    """
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        if args and args[0] not in self.commands and not os.path.lexists(args[0]):
+            for near in get_close_matches(args[0], self.commands, 1):
+                raise click.UsageError(f"there is no command or file {args[0]!r}; did you mean {near!r}?", ctx)
+        own = {name for parameter in self.get_params(ctx) for name in parameter.opts}
+        if args and args[0] not in self.commands and args[0] not in own:
+            args = [DEFAULT_COMMAND, *args]
+        return super().parse_args(ctx, args)
+
+
+class ImportedCommand(click.Command):
+    """A command that is imported when it runs, because its module is slow to import.
+
+    Before that, only its name and short help are known, which is all that the help of a group shows.
+    """
+
+    def __init__(self, name: str, place: str, short_help: str) -> None:
+        """Stand for the command at a place such as "package.module:command"."""
+        super().__init__(name, short_help=short_help)
+        self._place = place
+
+    @cached_property
+    def command(self) -> click.Command:
+        """The command itself, imported without garbage collection: modules stay to the end."""
+        gc.disable()
+        try:
+            command: click.Command = resolve_name(self._place)
+        finally:
+            gc.enable()
+        gc.freeze()
+        return command
+
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
+    ) -> click.Context:
+        return self.command.make_context(info_name, args, parent, **extra)
+
+
+@click.group(cls=DefaultGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="distretarget")
 def cli() -> None:
     """Retarget BVH motion to another body, so that hands that touch still touch and feet stay where they stand.
@@ -47,7 +95,7 @@ def cli() -> None:
     distretarget skeleton match SOURCE.bvh TARGET       which joint drives which
     distretarget skeleton show FILE                     the joints of a file and their bone lengths
     """  # noqa: D301
-    # Imported here, like the commands: --help need not wait for numba.
+    # Imported here, like the commands, so that --help does not wait for numba.
     from distretarget.cli.outputs import say
     from distretarget.numerics.compiled import announced_compilation
 
@@ -59,7 +107,7 @@ for name, (place, short_help) in COMMANDS.items():
 
 
 def main() -> None:
-    """Run the command line. Exit status: 0 done, 1 failed, 2 wrong usage, 130 interrupted; an error is one line."""
+    """Run the command line. Exit status: 0 done, 1 failed, 2 wrong usage, 130 interrupted. An error is one line."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
@@ -74,7 +122,7 @@ def main() -> None:
 
 @contextmanager
 def _interruptible() -> Iterator[None]:
-    """Handle requests to end the program (SIGTERM, SIGHUP) like Ctrl-C, unless they are ignored, as under nohup."""
+    """Handle SIGTERM and SIGHUP like Ctrl-C, unless they are ignored, as under nohup."""
     signals = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
     before = {number: signal.getsignal(number) for number in signals}
     for number, handler in before.items():
@@ -113,7 +161,7 @@ def _run() -> int:
 
 
 def _leave(status: int) -> NoReturn:
-    """End the program, even if a thread of a pool waits forever for a worker that died while it sent a result."""
+    """End the program, even if a thread of a pool waits forever for a worker that died while sending a result."""
     sys.stdout.flush()
     sys.stderr.flush()
     others = [thread for thread in threading.enumerate() if thread is not threading.main_thread() and not thread.daemon]

@@ -9,33 +9,56 @@ from pathlib import Path
 import click
 
 from distretarget.cli.diff_scenes import is_scene, measure_scenes
-from distretarget.cli.figure_lines import number, over
-from distretarget.cli.outputs import LISTED, OVERWRITE_OPTION, about, check_outputs, quiet, say
-from distretarget.cli.parameters import of_figure, positive
-from distretarget.cli.streams import FileOrStandard, read_input, write_output
+from distretarget.cli.options import positive
+from distretarget.cli.outputs import (
+    LISTED,
+    OVERWRITE_OPTION,
+    FileOrStandard,
+    about,
+    check_outputs,
+    number,
+    over,
+    quiet,
+    read_input,
+    say,
+    write_output,
+)
 from distretarget.errors import DistretargetError, MatchingError, quoted
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.map_json import joint_map, load_map
 from distretarget.measure.diff import diff
 from distretarget.measure.figures import BY_KEY, FIGURES, Figure, figures_at
-from distretarget.pipeline.conversion import needs_map
+from distretarget.pipeline.retarget_files import needs_map
 from distretarget.report.clip_page import diff_page
 from distretarget.report.diff_document import DiffContact, DiffDocument, FigureValues, csv_text, document, json_text
 from distretarget.report.scene_diff_document import GAP_ERROR
+from distretarget.skeleton import LARGEST
 from distretarget.target import Target
 
 MOST = 5  # frames and contacts that are printed
 
 
-def _fail_over_help() -> str:
-    """The help of --fail-over, of the figures there are."""
-    ratios = " and ".join(figure.key for figure in FIGURES if figure.judged == "ratio")
-    return (
-        f"Exit with status 1 if a figure is over a limit. FIGURE is one of {', '.join(BY_KEY)}. The limit is for the "
-        f"value of B; for {ratios}, for its ratio to the value of A. In scenes it is for each performer; their own "
-        f"figure {GAP_ERROR} is how far gaps between what touches are off those in A, in % of a leg. May be given "
-        "several times."
-    )
+RATIOS = " and ".join(figure.key for figure in FIGURES if figure.judged == "ratio")
+FAIL_OVER_HELP = (
+    f"Exit with status 1 if a figure is over a limit. FIGURE is one of {', '.join(BY_KEY)}. The limit is for the value "
+    f"of B; for {RATIOS}, for its ratio to the value of A. In scenes it is for each performer; their own figure "
+    f"{GAP_ERROR} is how far gaps between what touches are off those in A, in % of a leg. May be given several times."
+)
+
+
+def of_figure(text: str) -> tuple[str, float]:
+    """The key of a figure and its limit, a number from 0 up, in a text FIGURE=LIMIT."""
+    name, _, number = text.partition("=")
+    known = (*BY_KEY, GAP_ERROR)
+    if name not in known:
+        raise click.BadParameter(f"expected one of {', '.join(known)}, = and a limit, found {text!r}")
+    try:
+        limit = float(number)
+    except ValueError:
+        limit = -1.0
+    if not 0 <= limit <= LARGEST:
+        raise click.BadParameter(f"expected a number from 0 to {LARGEST:g} as limit of {name}, found {number!r}")
+    return name, limit
 
 
 @click.command("diff")
@@ -43,12 +66,7 @@ def _fail_over_help() -> str:
 @click.argument("b", type=FileOrStandard())
 @click.option("-o", "--output", type=FileOrStandard(), help="The HTML report to write: one file, no network.")
 @click.option("--json", "json_path", type=FileOrStandard(), help="Write all figures to this file.")
-@click.option(
-    "--csv",
-    "csv_path",
-    type=FileOrStandard(),
-    help="Write the figures of the frames to this file, a row each.",
-)
+@click.option("--csv", "csv_path", type=FileOrStandard(), help="Write the figures to this file, a row for each frame.")
 @click.option(
     "--map",
     "map_path",
@@ -57,14 +75,7 @@ def _fail_over_help() -> str:
     help='A JSON file with {"joint of B": "joint of A"}, null for joints to leave out; the others are matched by '
     "names or shape.",
 )
-@click.option(
-    "--fail-over",
-    "limits",
-    type=of_figure,
-    multiple=True,
-    metavar="FIGURE=LIMIT",
-    help=_fail_over_help(),
-)
+@click.option("--fail-over", "limits", type=of_figure, multiple=True, metavar="FIGURE=LIMIT", help=FAIL_OVER_HELP)
 @click.option(
     "--world-scale",
     type=positive,
@@ -102,19 +113,21 @@ def diff_command(
     if is_scene(a) or is_scene(b):
         measure_scenes(a, b, output, json_path, csv_path, map_path, limits, world_scale, overwrite)
         return
-    _check_clips(limits, world_scale)
+    if world_scale is not None or any(key == GAP_ERROR for key, _ in limits):
+        option = f"--fail-over {GAP_ERROR}" if world_scale is None else "--world-scale"
+        raise click.UsageError(f"{option} is for scenes; leave it out to compare two clips.")
     check_outputs([output, json_path, csv_path], [a, b, map_path], overwrite)
-    texts = read_input(a), read_input(b)
-    first, second = (parse_bvh(one.text, one.path) for one in texts)
+    a_text, b_text = read_input(a), read_input(b)
+    first, second = (parse_bvh(text.text, text.path) for text in (a_text, b_text))
     goal = Target(second.rigid_skeleton, {}, "")
-    pairs = joint_map(first.rigid_skeleton, goal, texts[1].path, load_map(map_path))
+    pairs = joint_map(first.rigid_skeleton, goal, b_text.path, load_map(map_path))
     try:
         result = diff(first, second, pairs)
     except MatchingError as error:
-        raise needs_map(error, *(one.path for one in texts)) from error
+        raise needs_map(error, a_text.path, b_text.path) from error
     except DistretargetError as error:
-        raise error.in_file(texts[1].path) from None
-    figures = document(result, replace(about(*(Path(one.path) for one in texts)), limits=limits))
+        raise error.in_file(b_text.path) from None
+    figures = document(result, replace(about(Path(a_text.path), Path(b_text.path)), limits=limits))
     if output:
         write_output(output, diff_page(result, figures), overwrite)
     if json_path:
@@ -124,14 +137,7 @@ def diff_command(
     for line in _account(figures):
         say(line)
     if faults := list(over(figures["limits"])):
-        raise click.ClickException(f"{texts[1].path}: {'; '.join(faults)}")
-
-
-def _check_clips(limits: tuple[tuple[str, float], ...], world_scale: float | None) -> None:
-    """Check that there are no options for scenes."""
-    if world_scale is not None or any(key == GAP_ERROR for key, _ in limits):
-        option = f"--fail-over {GAP_ERROR}" if world_scale is None else "--world-scale"
-        raise click.UsageError(f"{option} is for scenes; leave it out to compare two clips.")
+        raise click.ClickException(f"{b_text.path}: {'; '.join(faults)}")
 
 
 def _account(figures: DiffDocument) -> Iterator[str]:
@@ -152,7 +158,7 @@ def _account(figures: DiffDocument) -> Iterator[str]:
 
 
 def _table(a: FigureValues, b: FigureValues) -> Iterator[str]:
-    """A line per figure, of the figures of A and those of B."""
+    """A line per figure, with its values in A and B."""
     rows = [("figure", "A", "B", "")]
     for figure in FIGURES:
         own = number(a[figure.key]) if figure.of_source else ""
@@ -163,7 +169,7 @@ def _table(a: FigureValues, b: FigureValues) -> Iterator[str]:
 
 
 def _meaning(figure: Figure, a: float | None, b: float | None) -> str:
-    """What a figure means, its unit, and, if it is judged by A's value, how B's compares with that."""
+    """What a figure means, its unit and, if it is judged against A's value, the comparison of B's with it."""
     meaning = figure.meaning.format(source="A", result="B") + (f" [{figure.unit}]" if figure.unit else "")
     judged = figure.judgement(b, a)
     if not figure.of_source or judged is None or a is None or a <= figure.still:

@@ -9,9 +9,7 @@ from pathlib import Path
 import click
 
 from distretarget.body.body import Body
-from distretarget.cli.figure_lines import over
-from distretarget.cli.outputs import LISTED, about, check_outputs, say
-from distretarget.cli.streams import write_output
+from distretarget.cli.outputs import LISTED, about, check_outputs, over, say, write_output
 from distretarget.errors import DistretargetError, FileError, MatchingError, quoted
 from distretarget.io.bvh import read_bvh
 from distretarget.io.files import is_folder, reason_of
@@ -19,7 +17,7 @@ from distretarget.io.map_json import joint_map, load_map
 from distretarget.measure.diff import Diff, diff
 from distretarget.measure.scene_gaps import diff_scenes
 from distretarget.motion import Motion
-from distretarget.pipeline.conversion import needs_map
+from distretarget.pipeline.retarget_files import needs_map
 from distretarget.report.diff_document import document, json_text
 from distretarget.report.scene_diff_document import GAP_ERROR, SceneDiffDocument, scene_csv, scene_document
 from distretarget.report.scene_page import Table, figure_table, gap_table, scene_diff_page

@@ -1,4 +1,4 @@
-"""A matching in words: what was recognised, which joint drives which, and which joints are left over."""
+"""A matching as text: what was recognised, which joint drives which, and which joints are not used."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from distretarget.body.conventions import convention_of
 from distretarget.matching.matching import Matching
 
 METHODS = {"map": "map", "name": "equal name", "names": "names", "shape": "shape", "tip": "tip"}  # in words
-MATCHING_COLUMNS = ("target joint", "source joint", "confidence", "method")
+COLUMNS = ("target joint", "source joint", "confidence", "method")
 
 
 def recognised(body: Body) -> str:
-    """Return in words by what the parts of a body were recognised."""
+    """Return how the parts of a body were recognised, in words."""
     if title := convention_of(body.skeleton):
         return f"joints named as in {title}"
     return f"joints recognised by {body.anatomy.method}" if body.anatomy else "no human body recognised"
 
 
 def headline(matching: Matching) -> Iterator[str]:
-    """Yield lines that say by what source and target were recognised, and how many joints each method matched."""
+    """Yield how source and target were recognised, a line each, and how many joints each method matched."""
     for name, body in (("source", matching.source), ("target", matching.target)):
         yield f"{name}: {recognised(body)}"
     joints = matching.target.skeleton.joints
@@ -31,9 +31,9 @@ def headline(matching: Matching) -> Iterator[str]:
 
 
 def rows(matching: Matching) -> list[str]:
-    """Return the lines of a table with each joint of the target, in the order of its tree, without End Sites."""
+    """Return a table of the target's joints, depth first without End Sites, a line each."""
     target, joints = matching.target.skeleton, set(matching.target.skeleton.joints)
-    table = [MATCHING_COLUMNS, *(_row(matching, joint) for joint in target.depth_first if joint in joints)]
+    table = [COLUMNS, *(_row(matching, joint) for joint in target.depth_first if joint in joints)]
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     return ["  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in table]
 
@@ -47,7 +47,7 @@ def _row(matching: Matching, joint: int) -> tuple[str, str, str, str]:
 
 
 def _rotation(matching: Matching, joint: int) -> str:
-    """Which source joints the joint's rotation follows, unless that is its driver alone."""
+    """The source joints that a joint's rotation follows, unless that is its driver alone."""
     keys, weight = matching.source.skeleton.keys, matching.blend[joint]
     (a, b), driver = matching.rotation_sources[joint], matching.drivers[joint]
     if a == b or weight in (0, 1):

@@ -1,4 +1,4 @@
-"""The options shared by the commands that retarget."""
+"""Options that several commands share, and kinds of values that click does not have."""
 
 from __future__ import annotations
 
@@ -6,34 +6,61 @@ import functools
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import click
 from click.core import ParameterSource
 
-from distretarget.baseline.engine_root import RootFollows
-from distretarget.baseline.world import RootOffset
-from distretarget.cli.parameters import positive
-from distretarget.objectives.resting_joints import Environment
-from distretarget.pipeline.options import OBJECTIVES, HoldMode, Options
-from distretarget.skeleton import AXES
+from distretarget.pipeline.options import CHOICES, DEFAULT_OPTIONS, Options
+from distretarget.skeleton import LARGEST, SMALLEST
 
-SUPPORTS_OPTION = click.option(
-    "--supports",
-    type=click.Choice(get_args(HoldMode)),
-    default="hold",
-    show_default=True,
-    help="What stays where it rests. hold: feet, hands, knees and all else that rests on the floor or holds on to "
-    "something. feet: feet alone. free: nothing.",
+Decorator = Callable[[Callable[..., None]], Callable[..., None]]
+
+
+def positive(text: str) -> float:
+    """The number above 0 in the text."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = 0.0
+    if not SMALLEST <= number <= LARGEST:
+        raise click.BadParameter(f"expected a number above 0, from {SMALLEST:g} to {LARGEST:g}, found {text!r}")
+    return number
+
+
+def of_reports(text: str) -> int | None:
+    """How many reports are wanted, None for all, in a text worst:N, all or none."""
+    if text in ("all", "none"):
+        return None if text == "all" else 0
+    kind, _, number = text.partition(":")
+    if kind != "worst" or not number.isdecimal() or not int(number):
+        raise click.BadParameter(f"expected worst:N with N above 0, all or none, found {text!r}")
+    return int(number)
+
+
+def _choice(name: str, text: str) -> Decorator:
+    """An option with the choices and the default of a field of `Options`."""
+    default = getattr(DEFAULT_OPTIONS, name)
+    kind = click.Choice([choice for choice in CHOICES[name] if choice is not None])
+    flag = f"--{name.replace('_', '-')}"
+    return click.option(flag, type=kind, default=default, show_default=default is not None, help=text)
+
+
+SUPPORTS_OPTION = _choice(
+    "supports",
+    "What stays where it rests. hold: feet, hands, knees and all else that rests on the floor or holds on to "
+    "something. feet: feet alone, the usual foot lock. free: nothing.",
 )
-ENVIRONMENT_OPTION = click.option(
-    "--environment",
-    type=click.Choice(get_args(Environment)),
-    default="body",
-    show_default=True,
-    help="Where walls, rails, rungs and all else that the body holds on to are in the result. body: where the limbs of "
+ENVIRONMENT_OPTION = _choice(
+    "environment",
+    "Where walls, rails, rungs and all else that the body holds on to are in the result. body: where the limbs of "
     "TARGET meet them, on average. scaled: where they are in SOURCE, scaled like the root's path, for a set that is "
     "scaled with the body.",
+)
+STRIP_NAMESPACE_OPTION = click.option(
+    "--strip-namespace",
+    is_flag=True,
+    help="Write names of joints without a namespace: Hips for mixamorig:Hips, which three.js cannot play.",
 )
 OPTIONS = (
     click.option(
@@ -50,32 +77,26 @@ OPTIONS = (
         metavar="FACTOR",
         help="The scale of the root's path [target units per source unit]. Default: the ratio of leg lengths.",
     ),
-    click.option("--source-up", type=click.Choice(AXES), help="The axis that points up in SOURCE. Default: detected."),
-    click.option(
-        "--target-up",
-        type=click.Choice(AXES),
-        help="The axis that points up in TARGET and in the output. Default: what TARGET says, else detected.",
+    _choice("source_up", "The axis that points up in SOURCE. Default: detected."),
+    _choice(
+        "target_up",
+        "The axis that points up in TARGET and in the output. Default: what TARGET says, else detected.",
     ),
-    click.option(
-        "--root-offset",
-        type=click.Choice(get_args(RootOffset)),
-        help="Whether the position of the source's root replaces its OFFSET or is added to it. Default: whichever puts "
-        "the feet on the floor.",
+    _choice(
+        "root_offset",
+        "Whether the position of the source's root replaces its OFFSET or is added to it. Default: whichever puts the "
+        "feet on the floor.",
     ),
-    click.option(
-        "--root-follows",
-        type=click.Choice(get_args(RootFollows)),
-        help="What the root of TARGET follows if it is on the floor, as in rigs for game engines. pelvis: it stays on "
-        "the floor under the pelvis and turns with it. source: it follows the root of SOURCE. nothing: it stays at the "
+    _choice(
+        "root_follows",
+        "What the root of TARGET follows if it is on the floor, as in rigs for game engines. pelvis: it stays on the "
+        "floor under the pelvis and turns with it. source: it follows the root of SOURCE. nothing: it stays at the "
         "origin. Default: source, if SOURCE has a root that moves on the floor, else pelvis.",
     ),
-    click.option(
-        "--objective",
-        type=click.Choice(OBJECTIVES),
-        default="contact",
-        show_default=True,
-        help="contact: parts of the body that nearly touch in SOURCE stay as near, all else keeps its rotations. "
-        "paper: the method of Mucherino et al. (2017), which holds neither hands nor feet in place.",
+    _choice(
+        "objective",
+        "contact: parts of the body that nearly touch in SOURCE stay as near, all else keeps its rotations. paper: the "
+        "method of Mucherino et al. (2017), which holds neither hands nor feet in place.",
     ),
     SUPPORTS_OPTION,
     ENVIRONMENT_OPTION,
@@ -85,7 +106,6 @@ OPTIONS = (
 def retargeting(command: Callable[..., None]) -> Callable[..., None]:
     """Add the options of retargeting to a command, which receives `map_path`, and all others as `options`."""
 
-    @functools.wraps(command)
     def with_options(**given: Any) -> None:
         options = Options(**{field.name: given.pop(field.name) for field in fields(Options)})
         chosen = click.get_current_context().get_parameter_source("supports") is not ParameterSource.DEFAULT
@@ -96,6 +116,7 @@ def retargeting(command: Callable[..., None]) -> Callable[..., None]:
             )
         command(options=options, **given)
 
+    decorated: Callable[..., None] = functools.update_wrapper(with_options, command)
     for option in reversed(OPTIONS):
-        with_options = option(with_options)
-    return with_options
+        decorated = option(decorated)
+    return decorated

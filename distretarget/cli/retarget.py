@@ -14,28 +14,30 @@ from tqdm import tqdm
 from distretarget.baseline.world import RootOffset
 from distretarget.batch.compile_ahead import warm
 from distretarget.cli.matching_table import headline, unused
-from distretarget.cli.options import retargeting
+from distretarget.cli.options import STRIP_NAMESPACE_OPTION, retargeting
 from distretarget.cli.outputs import (
     LISTED,
     OVERWRITE_OPTION,
+    FileOrStandard,
     about,
     check_outputs,
     check_suffix,
     is_quiet,
     quiet,
+    read_input,
     say,
-    strip_namespace,
+    write_output,
 )
-from distretarget.cli.streams import FileOrStandard, read_input, write_output
 from distretarget.errors import FileError, quoted
 from distretarget.io.bvh import declared_frames, parse_bvh
 from distretarget.io.bvh_writer import bvh_parts
+from distretarget.io.files import Text
 from distretarget.io.map_json import load_map
 from distretarget.io.target_file import is_json
 from distretarget.motion import Motion
-from distretarget.pipeline.conversion import Text, argument, retarget_onto
 from distretarget.pipeline.options import Options
 from distretarget.pipeline.result import RetargetResult
+from distretarget.pipeline.retarget_files import argument, retarget_onto
 from distretarget.report.clip_page import run_page
 from distretarget.report.run_summary import figures_json, figures_line, summary_line, unmatched
 
@@ -46,7 +48,7 @@ from distretarget.report.run_summary import figures_json, figures_line, summary_
 @click.option("-o", "--output", required=True, type=FileOrStandard(), help="The BVH file to write.")
 @OVERWRITE_OPTION
 @retargeting
-@strip_namespace
+@STRIP_NAMESPACE_OPTION
 @click.option("--json", "figures", type=FileOrStandard(), help="Write the figures of each frame to this file.")
 @click.option(
     "--report",

@@ -13,9 +13,8 @@ import click
 from click.core import ParameterSource
 
 from distretarget.batch.compile_ahead import warm
-from distretarget.cli.options import ENVIRONMENT_OPTION, SUPPORTS_OPTION
+from distretarget.cli.options import ENVIRONMENT_OPTION, SUPPORTS_OPTION, positive
 from distretarget.cli.outputs import OVERWRITE_OPTION, check_outputs, quiet, say
-from distretarget.cli.parameters import positive
 from distretarget.errors import FileError
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.files import is_folder, make_folder, write_whole

@@ -11,18 +11,34 @@ import numpy as np
 
 from distretarget.body.body import Body
 from distretarget.cli.matching_table import headline, recognised, rows, unused
-from distretarget.cli.outputs import OVERWRITE_OPTION, check_outputs, check_suffix, quiet, say, strip_namespace
-from distretarget.cli.parameters import of_bone, positive
-from distretarget.cli.streams import STANDARD, FileOrStandard, read_input, write_output
+from distretarget.cli.options import STRIP_NAMESPACE_OPTION, positive
+from distretarget.cli.outputs import (
+    OVERWRITE_OPTION,
+    STANDARD,
+    FileOrStandard,
+    check_outputs,
+    check_suffix,
+    quiet,
+    read_input,
+    say,
+    write_output,
+)
 from distretarget.errors import FileError, closest
 from distretarget.io.bvh import parse_bvh
+from distretarget.io.files import Text
 from distretarget.io.map_json import joint_map, load_map, map_to_json
-from distretarget.io.skeleton_json import skeleton_to_json
-from distretarget.io.target_file import is_json, parse_full_target, parse_target
+from distretarget.io.target_file import is_json, parse_full_target, parse_target, skeleton_to_json
 from distretarget.matching.matching import find_matching, refusal
-from distretarget.pipeline.conversion import Text
 from distretarget.skeleton import Skeleton
 from distretarget.target import SkeletonEdit, Target
+
+
+def of_bone(text: str) -> tuple[str, float]:
+    """The name and the number above 0 in a text NAME=NUMBER."""
+    name, _, number = text.rpartition("=")
+    if not name:
+        raise click.BadParameter(f"expected a bone, = and a number, found {text!r}")
+    return name, positive(number)
 
 
 @click.group("skeleton")
@@ -52,7 +68,7 @@ def show_command(file: Path) -> None:
     default=STANDARD,
     help="The skeleton file to write. Default: standard output.",
 )
-@strip_namespace
+@STRIP_NAMESPACE_OPTION
 @OVERWRITE_OPTION
 def export_command(file: Path, output: Path, strip_namespace: bool, overwrite: bool) -> None:
     """Write the skeleton of FILE as a target skeleton file, to edit it or to retarget to it.
@@ -116,16 +132,12 @@ def edit_command(
     check_suffix(output, ".json")
     text = read_input(file)
     target = _full_target(text)
-    options = [
-        *(("--length", name, number) for name, number in lengths),
-        *(("--factor", name, number) for name, number in factors),
-    ]
+    options = [("--length", *each) for each in lengths] + [("--factor", *each) for each in factors]
     chosen = _bones(text.path, target.skeleton, options)
-    per_option = {
-        option: {key: number for key, (by, _, number) in chosen.items() if by == option}
-        for option in ("--length", "--factor")
-    }
-    edit = SkeletonEdit(1.0 if scale is None else scale, per_option["--length"], per_option["--factor"], text.path)
+    new_lengths, new_factors = (
+        {key: number for key, (by, _, number) in chosen.items() if by == option} for option in ("--length", "--factor")
+    )
+    edit = SkeletonEdit(1.0 if scale is None else scale, new_lengths, new_factors, text.path)
     edited = edit.apply(target.skeleton)
     write_output(output, skeleton_to_json(edited, _name(target, text), target.map), overwrite)
     changed = int(np.sum(edited.lengths != target.skeleton.lengths))
@@ -168,16 +180,10 @@ def match_command(source: Path, target: Path, map_path: Path | None, output: Pat
     whole_target = parse_target(target_text.text, target_text.path).for_source(source_body.skeleton)
     pairs = joint_map(source_body.skeleton, whole_target, target_text.path, load_map(map_path))
     matching = find_matching(source_body, Body.of(whole_target.skeleton, whole_target.motion), pairs)
-    lines = [
-        *headline(matching),
-        "",
-        *rows(matching),
-        "",
-        f"joints of the target without a counterpart: {', '.join(matching.without_driver) or 'none'}",
-        f"joints of the source not used: {', '.join(unused(matching)) or 'none'}",
-    ]
-    for line in lines:
+    for line in (*headline(matching), "", *rows(matching), ""):
         say(line)
+    say(f"joints of the target without a counterpart: {', '.join(matching.without_driver) or 'none'}")
+    say(f"joints of the source not used: {', '.join(unused(matching)) or 'none'}")
     if output:
         write_output(output, map_to_json(matching), overwrite)
     if reason := refusal(matching):

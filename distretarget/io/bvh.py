@@ -1,10 +1,10 @@
-"""Reading BVH files. Degrees and channels end here: a Motion has quaternions and translations."""
+"""Reading BVH files: from degrees and channels to the quaternions and translations of a Motion."""
 
 from __future__ import annotations
 
 import itertools
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,7 @@ from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 
 Array = NDArray[np.float64]
 
-NOISE = 0.01  # position channels that stay this close to zero say nothing [length of the OFFSET]
+NOISE = 0.01  # position channels that stay this close to zero are noise [length of the OFFSET]
 
 
 def read_bvh(path: str | Path) -> Motion:
@@ -34,12 +34,10 @@ def read_bvh(path: str | Path) -> Motion:
 
 
 def parse_bvh(text: str, path: str | Path) -> Motion:
-    """The motion in the text of a BVH file, whose path is for errors.
+    """The motion in the text of a BVH file; `path` is for errors.
 
-    A position channel replaces its component of the OFFSET; where the position channels of most joints hold nothing but
-    noise about zero, they are added to it.
-
-    End Sites become joints called `<parent>_End`, `<parent>_End2`, ...
+    A position channel replaces its component of the OFFSET, or is added to it; see `add_offsets`. End Sites become
+    joints called `<parent>_End`, `<parent>_End2`, ...
 
     Raises:
         BvhError: it is not a whole BVH file.
@@ -52,10 +50,10 @@ def parse_bvh(text: str, path: str | Path) -> Motion:
 
 
 def parse_bvh_skeleton(text: str, path: str | Path) -> Skeleton:
-    """The skeleton in the text of a BVH file, from its HIERARCHY alone; the MOTION may be missing or broken.
+    """The skeleton in the text of a BVH file, from its HIERARCHY; the MOTION may be missing or broken.
 
-    Where joints below the root have position channels, their OFFSETs need not be their bones: then the
-    frames are read too, if there are any, and the bones are those of `Motion.rigid_skeleton`.
+    Where joints below the root have position channels, their OFFSETs need not be their bones: then the frames are read
+    too, if there are any, and the bones are those of `Motion.rigid_skeleton`.
 
     Raises:
         BvhError: it has no whole HIERARCHY, or broken frames where they are needed.
@@ -63,14 +61,11 @@ def parse_bvh_skeleton(text: str, path: str | Path) -> Skeleton:
     words = Words(path, text)
     skeleton = _take_skeleton(words)
     has_motion = take_motion_keyword(words)
-    slides = bool(len(_sliding(skeleton)))
-    return _take_motion(words, skeleton).rigid_skeleton if has_motion and slides else skeleton
+    return _take_motion(words, skeleton).rigid_skeleton if has_motion and _sliding(skeleton).size else skeleton
 
 
 def declared_frames(text: str) -> int | None:
-    """The number of frames that the text of a BVH file declares, 0 if it ends after its HIERARCHY; None if the text is
-    not BVH up to there.
-    """
+    """The number of frames that a text declares, 0 if it ends after its HIERARCHY; None if that is not BVH."""
     words = Words("", text)
     try:
         _take_skeleton(words)
@@ -97,9 +92,9 @@ def _take_skeleton(words: Words) -> Skeleton:
 
 
 def joint_names(names: Sequence[str], parents: Sequence[int], end_sites: Sequence[bool]) -> tuple[str, ...]:
-    """The names of joints as they are, those of End Sites made up: unique, `<parent>_End`, `<parent>_End2`, ...
+    """The names of joints, with unique names for End Sites: `<parent>_End`, `<parent>_End2`, ...
 
-    All three sequences have an entry per joint, parents before children; the names of End Sites are not used.
+    Parents come before children. The given names of End Sites are not used.
     """
     taken = {name for name, end_site in zip(names, end_sites, strict=True) if not end_site}
     unused: dict[str, Iterator[str]] = {}
@@ -119,46 +114,47 @@ def _end_names(parent: str) -> Iterator[str]:
 
 
 def _twin(names: Sequence[str], parents: Sequence[int]) -> int:
-    """The first joint whose names from the root down are those of another before it, else the root."""
-    ways: list[tuple[str, ...]] = []
+    """The first joint whose names from the root down are those of an earlier joint, else the root."""
+    paths: list[tuple[str, ...]] = []
     for name, parent in zip(names, parents, strict=True):
-        ways.append((*(ways[parent] if parent >= 0 else ()), name))
-    first = {way: joint for joint, way in reversed(list(enumerate(ways)))}
-    return next((joint for joint, way in enumerate(ways) if first[way] < joint), 0)
+        path = (*(paths[parent] if parent >= 0 else ()), name)
+        if path in paths:
+            return len(paths)
+        paths.append(path)
+    return 0
 
 
 def _take_motion(words: Words, skeleton: Skeleton) -> Motion:
-    frames = take_frames(words, sum(map(len, skeleton.channels)))
-    rotations, joints = _rotations(skeleton, frames.values), np.append(0, _sliding(skeleton))
-    translations = _translations(skeleton, joints, frames.values)
-    root_positions = np.ascontiguousarray(translations[:, 0])
+    frame_time_text, values = take_frames(words, sum(map(len, skeleton.channels)))
+    columns = _columns(skeleton)
+    rotations, joints = _rotations(skeleton, columns, values), np.append(0, _sliding(skeleton))
+    translations = _translations(skeleton, columns, joints, values)
     moving = MovingBones.among(skeleton, joints, translations)
-    return Motion(skeleton, root_positions, rotations, frames.frame_time_text, moving)
+    return Motion(skeleton, np.ascontiguousarray(translations[:, 0]), rotations, frame_time_text, moving)
 
 
 def _sliding(skeleton: Skeleton) -> NDArray[np.intp]:
     """The joints below the root that have position channels."""
-    channels = enumerate(skeleton.channels)
-    return np.array(
-        [joint for joint, names in channels if joint and not set(POSITION_CHANNELS).isdisjoint(names)], np.intp
-    )
+    slides = [not set(POSITION_CHANNELS).isdisjoint(channels) for channels in skeleton.channels[1:]]
+    return np.flatnonzero(slides) + 1
 
 
 def _columns(skeleton: Skeleton) -> list[dict[str, int]]:
-    """Per joint, the column of the frames in which each of its channels stands."""
+    """Per joint, the column of each of its channels in the frames."""
     column = itertools.count()
     return [{channel: next(column) for channel in channels} for channels in skeleton.channels]
 
 
 def rotation_axes(channels: Sequence[str]) -> str:
-    """The axes of the rotation channels in their order, as "ZXY"."""
+    """The axes of the rotation channels in their order, such as "ZXY"."""
     return "".join(channel[0] for channel in channels if channel not in POSITION_CHANNELS)
 
 
-def _translations(skeleton: Skeleton, joints: NDArray[np.intp], values: Array) -> Array:
-    """(frames, joints, 3) from the frames (frames, channels): offsets, or the position channels instead."""
+def _translations(
+    skeleton: Skeleton, columns: Sequence[Mapping[str, int]], joints: NDArray[np.intp], values: Array
+) -> Array:
+    """(frames, joints, 3) from the frames (frames, channels): the offsets, replaced by position channels."""
     translations = np.tile(skeleton.offsets[joints], (len(values), 1, 1))
-    columns = _columns(skeleton)
     for row, joint in enumerate(joints):
         for component, channel in enumerate(POSITION_CHANNELS):
             if channel in columns[joint]:
@@ -168,10 +164,10 @@ def _translations(skeleton: Skeleton, joints: NDArray[np.intp], values: Array) -
 
 
 def add_offsets(skeleton: Skeleton, joints: NDArray[np.intp], translations: Array) -> None:
-    """Add OFFSETs to the position channels that do not replace them, here in `translations` (frames, joints, 3).
+    """Add OFFSETs to `translations` (frames, joints, 3), which have the position channels, where these hold only noise.
 
-    MakeHuman writes position channels of nothing but rounding noise on all joints: replacing the OFFSETs by them would
-    collapse the body into one point. So where several joints below the root have position channels, and most of these
+    MakeHuman writes position channels with nothing but rounding noise on all joints; if they replaced the OFFSETs, the
+    body would collapse into one point. So where several joints below the root have position channels, and most of these
     stay within `NOISE` of zero though their OFFSETs do not, all of them are added.
     """
     sizes = skeleton.lengths[joints]
@@ -184,13 +180,12 @@ def add_offsets(skeleton: Skeleton, joints: NDArray[np.intp], translations: Arra
         translations[:, rows] += skeleton.offsets[joints[rows]]
 
 
-def _rotations(skeleton: Skeleton, values: Array) -> Array:
+def _rotations(skeleton: Skeleton, columns: Sequence[Mapping[str, int]], values: Array) -> Array:
     """(frames, joints, 4) from the frames (frames, channels), all joints of one rotation order at once."""
     rotations = np.tile([0.0, 0.0, 0.0, 1.0], (len(values), len(skeleton), 1))
     orders: defaultdict[str, list[int]] = defaultdict(list)
     for joint, channels in enumerate(skeleton.channels):
         orders[rotation_axes(channels)].append(joint)
-    columns = _columns(skeleton)
     for axes in filter(None, orders):
         chosen = np.array([[columns[joint][f"{axis}rotation"] for axis in axes] for joint in orders[axes]], np.intp)
         write_channel_rotations(values, chosen, axes, np.array(orders[axes], np.intp), rotations)

@@ -1,12 +1,11 @@
-"""The text of BVH files: its words, joints and numbers, each checked, and refused with the line."""
+"""The words, joints and numbers in the text of a BVH file, each checked; errors name the line."""
 
 from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +15,9 @@ from distretarget.io.decimals import parse_numbers
 from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME, is_frame_time
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS
 
-MAX_DEPTH = 400
-"""The most joints that a joint may be inside of; bodies have a tenth of them."""
-
+MAX_DEPTH = 400  # joints above a joint; bodies have about 40
 CHANNELS = {name.upper(): name for name in POSITION_CHANNELS + ROTATION_CHANNELS}
-LONGEST_SHOWN = 60
+LONGEST_SHOWN = 60  # characters of a word in an error
 KEYWORDS = ("HIERARCHY", "ROOT", "JOINT", "END", "OFFSET", "CHANNELS", "MOTION", "{", "}", "")
 
 WORD = re.compile(r"[{}]|[^\s{}]+", re.ASCII)
@@ -32,9 +29,9 @@ BLANKS = " \t\v\f"
 
 
 class Words:
-    """The words of a text one after the other; a brace is a word of its own. Empty at the end of the file.
+    """The words of a text, taken one after the other; a brace is a word, and at the end of the file words are empty.
 
-    Attributes: `path`, for the errors, `text`, and `at`, how far it has been read.
+    Attributes: `path`, for errors; `text`; `at`, the position up to which it has been read.
     """
 
     def __init__(self, path: str | Path, text: str) -> None:
@@ -50,12 +47,12 @@ class Words:
         return found.group() if found else ""
 
     def peek(self) -> str:
-        """The next word, which stays the next."""
+        """The next word, without taking it."""
         found = WORD.search(self.text, self.at)
         return found.group() if found else ""
 
     def keyword(self, *expected: str) -> str:
-        """The next word in upper case, which must be the first of one of these."""
+        """The next word in upper case, which must be the first word of one of these phrases."""
         word = self.take()
         if word.upper() not in [phrase.split()[0].upper() for phrase in expected]:
             self.refuse(word, " or ".join(expected))
@@ -70,9 +67,9 @@ class Words:
         self.at = found.end()
 
     def name(self) -> str:
-        """What is left of the line, or up to a brace; inner blanks stay as they are."""
+        """The rest of the line, up to a brace; inner blanks stay."""
         found = NAME.match(self.text, self.at)
-        self.at += len(found.group()) if found else 0
+        self.at = found.end() if found else self.at
         return found.group().strip(BLANKS) if found else ""
 
     def number(self, what: str) -> float:
@@ -96,13 +93,13 @@ class Words:
         raise self.error(f"{what}, expected {expected}")
 
     def error(self, reason: str, at: int | None = None) -> BvhError:
-        """An error at a place in the text, without one at the word last taken."""
+        """An error at a position in the text, by default at the last word taken."""
         return BvhError(self.path, self.line(self._word_at if at is None else at), reason)
 
     def line(self, at: int) -> int:
-        """The number of the line at a place in the text; where the text ends, of its last line with words."""
-        before = self.text[:at]
-        return 1 + sum(1 for _ in LINE_END.finditer(before if at < len(self.text) else before.rstrip()))
+        """The number of the line at a position in the text; at its end, of the last line with words."""
+        before = self.text[:at] if at < len(self.text) else self.text.rstrip()
+        return 1 + len(LINE_END.findall(before))
 
 
 def is_finite(word: str) -> bool:
@@ -111,37 +108,23 @@ def is_finite(word: str) -> bool:
 
 
 def is_name(word: str) -> bool:
-    """Whether a name can be written after JOINT and is read back the same."""
+    """Whether a name written after JOINT is read back the same."""
     return bool(word) and NAME.fullmatch(word) is not None and word == word.strip(BLANKS)
 
 
-@dataclass(frozen=True, kw_only=True)
-class JointText:
-    """A joint as its text has it.
-
-    Attributes:
-        name: as written; of End Sites what stands after `End`.
-        parent: the number of the joint it is inside of, in the order of the text; -1 for the root.
-        offset: to the parent [file units].
-        channels: in the usual spelling, `Xposition`.
-        end_site: whether it is one.
-        at: where it stands in the text.
-    """
+class JointText(NamedTuple):
+    """A joint or End Site in a HIERARCHY; `parent` counts in the order of the text, and is -1 for the root."""
 
     name: str
     parent: int
-    offset: tuple[float, float, float]
-    channels: tuple[str, ...]
+    offset: tuple[float, float, float]  # [file units]
+    channels: tuple[str, ...]  # in the usual spelling, `Xposition`
     end_site: bool
-    at: int
+    at: int  # its position in the text
 
 
 def take_hierarchy(words: Words) -> list[JointText]:
-    """The joints and End Sites in the order of the text, up to the root's last brace.
-
-    Raises:
-        BvhError: the text is not a HIERARCHY with one ROOT.
-    """
+    """The joints and End Sites in the order of the text, up to the root's last brace; BvhError if there is no ROOT."""
     words.keyword("HIERARCHY")
     words.keyword("ROOT")
     joints = [_take_joint(words, -1)]
@@ -169,14 +152,7 @@ def _take_joint(words: Words, parent: int, end_site: bool = False) -> JointText:
     words.keyword("{")
     words.keyword("OFFSET")
     offset = (words.number("the x offset"), words.number("the y offset"), words.number("the z offset"))
-    return JointText(
-        name=name,
-        parent=parent,
-        offset=offset,
-        channels=() if end_site else _take_channels(words),
-        end_site=end_site,
-        at=at,
-    )
+    return JointText(name, parent, offset, () if end_site else _take_channels(words), end_site, at)
 
 
 def _take_channels(words: Words) -> tuple[str, ...]:
@@ -186,28 +162,20 @@ def _take_channels(words: Words) -> tuple[str, ...]:
     declared = words.count("the number of channels")
     names: list[str] = []
     while words.peek().upper() not in KEYWORDS:
-        names.append(_take_channel(words, names))
+        word = words.take()
+        name = CHANNELS.get(word.upper())
+        if name is None:
+            words.refuse(word, f"a channel, one of {', '.join(CHANNELS.values())}")
+        if name in names:
+            raise words.error(f"found {word!r} twice, expected each channel once in a joint")
+        names.append(name)
     if len(names) != declared:
         raise words.error(f"found {len(names)} channel names, expected {declared} as declared")
     return tuple(names)
 
 
-def _take_channel(words: Words, before: list[str]) -> str:
-    word = words.take()
-    name = CHANNELS.get(word.upper())
-    if name is None:
-        words.refuse(word, f"a channel, one of {', '.join(CHANNELS.values())}")
-    if name in before:
-        raise words.error(f"found {word!r} twice, expected each channel once in a joint")
-    return name
-
-
 def take_motion_keyword(words: Words) -> bool:
-    """Pass MOTION; false where the file ends instead.
-
-    Raises:
-        BvhError: something else follows the hierarchy.
-    """
+    """Pass MOTION; false where the file ends instead, BvhError where something else follows the hierarchy."""
     word = words.take()
     if word.upper() == "ROOT":
         raise words.error("found a second ROOT, expected MOTION: one skeleton in a file")
@@ -216,30 +184,17 @@ def take_motion_keyword(words: Words) -> bool:
     return bool(word)
 
 
-@dataclass(frozen=True, eq=False)
-class FramesText:
-    """The frames as their text has them.
-
-    Attributes:
-        frame_time_text: the time between frames [s], as written.
-        values: (frames, channels).
-    """
-
-    frame_time_text: str
-    values: NDArray[np.float64]
-
-
 def take_frame_count(words: Words) -> int:
-    """The number of frames that stands after MOTION."""
+    """The declared number of frames, after MOTION."""
     words.label("Frames")
     return words.count("the number of frames")
 
 
-def take_frames(words: Words, channels: int) -> FramesText:
-    """The frames of so many channels each, after MOTION up to the end of the file.
+def take_frames(words: Words, channels: int) -> tuple[str, NDArray[np.float64]]:
+    """The frame time as written [s], and the values (frames, channels), from MOTION to the end of the file.
 
     Raises:
-        BvhError: a word that is not a finite number, or not as many numbers as declared.
+        BvhError: a word is not a finite number, or there are not as many numbers as declared.
     """
     declared, at = take_frame_count(words), words.at
     words.label("Frame Time")
@@ -247,24 +202,19 @@ def take_frames(words: Words, channels: int) -> FramesText:
     if not is_frame_time(time):
         bounds = f"from {SHORTEST_FRAME:g} to {LONGEST_FRAME:g}"
         words.refuse(time, f"the time between frames in seconds, a number above 0, {bounds}")
-    values = _take_numbers(words)
+    numbers = parse_numbers(words.text[words.at :].encode("utf-8", "surrogateescape"))
+    values = _take_numbers_singly(words) if numbers is None else numbers
     if declared and not channels:
         raise words.error(f"found {declared} frames declared, expected 0 where no joint has channels", at)
     if values.size != declared * channels:
         whole, over = divmod(values.size, channels) if channels else (0, values.size)
         found = f"{whole} whole frames of {channels} numbers" + (f" and {over} numbers over" if over else "")
         raise words.error(f"found {found}, expected {declared} frames as declared", at)
-    return FramesText(time, values.reshape(declared, channels))
-
-
-def _take_numbers(words: Words) -> NDArray[np.float64]:
-    """All numbers up to the end of the text, (numbers,)."""
-    numbers = parse_numbers(words.text[words.at :].encode("utf-8", "surrogateescape"))
-    return _take_numbers_singly(words) if numbers is None else numbers
+    return time, values.reshape(declared, channels)
 
 
 def _take_numbers_singly(words: Words) -> NDArray[np.float64]:
-    """The same, slowly, to name the first word that is not a finite number."""
+    """All numbers to the end of the text, slowly, to name the first word that is not a finite number."""
     numbers: list[float] = []
     while word := words.take():
         if not is_finite(word):

@@ -31,7 +31,7 @@ def write_bvh(path: str | Path, motion: Motion, overwrite: bool = False) -> None
 
     Raises:
         FileError: the file exists and `overwrite` is false, or it cannot be written.
-        SkeletonError, MotionError: the motion cannot be said in BVH.
+        SkeletonError, MotionError: BVH cannot hold the motion; see `format_bvh`.
     """
     write_whole(path, bvh_parts(motion), overwrite)
 
@@ -39,9 +39,9 @@ def write_bvh(path: str | Path, motion: Motion, overwrite: bool = False) -> None
 def format_bvh(motion: Motion) -> str:
     """The BVH text of a motion.
 
-    Offsets have all their digits, angles 6 decimals, positions as many as 1e-8 of the body needs, at least
-    6. The root's OFFSET is zero where a channel replaces it: readers disagree on whether to add the two.
-    Angles are continuous from frame to frame.
+    Offsets have all their digits, angles 6 decimals, positions as many as 1e-8 of the body needs, at least 6. The
+    root's OFFSET is zero where a channel replaces it: readers disagree on whether to add the two. Angles are continuous
+    from frame to frame.
 
     Raises:
         SkeletonError: a name that BVH cannot hold.
@@ -51,14 +51,12 @@ def format_bvh(motion: Motion) -> str:
 
 
 def bvh_parts(motion: Motion, mapper: Callable[..., Iterable[str]] = map) -> Iterable[str]:
-    """The text of `format_bvh`, in parts.
-
-    `mapper` is like `map`; that of an executor has the parts made while the caller does something else.
-    """
+    """The text of `format_bvh` in parts, which `mapper` makes: `map`, or the `map` of an executor."""
     check_kind("motion", motion, Motion)
     head = [f"Frames: {len(motion)}", f"Frame Time: {motion.frame_time_text}"]
     lines = [*_hierarchy_lines(motion.skeleton), "MOTION", *head]
-    values, decimals = _channel_values(motion), _decimals(motion.skeleton)
+    decimals = _decimals(motion.skeleton)
+    values = _channel_values(motion, decimals)
     blocks = [values[first : first + TEXT_FRAMES] for first in range(0, len(values), TEXT_FRAMES)]
     return itertools.chain(["\n".join([*lines, ""])], mapper(rows_text, blocks, itertools.repeat(decimals)))
 
@@ -69,37 +67,27 @@ def _hierarchy_lines(skeleton: Skeleton) -> Iterator[str]:
     for joint, parent in enumerate(skeleton.parents[1:], start=1):
         depths[joint] = depths[parent] + 1
     order = skeleton.depth_first
+    following = [*depths[list(order[1:])], 0]
     yield "HIERARCHY"
-    for joint, closing in zip(order, _closings([int(depths[joint]) for joint in order]), strict=True):
+    for joint, next_depth in zip(order, following, strict=True):
         yield from ("  " * depths[joint] + line for line in _joint_lines(skeleton, joint))
-        yield from ("  " * (depths[joint] - up) + "}" for up in range(closing))
-
-
-def _closings(depths: Sequence[int]) -> list[int]:
-    """How many braces close after each joint, joints being listed depth first."""
-    return [depth + 1 - following for depth, following in zip(depths, [*depths[1:], 0], strict=True)]
+        yield from ("  " * depth + "}" for depth in range(depths[joint], next_depth - 1, -1))
 
 
 def _joint_lines(skeleton: Skeleton, joint: int) -> Iterator[str]:
     """A joint up to its children."""
-    yield _header(skeleton, joint)
+    name, channels = skeleton.names[joint], skeleton.channels[joint]
+    if not skeleton.end_sites[joint] and not is_name(name):
+        raise SkeletonError(f"BVH cannot hold the joint name {name!r}; rename it")
+    yield "End Site" if skeleton.end_sites[joint] else f"{'JOINT' if joint else 'ROOT'} {name}"
     yield "{"
     yield "  OFFSET " + " ".join(map(_offset_word, _written_offset(skeleton, joint)))
     if not skeleton.end_sites[joint]:
-        yield "  " + " ".join(["CHANNELS", str(len(skeleton.channels[joint])), *skeleton.channels[joint]])
-
-
-def _header(skeleton: Skeleton, joint: int) -> str:
-    name = skeleton.names[joint]
-    if skeleton.end_sites[joint]:
-        return "End Site"
-    if not is_name(name):
-        raise SkeletonError(f"BVH cannot hold the joint name {name!r}; rename it")
-    return f"{'JOINT' if joint else 'ROOT'} {name}"
+        yield "  " + " ".join(["CHANNELS", str(len(channels)), *channels])
 
 
 def _written_offset(skeleton: Skeleton, joint: int) -> Array:
-    """(3,), the joint's offset; for the root zero where a channel replaces it."""
+    """(3,), the joint's offset; for the root, zero where a channel replaces it."""
     replaced = [not joint and channel in skeleton.channels[joint] for channel in POSITION_CHANNELS]
     return np.where(replaced, 0.0, skeleton.offsets[joint])
 
@@ -109,25 +97,16 @@ def _offset_word(value: float) -> str:
 
 
 def _decimals(skeleton: Skeleton) -> list[int]:
-    """How many decimals each channel gets, depth first."""
+    """The number of decimals of each channel, depth first; positions get those that 1e-8 of the longest path needs."""
+    longest = float(np.max(skeleton.path_lengths))
+    fine = max(6, math.ceil(8 - math.log10(longest))) if 0 < longest < math.inf else 6
     channels = [channel for joint in skeleton.depth_first for channel in skeleton.channels[joint]]
-    fine = _position_decimals(skeleton)
     return [fine if channel in POSITION_CHANNELS else ANGLE_DECIMALS for channel in channels]
 
 
-def _position_decimals(skeleton: Skeleton) -> int:
-    """How many decimals tell 1e-8 of the longest path apart, at least 6."""
-    longest = float(np.max(skeleton.path_lengths))
-    return max(6, math.ceil(8 - math.log10(longest))) if 0 < longest < math.inf else 6
-
-
-def _channel_values(motion: Motion) -> Array:
-    """(frames, channels) as they are written, depth first: positions, and angles in degrees.
-
-    What would be written as minus zero is zero.
-    """
-    values = np.empty((len(motion), sum(map(len, motion.skeleton.channels))))
-    columns, decimals = itertools.count(), iter(_decimals(motion.skeleton))
+def _channel_values(motion: Motion, decimals: Sequence[int]) -> Array:
+    """(frames, channels) as written, depth first: positions, and angles in degrees; 0 for what rounds to minus zero."""
+    values, columns = np.empty((len(motion), len(decimals))), itertools.count()
     for joint in motion.skeleton.depth_first:
         channels = motion.skeleton.channels[joint]
         axes = rotation_axes(channels)
@@ -138,5 +117,6 @@ def _channel_values(motion: Motion) -> Array:
             column = places[:, "XYZ".index(channel[0])] if is_position else angles[:, axes.index(channel[0])]
             if not np.all(np.isfinite(column)):
                 raise MotionError("a position or rotation is not finite and cannot be written")
-            values[:, next(columns)] = np.where(np.abs(column) <= 0.5 * 10.0 ** -next(decimals), 0.0, column)
+            number = next(columns)
+            values[:, number] = np.where(np.abs(column) <= 0.5 * 10.0 ** -decimals[number], 0.0, column)
     return values

@@ -1,4 +1,4 @@
-"""Text files: reading with clear errors, and writing that leaves a whole file or none."""
+"""Text files: read with errors that name the fault, and written whole or not at all."""
 
 from __future__ import annotations
 
@@ -10,15 +10,17 @@ import os
 import secrets
 import stat
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from distretarget.checks import check_path
 from distretarget.errors import FileError
 
-# Formats of motion that other programs convert to BVH, by suffix.
+# Motion formats that other programs convert to BVH, by suffix.
 OTHER_FORMATS = {".fbx": "FBX", ".glb": "glTF", ".gltf": "glTF", ".c3d": "C3D", ".dae": "Collada", ".blend": "Blender"}
 CTRL_Z = "\x1a"
-STANDARD_INPUT = Path("standard input")  # stands for it in errors
+STANDARD_INPUT = Path("standard input")  # its name in errors
 
 REASONS = {
     errno.ENOENT: "there is no such file",
@@ -30,8 +32,26 @@ REASONS = {
 }
 
 
+@dataclass(frozen=True)
+class Text:
+    """The text of a file, and the file's path for errors."""
+
+    text: str
+    path: str | Path
+
+    @cached_property
+    def hash(self) -> str:
+        """The hash of the file that `write_whole` writes for this text."""
+        return text_hash(self.text)
+
+
+def load_text(path: str | Path) -> Text:
+    """Read a text file; errors as in `read_text`."""
+    return Text(read_text(path), path)
+
+
 def read_text(path: str | Path) -> str:
-    """Return the text of a file, without byte order mark and final Ctrl-Z; line ends stay as they are.
+    """Return the text of a file without its byte order mark and final Ctrl-Z; line ends stay as they are.
 
     The encoding is UTF-8, or UTF-16 if a byte order mark says so. Bytes that are not valid UTF-8 become lone
     surrogates, which `write_whole` turns back into the same bytes.
@@ -40,11 +60,6 @@ def read_text(path: str | Path) -> str:
         FileError: the file is missing, a folder, not readable, empty or binary.
     """
     return text_of(read_bytes(path), path)
-
-
-def is_folder(path: str | Path) -> bool:
-    """Return whether a path leads to a folder; False also where permissions do not allow to see that."""
-    return os.path.isdir(path)  # noqa: PTH112 - the method raises instead
 
 
 def read_bytes(path: str | Path) -> bytes:
@@ -97,32 +112,17 @@ def hash_of_file(path: Path) -> str | None:
 
 
 def text_hash(text: str) -> str:
-    """Return the hash of the file that `write_whole` would write for a text."""
-    return hash_of(encoded(text))
+    """Return the hash of the file that `write_whole` writes for a text."""
+    return hash_of(b"".join(encoded_parts(text)))
 
 
-def encoded(text: str) -> bytes:
-    """Return the content of the file that `write_whole` would write for a text."""
-    return text.encode("utf-8", "surrogateescape")
-
-
-def encoded_parts(content: str | bytes | Iterable[str]) -> Iterable[bytes]:
-    """Return the same for a text as a whole or in parts, part by part; bytes stay as they are."""
-    match content:
-        case bytes():
-            return [content]
-        case str():
-            return [encoded(content)]
-        case _:
-            return map(encoded, content)
+def is_folder(path: str | Path) -> bool:
+    """Return whether a path leads to a folder; False also where permissions hide it."""
+    return os.path.isdir(path)  # noqa: PTH112 - the method raises instead
 
 
 def check_inside(path: Path, folder: Path) -> None:
-    """Check that a path in a folder leads to a place in that folder, whichever links it follows.
-
-    Raises:
-        FileError: it leads to another place.
-    """
+    """Raise a FileError if a path in a folder leads out of the folder, by links or `..`."""
     try:
         inside = path.resolve().is_relative_to(folder.resolve())
     except (OSError, ValueError, RuntimeError) as error:
@@ -132,11 +132,7 @@ def check_inside(path: Path, folder: Path) -> None:
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder, and those that it is in, unless they exist.
-
-    Raises:
-        FileError: it cannot be made.
-    """
+    """Make a folder and its parents unless they exist; raise a FileError if that fails."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
@@ -149,7 +145,7 @@ def check_writable(path: str | Path, overwrite: bool = False) -> None:
     """Check, without writing, that `write_whole` could write this file.
 
     Raises:
-        FileError: the file exists and may not be replaced, the path is a link to a file that does not exist, or the
+        FileError: the file exists and must not be replaced, the path is a link to a file that does not exist, or the
             folder is missing or not writable.
     """
     check_path("path", path)
@@ -186,64 +182,61 @@ def write_whole(
 ) -> None:
     """Write a file under a temporary name in its folder, and rename it when it is complete.
 
-    Text, whole or in parts, is written as UTF-8, with line ends as given. A file that replaces another has its
-    permissions and, where that is allowed, its owner. `complete` is called when the file is complete and on the disk,
-    before it is renamed; if `complete` raises an error, the file is not put in place.
+    Text, whole or in parts, is written as UTF-8, with line ends as given. A file that replaces another keeps its
+    permissions and, where that is allowed, its owner. `complete` is called when everything is on the disk, before the
+    file is renamed; if it raises an error, nothing changes.
 
     Raises:
         FileError: the file exists and `overwrite` is false, or it cannot be written; then nothing has changed.
     """
     check_writable(path, overwrite)
     place = Path(path).resolve()
-    beside = place.with_name(f".distretarget-{secrets.token_hex(8)}.tmp")
+    temporary = place.with_name(f".distretarget-{secrets.token_hex(8)}.tmp")
     try:
-        replaced = place if overwrite and place.exists() else None
-        _write_to_disk(beside, encoded_parts(content), replaced)
+        with temporary.open("xb") as file:
+            if overwrite and place.exists():
+                _copy_owner_and_mode(place, temporary)
+            file.writelines(encoded_parts(content))
+            file.flush()
+            os.fsync(file.fileno())
         complete()
         if overwrite:
-            beside.replace(place)
+            temporary.replace(place)
         else:
-            _move_to_new(beside, place)
+            _rename_to_new(temporary, place)
     except FileExistsError as error:
         raise FileError(path, "exists already; --overwrite replaces it") from error
     except (OSError, UnicodeEncodeError) as error:
         raise FileError(path, reason_of(error)) from error
     finally:
         with contextlib.suppress(OSError):
-            beside.unlink()
+            temporary.unlink()
 
 
-def _write_to_disk(path: Path, content: Iterable[bytes], replaced: Path | None) -> None:
-    """Write a new file, which has the owner and permissions of the file that it will replace, if any."""
-    with path.open("xb") as file:
-        if replaced:
-            _hand_over(replaced, path)
-        file.writelines(content)
-        file.flush()
-        os.fsync(file.fileno())
+def encoded_parts(content: str | bytes | Iterable[str]) -> Iterable[bytes]:
+    """Return what `write_whole` writes for a content, in parts."""
+    if isinstance(content, bytes):
+        return [content]
+    parts = [content] if isinstance(content, str) else content
+    return (part.encode("utf-8", "surrogateescape") for part in parts)
 
 
-def _hand_over(place: Path, beside: Path) -> None:
-    """Give the owner, where that is allowed, and the permissions of a file to the one that will replace it."""
+def _copy_owner_and_mode(place: Path, temporary: Path) -> None:
     status = place.stat()
     if hasattr(os, "chown"):
         with contextlib.suppress(PermissionError):
-            os.chown(beside, status.st_uid, status.st_gid)
-    beside.chmod(stat.S_IMODE(status.st_mode))
+            os.chown(temporary, status.st_uid, status.st_gid)
+    temporary.chmod(stat.S_IMODE(status.st_mode))
 
 
-def _move_to_new(beside: Path, place: Path) -> None:
-    """Rename a file to a name that does not exist yet, even if another process tries the same.
-
-    Raises:
-        FileExistsError: another process was faster.
-    """
+def _rename_to_new(temporary: Path, place: Path) -> None:
+    """Rename a file; raise FileExistsError if the new name exists, even if another process has just made it."""
     try:
-        place.hardlink_to(beside)
+        place.hardlink_to(temporary)
     except FileExistsError:
         raise
     except OSError:  # a file system without hard links
-        beside.replace(place)
+        temporary.replace(place)
 
 
 def reason_of(error: Exception) -> str:

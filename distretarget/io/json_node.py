@@ -1,4 +1,4 @@
-"""JSON values with their place in the file, for errors that say what was expected there and what was found."""
+"""JSON values that know their place in the file, so that errors name it, what was expected there and what was found."""
 
 from __future__ import annotations
 
@@ -7,33 +7,29 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, TypeVar
 
 from distretarget.errors import SkeletonFileError, closest, entry_place, quoted
 from distretarget.io.bvh_parser import is_name
 from distretarget.skeleton import LARGEST, SMALLEST
 
-INVALID_SURROGATES = re.compile(r"[\ud800-\udc7f\udd00-\udfff]")
-"""Surrogates that stand for nothing; the other surrogates stand for bytes that are not valid UTF-8."""
+Value = TypeVar("Value")
+
+INVALID_SURROGATES = re.compile(r"[\ud800-\udc7f\udd00-\udfff]")  # the others hold bytes that are not valid UTF-8
 
 
-def parse_json(path: str | Path, text: str) -> object:
-    """Return the JSON value in a text, objects as tuples of (key, value).
+def parse_json(path: str | Path, text: str) -> Node:
+    """Return the JSON value in a text; `path` is for errors.
 
     All numbers become floats, since Python refuses to read integers of too many digits.
     """
     try:
-        return json.loads(text, object_pairs_hook=tuple, parse_int=float)
+        return Node(path, "", json.loads(text, object_pairs_hook=tuple, parse_int=float))
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
         raise SkeletonFileError(path, place, f"is not valid JSON: {error.msg}") from None
     except RecursionError:
         raise SkeletonFileError(path, "", "is nested too deeply; the format has four levels") from None
-
-
-def field_place(place: str, key: str) -> str:
-    """Return the place of an entry whose key the format defines."""
-    return f"{place}.{key}".lstrip(".") if key.isidentifier() else entry_place(place, key)
 
 
 @dataclass(frozen=True)
@@ -52,11 +48,11 @@ class Node:
         """Raise a SkeletonFileError that says what was expected at this place, and what was found."""
         self.fail(f"expected {what}, found {described(self.value)}")
 
-    def entries(self, place_of: Callable[[str, str], str] = entry_place) -> dict[str, Node]:
+    def entries(self, place_of: Callable[[str, str], str] = entry_place) -> Fields:
         """Return the values of an object by key, each with the place `place_of(self.place, key)`."""
         if not isinstance(self.value, tuple):
             self.expected("an object")
-        nodes: dict[str, Node] = {}
+        nodes = Fields()
         for key, value in self.value:
             node = Node(self.path, place_of(self.place, key), value)
             if key in nodes:
@@ -64,9 +60,9 @@ class Node:
             nodes[key] = node
         return nodes
 
-    def fields(self, required: Sequence[str], optional: Sequence[str]) -> dict[str, Node]:
-        """Return the values of an object by key; other keys than these are errors."""
-        fields = self.entries(field_place)
+    def fields(self, required: Sequence[str], optional: Sequence[str] = ()) -> Fields:
+        """Return the values of an object by key; all other keys are errors."""
+        fields = self.entries(_field_place)
         for key, node in fields.items():
             if key not in (*required, *optional):
                 node.fail(f"unknown key; {closest(key, (*required, *optional))}")
@@ -74,6 +70,15 @@ class Node:
             if key not in fields:
                 self.fail(f'has no "{key}"; expected {quoted(required)}')
         return fields
+
+    def check_header(self, **header: object) -> None:
+        """Check that an object has these values at these keys, such as its format and version."""
+        fields = self.entries(_field_place)
+        for key, known in header.items():
+            if key not in fields:
+                self.fail(f'has no "{key}"; expected "{key}": {json.dumps(known)}')
+            if isinstance(fields[key].value, bool) or fields[key].value != known:
+                fields[key].expected(json.dumps(known))
 
     def items(self) -> list[Node]:
         """Return the values of a list."""
@@ -119,6 +124,19 @@ class Node:
         if not isinstance(self.value, bool):
             self.expected("true or false")
         return self.value
+
+
+class Fields(dict[str, Node]):
+    """The values of a JSON object by key."""
+
+    def read(self, key: str, read: Callable[[Node], Value], default: Value) -> Value:
+        """Return what `read` makes of the value at a key, or the default where the object lacks the key."""
+        return read(self[key]) if key in self else default
+
+
+def _field_place(place: str, key: str) -> str:
+    """The place of a key that the format defines."""
+    return f"{place}.{key}".lstrip(".") if key.isidentifier() else entry_place(place, key)
 
 
 def described(value: object) -> str:

@@ -9,8 +9,8 @@ import numpy as np
 
 from distretarget.errors import MapError, SkeletonFileError, entry_place
 from distretarget.io.files import read_text
-from distretarget.io.json_node import Node, parse_json
-from distretarget.io.skeleton_json import pairs_to_json
+from distretarget.io.json_node import parse_json
+from distretarget.io.target_file import pairs_to_json
 from distretarget.matching.matching import Matching
 from distretarget.matching.pairing import pairs_of_map
 from distretarget.skeleton import JointMap, Skeleton
@@ -26,7 +26,7 @@ class MapFile:
 
 
 def load_map(path: str | Path | None) -> MapFile:
-    """Return the map in a file; a map without pairs if `path` is None.
+    """Return the map in a file, or an empty map if `path` is None.
 
     Raises:
         FileError: the file cannot be read.
@@ -37,15 +37,14 @@ def load_map(path: str | Path | None) -> MapFile:
 
 def parse_map(text: str, path: str | Path) -> MapFile:
     """Return the map in the text of a file as `load_map` does; `path` is for errors."""
-    entries = Node(path, "", parse_json(path, text)).entries()
-    return MapFile({key: node.text_or_null() for key, node in entries.items()}, path)
+    return MapFile({key: node.text_or_null() for key, node in parse_json(path, text).entries().items()}, path)
 
 
 def map_to_json(matching: Matching) -> str:
     """Return the text of a map file that gives this matching again.
 
-    It has a pair for each joint of the target, in the order of its tree, without joints that have no driver and blend
-    the rotations of a spine or neck, and without End Sites that were matched automatically.
+    It has a pair for each joint of the target, depth first, except for joints without a driver that blend the rotations
+    of a spine or neck, and for End Sites that were matched automatically.
     """
     source, target, drivers = matching.source.skeleton, matching.target.skeleton, matching.drivers
     bending = (drivers < 0) & (matching.rotation_sources[:, 0] >= 0)
@@ -59,7 +58,7 @@ def map_to_json(matching: Matching) -> str:
 
 
 def joint_map(source: Skeleton, target: Target, path: str | Path, map_file: MapFile) -> JointMap:
-    """Return the map in the target's file, `path`, overruled by the pairs of a map file.
+    """Return the map in the target's file, `path`, with the pairs of a map file in place of its own.
 
     Raises:
         SkeletonFileError: one of the two files names joints that do not exist.

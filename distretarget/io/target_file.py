@@ -1,16 +1,28 @@
-"""Target files: a skeleton file in JSON or a BVH file; the content decides which it is."""
+"""Target files: BVH, or JSON with a whole skeleton (full form) or other bone lengths for the source's (short form)."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 
-from distretarget.errors import BvhError, SkeletonFileError
+import numpy as np
+
+from distretarget.errors import BvhError, SkeletonError, SkeletonFileError, closest, quoted
 from distretarget.io.bvh import parse_bvh, parse_bvh_skeleton
 from distretarget.io.files import read_text
-from distretarget.io.skeleton_json import parse_skeleton_json
+from distretarget.io.json_node import Fields, Node, described, parse_json
+from distretarget.skeleton import AXES, POSITION_CHANNELS, ROTATION_CHANNELS, UNITS, JointMap, Skeleton
 from distretarget.target import SkeletonEdit, Target, with_bones
 
+FORMAT = "distretarget-skeleton"
+VERSION = 1
+FULL_KEYS = ("joints", "units", "up", "map")
+SHORT_KEYS = ("scale", "lengths", "factors")
+ALL_CHANNELS = POSITION_CHANNELS + ROTATION_CHANNELS
+JOINT_CHANNELS = ("Zrotation", "Xrotation", "Yrotation")  # of a joint for which the file states none
+ROOT_CHANNELS = POSITION_CHANNELS + JOINT_CHANNELS  # of a root for which the file states none
 CACHED_TARGETS = 4  # parsed BVH targets that are kept for the next clip [files]
 
 
@@ -22,27 +34,20 @@ def load_target(path: str | Path) -> Target | SkeletonEdit:
     Raises:
         FileError: the file cannot be read.
         SkeletonFileError: the file is JSON that breaks the format, or no bone of the body has a length.
-        BvhError: the file is anything else than JSON or BVH.
+        BvhError: the file is neither JSON nor BVH.
     """
     return parse_target(read_text(path), path)
 
 
 def parse_target(text: str, path: str | Path) -> Target | SkeletonEdit:
     """Return the target in the text of a file as `load_target` does; `path` is for errors."""
-    return parse_skeleton_json(text, path) if is_json(text) else _bvh_target(text, path)
-
-
-def load_full_target(path: str | Path) -> Target:
-    """Return the target in a BVH file or a skeleton file of the full form; errors as in `load_target`.
-
-    Raises:
-        SkeletonFileError: also for the short form, which needs a source to be a skeleton.
-    """
-    return parse_full_target(read_text(path), path)
+    return _json_target(parse_json(path, text)) if is_json(text) else _bvh_target(text, path)
 
 
 def parse_full_target(text: str, path: str | Path) -> Target:
-    """Return the target in the text of a file as `load_full_target` does; `path` is for errors."""
+    """Return the target in the text of a BVH file or a skeleton file of the full form; errors as in `parse_target`, and
+    a SkeletonFileError for the short form, which needs a source.
+    """
     target = parse_target(text, path)
     if isinstance(target, SkeletonEdit):
         raise SkeletonFileError(path, "", 'has no "joints"; this short form needs a source to change')
@@ -62,3 +67,174 @@ def _bvh_target(text: str, path: str | Path) -> Target:
     except BvhError:
         return Target(with_bones(parse_bvh_skeleton(text, path), path), {}, "")
     return Target(with_bones(motion.rigid_skeleton, path), {}, "", motion if len(motion) else None)
+
+
+def _json_target(document: Node) -> Target | SkeletonEdit:
+    document.check_header(format=FORMAT, version=VERSION)
+    fields = document.fields(("format", "version"), ("name", *FULL_KEYS, *SHORT_KEYS))
+    name = fields.read("name", Node.text, "")
+    full, short = ([key for key in keys if key in fields] for keys in (FULL_KEYS, SHORT_KEYS))
+    if full and short:
+        both_forms = f"{quoted(FULL_KEYS)} or {quoted(SHORT_KEYS)}"
+        fields[short[0]].fail(f'cannot be combined with "{full[0]}"; expected {both_forms}')
+    if full:
+        return _full_form(document, fields, name)
+    return SkeletonEdit(
+        scale=fields.read("scale", Node.positive, 1.0),
+        lengths=fields.read("lengths", _positives, {}),
+        factors=fields.read("factors", _positives, {}),
+        path=document.path,
+    )
+
+
+def _positives(node: Node) -> Mapping[str, float]:
+    return {name: number.positive() for name, number in node.entries().items()}
+
+
+def _full_form(document: Node, fields: Fields, name: str) -> Target:
+    if "joints" not in fields:
+        document.fail('has no "joints"')
+    joints = [node.fields(("name", "parent", "offset"), ("channels", "end")) for node in fields["joints"].items()]
+    if not joints:
+        fields["joints"].expected("at least a root and one more joint")
+    units = fields.read("units", lambda node: node.one_of(UNITS), None)
+    up = fields.read("up", lambda node: node.one_of(AXES), None)
+    try:
+        skeleton = _skeleton(joints, units, up)
+    except SkeletonError as error:
+        fields["joints"].fail(str(error))
+    pairs = fields["map"].entries() if "map" in fields else {}
+    for key, node in pairs.items():
+        if key not in skeleton.keys:
+            node.fail(f"the target has no such joint; {closest(key, skeleton.keys)}")
+    joint_map = {key: node.text_or_null() for key, node in pairs.items()}
+    return Target(with_bones(skeleton, document.path, "joints"), joint_map, name)
+
+
+def _skeleton(joints: Sequence[Fields], units: str | None, up: str | None) -> Skeleton:
+    names = tuple(joint["name"].name() for joint in joints)
+    ends = [joint.read("end", Node.flag, False) for joint in joints]
+    if ends[0]:
+        joints[0]["end"].fail("the root cannot be an End Site")
+    return Skeleton(
+        names=names,
+        parents=np.array(_parents([joint["parent"] for joint in joints], names, ends)),
+        offsets=np.array([_offset(joint["offset"]) for joint in joints]),
+        channels=tuple(map(_channels, joints, ends)),
+        end_sites=np.array(ends),
+        units=units,
+        up=up,
+    )
+
+
+def _offset(node: Node) -> list[float]:
+    numbers = node.items()
+    if len(numbers) != 3:
+        node.expected("a list of three numbers")
+    return [number.number() for number in numbers]
+
+
+def _channels(joint: Mapping[str, Node], end: bool) -> tuple[str, ...]:
+    """The channels of a joint: those that the file states, else the usual ones."""
+    if "channels" not in joint:
+        usual = JOINT_CHANNELS if joint["parent"].value is not None else ROOT_CHANNELS
+        return () if end else usual
+    channels: list[str] = []
+    for node in joint["channels"].items():
+        if end:
+            joint["channels"].fail("an End Site has no channels")
+        if node.text() not in ALL_CHANNELS:
+            node.fail(f"unknown channel {described(node.value)}; {closest(node.text(), ALL_CHANNELS)}")
+        if node.text() in channels:
+            node.fail(f"expected each channel once, found {described(node.value)} again")
+        channels.append(node.text())
+    return tuple(channels)
+
+
+def _parents(nodes: Sequence[Node], names: Sequence[str], ends: Sequence[bool]) -> list[int]:
+    """(joints,), the number of each joint's parent, -1 for the root."""
+    roots = [node for node in nodes if node.value is None]
+    if not roots:
+        nodes[0].expected("null, since the first joint is the root")
+    if nodes[0].value is not None:
+        roots[0].fail("the root must be the first joint")
+    if len(roots) > 1:
+        roots[1].expected(f"the name of a joint, since {names[0]!r} is the root")
+    parents = [-1]
+    for node in nodes[1:]:
+        parents.append(_parent(node, names, parents))
+        if ends[parents[-1]]:
+            node.fail(f"{node.text()!r} is an End Site, which has no children")
+    return parents
+
+
+def _parent(node: Node, names: Sequence[str], parents: Sequence[int]) -> int:
+    """The joint that a node names, which must be one of the first `len(parents)` joints."""
+    meant = joints_meant(node.text(), names, parents)
+    if not meant and node.text() in names:
+        node.fail(f"expected the name of an earlier joint, found {node.text()!r}, which is not one")
+    if not meant:
+        node.fail(f"no joint {node.text()!r}; {closest(node.text(), names)}")
+    if len(meant) > 1:
+        paths = quoted(f"{names[parents[joint]]}/{names[joint]}" for joint in meant)
+        node.fail(f"{node.text()!r} may be {paths}; write the parents too, as in these")
+    return meant[0]
+
+
+def joints_meant(reference: str, names: Sequence[str], parents: Sequence[int]) -> list[int]:
+    """The joints among the first `len(parents)` that a reference `name`, `parent/name` and so on may mean.
+
+    A reference that is the whole path from the root to a joint means that joint alone. So each of `Skeleton.keys` means
+    its own joint, as long as no name contains "/".
+    """
+    tops = {joint: _top(reference, joint, names, parents) for joint in range(len(parents))}
+    whole = [joint for joint, top in tops.items() if top == 0]
+    return whole if len(whole) == 1 else [joint for joint, top in tops.items() if top >= 0]
+
+
+def _top(reference: str, joint: int, names: Sequence[str], parents: Sequence[int]) -> int:
+    """The first joint of the path that a reference to a joint spells; -1 if it spells another path."""
+    end = len(reference)
+    while joint >= 0 and reference.endswith(names[joint], 0, end):
+        end -= len(names[joint]) + 1
+        if end < 0:
+            return joint
+        joint = parents[joint] if reference[end] == "/" else -1
+    return -1
+
+
+def skeleton_to_json(skeleton: Skeleton, name: str, joint_map: JointMap | None = None) -> str:
+    """Return the text of a skeleton file (full form) with the skeleton and, if it has entries, the map.
+
+    Each joint and each pair of the map has a line of its own.
+
+    Raises:
+        SkeletonError: because of a "/" in joint names it is not clear which joint is a parent.
+    """
+    head = {"format": FORMAT, "version": VERSION, "name": name, "units": skeleton.units, "up": skeleton.up}
+    lines = [f"  {_dump(key)}: {_dump(value)},\n" for key, value in head.items() if value is not None]
+    joints = ",\n".join(f"    {_dump(_joint(skeleton, joint))}" for joint in range(len(skeleton)))
+    pairs = f',\n  "map": {pairs_to_json(joint_map, "  ")}' if joint_map else ""
+    return "{\n" + "".join(lines) + f'  "joints": [\n{joints}\n  ]{pairs}\n}}\n'
+
+
+def pairs_to_json(joint_map: JointMap, indent: str = "") -> str:
+    """Return the JSON object of a map, one pair per line; the lines after the first begin with `indent`."""
+    pairs = ",\n".join(f"{indent}  {_dump(key)}: {_dump(driver)}" for key, driver in joint_map.items())
+    return f"{{\n{pairs}\n{indent}}}"
+
+
+def _joint(skeleton: Skeleton, joint: int) -> dict[str, object]:
+    """The entry of a joint in the full form."""
+    parent, key = int(skeleton.parents[joint]), None
+    if joint:
+        key = skeleton.keys[parent]
+        if joints_meant(key, skeleton.names, skeleton.parents[:joint].tolist()) != [parent]:
+            raise SkeletonError(f"{key!r} may mean several joints because of the '/' in names; rename one")
+    last = {"end": True} if skeleton.end_sites[joint] else {"channels": skeleton.channels[joint]}
+    return {"name": skeleton.names[joint], "parent": key, "offset": skeleton.offsets[joint].tolist(), **last}
+
+
+def _dump(value: object) -> str:
+    """The JSON of a value on one line; only characters that UTF-8 cannot encode are escaped."""
+    return json.dumps(value, ensure_ascii=False).encode("utf-8", "backslashreplace").decode()

@@ -18,7 +18,6 @@ from distretarget.measure.figures import NOT_RUN, Track, Tracks, Variant, clip_f
 from distretarget.measure.metrics import Comparison, Reference
 from distretarget.motion import Motion
 from distretarget.skeleton import LARGEST, JointMap
-from distretarget.synchronise import resampled
 
 Array = NDArray[np.float64]
 
@@ -107,7 +106,7 @@ def diff(
     apart = abs(a.frame_time - b.frame_time) / b.frame_time
     if apart > SAME_TIME or apart * min(len(a), len(b)) > LATE:
         notes.append(f"A was resampled from {1 / a.frame_time:.6g} to {1 / b.frame_time:.6g} frames/s")
-        a = resampled(a, b.frame_time_text)
+        a = a.resampled(b.frame_time_text)
     if len(a) != len(b):
         frames = min(len(a), len(b))
         compared = "the first was" if frames == 1 else f"the first {frames} were"

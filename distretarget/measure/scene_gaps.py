@@ -16,11 +16,10 @@ from distretarget.checks import check_kind, check_number
 from distretarget.errors import MotionError, SettingsError
 from distretarget.matching.matching import Matching
 from distretarget.measure.diff import Diff
-from distretarget.motion import Motion
+from distretarget.motion import Motion, same_time
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.vectors import extent, lengths
 from distretarget.skeleton import LARGEST, SMALLEST
-from distretarget.synchronise import resampled, same_time
 
 Array = NDArray[np.float64]
 
@@ -199,7 +198,7 @@ def prop_in_world(prop: Motion, world: World, frames: int, frame_time_text: str)
     """
     prop = turned(prop, world.source_up, world.up)
     if len(prop) > 1:
-        prop = resampled(prop, frame_time_text)
+        prop = prop.resampled(frame_time_text)
     return replace(prop[np.minimum(np.arange(frames), len(prop) - 1)], frame_time_text=frame_time_text)
 
 

@@ -14,7 +14,7 @@ from distretarget.checks import check_callable, check_kind, check_number
 from distretarget.errors import MotionError, SettingsError
 from distretarget.ik.poses import Mapper
 from distretarget.measure.scene_gaps import Gap, ScenePart, body_part, measure_gaps, prop_in_world
-from distretarget.motion import Motion
+from distretarget.motion import Motion, same_time
 from distretarget.numerics.parallel import in_threads
 from distretarget.numerics.vectors import extent
 from distretarget.objectives.resting_joints import Environment
@@ -25,7 +25,6 @@ from distretarget.pipeline.result import RetargetResult
 from distretarget.scene.props import PlacedProp, Prop, PropResult, free_placement
 from distretarget.scene.sweeps import SceneContacts, find_contacts, solve_in_sweeps
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
-from distretarget.synchronise import same_time
 from distretarget.target import SkeletonEdit, Target
 
 Gaps = dict[tuple[int, int], Gap | None]

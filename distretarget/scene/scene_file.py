@@ -185,7 +185,7 @@ def load_scene(path: str | Path) -> SceneSetup:
         FileError: the file cannot be read.
         SkeletonFileError: it breaks the format.
     """
-    document = Node(path, "", parse_json(path, read_text(path)))
+    document = parse_json(path, read_text(path))
     fields = document.fields((*HEADER, "performers"), ("props", *OPTIONS))
     for key, known in HEADER.items():
         if fields[key].value != known or isinstance(fields[key].value, bool):

@@ -1,4 +1,4 @@
-"""Motions from and to the containers of bvhio, for programs that use both packages.
+"""Motions for other programs: npz files for numpy, and the containers of bvhio.
 
 bvhio (https://github.com/Wasserwecken/bvhio) keeps a `Pose` per joint and frame: a position, which the position
 channels replace, and a rotation, both in float32.
@@ -6,10 +6,12 @@ channels replace, and a rotation, both in float32.
 
 from __future__ import annotations
 
+import io
 import warnings
 from collections.abc import Iterator
+from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +19,9 @@ from numpy.typing import NDArray
 from distretarget.checks import check_kind
 from distretarget.errors import MissingPackageError, MotionError, SkeletonError, quoted
 from distretarget.io.bvh import add_offsets, joint_names
+from distretarget.io.files import write_whole
 from distretarget.motion import Motion
+from distretarget.numerics.rotations import RotationKind
 from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
 
 if TYPE_CHECKING:
@@ -25,21 +29,37 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-LARGEST_FLOAT32 = float(np.finfo(np.float32).max)
-"""The largest coordinate that bvhio holds [file units]."""
+LARGEST_FLOAT32 = float(np.finfo(np.float32).max)  # the largest coordinate that bvhio holds [file units]
+
+
+def write_npz(
+    path: str | Path, motion: Motion, rotations: RotationKind = "quaternion", overwrite: bool = False
+) -> None:
+    """Write the arrays of `Motion.to_dict` to an npz file, whole or not at all.
+
+    `numpy.load(path)` gives them back under their names, without pickle.
+
+    Raises:
+        FileError: the file exists and `overwrite` is false, or it cannot be written.
+    """
+    check_kind("motion", motion, Motion)
+    content = io.BytesIO()
+    np.savez(content, allow_pickle=False, **cast(dict[str, Any], motion.to_dict(rotations)))
+    write_whole(path, content.getvalue(), overwrite)
 
 
 def from_bvhio(container: bvhio.BvhContainer) -> Motion:
     """The motion in a container, such as `bvhio.readAsBvh` returns.
 
-    It is the motion that `read_bvh` reads from the same file, but for what bvhio does not keep:
+    It is the motion that `read_bvh` reads from the same file, except for what bvhio does not keep:
 
     - offsets, positions and rotations have the 7 digits of float32;
     - the frame time is spelled as Python spells the number, 0.0333330 as 0.033333;
     - names end at their first blank;
     - a joint without children has one End Site, the last of several, at (0, 1, 0) where the file has none;
-      a joint with children has none;
-    - scales of poses, which only programs can set, are left out.
+      a joint with children has none.
+
+    Scales of poses, which only programs can set, are ignored.
 
     Raises:
         MissingPackageError: bvhio is not installed.
@@ -88,7 +108,7 @@ def to_bvhio(motion: Motion) -> bvhio.BvhContainer:
 
 
 def _bvhio() -> ModuleType:
-    """The package, imported here because everything else works without it."""
+    """The package bvhio; everything else works without it."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", PendingDeprecationWarning)  # its pyglm announces a new name
@@ -102,7 +122,7 @@ def _bvhio() -> ModuleType:
 
 
 def _check_container(container: bvhio.BvhContainer) -> None:
-    """Raise MotionError unless it is a container that has joints, a number of frames and the time between them."""
+    """Raise a MotionError unless this is a container with a root, a number of frames and a frame time."""
     package = _bvhio()
     if not isinstance(container, package.BvhContainer):
         found = type(container).__name__
@@ -117,12 +137,8 @@ def _check_container(container: bvhio.BvhContainer) -> None:
 
 
 def _nodes(root: bvhio.BvhJoint) -> Iterator[tuple[bvhio.BvhJoint, int, bool]]:
-    """Depth first, each joint, its parent's number in this order, and false.
-
-    An End Site is the joint it belongs to, that joint's number, and true.
-    """
-    stack = [(root, -1, False)]
-    number = 0
+    """Depth first, each joint, its parent's number in this order, and false; for an End Site its joint, and true."""
+    stack, number = [(root, -1, False)], 0
     while stack:
         joint, parent, is_end_site = stack.pop()
         yield joint, parent, is_end_site
@@ -144,12 +160,10 @@ def _skeleton(nodes: list[tuple[bvhio.BvhJoint, int, bool]]) -> Skeleton:
 
 
 def _channels(joint: bvhio.BvhJoint) -> tuple[str, ...]:
-    """A joint's channels, checked, as bvhio takes any word for one."""
-    channels = tuple(joint.Channels)
-    wrong = sorted(set(channels) - set(POSITION_CHANNELS + ROTATION_CHANNELS))
-    if wrong:
-        known = ", ".join(POSITION_CHANNELS + ROTATION_CHANNELS)
-        raise SkeletonError(f"{joint.Name!r} has the channel {quoted(wrong)}, expected some of {known}")
+    """A joint's channels, checked, since bvhio accepts any word."""
+    channels, known = tuple(joint.Channels), POSITION_CHANNELS + ROTATION_CHANNELS
+    if wrong := sorted(set(channels) - set(known)):
+        raise SkeletonError(f"{joint.Name!r} has the channel {quoted(wrong)}, expected some of {', '.join(known)}")
     if len(set(channels)) < len(channels):
         raise SkeletonError(f"{joint.Name!r} has a channel twice: {', '.join(channels)}")
     return channels
@@ -182,7 +196,7 @@ def _joint(package: ModuleType, motion: Motion, number: int) -> bvhio.BvhJoint:
 
 
 def _check_end_sites(skeleton: Skeleton) -> None:
-    """Raise SkeletonError where a joint has several End Sites, or one beside other children."""
+    """Raise a SkeletonError if a joint has several End Sites, or one beside other children."""
     for joint, children in enumerate(skeleton.children):
         if len(children) > 1 and np.any(skeleton.end_sites[list(children)]):
             found = quoted(skeleton.names[child] for child in children)
@@ -192,7 +206,7 @@ def _check_end_sites(skeleton: Skeleton) -> None:
 
 
 def _check_range(motion: Motion) -> None:
-    """Raise MotionError unless float32 holds all numbers."""
+    """Raise a MotionError unless float32 holds all numbers."""
     arrays = (motion.skeleton.offsets, motion.translations, motion.rotations)
     if not all(np.all(np.abs(array) <= LARGEST_FLOAT32) for array in arrays):
         raise MotionError(

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from distretarget import Motion, Skeleton, read_bvh
 from distretarget.body.body import Body
 from distretarget.errors import MissingPackageError, MotionError, SkeletonError
-from distretarget.io.bvhio_bridge import from_bvhio, to_bvhio
+from distretarget.io.interop import from_bvhio, to_bvhio
 
 NEEDS_BVHIO = "bvhio is not installed; it has no builds for Python 3.14"
 FLOAT32 = 1e-5  # of a body's height

@@ -1,15 +1,13 @@
-"""From the texts of files to a retargeted motion: the work on one clip, for all commands that retarget."""
+"""Retarget onto the target in a file, with errors that name the file at fault and the command that helps."""
 
 from __future__ import annotations
 
 import shlex
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 from distretarget.errors import SAY_IN_A_MAP, DistretargetError, MatchingError
 from distretarget.ik.poses import Mapper, Progress, ignore_progress
-from distretarget.io.files import STANDARD_INPUT, read_text, text_hash
+from distretarget.io.files import STANDARD_INPUT, Text
 from distretarget.io.map_json import MapFile, joint_map
 from distretarget.io.target_file import parse_target
 from distretarget.motion import Motion
@@ -17,24 +15,6 @@ from distretarget.numerics.parallel import in_threads
 from distretarget.pipeline.options import Options
 from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.retargeting import retarget
-
-
-@dataclass(frozen=True)
-class Text:
-    """A file that has been read: its text, and its path for errors."""
-
-    text: str
-    path: str | Path
-
-    @cached_property
-    def hash(self) -> str:
-        """The hash of the text, as UTF-8."""
-        return text_hash(self.text)
-
-
-def load_text(path: str | Path) -> Text:
-    """Read a text file; errors as in `read_text`."""
-    return Text(read_text(path), path)
 
 
 def retarget_onto(
@@ -47,7 +27,7 @@ def retarget_onto(
     mapper: Mapper = in_threads,
     progress: Progress = ignore_progress,
 ) -> RetargetResult:
-    """Retarget a motion onto the target in a file that has been read, with the pairs of a map file.
+    """Retarget a motion onto the target in a file, with the pairs of a map file.
 
     `source` is the path of the motion's file, for errors; `mapper` and `progress` are as in `retarget`.
 
@@ -65,12 +45,12 @@ def retarget_onto(
 
 
 def needs_map(error: MatchingError, source: str | Path, target: str | Path) -> MatchingError:
-    """Return a matching error with the advice to write a map, and the command for that."""
+    """Return a matching error that advises to write a map, with the command for it."""
     command = f"distretarget skeleton match {argument(source)} {argument(target)} -o MAP.json"
     advice = f"{SAY_IN_A_MAP}: write one with `{command}`, and give it with --map MAP.json"
     return error.advised(advice).in_file(target)
 
 
 def argument(path: str | Path) -> str:
-    """Return how a file is given on a command line, quoted for a shell."""
+    """Return the argument of a command line for a file, quoted for a shell."""
     return "-" if path == STANDARD_INPUT else shlex.quote(str(path))
