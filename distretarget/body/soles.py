@@ -108,9 +108,9 @@ class _Foot:
 
 def _reference_foot(body: Body, leg: Leg) -> _Foot:
     """The foot in the reference pose; one that hangs there is given its usual pitch."""
-    stance = body.reference
+    stance = body.reference.directions
     up = body.up_vector if stance is None else axis_vector(nearest_axis(stance.up)[0])
-    ankle = Rotation.from_quat(body.reference_pose[leg.ankle]).as_matrix()
+    ankle = Rotation.from_quat(body.reference.rotations[leg.ankle]).as_matrix()
     foot = _foot(body, leg, up @ ankle, body.stands_at_rest or body.anatomy is None)
     if foot.direction @ foot.up >= -HANGING:
         return foot

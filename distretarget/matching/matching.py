@@ -16,11 +16,14 @@ from distretarget.body.legs import Leg, Legs, leg_length
 from distretarget.body.soles import Sole, find_soles
 from distretarget.checks import check_kind
 from distretarget.errors import MatchingError, MotionError
-from distretarget.matching.bones import rest_poses_alike
 from distretarget.matching.pairing import find_pairs, pairs_of_map, spine_blend, tips
 from distretarget.motion import Motion
+from distretarget.numerics.vectors import normalised
 from distretarget.skeleton import JointMap
 
+Array = NDArray[np.float64]
+
+BUILD_ANGLE = np.radians(55)  # rest directions of bones that differ by less show another build, not another pose [rad]
 NAMED_SHARE = 0.5  # least share of target joints matched by name if no human body is recognised [0 to 1]
 LANDMARKS = ("hips", "head", "leftHand", "rightHand", "leftFoot", "rightFoot")  # the places of joints count from these
 CONFIDENCE = {"map": 1.0, "name": 1.0, "names": 0.95, "shape": 0.8, "tip": 0.9, "": 0.0}  # by method [0 to 1]
@@ -143,16 +146,29 @@ class Matching:
         return joints[~np.isin(of_joint[joints], [of_joint[leg.ankle] for leg in self.legs[1]])]
 
     @cached_property
-    def bone_drivers(self) -> NDArray[np.intp]:
-        """(target joints,), like `drivers`, but -1 for joints above the hips of either body, which end no bone."""
-        above = np.isin(np.arange(len(self.drivers)), self.target.above_hips)
-        above |= np.isin(self.drivers, self.source.above_hips)
-        return np.where(above, -1, self.drivers)
-
-    @cached_property
     def rest_poses_alike(self) -> bool:
         """Whether all bones of both rest poses point about the same way, so that they can be compared."""
-        return rest_poses_alike(self.source.skeleton, self.target.skeleton, self.bone_drivers)
+        _, a, b = self.shared_bones(self.source.skeleton.rest_positions, self.target.skeleton.rest_positions)
+        return bool(((a * b).sum(axis=1) >= np.cos(BUILD_ANGLE)).all())
+
+    def shared_bones(self, x: Array, y: Array) -> tuple[NDArray[np.intp], Array, Array]:
+        """Return the bones that both bodies have: the target joint at the upper end of each, (bones,), in ascending
+        order, and their directions on the source, whose joints are at `x`, and on the target, at `y`, (bones, 3) each.
+
+        A bone is from a joint with a driver to the nearest ones below, of length 0 on neither body. Joints above the
+        hips of either body have none.
+        """
+        driven = (self.drivers >= 0) & ~np.isin(self.drivers, self.source.above_hips)
+        driven[[*self.target.above_hips]] = False
+        above = np.array(self.target.skeleton.parents)  # the nearest joint with a driver above each joint
+        for joint, parent in enumerate(above[1:], start=1):
+            above[joint] = parent if driven[parent] else above[parent]
+        lower = np.flatnonzero(driven & (above >= 0))
+        lower = lower[np.argsort(above[lower], kind="stable")]
+        upper = above[lower]
+        a, b = x[self.drivers[lower]] - x[self.drivers[upper]], y[lower] - y[upper]
+        apart = a.any(axis=1) & b.any(axis=1)
+        return upper[apart], normalised(a[apart]), normalised(b[apart])
 
     @cached_property
     def soles(self) -> tuple[tuple[Sole, Sole], ...]:
