@@ -66,16 +66,16 @@ def assert_t_pose(body, world):
 @pytest.mark.parametrize("pose", "TA")
 def test_a_rest_pose_in_which_a_person_stands_is_its_own_reference(convention, pose):
     body = rig(convention, pose)
-    np.testing.assert_array_equal(Body.of(body).reference_pose, body.unturned)
+    np.testing.assert_array_equal(Body.of(body).reference.rotations, body.unturned)
 
 
 def test_a_body_that_is_no_person_keeps_its_rest_pose():
-    np.testing.assert_array_equal(Body(person(), None).reference_pose, person().unturned)
+    np.testing.assert_array_equal(Body(person(), None).reference.rotations, person().unturned)
 
 
 def test_without_a_motion_bones_along_one_axis_become_a_t_pose():
     body = Body.of(rig("lafan1", "X"))
-    assert_t_pose(body, body.reference_pose)
+    assert_t_pose(body, body.reference.rotations)
 
 
 @pytest.mark.parametrize("convention", ["mixamo", "xsens", "lafan1"])
@@ -89,7 +89,7 @@ def test_a_frame_of_the_motion_replaces_a_rest_pose_along_one_axis():
     motion = without_a_rest_pose()
     body = Body.of_motion(motion)
     frame = standing_frame(body.moving, body.up_vector, body.unit)
-    np.testing.assert_array_equal(body.reference_pose, motion.world_rotations[frame])
+    np.testing.assert_array_equal(body.reference.rotations, motion.world_rotations[frame])
     stands = Directions(body.anatomy, motion.positions[frame])
     assert stands.stretch > 150
     assert stands.up @ UP > 0.97
@@ -117,7 +117,7 @@ def test_without_a_standing_frame_or_rest_pose_a_t_pose_is_built():
     down = np.array(motion.rotations)
     down[:, 0] = (Rotation.from_euler("x", 90, degrees=True) * Rotation.from_quat(down[:, 0])).as_quat()
     body = Body.of_motion(replace(motion, rotations=down)).with_up("Y")
-    assert_t_pose(body, body.reference_pose)
+    assert_t_pose(body, body.reference.rotations)
 
 
 def test_elbows_and_knees_bend_about_the_axes_across_them():

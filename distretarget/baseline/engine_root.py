@@ -93,16 +93,16 @@ class EngineRoot:
     def _rotations(self, motion: Motion) -> Array:
         """(frames, 4), the root's rotations: upright, with the heading of what the root follows."""
         source, body, up = self.matching.source, self.matching.target, self.matching.target.up_vector
-        raised = least(body.reference_axes[None, :, 1], up[None])
+        raised = least(body.reference.axes[None, :, 1], up[None])
         match self.follows:
             case "pelvis":
                 axes = _carried_axes(body, motion, _pelvis(body))
             case "source":
                 axes = _carried_axes(source, self.matching.source_motion, _roots_on_floor(source)[-1])
             case "nothing":
-                axes = raised * Rotation.from_matrix(np.broadcast_to(body.reference_axes, (len(motion), 3, 3)))
-        heading = _heading(axes * Rotation.from_matrix(body.reference_axes).inv() * raised.inv(), up)
-        at_rest = raised * Rotation.from_quat(body.reference_pose[0])
+                axes = raised * Rotation.from_matrix(np.broadcast_to(body.reference.axes, (len(motion), 3, 3)))
+        heading = _heading(axes * Rotation.from_matrix(body.reference.axes).inv() * raised.inv(), up)
+        at_rest = raised * Rotation.from_quat(body.reference.rotations[0])
         return (Rotation.from_rotvec(heading[:, None] * up) * at_rest).as_quat()
 
 
@@ -153,7 +153,7 @@ def _roots_on_floor(body: Body) -> list[int]:
     """The joints above the hips that stand on the floor in the reference pose, from the topmost down."""
     if body.anatomy is None or body.legs is None or not body.above_hips:
         return []
-    heights = body.reference_positions @ body.reference_axes[:, 1]
+    heights = body.reference.positions @ body.reference.axes[:, 1]
     limit = heights[_pelvis(body)] - BELOW_HIPS * body.leg_length
     return [joint for joint in reversed(body.above_hips) if heights[joint] < limit]
 
@@ -173,7 +173,7 @@ def _source_root_leads(matching: Matching) -> bool:
 
 def _carried_axes(body: Body, motion: Motion, joint: int) -> Rotation:
     """(frames,), the rotations whose columns are the body's left, up and forward axes as a joint carries them along."""
-    reference, axes = Rotation.from_quat(body.reference_pose[joint]), Rotation.from_matrix(body.reference_axes)
+    reference, axes = Rotation.from_quat(body.reference.rotations[joint]), Rotation.from_matrix(body.reference.axes)
     return Rotation.from_quat(motion.world_rotations_of(joint)) * reference.inv() * axes
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,10 +11,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import FINGERS, SIDES
-from distretarget.matching.bones import BUILD_ANGLE, bone_directions, driven_below
-from distretarget.matching.matching import Matching
+from distretarget.body.body import Pose
+from distretarget.matching.matching import BUILD_ANGLE, Matching
 from distretarget.numerics.rotations import least_matrix
-from distretarget.numerics.vectors import cross
+from distretarget.numerics.vectors import cross, level
 
 Array = NDArray[np.float64]
 
@@ -32,7 +33,7 @@ def rest_alignment(matching: Matching) -> Array:
     Where a frame of the motion replaces a rest pose, the axes about which elbows and knees bend in it give the roll.
     """
     bodies = _Bodies(matching)
-    source_pose, target_pose = bodies.poses
+    source_pose, target_pose = bodies.rotations
     back = source_pose[np.maximum(matching.rotation_sources, 0)].swapaxes(-1, -2)
     alignments = back @ (_joint_alignments(bodies) @ target_pose)[:, None]
     return Rotation.from_matrix(alignments.reshape(-1, 3, 3)).as_quat().reshape(-1, 2, 4)
@@ -40,7 +41,7 @@ def rest_alignment(matching: Matching) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Bodies:
-    """The poses, axes and joint sets by which two bodies are aligned.
+    """What is known of two bodies that are to be aligned.
 
     Attributes:
         matching: the matching of the two bodies.
@@ -49,54 +50,38 @@ class _Bodies:
     matching: Matching
 
     @cached_property
-    def human(self) -> bool:
-        """Whether both bodies have an anatomy."""
-        return self.matching.source.anatomy is not None and self.matching.target.anatomy is not None
+    def roles(self) -> Mapping[str, int]:
+        """The target's joint of each role; empty unless both bodies have an anatomy."""
+        source, target = self.matching.source.anatomy, self.matching.target.anatomy
+        return target.roles if source and target else {}
 
     @cached_property
     def in_reference(self) -> bool:
         """Whether the bodies are aligned in their reference poses; else in their rest poses."""
-        return self.human and not self.matching.rest_poses_alike
+        return bool(self.roles) and not self.matching.rest_poses_alike
 
     @cached_property
-    def poses(self) -> tuple[Array, Array]:
-        """(joints, 3, 3) of source and target, the world rotations of the poses that are aligned with each other."""
+    def poses(self) -> tuple[Pose, Pose]:
+        """The poses of source and target that are aligned with each other."""
         source, target = self.matching.source, self.matching.target
-        if self.in_reference:
-            return _matrices(source.reference_pose), _matrices(target.reference_pose)
-        unturned = np.eye(3)[None]
-        return unturned.repeat(len(source.skeleton), axis=0), unturned.repeat(len(target.skeleton), axis=0)
+        return (source.reference, target.reference) if self.in_reference else (source.rest, target.rest)
 
     @cached_property
-    def positions(self) -> tuple[Array, Array]:
-        """(joints, 3) of source and target, the positions in these poses, roots at the origin [file units of each]."""
-        source, target = self.matching.source, self.matching.target
-        if self.in_reference:
-            return source.reference_positions, target.reference_positions
-        return source.skeleton.rest_positions, target.skeleton.rest_positions
+    def rotations(self) -> tuple[Array, Array]:
+        """(joints, 3, 3) of source and target, the world rotations of these poses."""
+        source, target = (np.asarray(Rotation.from_quat(pose.rotations).as_matrix()) for pose in self.poses)
+        return source, target
 
     @cached_property
-    def bends(self) -> tuple[dict[str, Array], dict[str, Array]]:
+    def bend_axes(self) -> tuple[Mapping[str, Array], Mapping[str, Array]]:
         """The axes, (3,) by role, about which the limbs of source and target bend in these poses."""
-        if not self.in_reference:
-            return {}, {}
-        return self.matching.source.bend_axes, self.matching.target.bend_axes
-
-    @cached_property
-    def axes(self) -> tuple[Array, Array]:
-        """(3, 3) of source and target, the axes of the bodies in these poses, columns left, up and forward."""
-        source, target = self.matching.source, self.matching.target
-        if self.in_reference:
-            return source.reference_axes, target.reference_axes
-        return source.rest_axes, target.rest_axes
+        return (self.matching.source.bend_axes, self.matching.target.bend_axes) if self.in_reference else ({}, {})
 
     @cached_property
     def turn(self) -> Array:
         """(3, 3), the rotation from the target's axes to the source's."""
-        if not self.in_reference:
-            return np.eye(3)
-        source_axes, target_axes = self.axes
-        return np.asarray(source_axes @ target_axes.T)
+        source, target = self.poses
+        return np.asarray(source.axes @ target.axes.T) if self.in_reference else np.eye(3)
 
     @cached_property
     def outwards(self) -> dict[int, Array]:
@@ -104,34 +89,30 @@ class _Bodies:
 
         Upper arms turn by way of this direction, so that a target in A-pose is aligned like the same target in T-pose.
         """
-        roles = self._target_roles
-        left = self.axes[0][:, 0] if roles else np.zeros(3)
-        pairs = zip(SIDES, (1.0, -1.0), strict=True)
-        return {roles[f"{side}UpperArm"]: sign * left for side, sign in pairs if f"{side}UpperArm" in roles}
+        left = self.poses[0].axes[:, 0]
+        goals = zip((f"{side}UpperArm" for side in SIDES), (left, -left), strict=True)
+        return {self.roles[role]: goal for role, goal in goals if role in self.roles}
 
     @cached_property
     def hinges(self) -> dict[int, tuple[str, Array]]:
-        """For the target's upper arms and thighs, their role and the usual axis, (3,), about which the limb bends.
+        """For the target's upper arms and thighs, their role and the usual axis, (3,), about which elbow or knee bends.
 
         It is the axis of a body that stands like the source with arms out: forearms bend forwards, shins backwards.
         """
-        roles = self._target_roles
-        if not roles:
-            return {}
-        left, up, _ = self.axes[0].T
+        left, up, _ = self.poses[0].axes.T
         usual = {"leftUpperArm": -up, "rightUpperArm": up, "leftUpperLeg": left, "rightUpperLeg": left}
-        return {roles[role]: (role, axis) for role, axis in usual.items() if role in roles}
+        return {self.roles[role]: (role, axis) for role, axis in usual.items() if role in self.roles}
 
     @cached_property
     def ankles(self) -> set[int]:
         """The target's ankles, which are aligned like the body as a whole, sole onto sole, not like the leg."""
-        return {joint for role, joint in self._target_roles.items() if role.endswith("Foot")}
+        return {joint for role, joint in self.roles.items() if role.endswith("Foot")}
 
     @cached_property
     def sole_normals(self) -> dict[int, tuple[Array, Array]]:
         """For the target's ankles, the normals of the soles of source and target in these poses, (3,) each."""
-        matching, (source_pose, target_pose) = self.matching, self.poses
-        if matching.legs is None or not self.human:
+        matching, (source_pose, target_pose) = self.matching, self.rotations
+        if matching.legs is None or not self.roles:
             return {}
         return {
             b.ankle: (source_pose[a.ankle] @ source.normal, target_pose[b.ankle] @ target.normal)
@@ -144,43 +125,32 @@ class _Bodies:
 
         Spine and hands are left out where the pose of a body is a frame of its motion, in which they may be bent.
         """
-        roles, target = self._target_roles, self.matching.target
-        if not roles or target.anatomy is None:
+        target = self.matching.target
+        if not self.roles or target.anatomy is None:
             return set()
-        joints = {joint for role, joint in roles.items() if role.endswith(SHORT_BONES)}
-        joints |= {*target.skeleton.line(roles.get("hips", 0))}
+        joints = {joint for role, joint in self.roles.items() if role.endswith(SHORT_BONES)}
+        joints |= {*target.skeleton.line(self.roles.get("hips", 0))}
         if not self.posed_by_motion:
-            joints |= {joint for role, joint in roles.items() if not role.endswith((*LONG_BONES, *FINGER_BONES))}
+            joints |= {joint for role, joint in self.roles.items() if not role.endswith((*LONG_BONES, *FINGER_BONES))}
             joints |= {*target.anatomy.spine, *target.anatomy.neck}
         return joints
 
     @property
     def posed_by_motion(self) -> bool:
         """Whether the pose of one of the bodies may be a frame of its motion instead of its rest pose."""
-        if not self.in_reference:
-            return False
         source, target = self.matching.source, self.matching.target
-        return not source.stands_at_rest or not (target.motion is None or target.stands_at_rest)
-
-    @property
-    def _target_roles(self) -> dict[str, int]:
-        """The target's joint of each role; empty unless both bodies have an anatomy."""
-        return dict(self.matching.target.anatomy.roles) if self.human and self.matching.target.anatomy else {}
-
-
-def _matrices(world: Array) -> Array:
-    """World rotations (joints, 4) as matrices, (joints, 3, 3)."""
-    return np.asarray(Rotation.from_quat(world).as_matrix())
+        posed = not source.stands_at_rest or not (target.motion is None or target.stands_at_rest)
+        return self.in_reference and posed
 
 
 def _joint_alignments(bodies: _Bodies) -> Array:
     """(target joints, 3, 3), the rotations that align each target joint with the source, both bodies in their poses."""
-    matching, (x, y) = bodies.matching, bodies.positions
-    below = driven_below(matching.target.skeleton, matching.bone_drivers, x, y)
+    matching, (source_pose, target_pose) = bodies.matching, bodies.poses
+    upper, *directions = matching.shared_bones(source_pose.positions, target_pose.positions)
     alignments: list[Array] = []
-    for joint, (b, a) in enumerate(bone_directions(matching.drivers, x, y, below)):
-        root_like = not joint or joint in bodies.ankles
-        turn = bodies.turn if root_like else alignments[matching.target.skeleton.parents[joint]]
+    for joint, parent in enumerate(matching.target.skeleton.parents):
+        b, a = (each[slice(*np.searchsorted(upper, (joint, joint + 1)))] for each in directions)
+        turn = bodies.turn if not joint or joint in bodies.ankles else alignments[parent]
         if joint in bodies.sole_normals:
             turn = _sole_onto_sole(bodies, joint, b[:1], a[:1], turn)
         if len(a):
@@ -208,16 +178,15 @@ def _sole_onto_sole(bodies: _Bodies, joint: int, feet: Array, target_feet: Array
     turn = least_matrix((turn @ target_normal)[None], normal[None]) @ turn
     if not len(feet) or not bodies.posed_by_motion:
         return turn
-    level = [v - (v @ normal)[:, None] * normal for v in (feet, target_feet @ turn.T)]
-    return least_matrix(level[1], level[0]) @ turn
+    return least_matrix(level(target_feet @ turn.T, normal), level(feet, normal)) @ turn
 
 
 def _roll(bodies: _Bodies, joint: int, bone: Array, onto: Array, turn: Array) -> Array:
     """(3, 3), the turn about a bone, (3,), from the target's bend axis, turned by `onto @ turn`, to the source's."""
     role, usual = bodies.hinges[joint]
-    source_bends, target_bends = bodies.bends
+    source_bends, target_bends = bodies.bend_axes
     source_axis = source_bends.get(role, onto @ usual)
     target_axis = onto @ turn @ target_bends[role] if role in target_bends else onto @ usual
-    across, goal = (vector - (vector @ bone) * bone for vector in (target_axis, source_axis))
+    across, goal = level(target_axis, bone), level(source_axis, bone)
     angle = np.arctan2(cross(across, goal) @ bone, across @ goal)
     return Rotation.from_rotvec(angle * bone).as_matrix()

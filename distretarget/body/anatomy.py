@@ -1,4 +1,4 @@
-"""The parts of a body: which joint plays which role, the regions that can touch, and IK handles."""
+"""The anatomy of a body: which joint plays which role, which regions can touch, and which joints are IK handles."""
 
 from __future__ import annotations
 
@@ -14,14 +14,36 @@ from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 
 SIDES = ("left", "right")
 FINGERS = ("Thumb", "Index", "Middle", "Ring", "Little")
-TRUNK = ("hips", "spine", "chest", "upperChest", "neck", "head")
 ARM = ("Shoulder", "UpperArm", "LowerArm", "Hand")
 LEG = ("UpperLeg", "LowerLeg", "Foot", "Toes")
+
+# The parts of each region, the regions of most interest first. The upper end of the thigh is at the hips.
+REGION_PARTS = {
+    "hand": ("Hand", *(f"{finger}{number}" for finger in FINGERS for number in range(4))),
+    "head": ("head", "neck"),
+    "forearm": ("LowerArm",),
+    "upper arm": ("UpperArm",),
+    "trunk": ("Shoulder", "upperChest", "chest", "spine"),
+    "hips": ("hips", "UpperLeg"),
+    "shin": ("LowerLeg",),
+    "foot": ("Foot", "Toes"),
+}
+REGION_OF_PART = {part: region for region, parts in REGION_PARTS.items() for part in parts}
+TRUNK_REGIONS = ("trunk", "hips")  # the regions that limbs branch off
+WITHOUT_SIDE = ("head", *TRUNK_REGIONS)
+EXTREMITIES = {"Hand": "LowerArm", "Foot": "LowerLeg"}  # a hand is no longer than its forearm, a foot than its shin
+
+HANDLE_WORDS = frozenset(("ik", "vb"))  # the name of a handle has one of these words; "VB" marks Unreal's virtual bones
+HANDLED_PARTS = ("Hand", "Foot", "Toes")  # the parts that have handles
+
+# Handles that are not named for a joint, with the name of the joint that they follow. Unreal's "ik_hand_gun", the grip
+# of a weapon, is at the right hand.
+NAMED_OTHERWISE: dict[tuple[str, Side | None], tuple[str, Side]] = {("handgun", None): ("hand", "right")}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Anatomy:
-    """Which joint of a skeleton plays which part.
+    """Which joint of a skeleton plays which role.
 
     Attributes:
         roles: the joint of each role. Roles are those of the VRM humanoid 1.0 ("hips", "leftUpperArm", ...; "Shoulder"
@@ -48,14 +70,20 @@ class Anatomy:
     @property
     def mirrored(self) -> Anatomy:
         """The same anatomy with left and right exchanged."""
-        other = {"left": "right", "right": "left"}
-        sides = {role: next((side for side in SIDES if role.startswith(side)), "") for role in self.roles}
-        roles = {other.get(side, "") + role.removeprefix(side): self.roles[role] for role, side in sides.items()}
+        other = {"left": "right", "right": "left", "": ""}
+        sides_and_parts = map(side_and_part, self.roles)
+        roles = {other[side] + part: self.roles[side + part] for side, part in sides_and_parts}
         return replace(self, roles=roles)
 
 
+def side_and_part(role: str) -> tuple[str, str]:
+    """Return the side of a role, empty for a part of the trunk, and the role without it."""
+    side = next((side for side in SIDES if role.startswith(side)), "")
+    return side, role.removeprefix(side)
+
+
 def spine_roles(spine: Sequence[int]) -> dict[str, int]:
-    """Return the role of each spine joint that has one; `spine` lists the joints from below.
+    """Return the joints of the roles in a spine, whose joints are given lowest first.
 
     Three or more joints: the lowest is "spine", the highest "upperChest", the middle one (of two, the lower) "chest".
     Two joints: "spine" and "chest". One joint: "chest".
@@ -63,29 +91,6 @@ def spine_roles(spine: Sequence[int]) -> dict[str, int]:
     if len(spine) < 3:
         return dict(zip(("chest", "spine"), reversed(spine), strict=False))
     return {"spine": spine[0], "chest": spine[(len(spine) - 1) // 2], "upperChest": spine[-1]}
-
-
-# The region of each role without its side; regions of limbs have a side. The upper end of the thigh is at the hips.
-REGION_OF_PART = {
-    "Hand": "hand",
-    **{f"{finger}{number}": "hand" for finger in FINGERS for number in range(4)},
-    "head": "head",
-    "neck": "head",
-    "LowerArm": "forearm",
-    "UpperArm": "upper arm",
-    "Shoulder": "trunk",
-    "upperChest": "trunk",
-    "chest": "trunk",
-    "spine": "trunk",
-    "hips": "hips",
-    "UpperLeg": "hips",
-    "LowerLeg": "shin",
-    "Foot": "foot",
-    "Toes": "foot",
-}
-WITH_SIDES = ("hand", "forearm", "upper arm", "shin", "foot")
-TRUNK_REGIONS = ("trunk", "hips")  # the regions that limbs branch off
-EXTREMITIES = {"Hand": "LowerArm", "Foot": "LowerLeg"}  # a hand is no longer than its forearm, a foot than its shin
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,39 +110,42 @@ class Regions:
     neighbours: NDArray[np.bool_]
 
     def with_joints(self, skeleton: Skeleton, joints: Iterable[int]) -> Regions:
-        """The same regions, with joints that have none in that of the nearest joint above that has one."""
+        """Return the same regions, extended to joints without one: each is in that of its nearest ancestor with one."""
         of_joint = np.array(self.of_joint)
         for joint in joints:
-            above = [int(of_joint[each]) for each in skeleton.line(joint) if of_joint[each] >= 0]
-            of_joint[joint] = above[0] if above else -1
+            of_joint[joint] = next((of_joint[above] for above in skeleton.line(joint) if of_joint[above] >= 0), -1)
         return replace(self, of_joint=of_joint)
 
 
 def find_regions(skeleton: Skeleton, anatomy: Anatomy | None, above_hips: tuple[int, ...]) -> Regions:
-    """Return the regions of a body, of which the joints `above_hips` are not part."""
+    """Return the regions of a body; the joints `above_hips` are not part of it."""
     labels = _limbs(skeleton) if anatomy is None else _by_anatomy(skeleton, anatomy)
     for joint in above_hips:
         labels.pop(joint, None)
-    order = {name: place for place, name in enumerate(dict.fromkeys(REGION_OF_PART.values()))}
-    names = sorted(set(labels.values()), key=lambda name: (order.get(_without_side(name), len(order)), name))
+    order = {f"{side}{region}": place for place, region in enumerate(REGION_PARTS) for side in ("", "left ", "right ")}
+    names = sorted(set(labels.values()), key=lambda name: (order.get(name, len(order)), name))
     numbers = {name: number for number, name in enumerate(names)}
     of_joint = np.array([numbers.get(labels.get(joint, ""), -1) for joint in range(len(skeleton))], np.intp)
-    return Regions(tuple(names), of_joint, _neighbours(skeleton, of_joint, len(names)))
+    neighbours = np.eye(len(names), dtype=bool)
+    for joint, parent in enumerate(skeleton.parents.tolist()):
+        if joint in labels and parent in labels:
+            a, b = of_joint[joint], of_joint[parent]
+            neighbours[a, b] = neighbours[b, a] = True
+    return Regions(tuple(names), of_joint, neighbours)
 
 
 def _by_anatomy(skeleton: Skeleton, anatomy: Anatomy) -> dict[int, str]:
     """The region of each joint with a role, of joints between them, and of those that end hands, feet and head."""
     labels = dict.fromkeys(anatomy.spine, "trunk") | dict.fromkeys(anatomy.neck, "head")
     for role, joint in anatomy.roles.items():
-        side = next((side for side in SIDES if role.startswith(side)), "")
-        region = REGION_OF_PART.get(role.removeprefix(side))
-        if region:
-            labels[joint] = f"{side} {region}" if region in WITH_SIDES else region
+        side, part = side_and_part(role)
+        region = REGION_OF_PART[part]
+        labels[joint] = region if region in WITHOUT_SIDE else f"{side} {region}"
     for joint in sorted(labels):
-        between = int(skeleton.parents[joint])
-        while between >= 0 and between not in labels:
+        for between in skeleton.line(joint)[1:]:
+            if between in labels:
+                break
             labels[between] = labels[joint]
-            between = int(skeleton.parents[between])
     for joint, region in list(labels.items()):
         labels.update({child: region for child in skeleton.children[joint] if skeleton.end_sites[child]})
     for side in SIDES:
@@ -146,7 +154,7 @@ def _by_anatomy(skeleton: Skeleton, anatomy: Anatomy) -> dict[int, str]:
             if min(joint, above) >= 0:
                 reach, longest = skeleton.path_lengths[joint], skeleton.path_lengths[above, joint]
                 near = [below for below in skeleton.subtree(joint) if reach[below] <= longest]
-                labels.update({below: labels[joint] for below in near if below not in labels})
+                labels = dict.fromkeys(near, labels[joint]) | labels
     return labels
 
 
@@ -159,29 +167,8 @@ def _limbs(skeleton: Skeleton) -> dict[int, str]:
     return labels
 
 
-def _neighbours(skeleton: Skeleton, of_joint: NDArray[np.intp], regions: int) -> NDArray[np.bool_]:
-    neighbours = np.eye(regions, dtype=bool)
-    for joint, parent in enumerate(skeleton.parents.tolist()):
-        if parent >= 0 and min(of_joint[joint], of_joint[parent]) >= 0:
-            neighbours[of_joint[joint], of_joint[parent]] = neighbours[of_joint[parent], of_joint[joint]] = True
-    return neighbours
-
-
-def _without_side(name: str) -> str:
-    side, _, rest = name.partition(" ")
-    return rest if side in SIDES else name
-
-
-HANDLE_WORDS = frozenset(("ik", "vb"))  # the name of a handle has one of these words; "VB" marks Unreal's virtual bones
-HANDLED_PARTS = ("Hand", "Foot", "Toes")  # the parts that have handles, by the ends of their roles
-
-# Handles that are not named for a joint, with the name of the joint whose pose they have. Unreal's "ik_hand_gun", the
-# grip of a weapon, is at the right hand.
-NAMED_OTHERWISE: dict[tuple[str, Side | None], tuple[str, Side]] = {("handgun", None): ("hand", "right")}
-
-
 def find_handles(skeleton: Skeleton, anatomy: Anatomy | None, regions: Regions) -> dict[int, int]:
-    """Return the joint whose pose each handle copies, by handle: the hand, foot or toes with the same name.
+    """Return the joint that each IK handle follows, by handle: the hand, foot or toes with the same name.
 
     "ik_foot_l" is the handle of "foot_l", and "RightHandIK" of "RightHand". Only joints that move and turn freely and
     carry no part of the body are handles.
@@ -189,12 +176,13 @@ def find_handles(skeleton: Skeleton, anatomy: Anatomy | None, regions: Regions) 
     roles = anatomy.roles if anatomy else {}
     parts = {_meaning(skeleton.names[joint]): joint for role, joint in roles.items() if role.endswith(HANDLED_PARTS)}
     handles = {}
-    for joint in filter(lambda joint: _is_marked(skeleton.names[joint]), skeleton.joints):
-        meaning = _meaning(skeleton.names[joint])
-        part = parts.get(NAMED_OTHERWISE.get(meaning, meaning))
-        carries = np.any(regions.of_joint[skeleton.subtree(joint)] >= 0)
-        if part is not None and moves_freely(skeleton, joint) and not carries:
-            handles[joint] = part
+    for joint in skeleton.joints:
+        name = skeleton.names[joint]
+        if any(map(_marks_handle, words(name))) and moves_freely(skeleton, joint):
+            meaning = _meaning(name)
+            part = parts.get(NAMED_OTHERWISE.get(meaning, meaning))
+            if part is not None and (regions.of_joint[skeleton.subtree(joint)] < 0).all():
+                handles[joint] = part
     return handles
 
 
@@ -203,11 +191,10 @@ def moves_freely(skeleton: Skeleton, joint: int) -> bool:
     return set(POSITION_CHANNELS) <= set(skeleton.channels[joint]) and len(skeleton.rotation_axes(joint)) == 3
 
 
-def _is_marked(name: str) -> bool:
-    return any(without_digits(word) in HANDLE_WORDS for word in words(name))
+def _marks_handle(word: str) -> bool:
+    return without_digits(word) in HANDLE_WORDS
 
 
 def _meaning(name: str) -> tuple[str, Side | None]:
     """The stem and side of a name without namespace and without the words of a handle."""
-    own_words = words(name.rpartition(":")[2])
-    return stem_and_side([word for word in own_words if without_digits(word) not in HANDLE_WORDS])
+    return stem_and_side([word for word in words(name.rpartition(":")[2]) if not _marks_handle(word)])

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.anatomy import LEG, SIDES, Anatomy
-from distretarget.numerics.vectors import cross, normalised
+from distretarget.numerics.vectors import cross, level, normalised
 from distretarget.skeleton import AXES
 
 Array = NDArray[np.float64]
 
 STRETCHED = 125.0  # least angle between trunk and legs of an upright body, rarely reached on four legs [degrees]
 FOLDED = 45.0  # a rest pose with a smaller angle between trunk and legs does not show how the body stands [degrees]
-SQUARE = np.cos(np.radians(25))  # a direction within this angle of an axis of the file counts as that axis [cosine]
+SQUARE = np.cos(np.radians(25))  # a direction within this angle of an axis of the file is snapped to it [cosine]
 
 
 def axis_vector(axis: str) -> Array:
@@ -30,6 +30,16 @@ def nearest_axis(direction: Array) -> tuple[str, float]:
     """Return which of `AXES` is nearest to a direction (3,), and the direction's component along it."""
     signed = np.concatenate([direction, -direction])
     return AXES[int(np.argmax(signed))], float(signed.max())
+
+
+def direction(positions: Array, start: int, end: int) -> Array:
+    """Return the unit vectors, (..., 3), from one joint to another; `positions` is (..., joints, 3)."""
+    return normalised(positions[..., end, :] - positions[..., start, :])
+
+
+def axes_of(left: Array, up: Array) -> Array:
+    """Return the rotation matrices, (..., 3, 3), with the columns left, up and forward, for unit vectors (..., 3)."""
+    return np.stack([left, up, cross(left, up)], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,42 +56,36 @@ class Directions:
 
     @cached_property
     def trunk(self) -> Array:
-        """(..., 3), unit vectors from the hip joints up to the shoulders, or to the top of the spine in a body without
-        arms; zero where the body has neither.
+        """(..., 3), unit vectors from the hip joints up to the shoulders, without arms to the top of the spine; zero
+        without either.
         """
         return self._between(self._base, self._top)
 
     @cached_property
     def legs(self) -> Array:
-        """(..., 3), unit vectors from the hip joints down to the ankles, or to the knees in a body without feet; zero
-        where the body has neither.
+        """(..., 3), unit vectors from the hip joints down to the ankles, without feet to the knees; zero without
+        either.
         """
-        feet = self._joints("leftFoot", "rightFoot") or self._joints("leftLowerLeg", "rightLowerLeg")
-        return self._between(self._base, feet)
+        return self._between(self._base, self._pair("Foot") or self._pair("LowerLeg"))
 
     @cached_property
     def up(self) -> Array:
-        """(..., 3), the mean of the directions up the trunk and up the legs; of those, the ones that the body has."""
+        """(..., 3), the mean of the directions up the trunk and up the legs, or the one that the body has."""
         directions = [direction for direction in (self.trunk, -self.legs) if direction.any()]
-        return np.asarray(np.mean(directions, axis=0)) if directions else np.zeros((*self.positions.shape[:-2], 3))
+        return np.asarray(np.mean(directions, axis=0)) if directions else np.zeros_like(self.trunk)
 
     @cached_property
     def left(self) -> Array:
         """(..., 3), unit vectors to the body's left: from right to left across hip and shoulder joints together."""
-        across = np.zeros((*self.positions.shape[:-2], 3))
-        for role in ("UpperLeg", "UpperArm"):
-            pair = self._joints(*(side + role for side in SIDES))
-            if len(pair) == 2:
-                across += self.positions[..., pair[0], :] - self.positions[..., pair[1], :]
-        return normalised(across)
+        across = (self.across(part) for part in ("UpperLeg", "UpperArm"))
+        return normalised(sum((width for width in across if width is not None), np.zeros_like(self.trunk)))
 
     @cached_property
     def axes(self) -> Array:
         """(..., 3, 3), the rotation matrix whose columns are the body's left, up and forward."""
         left = self.left
         up = self.trunk if self.trunk.any() else self.up
-        up = normalised(up - (up * left).sum(axis=-1, keepdims=True) * left)
-        return np.stack([left, up, cross(left, up)], axis=-1)
+        return axes_of(left, normalised(up - (up * left).sum(axis=-1, keepdims=True) * left))
 
     @cached_property
     def stretch(self) -> Array:
@@ -92,22 +96,30 @@ class Directions:
     @property
     def is_whole(self) -> bool:
         """Whether the body has a trunk, and both thighs and shins."""
-        return bool(self._top and self._joints(*(side + part for side in SIDES for part in LEG[:2])))
+        return bool(self._top and all(map(self._pair, LEG[:2])))
 
     def bone(self, upper: str, lower: str) -> Array | None:
         """(..., 3), unit vectors from the joint of one role to that of another; None where the body lacks either."""
         ends = self._joints(upper, lower)
-        return normalised(self.positions[..., ends[1], :] - self.positions[..., ends[0], :]) if ends else None
+        return direction(self.positions, *ends) if ends else None
+
+    def across(self, part: str) -> Array | None:
+        """(..., 3), from the right joint of a part to the left one; None where the body lacks either."""
+        pair = self._pair(part)
+        return self.positions[..., pair[0], :] - self.positions[..., pair[1], :] if pair else None
 
     @property
     def _top(self) -> list[int]:
         """The joints at the upper end of the trunk: the shoulders, else the topmost joint of spine and neck."""
-        return self._joints("leftUpperArm", "rightUpperArm") or [*self.anatomy.spine, *self.anatomy.neck][-1:]
+        return self._pair("UpperArm") or [*self.anatomy.spine, *self.anatomy.neck][-1:]
 
     @property
     def _base(self) -> list[int]:
         """The joints at the lower end of the trunk: the hip joints, else the hips."""
-        return self._joints("leftUpperLeg", "rightUpperLeg") or self._joints("hips")
+        return self._pair("UpperLeg") or self._joints("hips")
+
+    def _pair(self, part: str) -> list[int]:
+        return self._joints(*(side + part for side in SIDES))
 
     def _joints(self, *roles: str) -> list[int]:
         """The joints of the roles; none unless the body has them all."""
@@ -124,21 +136,17 @@ class Directions:
 
 def upright(axes: Array) -> Array:
     """Return a body's axes, (3, 3) with columns left, up and forward, with up snapped to a near axis of the file."""
-    up = _squared_direction(axes[:, 1])
-    left = normalised(axes[:, 0] - (axes[:, 0] @ up) * up)
-    return np.stack([left, up, cross(left, up)], axis=-1)
+    up = _snapped(axes[:, 1])
+    return axes_of(normalised(level(axes[:, 0], up)), up)
 
 
 def squared(axes: Array) -> Array:
     """Return a body's axes as `upright` does, with left snapped to a near axis of the file as well."""
     left, up, _ = upright(axes).T
-    left = _squared_direction(left)
-    left = normalised(left - (left @ up) * up)
-    return np.stack([left, up, cross(left, up)], axis=-1)
+    return axes_of(normalised(level(_snapped(left), up)), up)
 
 
-def _squared_direction(direction: Array) -> Array:
+def _snapped(direction: Array) -> Array:
     """The axis of the file, (3,), within the angle `SQUARE` of a direction; else the direction itself."""
-    nearest = np.argmax(np.abs(direction))
-    axis = np.sign(direction[nearest]) * np.eye(3)[nearest]
-    return axis if axis @ direction > SQUARE else direction
+    nearest, cosine = nearest_axis(direction)
+    return axis_vector(nearest) if cosine > SQUARE else direction

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.anatomy import SIDES, Anatomy, Regions, find_handles, find_regions
-from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, nearest_axis, squared, upright
+from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, direction, nearest_axis, squared, upright
 from distretarget.body.legs import Legs, find_legs, foot_bone, leg_length, pelvis_joint
 from distretarget.body.named_anatomy import by_names
 from distretarget.body.reference_pose import bend_axes, standing_frame, stands_at_rest, synthetic_t_pose
@@ -18,7 +18,6 @@ from distretarget.body.shape import by_shape
 from distretarget.checks import check_kind
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import lowest_heights
-from distretarget.numerics.vectors import normalised
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -29,6 +28,24 @@ LIES = 0.05  # a body whose lowest joint is nearer than this to height 0 may lie
 OFF_FLOOR = 0.25  # a body whose lowest joint is farther than this from height 0 is not on the floor [leg lengths]
 LOWEST_FRAMES = 2.0  # height of the floor under the body: this percentile of the lowest joint's heights [%]
 CLEAR_FEET = 0.3  # feet show the body's front if their mean cosine with it is larger than this [cosine]
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """A pose of a body, with the root at the origin.
+
+    Attributes:
+        rotations: (joints, 4), the world rotations of the joints.
+        positions: (joints, 3), the positions of the joints [file units].
+        directions: the directions of the body; None without an anatomy.
+        axes: (3, 3), the axes of the body: columns left, up and forward, snapped to near axes of the file; those of the
+            file without an anatomy.
+    """
+
+    rotations: Array
+    positions: Array
+    directions: Directions | None
+    axes: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,49 +200,31 @@ class Body:
         return float(np.percentile(lowest_heights(self.motion.positions, up), LOWEST_FRAMES))
 
     @cached_property
-    def reference_pose(self) -> Array:
-        """(joints, 4), world rotations of the standing pose in which the body is aligned with another.
+    def rest(self) -> Pose:
+        """The rest pose."""
+        return self._pose(self.skeleton.unturned, self.skeleton.rest_positions, self.at_rest)
+
+    @cached_property
+    def reference(self) -> Pose:
+        """The standing pose in which the body is aligned with another.
 
         It is the rest pose if a person can stand in it; else the frame of the motion in which the body stands best;
         else a synthetic T-pose.
         """
-        if self.at_rest is None or self.stands_at_rest:
-            return self.skeleton.unturned
+        if self.anatomy is None or self.at_rest is None or self.stands_at_rest:
+            return self.rest
         frame = standing_frame(self.moving, self.up_vector, self.unit) if self.moving else None
         if frame is None or self.motion is None:
-            return synthetic_t_pose(self.skeleton, self.at_rest)
-        return np.asarray(self.motion[frame : frame + 1].world_rotations[0])
+            rotations = synthetic_t_pose(self.skeleton, self.at_rest)
+        else:
+            rotations = np.asarray(self.motion[frame : frame + 1].world_rotations[0])
+        positions = self.skeleton.posed(rotations)
+        return self._pose(rotations, positions, Directions(self.anatomy, positions))
 
-    @cached_property
-    def reference_positions(self) -> Array:
-        """(joints, 3), the positions of the joints in the reference pose, with the root at the origin [file units]."""
-        if self.at_rest is None or self.stands_at_rest:
-            return self.skeleton.rest_positions
-        return self.skeleton.posed(self.reference_pose)
-
-    @cached_property
-    def reference(self) -> Directions | None:
-        """The directions of the reference pose; None without an anatomy."""
-        if self.anatomy is None or self.stands_at_rest:
-            return self.at_rest
-        return Directions(self.anatomy, self.reference_positions)
-
-    @cached_property
-    def rest_axes(self) -> Array:
-        """(3, 3), the axes of the body in the rest pose: columns left, up and forward, snapped to near axes of the
-        file; those of the file without an anatomy.
-        """
-        return self._axes(self.at_rest)
-
-    @cached_property
-    def reference_axes(self) -> Array:
-        """(3, 3), the same in the reference pose."""
-        return self.rest_axes if self.reference is self.at_rest else self._axes(self.reference)
-
-    def _axes(self, directions: Directions | None) -> Array:
-        if directions is None:
-            return np.eye(3)
-        return squared(directions.axes) if self.stands_at_rest else upright(directions.axes)
+    def _pose(self, rotations: Array, positions: Array, directions: Directions | None) -> Pose:
+        snapped = squared if self.stands_at_rest else upright
+        axes = np.eye(3) if directions is None else snapped(directions.axes)
+        return Pose(rotations, positions, directions, axes)
 
     @cached_property
     def bend_axes(self) -> dict[str, Array]:
@@ -234,7 +233,7 @@ class Body:
         """
         if self.anatomy is None or self.motion is None or self.stands_at_rest:
             return {}
-        return bend_axes(self.anatomy, self.motion, self.reference_pose)
+        return bend_axes(self.anatomy, self.motion, self.reference.rotations)
 
     # ---- what kind of body it is
 
@@ -247,8 +246,7 @@ class Body:
         feet = [foot_bone(self.skeleton, self.anatomy, side) for side in SIDES]
         if directions is None or None in feet:
             return None
-        x = directions.positions
-        forward = sum(normalised(x[..., foot[1], :] - x[..., foot[0], :]) for foot in feet if foot)
+        forward = sum(direction(directions.positions, *foot) for foot in feet if foot)
         cosine = float(np.mean((directions.axes[..., 2] * forward).sum(axis=-1)) / 2)
         return cosine > 0 if abs(cosine) > CLEAR_FEET else None
 
@@ -279,8 +277,5 @@ class Body:
 
 def _axis_of_legs(legs: Legs, positions: Array) -> str:
     """Which of `AXES` is nearest to the mean direction from ankles to hips, over positions (frames, joints, 3)."""
-    hips = positions[:, [leg.hip for leg in legs]]
-    ankles = positions[:, [leg.ankle for leg in legs]]
-    legs_up = (hips - ankles).mean(axis=(0, 1))
-    axis = int(np.argmax(np.abs(legs_up)))
-    return ("" if legs_up[axis] >= 0 else "-") + "XYZ"[axis]
+    hips, ankles = (positions[:, joints] for joints in zip(*((leg.hip, leg.ankle) for leg in legs), strict=True))
+    return nearest_axis((hips - ankles).mean(axis=(0, 1)))[0]

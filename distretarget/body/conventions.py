@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import json
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from typing import Any
 
 from distretarget.body.anatomy import ARM, LEG
 from distretarget.body.joint_names import (
@@ -25,6 +26,9 @@ from distretarget.body.joint_names import (
     words,
 )
 from distretarget.skeleton import Skeleton
+
+RECOGNISED = 0.75  # least fit of a convention that is recognised [0 to 1]
+PREFIX_FIT = 1.0  # what its prefix adds to the fit of a convention
 
 Term = tuple[str, bool]
 """The stem of a joint's name, and whether the name has a side."""
@@ -70,44 +74,31 @@ class Vocabulary:
 def vocabulary() -> Vocabulary:
     """Return the vocabulary in `conventions.json`."""
     data = json.loads(files(__package__).joinpath("conventions.json").read_text("utf-8"))
-    conventions = tuple(_convention(**entry) for entry in data["conventions"])
+    conventions = tuple(map(_convention, data["conventions"]))
+    parts = [item for convention in conventions for item in convention.parts.items()]
     return Vocabulary(
         conventions,
-        frozenset(term for convention in conventions for term in convention.parts),
+        frozenset(term for term, _ in parts),
         {finger: tuple(names) for finger, names in data["fingers"].items()},
         tuple(data["palm"]),
-        frozenset(
-            without_digits(stem)
-            for convention in conventions
-            for (stem, _), part in convention.parts.items()
-            if part == "neck"
-        ),
+        frozenset(without_digits(stem) for (stem, _), part in parts if part == "neck"),
     )
 
 
-def _convention(
-    *,
-    title: str,
-    hips: str,
-    spine: Sequence[str],
-    neck: Sequence[str],
-    head: str,
-    arm: Sequence[str | None],
-    leg: Sequence[str | None],
-    prefix: str = "",
-    also: Iterable[str] = (),
-) -> Convention:
-    trunk = {hips: "hips", head: "head"} | dict.fromkeys(spine, "spine") | dict.fromkeys(neck, "neck")
-    parts = {(stem_and_side(words(name))[0], False): part for name, part in trunk.items()}
-    for names, limb in ((arm, ARM), (leg, LEG)):
-        parts |= {(stem_and_side(words(name))[0], True): part for name, part in zip(names, limb, strict=True) if name}
-    others = [stem_and_side(words(name)) for name in also]
-    return Convention(title, words(prefix), parts, frozenset((stem, side is not None) for stem, side in others))
+def _convention(entry: Mapping[str, Any]) -> Convention:
+    """The convention of an entry of `conventions.json`."""
+    trunk = [(entry["hips"], "hips"), (entry["head"], "head")]
+    trunk += [(name, part) for part in ("spine", "neck") for name in entry[part]]
+    limbs = [*zip(entry["arm"], ARM, strict=True), *zip(entry["leg"], LEG, strict=True)]
+    parts = {(_stem(name), False): part for name, part in trunk}
+    parts |= {(_stem(name), True): part for name, part in limbs if name}
+    others = [stem_and_side(words(name)) for name in entry.get("also", ())]
+    also = frozenset((stem, side is not None) for stem, side in others)
+    return Convention(entry["title"], words(entry.get("prefix", "")), parts, also)
 
 
-# A convention is recognised from this fit on [0 to 1], to which its prefix adds the second number.
-RECOGNISED = 0.75
-PREFIX_FIT = 1.0
+def _stem(name: str) -> str:
+    return stem_and_side(words(name))[0]
 
 
 @dataclass(frozen=True)
@@ -149,38 +140,30 @@ def convention_of(skeleton: Skeleton) -> str:
 
 
 def name_meanings(tree: NamedTree) -> NameMeanings:
-    """Return what the names of a tree of joints mean."""
-    conventions = vocabulary().conventions
-    names = joint_names(tree, {convention.prefix for convention in conventions} - {()})
-    terms = vocabulary().terms.intersection(map(_term, names))
-    fits = _fits(names, terms)
-    readings: dict[Term, dict[str, float]] = defaultdict(dict)
-    for convention, (fit, _) in zip(conventions, fits, strict=True):
-        for term in terms & convention.parts.keys():
-            part = convention.parts[term]
-            readings[term][part] = max(readings[term].get(part, 0.0), min(fit, 1.0))
-    best = max(range(len(fits)), key=fits.__getitem__)
-    title = conventions[best].title if fits[best][0] >= RECOGNISED else ""
-    return NameMeanings(names, readings, title)
+    """Return what the names of a tree of joints mean.
 
-
-def _fits(names: Sequence[JointName], known: Set[Term]) -> list[tuple[float, int]]:
-    """How well the names fit each convention, and how many of its other terms they have; `known` are their terms that
-    any convention knows.
-
-    The fit is the number of terms that names and convention share, over the number of terms that either has. Terms that
-    no convention knows and the convention's other terms are left out. The convention's prefix adds `PREFIX_FIT`.
+    The fit of a convention is the number of terms that names and convention share, over the number of terms that either
+    has, leaving out terms that no convention knows and the convention's `also`. Its prefix adds `PREFIX_FIT`. Of equal
+    fits the one with more of the `also` is recognised.
     """
     conventions = vocabulary().conventions
-    terms = set(map(_term, names))
+    names = joint_names(tree, {convention.prefix for convention in conventions} - {()})
     prefixes = Counter(name.prefix for name in names if name.stem)
     prefix = max(prefixes, key=prefixes.__getitem__, default=())
-    fits = []
+    terms = set(map(_term, names))
+    known = terms & vocabulary().terms
+    readings: dict[Term, dict[str, float]] = defaultdict(dict)
+    fits: list[tuple[float, int]] = []
     for convention in conventions:
         own = convention.parts.keys()
         fit = len(own & known) / len(own | (known - convention.also))
-        fits.append((fit + PREFIX_FIT * (prefix != () and prefix == convention.prefix), len(convention.also & terms)))
-    return fits
+        fit += PREFIX_FIT * (prefix != () and prefix == convention.prefix)
+        fits.append((fit, len(convention.also & terms)))
+        for term in known & own:
+            part = convention.parts[term]
+            readings[term][part] = max(readings[term].get(part, 0.0), min(fit, 1.0))
+    best = max(range(len(fits)), key=fits.__getitem__)
+    return NameMeanings(names, readings, conventions[best].title if fits[best][0] >= RECOGNISED else "")
 
 
 def _term(name: JointName) -> Term:

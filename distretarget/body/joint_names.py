@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import operator
 import re
 import unicodedata
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal, NamedTuple
 
@@ -93,17 +94,20 @@ def joint_names(tree: NamedTree, prefixes: Iterable[NameWords]) -> tuple[JointNa
     joints = [joint for joint in range(len(tree.names)) if not tree.end_sites[joint]]
     longest_first = sorted(prefixes, key=len, reverse=True)
     joint_prefixes = [_prefix(words(tree.names[joint]), longest_first) for joint in joints]
-    parts = [words(tree.names[joint].rpartition(":")[2]) for joint in joints]
-    parts = [part[len(_prefix(part, longest_first)) :] or part for part in parts]
+    full = [words(tree.names[joint].rpartition(":")[2]) for joint in joints]
+    parts: Sequence[NameWords] = [part[len(_prefix(part, longest_first)) :] or part for part in full]
     parts = _without_numbers(_without_common(_without_common(parts, 0), -1))
+    stems = [stem_and_side(part) for part in parts]
+    unmarked = {stem for stem, side in stems if side is None}
     names = [JointName("", None, True, ())] * len(tree.names)
-    sides = _with_attached_markers([stem_and_side(part) for part in parts])
-    for joint, part, prefix, (stem, side) in zip(joints, parts, joint_prefixes, sides, strict=True):
+    for joint, part, prefix, (stem, side) in zip(joints, parts, joint_prefixes, stems, strict=True):
+        if side is None:
+            stem, side = _split_marker(stem, unmarked)
+        if side is None and joint:
+            side = names[tree.parents[joint]].side
         helper = tree.names[joint].startswith(HELPER_PREFIX)
-        names[joint] = JointName("" if helper else stem, side, helper or any(map(_is_helper, part)), prefix)
-    for joint in joints[1:]:
-        if names[joint].side is None:
-            names[joint] = replace(names[joint], side=names[tree.parents[joint]].side)
+        is_helper = helper or any(without_digits(word) in HELPER_WORDS for word in part)
+        names[joint] = JointName("" if helper else stem, side, is_helper, prefix)
     return tuple(names)
 
 
@@ -118,35 +122,21 @@ def _prefix(parts: NameWords, prefixes: Iterable[NameWords]) -> NameWords:
     return next((prefix for prefix in prefixes if plain[: len(prefix)] == prefix), ())
 
 
-def _is_helper(word: str) -> bool:
-    return without_digits(word) in HELPER_WORDS
-
-
-def _without_common(parts: Sequence[NameWords], place: Literal[0, -1]) -> list[NameWords]:
+def _without_common(parts: Sequence[NameWords], place: Literal[0, -1]) -> Sequence[NameWords]:
     """The names without the first (place 0) or last (place -1) words that nearly all share; each keeps one word."""
-    parts = list(parts)
-    while True:
-        times = Counter(part[place] for part in parts if len(part) > 1 and not SIDE_MARKERS.get(part[place]))
-        word, count = max(times.items(), key=lambda item: item[1], default=("", 0))
-        if not count or count < COMMON_SHARE * len(parts):
-            return parts
-        parts = [
-            (part[1:] if place == 0 else part[:-1]) if len(part) > 1 and part[place] == word else part for part in parts
-        ]
+    times = Counter(part[place] for part in parts if len(part) > 1 and not SIDE_MARKERS.get(part[place]))
+    word, count = max(times.items(), key=lambda item: item[1], default=("", 0))
+    if not count or count < COMMON_SHARE * len(parts):
+        return parts
+    kept = slice(1, None) if place == 0 else slice(-1)
+    return _without_common([part[kept] if len(part) > 1 and part[place] == word else part for part in parts], place)
 
 
-def _without_numbers(parts: Sequence[NameWords]) -> list[NameWords]:
+def _without_numbers(parts: Sequence[NameWords]) -> Sequence[NameWords]:
     """The names without the numbers at their ends, if nearly all names have one, as in Sketchfab's files."""
-    numbered = sum(len(part) > 1 and part[-1].isdecimal() for part in parts)
-    if numbered < COMMON_SHARE * len(parts):
-        return list(parts)
-    return [part[:-1] if len(part) > 1 and part[-1].isdecimal() else part for part in parts]
-
-
-def _with_attached_markers(stems: Sequence[tuple[str, Side | None]]) -> list[tuple[str, Side | None]]:
-    """The stems and sides, with the side also of stems that begin or end with an attached marker."""
-    unmarked = {stem for stem, side in stems if side is None}
-    return [(stem, side) if side else _split_marker(stem, unmarked) for stem, side in stems]
+    shorter = [part[:-1] if len(part) > 1 and part[-1].isdecimal() else part for part in parts]
+    numbered = sum(map(operator.ne, parts, shorter))
+    return parts if numbered < COMMON_SHARE * len(parts) else shorter
 
 
 def _split_marker(stem: str, unmarked: set[str]) -> tuple[str, Side | None]:

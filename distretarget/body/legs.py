@@ -46,23 +46,16 @@ Legs = tuple[Leg, Leg]
 def find_legs(skeleton: Skeleton, anatomy: Anatomy | None) -> Legs | None:
     """Return the two legs of a body, left before right where sides are known; None where it has none.
 
-    They are found by the anatomy, and by the tree of joints where there is no anatomy.
+    They are those of its anatomy; without an anatomy, those of `tree_legs`.
     """
-    return tree_legs(skeleton) if anatomy is None else _legs_of_anatomy(skeleton, anatomy)
-
-
-def _legs_of_anatomy(skeleton: Skeleton, anatomy: Anatomy) -> Legs | None:
-    ends = {side + part for side in SIDES for part in ("UpperLeg", "Foot")}
-    if not ends <= anatomy.roles.keys():
+    if anatomy is None:
+        return tree_legs(skeleton)
+    if not {side + part for side in SIDES for part in ("UpperLeg", "Foot")} <= anatomy.roles.keys():
         return None
-    left, right = (_leg_of_anatomy(skeleton, anatomy, side) for side in SIDES)
+    ends = [(anatomy.roles[f"{side}UpperLeg"], anatomy.roles[f"{side}Foot"]) for side in SIDES]
+    feet = [foot_bone(skeleton, anatomy, side) for side in SIDES]
+    left, right = (Leg(*leg, foot[1] if foot else leg[1]) for leg, foot in zip(ends, feet, strict=True))
     return left, right
-
-
-def _leg_of_anatomy(skeleton: Skeleton, anatomy: Anatomy, side: str) -> Leg:
-    ankle = anatomy.roles[f"{side}Foot"]
-    foot = foot_bone(skeleton, anatomy, side)
-    return Leg(anatomy.roles[f"{side}UpperLeg"], ankle, foot[1] if foot else ankle)
 
 
 def foot_bone(skeleton: Skeleton, anatomy: Anatomy, side: str) -> tuple[int, int] | None:
@@ -84,43 +77,39 @@ def foot_bone(skeleton: Skeleton, anatomy: Anatomy, side: str) -> tuple[int, int
 def tree_legs(skeleton: Skeleton) -> Legs | None:
     """Return the two legs that the tree and its bone lengths show, whatever the names; None where they show none.
 
-    Of all pairs of like limbs, the legs are the pair that branches off nearest to the root, and of several that branch
-    off there, the longest. A limb is the longest chain below a child of the joint where the pair branches off. Pairs
-    much shorter than the longest one (eyes, toes) are left out.
+    A limb is the longest chain below a child of a joint; limbs below the same joint with about equal bone lengths are a
+    pair. The legs are the pair that branches off nearest to the root, of several there the longest. Pairs much shorter
+    than the longest one (eyes, toes) are left out.
     """
-    pairs = [pair for joint in range(len(skeleton)) for pair in _like_limbs(skeleton, joint)]
-    if not pairs:
-        return None
-    longest = max(_length(skeleton, pair[0]) for pair in pairs)
-    limbs = [pair for pair in pairs if _length(skeleton, pair[0]) >= SHORTEST_LIMB * longest]
+    pairs: list[tuple[float, list[int], list[int]]] = []
+    for children in skeleton.children:
+        chains = [_longest_chain(skeleton, child) for child in children]
+        chains = [chain for chain in chains if leg_length(skeleton, [_leg(skeleton, chain)]) > 0]
+        alike = [pair for pair in combinations(chains, 2) if are_alike(skeleton, *pair)]
+        pairs += [(float(skeleton.lengths[a].sum()), a, b) for a, b in alike]
+    longest = max((length for length, _, _ in pairs), default=0.0)
+    limbs = [pair for pair in pairs if pair[0] >= SHORTEST_LIMB * longest]
     from_root = skeleton.path_lengths[0]
-    a, b = min(limbs, key=lambda pair: (from_root[skeleton.parents[pair[0][0]]], -_length(skeleton, pair[0])))
-    return _leg(skeleton, a), _leg(skeleton, b)
+    legs = min(limbs, key=lambda pair: (from_root[skeleton.parents[pair[1][0]]], -pair[0]), default=None)
+    return (_leg(skeleton, legs[1]), _leg(skeleton, legs[2])) if legs else None
 
 
-def _like_limbs(skeleton: Skeleton, joint: int) -> list[tuple[list[int], list[int]]]:
-    """The pairs of chains below a joint that have about equal bone lengths."""
-    chains = [_longest_chain(skeleton, child) for child in skeleton.children[joint]]
-    chains = [chain for chain in chains if leg_length(skeleton, (_leg(skeleton, chain),)) > 0]
-    return [(a, b) for a, b in combinations(chains, 2) if alike(skeleton.lengths[a], skeleton.lengths[b])]
+def are_alike(skeleton: Skeleton, a: Sequence[int], b: Sequence[int]) -> bool:
+    """Return whether the bones of two chains of joints have about equal lengths."""
+    one, other = skeleton.lengths[[*a]], skeleton.lengths[[*b]]
+    return len(a) == len(b) and bool(2 * np.abs(one - other).sum() <= LIKENESS * (one + other).sum())
 
 
-def alike(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
-    """Return whether the bone lengths of two chains, (bones,) each, are about equal."""
-    return len(a) == len(b) and bool(2 * np.abs(a - b).sum() <= LIKENESS * (a + b).sum())
+def bends(bone: NDArray[np.float64], onward: NDArray[np.float64], angle: float) -> bool:
+    """Return whether the directions of two vectors, (3,) each, differ by more than an angle [rad]."""
+    return bool(bone @ onward < np.cos(angle) * np.linalg.norm(bone) * np.linalg.norm(onward))
 
 
 def _longest_chain(skeleton: Skeleton, top: int) -> list[int]:
     """The joints from `top` down to the leaf that is farthest from it along the bones."""
     leaf = max(skeleton.subtree(top), key=lambda joint: skeleton.path_lengths[top, joint])
-    chain = [leaf]
-    while chain[-1] != top:
-        chain.append(int(skeleton.parents[chain[-1]]))
-    return chain[::-1]
-
-
-def _length(skeleton: Skeleton, chain: list[int]) -> float:
-    return float(skeleton.lengths[chain].sum())
+    line = skeleton.line(leaf)
+    return line[line.index(top) :: -1]
 
 
 def _leg(skeleton: Skeleton, chain: list[int]) -> Leg:
@@ -133,22 +122,16 @@ def _leg(skeleton: Skeleton, chain: list[int]) -> Leg:
     long = np.flatnonzero(2 * lengths[1:] >= lengths[1:].max(initial=0.0)) + 1
     if not len(long):
         return Leg(chain[0], chain[-1], chain[-1])
-    bent = [k for k in range(1, len(chain) - 1) if _bends(skeleton, chain, k)]
+    bones = skeleton.offsets[chain]
+    bent = [k for k in range(1, len(chain) - 1) if bends(bones[k], bones[k + 1], JOINT_BEND)]
     first = max([k for k in bent if along[k] < LOWEST_HIP], default=long[0] - 1)
     last = min([k for k in bent if along[k] > HIGHEST_ANKLE], default=long[-1])
     return Leg(chain[first], chain[last], chain[min(last + 1, len(chain) - 1)])
 
 
-def _bends(skeleton: Skeleton, chain: list[int], k: int) -> bool:
-    """Whether the rest pose bends at joint k of a chain."""
-    a, b = skeleton.offsets[chain[k]], skeleton.offsets[chain[k + 1]]
-    return bool(a @ b < np.cos(JOINT_BEND) * np.linalg.norm(a) * np.linalg.norm(b))
-
-
 def pelvis_joint(skeleton: Skeleton, legs: Legs) -> int:
     """Return the joint where the legs branch off."""
-    a, b = (set(skeleton.line(leg.hip)) for leg in legs)
-    return max(a & b)
+    return int(skeleton.meets[legs[0].hip, legs[1].hip])
 
 
 def leg_length(skeleton: Skeleton, legs: Sequence[Leg]) -> float:

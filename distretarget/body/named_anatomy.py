@@ -5,78 +5,22 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 from distretarget.body.anatomy import ARM, FINGERS, LEG, SIDES, Anatomy, spine_roles
 from distretarget.body.conventions import NameMeanings, name_meanings, vocabulary
-from distretarget.body.joint_names import JointName, NamedTree
+from distretarget.body.joint_names import NamedTree
 from distretarget.skeleton import Skeleton
-
-# A finger's number in a joint's name, and the number of a finger's last bone that has a role.
-FINGER_NUMBER = re.compile(r"finger(\d)")
-LAST_BONE = 3
-
-
-def fingers_of(hand: int, parents: Sequence[int], names: Sequence[JointName]) -> dict[str, int]:
-    """Return the joints of the fingers below a hand, by role without side, such as "Index1".
-
-    `parents` and `names` have an entry per joint of the skeleton.
-    """
-    below = {hand}
-    for joint in range(hand + 1, len(parents)):
-        if parents[joint] in below:
-            below.add(joint)
-    stems = {joint: names[joint].stem for joint in sorted(below - {hand}) if not names[joint].helper}
-    from_zero = any("finger0" in stem for stem in stems.values())
-    joints: dict[str, list[int]] = {finger: [] for finger in FINGERS}
-    next_finger: dict[int, str] = {}
-    for joint in reversed(stems):
-        finger = _finger_of(stems[joint], from_zero) or (next_finger.get(joint) if _in_palm(stems[joint]) else None)
-        if finger:
-            joints[finger].insert(0, joint)
-            if finger != "Thumb":
-                next_finger[parents[joint]] = finger
-    return {
-        f"{finger}{number}": joint
-        for finger, chain in joints.items()
-        for number, joint in enumerate(chain, start=_first_number(finger, [stems[joint] for joint in chain]))
-        if number <= LAST_BONE
-    }
-
-
-def _finger_of(stem: str, from_zero: bool) -> str | None:
-    """The finger that a stem names by a word, or by a number that counts from the thumb; None without either."""
-    for finger, own_words in vocabulary().fingers.items():
-        if any(word in stem for word in own_words):
-            return finger
-    number = FINGER_NUMBER.search(stem)
-    return dict(enumerate(FINGERS, start=not from_zero)).get(int(number[1])) if number else None
-
-
-def _in_palm(stem: str) -> bool:
-    return any(word in stem for word in vocabulary().palm)
-
-
-def _first_number(finger: str, stems: Sequence[str]) -> int:
-    """The number of a finger's first bone: 0 for a bone in the palm, else 1.
-
-    A bone is in the palm if its name says so, or if three others follow it and its number is not 1. A thumb of three
-    bones begins in the palm, but with 1.
-    """
-    if not stems:
-        return 1
-    longer = len(stems) > LAST_BONE and not stems[0].endswith("1")
-    return 0 if longer or (finger != "Thumb" and _in_palm(stems[0])) else 1
-
 
 # Points for each part that a chain of joints has: the bones of a limb count more than collar bone and toes.
 PART_POINTS = dict.fromkeys(ARM + LEG, 2.0) | {"Shoulder": 1.0, "Toes": 1.0}
 # Points for a convention that fits fully; less fit, fewer points. They decide between several meanings of a word.
 FIT_POINTS = 0.5
 
-# The parts with these first words have a long bone.
-LONG_BONE_WORDS = ("Upper", "Lower")
+LONG_BONE_WORDS = ("Upper", "Lower")  # parts with these first words have a long bone
+LAST_BONE = 3  # the number of a finger's last bone that has a role
+FINGER_NUMBER = re.compile(r"finger(\d)")  # a finger's number in a joint's name
 
 # The hips may have this name only where legs and trunk branch off; a joint above them with it just carries the body.
 CARRIER = "root"
@@ -138,8 +82,9 @@ class _Rig:
         roles |= {"neck": trunk.neck[0]} if trunk.neck else {}
         roles |= {"head": trunk.head} if trunk.head is not None else {}
         for side in SIDES:
-            fingers = fingers_of(arms[side]["Hand"], self.parents, self.meanings.names) if "Hand" in arms[side] else {}
-            roles |= {side + part: joint for part, joint in (arms[side] | legs[side] | fingers).items()}
+            limbs = arms[side] | legs[side]
+            limbs |= self._fingers(limbs["Hand"]) if "Hand" in limbs else {}
+            roles |= {side + part: joint for part, joint in limbs.items()}
         return Anatomy(
             roles=roles, spine=trunk.spine, neck=trunk.neck, convention=self.meanings.convention, method="names"
         )
@@ -147,15 +92,43 @@ class _Rig:
     def _limb(self, limb: Sequence[str], side: str) -> dict[str, int]:
         """The joints of the chain on a side with the most points for this limb; empty unless both long bones are named.
 
-        `chains` has, per joint, the best chains that end there or above, by the number of parts they may use.
+        `chains` has, per joint, the best chains that end there or above, by the number of parts they may use; of equal
+        ones those that end higher up.
         """
-        chains: list[tuple[_Chain, ...]] = []
+        chains: list[list[_Chain]] = []
         for joint, parent in enumerate(self.parents):
-            above = chains[parent] if parent >= 0 else (_Chain(0.0, ()),) * (len(limb) + 1)
-            named = self.meanings.parts(joint) if self.meanings.names[joint].side == side else {}
-            chains.append(_extended(above, joint, limb, named))
+            above = chains[parent] if parent >= 0 else [_Chain(0.0, ())] * (len(limb) + 1)
+            best = list(above)
+            fits = self.meanings.parts(joint) if self.meanings.names[joint].side == side else {}
+            for rank, part in enumerate(limb):
+                if part in fits:
+                    points = above[rank].points + PART_POINTS[part] + FIT_POINTS * fits[part]
+                    longer = _Chain(points, (*above[rank].joints, (part, joint)))
+                    best[rank + 1 :] = [max(chain, longer, key=_points) for chain in best[rank + 1 :]]
+            chains.append(best)
         joints = dict(max((best[-1] for best in chains), key=_points).joints)
         return joints if all(part in joints for part in limb if part.startswith(LONG_BONE_WORDS)) else {}
+
+    def _fingers(self, hand: int) -> dict[str, int]:
+        """The joints of the fingers below a hand, by role without side, such as "Index1"."""
+        names = self.meanings.names
+        below = [joint for joint in range(hand + 1, len(self.parents)) if hand in self._paths[joint]]
+        stems = {joint: names[joint].stem for joint in below if not names[joint].helper}
+        from_zero = any("finger0" in stem for stem in stems.values())
+        chains: dict[str, list[int]] = {finger: [] for finger in FINGERS}
+        next_finger: dict[int, str] = {}
+        for joint in reversed(stems):
+            finger = _finger_of(stems[joint], from_zero) or (next_finger.get(joint) if _in_palm(stems[joint]) else None)
+            if finger:
+                chains[finger].insert(0, joint)
+                if finger != "Thumb":
+                    next_finger[self.parents[joint]] = finger
+        return {
+            f"{finger}{number}": joint
+            for finger, chain in chains.items()
+            for number, joint in enumerate(chain, start=_first_number(finger, [stems[joint] for joint in chain]))
+            if number <= LAST_BONE
+        }
 
     def _trunk(self, arms: Sequence[int], legs: Sequence[int]) -> _NamedTrunk | None:
         """The trunk between the first joints of arms and legs; None where it has no upper end or no hips.
@@ -182,10 +155,9 @@ class _Rig:
 
     def _hips_alone(self, legs: Sequence[int]) -> _NamedTrunk | None:
         """The trunk of a body that has legs only; None if it has more than legs."""
-        paths = [set(self._path(joint)) for joint in range(len(self.parents))]
-        above = set().union(*(paths[leg] for leg in legs))
+        above = {joint for leg in legs for joint in self._path(leg)}
         hips = self._hips(self._branching(self.parents[leg] for leg in legs), legs)
-        if hips is None or any(joint not in above and path.isdisjoint(legs) for joint, path in enumerate(paths)):
+        if hips is None or any(joint not in above and path.isdisjoint(legs) for joint, path in enumerate(self._paths)):
             return None
         return _NamedTrunk(hips, (), (), None)
 
@@ -215,44 +187,53 @@ class _Rig:
         """The last joint with a name of the neck; None without one."""
         return max(filter(self.meanings.is_neck, range(len(self.parents))), default=None)
 
+    @cached_property
+    def _paths(self) -> list[frozenset[int]]:
+        """For each joint the joints from the root down to it."""
+        paths: list[frozenset[int]] = []
+        for joint, parent in enumerate(self.parents):
+            paths.append((paths[parent] if parent >= 0 else frozenset()) | {joint})
+        return paths
+
     def _path(self, joint: int) -> list[int]:
         """The joints from the root down to this one; empty for -1."""
-        path = []
-        while joint >= 0:
-            path.append(joint)
-            joint = self.parents[joint]
-        return path[::-1]
+        return sorted(self._paths[joint]) if joint >= 0 else []
 
     def _branching(self, joints: Iterable[int]) -> int:
         """The lowest common ancestor of joints, which may be one of them; -1 where there is none."""
-        common = -1
-        for level in zip(*map(self._path, joints), strict=False):
-            if len(set(level)) > 1:
-                break
-            common = level[0]
-        return common
+        paths = [set(self._path(joint)) for joint in joints]
+        return max(set.intersection(*paths), default=-1) if paths else -1
 
 
 def _points(chain: _Chain) -> float:
     return chain.points
 
 
-def _extended(
-    above: tuple[_Chain, ...], joint: int, limb: Sequence[str], fits: Mapping[str, float]
-) -> tuple[_Chain, ...]:
-    """The best chains that end at a joint or above it, from those above it; of equal ones those that end higher up.
-
-    `fits` has the parts that the joint can be, with the fit of each.
-    """
-    best = list(above)
-    for rank, part in enumerate(limb):
-        if part in fits:
-            points = above[rank].points + PART_POINTS[part] + FIT_POINTS * fits[part]
-            longer = _Chain(points, (*above[rank].joints, (part, joint)))
-            best[rank + 1 :] = [max(chain, longer, key=_points) for chain in best[rank + 1 :]]
-    return tuple(best)
-
-
 def _starts(limbs: Mapping[str, Mapping[str, int]]) -> list[int]:
     """The first joint of each limb that was found."""
     return [min(limb.values()) for limb in limbs.values() if limb]
+
+
+def _finger_of(stem: str, from_zero: bool) -> str | None:
+    """The finger that a stem names by a word, or by a number that counts from the thumb; None without either."""
+    for finger, own_words in vocabulary().fingers.items():
+        if any(word in stem for word in own_words):
+            return finger
+    number = FINGER_NUMBER.search(stem)
+    return dict(enumerate(FINGERS, start=not from_zero)).get(int(number[1])) if number else None
+
+
+def _in_palm(stem: str) -> bool:
+    return any(word in stem for word in vocabulary().palm)
+
+
+def _first_number(finger: str, stems: Sequence[str]) -> int:
+    """The number of a finger's first bone: 0 for a bone in the palm, else 1.
+
+    A bone is in the palm if its name says so, or if three others follow it and its number is not 1. A thumb of three
+    bones begins in the palm, but with 1.
+    """
+    if not stems:
+        return 1
+    longer = len(stems) > LAST_BONE and not stems[0].endswith("1")
+    return 0 if longer or (finger != "Thumb" and _in_palm(stems[0])) else 1

@@ -1,8 +1,7 @@
 """The reference pose of a body: a standing pose in which it can be aligned with another body.
 
-A rest pose in which a person can stand (T, A, arms down) is the reference pose. A rest pose in which nobody can stand,
-with all bones along one axis for example, is replaced by a frame of the motion in which the body stands, or else by a
-synthetic T-pose.
+A rest pose in which a person can stand (T-pose, A-pose, arms down) is the reference pose. Any other, such as one with
+all bones along one axis, is replaced by a frame of the motion in which the body stands, or else by a synthetic T-pose.
 """
 
 from __future__ import annotations
@@ -15,10 +14,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import ARM, LEG, SIDES, Anatomy
-from distretarget.body.axes import Directions, squared
+from distretarget.body.axes import Directions, axes_of, direction, squared
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import least
-from distretarget.numerics.vectors import cross, normalised
+from distretarget.numerics.vectors import cross, level, normalised
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -61,27 +60,26 @@ def standing_frame(moving: Directions, up: Array, unit: float) -> int | None:
         unlike += FOOT_WEIGHT * np.abs(height - np.percentile(height, LOW_ANKLE)) / unit
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         outwards = sign * moving.axes[..., 0]
-        for upper, lower in _bones(anatomy, side, ARM[1:]):
-            bone = normalised(x[:, lower] - x[:, upper])
+        for ends in _bones(anatomy, side, ARM[1:]):
+            bone = direction(x, *ends)
             unlike += ARM_WEIGHT * (1.0 - np.maximum((bone * outwards).sum(axis=-1), -(bone @ up)))
     return int(np.argmin(unlike))
 
 
 def _twist(moving: Directions) -> Array:
     """(frames,), the twist of the trunk: 1 - cosine between the lines across the hip joints and the shoulders."""
-    roles, x = moving.anatomy.roles, moving.positions
-    pairs = [[roles.get(side + part, -1) for side in SIDES] for part in ("UpperLeg", "UpperArm")]
-    if -1 in (*pairs[0], *pairs[1]):
-        return np.zeros(len(x))
-    hips, shoulders = (normalised(x[:, a] - x[:, b]) for a, b in pairs)
-    return np.asarray(1.0 - (hips * shoulders).sum(axis=-1))
+    hips, shoulders = moving.across("UpperLeg"), moving.across("UpperArm")
+    if hips is None or shoulders is None:
+        return np.zeros(len(moving.positions))
+    return np.asarray(1.0 - (normalised(hips) * normalised(shoulders)).sum(axis=-1))
 
 
 def bend_axes(anatomy: Anatomy, motion: Motion, world: Array) -> dict[str, Array]:
     """Return the axes about which elbows and knees bend in a motion, (3,) unit vectors, by the roles of upper arms and
-    thighs.
+    thighs; limbs that hardly bend have none.
 
-    The axes are those in the pose of the world rotations `world`, (joints, 4). Limbs that hardly bend have none.
+    An axis is a mean over the frames in the joint's own frame of reference, carried to the pose of the world rotations
+    `world`, (joints, 4). Like a pole vector it gives a limb its roll.
     """
     axes: dict[str, Array] = {}
     turned = motion.world_rotations
@@ -90,9 +88,8 @@ def bend_axes(anatomy: Anatomy, motion: Motion, world: Array) -> dict[str, Array
             bones = list(_bones(anatomy, side, limb))
             if len(bones) == 2:
                 joint = bones[0][0]
-                upper, lower = (normalised(motion.positions[:, b] - motion.positions[:, a]) for a, b in bones)
-                to_joint = Rotation.from_quat(turned[:, joint]).inv()
-                axis = to_joint.apply(cross(upper, lower)).mean(axis=0)
+                across = cross(*(direction(motion.positions, *ends) for ends in bones))
+                axis = Rotation.from_quat(turned[:, joint]).inv().apply(across).mean(axis=0)
                 if np.linalg.norm(axis) > CLEAR_BEND:
                     axes[side + limb[0]] = np.asarray(Rotation.from_quat(world[joint]).apply(normalised(axis)))
     return axes
@@ -105,13 +102,12 @@ def synthetic_t_pose(skeleton: Skeleton, rest: Directions) -> Array:
     sideways axis, as knees do.
     """
     goals = dict(_goals(rest.anatomy))
-    x = skeleton.rest_positions
     turns: list[Rotation] = []
     for joint in range(len(skeleton)):
         turn = turns[skeleton.parents[joint]] if joint else Rotation.from_matrix(_hip_axes(rest).T)
         if joint in goals:
             tip, goal = goals[joint]
-            bone = normalised(turn.apply(x[tip] - x[joint]))
+            bone = normalised(turn.apply(rest.positions[tip] - rest.positions[joint]))
             if bone @ goal < OPPOSITE:
                 turn = Rotation.from_rotvec([np.pi, 0.0, 0.0]) * turn
                 bone = bone * [1.0, -1.0, -1.0]
@@ -121,36 +117,29 @@ def synthetic_t_pose(skeleton: Skeleton, rest: Directions) -> Array:
 
 
 def _hip_axes(rest: Directions) -> Array:
-    """(3, 3), the axes of the hips at rest, columns left, up and forward.
-
-    Left is the direction across the hip joints, up that of the spine's first bone.
-    """
-    x, roles = rest.positions, rest.anatomy.roles
-    hips = [roles.get(f"{side}UpperLeg") for side in SIDES]
-    left = rest.left if None in hips else normalised(x[hips[0]] - x[hips[1]])
-    bones = [normalised(x[joint] - x[roles["hips"]]) for joint in _spine_to_head(rest.anatomy)]
+    """(3, 3), the axes of the hips at rest: left across the hip joints, up along the spine's first bone."""
+    across = rest.across("UpperLeg")
+    left = rest.left if across is None else normalised(across)
+    bones = [direction(rest.positions, rest.anatomy.roles["hips"], joint) for joint in _spine_to_head(rest.anatomy)]
     up = next((bone for bone in bones if bone.any()), rest.trunk)
-    up = normalised(up - (up @ left) * left)
-    return squared(np.stack([left, up, cross(left, up)], axis=-1))
+    return squared(axes_of(left, normalised(level(up, left))))
 
 
 def _spine_to_head(anatomy: Anatomy) -> list[int]:
     """The joints above the hips, up to the head."""
-    head = [anatomy.roles["head"]] if "head" in anatomy.roles else []
-    return [*anatomy.spine, *anatomy.neck, *head]
+    return [*anatomy.spine, *anatomy.neck, *(anatomy.roles[role] for role in ("head",) if role in anatomy.roles)]
 
 
 def _goals(anatomy: Anatomy) -> Iterator[tuple[int, tuple[int, Array]]]:
     """Joints, each with the joint at the end of its bone and the direction of that bone in a T-pose, (3,)."""
+    left, up, _ = np.eye(3)
+    foot = np.array([0.0, -np.sin(FOOT_PITCH), np.cos(FOOT_PITCH)])
     for lower, upper in pairwise(_spine_to_head(anatomy)):
-        yield lower, (upper, np.array([0.0, 1.0, 0.0]))
+        yield lower, (upper, up)
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
-        for upper, lower in _bones(anatomy, side, ARM):
-            yield upper, (lower, np.array([sign, 0.0, 0.0]))
-        for upper, lower in _bones(anatomy, side, LEG[:3]):
-            yield upper, (lower, np.array([0.0, -1.0, 0.0]))
-        for upper, lower in _bones(anatomy, side, LEG[2:]):
-            yield upper, (lower, np.array([0.0, -np.sin(FOOT_PITCH), np.cos(FOOT_PITCH)]))
+        for limb, goal in ((ARM, sign * left), (LEG[:3], -up), (LEG[2:], foot)):
+            for upper, lower in _bones(anatomy, side, limb):
+                yield upper, (lower, goal)
 
 
 def _bones(anatomy: Anatomy, side: str, limb: tuple[str, ...]) -> Iterator[tuple[int, int]]:

@@ -2,24 +2,63 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import combinations, pairwise, takewhile
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.anatomy import SIDES, Anatomy, spine_roles
-from distretarget.body.axes import FOLDED, STRETCHED
-from distretarget.body.limbs import Limb, LimbPair, find_limbs, forks, like_chains
+from distretarget.body.axes import FOLDED, STRETCHED, Directions, direction
+from distretarget.body.legs import SHORTEST_LIMB, Leg, are_alike, bends, tree_legs
 from distretarget.numerics.vectors import cross, lengths, normalised
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
+
+FORK = 0.5  # a chain ends where a branch of this length leaves it: fingers, toes, face [lengths of the longest branch]
+STRAIGHT = np.radians(10)  # the rest pose bends by less than this at joints inside a bone of the body [rad]
+SHORTEST_SHIN = 0.1  # a shorter bone above the end of the leg is part of the foot [leg lengths]
+SHORTEST_FOREARM = 0.5  # the last bone of an arm with at least this length is the forearm [length of its longest bone]
+FOREARM_RATIO = 0.9  # typical length of the forearm; real bodies have 0.55 to 1.2 [lengths of the upper arm]
+ARM_RATIO = 0.6  # typical length from shoulder to wrist; real bodies have 0.53 to 0.67 [leg lengths]
+ARM_JOINTS = 3  # least number of joints of an arm: shoulder, elbow, wrist
+
+# How unlike a human arm a limb is: the deviations of both ratios, as natural logarithms, plus these penalties.
+TWIST_PENALTY = 0.05  # for a joint inside the upper arm or forearm
+BEND_PENALTY = 0.3  # for a joint there at which the rest pose bends
+NO_COLLAR_PENALTY = 0.3  # for an arm without a collar bone, if it has joints enough for one
+UNLIKE = 1.2  # a limb with this sum or a larger one is not an arm
 
 LONGEST_NECK = 0.17  # a longer bone above the spine belongs to the head [leg lengths]
 NECK_RISE = 0.3  # a neck bone rises by at least this, a jaw by less [lengths of the bone]
 COLLAR_TO_HEAD = 0.25  # collar bones that branch off nearer to the head than this do so from the neck [leg lengths]
 CLEAR_FRONT = 0.3  # a direction shows which way is front if its mean cosine with it is larger than this [cosine]
 SLIGHT = 0.05  # directions shorter than this on average show nothing [leg lengths]
+
+
+class Limb(NamedTuple):
+    """The joints of an arm or a leg.
+
+    Attributes:
+        collar: the joints between trunk and upper arm, from the trunk outwards; empty for a leg.
+        upper: the upper end of the upper arm or thigh.
+        lower: the elbow or knee.
+        end: the wrist or ankle.
+        length: length from `upper` to `end` [file units].
+    """
+
+    collar: tuple[int, ...]
+    upper: int
+    lower: int
+    end: int
+    length: float
+
+
+LimbPair = tuple[Limb, Limb]
 
 
 def by_shape(skeleton: Skeleton, positions: Array | None = None) -> Anatomy | None:
@@ -29,77 +68,162 @@ def by_shape(skeleton: Skeleton, positions: Array | None = None) -> Anatomy | No
     The feet show which side is left; else the knees, which bend forwards; else the direction in which the body walks.
     Where none of them does, left is the side that comes first in the file.
     """
-    limbs = find_limbs(skeleton)
-    if limbs is None:
+    legs = _find_legs(skeleton)
+    arms = _find_arms(skeleton, legs) if legs else None
+    if legs is None or arms is None:
         return None
-    legs, arms = limbs
-    moving = np.empty((0, len(skeleton), 3)) if positions is None else positions
-    posture = _posture(skeleton, legs, arms, moving)
-    trunk = None if posture is None else _trunk(skeleton, legs, arms, _heights(skeleton, legs, posture))
-    if posture is None or trunk is None:
+    limbs = Anatomy(roles=_roles(legs, arms), spine=(), neck=(), convention="", method="shape")
+    moving = Directions(limbs, np.empty((0, len(skeleton), 3)) if positions is None else positions)
+    standing = _standing(Directions(limbs, skeleton.rest_positions[None]), moving)
+    trunk = _trunk(skeleton, legs, arms, _heights(skeleton, legs, standing)) if standing else None
+    if standing is None or trunk is None:
         return None
-    roles = {"hips": trunk.hips, **spine_roles(trunk.spine), "head": trunk.head}
-    if trunk.neck:
-        roles["neck"] = trunk.neck[0]
-    for side, leg, arm in zip(SIDES, *_sided(skeleton, legs, arms, posture, moving), strict=True):
-        roles |= {f"{side}UpperLeg": leg.upper, f"{side}LowerLeg": leg.lower, f"{side}Foot": leg.end}
-        roles |= {f"{side}UpperArm": arm.upper, f"{side}LowerArm": arm.lower, f"{side}Hand": arm.end}
+    hips, spine, neck, head = trunk
+    collars = [_collar(skeleton, arms, arm, standing.positions) for arm in arms]
+    across, apart = (standing.positions[:, a.upper] - standing.positions[:, b.upper] for a, b in (legs, arms))
+    if (across * apart).sum() < 0:
+        arms, collars = arms[::-1], collars[::-1]
+    if not _left_is_first(skeleton, legs, standing, moving):
+        legs, arms, collars = legs[::-1], arms[::-1], collars[::-1]
+    roles = {"hips": hips, **spine_roles(spine), "head": head, **dict(zip(["neck"], neck, strict=False))}
+    roles |= _roles(legs, arms)
+    for side, leg, collar in zip(SIDES, legs, collars, strict=True):
         roles |= {f"{side}Toes": joint for joint in _toes(skeleton, leg)}
-        roles |= {f"{side}Shoulder": joint for joint in _collar(skeleton, arms, arm, posture)}
+        roles |= {f"{side}Shoulder": joint for joint in collar}
     if any(skeleton.end_sites[joint] for joint in roles.values()):
         return None
-    return Anatomy(roles=roles, spine=trunk.spine, neck=trunk.neck, convention="", method="shape")
+    return replace(limbs, roles=roles, spine=spine, neck=neck)
 
 
-@dataclass(frozen=True)
-class _TrunkShape:
-    hips: int
-    spine: tuple[int, ...]
-    neck: tuple[int, ...]
-    head: int
+def _roles(legs: LimbPair, arms: LimbPair) -> dict[str, int]:
+    """The joints of the roles in limbs, left before right."""
+    roles: dict[str, int] = {}
+    for side, leg, arm in zip(SIDES, legs, arms, strict=True):
+        roles |= {f"{side}UpperLeg": leg.upper, f"{side}LowerLeg": leg.lower, f"{side}Foot": leg.end}
+        roles |= {f"{side}UpperArm": arm.upper, f"{side}LowerArm": arm.lower, f"{side}Hand": arm.end}
+    return roles
 
 
-def _trunk(skeleton: Skeleton, legs: LimbPair, arms: LimbPair, heights: Array) -> _TrunkShape | None:
-    """The trunk, from the joint where legs and spine part up to the head; None without spine or head.
+# ---- limbs
 
-    The head's branch leaves the spine at or below the joint where the arms do, and is not one of a pair of like chains.
+
+def _find_legs(skeleton: Skeleton) -> LimbPair | None:
+    """The legs that the tree shows, from the hip joints to the ankles."""
+    legs = tree_legs(skeleton)
+    if legs is None:
+        return None
+    a, b = (_limb_of_leg(skeleton, leg, other) for leg, other in (legs, legs[::-1]))
+    return (a, b) if a and b else None
+
+
+def _limb_of_leg(skeleton: Skeleton, leg: Leg, other: Leg) -> Limb | None:
+    """A leg with its knee, which is the joint nearest to the middle of the leg; None for a leg of one bone.
+
+    Its hip joint is the first joint, from `leg.hip` up past twist joints, at which the rest pose bends.
     """
-    taken = {(*arm.collar, arm.upper)[0] for arm in arms}
-    up = skeleton.line(int(skeleton.parents[min(taken)]))
-    both_legs = set(skeleton.line(legs[0].upper)) & set(skeleton.line(legs[1].upper))
-    hips = next(joint for joint in up if joint in both_legs)
-    for k, joint in enumerate(up[: up.index(hips)]):
-        free = [child for child in skeleton.children[joint] if child not in taken and not skeleton.end_sites[child]]
-        paired = {chain[0] for pair in like_chains(skeleton, free) for chain in pair}
-        branches = [child for child in free if child not in paired]
-        if branches:
-            first = max(branches, key=lambda child: heights[skeleton.subtree(child)].max())
-            *neck, head = _neck(skeleton, first, heights, legs[0].length)
-            spine = up[k : up.index(hips)][::-1]
-            if not neck and len(spine) > 1 and skeleton.lengths[head] < COLLAR_TO_HEAD * legs[0].length:
-                neck = [spine.pop()]
-            return _TrunkShape(hips, tuple(spine), tuple(neck), head)
-        taken = {joint}
-    return None
+    thigh, trunk = skeleton.line(leg.hip), skeleton.line(other.hip)
+    above = [*takewhile(lambda joint: joint not in trunk and skeleton.lengths[joint] > 0, thigh)]
+    hip = next((joint for joint in above if _is_bent(skeleton, joint, leg.ankle)), leg.hip)
+    up = skeleton.line(leg.ankle)
+    joints = up[up.index(hip) :: -1]
+    from_hip, ends = skeleton.path_lengths[hip], skeleton.end_sites
+    while len(joints) > 3 and (ends[joints[-1]] or skeleton.lengths[joints[-1]] < SHORTEST_SHIN * from_hip[joints[-1]]):
+        joints.pop()
+    if len(joints) < 3:
+        return None
+    knee = min(range(1, len(joints) - 1), key=lambda k: abs(2 * from_hip[joints[k]] - from_hip[joints[-1]]))
+    return _limb(skeleton, joints, 0, knee, len(joints) - 1)
 
 
-def _neck(skeleton: Skeleton, first: int, heights: Array, leg: float) -> list[int]:
-    """The joints from the first of the neck up to the head.
+def _find_arms(skeleton: Skeleton, legs: LimbPair) -> LimbPair | None:
+    """The pair of like limbs above the legs with the most arm-like proportions; None where no pair is arm-like."""
+    leg = (legs[0].length + legs[1].length) / 2
+    barred = {j for hip in legs for j in (*skeleton.line(hip.upper), *skeleton.subtree(hip.upper))}
+    joints = [joint for joint in range(len(skeleton)) if joint not in barred]
+    pairs = [pair for joint in joints for pair in _like_chains(skeleton, skeleton.children[joint])]
+    long = [(a, b) for a, b in pairs if len(a) >= ARM_JOINTS and skeleton.lengths[a].sum() >= SHORTEST_LIMB * leg]
+    best = min(((*_best_arm(skeleton, a, leg), a, b) for a, b in long), default=None)
+    if best is None or best[0] >= UNLIKE:
+        return None
+    _, places, *chains = best
+    a, b = (_limb(skeleton, chain, *places) for chain in chains)
+    return a, b
 
-    The head is where the branch ends or forks into a face, or where the next bone does not rise, or is longer than a
-    neck bone and than its own End Sites.
+
+def _limb(skeleton: Skeleton, chain: list[int], upper: int, lower: int, end: int) -> Limb:
+    """The limb with its upper end, middle and lower end at these places in a chain of joints."""
+    length = float(skeleton.path_lengths[chain[upper], chain[end]])
+    return Limb(tuple(chain[:upper]), chain[upper], chain[lower], chain[end], length)
+
+
+def _is_bent(skeleton: Skeleton, joint: int, below: int) -> bool:
+    """Whether the rest pose bends at a joint, between its own bone and the line to a joint below it."""
+    x = skeleton.rest_positions
+    return bends(skeleton.offsets[joint], x[below] - x[joint], STRAIGHT)
+
+
+def _best_arm(skeleton: Skeleton, chain: list[int], leg: float) -> tuple[float, tuple[int, int, int]]:
+    """The places of shoulder, elbow and wrist in a chain that make it most like a human arm, after how unlike it is."""
+    along = skeleton.path_lengths[chain[0], chain]
+    bones = np.diff(along)
+    last_long = int(np.flatnonzero(bones >= SHORTEST_FOREARM * bones.max())[-1]) + 1
+    wrist = len(chain) - 1 if _forks(skeleton, chain[-1]) else max(last_long, ARM_JOINTS - 1)
+    inner = np.array([BEND_PENALTY if _is_bent(skeleton, a, b) else TWIST_PENALTY for a, b in pairwise(chain)])
+    best = (np.inf, (0, 1, wrist))
+    for upper, lower in combinations(range(wrist), 2):
+        unlike = (
+            _unlikeness(*np.diff(along[[upper, lower, wrist]]), leg) + inner[upper + 1 : wrist].sum() - inner[lower]
+        )
+        no_collar = NO_COLLAR_PENALTY if upper == 0 and wrist >= ARM_JOINTS else 0.0
+        best = min(best, (unlike + no_collar, (upper, lower, wrist)))
+    return best
+
+
+def _unlikeness(upper: float, fore: float, leg: float) -> float:
+    """How far an arm is from human proportions, by the lengths of upper arm, forearm and leg: 0 or more."""
+    if min(upper, fore) <= 0:
+        return np.inf
+    return float(abs(np.log(fore / (FOREARM_RATIO * upper))) + abs(np.log((upper + fore) / (ARM_RATIO * leg))))
+
+
+def _like_chains(skeleton: Skeleton, tops: Sequence[int]) -> list[tuple[list[int], list[int]]]:
+    """The pairs of chains, each from one of the joints `tops` down, whose bones have about equal lengths.
+
+    One chain of a pair may be longer, as an arm that holds a sword; the joints that only it has are left out.
     """
-    neck = [first]
-    while True:
-        above = [child for child in skeleton.children[neck[-1]] if not skeleton.end_sites[child]]
-        if len(above) != 1:
-            return neck
-        length = skeleton.lengths[above[0]]
-        ends = [skeleton.lengths[end] for end in skeleton.children[above[0]] if skeleton.end_sites[end]]
-        rise = heights[above[0]] - heights[neck[-1]]
-        if length > max(LONGEST_NECK * leg, *ends, 0.0) or rise < NECK_RISE * length:
-            return neck
-        neck += above
+    chains = [_chain(skeleton, top) for top in tops if not skeleton.end_sites[top]]
+    pairs = [(a, b) for a, b in combinations(chains, 2) if len(a) == len(b) or min(len(a), len(b)) >= ARM_JOINTS]
+    equally_long = [(a[: len(b)], b[: len(a)]) for a, b in pairs]
+    return [pair for pair in equally_long if are_alike(skeleton, *pair)]
+
+
+def _chain(skeleton: Skeleton, top: int) -> list[int]:
+    """The joints from `top` down the longest branch to where it forks or ends, without End Sites."""
+    chain = [top]
+    while not _forks(skeleton, chain[-1]):
+        below = max(skeleton.children[chain[-1]], key=lambda child: _reach(skeleton, child), default=None)
+        if below is None or skeleton.end_sites[below]:
+            break
+        chain.append(below)
+    return chain
+
+
+def _forks(skeleton: Skeleton, joint: int) -> bool:
+    """Whether two branches of comparable length leave a joint."""
+    *_, second, longest = sorted([0.0, 0.0, *(_reach(skeleton, child) for child in skeleton.children[joint])])
+    return second > 0 and second >= FORK * longest
+
+
+def _reach(skeleton: Skeleton, joint: int) -> float:
+    """The distance from a joint's parent to the farthest leaf below the joint, along the bones [file units]."""
+    return float(skeleton.lengths[joint] + skeleton.path_lengths[joint, skeleton.subtree(joint)].max())
+
+
+def _toes(skeleton: Skeleton, leg: Limb) -> list[int]:
+    """The joint of a foot's toes; empty where each toe has its own joint."""
+    below = [] if _forks(skeleton, leg.end) else skeleton.children[leg.end]
+    longest = max(below, key=lambda joint: _reach(skeleton, joint), default=None)
+    return [] if longest is None or skeleton.end_sites[longest] else [longest]
 
 
 def _collar(skeleton: Skeleton, arms: LimbPair, arm: Limb, posture: Array) -> list[int]:
@@ -114,62 +238,88 @@ def _collar(skeleton: Skeleton, arms: LimbPair, arm: Limb, posture: Array) -> li
     return [joint for joint, width in zip(arm.collar, apart, strict=False) if 2 * width < apart[-1]][-1:]
 
 
-def _toes(skeleton: Skeleton, leg: Limb) -> list[int]:
-    """The joint of a foot's toes; empty where each toe has its own joint."""
-    below = [] if forks(skeleton, leg.end) else list(skeleton.children[leg.end])
-    longest = max(below, key=lambda joint: skeleton.path_lengths[leg.end, skeleton.subtree(joint)].max(), default=0)
-    return [longest] if below and not skeleton.end_sites[longest] else []
+# ---- trunk
 
 
-def _posture(skeleton: Skeleton, legs: LimbPair, arms: LimbPair, moving: Array) -> Array | None:
-    """(frames, joints, 3), the rest pose or the motion in which the body stands; no frames where neither shows it; None
-    where they show a body on all fours.
+def _trunk(
+    skeleton: Skeleton, legs: LimbPair, arms: LimbPair, heights: Array
+) -> tuple[int, tuple[int, ...], tuple[int, ...], int] | None:
+    """Hips, spine, neck and head, from the joint where legs and spine part; None without spine or head.
+
+    The head's branch leaves the spine at or below the joint where the arms do, and is not one of a pair of like chains.
     """
-    rest = skeleton.rest_positions[None]
-    at_rest = float(_stretch(rest, legs, arms)[0])
+    taken = {(*arm.collar, arm.upper)[0] for arm in arms}
+    up = skeleton.line(int(skeleton.parents[min(taken)]))
+    both_legs = skeleton.line(int(skeleton.meets[legs[0].upper, legs[1].upper]))
+    hips = next(joint for joint in up if joint in both_legs)
+    for k, joint in enumerate(up[: up.index(hips)]):
+        free = [child for child in skeleton.children[joint] if child not in taken and not skeleton.end_sites[child]]
+        paired = {chain[0] for pair in _like_chains(skeleton, free) for chain in pair}
+        branches = [child for child in free if child not in paired]
+        if branches:
+            first = max(branches, key=lambda child: heights[skeleton.subtree(child)].max())
+            *neck, head = _neck(skeleton, first, heights, legs[0].length)
+            spine = up[k : up.index(hips)][::-1]
+            if not neck and len(spine) > 1 and skeleton.lengths[head] < COLLAR_TO_HEAD * legs[0].length:
+                neck = [spine.pop()]
+            return hips, tuple(spine), tuple(neck), head
+        taken = {joint}
+    return None
+
+
+def _neck(skeleton: Skeleton, first: int, heights: Array, leg: float) -> list[int]:
+    """The joints from the first of the neck up to the head.
+
+    The head is where the branch ends or forks into a face, or where the next bone does not rise, or is longer than a
+    neck bone and than its own End Sites.
+    """
+    neck = [first]
+    while len(above := [child for child in skeleton.children[neck[-1]] if not skeleton.end_sites[child]]) == 1:
+        length = skeleton.lengths[above[0]]
+        ends = [skeleton.lengths[end] for end in skeleton.children[above[0]] if skeleton.end_sites[end]]
+        rise = heights[above[0]] - heights[neck[-1]]
+        if length > max(LONGEST_NECK * leg, *ends, 0.0) or rise < NECK_RISE * length:
+            break
+        neck += above
+    return neck
+
+
+# ---- postures; x are positions, (frames, joints, 3)
+
+
+def _standing(rest: Directions, moving: Directions) -> Directions | None:
+    """The rest pose or the motion in which the body stands; no frames where neither shows it; None where they show a
+    body on all fours.
+    """
+    at_rest = float(rest.stretch[0])
     if at_rest > STRETCHED:
         return rest
-    if len(moving):
-        return moving if np.percentile(_stretch(moving, legs, arms), 99) > STRETCHED else None
+    if len(moving.positions):
+        return moving if np.percentile(moving.stretch, 99) > STRETCHED else None
     return moving if at_rest < FOLDED else None
 
 
-def _stretch(x: Array, legs: LimbPair, arms: LimbPair) -> Array:
-    """(frames,), the angle between trunk and legs [degrees]: 180 for a person who stands."""
-    trunk = _middle(x, [arm.upper for arm in arms]) - _middle(x, [leg.upper for leg in legs])
-    cosine = -(normalised(trunk) * _up(x, legs)).sum(axis=-1)
-    return np.asarray(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
-
-
-def _heights(skeleton: Skeleton, legs: LimbPair, posture: Array) -> Array:
+def _heights(skeleton: Skeleton, legs: LimbPair, standing: Directions) -> Array:
     """(joints,), the mean heights of the joints; without a posture their path lengths from the hip [file units]."""
-    if not len(posture):
+    if not len(standing.positions):
         return np.asarray(skeleton.path_lengths[legs[0].upper])
-    return np.asarray((posture * _up(posture, legs)[:, None]).sum(axis=-1).mean(axis=0))
+    return np.asarray((standing.positions * -standing.legs[:, None]).sum(axis=-1).mean(axis=0))
 
 
-def _sided(
-    skeleton: Skeleton, legs: LimbPair, arms: LimbPair, posture: Array, moving: Array
-) -> tuple[LimbPair, LimbPair]:
-    """Legs and arms, left before right."""
-    across, apart = (posture[:, a.upper] - posture[:, b.upper] for a, b in (legs, arms))
-    if (across * apart).sum() < 0:
-        arms = arms[::-1]
-    for x, forward in (
-        *((x, _feet(skeleton, legs, x)) for x in (posture, moving)),
-        *((x, _knees(legs, x)) for x in (posture, moving)),
-        (moving, _travel(legs, moving)),
-    ):
-        cosine = _agreement(forward, legs, x)
+def _left_is_first(skeleton: Skeleton, legs: LimbPair, standing: Directions, moving: Directions) -> bool:
+    """Whether the first leg is the left one; so it is where nothing shows that."""
+    feet = partial(_feet, skeleton)
+    for way, show in ((standing, feet), (moving, feet), (standing, _knees), (moving, _knees), (moving, _travel)):
+        cosine = _agreement(show(legs, way.positions), legs, way)
         if abs(cosine) > CLEAR_FRONT:
-            return (legs, arms) if cosine > 0 else (legs[::-1], arms[::-1])
-    return legs, arms
+            return cosine > 0
+    return True
 
 
 def _feet(skeleton: Skeleton, legs: LimbPair, x: Array) -> Array:
     """(frames, 3), the direction of the feet: from the ankles to the joints below, without the part along the shins."""
     feet = [_middle(x, skeleton.subtree(leg.end)) - x[:, leg.end] for leg in legs]
-    shins = [normalised(x[:, leg.lower] - x[:, leg.end]) for leg in legs]
+    shins = [direction(x, leg.end, leg.lower) for leg in legs]
     return np.asarray(sum(_across(foot, shin) for foot, shin in zip(feet, shins, strict=True)))
 
 
@@ -184,20 +334,15 @@ def _travel(legs: LimbPair, x: Array) -> Array:
     return len(x) * np.diff(hips, axis=0, prepend=hips[:1])
 
 
-def _agreement(forward: Array, legs: LimbPair, x: Array) -> float:
+def _agreement(forward: Array, legs: LimbPair, way: Directions) -> float:
     """The mean cosine, -1 to 1, between directions (frames, 3) and the front of a body whose first leg is the left one;
     0 where the directions are too short to show anything.
     """
-    up = _up(x, legs)
+    x, up = way.positions, -way.legs
     front = normalised(cross(x[:, legs[0].upper] - x[:, legs[1].upper], up))
     level = lengths(_across(forward, up)).sum()
     slight = SLIGHT * legs[0].length * len(x)
     return float((forward * front).sum() / level) if level > slight else 0.0
-
-
-def _up(x: Array, legs: LimbPair) -> Array:
-    """(frames, 3), unit vectors up the legs, from the middle of the ankles to the middle of the hip joints."""
-    return normalised(_middle(x, [leg.upper for leg in legs]) - _middle(x, [leg.end for leg in legs]))
 
 
 def _middle(x: Array, joints: list[int]) -> Array:

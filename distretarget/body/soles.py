@@ -27,8 +27,7 @@ class Sole:
     """The sole of a foot.
 
     Attributes:
-        normal: (3,), the direction straight up from the floor while the foot stands flat, a unit vector in the axes of
-            the ankle joint.
+        normal: (3,), the unit vector up from the floor while the foot stands flat, in the axes of the ankle joint.
         joints: (joints,), the ankle, and the joints and End Sites of the foot below it.
         heights: (joints,), how high these are over the sole [file units].
         known: whether rest pose or motion show how the foot stands; else that is its usual pitch.
@@ -55,33 +54,23 @@ def find_soles(body: Body, legs: Legs, normals: tuple[Array, Array] | None = Non
 
     A foot stands flat in the rest pose, if a person can stand in that and the foot does not hang in it. Else the motion
     shows how it stands: both feet are pitched as the flatter one is while it rests. Without a motion it stands as in
-    the reference pose, a hanging foot with its usual pitch. `normals`, those of the soles, overrule all that.
+    the reference pose, a hanging foot with its usual pitch. `normals` of the soles overrule all that.
     """
-    a, b = _feet(body, legs)
-    if normals is not None:
-        a, b = replace(a, up=normals[0]), replace(b, up=normals[1])
-    return _sole(a), _sole(b)
-
-
-def _feet(body: Body, legs: Legs) -> list[_Foot]:
-    """Both feet as they stand."""
     feet = [_reference_foot(body, leg) for leg in legs]
-    if all(foot.known for foot in feet):
-        return feet
-    resting = [_resting_foot(body, leg) or foot for leg, foot in zip(legs, feet, strict=True)]
-    pitch = max((foot.pitch for foot in resting if foot.known), default=None)
-    return resting if pitch is None else [foot.pitched(pitch) for foot in resting]
+    if not all(foot.known for foot in feet):
+        feet = [_resting_foot(body, leg) or foot for leg, foot in zip(legs, feet, strict=True)]
+        pitch = max((foot.pitch for foot in feet if foot.known), default=None)
+        feet = feet if pitch is None else [foot.pitched(pitch) for foot in feet]
+    if normals is not None:
+        feet = [replace(foot, up=normal) for foot, normal in zip(feet, normals, strict=True)]
+    left, right = (foot.sole for foot in feet)
+    return left, right
 
 
 @dataclass(frozen=True, eq=False)
 class _Foot:
-    """How a foot is held, in the axes of its ankle.
-
-    Attributes:
-        joints: the ankle, and the joints and End Sites below it.
-        points: (joints, 3), their places from the ankle [file units].
-        up: (3,), the unit vector up.
-        known: whether rest pose or motion show that it stands so.
+    """How a foot is held, in the axes of its ankle: the `points` of its `joints`, (joints, 3), relative to the ankle
+    [file units], and the unit vector `up`, (3,); `known` if rest pose or motion show that it stands so.
     """
 
     joints: list[int]
@@ -93,6 +82,12 @@ class _Foot:
     def direction(self) -> Array:
         """(3,), the unit vector to the point farthest from the ankle; zero for a foot without length."""
         return normalised(self.points[np.argmax(lengths(self.points))])
+
+    @property
+    def sole(self) -> Sole:
+        """Its sole."""
+        heights = self.points @ self.up
+        return Sole(self.up, np.array(self.joints, np.intp), heights - heights.min(), self.known)
 
     @property
     def pitch(self) -> float:
@@ -108,9 +103,9 @@ class _Foot:
 
 def _reference_foot(body: Body, leg: Leg) -> _Foot:
     """The foot in the reference pose; one that hangs there is given its usual pitch."""
-    stance = body.reference
+    stance = body.reference.directions
     up = body.up_vector if stance is None else axis_vector(nearest_axis(stance.up)[0])
-    ankle = Rotation.from_quat(body.reference_pose[leg.ankle]).as_matrix()
+    ankle = Rotation.from_quat(body.reference.rotations[leg.ankle]).as_matrix()
     foot = _foot(body, leg, up @ ankle, body.stands_at_rest or body.anatomy is None)
     if foot.direction @ foot.up >= -HANGING:
         return foot
@@ -138,8 +133,3 @@ def _foot(body: Body, leg: Leg, up: Array, known: bool) -> _Foot:
     joints = [joint for joint in below if joint == leg.ankle or body.regions.of_joint[joint] >= 0]
     places = body.skeleton.rest_positions
     return _Foot(joints, places[joints] - places[leg.ankle], up, known)
-
-
-def _sole(foot: _Foot) -> Sole:
-    over_ankle = foot.points @ foot.up
-    return Sole(foot.up, np.array(foot.joints, np.intp), over_ankle - over_ankle.min(), foot.known)

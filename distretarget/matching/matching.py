@@ -16,11 +16,14 @@ from distretarget.body.legs import Leg, Legs, leg_length
 from distretarget.body.soles import Sole, find_soles
 from distretarget.checks import check_kind
 from distretarget.errors import MatchingError, MotionError
-from distretarget.matching.bones import rest_poses_alike
 from distretarget.matching.pairing import find_pairs, pairs_of_map, spine_blend, tips
 from distretarget.motion import Motion
+from distretarget.numerics.vectors import normalised
 from distretarget.skeleton import JointMap
 
+Array = NDArray[np.float64]
+
+BUILD_ANGLE = np.radians(55)  # rest directions of bones that differ by less show another build, not another pose [rad]
 NAMED_SHARE = 0.5  # least share of target joints matched by name if no human body is recognised [0 to 1]
 LANDMARKS = ("hips", "head", "leftHand", "rightHand", "leftFoot", "rightFoot")  # the places of joints count from these
 CONFIDENCE = {"map": 1.0, "name": 1.0, "names": 0.95, "shape": 0.8, "tip": 0.9, "": 0.0}  # by method [0 to 1]
@@ -65,18 +68,18 @@ class Matching:
         return self.source.motion
 
     @property
-    def confidence(self) -> NDArray[np.float64]:
-        """(target joints,), how far to trust each pair [0 to 1]: the confidence in the method, times how similar the
-        path lengths of both joints to hips, head, hands and feet are.
+    def confidence(self) -> Array:
+        """(target joints,), how far to trust each pair [0 to 1]: by the method, times how similar the path lengths of
+        both joints to hips, head, hands and feet are.
         """
         by_method = np.array([CONFIDENCE[method] for method in self.method])
-        bodies = [body for body in (self.source, self.target) if body.anatomy]
-        marks = [mark for mark in LANDMARKS if all(body.anatomy and mark in body.anatomy.roles for body in bodies)]
-        if len(bodies) < 2 or not marks:
+        roles = [body.anatomy.roles if body.anatomy else {} for body in (self.source, self.target)]
+        marks = [mark for mark in LANDMARKS if mark in roles[0] and mark in roles[1]]
+        if not marks:
             return by_method
         places = []
-        for body in bodies:
-            joints = [body.anatomy.roles[mark] for mark in marks] if body.anatomy else []
+        for body, own in zip((self.source, self.target), roles, strict=True):
+            joints = [own[mark] for mark in marks]
             tau = body.skeleton.path_lengths[:, joints]
             places.append(tau / (tau[joints].max() or 1.0))
         unlike = np.abs(places[0][self.drivers] - places[1]).mean(axis=1)
@@ -84,22 +87,22 @@ class Matching:
 
     @property
     def without_driver(self) -> list[str]:
-        """The keys of the target's joints that follow no joint of the source, without End Sites."""
+        """The keys of the target's joints that no joint of the source drives, without End Sites."""
         alone = (self.rotation_sources[:, 0] < 0) & (self.drivers < 0)
         return [self.target.skeleton.keys[joint] for joint in self.target.skeleton.joints if alone[joint]]
 
     @property
     def followers(self) -> list[str]:
-        """The keys of the joints without driver that follow their parents: all but the root and IK handles."""
+        """The keys of the joints without driver, except for root and IK handles: they follow their parents."""
         others = {self.target.skeleton.keys[joint] for joint in (0, *self.target.handles)}
         return [key for key in self.without_driver if key not in others]
 
     @cached_property
     def legs(self) -> tuple[Legs, Legs] | None:
-        """The legs of source and target, joint by joint: the source joints that drive the target's legs, and those.
+        """The target's legs, and before them the source joints that drive them.
 
-        None unless the target's hips and ankles have drivers and the source's legs have a length. A toe without a
-        driver is replaced by its ankle.
+        None unless hip joints and ankles have drivers and the source's legs have a length. A toe without a driver is
+        replaced by its ankle.
         """
         if self.target.legs is None:
             return None
@@ -110,14 +113,12 @@ class Matching:
 
     @cached_property
     def leg_lengths(self) -> tuple[float, float]:
-        """The length of these legs, thigh and shin, in source and target [file units of each]; 0 without them."""
+        """The lengths of these legs, thigh and shin, in source and target [file units of each]; 0 without legs."""
         return (leg_length(self.source.skeleton, self.legs[0]), self.target.leg_length) if self.legs else (0.0, 0.0)
 
     @cached_property
     def regions(self) -> Regions:
-        """The regions of the target that touch each other. Joints that the map drives belong to the region they are
-        attached to, whatever they are.
-        """
+        """The regions of the target, in which joints that a map drives are part of the region they are attached to."""
         mapped = [joint for joint, method in enumerate(self.method) if method == "map"]
         return self.target.regions.with_joints(self.target.skeleton, mapped)
 
@@ -128,50 +129,60 @@ class Matching:
 
     @cached_property
     def joints_but_feet(self) -> NDArray[np.intp]:
-        """The `body_joints` but for the feet's; none without legs."""
-        return self._but_feet(self.body_joints)
+        """The `body_joints` without those of the feet; none without legs."""
+        return self._but_feet(self.drivers >= 0)
 
     @cached_property
     def followers_but_feet(self) -> NDArray[np.intp]:
-        """The joints of the target's body without driver, but for the feet's; none without legs."""
-        return self._but_feet(np.flatnonzero((self.drivers < 0) & (self.regions.of_joint >= 0)))
+        """The joints of the target's body without driver, and not of the feet; none without legs."""
+        return self._but_feet(self.drivers < 0)
 
-    def _but_feet(self, joints: NDArray[np.intp]) -> NDArray[np.intp]:
-        if self.legs is None:
-            return np.zeros(0, np.intp)
+    def _but_feet(self, wanted: NDArray[np.bool_]) -> NDArray[np.intp]:
         of_joint = self.regions.of_joint
-        return joints[~np.isin(of_joint[joints], [of_joint[leg.ankle] for leg in self.legs[1]])]
-
-    @cached_property
-    def bone_drivers(self) -> NDArray[np.intp]:
-        """(target joints,), like `drivers`, but -1 for joints above the hips of either body, which end no bone."""
-        above = np.isin(np.arange(len(self.drivers)), self.target.above_hips)
-        above |= np.isin(self.drivers, self.source.above_hips)
-        return np.where(above, -1, self.drivers)
+        feet = [of_joint[leg.ankle] for leg in self.legs[1]] if self.legs else []
+        return np.flatnonzero(wanted & (of_joint >= 0) & ~np.isin(of_joint, feet) & bool(feet))
 
     @cached_property
     def rest_poses_alike(self) -> bool:
         """Whether all bones of both rest poses point about the same way, so that they can be compared."""
-        return rest_poses_alike(self.source.skeleton, self.target.skeleton, self.bone_drivers)
+        _, a, b = self.shared_bones(self.source.skeleton.rest_positions, self.target.skeleton.rest_positions)
+        return bool(((a * b).sum(axis=1) >= np.cos(BUILD_ANGLE)).all())
+
+    def shared_bones(self, x: Array, y: Array) -> tuple[NDArray[np.intp], Array, Array]:
+        """Return the bones that both bodies have: the target joint at the upper end of each, (bones,), in ascending
+        order, and their directions, (bones, 3), on the source with its joints at `x` and on the target with its at `y`.
+
+        A bone goes from a joint with a driver, the hips or lower, to the nearest ones below, on neither body with
+        length 0.
+        """
+        driven = (self.drivers >= 0) & ~np.isin(self.drivers, self.source.above_hips)
+        driven[[*self.target.above_hips]] = False
+        above = np.array(self.target.skeleton.parents)  # the nearest joint with a driver above each joint
+        for joint, parent in enumerate(above[1:], start=1):
+            above[joint] = parent if driven[parent] else above[parent]
+        lower = np.flatnonzero(driven & (above >= 0))
+        lower = lower[np.argsort(above[lower], kind="stable")]
+        upper = above[lower]
+        a, b = x[self.drivers[lower]] - x[self.drivers[upper]], y[lower] - y[upper]
+        apart = a.any(axis=1) & b.any(axis=1)
+        return upper[apart], normalised(a[apart]), normalised(b[apart])
 
     @cached_property
     def soles(self) -> tuple[tuple[Sole, Sole], ...]:
-        """The soles of source and target of each of these legs; empty without them.
+        """The soles of source and target of each of these legs; empty without legs.
 
         Where only one of two bodies with like rest poses shows how its feet stand, those of the other stand likewise.
         Where one of the bodies has no foot, legs end at the ankle on both.
         """
         if self.legs is None:
             return ()
-        source, target = (
-            find_soles(body, legs) for body, legs in zip((self.source, self.target), self.legs, strict=True)
-        )
+        source, target = find_soles(self.source, self.legs[0]), find_soles(self.target, self.legs[1])
         if self.rest_poses_alike and not target[0].known:
             target = find_soles(self.target, self.legs[1], (source[0].normal, source[1].normal))
         elif self.rest_poses_alike and not source[0].known:
             source = find_soles(self.source, self.legs[0], (target[0].normal, target[1].normal))
-        pairs = zip(*self.legs, source, target, strict=True)
-        return tuple((a, b) if leg.toe != leg.ankle else (a.at_ankle, b.at_ankle) for _, leg, a, b in pairs)
+        pairs = zip(self.legs[1], source, target, strict=True)
+        return tuple((a, b) if leg.toe != leg.ankle else (a.at_ankle, b.at_ankle) for leg, a, b in pairs)
 
     @cached_property
     def pelvis(self) -> int:
@@ -182,10 +193,10 @@ class Matching:
 
 
 def match(source: Body, target: Body, joint_map: JointMap | None = None) -> Matching:
-    """Match the joints of two bodies as `find_matching` does, and check that a motion can be retargeted that way.
+    """Match the joints of two bodies as `find_matching` does, and check that this is enough to retarget a motion.
 
     Raises:
-        MatchingError: it cannot; the message lists joints of both bodies, and those with the closest names.
+        MatchingError: it is not; the message lists joints of both bodies, and the pairs with the closest names.
         MapError: `joint_map` names joints that do not exist.
         SettingsError: an argument is of another kind.
     """
@@ -208,19 +219,22 @@ def find_matching(source: Body, target: Body, joint_map: JointMap | None = None)
     Raises:
         MapError: `joint_map` names joints that do not exist.
     """
-    source, target, crossed = _sided(source, target)
+    crossed = False
+    if source.left_is_left is not None and target.left_is_left is not None:
+        crossed = source.left_is_left != target.left_is_left
+        source, target = (body if body.left_is_left else body.mirrored for body in (source, target))
     found_pairs = find_pairs(source, target, crossed)
     map_pairs = pairs_of_map(source.skeleton, target.skeleton, joint_map or {})
     pairs = found_pairs | map_pairs
     pairs |= tips(source.skeleton, target.skeleton, pairs)
-    for joint in set(pairs) - set(map_pairs):
+    for joint in pairs.keys() - map_pairs.keys():
         if joint in target.handles or pairs[joint][0] in source.handles:
             del pairs[joint]
     joints = range(len(target.skeleton))
     drivers = np.array([pairs.get(joint, (-1, ""))[0] for joint in joints], np.intp)
     method = tuple(pairs[joint][1] if drivers[joint] >= 0 else "" for joint in joints)
-    rotation_sources, blend = np.stack([drivers, drivers], axis=1), np.zeros(len(drivers))
     overruled = {joint for joint in map_pairs if map_pairs[joint][0] != found_pairs.get(joint, (None, ""))[0]}
+    rotation_sources, blend = np.stack([drivers, drivers], axis=1), np.zeros(len(drivers))
     for joint, neighbours, weight in spine_blend(source, target):
         if joint not in overruled:
             rotation_sources[joint], blend[joint] = neighbours, weight
@@ -248,13 +262,3 @@ def refusal(matching: Matching) -> str:
     if not any(role in s.roles and role in t.roles for role in LIMB_ROLES):
         return "source and target share neither arms nor legs"
     return "" if (matching.drivers >= 0).any() else "no joint of the target has a driver"
-
-
-def _sided(source: Body, target: Body) -> tuple[Body, Body, bool]:
-    """Both bodies, with joints of the left side called left if the feet of both bodies show their sides; and whether
-    exactly one of the two had left and right exchanged in its names.
-    """
-    if source.left_is_left is None or target.left_is_left is None:
-        return source, target, False
-    s, t = (body if body.left_is_left else body.mirrored for body in (source, target))
-    return s, t, source.left_is_left != target.left_is_left

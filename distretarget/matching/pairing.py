@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,7 @@ def find_pairs(source: Body, target: Body, crossed: bool) -> JointPairs:
     follow one known convention, equal names come first, except in spine and neck, whose joints may be numbered from
     below or from above. `crossed` says that left and right are exchanged in the names of one of the bodies.
     """
-    names = same_names(source.skeleton, target.skeleton)
+    names = _same_names(source.skeleton, target.skeleton)
     s, t = source.anatomy, target.anatomy
     if s is None or t is None:
         return names
@@ -36,8 +36,12 @@ def find_pairs(source: Body, target: Body, crossed: bool) -> JointPairs:
         return names
     names_first = alike and s.convention
     pairs = {joint: pair for joint, pair in names.items() if names_first and joint not in (*t.spine, *t.neck)}
-    pairs |= unused(same_parts(s, t), pairs)
-    return same_others(source.skeleton, target.skeleton, pairs)
+    pairs |= _unused(_same_parts(s, t), pairs)
+    for joint, (driver, method) in _unused(names, pairs).items():
+        above = _nearest(target.skeleton, joint, pairs.keys())
+        if pairs.get(above, (-1, ""))[0] == _nearest(source.skeleton, driver, {known for known, _ in pairs.values()}):
+            pairs[joint] = driver, method
+    return pairs
 
 
 def pairs_of_map(source: Skeleton, target: Skeleton, joint_map: JointMap) -> JointPairs:
@@ -56,33 +60,27 @@ def pairs_of_map(source: Skeleton, target: Skeleton, joint_map: JointMap) -> Joi
     return pairs
 
 
-def same_names(source: Skeleton, target: Skeleton) -> JointPairs:
-    """Return the joints with equal keys, then those with names equal up to namespace and case, without End Sites."""
+def _same_names(source: Skeleton, target: Skeleton) -> JointPairs:
+    """The joints with equal keys, then those with names equal up to namespace and case, without End Sites."""
     exact = {source.keys[joint]: joint for joint in source.joints}
-    pairs: JointPairs = {}
-    for joint in target.joints:
-        if target.keys[joint] in exact:
-            pairs[joint] = (exact[target.keys[joint]], "name")
-    plain = _plain(source)
-    taken = {driver for driver, _ in pairs.values()}
-    for name, joint in _plain(target).items():
-        if joint not in pairs and name in plain and plain[name] not in taken:
-            pairs[joint] = (plain[name], "name")
-    return pairs
+    pairs = {joint: (exact[target.keys[joint]], "name") for joint in target.joints if target.keys[joint] in exact}
+    plain, target_plain = _plain_names(source), _plain_names(target)
+    others = {joint: (plain[name], "name") for name, joint in target_plain.items() if name in plain}
+    return pairs | _unused(others, pairs)
 
 
-def _plain(skeleton: Skeleton) -> dict[str, int]:
+def _plain_names(skeleton: Skeleton) -> dict[str, int]:
     """The joint of each name in lower case without namespace, where that is still unique."""
     names = {joint: skeleton.names[joint].rpartition(":")[2].lower() for joint in skeleton.joints}
     times = Counter(names.values())
     return {name: joint for joint, name in names.items() if times[name] == 1}
 
 
-def same_parts(s: Anatomy, t: Anatomy) -> JointPairs:
-    """Return the joints that play the same part; spines and necks with equal numbers of joints pair joint by joint.
+def _same_parts(s: Anatomy, t: Anatomy) -> JointPairs:
+    """The joints that play the same part; spines and necks with equal numbers of joints pair joint by joint.
 
     The fingers of a hand pair if the source has all fingers of the target, or at least `SHARED_FINGERS` of them: a
-    single finger that stands for all four (CMU) would move one finger of five.
+    single finger that represents all four (CMU) would move one finger of five.
     """
     method = "names" if s.method == t.method == "names" else "shape"
     shared = [role for role in t.roles if role in s.roles]
@@ -90,31 +88,20 @@ def same_parts(s: Anatomy, t: Anatomy) -> JointPairs:
         fingers = [{finger for finger in FINGERS if f"{side}{finger}1" in body.roles} for body in (s, t)]
         if not fingers[1] <= fingers[0] and len(fingers[0] & fingers[1]) < SHARED_FINGERS:
             shared = [role for role in shared if not role.startswith(tuple(side + finger for finger in FINGERS))]
-    pairs = {joint: (s.roles[role], method) for role, joint in t.roles.items() if role in shared}
+    pairs = {t.roles[role]: (s.roles[role], method) for role in shared}
     for drivers, joints in ((s.spine, t.spine), (s.neck, t.neck)):
         if len(drivers) == len(joints):
             pairs |= {joint: (driver, method) for driver, joint in zip(drivers, joints, strict=True)}
     return pairs
 
 
-def unused(pairs: JointPairs, known: JointPairs) -> JointPairs:
-    """Return the pairs of which neither joint is in a known pair."""
+def _unused(pairs: JointPairs, known: JointPairs) -> JointPairs:
+    """The pairs of joints that are in no known pair."""
     drivers = {driver for driver, _ in known.values()}
     return {joint: pair for joint, pair in pairs.items() if joint not in known and pair[0] not in drivers}
 
 
-def same_others(source: Skeleton, target: Skeleton, pairs: JointPairs) -> JointPairs:
-    """Return the pairs, and in addition joints with equal names whose nearest paired ancestors are a pair."""
-    known = dict(pairs)
-    for joint, (driver, method) in unused(same_names(source, target), pairs).items():
-        above = _nearest(target, joint, set(known))
-        drivers = {source_joint for source_joint, _ in known.values()}
-        if (known[above][0] if above >= 0 else -1) == _nearest(source, driver, drivers):
-            known[joint] = (driver, method)
-    return known
-
-
-def _nearest(skeleton: Skeleton, joint: int, known: set[int]) -> int:
+def _nearest(skeleton: Skeleton, joint: int, known: Collection[int]) -> int:
     """The nearest ancestor among the known joints; -1 without one."""
     return next((above for above in skeleton.line(joint)[1:] if above in known), -1)
 
@@ -124,24 +111,17 @@ def tips(source: Skeleton, target: Skeleton, pairs: JointPairs) -> JointPairs:
     order.
     """
     tip_pairs: JointPairs = {}
-    above = source.lines(driver for driver, _ in pairs.values() if driver >= 0), target.lines(pairs)
+    source_lines, lines = source.lines(driver for driver, _ in pairs.values() if driver >= 0), target.lines(pairs)
     for joint in range(len(target)):
         driver = (pairs | tip_pairs).get(joint, (-1, ""))[0]
         if driver < 0:
             continue
-        ends, children = _others(source, driver, above[0]), _others(target, joint, above[1])
-        if not len(source.children[driver]) == len(target.children[joint]) == 1:
-            ends, children = [j for j in ends if source.end_sites[j]], [j for j in children if target.end_sites[j]]
-        tip_pairs |= {child: (end, "tip") for end, child in zip(ends, children, strict=False)}
+        ends, children = source.children[driver], target.children[joint]
+        chain = len(ends) == len(children) == 1
+        free_ends = [end for end in ends if end not in source_lines and (chain or source.end_sites[end])]
+        free = [child for child in children if child not in lines and (chain or target.end_sites[child])]
+        tip_pairs |= {child: (end, "tip") for end, child in zip(free_ends, free, strict=False)}
     return tip_pairs
-
-
-def _others(skeleton: Skeleton, joint: int, above: set[int]) -> list[int]:
-    """The children of a joint that are not in `above`."""
-    return [child for child in skeleton.children[joint] if child not in above]
-
-
-Chain = tuple[int, ...]
 
 
 def spine_blend(source: Body, target: Body) -> Iterator[tuple[int, tuple[int, int], float]]:
@@ -153,27 +133,25 @@ def spine_blend(source: Body, target: Body) -> Iterator[tuple[int, tuple[int, in
     """
     if source.anatomy is None or target.anatomy is None:
         return
-    for (source_chain, source_top), (target_chain, target_top) in zip(
-        _chains(source.anatomy), _chains(target.anatomy), strict=True
-    ):
+    chains = zip(_chains(source.anatomy), _chains(target.anatomy), strict=True)
+    for (source_chain, source_top), (target_chain, target_top) in chains:
         if not source_chain or not target_chain or len(source_chain) == len(target_chain):
             continue
-        source_middles = _middles(source.skeleton, source_chain, source_top)
-        target_middles = _middles(target.skeleton, target_chain, target_top)
-        places = np.interp(target_middles, source_middles, np.arange(len(source_middles)))
+        middles = _middles(source.skeleton, source_chain, source_top)
+        places = np.interp(_middles(target.skeleton, target_chain, target_top), middles, np.arange(len(middles)))
         for joint, place in zip(target_chain, places, strict=True):
             first = min(int(place), len(source_chain) - 1)
             second = min(first + 1, len(source_chain) - 1)
             yield joint, (source_chain[first], source_chain[second]), place - first
 
 
-def _chains(anatomy: Anatomy) -> tuple[tuple[Chain, int], tuple[Chain, int]]:
+def _chains(anatomy: Anatomy) -> tuple[tuple[tuple[int, ...], int], tuple[tuple[int, ...], int]]:
     """Spine and neck, each with the joint above its last one; -1 where there is none."""
     head = anatomy.roles.get("head", -1)
     return (anatomy.spine, next(iter(anatomy.neck), head)), (anatomy.neck, head)
 
 
-def _middles(skeleton: Skeleton, chain: Chain, top: int) -> NDArray[np.float64]:
+def _middles(skeleton: Skeleton, chain: tuple[int, ...], top: int) -> NDArray[np.float64]:
     """(joints,), the places of the middles of a chain's bones, from 0 at its lowest joint to 1 at the joint above it.
 
     In a chain without length all bones count as equally long.
