@@ -171,9 +171,8 @@ def _best_arm(skeleton: Skeleton, chain: list[int], leg: float) -> tuple[float, 
     inner = np.array([BEND_PENALTY if _is_bent(skeleton, a, b) else TWIST_PENALTY for a, b in pairwise(chain)])
     best = (np.inf, (0, 1, wrist))
     for upper, lower in combinations(range(wrist), 2):
-        unlike = (
-            _unlikeness(*np.diff(along[[upper, lower, wrist]]), leg) + inner[upper + 1 : wrist].sum() - inner[lower]
-        )
+        unlike = _unlikeness(along[lower] - along[upper], along[wrist] - along[lower], leg)
+        unlike += inner[upper + 1 : wrist].sum() - inner[lower]
         no_collar = NO_COLLAR_PENALTY if upper == 0 and wrist >= ARM_JOINTS else 0.0
         best = min(best, (unlike + no_collar, (upper, lower, wrist)))
     return best
