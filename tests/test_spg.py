@@ -83,30 +83,34 @@ def test_one_step_in_the_metric_of_its_curvature_solves_a_quadratic():
 
 def test_finds_the_minimum_of_an_ill_conditioned_quadratic():
     x = np.zeros((1, 4))
-    found = free(x, ILL, 1e-10, 1000)
+    found = free(x, ILL, 1e-11, 1000)
     np.testing.assert_allclose(x, ILL.minimum, atol=1e-8)
     assert found.reason == Reason.CONVERGED
     assert found.evaluations >= found.iterations + 1
 
 
-def test_the_shorter_step_saves_evaluations_of_an_ill_conditioned_quadratic():
-    problem = Quadratic(np.geomspace(1.0, 1000.0, 50)[None], np.linspace(-1.0, 1.0, 50)[None])
-    x, longer = np.zeros((1, 50)), np.zeros((1, 50))
-    found, beside = adaptive(x, problem, 1e-10, 1000), free(longer, problem, 1e-10, 1000)
-    np.testing.assert_allclose(x, problem.minimum, atol=1e-8)
-    assert found.reason == beside.reason == Reason.CONVERGED
-    assert found.evaluations < 0.9 * beside.evaluations
+def test_the_shorter_step_saves_evaluations_of_ill_conditioned_quadratics():
+    """Summed over many problems: what one problem takes depends on the last bits of the processor's arithmetic."""
+    random, shape, evaluations = np.random.default_rng(0), (1, 50), np.zeros(2)
+    for _ in range(100):
+        problem = Quadratic(np.geomspace(1.0, 1000.0, 50)[None], random.normal(size=shape))
+        ends = np.zeros((2, *shape))
+        found = [solve(x, problem, 1e-11, 2000) for solve, x in zip((adaptive, free), ends, strict=True)]
+        assert [each.reason for each in found] == 2 * [Reason.CONVERGED]
+        np.testing.assert_allclose(ends, [problem.minimum] * 2, atol=1e-8)
+        evaluations += [each.evaluations for each in found]
+    assert evaluations[0] < 0.95 * evaluations[1]
 
 
 def test_projection_keeps_the_variables_in_the_feasible_set():
     x = np.zeros((1, 4))
-    assert boxed(x, ILL, 1e-10, 1000).reason == Reason.CONVERGED
+    assert boxed(x, ILL, 1e-11, 1000).reason == Reason.CONVERGED
     np.testing.assert_allclose(x, np.clip(ILL.minimum, -1, 1), atol=1e-8)
 
 
 def test_follows_a_curved_valley():
     x = np.array([[-1.2, 1.0]])
-    assert curved(x, ILL, 1e-9, 5000).reason == Reason.CONVERGED
+    assert curved(x, ILL, 1e-10, 5000).reason == Reason.CONVERGED
     np.testing.assert_allclose(x, 1.0, atol=1e-6)
 
 
