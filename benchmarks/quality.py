@@ -210,10 +210,7 @@ class Summary:
             yield "direction error on clips without hand contacts", _two_digits(value)
         yield "bone error, largest", f"{self.all('bone_error').max():.1e}"
         slide, source = self.all("slide").mean(), self.all("slide_source").mean()
-        yield (
-            "slide in stance, leg lengths/s (source's)",
-            f"{slide:.4f} ({source:.4f}), ratio {slide / source:.3f}",
-        )
+        yield ("slide in stance, leg lengths/s (source's)", f"{slide:.4f} ({source:.4f}), ratio {slide / source:.3f}")
         height = self.all("foot_height")
         yield "foot height in stance, off the scaled source's, % of leg, mean / largest", _mean_and_largest(height)
         hips = self.all("hips_height"), self.all("hips_height_largest")

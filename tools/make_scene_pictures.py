@@ -11,7 +11,7 @@ import argparse
 from pathlib import Path
 
 from draw import draw_together
-from sample_props import SCENES
+from sample_scenes import SCENES
 
 from distretarget import Motion, Skeleton, load_target, retarget, retarget_scene
 

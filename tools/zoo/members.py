@@ -66,10 +66,7 @@ MEMBERS: Mapping[str, Member] = {
     "wide_hips": Member(convention="xsens", builds=("wide hips",)),
     "thin": Member(convention="bandai", pose="I", builds=("thin",), root="floor"),
     "mouse": Member(
-        convention="mixamo",
-        builds=("big head", "short legs", "wide hips"),
-        foot="high ankle",
-        fingers="three",
+        convention="mixamo", builds=("big head", "short legs", "wide hips"), foot="high ankle", fingers="three"
     ),
     "samurai": Member(
         convention="unreal",
