@@ -22,6 +22,7 @@ import numpy as np
 from clips import found
 from make_rigs import CONVENTIONS, POSES, rig
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 from tables import corpus_argument
 
 from distretarget import Body, Motion, RetargetResult, Skeleton, read_bvh, retarget
@@ -160,16 +161,19 @@ def draw_sheet(path: Path, sources: dict[str, Motion], runs: dict[str, list[Run]
     """Draw a frame of every clip: a row per clip with the source and then all targets, seen from the same side."""
     import draw
 
+    def cells(motion: Motion, body: Body, turn: Rotation, frame: int) -> list[draw.Cell]:
+        return draw.body_cells(motion, body, [frame], turn=turn, size=body.unit)  # in any rest pose
+
     scenes, titles, labels = [], [], []
     for clip, source in sources.items():
         frame, body = draw.articulated(source), Body.of_motion(source)
-        scene = draw.body_cells(source, body, [frame], None, draw.facing(source, body, frame))
+        scene = cells(source, body, draw.facing(source, body, frame), frame)
         for result in (run.result for run in runs[clip]):
             if result is None:
                 scene.append(replace(scene[0], points=0 * scene[0].points, size=0.0))
                 continue
             turn = draw.facing(result.source, result.matching.source, frame)
-            scene += draw.body_cells(result.motion, result.matching.target, [frame], None, turn)
+            scene += cells(result.motion, result.matching.target, turn, frame)
         scenes.append(scene)
         titles.append(f"{clip}, frame {frame}")
         labels.append(["source", *(f"{run.target} FAILED" if run.failed else run.target for run in runs[clip])])

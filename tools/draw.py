@@ -166,16 +166,21 @@ def figures_of(result: RetargetResult, frames: Sequence[int], turn: Rotation | N
 
 
 def body_cells(
-    motion: Motion, body: Body, frames: Sequence[int], floor: float | None, turn: Rotation | None
+    motion: Motion,
+    body: Body,
+    frames: Sequence[int],
+    floor: float | None = None,
+    turn: Rotation | None = None,
+    size: float | None = None,
 ) -> list[Cell]:
-    """Frames of a body of height 1, without root on the floor, IK handles, props and cloth."""
+    """Frames of a body of height 1, without root on the floor, IK handles, props and cloth; arguments as in `cells`."""
     shown = np.flatnonzero(body.regions.of_joint >= 0)
     drawn = only(motion.skeleton, shown)
     ends = ~np.isin(np.arange(len(drawn)), drawn.parents)
     drawn = replace(drawn, channels=((),) * len(drawn), end_sites=ends)
     return [
         replace(cell, skeleton=drawn, points=cell.points[shown], size=1.0)
-        for cell in cells(motion, frames, body.height, floor, turn or upright(body.up))
+        for cell in cells(motion, frames, size or body.height, floor, turn or upright(body.up))
     ]
 
 
