@@ -5,19 +5,11 @@
     python benchmarks/batch.py kill FOLDER [--times 10]
     python benchmarks/batch.py tiny [--clips 2000]
 
-jobs: converts clips of one length with 1 process and with 2, alternately; prints the ratio of the times, and the time
-until the first clip is done and until workers are ready.
-long: does the same with one long clip, which is cut into pieces, and prints the memory it takes.
-kill: kills a run over FOLDER at random moments, each time after up to a tenth of the clips, and starts it again. All
-outputs must be equal to those of an undisturbed run, and no clip may be converted twice.
-tiny: converts clips of one frame; prints the time, disk space and memory that a clip takes besides its frames.
-
 The exit status is 1 if 2 processes are too slow, or outputs are wrong or missing.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import random
@@ -29,10 +21,10 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import click
 from clips import SAMPLES, back_and_forth
 
 from distretarget import Motion, read_bvh, write_bvh
@@ -44,38 +36,28 @@ TARGET = SAMPLES / "rigs" / "mixamo_t.json"
 LEAST_RATIO = 1.7  # least throughput of 2 processes over that of 1
 
 
-def main() -> None:
-    """Run the measurement named on the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    which = parser.add_subparsers(required=True)
-    for name, measure, options in (
-        ("jobs", jobs, {"--clips": 40, "--frames": 4000, "--rounds": 3}),
-        ("long", long, {"--frames": 30_000, "--rounds": 3}),
-        ("kill", kill, {"--times": 10}),
-        ("tiny", tiny, {"--clips": 2000}),
-    ):
-        command = which.add_parser(name)
-        command.set_defaults(measure=measure)
-        for option, default in options.items():
-            command.add_argument(option, type=int, default=default)
-        if measure is long:
-            command.add_argument("--clip", choices=CLIPS, default=CLIPS[0])
-        if measure is kill:
-            command.add_argument("folder", type=Path)
-    arguments = parser.parse_args()
-    with tempfile.TemporaryDirectory() as scratch:
-        failed = arguments.measure(arguments, Path(scratch))
-    sys.exit(int(failed))
+@click.group(help=__doc__)
+@click.pass_context
+def main(context: click.Context) -> None:
+    """Run the measurement named on the command line in a folder that is removed afterwards."""
+    context.obj = Path(context.with_resource(tempfile.TemporaryDirectory()))
 
 
-def jobs(arguments: argparse.Namespace, scratch: Path) -> bool:
-    """Convert many clips of one length: throughput of 2 processes relative to 1."""
-    for number in range(arguments.clips):
-        write_bvh(folder(scratch / "in") / f"{number}.bvh", sample(CLIPS[number % len(CLIPS)], arguments.frames))
-    ratio, first = alternately(scratch, arguments.rounds)
-    print(f"{arguments.clips} clips of {arguments.frames} frames: 2 jobs have {ratio:.2f} times the throughput of 1")
+@main.command()
+@click.option("--clips", default=40)
+@click.option("--frames", default=4000)
+@click.option("--rounds", default=3)
+@click.pass_obj
+def jobs(scratch: Path, clips: int, frames: int, rounds: int) -> None:
+    """Convert clips of one length with 1 process and with 2, alternately; print the ratio of the times, and the time
+    until the first clip is done and until workers are ready.
+    """
+    for number in range(clips):
+        write_bvh(folder(scratch / "in") / f"{number}.bvh", sample(CLIPS[number % len(CLIPS)], frames))
+    ratio, first = alternately(scratch, rounds)
+    print(f"{clips} clips of {frames} frames: 2 jobs have {ratio:.2f} times the throughput of 1")
     print(f"first clip done after {first:.2f} s; {start_times()}")
-    return ratio < LEAST_RATIO
+    sys.exit(ratio < LEAST_RATIO)
 
 
 def start_times() -> str:
@@ -90,13 +72,18 @@ def start_times() -> str:
     return f"the first worker is ready after {seconds[0]:.2f} s, another one after {seconds[1]:.3f} s"
 
 
-def long(arguments: argparse.Namespace, scratch: Path) -> bool:
-    """Convert one clip, cut into pieces: throughput of 2 processes relative to 1."""
-    write_bvh(folder(scratch / "in") / "long.bvh", sample(arguments.clip, arguments.frames))
-    ratio, _ = alternately(scratch, arguments.rounds)
-    print(f"{arguments.clip}, {arguments.frames} frames in one clip: 2 jobs have {ratio:.2f} times the throughput of 1")
+@main.command()
+@click.option("--clip", type=click.Choice(CLIPS), default=CLIPS[0])
+@click.option("--frames", default=30_000)
+@click.option("--rounds", default=3)
+@click.pass_obj
+def long(scratch: Path, clip: str, frames: int, rounds: int) -> None:
+    """Do the same with one long clip, which is cut into pieces, and print the memory it takes."""
+    write_bvh(folder(scratch / "in") / "long.bvh", sample(clip, frames))
+    ratio, _ = alternately(scratch, rounds)
+    print(f"{clip}, {frames} frames in one clip: 2 jobs have {ratio:.2f} times the throughput of 1")
     print(f"memory of the largest process: {memory():.0f} MB")
-    return not same(scratch / "1", scratch / "2")
+    sys.exit(not same(scratch / "1", scratch / "2"))
 
 
 def alternately(scratch: Path, rounds: int) -> tuple[float, float]:
@@ -122,43 +109,48 @@ def alternately(scratch: Path, rounds: int) -> tuple[float, float]:
     return statistics.median(ratios), statistics.median(firsts)
 
 
-def kill(arguments: argparse.Namespace, scratch: Path) -> bool:
-    """Kill and restart a run at random moments; compare its outputs with those of an undisturbed run."""
-    with run(arguments.folder, scratch / "whole") as process:
-        process.wait()
-    share = len(done(scratch / "whole")) // arguments.times
-    for _ in range(arguments.times):
-        goal = len(done(scratch / "killed")) + random.randint(0, share)
-        with run(arguments.folder, scratch / "killed") as process:
-            while process.poll() is None and len(done(scratch / "killed")) < goal:
+@main.command()
+@click.argument("source", metavar="FOLDER", type=Path)
+@click.option("--times", default=10)
+@click.pass_obj
+def kill(scratch: Path, source: Path, times: int) -> None:
+    """Kill a run over FOLDER at random moments, each time after up to a tenth of the clips, and start it again. All
+    outputs must be equal to those of an undisturbed run, and no clip may be converted twice.
+    """
+    whole, killed = scratch / "whole", scratch / "killed"
+    run(source, whole).wait()
+    share = len(done(whole)) // times
+    for _ in range(times):
+        goal = len(done(killed)) + random.randint(0, share)
+        with run(source, killed) as process:
+            while process.poll() is None and len(done(killed)) < goal:
                 time.sleep(0.01)
             time.sleep(random.uniform(0.0, 0.2))
             process.send_signal(signal.SIGKILL)
-        print(f"  killed with {len(done(scratch / 'killed'))} clips done", flush=True)
-    with run(arguments.folder, scratch / "killed") as process:
-        process.wait()
-    outputs = Counter(record["output"] for record in done(scratch / "killed"))
-    twice = sum(count > 1 for count in outputs.values())
-    equal = same(scratch / "killed", scratch / "whole")
+        print(f"  killed with {len(done(killed))} clips done", flush=True)
+    run(source, killed).wait()
+    outputs = Counter(record["output"] for record in done(killed))
+    twice, equal = sum(count > 1 for count in outputs.values()), same(killed, whole)
     print(f"{len(outputs)} clips, {twice} converted twice, outputs {'the same' if equal else 'DIFFERENT'}")
-    return bool(twice) or not equal
+    sys.exit(bool(twice) or not equal)
 
 
-def tiny(arguments: argparse.Namespace, scratch: Path) -> bool:
-    """Time, disk space and memory of a clip of one frame."""
+@main.command()
+@click.option("--clips", default=2000)
+@click.pass_obj
+def tiny(scratch: Path, clips: int) -> None:
+    """Convert clips of one frame; print the time, disk space and memory that a clip takes besides its frames."""
     clip = sample("walk", 1)
-    for number in range(arguments.clips):
+    for number in range(clips):
         write_bvh(folder(scratch / "in") / f"{number}.bvh", clip)
-    started = time.perf_counter()
     for outcome in ("converted", "skipped"):
-        with run(scratch / "in", scratch / "out") as process:
-            status = process.wait()
-        seconds = time.perf_counter() - started
-        print(f"{arguments.clips} clips {outcome} in {seconds:.1f} s, {1e3 * seconds / arguments.clips:.1f} ms each")
         started = time.perf_counter()
-    size = (scratch / "out" / MANIFEST).stat().st_size / arguments.clips
+        status = run(scratch / "in", scratch / "out").wait()
+        seconds = time.perf_counter() - started
+        print(f"{clips} clips {outcome} in {seconds:.1f} s, {1e3 * seconds / clips:.1f} ms each")
+    size = (scratch / "out" / MANIFEST).stat().st_size / clips
     print(f"manifest: {size:.0f} bytes a clip; memory of the largest process: {memory():.0f} MB")
-    return status != 0 or len(done(scratch / "out")) != arguments.clips
+    sys.exit(status != 0 or len(done(scratch / "out")) != clips)
 
 
 def memory() -> float:
@@ -184,14 +176,11 @@ def run(source: Path, out: Path, *options: Any) -> subprocess.Popen[bytes]:
 
 
 def done(out: Path) -> list[dict[str, Any]]:
-    """The manifest's records of clips that are done."""
-    return [record for record in records(out / MANIFEST) if record["status"] == "done"]
-
-
-def records(path: Path) -> Iterator[dict[str, Any]]:
-    """The records of a manifest, without a last line that is incomplete."""
+    """The manifest's records of clips that are done, without a last line that is incomplete."""
+    path = out / MANIFEST
     lines = path.read_text().split("\n")[:-1] if path.exists() else []
-    return (json.loads(line) for line in lines if line.endswith("}"))
+    records = (json.loads(line) for line in lines if line.endswith("}"))
+    return [record for record in records if record["status"] == "done"]
 
 
 def same(one: Path, other: Path) -> bool:

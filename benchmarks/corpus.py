@@ -9,65 +9,47 @@ of the result, and the file's name; or `refused`, if the program refuses the fil
 
 from __future__ import annotations
 
-import argparse
 import json
 import subprocess
 import sys
 import tempfile
 import time
 from collections import Counter
-from dataclasses import dataclass
 from pathlib import Path
 
+import click
 import numpy as np
 from edits import ARMS_AND_LEGS, edited
+from tables import several
 
 from distretarget import DistretargetError, Motion, read_bvh
 from distretarget.io.target_file import skeleton_to_json
 
-STRESSES = ("stress_copy", "stress")
 VERDICTS = ("ok", "refused", "FAILED")
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """The verdict on a file, and the text printed after it."""
-
-    verdict: str
-    text: str
-
-    def __str__(self) -> str:
-        return f"{self.verdict:<8}{self.text}"
-
-
-def outcome(path: Path, name: str) -> Outcome:
-    """Run the command line on a file; judge its exit status, messages and output."""
-    motion = _motion(path)
+def outcome(path: Path, name: str) -> tuple[str, str]:
+    """Run the command line on a file; its verdict, by exit status, messages and output, and the text after it."""
+    try:
+        motion = read_bvh(path)
+    except DistretargetError:
+        motion = None
     with tempfile.TemporaryDirectory(prefix="corpus-") as scratch:
         target, output, figures = (Path(scratch, name) for name in ("target.json", "out.bvh", "out.json"))
         if motion:
             body = edited(motion.rigid_skeleton, ARMS_AND_LEGS)
             target.write_text(skeleton_to_json(body, "target"), encoding="utf-8", errors="surrogateescape")
+        command = [sys.executable, "-m", "distretarget", path, target if motion else path, "-o", output]
         started = time.perf_counter()
-        done = _run(path, target if motion else path, "-o", output, "--json", figures)
+        done = subprocess.run([*command, "--json", figures], capture_output=True, text=True, timeout=600)
         seconds = time.perf_counter() - started
-        if done.returncode == 0:
-            fault = _fault(motion, output)
-            return Outcome("FAILED", f"{name}: {fault}") if fault else _ok(figures, seconds, name)
-        return _refusal(done, output, path, name)
-
-
-def _motion(path: Path) -> Motion | None:
-    """The motion; None if the file cannot be read."""
-    try:
-        return read_bvh(path)
-    except DistretargetError:
-        return None
-
-
-def _run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "distretarget", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=600)
+        if done.returncode != 0:
+            return _refusal(done, output, path, name)
+        if fault := _fault(motion, output):
+            return "FAILED", f"{name}: {fault}"
+        frames = json.loads(figures.read_text())["frames"]
+        stresses = several([1e3 * np.mean(frames[key]) for key in ("stress_copy", "stress")], "8.2f")
+        return "ok", f"{len(frames['stress']):6d} frames {seconds:6.2f} s  {stresses}   {name}"
 
 
 def _fault(source: Motion | None, output: Path) -> str:
@@ -85,39 +67,30 @@ def _fault(source: Motion | None, output: Path) -> str:
     return ""
 
 
-def _ok(figures: Path, seconds: float, name: str) -> Outcome:
-    frames = json.loads(figures.read_text())["frames"]
-    stresses = " / ".join(f"{1e3 * np.mean(frames[key]):8.2f}" for key in STRESSES)
-    return Outcome("ok", f"{len(frames[STRESSES[0]]):6d} frames {seconds:6.2f} s  {stresses}   {name}")
-
-
-def _refusal(done: subprocess.CompletedProcess[str], output: Path, path: Path, name: str) -> Outcome:
+def _refusal(done: subprocess.CompletedProcess[str], output: Path, path: Path, name: str) -> tuple[str, str]:
     """Judge a run that failed: a refusal has exit status 1, one error line that names the file, and no output."""
     line = done.stderr.strip()
     one_line = "\n" not in line and line.startswith(f"distretarget: {path}:")
     if done.returncode == 1 and one_line and not done.stdout and not output.exists():
-        return Outcome("refused", line.removeprefix("distretarget: ").replace(str(path), name))
-    return Outcome("FAILED", f"{name}: status {done.returncode}: {(line.splitlines() or [''])[-1]}")
+        return "refused", line.removeprefix("distretarget: ").replace(str(path), name)
+    return "FAILED", f"{name}: status {done.returncode}: {(line.splitlines() or [''])[-1]}"
 
 
-def main() -> int:
-    """Print the outcome of every file, then the counts; return 1 if a file failed or there is none."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path, metavar="FOLDER")
-    parser.add_argument(
-        "--only", default="*", metavar="GLOB", help="only files whose paths match, compared from the end"
-    )
-    args = parser.parse_args()
+@click.command(help=__doc__)
+@click.argument("folder", type=Path)
+@click.option("--only", default="*", help="Only files whose paths match, compared from the end.")
+def main(folder: Path, only: str) -> None:
+    """Print the outcome of every file, then the counts; exit with 1 if a file failed or there is none."""
     counts: Counter[str] = Counter()
-    for path in sorted(args.folder.rglob("*.bvh")):
-        if path.match(args.only):
-            result = outcome(path, str(path.relative_to(args.folder)))
-            counts[result.verdict] += 1
-            print(result, flush=True)
+    for path in sorted(folder.rglob("*.bvh")):
+        if path.match(only):
+            verdict, text = outcome(path, str(path.relative_to(folder)))
+            counts[verdict] += 1
+            print(f"{verdict:<8}{text}", flush=True)
     parts = " + ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS)
     print(f"{parts} = {counts.total()} files")
-    return 1 if counts["FAILED"] or not counts else 0
+    sys.exit(1 if counts["FAILED"] or not counts else 0)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

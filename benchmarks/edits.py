@@ -29,15 +29,7 @@ TARGETS: dict[str, dict[str, float]] = {
     "forearm and hand +50 %": {"forearm": 1.5, "hand": 1.5},
     "lower legs -30 %": {"shin": 0.7},
     "child": {**dict.fromkeys(LEGS, 0.6), **dict.fromkeys(ARMS, 0.7), "trunk": 0.85},
-    "H": {
-        "thigh": 1.5,
-        "shin": 1.1,
-        "hips": 1.35,
-        "shoulders": 1.2,
-        "upper arm": 0.7,
-        "forearm": 0.95,
-        "trunk": 1.15,
-    },
+    "H": {"thigh": 1.5, "shin": 1.1, "hips": 1.35, "shoulders": 1.2, "upper arm": 0.7, "forearm": 0.95, "trunk": 1.15},
 }
 ARMS_AND_LEGS = {**dict.fromkeys(ARMS, 1.3), **dict.fromkeys(LEGS, 0.8)}
 

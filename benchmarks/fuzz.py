@@ -11,7 +11,6 @@ part early.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import json
 import signal
@@ -26,6 +25,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
@@ -53,6 +53,9 @@ RIGHT, REFUSED, TRACEBACK, HANG, UNREADABLE = OUTCOMES = (
 )
 LIMIT = 10  # time after which an input counts as one that hangs [s]
 ROUND = 500  # inputs from one seed
+UNCHECKED = settings(
+    database=None, deadline=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
+)  # only generation, however slow
 SAME = 1e-6  # how far positions may be off when they are read back [of the largest coordinate]
 
 texts = st.one_of(
@@ -271,19 +274,13 @@ class Tried:
 
 
 def tried(action: Callable[[Any], str | None], cases: st.SearchStrategy[Any], count: int, first_seed: int) -> Tried:
-    """Try so many inputs of a strategy, or as many as there is time for until Ctrl-C."""
+    """Try `count` inputs of a strategy, or as many as there is time for until Ctrl-C."""
     all_tried = Tried()
     with contextlib.suppress(KeyboardInterrupt):
         while left := count - all_tried.counts.total():
 
             @seed(first_seed)
-            @settings(
-                max_examples=min(left, ROUND),
-                database=None,
-                deadline=None,
-                phases=[Phase.generate],
-                suppress_health_check=list(HealthCheck),
-            )
+            @settings(UNCHECKED, max_examples=min(left, ROUND))
             @given(cases)
             def one_round(case: Any) -> None:
                 if all_tried.counts.total() < count:
@@ -301,30 +298,30 @@ PARTS: dict[str, tuple[Callable[[Any], str | None], st.SearchStrategy[Any]]] = {
 }
 
 
-def main() -> int:
+@click.command(help=__doc__)
+@click.option("--readers", default=0)
+@click.option("--pipeline", default=0)
+@click.option("--processes", default=0)
+@click.option("--seed", "first_seed", default=0)
+@click.option("--keep", type=Path)
+def main(first_seed: int, keep: Path | None, **counts: int) -> None:
     """Try as many inputs as asked for, and print a line for each outcome."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    for part in PARTS:
-        parser.add_argument(f"--{part}", type=int, default=0, metavar="N")
-    parser.add_argument("--seed", type=int, default=0, metavar="N")
-    parser.add_argument("--keep", type=Path, metavar="FOLDER")
-    chosen = parser.parse_args()
     for objective in OBJECTIVES:
         warm(objective)  # compilation is not counted as time taken
     wrong = 0
     for part, (action, cases) in PARTS.items():
         started = time.perf_counter()
-        found = tried(action, cases, getattr(chosen, part), 1000 * chosen.seed)
-        counts = ", ".join(f"{found.counts[outcome]:,} {outcome}" for outcome in OUTCOMES)
-        print(f"{part}: {found.counts.total():,} inputs in {time.perf_counter() - started:.0f} s: {counts}", flush=True)
+        found = tried(action, cases, counts[part], 1000 * first_seed)
+        ends = ", ".join(f"{found.counts[outcome]:,} {outcome}" for outcome in OUTCOMES)
+        print(f"{part}: {found.counts.total():,} inputs in {time.perf_counter() - started:.0f} s: {ends}", flush=True)
         for number, (case, known) in enumerate(found.wrong):
             print(f"--- {part} {number}: {known}", flush=True)
-            if chosen.keep:
-                chosen.keep.mkdir(parents=True, exist_ok=True)
-                (chosen.keep / f"{part}_{number}.json").write_text(json.dumps(case, indent=1))
+            if keep:
+                keep.mkdir(parents=True, exist_ok=True)
+                (keep / f"{part}_{number}.json").write_text(json.dumps(case, indent=1))
         wrong += len(found.wrong)
-    return int(wrong > 0)
+    sys.exit(wrong > 0)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -12,8 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget import Motion, RetargetResult
-from distretarget.body.body import Body
+from distretarget import Body, Motion, RetargetResult
 
 SOLVER = "daqp"
 POSTURE = 1e-2  # mink's cost of leaving the rotation copy's posture; that of missing a place of an end is 1
@@ -63,8 +62,7 @@ class InverseKinematics:
 
     def miss(self, positions: NDArray[np.float64]) -> float:
         """Mean distance of hands, feet and hips from their given places [% of leg length]."""
-        ends = positions[:, [self.bodies.index(end) for end in self.ends]] / self.unit
-        return float(200 * np.linalg.norm(ends - self.places, axis=-1).mean())
+        return _miss(positions[:, [self.bodies.index(end) for end in self.ends]] / self.unit, self.places)
 
 
 class Gmr:
@@ -117,9 +115,12 @@ class Gmr:
     def miss(self, positions: NDArray[np.float64]) -> float:
         """Mean distance of hands, feet and hips from their given places [% of leg length]."""
         bodies, places = np.transpose(self.ends)
-        return float(
-            200 * np.linalg.norm(positions[:, bodies] / self.of_result.unit - self.places[:, places], axis=-1).mean()
-        )
+        return _miss(positions[:, bodies] / self.of_result.unit, self.places[:, places])
+
+
+def _miss(ends: NDArray[np.float64], places: NDArray[np.float64]) -> float:
+    """The mean distance of ends, (frames, ends, 3) [body units], from their places [% of leg length]."""
+    return float(200 * np.linalg.norm(ends - places, axis=-1).mean())
 
 
 def _weights(stage: int, body: int, feet: set[int]) -> tuple[float, float]:

@@ -8,7 +8,6 @@ printed. Without a C compiler the script says so.
 
 from __future__ import annotations
 
-import argparse
 import ctypes
 import shutil
 import subprocess
@@ -17,6 +16,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import click
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from distretarget.distances import stress_and_gradient
 Array = NDArray[np.float64]
 
 REPEATS = 100_000  # evaluations in each measurement
+FLAGS = ("-O3", "-march=native", "-ffast-math", "-shared", "-fPIC")
 SOURCE = """
 #include <math.h>
 double repeat(int repeats, int n, const double *x, const double *delta, const double *pi, double *gradient) {
@@ -62,20 +63,17 @@ def _repeat(repeats, x, delta, pi, gradient):  # type: ignore[no-untyped-def]
     return total
 
 
-def compiled_c(compiler: str, folder: Path) -> Callable[[int, Array, Array, Array, Array], float]:
+def compiled_c(compiler: str) -> Callable[..., float]:
     """The C loop, called as `_repeat` is."""
-    source, library = folder / "stress.c", folder / "stress.so"
-    source.write_text(SOURCE)
-    flags = ["-O3", "-march=native", "-ffast-math", "-shared", "-fPIC"]
-    subprocess.run([compiler, *flags, "-o", str(library), str(source), "-lm"], check=True)
-    function = ctypes.CDLL(str(library)).repeat
+    with tempfile.TemporaryDirectory() as folder:
+        source, library = Path(folder, "stress.c"), Path(folder, "stress.so")
+        source.write_text(SOURCE)
+        subprocess.run([compiler, *FLAGS, "-o", str(library), str(source), "-lm"], check=True)
+        function = ctypes.CDLL(str(library)).repeat
     function.restype = ctypes.c_double
-
-    def call(repeats: int, x: Array, *arrays: Array) -> float:
-        pointers = [array.ctypes.data_as(ctypes.c_void_p) for array in (x, *arrays)]
-        return float(function(repeats, x.shape[1], *pointers))
-
-    return call
+    return lambda repeats, x, *arrays: function(
+        repeats, x.shape[1], *(a.ctypes.data_as(ctypes.c_void_p) for a in (x, *arrays))
+    )
 
 
 def case(joints: int) -> tuple[Array, Array, Array, Array]:
@@ -88,29 +86,26 @@ def case(joints: int) -> tuple[Array, Array, Array, Array]:
     return x, delta, pi, np.zeros_like(x)
 
 
-def main() -> None:
+@click.command(help=__doc__)
+@click.option("--joints", default=22)
+@click.option("--rounds", default=9)
+def main(joints: int, rounds: int) -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--joints", type=int, default=22)
-    parser.add_argument("--rounds", type=int, default=9)
-    arguments = parser.parse_args()
     compiler = shutil.which("cc")
     if compiler is None:
         print("there is no C compiler here: no `cc`")
         return
-    with tempfile.TemporaryDirectory() as folder:
-        contestants = {"numba": _repeat, "C": compiled_c(compiler, Path(folder))}
-        arrays = case(arguments.joints)
-        values = {name: run(1, *arrays) for name, run in contestants.items()}
-        seconds: dict[str, list[float]] = {name: [] for name in contestants}
-        for _ in range(arguments.rounds):
-            for name, run in contestants.items():
-                started = time.process_time()
-                run(REPEATS, *arrays)
-                seconds[name].append((time.process_time() - started) / REPEATS)
-    numba, c = (float(np.median(seconds[name])) for name in ("numba", "C"))
-    print(f"sigma: {values['numba']:.12g}, in C {values['C']:.12g}")
-    print(f"{arguments.joints} joints: {1e6 * numba:.3f} us, in C {1e6 * c:.3f} us, ratio {numba / c:.2f}")
+    contestants, arrays = (_repeat, compiled_c(compiler)), case(joints)
+    values = [run(1, *arrays) for run in contestants]
+    seconds = np.empty((rounds, 2))
+    for number in range(rounds):
+        for k, run in enumerate(contestants):
+            started = time.process_time()
+            run(REPEATS, *arrays)
+            seconds[number, k] = (time.process_time() - started) / REPEATS
+    numba, c = np.median(seconds, axis=0)
+    print(f"sigma: {values[0]:.12g}, in C {values[1]:.12g}")
+    print(f"{joints} joints: {1e6 * numba:.3f} us, in C {1e6 * c:.3f} us, ratio {numba / c:.2f}")
 
 
 if __name__ == "__main__":

@@ -10,38 +10,39 @@ lines `<!-- motionbuilder -->` and `<!-- end -->`.
 
 from __future__ import annotations
 
-import argparse
 from fnmatch import fnmatch
 from pathlib import Path
 
+import click
 import numpy as np
-from angles import angles
 from numpy.typing import NDArray
-from tables import insert
+from tables import corpus_argument, markdown_option, publish, several, table
 
 from distretarget import Motion, read_bvh, retarget
 from distretarget.measure.figures import BY_KEY
 from distretarget.measure.metrics import Reference
+from distretarget.numerics.vectors import angles_between
 
-HEAD = (
-    "| clip | frames | direction, copy and MotionBuilder, degrees | direction, result and MotionBuilder "
-    "| contact error, copy / MotionBuilder / result | slide, source / MotionBuilder / result |\n"
-    "|---|---|---|---|---|---|"
+COLUMNS = (
+    "clip",
+    "frames",
+    "direction, copy and MotionBuilder, degrees",
+    "direction, result and MotionBuilder",
+    "contact error, copy / MotionBuilder / result",
+    "slide, source / MotionBuilder / result",
 )
 
 
-def measure(folder: Path, clip: str) -> str:
+def measure(corpus: Path, clip: str) -> list[str]:
     """The row of one clip in the table."""
-    source, reference = read_bvh(folder / "cmu_mb" / clip), read_bvh(folder / "cmu_daz" / clip)
-    run = retarget(source, reference.skeleton)
-    motions = (run.rotation_copy, reference, run.motion)
+    source, peer = read_bvh(corpus / "cmu_mb" / clip), read_bvh(corpus / "cmu_daz" / clip)
+    run = retarget(source, peer.skeleton)
     reference = Reference(run.source, run.matching, run.world.up_vector)
-    compared = [reference.compare(motion) for motion in motions]
-    contact = " / ".join(f"{BY_KEY['contact_error'].of_clip(one.tracks) or 0.0:.4f}" for one in compared)
-    tracks = compared[2].source_tracks, compared[1].tracks, compared[2].tracks
-    slide = " / ".join(f"{BY_KEY['slide'].of_clip(one) or 0.0:.3f}" for one in tracks)
-    apart = [directions(reference, motion, run.drivers).mean() for motion in (run.rotation_copy, run.motion)]
-    return f"| {clip} | {len(source)} | {apart[0]:.1f} | {apart[1]:.1f} | {contact} | {slide} |"
+    copy, other, result = (reference.compare(motion) for motion in (run.rotation_copy, peer, run.motion))
+    contact = [BY_KEY["contact_error"].of_clip(one.tracks) or 0.0 for one in (copy, other, result)]
+    slide = [BY_KEY["slide"].of_clip(one) or 0.0 for one in (result.source_tracks, other.tracks, result.tracks)]
+    apart = [f"{directions(peer, motion, run.drivers).mean():.1f}" for motion in (run.rotation_copy, run.motion)]
+    return [clip, str(len(source)), *apart, several(contact, ".4f"), several(slide, ".3f")]
 
 
 def directions(a: Motion, b: Motion, drivers: NDArray[np.intp]) -> NDArray[np.float64]:
@@ -53,26 +54,18 @@ def directions(a: Motion, b: Motion, drivers: NDArray[np.intp]) -> NDArray[np.fl
     upper = skeleton.parents[1:]
     driven = (drivers[lower] >= 0) & (drivers[upper] >= 0) & (skeleton.lengths[1:] > 0)
     one, other = (motion.positions[:, lower[driven]] - motion.positions[:, upper[driven]] for motion in (a, b))
-    return angles(one, other)
+    return np.degrees(angles_between(one, other))
 
 
-def main() -> None:
+@click.command(help=__doc__)
+@corpus_argument
+@markdown_option
+@click.option("--only", default="*", help="Only clips whose names match.")
+def main(corpus: Path, page: Path | None, only: str) -> None:
     """Print the table; write it into the page if one is given."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("corpus", type=Path)
-    parser.add_argument("--markdown", type=Path, help="write the table into this page")
-    parser.add_argument("--only", default="*", help="only clips whose names match")
-    arguments = parser.parse_args()
-    clips = sorted({path.name for path in (arguments.corpus / "cmu_mb").glob("*.bvh")})
-    both = [clip for clip in clips if (arguments.corpus / "cmu_daz" / clip).exists()]
-    rows = [HEAD]
-    print(HEAD)
-    for clip in both:
-        if fnmatch(clip, arguments.only):
-            rows.append(measure(arguments.corpus, clip))
-            print(rows[-1], flush=True)
-    if arguments.markdown:
-        insert(arguments.markdown, {"motionbuilder": "\n".join(rows)})
+    clips = sorted({path.name for path in (corpus / "cmu_mb").glob("*.bvh") if fnmatch(path.name, only)})
+    both = [clip for clip in clips if (corpus / "cmu_daz" / clip).exists()]
+    publish({"motionbuilder": table(COLUMNS, (measure(corpus, clip) for clip in both))}, page)
 
 
 if __name__ == "__main__":

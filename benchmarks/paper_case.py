@@ -9,18 +9,20 @@ import numpy as np
 from clips import SAMPLES
 from edits import ARMS, LEGS, edited
 from numpy.typing import NDArray
+from skeleton_edits import only
 
 from distretarget import Motion, Options, RetargetResult, Skeleton, read_bvh, retarget
 from distretarget.baseline.rotation_copy import RootScale, find_root_scale, rotation_copy
 from distretarget.body.body import Body
 from distretarget.distances import DistanceProblem, distance_problem, posture_stress
 from distretarget.matching.matching import match
+from distretarget.numerics.vectors import angles_between
 from distretarget.pipeline.options import Objective
 
 Array = NDArray[np.float64]
 
 METRES = 0.01  # per unit of the sample clips, which are in centimetres
-POSTURE = 61  # the frame of the walk that stands for the paper's walking posture: both feet down, legs far apart
+POSTURE = 61  # the frame of the walk used as the paper's walking posture: both feet down, legs far apart
 
 GROUPS = {"arms": ARMS, "legs": LEGS, "spine": ("trunk",), "arms, legs, spine": (*ARMS, *LEGS, "trunk")}
 """The parts of the body, by the names in `edits`, that the edits change together."""
@@ -46,24 +48,10 @@ def on_table_one(clip: str) -> Motion:
     """A sample clip on the 22 joints of Table I, without its End Sites [m]."""
     motion = read_bvh(SAMPLES / f"{clip}.bvh")
     joints = list(motion.skeleton.joints)
-    skeleton = without_end_sites(motion.skeleton)
-    return Motion.of_translations(
-        skeleton, METRES * motion.translations[:, joints], motion.rotations[:, joints], motion.frame_time_text
-    )
-
-
-def without_end_sites(skeleton: Skeleton) -> Skeleton:
-    """The joints of a skeleton of the samples, in metres."""
-    joints = list(skeleton.joints)
-    return replace(
-        skeleton,
-        names=tuple(skeleton.names[joint] for joint in joints),
-        parents=[joints.index(parent) if parent >= 0 else -1 for parent in skeleton.parents[joints].tolist()],
-        offsets=METRES * skeleton.offsets[joints],
-        channels=tuple(skeleton.channels[joint] for joint in joints),
-        end_sites=skeleton.end_sites[joints],
-        units="m",
-    )
+    body = only(motion.skeleton, joints)
+    body = replace(body, offsets=METRES * body.offsets, units="m")
+    translations = METRES * motion.translations[:, joints]
+    return Motion.of_translations(body, translations, motion.rotations[:, joints], motion.frame_time_text)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,3 +109,37 @@ def case(edit: str, clip: str = "walk") -> Case:
     """A sample clip and its own body after one of `EDITS`."""
     source = on_table_one(clip)
     return Case(source, edited(source.skeleton, EDITS[edit]))
+
+
+# ---- how far postures are from what was asked of them
+
+
+def bones_of(points: Array, case: Case) -> Array:
+    """(..., bones, 3), the bones of postures (..., joints, 3), from parent to joint."""
+    return np.asarray(points[..., 1:, :] - points[..., case.target.parents[1:], :])
+
+
+def bone_errors(points: Array, case: Case) -> Array:
+    """(..., bones), how far the bones of postures (..., joints, 3) are off the target's lengths [relative]."""
+    return np.asarray(np.abs(np.linalg.norm(bones_of(points, case), axis=-1) / case.target.lengths[1:] - 1))
+
+
+def distance_error(points: Array, source: Array, case: Case) -> Array:
+    """(...), the mean of |D_source - D_result| over all pairs, Eq. (1), of postures (..., joints, 3)."""
+    u, v = np.triu_indices(len(case.target), 1)
+    D_source, D_result = (
+        np.linalg.norm(x[..., u, :] - x[..., v, :], axis=-1) / tau[u, v]
+        for x, tau in ((source, case.problem.tau1), (points, case.problem.tau2))
+    )
+    return np.asarray(np.abs(D_source - D_result).mean(axis=-1))
+
+
+def direction_errors(points: Array, source: Array, case: Case) -> Array:
+    """(..., bones), angles between the bones of postures (..., joints, 3) and the source's [degrees]."""
+    return np.degrees(angles_between(bones_of(points, case), bones_of(source, case)))
+
+
+def mirrored(points: Array, case: Case) -> float:
+    """The share of frames whose points, (frames, joints, 3), are nearer to the mirror image of the rotation copy."""
+    x, copy = (each - each.mean(axis=1, keepdims=True) for each in (points, case.copy))
+    return float((np.linalg.det(x.transpose(0, 2, 1) @ copy) < 0).mean())

@@ -1,7 +1,9 @@
-"""The paper's solver with any start, tolerance and eta, and another solver of the same problem."""
+"""The paper's solver with any start, tolerance and eta, and another solver of the same problem; postures and clips."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
 from unittest.mock import patch
@@ -9,14 +11,20 @@ from unittest.mock import patch
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from paper_case import Case, case
 from scipy.optimize import OptimizeResult, minimize
 
 from distretarget.distances import DistanceProblem, filled, stress_and_gradient, target_distances
 from distretarget.ik import spg
-from distretarget.ik.spg import Minimum, scratch_for, spectral_gradient, steepest
+from distretarget.ik.spg import ETA, Minimum, Reason, scratch_for, spectral_gradient, steepest
 from distretarget.objectives.paper import POINT_ITERATIONS, POINT_TOLERANCE
 
 Array = NDArray[np.float64]
+
+
+OFF = 0.05  # how far the start "copy, disturbed" is off in each coordinate, root mean square [body sizes]
+CLOUD = 0.2  # the same of the start "random points" about the centroid [body sizes]
+HIGHER = 1.01  # a minimum is another one if its sigma is more than this times the least known
 
 
 class Stress(NamedTuple):
@@ -72,7 +80,7 @@ def solve(problem: DistanceProblem, source: Array, start: Array, **settings: flo
     return x.T[: len(problem)] * problem.body_size, minimum
 
 
-def descended(task: Task, *, tolerance: float = POINT_TOLERANCE, eta: float = spg.ETA) -> tuple[Array, Minimum]:
+def descended(task: Task, *, tolerance: float = POINT_TOLERANCE, eta: float = ETA) -> tuple[Array, Minimum]:
     """Where the solver ends, (3, columns), and what it took."""
     x, gradient = task.start.copy(), np.zeros_like(task.start)
     return x, _compiled(eta)(x, task.stress, tolerance, gradient, scratch_for(x.shape))
@@ -104,3 +112,90 @@ def _compiled(eta: float) -> Any:
         x, stress = np.zeros((3, 2)), Stress(np.zeros((2, 2)), np.zeros((2, 2)))
         solve(x, stress, 0.0, np.zeros(x.shape), scratch_for(x.shape))
     return solve
+
+
+# ---- whole clips
+
+Start = Callable[[Case, int, Array], Array]
+"""The points to start frame t from, (joints, 3) [m], given the points solved for the frame before."""
+
+
+def _noise(case: Case, t: int, deviation: float) -> Array:
+    """(joints, 3), random numbers with a standard deviation in body sizes [m]."""
+    return deviation * case.problem.body_size * np.random.default_rng(t).normal(size=case.copy[t].shape)
+
+
+def from_copy(case: Case, t: int, _before: Array) -> Array:
+    """The rotation copy."""
+    return case.copy[t]
+
+
+def from_before_moved(case: Case, t: int, before: Array) -> Array:
+    """The posture solved for the frame before, each joint moved as the rotation copy moves."""
+    return before + case.copy[t] - case.copy[t - 1] if t else case.copy[t]
+
+
+STARTS: dict[str, Start] = {
+    "rotation copy": from_copy,
+    "source's posture": lambda case, t, _before: case.source.positions[t],
+    "frame before": lambda case, t, before: before if t else case.copy[t],
+    "frame before, moved as the copy": from_before_moved,
+    f"copy, disturbed by {OFF:.0%}": lambda case, t, _before: case.copy[t] + _noise(case, t, OFF),
+    "random points": lambda case, t, _before: _noise(case, t, CLOUD),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """A case solved in every frame.
+
+    Attributes:
+        points: (frames, joints, 3) [m].
+        sigma: (frames,) [m^2].
+        iterations, evaluations, reasons: (frames,).
+    """
+
+    points: Array
+    sigma: Array
+    iterations: NDArray[np.intp]
+    evaluations: NDArray[np.intp]
+    reasons: NDArray[np.intp]
+
+    @property
+    def unsolved(self) -> int:
+        """In how many frames the solver stopped before it converged."""
+        return int((self.reasons != Reason.CONVERGED).sum())
+
+
+def solve_all(case: Case, start: Start, **settings: float) -> Solved:
+    """Solve every frame of a case, one after the other."""
+    points, log = np.empty_like(case.copy), np.empty((len(case.copy), 4))
+    before = case.copy[0]
+    for t, posture in enumerate(case.source.positions):
+        before, log[t] = solve(case.problem, posture, start(case, t, before), **settings)
+        points[t] = before
+    counts = log[:, 1:].astype(np.intp).T
+    return Solved(points, log[:, 0] * case.problem.body_size**2, *counts)
+
+
+@cache
+def solved_from(start: str, edit: str, clip: str = "walk") -> Solved:
+    """A clip after an edit, solved from one of `STARTS`."""
+    return solve_all(case(edit, clip), STARTS[start])
+
+
+@cache
+def solved_with(eta: float, edit: str) -> Solved:
+    """The walk after an edit, solved from the rotation copy with this eta."""
+    return solve_all(case(edit), from_copy, eta=eta) if eta != ETA else solved_from("rotation copy", edit)
+
+
+@cache
+def least_sigma(edit: str, clip: str) -> Array:
+    """(frames,), the least sigma that any start leads to [m^2]."""
+    return np.min([solved_from(start, edit, clip).sigma for start in STARTS], axis=0)
+
+
+def elsewhere(solved: Solved, edit: str, clip: str = "walk") -> float:
+    """The share of frames that end in a minimum higher than the least known."""
+    return float((solved.sigma > HIGHER * least_sigma(edit, clip)).mean())

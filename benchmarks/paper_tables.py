@@ -1,32 +1,63 @@
-"""The tables of docs/paper.md, by name."""
+"""The tables of docs/paper.md, by name; sigma in 10^-3 m^2."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterator
+from functools import partial
+from timeit import repeat
 
+import numpy as np
+from clips import SAMPLES
+from numpy.typing import NDArray
+from paper_case import EDITS, POSTURE, Case, bone_errors, case, direction_errors, distance_error, mirrored
 from paper_checks import checks, less
-from paper_edits import EditRow, MethodsRow, edit_rows, methods_rows
-from paper_motions import MotionRow, motion_rows
-from paper_spine import pair_rows, spine_rows
-from paper_starts import StartRow, eta_rows, start_rows, tolerance_rows
+from paper_solver import (
+    STARTS,
+    Stress,
+    Task,
+    descended,
+    descended_by_lbfgs,
+    elsewhere,
+    from_before_moved,
+    from_copy,
+    solve,
+    solve_all,
+    solved_from,
+    solved_with,
+)
+from tables import several, table
 
-METHODS = "copy / points / exact bones / contact"
+from distretarget import Skeleton
+from distretarget.numerics.vectors import angles_between
+
+Array = NDArray[np.float64]
+
+STUDIED = ("arms +60 %", "legs -30 %", "spine +60 %", "arms, legs, spine +60 %", "arms +60 %, legs -30 %")
+"""The edits whose postures are solved in every frame of a clip."""
+TURNED = ("walk", "turn")  # straight ahead, and on the spot through 360 degrees
+TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-9, 1e-12)
+ETAS = (0.0, 0.5, 0.85, 0.99, 1.0)
+REPEATS = 15  # of each solution that is timed; the fastest counts
+LONG_SPINE = "spine +60 %"  # the edit that the paper remarks on
+SPINE = ("Hips", "Chest", "Chest2", "Chest3", "Neck", "Head")
+SIDES = ("Left", "Right")
+UP = np.array([0.0, 1.0, 0.0])
 
 
 def tables() -> dict[str, str]:
     """Every table."""
-    motions = list(motion_rows())
+    motions = {path.stem: motion_cells(path.stem) for path in sorted(SAMPLES.glob("*.bvh"))}
     return {
         "checks": checks_table(),
-        "edits": edits_table(edit_rows()),
-        "methods": methods_table(methods_rows()),
+        "edits": table(EDITS_HEAD, map(edit_cells, EDITS)),
+        "methods": table(METHODS_HEAD, map(methods_cells, EDITS)),
         "spine": spine_table(),
         "pairs": pairs_table(),
-        "starts": starts_table(),
-        "tolerances": tolerances_table(),
-        "etas": etas_table(),
-        "motions": motions_table(motions),
-        "solving": solving_table(motions),
+        "starts": table(STARTS_HEAD, map(start_cells, STARTS)),
+        "tolerances": table(TOLERANCES_HEAD, tolerance_rows()),
+        "etas": table(ETAS_HEAD, map(eta_cells, ETAS)),
+        "motions": table(MOTIONS_HEAD, ([clip, *quality] for clip, (quality, _) in motions.items())),
+        "solving": table(SOLVING_HEAD, ([clip, *solving] for clip, (_, solving) in motions.items())),
     }
 
 
@@ -35,171 +66,232 @@ def checks_table() -> str:
     return table(("", "known", "found"), checks())
 
 
-def edits_table(rows: Iterable[EditRow]) -> str:
-    """What the paper's solver finds."""
-    head = (
-        "edit",
-        "sigma, start",
-        "sigma, end",
-        "iterations",
-        "evaluations",
-        "bone error, mean / largest, %",
-        "distance error, start / end",
-        "sigma off L-BFGS-B's",
-        "time, ms",
-        "L-BFGS-B, ms",
-    )
-    return table(head, map(edit_cells, rows))
+# ---- the walking posture after each edit: what the paper's solver finds, and what becomes of it on exact bones
+
+EDITS_HEAD = (
+    "edit",
+    "sigma, start",
+    "sigma, end",
+    "iterations",
+    "evaluations",
+    "bone error, mean / largest, %",
+    "distance error, start / end",
+    "sigma off L-BFGS-B's",
+    "time, ms",
+    "L-BFGS-B, ms",
+)
 
 
-def edit_cells(row: EditRow) -> list[str]:
-    """A line of the table of edits; sigma in 10^-3 m^2."""
+def edit_cells(edit: str) -> list[str]:
+    """What the paper's solver finds from the rotation copy after an edit."""
+    one = case(edit)
+    posture, start = one.source.positions[POSTURE], one.copy[POSTURE]
+    task = Task.of(one.problem, posture, start)
+    points, minimum = solve(one.problem, posture, start)
+    bones = 100 * bone_errors(points, one)
     return [
-        row.edit,
-        f"{1e3 * row.start:.2f}",
-        f"{1e3 * row.end:.2f}",
-        str(row.iterations),
-        str(row.evaluations),
-        several([100 * row.bones, 100 * row.largest_bone], ".1f"),
-        several(row.distances, ".4f"),
-        less(row.lbfgs, 1e-9),
-        f"{1e3 * row.time:.2f}",
-        f"{1e3 * row.lbfgs_time:.1f}",
+        edit,
+        f"{1e3 * one.sigma(one.copy)[POSTURE]:.2f}",
+        f"{1e3 * minimum.value * one.problem.body_size**2:.2f}",
+        str(minimum.iterations),
+        str(minimum.evaluations),
+        several([bones.mean(), bones.max()], ".1f"),
+        several([float(distance_error(x, posture, one)) for x in (start, points)], ".4f"),
+        less(abs(minimum.value / descended_by_lbfgs(task).fun - 1), 1e-9),
+        f"{1e3 * _time(partial(descended, task.filled)):.2f}",
+        f"{1e3 * _time(partial(descended_by_lbfgs, task)):.1f}",
     ]
 
 
-def methods_table(rows: Iterable[MethodsRow]) -> str:
-    """What every method makes of the same posture."""
-    return table(
-        (
-            "edit",
-            f"sigma: {METHODS}",
-            "largest bone error, %",
-            "direction error, degrees",
-            "contact error in the walk: copy / exact bones / contact",
-        ),
-        map(methods_cells, rows),
-    )
+def _time(solution: Callable[[], object]) -> float:
+    """The time of a solution, the fastest of several [s]."""
+    return min(repeat(solution, number=1, repeat=REPEATS))
 
 
-def methods_cells(row: MethodsRow) -> list[str]:
-    """A line of the table of methods; sigma in 10^-3 m^2."""
+METHODS_HEAD = (
+    "edit",
+    "sigma: copy / points / exact bones / contact",
+    "largest bone error, %",
+    "direction error, degrees",
+    "contact error in the walk: copy / exact bones / contact",
+)
+
+
+def methods_cells(edit: str) -> list[str]:
+    """What every method makes of the posture after an edit."""
+    one = case(edit)
+    posture, results = one.source.positions[POSTURE], one.postures().values()
     return [
-        row.edit,
-        several([1e3 * sigma for sigma in row.sigma], ".1f"),
-        several([100 * error for error in row.largest_bone], ".1f"),
-        several(row.direction, ".1f"),
-        several(row.contact_error, ".3f"),
+        edit,
+        several([1e3 * one.sigma(points)[POSTURE] for points in results], ".1f"),
+        several([100 * bone_errors(points[POSTURE], one).max() for points in results], ".1f"),
+        several([direction_errors(points[POSTURE], posture, one).mean() for points in results], ".1f"),
+        several(one.figures("contact_error"), ".3f"),
     ]
+
+
+# ---- the walking posture on the long spine: angles and places, and which pairs sigma comes from
 
 
 def spine_table() -> str:
-    """The posture on the long spine."""
-    return table(
-        ("", "source", "copy", "points", "exact bones", "contact"),
-        ([name, *(f"{value:.{2 if '[m]' in name else 0}f}" for value in values)] for name, values in spine_rows()),
-    )
+    """Measures of the posture, of the source and of what every method makes of it."""
+    one = case(LONG_SPINE)
+    postures = [one.source.positions[POSTURE], *(points[POSTURE] for points in one.postures().values())]
+    measured = [spine_measures(dict(zip(one.target.names, posture, strict=True))) for posture in postures]
+    rows = ([name, *(f"{each[name]:.{2 if '[m]' in name else 0}f}" for each in measured)] for name in measured[0])
+    return table(("", "source", "copy", "points", "exact bones", "contact"), rows)
+
+
+def spine_measures(at: dict[str, Array]) -> dict[str, float]:
+    """Measures of a posture by the places of its joints [m], means over both sides; a straight limb has no bend."""
+    bones = np.diff([at[name] for name in SPINE], axis=0)
+    shoulders = [at[f"{side}Shoulder"] - at["Chest3"] for side in SIDES]
+    return {
+        "length of the spine [m]": np.linalg.norm(bones, axis=1).sum(),
+        "bend of the spine, sum over its joints [degrees]": _degrees(bones[1:], bones[:-1]).sum(),
+        "lean of the trunk [degrees]": _degrees(at["Neck"] - at["Hips"], UP).mean(),
+        "slope of the shoulders [degrees]": np.mean([_degrees(shoulder, UP) - 90 for shoulder in shoulders]),
+        "bend of the elbows [degrees]": _bend(at, "Shoulder", "Elbow", "Wrist"),
+        "bend of the knees [degrees]": _bend(at, "Hip", "Knee", "Ankle"),
+        "wrists over the hips [m]": np.mean([(at[f"{side}Wrist"] - at["Hips"]) @ UP for side in SIDES]),
+    }
+
+
+def _degrees(a: Array, b: Array) -> Array:
+    """The angles between vectors [degrees]."""
+    return np.degrees(angles_between(np.atleast_2d(a), np.atleast_2d(b)))
+
+
+def _bend(at: dict[str, Array], upper: str, middle: str, lower: str) -> float:
+    ends = [(at[side + upper], at[side + middle], at[side + lower]) for side in SIDES]
+    return float(np.mean([_degrees(b - a, c - b) for a, b, c in ends]))
 
 
 def pairs_table() -> str:
-    """Which pairs sigma comes from on the long spine, in 10^-3 m^2."""
-    return table(
-        ("sigma of the pairs of", "copy", "points", "exact bones", "contact"),
-        ([name, *(f"{1e3 * sigma:.1f}" for sigma in sigmas)] for name, sigmas in pair_rows()),
-    )
+    """Which pairs sigma comes from."""
+    rows = ([name, *(f"{1e3 * sigma:.1f}" for sigma in sigmas)] for name, sigmas in pair_rows())
+    return table(("sigma of the pairs of", "copy", "points", "exact bones", "contact"), rows)
 
 
-def starts_table() -> str:
-    """What the start does to each clip."""
-    return table(
-        ("start", "iterations: walk / turn", "sigma, end", "in a higher minimum, %", "mirrored, %"),
-        ([name, *start_cells(rows)] for name, rows in start_rows()),
-    )
+def pair_rows() -> Iterator[tuple[str, list[float]]]:
+    """The part of sigma that pairs of an arm and a leg have, an arm and the spine, and all others, of every method
+    [m^2].
+    """
+    one = case(LONG_SPINE)
+    arm, leg = joints_below(one.target, "Collar"), joints_below(one.target, "Hip")
+    spine = ~(arm | leg)
+    both = {
+        "an arm and a leg": np.outer(arm, leg) | np.outer(leg, arm),
+        "an arm and the spine": np.outer(arm, spine) | np.outer(spine, arm),
+    }
+    both["all others"] = ~np.any(list(both.values()), axis=0)
+    terms = [stress_terms(one, points[POSTURE]) for points in one.postures().values()]
+    for name, pairs in both.items():
+        yield name, [float(values[pairs].sum()) for values in terms]
 
 
-def start_cells(rows: list[StartRow]) -> list[str]:
-    """A line of the table of starts without its start; sigma in 10^-3 m^2."""
+def joints_below(skeleton: Skeleton, name: str) -> NDArray[np.bool_]:
+    """(joints,), whether a joint is the joint of this name on either side, or below it."""
+    below = np.zeros(len(skeleton), bool)
+    for side in SIDES:
+        below[skeleton.subtree(skeleton.index(side + name))] = True
+    return below
+
+
+def stress_terms(one: Case, points: Array) -> Array:
+    """(joints, joints), the terms of Eq. (2) for the pairs u < v of a posture (joints, 3), 0 for the others [m^2]."""
+    stress = Stress.of(one.problem, one.source.positions[POSTURE])
+    distances = np.linalg.norm(points[:, None] - points, axis=-1)
+    return np.triu(stress.pi * (distances - one.problem.body_size * stress.delta) ** 2, 1) / 2
+
+
+# ---- what start, tolerance and eta do to the iterations of the solver, and to the minimum it ends in; means
+
+STARTS_HEAD = ("start", "iterations: walk / turn", "sigma, end", "in a higher minimum, %", "mirrored, %")
+
+
+def start_cells(start: str) -> list[str]:
+    """What a start does to each clip of `TURNED`."""
+    runs = [[(edit, clip, solved_from(start, edit, clip)) for edit in STUDIED] for clip in TURNED]
+
+    def means(measure: Callable[..., float], form: str) -> str:
+        return several([np.mean([measure(*run) for run in of_clip]) for of_clip in runs], form)
+
     return [
-        several([row.iterations for row in rows], ".0f"),
-        several([1e3 * row.sigma for row in rows], ".2f"),
-        several([100 * row.higher for row in rows], ".1f"),
-        several([100 * row.mirrored for row in rows], ".1f"),
+        start,
+        means(lambda _edit, _clip, run: run.iterations.mean(), ".0f"),
+        means(lambda _edit, _clip, run: 1e3 * run.sigma.mean(), ".2f"),
+        means(lambda edit, clip, run: 100 * elsewhere(run, edit, clip), ".1f"),
+        means(lambda edit, clip, run: 100 * mirrored(run.points, case(edit, clip)), ".1f"),
     ]
 
 
-def tolerances_table() -> str:
-    """What the tolerance does."""
-    return table(
-        ("tolerance, body sizes", "iterations", "sigma above the minimum's, %", "points off, mm"),
-        (
-            [f"{tolerance:.0e}", f"{count:.0f}", f"{100 * left:.2g}", f"{1e3 * off:.2g}"]
-            for tolerance, count, left, off in tolerance_rows()
-        ),
-    )
+TOLERANCES_HEAD = ("tolerance, body sizes", "iterations", "sigma above the minimum's, %", "points off, mm")
 
 
-def etas_table() -> str:
+def tolerance_rows() -> Iterator[list[str]]:
+    """For each tolerance: iterations, and how far sigma and the points are off those of the smallest tolerance."""
+    exact = [solve_all(case(edit), from_copy, tolerance=TOLERANCES[-1]) for edit in STUDIED]
+    for tolerance in TOLERANCES:
+        runs = [solve_all(case(edit), from_copy, tolerance=tolerance) for edit in STUDIED]
+        pairs = list(zip(runs, exact, strict=True))
+        left = np.mean([(run.sigma / best.sigma - 1).mean() for run, best in pairs])
+        off = np.mean([np.linalg.norm(run.points - best.points, axis=-1).mean() for run, best in pairs])
+        count = np.mean([run.iterations.mean() for run in runs])
+        yield [f"{tolerance:.0e}", f"{count:.0f}", f"{100 * left:.2g}", f"{1e3 * off:.2g}"]
+
+
+ETAS_HEAD = ("eta", "iterations", "evaluations", "in a higher minimum, %", "frames not solved")
+
+
+def eta_cells(eta: float) -> list[str]:
     """What eta does."""
-    return table(
-        ("eta", "iterations", "evaluations", "in a higher minimum, %", "frames not solved"),
-        (
-            [f"{eta:g}", f"{count:.0f}", f"{evaluations:.0f}", f"{100 * higher:.1f}", str(unsolved)]
-            for eta, count, evaluations, higher, unsolved in eta_rows()
-        ),
-    )
-
-
-def motions_table(rows: Iterable[tuple[str, MotionRow]]) -> str:
-    """Whole motions: how good they are."""
-    head = (
-        "clip",
-        "sigma: copy / points / exact bones",
-        "contact error: copy / exact bones / contact",
-        "direction error, degrees: copy / exact bones / contact",
-        "jerk over copy's: exact bones / contact",
-        "slide: source / copy / exact bones / contact",
-    )
-    return table(head, ([clip, *motion_cells(row)] for clip, row in rows))
-
-
-def motion_cells(row: MotionRow) -> list[str]:
-    """A line of the table of motions without its clip; sigma in 10^-3 m^2."""
+    runs = {edit: solved_with(eta, edit) for edit in STUDIED}
     return [
-        several([1e3 * sigma for sigma in row.sigma], ".1f"),
-        several(row.contact_error, ".3f"),
-        several(row.direction_error, ".1f"),
-        several(row.jerk, ".1f"),
-        several(row.slide, ".2f"),
+        f"{eta:g}",
+        f"{np.mean([run.iterations.mean() for run in runs.values()]):.0f}",
+        f"{np.mean([run.evaluations.mean() for run in runs.values()]):.0f}",
+        f"{np.mean([100 * elsewhere(run, edit) for edit, run in runs.items()]):.1f}",
+        str(sum(run.unsolved for run in runs.values())),
     ]
 
 
-def solving_table(rows: Iterable[tuple[str, MotionRow]]) -> str:
-    """Whole motions: how they are solved."""
-    head = (
-        "clip",
-        "iterations a frame: points / exact bones / contact",
-        "not converged, %",
-        "points mirrored, %: from the copy / from the frame before",
-    )
-    return table(head, ([clip, *solving_cells(row)] for clip, row in rows))
+# ---- whole motions, which the paper leaves to future work
+
+MOTIONS_HEAD = (
+    "clip",
+    "sigma: copy / points / exact bones",
+    "contact error: copy / exact bones / contact",
+    "direction error, degrees: copy / exact bones / contact",
+    "jerk over copy's: exact bones / contact",
+    "slide: source / copy / exact bones / contact",
+)
+SOLVING_HEAD = (
+    "clip",
+    "iterations a frame: points / exact bones / contact",
+    "not converged, %",
+    "points mirrored, %: from the copy / from the frame before",
+)
+MOTION_FORMS = (".1f", ".3f", ".1f", ".1f", ".2f", ".0f", ".1f", ".0f")
 
 
-def solving_cells(row: MotionRow) -> list[str]:
-    """A line of the table of solving without its clip."""
-    return [
-        several(row.iterations, ".0f"),
-        several([100 * share for share in row.unsolved], ".1f"),
-        several([100 * share for share in row.mirrored], ".0f"),
-    ]
+def motion_cells(clip: str) -> tuple[list[str], list[str]]:
+    """How good a clip is, and how it is solved; means over the bodies of `STUDIED`."""
+    values = zip(*(motion_values(case(edit, clip)) for edit in STUDIED), strict=True)
+    cells = [several(np.mean(each, axis=0), form) for each, form in zip(values, MOTION_FORMS, strict=True)]
+    return cells[:5], cells[5:]
 
 
-def several(values: Iterable[float], form: str) -> str:
-    """Numbers in one cell."""
-    return " / ".join(f"{value:{form}}" for value in values)
-
-
-def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """A Markdown table."""
-    head = list(head)
-    lines = [head, ["---"] * len(head), *map(list, rows)]
-    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
+def motion_values(one: Case) -> Iterator[list[float]]:
+    """The values in each cell of a clip on one body, in the order of `MOTIONS_HEAD` and `SOLVING_HEAD`."""
+    points = one.paper.postures
+    efforts = points.effort, one.paper.effort, one.contact.effort
+    copy_jerk, *jerks = one.figures("jerk")
+    yield [1e3 * one.sigma(positions).mean() for positions in list(one.postures().values())[:3]]
+    yield list(one.figures("contact_error"))
+    yield list(one.figures("direction_error"))
+    yield [jerk / copy_jerk for jerk in jerks]
+    yield [one.paper.figures["source"]["slide"], *one.figures("slide")]
+    yield [effort.iterations.mean() for effort in efforts]
+    yield [100 * len(effort.unsolved) / len(one.source) for effort in efforts]
+    yield [100 * mirrored(each, one) for each in (points.positions, solve_all(one, from_before_moved).points)]

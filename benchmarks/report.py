@@ -10,20 +10,19 @@ a second. Needs the extra `test` and Chromium or Chrome, which runs headless and
 
 from __future__ import annotations
 
-import argparse
 import shutil
 import sys
 import tempfile
-from dataclasses import dataclass, replace
 from pathlib import Path
 
+import click
 import numpy as np
 from clips import SAMPLES, back_and_forth
 from edits import TARGETS, edited
 from playwright.sync_api import Page, sync_playwright
+from skeleton_edits import on_skeleton, with_chain
 
-from distretarget import Motion, Skeleton, read_bvh, retarget
-from distretarget.measure.diff import diff
+from distretarget import Motion, diff, read_bvh, retarget
 from distretarget.report.clip_page import diff_page
 from distretarget.report.diff_document import About, document
 
@@ -42,46 +41,14 @@ WATCH = """window.drawn = new Promise(done => {
 });"""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Measured:
-    """One report: its size [MB], seconds to the first drawing, drawings per second side by side and overlaid."""
-
-    name: str
-    size: float
-    opening: float
-    beside: float
-    overlaid: float
-
-    @property
-    def failed(self) -> bool:
-        """Whether it misses a limit."""
-        return self.size > LIMITS[0] or self.opening > LIMITS[1] or min(self.beside, self.overlaid) < LIMITS[2]
-
-    @property
-    def line(self) -> str:
-        """The line to print."""
-        return (
-            f"{self.name:<34} {self.size:6.2f} MB   first drawing {self.opening:5.2f} s   "
-            f"drawings/s {self.beside:5.1f} side by side, {self.overlaid:5.1f} overlaid{'   MISSED' * self.failed}"
-        )
-
-
 def with_helpers(motion: Motion, joints: int) -> Motion:
     """The motion on a body with this many joints, not counting End Sites; each added joint is a child of an old one."""
     body = motion.skeleton
-    ends = int(body.end_sites.sum())
-    added = np.arange(max(0, joints + ends - len(body)))
-    hosts = np.flatnonzero(~body.end_sites)[added % (len(body) - ends)]
-    offsets = np.tile(0.02 * body.offsets[1:].std(), (len(added), 3))
-    skeleton = Skeleton(
-        names=body.names + tuple(f"Helper{k}" for k in added),
-        parents=np.concatenate([body.parents, hosts]),
-        offsets=np.concatenate([body.offsets, offsets]),
-        channels=body.channels + (("Zrotation", "Xrotation", "Yrotation"),) * len(added),
-        end_sites=np.concatenate([body.end_sites, np.zeros(len(added), bool)]),
-    )
-    still = np.broadcast_to([0.0, 0, 0, 1], (len(motion), len(added), 4))
-    return replace(motion, skeleton=skeleton, rotations=np.concatenate([motion.rotations, still], axis=1))
+    hosts = np.flatnonzero(~body.end_sites)
+    offset = np.full(3, 0.02 * body.offsets[1:].std())
+    for k in range(joints - len(hosts)):
+        body = with_chain(body, int(hosts[k % len(hosts)]), {f"Helper{k}": offset})
+    return on_skeleton(motion, body)
 
 
 def html(a: Motion, b: Motion) -> str:
@@ -104,8 +71,8 @@ def drawings(tab: Page) -> float:
     return float(tab.evaluate(script, PLAYING))
 
 
-def measure(name: str, text: str, browser: str) -> Measured:
-    """Open a report in a new browser and measure it."""
+def measure(name: str, text: str, browser: str) -> bool:
+    """Open a report in a new browser, measure it and print the line; return whether it misses a limit."""
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         path = Path(folder) / "report.html"
         path.write_text(text, encoding="utf-8")
@@ -116,33 +83,34 @@ def measure(name: str, text: str, browser: str) -> Measured:
         opening = tab.evaluate("drawn") / 1000
         beside = drawings(tab)
         tab.click("#overlaid")
-        measured = Measured(
-            name=name, size=len(text.encode()) / 1e6, opening=opening, beside=beside, overlaid=drawings(tab)
-        )
+        overlaid = drawings(tab)
         program.close()
-    return measured
+    size = len(text.encode()) / 1e6
+    missed = size > LIMITS[0] or opening > LIMITS[1] or min(beside, overlaid) < LIMITS[2]
+    print(
+        f"{name:<34} {size:6.2f} MB   first drawing {opening:5.2f} s   "
+        f"drawings/s {beside:5.1f} side by side, {overlaid:5.1f} overlaid{'   MISSED' * missed}",
+        flush=True,
+    )
+    return missed
 
 
-def main() -> int:
-    """Print a line per report; return 1 if one misses a limit."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--frames", type=int, default=5000)
-    parser.add_argument("--joints", type=int, default=60)
-    parser.add_argument("--browser", default=next(filter(None, map(shutil.which, BROWSERS)), None))
-    arguments = parser.parse_args()
-    if not arguments.browser:
-        parser.error("found no Chromium or Chrome; give its path with --browser")
+@click.command(help=__doc__)
+@click.option("--frames", default=5000, show_default=True)
+@click.option("--joints", default=60, show_default=True)
+@click.option("--browser", default=next(filter(None, map(shutil.which, BROWSERS)), None))
+def main(frames: int, joints: int, browser: str | None) -> None:
+    """Print a line per report; exit with 1 if one misses a limit."""
+    if not browser:
+        raise click.UsageError("found no Chromium or Chrome; give its path with --browser")
     a = read_bvh(SAMPLE)
     b = retarget(a, edited(a.rigid_skeleton, TARGETS["forearm and hand +50 %"])).motion
-    long = [back_and_forth(with_helpers(motion, arguments.joints), arguments.frames) for motion in (a, b)]
-    failed = False
+    long = [back_and_forth(with_helpers(motion, joints), frames) for motion in (a, b)]
+    missed = []
     for name, pair in ((f"{SAMPLE.name}, {len(a)} frames", (a, b)), (f"{len(long[0])} frames", long)):
-        joints = int((~pair[0].skeleton.end_sites).sum())
-        measured = measure(f"{name}, {joints} joints", html(*pair), arguments.browser)
-        print(measured.line, flush=True)
-        failed |= measured.failed
-    return int(failed)
+        missed.append(measure(f"{name}, {len(pair[0].skeleton.joints)} joints", html(*pair), browser))
+    sys.exit(any(missed))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -9,12 +9,11 @@ the rounds. With a page, its tables are written, and a picture of them beside it
 
 from __future__ import annotations
 
-import argparse
 import os
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
 from importlib.metadata import version
@@ -22,18 +21,18 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple
 
+import click
 import numpy as np
 import pybvh
 from clips import LONG, back_and_forth
 from edits import TARGETS, edited
 from inverse_kinematics import SOLVER, Gmr, InverseKinematics
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from speed_picture import Bar, draw_bars
-from tables import insert
+from tables import markdown_option, publish, table
 
-from distretarget import Motion, Options, read_bvh, retarget, write_bvh
+from distretarget import Motion, Options, Skeleton, read_bvh, retarget, write_bvh
 from distretarget.pipeline.options import OBJECTIVES
-from distretarget.skeleton import Skeleton
 
 LEAST_SECONDS = 0.5  # of processor time, for which each contestant runs in each round
 GMR = f"mink {version('mink')} with {SOLVER}, the recipe of GMR"
@@ -44,9 +43,13 @@ READING_PEER, WRITING_PEER = (f"{what}, pybvh {version('pybvh')}" for what in ("
 ALL = "a whole conversion: reading, retargeting, figures, writing"
 CLIP = (*OBJECTIVE_OF, *STEPS, GMR)  # contestants that pose the frames of the clip
 LONG_CLIP = (READING, READING_PEER, WRITING, WRITING_PEER, ALL)  # contestants that get the long clip
-COMPARED_WITH = {READING_PEER: READING, WRITING_PEER: WRITING}
-PEERS = {*STEPS, GMR, *COMPARED_WITH}
+COMPARED_WITH = dict.fromkeys(CLIP, CLIP[0]) | {READING_PEER: READING, WRITING_PEER: WRITING}
+PEERS = {*STEPS, GMR, READING_PEER, WRITING_PEER}
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # set to 1 before numpy is imported
+OWN, OTHER, LABEL, GRID = "#2a7f9e", "#b8c0ca", "#3b4252", "#dfe3e8"  # colours of the picture
+
+Times = Mapping[str, NDArray[np.float64]]
+"""Processor seconds of each round, by contestant."""
 
 
 class Contestant(NamedTuple):
@@ -122,9 +125,7 @@ def _miss(name: str) -> str:
     return f"{contestant.miss(contestant.run()):.2f}" if contestant.miss else ""
 
 
-def measure(
-    clip: Path, target: str, rounds: int, names: Sequence[str]
-) -> tuple[dict[str, NDArray[np.float64]], dict[str, str]]:
+def measure(clip: Path, target: str, rounds: int, names: Sequence[str]) -> tuple[Times, dict[str, str]]:
     """For each contestant, processor seconds of each round, and the mean miss of its ends.
 
     Each runs in a separate process: in a shared one, each run slows the next.
@@ -140,56 +141,56 @@ def measure(
     return dict(zip(names, np.transpose(seconds), strict=True)), misses
 
 
-def clip_table(frames: int, seconds: dict[str, NDArray[np.float64]], misses: dict[str, str]) -> str:
-    """The table of those that pose the frames of the clip, in Markdown."""
-    lines = [
-        "| | frames/s, median | slowest to fastest | time over contact's | miss of hands, feet and hips, % of leg |",
-        "|---|---|---|---|---|",
-    ]
-    contact = seconds[CLIP[0]]
-    lines += [f"{_cells(name, frames, seconds[name], contact)} {misses[name]} |" for name in seconds]
-    return "\n".join(lines) + "\n"
+def rows(frames: int, seconds: Times) -> Iterator[list[str]]:
+    """For each contestant, frames per second, and the time over that of another contestant, or its own."""
+    for name, times in seconds.items():
+        speed, ratio = frames / times, np.median(times / seconds[COMPARED_WITH.get(name, name)])
+        yield [name, f"{np.median(speed):,.0f}", f"{speed.min():,.0f} to {speed.max():,.0f}", f"{ratio:.2f}"]
 
 
-def files_table(frames: int, seconds: dict[str, NDArray[np.float64]]) -> str:
-    """The table of those that get the long clip, in Markdown."""
-    lines = ["| | frames/s, median | slowest to fastest | time over distretarget's |", "|---|---|---|---|"]
-    lines += [_cells(name, frames, times, seconds[COMPARED_WITH.get(name, name)]) for name, times in seconds.items()]
-    return "\n".join(lines) + "\n"
+def draw_bars(path: Path, speeds: Mapping[str, float]) -> None:
+    """Draw a bar for each speed, from top to bottom, on a scale of powers of ten."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure = Figure((9.0, 0.34 * (len(speeds) + 2)), dpi=120, layout="constrained")
+    ax = figure.add_subplot()
+    colours = [OTHER if name in PEERS else OWN for name in speeds]
+    bars = ax.barh([name.replace("`", "") for name in speeds], list(speeds.values()), color=colours, height=0.72)
+    ax.bar_label(bars, fmt="{:,.0f}", padding=4, color=LABEL)
+    ax.invert_yaxis()
+    ax.set(xscale="log", xlim=(min(speeds.values()) / 3.0, max(speeds.values()) * 3.0))
+    ax.grid(axis="x", color=GRID)
+    ax.set_axisbelow(True)
+    ax.spines[:].set_visible(False)
+    ax.tick_params(length=0, which="both", labelcolor=LABEL)
+    ax.set_title("frames per second on one core", loc="left", color=LABEL, fontsize=11)
+    figure.savefig(path, facecolor="white")
 
 
-def _cells(name: str, frames: int, times: NDArray[np.float64], others: NDArray[np.float64]) -> str:
-    """The first cells of a line: frames per second, and the time over that of another contestant."""
-    speed = frames / times
-    ratio = np.median(times / others)
-    return f"| {name} | {np.median(speed):,.0f} | {speed.min():,.0f} to {speed.max():,.0f} | {ratio:.2f} |"
-
-
-def main() -> None:
+@click.command(help=__doc__)
+@click.argument("clip", type=Path)
+@markdown_option
+@click.option("--target", type=click.Choice(list(TARGETS)), default="H")
+@click.option("--rounds", default=7, show_default=True)
+def main(clip: Path, page: Path | None, target: str, rounds: int) -> None:
     """Measure, print, and write tables and picture if a page is given."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("clip", type=Path, metavar="CLIP.bvh")
-    parser.add_argument("--target", choices=TARGETS, default="H")
-    parser.add_argument("--rounds", type=int, default=7)
-    parser.add_argument("--markdown", type=Path, metavar="PAGE", help="write the tables into this page")
-    arguments = parser.parse_args()
-    source = read_bvh(arguments.clip)
-    seconds, misses = measure(arguments.clip, arguments.target, arguments.rounds, CLIP)
+    source = read_bvh(clip)
+    seconds, misses = measure(clip, target, rounds, CLIP)
     with tempfile.TemporaryDirectory() as folder:
         long = Path(folder) / "long.bvh"
         write_bvh(long, back_and_forth(source, LONG))
-        of_files, _ = measure(long, arguments.target, arguments.rounds, LONG_CLIP)
-    tables = {"speed": clip_table(len(source), seconds, misses), "files": files_table(LONG, of_files)}
-    print(f"{arguments.clip.name} on {arguments.target}, {len(source)} frames, {len(source.skeleton)} joints\n")
-    print("\n".join(tables.values()))
-    if arguments.markdown:
-        insert(arguments.markdown, tables)
-        bars = [
-            Bar(name.replace("`", ""), float(np.median(frames / times)), name not in PEERS)
-            for frames, group in ((len(source), seconds), (LONG, of_files))
-            for name, times in group.items()
-        ]
-        draw_bars(bars, "frames per second on one core", arguments.markdown.parent / "pictures" / "speed.png")
+        of_files, _ = measure(long, target, rounds, LONG_CLIP)
+    print(f"{clip.name} on {target}, {len(source)} frames, {len(source.skeleton)} joints\n")
+    head = ["", "frames/s, median", "slowest to fastest"]
+    clip_rows = ([*cells, misses[cells[0]]] for cells in rows(len(source), seconds))
+    tables = {
+        "speed": table([*head, "time over contact's", "miss of hands, feet and hips, % of leg"], clip_rows),
+        "files": table([*head, "time over distretarget's"], rows(LONG, of_files)),
+    }
+    publish(tables, page)
+    if page:
+        speeds = {name: np.median(len(source) / times) for name, times in seconds.items()}
+        speeds |= {name: np.median(LONG / times) for name, times in of_files.items()}
+        draw_bars(page.parent / "pictures" / "speed.png", speeds)
 
 
 if __name__ == "__main__":

@@ -3,67 +3,148 @@
     python benchmarks/zoo_quality.py CORPUS [DUETS] [--members GLOB] [--clips GLOB] [--frames N] [--runs]
                                      [--markdown FILE] [--sheet FOLDER]
 
-CORPUS is a folder with the real clips named in `CLIPS`, DUETS one with further clips; the script names and skips those
-that are missing. Each clip is retargeted to a third of the members. Prints every figure of quality of result, copied
-rotations and source, mean / largest over the runs, with the worst run; then what must not occur, such as runs that are
-worse than copied rotations. `--runs` lists the runs. `--sheet` draws a picture for each member; it needs matplotlib
-(the extra `docs`).
+CORPUS is a folder with the real clips named in `clips.CLIPS`, DUETS one with further clips; the script names and skips
+those that are missing. Each clip is retargeted to a third of the members. Prints every figure of quality of result,
+rotation copy and source, mean / largest over the runs, with the worst run; then what must not occur, such as runs that
+are worse than the rotation copy. `--runs` lists the runs. `--sheet` draws a picture for each member; it needs
+matplotlib (the extra `docs`).
 """
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Callable, Iterator, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from fnmatch import fnmatch
+from functools import partial
 from pathlib import Path
 
+import click
 import numpy as np
-from clips import SAMPLES
-from numpy.typing import NDArray
-from quality import CLIPS
-from tables import insert
-from zoo_runs import OwnBody, Run, clip_name, members_like, own_bodies, run_all
+from clips import CLIPS, SAMPLES
+from tables import PROCESSES, corpus_argument, markdown_option, mean_and_largest, publish, table
+from zoo import MEMBERS, member
 
+from distretarget import DistretargetError, RetargetResult, read_bvh, retarget
 from distretarget.measure.figures import FIGURES, Figure, Variant
 
-FRAMES = 300  # of each clip, if the command line gives no other number
+SHARE = 3  # each clip is retargeted to one in three members, the next clip to the members after these
 SIDES: tuple[Variant, ...] = ("result", "rotation_copy", "source")
 FEW_JOINTS = 40  # bodies with more joints have fingers or many helpers
-NAMED = 3  # of the runs that a row counts, so many are named
+NAMED = 3  # of the runs that a row counts, at most this many are named
 OWN_BODY = 0.1  # a clip on its own body may be off by this [% of the body's height]
-# A run is worse than copied rotations if the result is farther from the source by more than this [unit of the figure].
+# A run is worse than the rotation copy if the result is farther from the source by more than this [unit of the figure].
 WORSE = {"slide": 0.01, "contact_error": 0.002, "foot_height": 0.1}
+SHEET_CLIPS = 4  # that a picture shows, each in a row
+
+Row = tuple[str, ...]
+"""A line of a table: what was measured, its values, and the worst runs."""
 
 
-@dataclass(frozen=True)
-class Row:
-    """A line of a table: what was measured, its values, and the worst runs."""
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """A clip retargeted to a member of the zoo.
+
+    Attributes:
+        name: the clip and the member.
+        frames, unsolved: how many were retargeted, and how many of them did not converge.
+        joints: of the member, without End Sites.
+        iterations: of the solver, in all frames.
+        seconds: that retargeting took.
+        figures: of the whole clip, by key, of source, rotation copy and result.
+    """
 
     name: str
-    values: tuple[str, ...]
-    worst: str = ""
+    member: str
+    frames: int
+    joints: int
+    unsolved: int
+    iterations: int
+    seconds: float
+    figures: Mapping[Variant, Mapping[str, float | None]]
+
+    def figure(self, key: str, side: Variant = "result") -> float:
+        """A figure of one side; nan where nothing was measured."""
+        value = self.figures[side].get(key)
+        return np.nan if value is None else value
+
+
+def plan(clips: Sequence[Path], members: Sequence[str]) -> Iterator[tuple[Path, str]]:
+    """The clips with the members that each is retargeted to: one in `SHARE`, another third for each clip."""
+    for number, clip in enumerate(clips):
+        for name in members[number % SHARE :: SHARE]:
+            yield clip, name
+
+
+def clip_name(clip: Path) -> str:
+    """The name of a clip, with its folder."""
+    return f"{clip.parent.name}/{clip.stem}"
+
+
+def retargeted(frames: int | None, task: tuple[Path, str]) -> RetargetResult:
+    """The first frames of a clip on a member of the zoo."""
+    clip, name = task
+    return retarget(read_bvh(clip)[:frames], member(name))
+
+
+def _run(frames: int | None, task: tuple[Path, str]) -> Run:
+    started = time.perf_counter()
+    result = retargeted(frames, task)
+    return Run(
+        name=f"{clip_name(task[0])} on {task[1]}",
+        member=task[1],
+        frames=len(result.motion),
+        joints=len(result.motion.skeleton.joints),
+        unsolved=len(result.effort.unsolved),
+        iterations=int(result.effort.iterations.sum()),
+        seconds=time.perf_counter() - started,
+        figures=result.figures,
+    )
+
+
+def _own_body(frames: int | None, clip: Path) -> tuple[float, str] | None:
+    """How far a clip on its own body is off at most [% of the body's height], and its name; None for a file that the
+    program refuses.
+    """
+    try:
+        motion = read_bvh(clip)[:frames]
+        return _deviation(retarget(motion, motion)), clip_name(clip)
+    except DistretargetError:
+        return None
+
+
+def _own_body_of_member(frames: int | None, task: tuple[Path, str]) -> tuple[float, str]:
+    """The same of the motion that a member has after a clip."""
+    motion = retargeted(frames, task).motion
+    return _deviation(retarget(motion, motion.skeleton)), f"{clip_name(task[0])} of {task[1]}"
+
+
+def _deviation(result: RetargetResult) -> float:
+    """How far a joint of the body is from the source's at most [% of the body's height]."""
+    body = result.matching.target
+    joints = body.regions.of_joint >= 0
+    away = np.linalg.norm(result.motion.positions - result.source.positions, axis=-1)[:, joints]
+    return float(100 * away.max() / body.height)
+
+
+# ---- tables
 
 
 def figure_rows(runs: Sequence[Run]) -> Iterator[Row]:
     """Each figure of quality, mean / largest of result, copy and source, with the worst run."""
     for figure in FIGURES:
-        values = [np.array([run.figure(figure.key, side) for run in runs]) for side in SIDES]
         judged = [
-            figure.judgement(*(_measured(run, figure.key, side) for side in ("result", "source"))) for run in runs
+            figure.judgement(*(run.figures[side].get(figure.key) for side in ("result", "source"))) for run in runs
         ]
         worst = np.array([np.nan if value is None else value for value in judged])
         if np.isfinite(worst).any():
             unit = f" [{figure.unit}]" if figure.unit else ""
-            named = runs[int(np.nanargmax(worst))].name if np.nanmax(worst) > 0 else ""
-            yield Row(figure.label + unit, tuple(map(_mean_and_largest, values)), named)
+            values = (mean_and_largest([run.figure(figure.key, side) for run in runs], ".3g") for side in SIDES)
+            yield figure.label + unit, *values, runs[int(np.nanargmax(worst))].name if np.nanmax(worst) > 0 else ""
 
 
-def _measured(run: Run, key: str, side: Variant) -> float | None:
-    return run.figures[side].get(key)
-
-
-def fault_rows(runs: Sequence[Run], own: Sequence[OwnBody]) -> Iterator[Row]:
+def fault_rows(runs: Sequence[Run], own: Sequence[tuple[float, str]]) -> Iterator[Row]:
     """What must not occur, or stay small, with the worst runs."""
     yield _count("runs with snaps", runs, lambda run: run.figure("snap"))
     frames = sum(run.unsolved for run in runs)
@@ -71,71 +152,60 @@ def fault_rows(runs: Sequence[Run], own: Sequence[OwnBody]) -> Iterator[Row]:
     for figure in FIGURES:
         if figure.key in WORSE:
             limit = f"{WORSE[figure.key]:g} {figure.unit}".rstrip()
-            yield _count(f"runs worse than the copy by {limit}: {figure.label}", runs, _excess(figure))
+            yield _count(f"runs worse than the copy by {limit}: {figure.label}", runs, partial(_excess, figure))
     yield _spread("jerk / copy's", runs, lambda run: run.figure("jerk") / run.figure("jerk", "rotation_copy"))
-    few = [run for run in runs if run.joints <= FEW_JOINTS]
-    many = [run for run in runs if run.joints > FEW_JOINTS]
-    for name, some in ((f"up to {FEW_JOINTS} joints", few), (f"over {FEW_JOINTS} joints", many)):
-        if some:
+    for name, many in ((f"up to {FEW_JOINTS} joints", False), (f"over {FEW_JOINTS} joints", True)):
+        if some := [run for run in runs if (run.joints > FEW_JOINTS) == many]:
             yield _spread(f"iterations per frame, {name}", some, lambda run: run.iterations / run.frames)
-    largest = max(own, key=lambda one: one.deviation)
-    off = sum(one.deviation > OWN_BODY for one in own)
-    yield Row(
-        f"clips on their own bodies that are off by more than {OWN_BODY} % of the height; largest [%]",
-        (f"{off} of {len(own)}; {largest.deviation:.4f}",),
-        largest.clip,
-    )
+    largest, name = max(own)
+    off = sum(deviation > OWN_BODY for deviation, _ in own)
+    what = f"clips on their own bodies that are off by more than {OWN_BODY} % of the height; largest [%]"
+    yield what, f"{off} of {len(own)}; {largest:.4f}", name
 
 
-def _excess(figure: Figure) -> Callable[[Run], float]:
+def _excess(figure: Figure, run: Run) -> float:
     """How much farther from the source than the copy a result is, beyond what counts as worse."""
-
-    def excess(run: Run) -> float:
-        result, copy, source = (run.figure(figure.key, side) for side in SIDES)
-        if figure.judged == "value":
-            return result - copy - WORSE[figure.key]
-        off = (abs(result - source), abs(copy - source))
-        if figure.judged == "ratio":
-            off = (result - source, max(copy - source, 0.0))
-        return off[0] - off[1] - WORSE[figure.key]
-
-    return excess
+    result, copy, source = (run.figure(figure.key, side) for side in SIDES)
+    if figure.judged == "value":
+        return result - copy - WORSE[figure.key]
+    if figure.judged == "ratio":
+        return result - source - max(copy - source, 0.0) - WORSE[figure.key]
+    return abs(result - source) - abs(copy - source) - WORSE[figure.key]
 
 
 def _count(name: str, runs: Sequence[Run], excess: Callable[[Run], float]) -> Row:
     """How many runs exceed 0, and the worst of them."""
     over = sorted(((value, run.name) for run in runs if (value := excess(run)) > 0), reverse=True)
-    return Row(name, (f"{len(over)} of {len(runs)}",), "; ".join(named for _, named in over[:NAMED]))
+    return name, f"{len(over)} of {len(runs)}", "; ".join(named for _, named in over[:NAMED])
 
 
 def _spread(name: str, runs: Sequence[Run], value: Callable[[Run], float]) -> Row:
     """Mean / largest over runs, and the runs with the largest."""
     values = np.array([value(run) for run in runs])
     worst = np.argsort(-np.nan_to_num(values, nan=-np.inf))[:NAMED]
-    return Row(name, (_mean_and_largest(values),), "; ".join(runs[number].name for number in worst))
+    return name, mean_and_largest(values, ".3g"), "; ".join(runs[number].name for number in worst)
 
 
-def _mean_and_largest(values: NDArray[np.float64]) -> str:
-    values = values[np.isfinite(values)]
-    return f"{values.mean():.3g} / {values.max():.3g}" if values.size else "-"
-
-
-def table(columns: Sequence[str], rows: Sequence[Row]) -> str:
-    """The rows as a Markdown table."""
-    lines = [f"| {' | '.join(columns)} |", "|---" * len(columns) + "|"]
-    lines += [f"| {' | '.join((row.name, *row.values, row.worst))} |" for row in rows]
-    return "\n".join(lines) + "\n"
-
-
-def run_table(runs: Sequence[Run]) -> str:
+def run_rows(runs: Sequence[Run]) -> Iterator[Row]:
     """A line for each run, with the figures of the result."""
-    columns = ["run", "frames", "unconverged", "iterations", "s", *(figure.label for figure in FIGURES)]
-    lines = [f"| {' | '.join(columns)} |", "|---" * len(columns) + "|"]
     for run in sorted(runs, key=lambda run: run.member):
-        figures = [f"{run.figure(figure.key):.3g}" for figure in FIGURES]
-        effort = [str(run.frames), str(run.unsolved), f"{run.iterations / run.frames:.1f}", f"{run.seconds:.1f}"]
-        lines.append(f"| {' | '.join([run.name, *effort, *figures])} |")
-    return "\n".join(lines) + "\n"
+        effort = str(run.frames), str(run.unsolved), f"{run.iterations / run.frames:.1f}", f"{run.seconds:.1f}"
+        yield run.name, *effort, *(f"{run.figure(figure.key):.3g}" for figure in FIGURES)
+
+
+def draw_sheet(path: Path, results: Mapping[str, RetargetResult]) -> None:
+    """Draw a row for each clip: the first frame, the middle one, and that in which the source's posture differs most
+    from its mean; of each source, rotation copy and result, seen from the side.
+    """
+    from draw import Camera, articulated, facing, figures_of, write_picture
+
+    scenes, labels = [], []
+    for result in results.values():
+        shown = [0, len(result.motion) // 2, articulated(result.source)]
+        turns = {frame: facing(result.source, result.matching.source, frame) for frame in shown}
+        scenes.append([cell for frame in shown for (cell,) in figures_of(result, [frame], turns[frame])])
+        labels.append([f"{label} {frame}" for frame in shown for label in ("source", "copy", "result")])
+    write_picture(path, scenes, list(results), labels, Camera(azimuth=90.0, elevation=2.0), dpi=60)
 
 
 def found_clips(corpus: Path, duets: Path | None, pattern: str) -> list[Path]:
@@ -148,36 +218,51 @@ def found_clips(corpus: Path, duets: Path | None, pattern: str) -> list[Path]:
     return [clip for clip in wanted if clip.is_file()]
 
 
-def main() -> None:
+@click.command(help=__doc__)
+@corpus_argument
+@click.argument("duets", type=Path, required=False)
+@markdown_option
+@click.option("--members", "pattern", default="*", help="Only members whose names match.")
+@click.option("--clips", "clip_pattern", default="*", help="Only clips whose names, FOLDER/NAME, match.")
+@click.option("--frames", default=300, show_default=True, help="Of each clip.")
+@click.option("--runs", "listed", is_flag=True, help="Print a line for each run, too.")
+@click.option("--sheet", type=Path, help="Draw a picture for each member into this folder.")
+def main(
+    corpus: Path,
+    duets: Path | None,
+    page: Path | None,
+    pattern: str,
+    clip_pattern: str,
+    frames: int,
+    listed: bool,
+    sheet: Path | None,
+) -> None:
     """Measure, print, and write tables and pictures where the command line says so."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("corpus", type=Path, metavar="CORPUS")
-    parser.add_argument("duets", type=Path, nargs="?", metavar="DUETS")
-    parser.add_argument("--members", default="*", metavar="GLOB", help="only members whose names match")
-    parser.add_argument("--clips", default="*", metavar="GLOB", help="only clips whose names, FOLDER/NAME, match")
-    parser.add_argument("--frames", type=int, default=FRAMES, help="of each clip [%(default)s]")
-    parser.add_argument("--runs", action="store_true", help="print a line for each run, too")
-    parser.add_argument("--markdown", type=Path, metavar="FILE", help="write the tables into this page")
-    parser.add_argument("--sheet", type=Path, metavar="FOLDER", help="draw a picture for each member")
-    arguments = parser.parse_args()
-    clips = found_clips(arguments.corpus, arguments.duets, arguments.clips)
-    members = members_like(arguments.members)
-    runs = run_all(clips, members, arguments.frames)
-    own = own_bodies([*clips, *sorted(arguments.corpus.rglob("*.bvh"))], members, arguments.frames)
+    clips = found_clips(corpus, duets, clip_pattern)
+    members = [name for name in MEMBERS if fnmatch(name, pattern)]
+    tasks = list(plan(clips, members))
+    every = [*clips, *sorted(corpus.rglob("*.bvh"))]
+    first = {name: (clip, name) for clip, name in reversed(list(plan(every, members)))}
+    with ProcessPoolExecutor(PROCESSES) as pool:
+        runs = list(pool.map(partial(_run, frames), tasks))
+        own = [
+            *filter(None, pool.map(partial(_own_body, frames), every)),
+            *pool.map(partial(_own_body_of_member, frames), first.values()),
+        ]
     tables = {
-        "figures": table(["figure, mean / largest", "result", "copy", "source", "worst run"], list(figure_rows(runs))),
-        "faults": table(["over all runs", "value", "worst"], list(fault_rows(runs, own))),
+        "figures": table(["figure, mean / largest", "result", "copy", "source", "worst run"], figure_rows(runs)),
+        "faults": table(["over all runs", "value", "worst"], fault_rows(runs, own)),
     }
-    if arguments.runs:
-        tables["runs"] = run_table(runs)
+    if listed:
+        columns = ("run", "frames", "unconverged", "iterations", "s", *(figure.label for figure in FIGURES))
+        tables["runs"] = table(columns, run_rows(runs))
     print(f"{len(runs)} runs of {len(clips)} clips on {len(members)} members\n")
-    print("\n".join(tables.values()))
-    if arguments.markdown:
-        insert(arguments.markdown, tables)
-    if arguments.sheet:
-        from zoo_sheet import draw_sheets
-
-        draw_sheets(arguments.sheet, clips, members, arguments.frames)
+    publish(tables, page)
+    for name in members if sheet else []:
+        own_tasks = [task for task in tasks if task[1] == name]
+        chosen = own_tasks[:: max(1, -(-len(own_tasks) // SHEET_CLIPS))]
+        if chosen:
+            draw_sheet(sheet / f"{name}.png", {clip_name(task[0]): retargeted(frames, task) for task in chosen})
 
 
 if __name__ == "__main__":

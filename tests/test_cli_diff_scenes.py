@@ -12,7 +12,7 @@ from bodies import SAMPLES
 from pages import settle
 from program import run
 from referencing import Registry, Resource
-from sample_props import SCENES
+from sample_scenes import SCENES
 
 from distretarget import write_bvh
 from distretarget.report.diff_document import DiffLimit

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from bodies import SAMPLES, matched, moved
-from sample_supported import SUPPORTED
+from sample_supports import SUPPORTED
 from scipy.spatial.transform import Rotation
 
 from distretarget import read_bvh

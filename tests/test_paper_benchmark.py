@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 from paper_case import EDITS, POSTURE, case, on_table_one
 from paper_checks import checks
-from paper_edits import edit_row, methods_row
 from paper_solver import solve
-from paper_spine import pair_rows
-from paper_tables import checks_table, edit_cells, methods_cells, pairs_table, spine_table
+from paper_tables import checks_table, edit_cells, methods_cells, pair_rows, pairs_table, spine_table
 from table_one import table_one
 
 from distretarget.ik.spg import Reason
@@ -64,7 +62,7 @@ def parents_of(skeleton):
 def test_the_page_has_what_the_solver_finds(edit):
     head, *rows = lines_of("edits")
     written = next(row for row in rows if row[0] == edit)
-    for column, *cells in zip(head, written, edit_cells(edit_row(edit)), strict=True):
+    for column, *cells in zip(head, written, edit_cells(edit), strict=True):
         if column not in EFFORT:
             assert_same(*cells)
 
@@ -72,7 +70,7 @@ def test_the_page_has_what_the_solver_finds(edit):
 @pytest.mark.parametrize("edit", SUBSET)
 def test_the_page_has_what_the_methods_make_of_the_posture(edit):
     written = next(row for row in lines_of("methods") if row[0] == edit)
-    for cells in zip(written, methods_cells(methods_row(edit)), strict=True):
+    for cells in zip(written, methods_cells(edit), strict=True):
         assert_same(*cells)
 
 

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from bodies import SAMPLES, moved, with_bone
-from sample_props import SCENES, standing_prop
+from sample_scenes import SCENES, standing_prop
 from scipy.spatial.transform import Rotation
 
 from distretarget import (

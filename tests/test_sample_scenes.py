@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from bodies import SAMPLES
-from sample_props import SCENES
+from sample_scenes import SCENES
 
 from distretarget import load_target, retarget_scene
 from distretarget.scene.scene_file import load_scene

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from bodies import SAMPLES, moved
-from sample_props import SCENES
+from sample_scenes import SCENES
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, MotionError, SettingsError, diff, diff_scenes, retarget_scene

@@ -5,8 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from bodies import SAMPLES
-from sample_supported import SUPPORTED
-from sample_supports import FLOOR
+from sample_supports import FLOOR, SUPPORTED
 from scipy.spatial.transform import Rotation
 
 from distretarget import read_bvh

@@ -5,8 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from bodies import SAMPLES, lengthened
-from sample_supported import SUPPORTED
-from sample_supports import FLOOR, WORLD
+from sample_supports import FLOOR, SUPPORTED, WORLD
 
 from distretarget import Options, load_target, read_bvh, retarget
 

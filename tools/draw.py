@@ -1,31 +1,33 @@
 """Draw motions as stick figures in a row, with a floor and soft shadows.
 
     python tools/draw.py walk.bvh child_walk.bvh --frames 0,20,40 -o walk.png --view three-quarter
+    python tools/draw.py walk.bvh child_walk.bvh --frames 0:120 -o walk.gif --same-scale
 
-Each motion is a row, with its frames from left to right. With `--columns`, each frame is a row, with the motions side
-by side.
+In a still picture each motion is a row, with its frames from left to right; with `--columns`, each frame is a row, with
+the motions side by side. Frames with a colon make a moving picture that repeats: the motions are side by side, a body
+that walks stays in the middle, and the floor passes below it. Needs matplotlib (the extra `docs`).
 """
 
 from __future__ import annotations
 
-import argparse
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import click
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from numpy.typing import NDArray
 from PIL import Image
+from scipy.spatial.transform import Rotation
+from skeleton_edits import only
 
-from distretarget.io.bvh import read_bvh
-from distretarget.motion import Motion
-from distretarget.skeleton import Skeleton
+from distretarget import Body, Motion, RetargetResult, Skeleton, read_bvh
 
-VIEWS = {"front": (0.0, 10.0), "side": (90.0, 10.0), "three-quarter": (38.0, 16.0)}
 COLOURS = {"left": "#2a7f9e", "right": "#e0793a", "trunk": "#3b4252"}
 FLOOR, GRID, LABEL = "#f6f7f9", "#dfe3e8", "#3b4252"
 # A shadow is drawn in three layers, each as (thickness in body heights, colour).
@@ -36,8 +38,9 @@ POINTS_PER_HEIGHT = 72 * INCHES_PER_HEIGHT
 THICKNESS = 0.027  # of a bone [body heights]
 DEPTH = 0.42  # of the strip of floor in front of the body, and behind it [body heights]
 ON_THE_SPOT = 0.4  # a root that moves less than this is drawn where it is, not moved to the origin [body heights]
-COLOURS_OF_A_PICTURE = 64  # a smaller file than with all
+STILL_COLOURS, MOVING_COLOURS = 64, 32  # of a picture, of all frames together; fewer make a smaller file
 MARGIN = np.array([0.08, 0.15])  # around a figure, across and upward [body heights]
+RATE = 20  # of a moving picture [frames/s]
 
 Array = NDArray[np.float64]
 
@@ -75,6 +78,13 @@ class Camera:
         return np.stack([points @ self.right, upward], axis=-1), nearness
 
 
+VIEWS = {"front": Camera(0.0, 10.0), "side": Camera(90.0, 10.0), "three-quarter": Camera(38.0, 16.0)}
+"""Of a body that faces +Z with Y up."""
+
+
+# ---- from motions to figures
+
+
 @dataclass(frozen=True)
 class Cell:
     """One stick figure.
@@ -89,33 +99,51 @@ class Cell:
     skeleton: Skeleton
     points: Array
     ground: Array
-    size: float
+    size: float = 1.0
 
 
-def _upright(points: Array, up: str) -> Array:
-    """Points with the axis `up` ("Y", "-Z", ...) turned to Y."""
+def upright(up: str) -> Rotation:
+    """The rotation that turns the axis `up` ("Y", "-Z", ...) to Y."""
     axis, sign = "XYZ".index(up[-1]), -1.0 if up.startswith("-") else 1.0
     turn = np.zeros((3, 3))
     turn[1, axis] = sign
-    first, second = {0: (1, 2), 1: (0, 2), 2: (0, 1)}[axis]
-    turn[0, first] = 1.0
-    turn[2, second] = 1.0
+    first, second = [number for number in range(3) if number != axis]
+    turn[0, first] = turn[2, second] = 1.0
     turn[2] *= np.linalg.det(turn)
-    return points @ turn.T
+    return Rotation.from_matrix(turn)
+
+
+def facing(motion: Motion, body: Body, frame: int) -> Rotation:
+    """The rotation after which Y is up, and the hips face +Z in a frame; only the first for a body without legs."""
+    if body.legs is None:
+        return upright(body.up)
+    left, right = (motion.positions[frame, leg.hip] for leg in body.legs)
+    up, across = body.up_vector, left - right
+    across = across - (across @ up) * up
+    across = across / np.linalg.norm(across)
+    return Rotation.from_matrix(np.stack([across, up, np.cross(across, up)]))
 
 
 def cells(
-    motion: Motion, frames: Sequence[int], up: str | None, size: float | None, floor: float | None = None
+    motion: Motion,
+    frames: Sequence[int],
+    size: float | None = None,
+    floor: float | None = None,
+    turn: Rotation | None = None,
 ) -> list[Cell]:
     """The frames as figures, each moved to the origin; moved by one vector if the motion stays on the spot.
 
-    Lengths are divided by `size`, by default the height of the body. `floor` is how high the floor is [file units], by
-    default as high as the lowest joint of all frames.
+    Args:
+        motion: the motion.
+        frames: their numbers.
+        size: by which lengths are divided; by default the height of the body.
+        floor: its height [file units]; by default that of the lowest joint of all frames.
+        turn: of the whole motion; by default it turns the skeleton's up axis to Y.
     """
-    points = _upright(motion.positions, up or motion.skeleton.up or "Y")
     height = body_height(motion.skeleton)
     size = size or height
-    points = points / size
+    matrix = (turn or upright(motion.skeleton.up or "Y")).as_matrix()
+    points = motion.positions @ matrix.T / size
     points[..., 1] -= points[..., 1].min() if floor is None else floor / size
     grounds = points[frames, 0] * (1, 0, 1)
     if np.all(np.ptp(grounds, axis=0) < ON_THE_SPOT):
@@ -126,9 +154,55 @@ def cells(
     ]
 
 
+def figures_of(result: RetargetResult, frames: Sequence[int], turn: Rotation | None = None) -> list[list[Cell]]:
+    """Frames of source, rotation copy and result, equally tall, on the source's floor at the scale of each."""
+    source, target = result.matching.source, result.matching.target
+    floor = source.lowest(result.world.up_vector)
+    return [
+        body_cells(result.source, source, frames, floor, turn),
+        body_cells(result.rotation_copy, target, frames, result.root_scale * floor, turn),
+        body_cells(result.motion, target, frames, result.root_scale * floor, turn),
+    ]
+
+
+def body_cells(
+    motion: Motion,
+    body: Body,
+    frames: Sequence[int],
+    floor: float | None = None,
+    turn: Rotation | None = None,
+    size: float | None = None,
+) -> list[Cell]:
+    """Frames of a body of height 1, without root on the floor, IK handles, props and cloth; arguments as in `cells`."""
+    shown = np.flatnonzero(body.regions.of_joint >= 0)
+    drawn = only(motion.skeleton, shown)
+    ends = ~np.isin(np.arange(len(drawn)), drawn.parents)
+    drawn = replace(drawn, channels=((),) * len(drawn), end_sites=ends)
+    return [
+        replace(cell, skeleton=drawn, points=cell.points[shown], size=1.0)
+        for cell in cells(motion, frames, size or body.height, floor, turn or upright(body.up))
+    ]
+
+
+def articulated(motion: Motion) -> int:
+    """The frame whose posture differs most from the mean; not in the first tenth, which may show a rest pose."""
+    axes = Rotation.from_quat(motion.world_rotations[:, 0]).as_matrix()
+    postures = (motion.positions - motion.positions[:, :1]) @ axes
+    first = len(motion) // 10
+    return first + int(np.argmax(np.linalg.norm(postures - postures.mean(axis=0), axis=(1, 2))[first:]))
+
+
 def body_height(skeleton: Skeleton) -> float:
     """Approximate height of the standing body, whatever its rest pose [file units]."""
     return 0.7 * float(skeleton.path_lengths.max())
+
+
+def tallest(motions: Iterable[Motion]) -> float:
+    """The height of the tallest of several bodies [file units]."""
+    return max(body_height(motion.skeleton) for motion in motions)
+
+
+# ---- drawing
 
 
 def _chains(skeleton: Skeleton) -> Iterator[list[int]]:
@@ -144,9 +218,14 @@ def _chains(skeleton: Skeleton) -> Iterator[list[int]]:
 
 
 def side_of(name: str) -> str:
-    """The side of the body that a joint's name tells: left, right, or trunk if it tells none."""
+    """The side of the body by a joint's name, such as LeftHand, hand_l, lHand: left, right, or trunk if it has none."""
     for side, letter in (("left", "l"), ("right", "r")):
-        if side in name.lower() or re.search(rf"(^|[_.:]){letter}([_.]|$)", name.lower()):
+        alone = rf"(^|[_.:]){letter}([_.]|$)"
+        if (
+            side in name.lower()
+            or re.search(alone, name.lower())
+            or re.match(rf"[{letter}{letter.upper()}][A-Z]", name)
+        ):
             return side
     return "trunk"
 
@@ -186,16 +265,10 @@ def _draw_shadow(ax: Axes, cell: Cell, camera: Camera, shift: float) -> None:
     shadow = cell.points * (1, 0, 1) + cell.points[:, 1:2] * (LIGHT[0] * camera.right + LIGHT[1] * camera.near)
     screen = camera(shadow)[0]
     screen[:, 0] += shift
-    for level, (thickness, colour) in enumerate(SHADOW):
+    for order, (thickness, colour) in enumerate(SHADOW, start=3):
+        line = {"solid_capstyle": "round", "solid_joinstyle": "round", "zorder": order}
         for chain in _chains(cell.skeleton):
-            ax.plot(
-                *screen[chain].T,
-                color=colour,
-                linewidth=thickness * POINTS_PER_HEIGHT * cell.size,
-                solid_capstyle="round",
-                solid_joinstyle="round",
-                zorder=3 + level,
-            )
+            ax.plot(*screen[chain].T, color=colour, linewidth=thickness * POINTS_PER_HEIGHT * cell.size, **line)
 
 
 def _draw_floor(ax: Axes, camera: Camera, ground: Array) -> None:
@@ -225,34 +298,110 @@ class Stage:
     high: float
 
     @classmethod
-    def around(cls, cells: Iterable[Cell], camera: Camera) -> Stage:
+    def around(cls, scenes: Iterable[Iterable[Cell]], camera: Camera) -> Stage:
         """The smallest part of the screen with all figures, a margin and the floor."""
-        screen = np.concatenate([camera(cell.points)[0] for cell in cells])
+        screen = np.concatenate([camera(cell.points)[0] for scene in scenes for cell in scene])
         left, low = screen.min(axis=0) - MARGIN
         right, high = screen.max(axis=0) + MARGIN
         return cls(camera, left, right, min(low, -DEPTH * camera.slope - MARGIN[0]), high)
 
-    @property
-    def pitch(self) -> float:
-        """The width of a cell [body heights]."""
-        return self.right - self.left
+    def figure(self, columns: int, rows: int, dpi: int) -> Figure:
+        """An empty picture with cells of this size."""
+        across, upward = (self.right - self.left) * columns, (self.high - self.low) * rows
+        return Figure((across * INCHES_PER_HEIGHT, upward * INCHES_PER_HEIGHT), dpi=dpi, facecolor="white")
 
     def draw(self, ax: Axes, cells: Sequence[Cell], labels: Sequence[str]) -> None:
         """Draw figures from left to right on one floor, above the labels; equally many for each label."""
-        ax.set(xlim=(self.left, self.left + self.pitch * len(labels)), ylim=(self.low, self.high))
+        pitch = self.right - self.left
+        ax.set(xlim=(self.left, self.left + pitch * len(labels)), ylim=(self.low, self.high))
         ax.axis("off")
         _draw_floor(ax, self.camera, cells[0].ground)
         for number, cell in enumerate(cells):
-            _draw_figure(ax, cell, self.camera, number * len(labels) // len(cells) * self.pitch)
+            _draw_figure(ax, cell, self.camera, number * len(labels) // len(cells) * pitch)
         for number, label in enumerate(labels):
-            middle = self.left + (number + 0.5) * self.pitch
-            ax.text(middle, self.low + 0.03, label, ha="center", color=LABEL, fontsize=8)
+            ax.text(self.left + (number + 0.5) * pitch, self.low + 0.03, label, ha="center", color=LABEL, fontsize=8)
 
 
-def _grid(
-    rows: Sequence[tuple[str, Motion]], frames: Sequence[int], up: str | None, same_scale: bool
-) -> list[list[Cell]]:
-    """The cells of each motion.
+def write_picture(
+    path: Path,
+    scenes: Sequence[Sequence[Cell]],
+    titles: Sequence[str],
+    labels: Sequence[Sequence[str]],
+    camera: Camera,
+    dpi: int = 150,
+) -> None:
+    """Draw scenes below each other, with equal spacing, a title for each and labels from left to right."""
+    stage = Stage.around(scenes, camera)
+    figure = stage.figure(len(labels[0]), len(scenes), dpi)
+    for number, (scene, title, names) in enumerate(zip(scenes, titles, labels, strict=True)):
+        ax = figure.add_axes((0, 1 - (number + 1) / len(scenes), 1, 1 / len(scenes)))
+        ax.text(stage.left + 0.04, stage.high - 0.09, title, color=LABEL, fontsize=10, fontweight="bold")
+        stage.draw(ax, scene, names)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path)
+    Image.open(path).convert("RGB").quantize(STILL_COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
+
+
+def write_loop(
+    path: Path,
+    labels: Sequence[str],
+    columns: Sequence[Sequence[Cell]],
+    duration: float,
+    camera: Camera,
+    dpi: int = 96,
+    still: int | None = None,
+) -> None:
+    """Write a GIF that repeats for ever, and the scene with the number `still` as a PNG of the same size.
+
+    Args:
+        path: of the GIF.
+        labels: from left to right, equally many columns for each.
+        columns: figures that change in place, from left to right: of each, a cell for every scene.
+        duration: of each scene [ms].
+        camera: the view.
+        dpi: pixels per inch, where a body is 2.3 inches tall.
+        still: none is written by default.
+    """
+    stage = Stage.around(columns, camera)
+    images = []
+    for scene in zip(*columns, strict=True):
+        figure = stage.figure(len(labels), 1, dpi)
+        stage.draw(figure.add_axes((0, 0, 1, 1)), scene, labels)
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        images.append(Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB"))
+    palette = images[0].quantize(MOVING_COLOURS, dither=Image.Dither.NONE)
+    first, *others = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    first.save(path, save_all=True, append_images=others, duration=round(duration), loop=0, optimize=True)
+    if still is not None:
+        picture = images[still].quantize(MOVING_COLOURS, dither=Image.Dither.NONE)
+        picture.save(path.with_suffix(".png"), optimize=True)
+
+
+# ---- whole pictures of motions
+
+
+def draw_strip(
+    path: Path,
+    rows: Sequence[tuple[str, Motion]],
+    frames: Sequence[int],
+    *,
+    view: str = "three-quarter",
+    turn: Rotation | None = None,
+    columns: bool = False,
+    same_scale: bool = False,
+) -> None:
+    """Draw frames of motions as stick figures into a picture file.
+
+    Args:
+        path: of the picture; its suffix is the format.
+        rows: a label and a motion for each row.
+        frames: the numbers of the frames, from left to right.
+        view: one of `VIEWS`, for a body that faces +Z with Y up.
+        turn: of all motions; by default it turns their up axes to Y.
+        columns: make each frame a row, with the motions side by side.
+        same_scale: keep the relative sizes of the bodies; otherwise all are drawn equally tall.
 
     Raises:
         ValueError: a motion lacks one of the frames.
@@ -260,106 +409,68 @@ def _grid(
     for label, motion in rows:
         if max(frames) >= len(motion):
             raise ValueError(f"{label} has frames 0 to {len(motion) - 1}, not {max(frames)}")
-    size = max(body_height(motion.skeleton) for _, motion in rows) if same_scale else None
-    return [cells(motion, frames, up, size) for _, motion in rows]
+    size = tallest(motion for _, motion in rows) if same_scale else None
+    scenes = [cells(motion, frames, size, turn=turn) for _, motion in rows]
+    titles, names = [label for label, _ in rows], [f"frame {frame}" for frame in frames]
+    if columns:
+        scenes, titles, names = [list(scene) for scene in zip(*scenes, strict=True)], names, titles
+    write_picture(path, scenes, titles, [names] * len(scenes), VIEWS[view])
 
 
-def draw_strip(
-    rows: list[tuple[str, Motion]],
-    frames: list[int],
-    path: str | Path,
+def draw_loop(
+    path: Path,
+    rows: Sequence[tuple[str, Motion]],
+    frames: tuple[int, int],
     *,
     view: str = "three-quarter",
-    up: str | None = None,
-    columns: bool = False,
+    turn: Rotation | None = None,
     same_scale: bool = False,
+    dpi: int = 96,
+    still: int | None = None,
 ) -> None:
-    """Draw frames of motions as stick figures into a picture file.
-
-    Args:
-        rows: a label and a motion for each row.
-        frames: the numbers of the frames, from left to right.
-        path: of the picture; its suffix is the format.
-        view: "front", "side" or "three-quarter", for a body that faces +Z with Y up.
-        up: the axis that points up; by default that of the skeleton, or "Y" if it has none.
-        columns: make each frame a row, with the motions side by side.
-        same_scale: keep the relative sizes of the bodies; otherwise all are drawn equally tall.
+    """Draw motions with the same frame time side by side in a moving picture, from the first frame to the one before
+    the last; the other arguments are those of `draw_strip` and `write_loop`.
     """
-    camera = Camera(*VIEWS[view])
-    scenes = _grid(rows, frames, up, same_scale)
-    titles = [label for label, _ in rows]
-    labels = [[f"frame {frame}" for frame in frames]] * len(rows)
-    if columns:
-        scenes = [list(scene) for scene in zip(*scenes, strict=True)]
-        titles, labels = [f"frame {frame}" for frame in frames], [titles] * len(frames)
-    write_picture(scenes, titles, labels, path, camera=camera)
+    frame_time = rows[0][1].frame_time
+    step = max(1, round(1 / RATE / frame_time))
+    size = tallest(motion for _, motion in rows) if same_scale else None
+    columns = [cells(motion, range(*frames, step), size, turn=turn) for _, motion in rows]
+    write_loop(path, [label for label, _ in rows], columns, 1000 * step * frame_time, VIEWS[view], dpi, still)
 
 
 def draw_together(
-    columns: Sequence[tuple[str, Sequence[Motion]]], frame: int, path: str | Path, *, view: str = "three-quarter"
+    path: Path, columns: Sequence[tuple[str, Sequence[Motion]]], frame: int, *, view: str = "three-quarter"
 ) -> None:
     """Draw one frame of several scenes side by side, each of motions in one world with Y up, all in the same scale."""
-    camera = Camera(*VIEWS[view])
-    size = max(body_height(motions[0].skeleton) for _, motions in columns)
-    scenes = []
+    size = tallest(motions[0] for _, motions in columns)
+    scene = []
     for _, motions in columns:
         points = [motion.positions[frame] / size for motion in motions]
         everything = np.concatenate(points)
-        ground = np.array([*(everything.min(axis=0) + everything.max(axis=0)) / 2.0]) * (1, 0, 1)
-        scenes.append(
-            [Cell(motion.skeleton, x - ground, ground, 1.0) for motion, x in zip(motions, points, strict=True)]
-        )
-    screen = np.concatenate([camera(cell.points)[0] for scene in scenes for cell in scene])
-    left, low = screen.min(axis=0) - MARGIN
-    right, high = screen.max(axis=0) + MARGIN
-    low, pitch = min(low, -DEPTH * camera.slope - MARGIN[0]), right - left
-    figure = Figure((pitch * len(columns) * INCHES_PER_HEIGHT, (high - low) * INCHES_PER_HEIGHT), dpi=150)
-    ax = figure.add_axes((0, 0, 1, 1))
-    ax.set(xlim=(left, left + pitch * len(columns)), ylim=(low, high))
-    ax.axis("off")
-    _draw_floor(ax, camera, np.zeros(3))
-    for number, ((label, _), scene) in enumerate(zip(columns, scenes, strict=True)):
-        for cell in scene:
-            _draw_figure(ax, cell, camera, number * pitch)
-        ax.text(left + (number + 0.5) * pitch, low + 0.03, label, ha="center", color=LABEL, fontsize=8)
-    figure.savefig(path, facecolor="white")
+        middle = (everything.min(axis=0) + everything.max(axis=0)) / 2.0 * (1, 0, 1)
+        scene += [Cell(motion.skeleton, x - middle, np.zeros(3)) for motion, x in zip(motions, points, strict=True)]
+    write_picture(path, [scene], [""], [[label for label, _ in columns]], VIEWS[view])
 
 
-def write_picture(
-    scenes: Sequence[Sequence[Cell]],
-    titles: Sequence[str],
-    labels: Sequence[Sequence[str]],
-    path: str | Path,
-    *,
-    camera: Camera,
-    dpi: int = 150,
+@click.command(help=__doc__)
+@click.argument("files", nargs=-1, required=True, type=Path)
+@click.option("--frames", required=True, help="Numbers, as 0,30,60, or the first and the one after the last, as 0:120.")
+@click.option("-o", "--output", required=True, type=Path)
+@click.option("--view", type=click.Choice(list(VIEWS)), default="three-quarter")
+@click.option("--up", help="The axis that points up, as Y or -Z; by default that of the file, or Y.")
+@click.option("--columns", is_flag=True, help="Draw motions side by side, with a row per frame.")
+@click.option("--same-scale", is_flag=True, help="Keep the relative sizes of the bodies.")
+def main(
+    files: tuple[Path, ...], frames: str, output: Path, view: str, up: str | None, columns: bool, same_scale: bool
 ) -> None:
-    """Draw scenes below each other, with equal spacing, a title for each and a label for each of their cells."""
-    stage = Stage.around([cell for scene in scenes for cell in scene], camera)
-    across, upward = stage.pitch * len(scenes[0]), stage.high - stage.low
-    figure = Figure((across * INCHES_PER_HEIGHT, upward * len(scenes) * INCHES_PER_HEIGHT), dpi=dpi)
-    for number, (scene, title, names) in enumerate(zip(scenes, titles, labels, strict=True)):
-        ax = figure.add_axes((0, 1 - (number + 1) / len(scenes), 1, 1 / len(scenes)))
-        ax.text(stage.left + 0.04, stage.high - 0.09, title, color=LABEL, fontsize=10, fontweight="bold")
-        stage.draw(ax, scene, names)
-    figure.savefig(path, facecolor="white")
-    Image.open(path).convert("RGB").quantize(COLOURS_OF_A_PICTURE, dither=Image.Dither.NONE).save(path, optimize=True)
-
-
-def main() -> None:
     """Draw the files named on the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("files", nargs="+", type=Path, metavar="A.bvh")
-    parser.add_argument("--frames", required=True, help="frame numbers, as 0,30,60")
-    parser.add_argument("-o", "--output", required=True, type=Path, metavar="OUT.png")
-    parser.add_argument("--view", choices=VIEWS, default="three-quarter")
-    parser.add_argument("--up", help="the axis that points up, as Y or -Z")
-    parser.add_argument("--columns", action="store_true", help="draw motions side by side, with a row per frame")
-    parser.add_argument("--same-scale", action="store_true", help="keep the relative sizes of the bodies")
-    args = parser.parse_args()
-    rows = [(file.stem, read_bvh(file)) for file in args.files]
-    frames = [int(frame) for frame in args.frames.split(",")]
-    draw_strip(rows, frames, args.output, view=args.view, up=args.up, columns=args.columns, same_scale=args.same_scale)
+    rows, turn = [(file.stem, read_bvh(file)) for file in files], upright(up) if up else None
+    if ":" in frames:
+        first, end = map(int, frames.split(":"))
+        draw_loop(output, rows, (first, end), view=view, turn=turn, same_scale=same_scale)
+        return
+    numbers = [int(frame) for frame in frames.split(",")]
+    draw_strip(output, rows, numbers, view=view, turn=turn, columns=columns, same_scale=same_scale)
 
 
 if __name__ == "__main__":

@@ -82,12 +82,7 @@ def number(figure: Figure, of_frame: bool = False) -> Json:
 
 def closed(properties: Json) -> Json:
     """The schema of an object with all of these properties and no other."""
-    return {
-        "type": "object",
-        "required": list(properties),
-        "additionalProperties": False,
-        "properties": properties,
-    }
+    return {"type": "object", "required": list(properties), "additionalProperties": False, "properties": properties}
 
 
 if __name__ == "__main__":

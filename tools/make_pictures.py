@@ -1,44 +1,176 @@
-"""Draw the pictures of the front page: a sample clip, its rotation copy on another body, and the result.
+"""Draw the pictures of the front page, of docs/gallery.md and of the guides, all from the samples.
 
-    python tools/make_pictures.py [FOLDER]
+    python tools/make_pictures.py [FOLDER] [--only GLOB]
 
-Writes a moving picture, and a still of one frame for readers who prefer no motion. FOLDER is `docs/pictures` by
-default. Needs matplotlib (the extra `docs`). tools/make_gallery.py draws the gallery, benchmarks/pictures.py the
-pictures of docs/results.md.
+Each moving picture has a still of the same name, for readers who prefer no motion. FOLDER is `docs/pictures` by
+default. Needs matplotlib (the extra `docs`). benchmarks/pictures.py draws the pictures of docs/results.md.
 """
 
 from __future__ import annotations
 
-import argparse
+from collections.abc import Callable, Sequence
+from fnmatch import fnmatch
+from functools import partial
 from pathlib import Path
 
-from animate import Loop
+import click
+import numpy as np
+from draw import VIEWS, Cell, draw_loop, draw_together, figures_of, tallest, write_loop, write_picture
+from sample_scenes import SCENES, facing
+from zoo import MEMBERS, member
 
-from distretarget import Motion, load_target, read_bvh, retarget
+from distretarget import Motion, RetargetResult, Skeleton, load_target, read_bvh, retarget, retarget_scene
 
 ROOT = Path(__file__).resolve().parents[1]
 SAMPLES = ROOT / "sample_bvh"
-FRAMES = (66, 228)  # of the clap: from one meeting of the hands to another, six claps later
-DPI = 170
+METHODS = ("source", "copied rotations", "distretarget")
+FRONT_DPI, SHEET_DPI, LOOP_DPI = 170, 70, 105
+FRONT_FRAMES = (66, 228)  # of the clap: from one meeting of the hands to another, six claps later
+STEP = 3  # frames of a clip from one picture of a loop to the next
+DUET_FRAMES = range(40, 280, 4)
+ACROSS = 5  # bodies in a row of the zoo
+
+# For each sample clip the frame of the sheet; for each body of the sheet its file.
+SAMPLE_FRAMES = {"clap": 93, "hands_on_hips": 150, "squat": 130, "turn": 160, "walk": 60, "wave": 150}
+SAMPLE_BODIES = ("child", "giant", "long_arms", "rigs/unreal_a")
+FLOOR_FRAMES = {"cartwheel": 80, "crawl": 60, "kneel": 150, "push_up": 60, "sit": 160, "climb_ladder": 150}
+PROP_FRAMES = {"sit_on_chair": 120, "drum_on_table": 43, "staff": 20}
 
 
-def rows_of(clip: str, target: str) -> list[tuple[str, Motion]]:
-    """A sample clip, its rotation copy on a sample target, and the result, each with a label."""
-    source = read_bvh(SAMPLES / f"{clip}.bvh")
-    result = retarget(source, load_target(SAMPLES / f"{target}.json"))
-    return [("source", source), ("copied rotations", result.rotation_copy), ("distretarget", result.motion)]
+def result_of(clip: str, body: str) -> RetargetResult:
+    """A sample clip on a sample body."""
+    return retarget(read_bvh(SAMPLES / f"{clip}.bvh"), load_target(SAMPLES / f"{body}.json"))
 
 
-def main() -> None:
-    """Draw both pictures into the folder on the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "docs" / "pictures")
-    folder = parser.parse_args().folder
-    folder.mkdir(parents=True, exist_ok=True)
-    rows = rows_of("clap", "long_arms")
-    loop = Loop.of_motions(rows, FRAMES, view="front", same_scale=True)
-    loop.write_gif(folder / "clap_long_arms.gif", DPI)
-    loop.write_still(folder / "clap_long_arms.png", 0, DPI)
+def draw_front_page(path: Path) -> None:
+    """Draw a loop of source, rotation copy and result, in the same scale."""
+    result = result_of("clap", "long_arms")
+    rows = zip(METHODS, (result.source, result.rotation_copy, result.motion), strict=True)
+    draw_loop(path, list(rows), FRONT_FRAMES, view="front", same_scale=True, dpi=FRONT_DPI, still=0)
+
+
+def draw_samples(path: Path) -> None:
+    """Draw a row for each sample clip: one frame of the source, and of the results on four bodies."""
+    scenes = []
+    for clip, frame in SAMPLE_FRAMES.items():
+        sides = [figures_of(result_of(clip, body), [frame]) for body in SAMPLE_BODIES]
+        scenes.append([sides[0][0][0], *(result[0] for _, _, result in sides)])
+    labels = ["source", *(Path(body).name for body in SAMPLE_BODIES)]
+    _write_sheet(path, scenes, list(SAMPLE_FRAMES), labels, "front")
+
+
+def draw_floor_work(path: Path) -> None:
+    """Draw a row for each clip in which more than feet rests: a frame of source, copy and result on a child."""
+    scenes = []
+    for clip, frame in FLOOR_FRAMES.items():
+        scenes.append([figure for (figure,) in figures_of(result_of(f"supports/{clip}", "child"), [frame])])
+    _write_sheet(path, scenes, list(FLOOR_FRAMES), METHODS, "three-quarter")
+
+
+def _write_sheet(
+    path: Path, scenes: Sequence[Sequence[Cell]], titles: Sequence[str], labels: Sequence[str], view: str
+) -> None:
+    write_picture(path, scenes, titles, [labels] * len(scenes), VIEWS[view], SHEET_DPI)
+
+
+def draw_zoo(path: Path) -> None:
+    """Draw a frame of one clip on every body of the zoo."""
+    source, names = read_bvh(SAMPLES / "hands_on_hips.bvh"), list(MEMBERS)
+    results = [retarget(source, member(name)) for name in names]
+    drawn = [figures_of(result, [SAMPLE_FRAMES["hands_on_hips"]])[2][0] for result in results]
+    scenes, labels = ([each[k : k + ACROSS] for k in range(0, len(names), ACROSS)] for each in (drawn, names))
+    write_picture(path, scenes, [""] * len(scenes), labels, VIEWS["front"], SHEET_DPI)
+
+
+def draw_clip(path: Path, clip: str, body: str, frames: tuple[int, int], view: str) -> None:
+    """Draw a loop of source, rotation copy and result, equally tall."""
+    result = result_of(clip, body)
+    columns = figures_of(result, range(*frames, STEP))
+    _write_loop(path, columns, STEP * result.source.frame_time, view)
+
+
+def draw_duet(path: Path) -> None:
+    """Draw a loop of two performers who lean on each other's hand, on bodies of other sizes: alone, and together."""
+    one = read_bvh(SAMPLES / "supports" / "hand_on_wall.bvh")
+    hand = np.median(one.positions[:, one.skeleton.index("RightWrist")], axis=0)
+    other = facing(one, gap=2 * hand[2] + 2)
+    other = Motion(other.skeleton, other.root_positions + hand * [2, 0, 0], other.rotations, other.frame_time_text)
+    bodies = [load_target(SAMPLES / f"{name}.json") for name in ("child", "long_spine")]
+    scene = retarget_scene([one, other], bodies)
+    alone = [result.rotation_copy for result in scene.results]
+    pairs = ([one, other], alone, [result.motion for result in scene.results])
+    columns = [column for pair in pairs for column in _together(pair, DUET_FRAMES)]
+    _write_loop(path, columns, DUET_FRAMES.step * one.frame_time, "side")
+
+
+def _together(pair: Sequence[Motion], frames: range) -> list[list[Cell]]:
+    """Frames of two motions in one place, at the scale of the taller one."""
+    size = tallest(pair)
+    middle = np.mean([motion.positions[:, 0].mean(axis=0) for motion in pair], axis=0) * (1, 0, 1) / size
+    floor = min(motion.positions[..., 1].min() for motion in pair) / size
+    origin = middle + np.array([0, floor, 0])
+    return [
+        [Cell(motion.skeleton, motion.positions[frame] / size - origin, middle) for frame in frames] for motion in pair
+    ]
+
+
+def _write_loop(path: Path, columns: Sequence[Sequence[Cell]], seconds: float, view: str) -> None:
+    write_loop(path, METHODS, columns, 1000 * seconds, VIEWS[view], LOOP_DPI, still=len(columns[0]) // 2)
+
+
+def draw_high_five(path: Path) -> None:
+    """Draw a frame of a sample scene, of each performer alone and of the result, side by side."""
+    sources = list(SCENES["high_five"]().performers.values())
+    bodies = [_child(sources[0]), sources[1].rigid_skeleton]
+    alone = [retarget(source, body).motion for source, body in zip(sources, bodies, strict=True)]
+    together = [one.motion for one in retarget_scene(sources, bodies).results]
+    draw_together(path, [("source", sources), ("each alone", alone), ("scene", together)], 57, view="side")
+
+
+def draw_props(path: Path) -> None:
+    """Draw a frame of the results of sample scenes with props, side by side, on a child."""
+    columns = []
+    for name, frame in PROP_FRAMES.items():
+        scene = SCENES[name]()
+        (source,) = scene.performers.values()
+        result = retarget_scene([source], [_child(source)], scene.props)
+        moved = [result.results[0].motion, *(prop.motion for prop in result.props)]
+        columns.append((name.replace("_", " "), [motion[frame : frame + 1] for motion in moved]))
+    draw_together(path, columns, 0)
+
+
+def _child(source: Motion) -> Skeleton:
+    return load_target(SAMPLES / "child.json").for_source(source.rigid_skeleton).skeleton
+
+
+PICTURES: dict[str, Callable[[Path], None]] = {
+    "clap_long_arms.gif": draw_front_page,
+    "high_five.png": draw_high_five,
+    "props.png": draw_props,
+    "gallery/samples.png": draw_samples,
+    "gallery/floor_work.png": draw_floor_work,
+    "gallery/zoo.png": draw_zoo,
+    "gallery/duet.gif": draw_duet,
+} | {
+    f"gallery/{Path(clip).name}.gif": partial(draw_clip, clip=clip, body=body, frames=frames, view=view)
+    for clip, body, frames, view in (
+        ("walk", "giant", (40, 168), "three-quarter"),
+        ("hands_on_hips", "long_spine", (60, 200), "front"),
+        ("supports/cartwheel", "child", (10, 150), "front"),
+        ("supports/push_up", "long_arms", (0, 130), "side"),
+        ("supports/crawl", "long_spine", (0, 150), "side"),
+    )
+}
+
+
+@click.command(help=__doc__)
+@click.argument("folder", type=Path, default=ROOT / "docs" / "pictures")
+@click.option("--only", default="*", help="Only pictures whose names match, as 'gallery/*'.")
+def main(folder: Path, only: str) -> None:
+    """Draw the pictures that the command line asks for."""
+    for name, draw in PICTURES.items():
+        if fnmatch(name, only):
+            draw(folder / name)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Write the sample clips and target skeletons.
+"""Write the sample clips, scenes and target skeletons.
 
     python tools/make_samples.py [FOLDER]
 
@@ -7,22 +7,21 @@ FOLDER is `sample_bvh` by default. Every run writes the same bytes.
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
+import sys
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from sample_body import SKELETON
 from sample_motions import CLIPS
-from sample_partners import SampleScene
-from sample_props import SCENES, obj_text
-from sample_supported import SUPPORTED
+from sample_scenes import SCENES, SampleScene, obj_text
+from sample_supports import SUPPORTED
 
-from distretarget.io.bvh_writer import write_bvh
+from distretarget import Skeleton, write_bvh
 from distretarget.io.target_file import FORMAT, VERSION, skeleton_to_json
 from distretarget.scene.scene_file import HEADER as SCENE_HEADER
-from distretarget.skeleton import Skeleton
 
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"
 
@@ -72,15 +71,14 @@ def write_scene(folder: Path, scene: SampleScene) -> None:
     for prop in scene.props:
         file = f"{prop.name}.{'obj' if len(prop.motion) == 1 else 'bvh'}"
         if file.endswith("obj"):
-            (folder / file).write_text(obj_text(prop.motion.positions[0]), encoding="utf-8", newline="\n")
+            write_text(folder / file, obj_text(prop.motion.positions[0]))
         else:
             write_bvh(folder / file, prop.motion, overwrite=True)
         held_by = [{"performer": names[grip.performer], "joint": grip.joint} for grip in prop.held_by]
         props.append({"name": prop.name, "file": file} | ({"held_by": held_by} if held_by else {}))
     performers = [{"source": f"{name}.bvh", "target": "../../child.json"} for name in names]
     document = {**SCENE_HEADER, "performers": performers}
-    text = json.dumps(document | ({"props": props} if props else {}), indent=2)
-    (folder / "scene.json").write_text(f"{text}\n", encoding="utf-8", newline="\n")
+    write_json(folder / "scene.json", document | ({"props": props} if props else {}))
 
 
 def write_samples(folder: Path) -> None:
@@ -94,20 +92,20 @@ def write_samples(folder: Path) -> None:
         write_bvh(folder / "supports" / f"{name}.bvh", sample().motion, overwrite=True)
     for name, scene in SCENES.items():
         write_scene(folder / "scenes" / name, scene())
-    texts = {name: skeleton_to_json(reshaped(SKELETON, factors), name) for name, factors in BODIES.items()}
+    for name, factors in BODIES.items():
+        write_text(folder / f"{name}.json", skeleton_to_json(reshaped(SKELETON, factors), name))
     for name, factors in EDITS.items():
         document = {"format": FORMAT, "version": VERSION, "name": name, "factors": factors}
-        texts[name] = json.dumps(document, indent=2) + "\n"
-    for name, text in texts.items():
-        (folder / f"{name}.json").write_text(text, encoding="utf-8", newline="\n")
+        write_json(folder / f"{name}.json", document)
 
 
-def main() -> None:
-    """Write the samples into the folder on the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", nargs="?", type=Path, default=SAMPLES)
-    write_samples(parser.parse_args().folder)
+def write_json(path: Path, document: dict[str, Any]) -> None:
+    write_text(path, json.dumps(document, indent=2) + "\n")
+
+
+def write_text(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":
-    main()
+    write_samples(Path(sys.argv[1]) if len(sys.argv) > 1 else SAMPLES)

@@ -1,24 +1,26 @@
-"""The body of the samples: the skeleton of the paper's Table I, and functions that pose it.
+"""The body of the samples, functions that pose it, and values over time.
 
-Centimetres, Y up, facing +Z, the left side at +X. Everything is written for the left side; the right side is its
-mirror image.
+The skeleton is that of the paper's Table I. Centimetres, degrees and seconds; Y up, facing +Z, the left side at +X.
+Everything is written for the left side; `on_side` mirrors it for the right side.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.motion import Motion
-from distretarget.skeleton import Skeleton
+from distretarget import Motion, Skeleton
 
+FPS = 60
 FRAME_TIME = "0.016667"  # [s], as written in the files
 SPINE = ("Chest", "Chest2", "Chest3")
 SIDES = ("Left", "Right")
+SIGN = {"Left": 1, "Right": -1}  # of x
 ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")
 POSITIONS = ("Xposition", "Yposition", "Zposition")
 
@@ -29,6 +31,8 @@ HEEL = np.array([0.0, -ANKLE_HEIGHT, -5.0])  # from the ankle
 THIGH, SHANK = 43.5, 45.3
 UPPER_ARM, FOREARM, HAND = 27.3, 25.8, 17.5
 ARM_LENGTH = UPPER_ARM + FOREARM
+FORWARD = (0.0, 0.0, 1.0)
+AT_REST = [(1, 0.0), (2, 0.0)]  # ends of a spline without speed and acceleration
 
 # Rows of a part of the body: name, parent, direction from the parent, length.
 TRUNK = (
@@ -54,34 +58,68 @@ LEG = (
     ("Toe", "Ankle", (0, -0.28, 0.96), 12.5),
     ("Toe_End", "Toe", (0, -0.28, 0.96), 6.0),
 )
+Track = NDArray[np.float64]
 Points = NDArray[np.float64]
 Place = tuple[Points, Rotation]
 """A bone in the world: position (frames, 3) and rotation."""
 
+# ---- values over time; position, speed and acceleration are continuous
 
-def _limb(side: str, rows: tuple) -> list[tuple]:
-    """The rows of a limb on one side, with names and directions of that side."""
-    limb = {name for name, *_ in rows}
-    sign = 1 if side == "Left" else -1
-    return [
-        (side + name, side + parent if parent in limb else parent, (sign * x, y, z), length)
-        for name, parent, (x, y, z), length in rows
-    ]
+
+def clock(seconds: float) -> Track:
+    """The times of the frames [s]."""
+    return np.arange(round(seconds * FPS) + 1) / FPS
+
+
+def cosine(t: Track, period: float, top: float = 0.0) -> Track:
+    """A wave between -1 and 1 with a maximum at the time `top` [s]; `period` in s."""
+    return np.cos(2 * np.pi * (t - top) / period)
+
+
+def eased(t: Track, keys: Sequence[float], values: Sequence[float]) -> Track:
+    """A track that rests at the time of each key and moves between the values with least jerk."""
+    track = np.full(len(t), float(values[0]))
+    for start, end, before, after in zip(keys, keys[1:], values, values[1:], strict=False):
+        s = np.clip((t - start) / (end - start), 0.0, 1.0)
+        track += (after - before) * s**3 * (10 - 15 * s + 6 * s**2)
+    return track
+
+
+def held(t: Track, rise: float, top: float, leave: float, end: float) -> Track:
+    """0 until `rise`, 1 from `top` to `leave`, 0 again from `end` on."""
+    return eased(t, [rise, top, leave, end], [0, 1, 1, 0])
+
+
+def bump(t: Track, start: float, end: float) -> Track:
+    """0 until the start, 1 half-way, 0 again from the end on."""
+    s = np.clip((t - start) / (end - start), 0.0, 1.0)
+    return np.sin(np.pi * s) ** 4
+
+
+def columns(*tracks: ArrayLike) -> Track:
+    """(frames, tracks), from tracks and constants."""
+    return np.stack(np.broadcast_arrays(*tracks), axis=-1).astype(float)
+
+
+# ---- the skeleton
 
 
 def _table_one() -> Skeleton:
     rows = [*TRUNK]
     for limb in (ARM, LEG):
-        rows += _limb("Right", limb) + _limb("Left", limb)
+        names = {name for name, *_ in limb}
+        rows += [
+            (side + name, side + parent if parent in names else parent, (SIGN[side] * x, y, z), length)
+            for side in ("Right", "Left")
+            for name, parent, (x, y, z), length in limb
+        ]
     names = tuple(row[0] for row in rows)
     ends = np.array([name.endswith("_End") for name in names])
-    channels = [() if end else ROTATIONS for end in ends]
-    channels[0] = POSITIONS + ROTATIONS
     return Skeleton(
         names=names,
         parents=np.array([names.index(parent) if parent else -1 for _, parent, _, _ in rows]),
         offsets=np.array([np.multiply(direction, length) for _, _, direction, length in rows]),
-        channels=tuple(channels),
+        channels=(POSITIONS + ROTATIONS, *(() if end else ROTATIONS for end in ends[1:])),
         end_sites=ends,
         units="cm",
         up="Y",
@@ -93,27 +131,30 @@ OFFSET = {name: np.array(offset) for name, offset in zip(SKELETON.names, SKELETO
 STANDING = ANKLE_HEIGHT + 0.9965 * (THIGH + SHANK) - OFFSET["LeftHip"][1]
 """The height of the hips when the knees are slightly bent."""
 
-
-def flipped(points: ArrayLike) -> Points:
-    """Points (..., 3) mirrored between left and right."""
-    return np.asarray(points) * (-1.0, 1.0, 1.0)
+# ---- vectors and rotations
 
 
-def mirrored(rotation: Rotation) -> Rotation:
-    """A rotation mirrored between left and right."""
-    return Rotation.from_quat(rotation.as_quat() * (1, -1, -1, 1))
+def on_side(side: str, value: Any) -> Any:
+    """Points (..., 3) or a rotation of the left side, as they are on a side: mirrored on the right."""
+    if side == "Left":
+        return value
+    if isinstance(value, Rotation):
+        return Rotation.from_quat(value.as_quat() * (1, -1, -1, 1))
+    return np.asarray(value) * (-1.0, 1.0, 1.0)
 
 
 def seen_from(side: str, place: Place) -> Place:
-    """A place as it is for the left side: itself on the left, its mirror image on the right."""
-    position, rotation = place
-    return place if side == "Left" else (flipped(position), mirrored(rotation))
+    """A place of a side as the place of the left side that mirrors it."""
+    return on_side(side, place[0]), on_side(side, place[1])
 
 
 def turned(pitch: ArrayLike = 0.0, yaw: ArrayLike = 0.0, roll: ArrayLike = 0.0) -> Rotation:
     """Rotations from angles in degrees: leaning forward, turning to the left, leaning to the right."""
-    angles = np.broadcast_arrays(yaw, pitch, roll)
-    return Rotation.from_euler("YXZ", np.stack(angles, axis=-1), degrees=True)
+    return _euler("YXZ", yaw, pitch, roll)
+
+
+def _euler(axes: str, *angles: ArrayLike) -> Rotation:
+    return Rotation.from_euler(axes, np.stack(np.broadcast_arrays(*angles), axis=-1), degrees=True)
 
 
 def part(rotation: Rotation, weight: ArrayLike) -> Rotation:
@@ -136,8 +177,8 @@ def from_axes(x: Points, y: Points) -> Rotation:
 
 
 def two_bones(start: Points, end: Points, pole: ArrayLike, upper: float, lower: float) -> tuple[Points, Points, Points]:
-    """Two-bone inverse kinematics: unit vectors along two bones that reach from `start` to `end` and bend towards
-    `pole`, and the axis of the bend, about which the upper bone turns to the lower; (frames, 3) each.
+    """Two-bone inverse kinematics: unit vectors along two bones that reach from `start` to `end` and bend towards the
+    pole vector, and the axis of the bend, about which the upper bone turns to the lower; (frames, 3) each.
 
     Raises:
         ValueError: the bones are too short or too long.
@@ -162,6 +203,9 @@ def within_reach(start: Points, end: Points, length: float) -> Points:
     slack = STRETCHED - AT_EASE
     drawn = AT_EASE + slack * np.tanh((reach - AT_EASE) / slack)
     return start + span * np.where(reach > AT_EASE, drawn / reach, 1.0)
+
+
+# ---- trunk
 
 
 @dataclass(frozen=True)
@@ -197,11 +241,12 @@ def trunk(position: Points, pelvis: Rotation, bend: Rotation, look: Rotation) ->
     rotation.
     """
     third = part(bend, 1 / 3)
-    local = {"Hips": pelvis, **dict.fromkeys(SPINE, third)}
     turn = (pelvis * third * third * third).inv() * look
-    local["Neck"] = part(turn, 0.5)
-    local["Head"] = local["Neck"].inv() * turn
-    return Trunk(position, local)
+    neck = part(turn, 0.5)
+    return Trunk(position, {"Hips": pelvis, **dict.fromkeys(SPINE, third), "Neck": neck, "Head": neck.inv() * turn})
+
+
+# ---- arms
 
 
 @dataclass(frozen=True)
@@ -234,36 +279,33 @@ def swung_arm(
     `abduction` lifts the upper arm sideways, `flexion` swings it forward, `roll` rolls it inwards; `wrist` bends the
     hand towards the palm, `deviation` towards the thumb. The collar bone rises and moves forward with the upper arm.
     """
-    angles = np.broadcast_arrays(flexion, abduction, elbow, roll, pronation, wrist, deviation)
-    flexion, abduction, elbow, roll, pronation, wrist, deviation = np.array(angles, float)
-    upper = _euler("XZX", -flexion, abduction - 90, roll)
-    collar = shrug(*_collar_help(upper.apply([1.0, 0.0, 0.0])))
-    return Arm(
-        collar=collar,
-        shoulder=collar.inv() * upper,
-        elbow=_euler("YX", -elbow, pronation),
-        wrist=_euler("ZY", -wrist, -deviation),
-    )
+    upper = _euler("XZX", np.negative(flexion), np.subtract(abduction, 90), roll)
+    collar = _collar(upper.apply([1.0, 0.0, 0.0]))
+    bend = _euler("YX", np.negative(elbow), pronation)
+    return Arm(collar, collar.inv() * upper, bend, _euler("ZY", np.negative(wrist), np.negative(deviation)))
 
 
-def _euler(axes: str, *angles: NDArray[np.float64]) -> Rotation:
-    return Rotation.from_euler(axes, np.stack(angles, axis=-1), degrees=True)
-
-
-def _collar_help(direction: Points) -> tuple[Points, Points]:
-    """Lift and reach of the collar [degrees] for an upper arm with this direction in the chest's frame."""
-    lift = 9 * (1 + direction[..., 1]) ** 2
-    return lift, 9 * direction[..., 2] * np.abs(direction[..., 2])
+def _collar(direction: Points) -> Rotation:
+    """The collar's rotation for an upper arm with this direction in the chest's frame."""
+    return shrug(9 * (1 + direction[..., 1]) ** 2, 9 * direction[..., 2] * np.abs(direction[..., 2]))
 
 
 def shrug(lift: ArrayLike, reach: ArrayLike) -> Rotation:
     """The collar's rotation that lifts the shoulder and brings it forward [degrees]."""
-    return _euler("ZY", *np.broadcast_arrays(lift, np.negative(reach)))
+    return _euler("ZY", lift, np.negative(reach))
 
 
 def raised_shoulder(direction: Points) -> Points:
     """(frames, 3), the left shoulder in the chest's frame, for an arm in this direction there."""
-    return OFFSET["LeftCollar"] + shrug(*_collar_help(direction)).apply(OFFSET["LeftShoulder"])
+    return OFFSET["LeftCollar"] + _collar(direction).apply(OFFSET["LeftShoulder"])
+
+
+def straight_arm(side: str, chest: Place, fingers: Points, reach: float) -> Points:
+    """(frames, 3), the wrist of a side whose arm points along `fingers`, unit vectors of the left arm in the chest's
+    frame, at `reach` of its length.
+    """
+    position, rotation = chest
+    return position + rotation.apply(on_side(side, raised_shoulder(fingers) + fingers * reach * ARM_LENGTH))
 
 
 def hand(fingers: ArrayLike, palm: ArrayLike) -> Rotation:
@@ -274,25 +316,24 @@ def hand(fingers: ArrayLike, palm: ArrayLike) -> Rotation:
     return from_axes(fingers, -palm)
 
 
-def flat_hand(yaw: ArrayLike) -> Rotation:
+def flat_hand(yaw: float) -> Rotation:
     """The rotation of a hand that lies on the floor, palm down, its fingers turned by `yaw` [degrees] from +Z to +X."""
-    a = np.radians(yaw)
-    level = np.sqrt(HAND**2 - (WRIST_HEIGHT - FINGERTIP_HEIGHT) ** 2)
     drop = FINGERTIP_HEIGHT - WRIST_HEIGHT
-    fingers = np.stack(np.broadcast_arrays(level * np.sin(a), drop, level * np.cos(a)), axis=-1)
-    return hand(fingers, palm=[0.0, -1.0, 0.0])
+    level = np.sqrt(HAND**2 - drop**2)
+    return hand([level * np.sin(np.radians(yaw)), drop, level * np.cos(np.radians(yaw))], palm=[0.0, -1.0, 0.0])
 
 
 def reaching_arm(chest: Place, collar: Rotation, wrist: Points, pole: Points, hand_world: Rotation) -> Arm:
-    """The left arm with the wrist at these points, the elbow towards `pole`, and this rotation of the hand, all in the
-    world. The forearm takes the whole roll of the hand.
+    """The left arm with the wrist at these points, the elbow towards the pole vector, and this rotation of the hand,
+    all in the world. The forearm takes the whole roll of the hand.
     """
     position, rotation = chest
     collar_world = rotation * collar
     shoulder = position + rotation.apply(OFFSET["LeftCollar"]) + collar_world.apply(OFFSET["LeftShoulder"])
     u, f, axis = two_bones(shoulder, wrist, pole, UPPER_ARM, FOREARM)
     upper, fore = from_axes(u, -axis), from_axes(f, -axis)
-    fore = fore * _roll_about_x(fore.inv() * hand_world)
+    x, _, _, w = np.moveaxis((fore.inv() * hand_world).as_quat(), -1, 0)
+    fore = fore * turned(pitch=2 * np.degrees(np.arctan2(x, w)))
     return Arm(collar, collar_world.inv() * upper, upper.inv() * fore, fore.inv() * hand_world)
 
 
@@ -302,16 +343,13 @@ def aimed_arm(side: str, chest: Place, hand: Place, elbow: ArrayLike) -> Arm:
     """
     chest, (wrist, rotation) = seen_from(side, chest), seen_from(side, hand)
     shoulder = chest[0] + chest[1].apply(OFFSET["LeftCollar"] + OFFSET["LeftShoulder"])
-    collar = shrug(*_collar_help(chest[1].inv().apply(unit(wrist - shoulder))))
+    collar = _collar(chest[1].inv().apply(unit(wrist - shoulder)))
     shoulder = chest[0] + chest[1].apply(OFFSET["LeftCollar"] + collar.apply(OFFSET["LeftShoulder"]))
     wrist = within_reach(shoulder, wrist, ARM_LENGTH)
-    pole = np.asarray(elbow) if side == "Left" else flipped(elbow)
-    return reaching_arm(chest, collar, wrist, pole, rotation)
+    return reaching_arm(chest, collar, wrist, on_side(side, elbow), rotation)
 
 
-def _roll_about_x(rotation: Rotation) -> Rotation:
-    x, _, _, w = np.moveaxis(rotation.as_quat(), -1, 0)
-    return turned(pitch=2 * np.degrees(np.arctan2(x, w)))
+# ---- legs
 
 
 @dataclass(frozen=True)
@@ -320,44 +358,22 @@ class Foot:
 
     Attributes:
         ankle: (frames, 3).
-        yaw: (frames,), turn to the left [degrees].
-        pitch: (frames,), toes up [degrees].
-        toe: (frames,), toes bent up against the foot [degrees].
-    """
-
-    ankle: Points
-    yaw: Points
-    pitch: Points
-    toe: Points
-
-    @property
-    def rotation(self) -> Rotation:
-        return turned(-self.pitch, self.yaw)
-
-    def knee(self, pelvis: Rotation) -> Points:
-        """(frames, 3), the direction of the knee: between the forward directions of pelvis and foot."""
-        return unit(pelvis.apply([0.0, 0.0, 1.0]) * (1, 0, 1)) + 2 * turned(yaw=self.yaw).apply([0.0, 0.0, 1.0])
-
-
-@dataclass(frozen=True)
-class AimedFoot:
-    """Position and rotation of a foot in the world, with the knee's direction.
-
-    Attributes:
-        ankle: (frames, 3).
         rotation: of the foot.
         toe: (frames,), toes bent up against the foot [degrees].
-        aim: (frames, 3) or (3,), the direction of the knee.
+        knee: (frames, 3) or (3,), the pole vector of the leg; by default between the forward directions of pelvis and
+            foot.
     """
 
     ankle: Points
     rotation: Rotation
-    toe: Points
-    aim: ArrayLike
+    toe: ArrayLike = 0.0
+    knee: ArrayLike | None = None
 
-    def knee(self, pelvis: Rotation) -> Points:  # noqa: ARG002
+    def pole(self, pelvis: Rotation) -> ArrayLike:
         """The direction of the knee."""
-        return np.asarray(self.aim)
+        if self.knee is not None:
+            return self.knee
+        return unit(pelvis.apply(FORWARD) * (1, 0, 1)) + 2 * unit(self.rotation.apply(FORWARD) * (1, 0, 1))
 
 
 def rolled_ankle(pitch: Points) -> Points:
@@ -366,28 +382,26 @@ def rolled_ankle(pitch: Points) -> Points:
     return pivot - turned(pitch=-pitch).apply(pivot)
 
 
-def _leg(trunk: Trunk, side: str, foot: Foot | AimedFoot) -> dict[str, Rotation]:
+def _leg(trunk: Trunk, side: str, foot: Foot) -> dict[str, Rotation]:
     """Local rotations of a leg from hip to foot."""
     pelvis = trunk.local["Hips"]
-    u, f, axis = two_bones(trunk.hip(side), foot.ankle, foot.knee(pelvis), THIGH, SHANK)
+    u, f, axis = two_bones(trunk.hip(side), foot.ankle, foot.pole(pelvis), THIGH, SHANK)
     thigh, shank = from_axes(axis, -u), from_axes(axis, -f)
     return {
         side + "Hip": pelvis.inv() * thigh,
         side + "Knee": thigh.inv() * shank,
         side + "Ankle": shank.inv() * foot.rotation,
-        side + "Toe": turned(-foot.toe),
+        side + "Toe": turned(np.negative(foot.toe)),
     }
 
 
-def motion(trunk: Trunk, arms: Mapping[str, Arm], feet: Mapping[str, Foot | AimedFoot]) -> Motion:
+def motion(trunk: Trunk, arms: Mapping[str, Arm], feet: Mapping[str, Foot]) -> Motion:
     """The motion of the whole body, from arms and feet by side; the right arm is given mirrored."""
-    frames = len(trunk.position)
     local = dict(trunk.local)
     for side in SIDES:
         local |= _leg(trunk, side, feet[side])
-        for name, rotation in vars(arms[side]).items():
-            local[side + name.capitalize()] = rotation if side == "Left" else mirrored(rotation)
-    rotations = np.tile([0.0, 0.0, 0.0, 1.0], (frames, len(SKELETON), 1))
+        local |= {side + name.capitalize(): on_side(side, rotation) for name, rotation in vars(arms[side]).items()}
+    rotations = np.tile([0.0, 0.0, 0.0, 1.0], (len(trunk.position), len(SKELETON), 1))
     for name, rotation in local.items():
         rotations[:, SKELETON.index(name)] = rotation.as_quat()
-    return Motion(SKELETON, np.broadcast_to(trunk.position, (frames, 3)), rotations, FRAME_TIME)
+    return Motion(SKELETON, trunk.position, rotations, FRAME_TIME)

@@ -1,24 +1,36 @@
-"""The sample clips, each made by a function. Angles in degrees, lengths in cm, times in s."""
+"""The sample clips on two feet, each made by a function. Angles in degrees, lengths in cm, times in s."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from sample_body import (
     ANKLE_HEIGHT,
     ARM_LENGTH,
+    AT_REST,
+    FPS,
     OFFSET,
     SHANK,
     SIDES,
+    SIGN,
     STANDING,
     THIGH,
     Arm,
     Foot,
     Place,
+    Track,
     Trunk,
+    bump,
+    clock,
+    columns,
+    cosine,
+    eased,
     hand,
+    held,
     motion,
+    on_side,
     reaching_arm,
     rolled_ankle,
     seen_from,
@@ -27,34 +39,24 @@ from sample_body import (
     trunk,
     turned,
 )
-from sample_tracks import Track, bump, clock, columns, cosine, eased, held
-from sample_walk import walk
+from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
-from distretarget.motion import Motion
+from distretarget import Motion
 
 
 def hanging_arm(t: Track, late: float = 0.0) -> Arm:
     """A hanging arm that moves slightly with the breath."""
     breath = cosine(t, 3.4, late)
-    return swung_arm(
-        flexion=-3 + 0.8 * breath,
-        abduction=9 + 0.6 * breath,
-        elbow=17 + 1.2 * cosine(t, 3.4, late + 0.3),
-        roll=18,
-        pronation=8,
-        wrist=8,
-    )
+    elbow = 17 + 1.2 * cosine(t, 3.4, late + 0.3)
+    flexion, abduction = -3 + 0.8 * breath, 9 + 0.6 * breath
+    return swung_arm(flexion=flexion, abduction=abduction, elbow=elbow, roll=18, pronation=8, wrist=8)
 
 
 def planted_feet(t: Track, width: float, toe_out: float) -> dict[str, Foot]:
     """Both feet resting on the floor, the ankles `width` apart, each foot turned out by `toe_out`."""
-    still = np.zeros(len(t))
-    feet = {}
-    for side, sign in zip(SIDES, (1, -1), strict=True):
-        ankle = columns(still + sign * width / 2, ANKLE_HEIGHT, -4.0)
-        feet[side] = Foot(ankle, still + sign * toe_out, still, still)
-    return feet
+    ankle = np.tile([width / 2, ANKLE_HEIGHT, -4.0], (len(t), 1))
+    return {side: Foot(on_side(side, ankle), on_side(side, turned(yaw=toe_out))) for side in SIDES}
 
 
 def standing_trunk(t: Track, shift: Track, look: Rotation) -> Trunk:
@@ -87,8 +89,7 @@ def _clapping_arm(chest: Place, away: Track) -> Arm:
     wrist = columns(0.02 * ARM_LENGTH + 18 * away, -11 - 2 * away, 33 - 2 * away)
     palm = hand(fingers=columns(0.25 * away, 0.72, 0.69), palm=columns(-1, 0.12 * away, 0.3 * away))
     pole = rotation.apply([0.5, -0.85, -0.25])
-    collar = shrug(1.0, 8 - 5 * away)
-    return reaching_arm(chest, collar, position + rotation.apply(wrist), pole, rotation * palm)
+    return reaching_arm(chest, shrug(1.0, 8 - 5 * away), position + rotation.apply(wrist), pole, rotation * palm)
 
 
 def hands_on_hips() -> Motion:
@@ -143,9 +144,8 @@ def _squatting_trunk(t: Track, depth: Track, ankle: Track) -> Trunk:
 def wave() -> Motion:
     """The right arm waves five times."""
     t = clock(5.0)
-    period = 0.5
     waving = held(t, 0.95, 1.35, 3.3, 3.75)
-    swing, late = (waving * cosine(t, period, top) for top in (1.225, 1.285))
+    swing, late = (waving * cosine(t, 0.5, top) for top in (1.225, 1.285))
     tilt = held(t, 0.5, 1.4, 3.6, 4.6)
     look = turned(pitch=2 + tilt, yaw=-4 * tilt, roll=4 * tilt + 0.5 * swing)
     up = swung_arm(
@@ -169,7 +169,8 @@ def turn() -> Motion:
     lifts = start + step * np.arange(count)
     end = start + step * count
     busy = held(t, start - 0.3, start + 0.2, end, end + 0.4)
-    weight = _weight(t, lifts[1::2], step) - _weight(t, lifts[::2], step)
+    weight = sum(bump(t, lift - 0.1, lift + step + 0.1) for lift in lifts[1::2])
+    weight = weight - sum(bump(t, lift - 0.1, lift + step + 0.1) for lift in lifts[::2])
     facing = turned(yaw=_full_turn(t, start + 0.1, end + 0.1))
     height = STANDING - 0.6 - 1.7 * busy + 0.8 * np.abs(weight)
     body = trunk(
@@ -178,33 +179,21 @@ def turn() -> Motion:
         turned(pitch=2.0, yaw=3 * busy, roll=2.2 * weight),
         facing * turned(pitch=2 + 2 * busy, yaw=11 * busy),
     )
-    arms = {"Left": _turning_arm(t, weight, busy), "Right": _turning_arm(t, -weight, busy)}
+    arms = {side: _turning_arm(t, SIGN[side] * weight, busy) for side in SIDES}
     feet = {"Left": _stepping_foot(t, 1, lifts[::2], step), "Right": _stepping_foot(t, -1, lifts[1::2], step)}
     return motion(body, arms, feet)
-
-
-def _weight(t: Track, lifts: Sequence[float], step: float) -> Track:
-    """How far the weight is on the other foot, from 0 to 1, while this foot steps."""
-    return sum(bump(t, lift - 0.1, lift + step + 0.1) for lift in lifts)
 
 
 def _full_turn(t: Track, start: float, end: float) -> Track:
     """From 0 to 360 degrees at constant speed, with a smooth start and end."""
     fade = 0.4  # [s]
-    speed = held(t, start - fade, start + fade, end - fade, end + fade)
-    angle = np.cumsum(speed)
+    angle = np.cumsum(held(t, start - fade, start + fade, end - fade, end + fade))
     return 360 * angle / angle[-1]
 
 
 def _turning_arm(t: Track, weight: Track, busy: Track) -> Arm:
-    return swung_arm(
-        flexion=-3 + 4 * weight,
-        abduction=9 + 4 * busy,
-        elbow=17 + 6 * busy + 2 * weight,
-        roll=18,
-        pronation=8,
-        wrist=8 + cosine(t, 3.4),
-    )
+    elbow, wrist = 17 + 6 * busy + 2 * weight, 8 + cosine(t, 3.4)
+    return swung_arm(flexion=-3 + 4 * weight, abduction=9 + 4 * busy, elbow=elbow, roll=18, pronation=8, wrist=wrist)
 
 
 def _stepping_foot(t: Track, sign: int, lifts: Sequence[float], step: float) -> Foot:
@@ -215,7 +204,101 @@ def _stepping_foot(t: Track, sign: int, lifts: Sequence[float], step: float) -> 
     pitch = -14 * sum(bump(t, lift - 0.06, lift + 0.6 * air) for lift in lifts)
     ankle = turned(yaw=heading).apply(columns(sign * (9.5 + 1.5 * lifted), ANKLE_HEIGHT + 4.5 * lifted, -4.0))
     yaw = heading + sign * 9
-    return Foot(ankle + turned(yaw=yaw).apply(rolled_ankle(pitch)), yaw, pitch, -pitch)
+    return Foot(ankle + turned(yaw=yaw).apply(rolled_ankle(pitch)), turned(-pitch, yaw), -pitch)
+
+
+# ---- the walk; a foot's cycle starts at its heel strike, and a phase is a fraction of that cycle
+
+STRIDE = 116.0  # how far a foot moves in a cycle [cm]
+CYCLE = 62 / FPS  # [s]
+CYCLES = 4
+TOE_OUT = 5.0  # [degrees]
+FLAT, HEEL_OFF, TOE_OFF = 0.10, 0.33, 0.61  # phases: foot flat on the floor, heel rises, toes leave the floor
+
+Curve = Callable[[Track], Track]
+
+ROLL_OFF = make_interp_spline(
+    [HEEL_OFF, 0.43, 0.52, TOE_OFF, 0.69, 0.82, 0.93, 1.0, 1 + FLAT],
+    [0.0, -7.0, -25.0, -55.0, -59.0, -18.0, 14.0, 19.0, 0.0],
+    k=5,
+    bc_type=(AT_REST, AT_REST),
+)
+"""The foot's pitch from heel-off until the foot is flat again [degrees]."""
+
+
+def walk() -> Motion:
+    """Eight steps at constant speed."""
+    t = clock(CYCLES * CYCLE)
+    phase = t / CYCLE
+    once, twice = partial(cosine, phase, 1.0), partial(cosine, phase, 0.5)
+    forward = STRIDE * (phase - 0.25) + 4.0 + 0.8 * twice(0.30)
+    hips = columns(1.9 * once(0.30), STANDING - 2.0 + 1.2 * twice(0.25), forward)
+    tilt = 3.2 * once(0.14)
+    pelvis = turned(pitch=4 + twice(0.05), yaw=-4.5 * once(0.0), roll=tilt)
+    bend = turned(pitch=0.5 + twice(0.15), yaw=8.5 * once(0.03), roll=-1.15 * tilt)
+    body = trunk(hips, pelvis, bend, turned(pitch=2 + 0.8 * twice(0.2), yaw=0.8 * once(0.0)))
+    arms = {"Left": _walking_arm(t, 0.5 * CYCLE), "Right": _walking_arm(t, 0.0)}
+    return motion(body, arms, {"Left": _walking_foot(t, "Left", 0.0), "Right": _walking_foot(t, "Right", 0.5)})
+
+
+def _walking_arm(t: Track, front: float) -> Arm:
+    """An arm that swings once per cycle and is farthest forward at the time `front` [s]."""
+    swing = cosine(t, CYCLE, front)
+    return swung_arm(
+        flexion=-2 + 19 * swing,
+        abduction=8 - 1.5 * swing,
+        elbow=25 + 11 * cosine(t, CYCLE, front + 0.05 * CYCLE),
+        roll=20 + 6 * swing,
+        pronation=6,
+        wrist=6 + 4 * cosine(t, CYCLE, front + 0.12 * CYCLE),
+    )
+
+
+def _walking_foot(t: Track, side: str, ahead: float) -> Foot:
+    """A foot that rolls on the floor and swings; `ahead` is its phase at the start."""
+    strides, phase = np.divmod(t / CYCLE + ahead, 1.0)
+    pitch = _pitch(phase)
+    swings = phase[:, None] > TOE_OFF
+    ankle = np.where(swings, _swing_ankle()(np.maximum(phase, TOE_OFF)), _stance_ankle(pitch))
+    ankle = ankle + columns(4.6, ANKLE_HEIGHT, (strides - ahead) * STRIDE)
+    return Foot(on_side(side, ankle), turned(-pitch, SIGN[side] * TOE_OUT), _toes(phase, pitch))
+
+
+def _pitch(phase: Track) -> Track:
+    """The foot's pitch [degrees]: 0 in mid-stance, else by `ROLL_OFF`."""
+    late = np.where(phase < FLAT, phase + 1, phase)
+    return np.where(late > HEEL_OFF, ROLL_OFF(np.maximum(late, HEEL_OFF)), 0.0)
+
+
+def _stance_ankle(pitch: Track) -> Track:
+    """(frames, 3), how far the left ankle moves while the foot rolls on the floor."""
+    return turned(yaw=TOE_OUT).apply(rolled_ankle(pitch))
+
+
+def _swing_ankle() -> Curve:
+    """(frames, 3) by phase, the left ankle's path from toe-off to heel strike, which continues the stance smoothly."""
+    step = 1e-3
+    values, conditions = [], []
+    for phase, landed in ((TOE_OFF, 0.0), (1.0, STRIDE)):
+        around = (phase + np.array([-step, 0.0, step])) % 1
+        before, at, after = _stance_ankle(_pitch(around))
+        values.append(at + np.array([0.0, 0.0, landed]))
+        conditions.append([(1, (after - before) / (2 * step)), (2, (after - 2 * at + before) / step**2)])
+    values.insert(1, np.array([0.8, 9.0, 0.5 * STRIDE - 2.0]))
+    return make_interp_spline([TOE_OFF, 0.79, 1.0], values, k=5, bc_type=tuple(conditions))
+
+
+def _toes(phase: Track, pitch: Track) -> Track:
+    """The toes' bend [degrees]: flat on the floor while the heel rises, then from bent up to straight in the swing."""
+    bent, slope, curve = (-float(ROLL_OFF(TOE_OFF, nu)) for nu in range(3))
+    swing = make_interp_spline(
+        [TOE_OFF, 0.70, 0.82, 0.92, 1.0],
+        [bent, 52.0, 18.0, 3.0, 0.0],
+        k=5,
+        bc_type=([(1, slope), (2, curve)], AT_REST),
+    )
+    rising = np.where(phase > FLAT, -pitch, 0.0)
+    return np.where(phase > TOE_OFF, swing(np.maximum(phase, TOE_OFF)), rising)
 
 
 CLIPS: dict[str, Callable[[], Motion]] = {

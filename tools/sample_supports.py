@@ -1,19 +1,62 @@
-"""Places where parts of the body rest, the paths between these places, and the table of supports they make."""
+"""The sample clips in which more than feet rests on the world, each made by a function that returns clip and supports.
+
+First what all share: places where parts of the body rest, the paths between these places, and the table of supports.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sample_tracks import FPS, Track, bump, columns, eased, held
+from sample_body import (
+    ANKLE_HEIGHT,
+    AT_REST,
+    FORWARD,
+    FPS,
+    OFFSET,
+    SHANK,
+    SIDES,
+    SIGN,
+    STANDING,
+    THIGH,
+    WRIST_HEIGHT,
+    Arm,
+    Foot,
+    Place,
+    Points,
+    Track,
+    Trunk,
+    aimed_arm,
+    blend,
+    bump,
+    clock,
+    columns,
+    cosine,
+    eased,
+    flat_hand,
+    hand,
+    held,
+    motion,
+    on_side,
+    straight_arm,
+    swung_arm,
+    trunk,
+    turned,
+    unit,
+    within_reach,
+)
+from sample_motions import hanging_arm, planted_feet
+from scipy.interpolate import make_interp_spline
 
-from distretarget.motion import Motion
+from distretarget import Motion
 
 FLOOR, WORLD = "floor", "world"
 CLEARANCE = 1e-6  # a time so near a frame counts as that frame [frames]
+HAND, FOOT = ("Wrist", "Wrist_End"), ("Ankle", "Toe", "Toe_End")  # joints that rest together
+KNEE_HEIGHT, INSTEP_HEIGHT = 5.5, 6.0  # of knee and ankle that rest on the floor [cm]
 
 
 @dataclass(frozen=True)
@@ -35,7 +78,7 @@ class Sample:
     """A clip and all its supports."""
 
     motion: Motion
-    supports: tuple[Support, ...]
+    supports: list[Support]
 
 
 @dataclass(frozen=True)
@@ -47,18 +90,22 @@ class Rest:
     place: ArrayLike
 
 
-def supports(t: Track, joints: Iterable[str], rests: Iterable[Rest], kind: str = FLOOR) -> list[Support]:
-    """The supports of these joints, which rest together; without rests shorter than two frames of the clip."""
+def supports(
+    t: Track, sides: Iterable[str], joints: Iterable[str], rests: Iterable[Rest], kind: str = FLOOR
+) -> list[Support]:
+    """The supports of these joints of both or one side ("" for neither), which rest together; without rests shorter
+    than two frames of the clip.
+    """
     table = []
-    for joint, rest in product(joints, rests):
+    for side, joint, rest in product(sides, joints, rests):
         first = int(np.ceil(max(rest.start, 0.0) * FPS - CLEARANCE))
         last = int(np.floor(min(rest.end, t[-1]) * FPS + CLEARANCE))
         if first < last:
-            table.append(Support(joint, first, last, kind))
+            table.append(Support(side + joint, first, last, kind))
     return table
 
 
-def stepped(t: Track, rests: Sequence[Rest], arc: ArrayLike) -> Track:
+def stepped(t: Track, rests: Sequence[Rest], arc: ArrayLike = (0.0, 0.0, 0.0)) -> Points:
     """(frames, 3), a path that stays at each place and moves on to the next; `arc` takes it off the straight line."""
     keys = [time for rest in rests for time in (rest.start, rest.end)]
     places = np.repeat([rest.place for rest in rests], 2, axis=0)
@@ -68,15 +115,436 @@ def stepped(t: Track, rests: Sequence[Rest], arc: ArrayLike) -> Track:
     return path
 
 
-def reached(t: Track, free: Track, rests: Iterable[Rest], *, approach: float, leave: float) -> Track:
-    """(frames, 3), a path that follows `free` but for the rests, to which it takes `approach` and from which `leave`
-    [s].
+def reached(t: Track, free: Points, rest: Rest, seconds: float) -> Points:
+    """(frames, 3), a path that follows `free` but for the rest, to which and from which it takes some seconds."""
+    return free + resting(t, rest, seconds)[:, None] * (np.asarray(rest.place) - free)
+
+
+def resting(t: Track, rest: Rest, approach: float, leave: float | None = None) -> Track:
+    """1 during the rest, 0 until `approach` before and from `leave` after [s]; by default both are the same."""
+    return held(t, rest.start - approach, rest.start, rest.end, rest.end + (approach if leave is None else leave))
+
+
+# ---- a cartwheel to the left; the second half is the first half mirrored, backwards in time
+
+WHEEL = 3.4  # duration [s]
+MIDDLE = 157.5  # where the body is upside down, along the way to the left [cm]
+SWING = 0.45  # of a leg between the floor and the air, and of the first and the last step [s]
+# Keys of the first half: time [s], how far the pelvis has turned [degrees], its way to the left and its height [cm].
+UPSIDE_DOWN = 102.3  # height of the pelvis at half-time [cm]
+KEYS = np.array(
+    [
+        [0.45, 0.0, 30.0, STANDING - 3.0],
+        [0.95, 42.0, 42.0, 86.7],
+        [1.25, 106.0, 86.2, 85.2],
+        [1.45, 147.5, 120.2, 94.5],
+    ]
+)
+
+
+def cartwheel() -> Sample:
+    """A cartwheel: left hand, right hand, right foot, left foot, and the right foot closes."""
+    t = clock(WHEEL)
+    hands = {"Left": Rest(1.25, 1.88, (135.0, WRIST_HEIGHT, 4.0))}
+    hands["Right"] = _backwards(hands["Left"])
+    left = [_foot_rest(-1.0, 0.5, 40.0), _foot_rest(0.95, 1.3, 75.0)]
+    right = [_foot_rest(-1.0, 1.0, 20.0)]
+    feet = {"Left": [*left, *map(_backwards, right)], "Right": [*right, *map(_backwards, reversed(left))]}
+    body = _wheeling_trunk(t)
+    arms = {side: _wheeling_arm(t, side, body.chest(), hands[side]) for side in SIDES}
+    legs = {side: _wheeling_foot(t, side, body, feet[side]) for side in SIDES}
+    table = [row for side in SIDES for row in supports(t, [side], HAND, [hands[side]])]
+    table += [row for side in SIDES for row in supports(t, [side], FOOT, feet[side])]
+    return Sample(motion(body, arms, legs), table)
+
+
+def _foot_rest(start: float, end: float, way: float) -> Rest:
+    return Rest(start, end, (way, ANKLE_HEIGHT, -4.0))
+
+
+def _backwards(rest: Rest) -> Rest:
+    """The rest of the other side in the second half."""
+    x, y, z = rest.place
+    return Rest(WHEEL - rest.end, WHEEL - rest.start, (2 * MIDDLE - x, y, z))
+
+
+def _mirrored_track(t: Track, column: int, whole: float, middle: float) -> Track:
+    """A spline through the keys, the value at half-time, and `whole` minus the keys backwards; with `whole` 0, the keys
+    backwards.
     """
-    return free + sum(
-        resting(t, rest, approach=approach, leave=leave)[:, None] * (np.asarray(rest.place) - free) for rest in rests
+    times = [*KEYS[:, 0], WHEEL / 2, *(WHEEL - KEYS[::-1, 0])]
+    first = KEYS[:, column]
+    second = whole - first[::-1] if whole else first[::-1]
+    spline = make_interp_spline(times, [*first, middle, *second], k=5, bc_type=(AT_REST, AT_REST))
+    return spline(np.clip(t, times[0], times[-1]))
+
+
+def _turned_by(t: Track) -> Track:
+    """How far the body has turned [degrees]."""
+    return _mirrored_track(t, 1, 360.0, 180.0)
+
+
+def _wheeling_trunk(t: Track) -> Trunk:
+    way, height = _mirrored_track(t, 2, 2 * MIDDLE, MIDDLE), _mirrored_track(t, 3, 0.0, UPSIDE_DOWN)
+    pelvis = turned(pitch=3.0, roll=-_turned_by(t))
+    bend = turned(pitch=2.0, roll=eased(t, [0.7, 1.25, 1.7, 2.15, 2.7], [0, -42, 0, 42, 0]))
+    look = pelvis * bend * turned(pitch=-12 * held(t, 0.6, 1.2, 2.2, 2.8))
+    return trunk(columns(way, height, 0.0), pelvis, bend, look)
+
+
+def _wheeling_arm(t: Track, side: str, chest: Place, rest: Rest) -> Arm:
+    """An arm that is raised from the side of the body to over the head, and lowered at the end."""
+    rotation = chest[1]
+    raised = held(t, 0.05, 0.75, WHEEL - 0.75, WHEEL - 0.05)
+    lift = np.radians(12 + 148 * raised)
+    fingers = columns(np.sin(lift), -np.cos(lift), 0.12)
+    outer = columns(-np.cos(lift) * raised, -np.sin(lift), raised - 1.2)
+    free = on_side(side, hand(fingers, palm=columns(raised - 1, 0.0, raised)))
+    early = Rest(rest.start - 0.08, rest.end + 0.08, rest.place)
+    turn = blend(rotation * free, on_side(side, flat_hand(168.0)), resting(t, early, 0.3))
+    wrist = reached(t, straight_arm(side, chest, unit(fingers), 0.94), rest, 0.3)
+    return aimed_arm(side, chest, (wrist, turn), rotation.apply(on_side(side, outer)))
+
+
+def _wheeling_foot(t: Track, side: str, body: Trunk, rests: list[Rest]) -> Foot:
+    """A foot that rests at its places, and else is at the end of a straight leg that swings about the hip."""
+    sign, hip = SIGN[side], body.hip(side)
+    free = held(t, 0.75, 1.35, WHEEL - 1.35, WHEEL - 0.75)
+    angle = -_turned_by(t) + sign * (3 + 42 * free)
+    ankle = hip + _swung(t, angle, hip, rests)
+    step = bump(t, 0.5, 0.5 + SWING) if side == "Left" else bump(t, WHEEL - 0.5 - SWING, WHEEL - 0.5)
+    weights = [resting(t, rest, 0.25) for rest in rests]
+    level = sum(weights)
+    roll = (1 - level) * angle + sum(weight * _whole_turn(rest) for weight, rest in zip(weights, rests, strict=True))
+    return Foot(
+        within_reach(hip, ankle + columns(0.0, 6.0 * step, 0.0), THIGH + SHANK),
+        turned(roll=roll) * turned(pitch=40 * free * (1 - level) ** 2, yaw=sign * 12.0),
+        knee=body.local["Hips"].apply([0.25 * sign, 0.0, 1.0]),
     )
 
 
-def resting(t: Track, rest: Rest, *, approach: float, leave: float) -> Track:
-    """1 during the rest, 0 until `approach` before and from `leave` after [s]."""
-    return held(t, rest.start - approach, rest.start, rest.end, rest.end + leave)
+def _swung(t: Track, angle: Track, hip: Points, rests: list[Rest]) -> Points:
+    """(frames, 3), from the hip to the ankle, by a turn about the hip from the free leg's angle [degrees] to the places
+    where the foot rests.
+    """
+    leg = columns(angle, 0.967 * (THIGH + SHANK), 0.0)
+    way = leg
+    for rest in rests:
+        across, up, ahead = (np.asarray(rest.place) - hip).T
+        placed = columns(np.degrees(np.arctan2(across, -up)) + _whole_turn(rest), np.hypot(across, up), ahead)
+        way = way + resting(t, rest, SWING)[:, None] * (placed - leg)
+    angle, length, ahead = way.T
+    return columns(np.sin(np.radians(angle)) * length, -np.cos(np.radians(angle)) * length, ahead)
+
+
+def _whole_turn(rest: Rest) -> float:
+    """The angle of a standing leg, after the body has gone round in the second half [degrees]."""
+    return 0.0 if rest.start < WHEEL / 2 else -360.0
+
+
+# ---- steps up a ladder: hands and feet go from rung to rung in turn
+
+CLIMB = 4.8  # duration [s]
+SPACING = 28.0  # of the rungs [cm]
+LADDER = 44.0  # before the middle of the body [cm]
+GRIP = (17.0, 1.0, LADDER - 3.0)  # the left wrist, from the height of its rung
+FOOTHOLD = (9.0, ANKLE_HEIGHT, LADDER - OFFSET["LeftToe"][2])  # the left ankle, likewise
+FLOOR_PLACE = (9.0, ANKLE_HEIGHT, 10.0)  # the left ankle on the floor
+PALM = hand(fingers=[-0.1, 0.55, 0.82], palm=[0.0, -0.82, 0.55])
+# Rungs that are held, and when the hand or the foot arrives and leaves [s]; rung 0 is the floor.
+GRIPS = {
+    "Left": ((5, -1.0, 1.45), (7, 2.15, CLIMB)),
+    "Right": ((5, -1.0, 0.3), (6, 0.8, 3.3), (8, 3.95, CLIMB)),
+}
+FOOTHOLDS = {
+    "Left": ((0, -1.0, 0.65), (1, 1.25, 3.1), (3, 3.75, CLIMB)),
+    "Right": ((0, -1.0, 1.6), (2, 2.3, CLIMB)),
+}
+
+
+def climb_ladder() -> Sample:
+    """From the floor up to the second and third rung."""
+    t = clock(CLIMB)
+    body = _climbing_trunk(t)
+    arms, feet, table = {}, {}, []
+    for side in SIDES:
+        grips = [_on_rung(side, GRIP, *grip) for grip in GRIPS[side]]
+        wrist = stepped(t, grips, arc=(0.0, 2.0, -9.0))
+        arms[side] = aimed_arm(side, body.chest(), (wrist, on_side(side, PALM)), on_side(side, [0.5, -1.0, -0.2]))
+        table += supports(t, [side], HAND, grips, WORLD)
+        steps = [_on_rung(side, FOOTHOLD if step[0] else FLOOR_PLACE, *step) for step in FOOTHOLDS[side]]
+        ankle = stepped(t, steps, arc=on_side(side, (2.0, 4.0, -14.0)))
+        feet[side] = Foot(ankle, on_side(side, turned(yaw=14.0)))
+        for rest, (rung, _, _) in zip(steps, FOOTHOLDS[side], strict=True):
+            table += supports(t, [side], FOOT, [rest], WORLD if rung else FLOOR)
+    return Sample(motion(body, arms, feet), table)
+
+
+def _on_rung(side: str, place: ArrayLike, rung: int, start: float, end: float) -> Rest:
+    """A rest at a place of the left side, from the height of a rung, or at its mirror image."""
+    return Rest(start, end, on_side(side, np.add(place, (0.0, rung * SPACING, 0.0))))
+
+
+def _climbing_trunk(t: Track) -> Trunk:
+    height = STANDING - 3.0 + eased(t, [1.5, 2.6, 2.95, 4.1], [0, 26.0, 26.0, 52.0])
+    aside = eased(t, [0.2, 0.7, 1.4, 1.9, 2.6, 3.2, 3.9, 4.6], [0, -2.5, -2.5, 3.0, 3.0, -3.0, -3.0, 0])
+    ahead = eased(t, [0.4, 2.2], [0.0, 5.0])
+    pelvis = turned(pitch=6.0, yaw=-0.8 * aside, roll=0.8 * aside)
+    bend = turned(pitch=3.0 + 0.5 * cosine(t, 2.4), yaw=1.2 * aside, roll=-aside)
+    look = turned(pitch=-14 + 4 * bump(t, 0.5, 1.4) + 10 * bump(t, 2.9, 3.9), yaw=aside)
+    return trunk(columns(aside, height, ahead), pelvis, bend, look)
+
+
+# ---- a crawl on hands and knees: a hand and the knee of the other side move together
+
+STRIDE = 44.0  # how far a hand or a knee moves in a cycle [cm]
+CYCLE = 72 / FPS  # [s]
+CYCLES = 3
+AIR = 0.44  # part of the cycle for which a hand or a knee moves
+INSTEP = 150.0  # turn of a foot whose back lies on the floor, from the standing foot [degrees]
+HAND_AHEAD = 44.0  # of the wrist before the knee of the same side, both in the middle of their stance [cm]
+
+
+def crawl() -> Sample:
+    """Three cycles of a crawl."""
+    t = clock(CYCLES * CYCLE)
+    late = {"Left": 0.0, "Right": 0.5}
+    knees = {side: _crawling_rests(t, side, late[side], 9.5, KNEE_HEIGHT, 0.0) for side in SIDES}
+    hands = {side: _crawling_rests(t, side, 0.5 - late[side], 19.0, WRIST_HEIGHT, HAND_AHEAD) for side in SIDES}
+    below = {side: stepped(t, knees[side]) for side in SIDES}
+    body = _crawling_trunk(t, below)
+    arms, legs, table = {}, {}, []
+    for side in SIDES:
+        place = stepped(t, hands[side], arc=(0.0, 7.0, 0.0)), on_side(side, flat_hand(12.0))
+        arms[side] = aimed_arm(side, body.chest(), place, elbow=on_side(side, [0.35, 0.3, -1.0]))
+        legs[side] = _crawling_leg(t, body.hip(side), below[side], knees[side])
+        table += supports(t, [side], ("Knee", *FOOT), knees[side]) + supports(t, [side], HAND, hands[side])
+    return Sample(motion(body, arms, legs), table)
+
+
+def _crawling_rests(t: Track, side: str, late: float, outward: float, height: float, ahead: float) -> list[Rest]:
+    """Where a hand or a knee rests in each cycle; `late` is when its first swing begins, as a part of the cycle."""
+    rests = []
+    for cycle in range(-2, CYCLES + 1):
+        start, end = cycle + late + AIR, cycle + late + 1
+        if end >= 0 and start * CYCLE <= t[-1]:
+            place = (SIGN[side] * outward, height, ahead + STRIDE * (start + end) / 2)
+            rests.append(Rest(start * CYCLE, end * CYCLE, place))
+    return rests
+
+
+def _crawling_trunk(t: Track, below: dict[str, Points]) -> Trunk:
+    """A trunk that moves forward at constant speed, each hip as far from its knee as the thigh is long."""
+    phase = t / CYCLE
+    sway = cosine(phase, 1.0, 0.72)
+    pitch, yaw = 83 + 0.8 * cosine(phase, 0.5, 0.1), 4 * cosine(phase, 1.0, 0.5)
+    height, roll = np.full(len(t), 50.0), np.zeros(len(t))
+    for _ in range(60):
+        position = columns(1.6 * sway, height, STRIDE * phase + 4.0)
+        pelvis = turned(yaw=yaw) * turned(roll=roll) * turned(pitch=pitch)
+        rise = {}
+        for side in SIDES:
+            hip = position + pelvis.apply(OFFSET[side + "Hip"])
+            across = np.sum((hip - below[side])[:, [0, 2]] ** 2, axis=1)
+            rise[side] = below[side][:, 1] + np.sqrt(THIGH**2 - across) - hip[:, 1]
+        height = height + (rise["Left"] + rise["Right"]) / 2
+        roll = roll + np.degrees((rise["Left"] - rise["Right"]) / (2 * OFFSET["LeftHip"][0]))
+    return trunk(position, pelvis, turned(pitch=8.0, yaw=-2 * yaw), turned(pitch=48.0, yaw=0.4 * yaw))
+
+
+def _crawling_leg(t: Track, hip: Points, below: Points, rests: list[Rest]) -> Foot:
+    """A leg that kneels, and slides forward with its knee and its foot a little over the floor."""
+    lift = sum(bump(t, before.end, after.start) for before, after in pairwise(rests))
+    up = columns(0.0, lift, 0.0)
+    knee = hip + THIGH * unit(below + 2.5 * up - hip)
+    level = np.sqrt(SHANK**2 - (INSTEP_HEIGHT - KNEE_HEIGHT) ** 2)
+    behind = below + np.array([0.0, INSTEP_HEIGHT - KNEE_HEIGHT, -level])
+    ankle = knee + SHANK * unit(behind + 3.0 * up - knee)
+    return Foot(ankle, turned(pitch=INSTEP - 4 * lift), knee=knee - hip)
+
+
+# ---- a hand on a wall: the palm stays while the body sways, and a foot steps back and forth
+
+WALL = 5.0  # duration [s]
+WALL_HAND = Rest(1.0, 4.0, (-24.0, 131.0, 52.0))  # of the right wrist; the palm touches the wall
+WALL_PALM = on_side("Right", hand(fingers=[0.12, 1.0, 0.14], palm=[0.0, -0.14, 1.0]))
+
+
+def hand_on_wall() -> Sample:
+    """The right hand on a wall; the left foot steps back and forward again."""
+    t = clock(WALL)
+    near, back = (10.0, ANKLE_HEIGHT, -4.0), (12.0, ANKLE_HEIGHT, -30.0)
+    left = [Rest(-1.0, 1.5, near), Rest(2.05, 2.95, back), Rest(3.5, WALL, near)]
+    right = [Rest(0.0, WALL, on_side("Right", near))]
+    lifted = bump(t, 1.5, 2.05) + bump(t, 2.95, 3.5)
+    feet = {
+        "Left": Foot(stepped(t, left, arc=(0.0, 5.0, 0.0)), turned(8 * lifted, 8.0), 8 * lifted),
+        "Right": Foot(stepped(t, right), turned(yaw=-8.0)),
+    }
+    body = _leaning_trunk(t)
+    arms = {"Left": hanging_arm(t), "Right": _arm_on_wall(t, body.chest())}
+    table = supports(t, ["Right"], HAND, [WALL_HAND], WORLD)
+    table += supports(t, ["Left"], FOOT, left) + supports(t, ["Right"], FOOT, right)
+    return Sample(motion(body, arms, feet), table)
+
+
+def _leaning_trunk(t: Track) -> Trunk:
+    aside = eased(t, [0.3, 1.3, 2.2, 2.8, 4.0, 4.8], [0, -4.5, 2.5, -4.5, -2.0, 0])
+    ahead = eased(t, [0.3, 1.2, 2.3, 2.8, 3.8, 4.8], [0, 3.0, -7.0, -6.0, 4.0, 0])
+    lean = eased(t, [0.3, 1.2, 2.3, 3.8, 4.8], [0, 4.0, 7.0, 5.0, 0])
+    position = columns(aside, STANDING - 1.3 - 0.4 * eased(t, [1.2, 2.3, 2.8, 3.8], [0, 7, 7, 0]), ahead)
+    pelvis = turned(pitch=3 + 0.5 * lean, yaw=0.3 * aside, roll=0.3 * aside)
+    bend = turned(pitch=2 + lean + 0.6 * cosine(t, 3.2), yaw=5 * bump(t, 0.4, 4.6), roll=-0.5 * aside)
+    return trunk(position, pelvis, bend, turned(pitch=4 + lean, yaw=-6 * bump(t, 0.3, 4.7)))
+
+
+def _arm_on_wall(t: Track, chest: Place) -> Arm:
+    """The right arm: it hangs, and the hand goes to the wall and back."""
+    rotation = chest[1]
+    fingers = unit(np.array([0.12, -0.98, 0.08]))
+    free = rotation * on_side("Right", hand(fingers, [-1.0, 0.0, 0.0]))
+    wrist = reached(t, straight_arm("Right", chest, fingers, 0.94), WALL_HAND, 0.75)
+    wrist = wrist - columns(0.0, 0.0, 7.0 * (bump(t, 0.25, 1.0) + bump(t, 4.0, 4.75)))
+    turn = blend(free, WALL_PALM, resting(t, Rest(0.95, 4.05, WALL_HAND.place), 0.6))
+    return aimed_arm("Right", chest, (wrist, turn), rotation.apply([-0.6, -0.7, -0.5]))
+
+
+# ---- a kneel: a step forward, the right knee comes to the floor, and the body rises and closes the step
+
+KNEELING = 5.2  # duration [s]
+STEP = 72.0  # [cm]
+TIPTOE = 62.0  # the right foot's heel up while the knee rests [degrees]
+KNEEL = (1.9, 3.1)  # when the right knee comes to rest and leaves [s]
+TOE = np.array([-10.0, 0.0, -4.0]) + OFFSET["RightToe"] + (0.0, ANKLE_HEIGHT, 0.0)  # the right toe joint
+
+
+def kneel() -> Sample:
+    """A kneel on the right knee, and rise."""
+    t = clock(KNEELING)
+    left = [Rest(-1.0, 0.35, (10.0, ANKLE_HEIGHT, -4.0)), Rest(0.95, KNEELING, (10.0, ANKLE_HEIGHT, STEP - 4.0))]
+    toes = [Rest(-1.0, 3.7, TOE), Rest(4.5, KNEELING, TOE + np.array([0.0, 0.0, STEP]))]
+    heel = eased(t, [0.55, *KNEEL, 3.7, 4.45], [0, TIPTOE, TIPTOE, 58, 0])
+    ankle = stepped(t, toes, arc=(0.0, 4.0, 0.0)) - turned(pitch=heel).apply(OFFSET["RightToe"])
+    knee = Rest(*KNEEL, _resting_knee(ankle[round(KNEEL[0] / KNEELING * (len(t) - 1))]))
+    down = resting(t, knee, 1.0, 0.95)
+    body = _kneeling_trunk(t, down, knee.place)
+    aim = columns(0.0, 0.0, 1 - down) + down[:, None] * unit(knee.place - body.hip("Right"))
+    feet = {
+        "Left": Foot(stepped(t, left, arc=(0.0, 6.0, 0.0)), turned(-12 * bump(t, 0.5, 0.95), 5.0)),
+        "Right": Foot(ankle, turned(pitch=heel), heel, aim),
+    }
+    heel_down = [Rest(-1.0, 0.55, TOE), Rest(4.5, KNEELING, TOE)]
+    table = [
+        *supports(t, ["Left"], FOOT, left),
+        *supports(t, ["Right"], FOOT[1:], toes),
+        *supports(t, ["Right"], ["Ankle"], [*heel_down, knee]),
+        *supports(t, ["Right"], ["Knee"], [knee]),
+    ]
+    arms = {"Left": _balancing_arm(t, down, -8, 0.0), "Right": _balancing_arm(t, down, 8, 0.3)}
+    return Sample(motion(body, arms, feet), table)
+
+
+def _resting_knee(ankle: Points) -> Points:
+    """(3,), where the right knee rests before this ankle."""
+    drop = KNEE_HEIGHT - ankle[1]
+    return ankle + np.array([0.0, drop, np.sqrt(SHANK**2 - drop**2)])
+
+
+def _kneeling_trunk(t: Track, down: Track, knee: Points) -> Trunk:
+    """A trunk whose right hip is as far from the resting knee as the thigh is long."""
+    ahead = eased(t, [0.2, KNEEL[0] + 0.05, KNEEL[1] - 0.1, 4.75], [0, 46, 46, STEP])
+    lean = bump(t, 0.7, 2.2) + bump(t, 2.9, 4.4)
+    pelvis = turned(pitch=3 + 7 * lean, yaw=-4 * down)
+    side = eased(t, [0.1, 0.5, 1.1, 4.0, 4.4, 5.1], [0, -3.0, 0, 0, 2.5, 0])
+    free = eased(t, [0.2, 1.0, 3.8, 4.8], [STANDING - 2.0, 80, 80, STANDING - 2.0])
+    hip = columns(side, 0.0, ahead) + pelvis.apply(OFFSET["RightHip"])
+    across = (hip[:, 0] - knee[0]) ** 2 + (hip[:, 2] - knee[2]) ** 2
+    kneeling = knee[1] + np.sqrt(np.maximum(THIGH**2 - across, 0.0)) - hip[:, 1]
+    height = free + down * (kneeling - free)
+    bend = turned(pitch=2 + 9 * lean + 0.6 * cosine(t, 2.6), yaw=4 * down)
+    return trunk(columns(side, height, ahead), pelvis, bend, turned(pitch=4 + 12 * lean))
+
+
+def _balancing_arm(t: Track, down: Track, swing: float, late: float) -> Arm:
+    flexion = -3 + 14 * down + swing * held(t, 0.4, 0.9, 1.2, 1.8)
+    elbow = 18 + 22 * down + 1.2 * cosine(t, 3.0, late)
+    return swung_arm(flexion=flexion, abduction=9 + 5 * down, elbow=elbow, roll=18, pronation=8, wrist=8)
+
+
+# ---- two push-ups: a straight body turns about the toes while hands and toes rest on the floor
+
+LEG_LENGTH = 0.9996 * (THIGH + SHANK)  # of a leg stretched almost straight
+TOE_PLACE = np.array([OFFSET["LeftHip"][0], 3.0, 0.0])  # where the left toe joint rests
+HAND_PLACE = np.array([25.0, WRIST_HEIGHT, 126.0])  # where the left wrist rests
+
+
+def push_up() -> Sample:
+    """Two push-ups."""
+    t = clock(4.4)
+    depth = held(t, 0.4, 1.35, 1.45, 2.2) + held(t, 2.35, 3.2, 3.3, 4.1)
+    tiptoe = 70 + 6 * depth
+    ankle = TOE_PLACE - turned(pitch=tiptoe).apply(OFFSET["LeftToe"])
+    body = _plank(t, depth, ankle)
+    wrist = np.tile(HAND_PLACE, (len(t), 1))
+    arm = aimed_arm("Left", body.chest(), (wrist, flat_hand(8.0)), elbow=[0.75, 0.35, -0.75])
+    forward = body.local["Hips"].apply(FORWARD)
+    feet = {side: Foot(on_side(side, ankle), turned(pitch=tiptoe), tiptoe, forward) for side in SIDES}
+    table = supports(t, SIDES, (*HAND, *FOOT[1:]), [Rest(0.0, t[-1], HAND_PLACE)])
+    return Sample(motion(body, dict.fromkeys(SIDES, arm), feet), table)
+
+
+def _plank(t: Track, depth: Track, ankle: Points) -> Trunk:
+    """A body in line with the legs, which rises from the ankles towards the head."""
+    rise = 16.7 - 12.7 * depth  # [degrees]
+    pelvis = turned(pitch=90 - rise - 2.5)
+    legs = turned(pitch=90 - rise).apply([0.0, LEG_LENGTH, 0.0])
+    bend = turned(pitch=2.0 + 2.0 * depth + 0.6 * cosine(t, 2.2))
+    position = (ankle + legs - pelvis.apply(OFFSET["LeftHip"])) * (0, 1, 1)
+    return trunk(position, pelvis, bend, turned(pitch=62 - rise / 2 + 6 * depth))
+
+
+# ---- sitting down on the floor and getting up, with both hands on the floor behind the body
+
+SITTING = 5.0  # duration [s]
+SEAT = Rest(2.1, 3.2, (0.0, 17.0, -52.0))  # of the hips
+SEAT_HAND = Rest(1.95, 3.35, (25.0, WRIST_HEIGHT, -74.0))  # of the left wrist
+
+
+def sit() -> Sample:
+    """Sit down on the floor, look around, and get up."""
+    t = clock(SITTING)
+    body = _sitting_trunk(t)
+    arm = _arm_behind(t, body.chest())
+    table = [
+        *supports(t, SIDES, FOOT, [Rest(0.0, SITTING, (0.0, 0.0, 0.0))]),
+        *supports(t, SIDES, HAND, [SEAT_HAND]),
+        *supports(t, [""], ["Hips", "LeftHip", "RightHip"], [SEAT]),
+    ]
+    return Sample(motion(body, dict.fromkeys(SIDES, arm), planted_feet(t, width=26, toe_out=12)), table)
+
+
+def _sitting_trunk(t: Track) -> Trunk:
+    seated = held(t, 0.35, SEAT.start, SEAT.end, 4.75)
+    back = held(t, 0.3, SEAT.start - 0.1, SEAT.end + 0.1, 4.7)
+    x, height, behind = SEAT.place
+    stooped = bump(t, 0.4, SEAT.start) + bump(t, SEAT.end, 4.8)
+    pelvis = turned(pitch=3 - 33 * seated + 32 * stooped)
+    bend = turned(pitch=2 + 3 * seated + 22 * stooped + 0.6 * cosine(t, 3.0))
+    position = columns(x, STANDING - 3 + seated * (height - STANDING + 3), back * behind)
+    return trunk(position, pelvis, bend, turned(pitch=3 + 14 * stooped, yaw=18 * bump(t, 2.0, 3.3)))
+
+
+def _arm_behind(t: Track, chest: Place) -> Arm:
+    """The left arm: it hangs, reaches forward for balance, and goes back to the floor."""
+    rotation = chest[1]
+    forward = np.radians(4 + 70 * (bump(t, 0.3, 1.9) + bump(t, 3.3, 4.8)))
+    fingers = unit(columns(0.14, -np.cos(forward), np.sin(forward)))
+    free = rotation * hand(fingers, [-1.0, 0.0, 0.0])
+    turn = blend(free, flat_hand(130.0), resting(t, Rest(1.75, 3.5, SEAT_HAND.place), 0.6))
+    wrist = reached(t, straight_arm("Left", chest, fingers, 0.95), SEAT_HAND, 0.75)
+    return aimed_arm("Left", chest, (wrist, turn), rotation.apply([0.35, 0.0, -1.0]))
+
+
+SUPPORTED: dict[str, Callable[[], Sample]] = {
+    clip.__name__: clip for clip in (cartwheel, climb_ladder, crawl, hand_on_wall, kneel, push_up, sit)
+}

@@ -19,11 +19,7 @@ from character import open_character
 def import_motion(path: str) -> bpy.types.Object:
     """Import a BVH in Blender's axes, as export_target.py writes them, with its frame rate."""
     bpy.ops.import_anim.bvh(
-        filepath=path,
-        axis_forward="Y",
-        axis_up="Z",
-        rotate_mode="QUATERNION",
-        update_scene_fps=True,
+        filepath=path, axis_forward="Y", axis_up="Z", rotate_mode="QUATERNION", update_scene_fps=True
     )
     return bpy.context.object
 

@@ -1,0 +1,124 @@
+"""Skeletons with joints added, left out, turned and resized."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget import Motion, Skeleton
+
+
+def places(skeleton: Skeleton) -> NDArray[np.float64]:
+    """(joints, 3), the positions of the joints in the rest pose, the root at its OFFSET."""
+    return np.asarray(skeleton.rest_positions + skeleton.offsets[0])
+
+
+def with_chain(
+    skeleton: Skeleton,
+    parent: int,
+    offsets: Mapping[str, ArrayLike],
+    end: ArrayLike | None = None,
+    channels: tuple[str, ...] | None = None,
+) -> Skeleton:
+    """The skeleton with a chain of joints below `parent`, each the child of the one before, with its offset (3,).
+
+    Args:
+        skeleton: it has no joints of these names.
+        parent: its number.
+        offsets: by name; may be empty.
+        end: offset of an End Site below the last joint; none by default.
+        channels: of each joint; by default the rotation channels of the root.
+    """
+    ends = [] if end is None else [end]
+    rows = [*offsets.values(), *ends]
+    names = [*offsets, *(f"{[skeleton.names[parent], *offsets][-1]}_End" for _ in ends)]
+    first = len(skeleton)
+    return replace(
+        skeleton,
+        names=(*skeleton.names, *names),
+        parents=np.append(skeleton.parents, [parent, *range(first, first + len(rows) - 1)]),
+        offsets=np.append(skeleton.offsets, np.array(rows, float), axis=0),
+        channels=(*skeleton.channels, *[channels or skeleton.channels[0][-3:]] * len(offsets), *[() for _ in ends]),
+        end_sites=np.append(skeleton.end_sites, np.arange(len(rows)) >= len(offsets)),
+    )
+
+
+def below_root(skeleton: Skeleton, name: str, place: ArrayLike, channels: tuple[str, ...]) -> Skeleton:
+    """The skeleton below another root, which is at a place (3,) and takes the channels of the old one; the old root has
+    `channels` then.
+    """
+    offsets = np.array(skeleton.offsets)
+    offsets[0] -= place
+    return replace(
+        skeleton,
+        names=(name, *skeleton.names),
+        parents=np.append(-1, skeleton.parents + 1),
+        offsets=np.vstack([place, offsets]),
+        channels=(skeleton.channels[0], channels, *skeleton.channels[1:]),
+        end_sites=np.append(False, skeleton.end_sites),
+    )
+
+
+def only(skeleton: Skeleton, joints: Iterable[int]) -> Skeleton:
+    """The skeleton with these joints only, each below the nearest of them above it."""
+    kept = sorted(joints)
+    number = {joint: place for place, joint in enumerate(kept)}
+    return replace(
+        skeleton,
+        names=tuple(skeleton.names[joint] for joint in kept),
+        parents=np.array([next((number[a] for a in skeleton.line(j)[1:] if a in number), -1) for j in kept]),
+        offsets=skeleton.offsets[kept],
+        channels=tuple(skeleton.channels[joint] for joint in kept),
+        end_sites=skeleton.end_sites[kept],
+    )
+
+
+def bare(skeleton: Skeleton, joint: int) -> Skeleton:
+    """The skeleton without anything below a joint."""
+    return only(skeleton, set(range(len(skeleton))) - set(skeleton.subtree(joint)[1:]))
+
+
+def with_offset(skeleton: Skeleton, joint: int, offset: ArrayLike) -> Skeleton:
+    """The skeleton with another offset of a joint, (3,)."""
+    offsets = np.array(skeleton.offsets)
+    offsets[joint] = offset
+    return skeleton.with_offsets(offsets)
+
+
+def resized(skeleton: Skeleton, joints: Iterable[int], factor: ArrayLike) -> Skeleton:
+    """The skeleton with the offsets of joints multiplied by a number, or by one for each axis, (3,)."""
+    offsets = np.array(skeleton.offsets)
+    offsets[list(joints)] *= np.asarray(factor)
+    return skeleton.with_offsets(offsets)
+
+
+def turned_below(skeleton: Skeleton, joint: int, turn: Rotation) -> Skeleton:
+    """The skeleton with all that is below a joint turned about it."""
+    below = skeleton.subtree(joint)[1:]
+    return with_offset(skeleton, below, turn.apply(skeleton.offsets[below]))
+
+
+def along_x(skeleton: Skeleton) -> Skeleton:
+    """The skeleton in the rest pose of LAFAN1's files, not a standing one: every only child lies along +X of its
+    parent, and the offsets of siblings are written in axes that point up, forward and left.
+    """
+    alone = [joint for joint in range(1, len(skeleton)) if len(skeleton.children[skeleton.parents[joint]]) == 1]
+    offsets = np.array(skeleton.offsets)[:, [1, 2, 0]]
+    offsets[alone] = skeleton.lengths[alone, None] * np.array([1.0, 0.0, 0.0])
+    offsets[0] = skeleton.offsets[0]
+    return skeleton.with_offsets(offsets)
+
+
+def z_up(skeleton: Skeleton) -> Skeleton:
+    """The skeleton turned from Y up, facing +Z, to Z up, facing -Y."""
+    return replace(skeleton, offsets=skeleton.offsets[:, [0, 2, 1]] * (1, -1, 1), up="Z")
+
+
+def on_skeleton(motion: Motion, skeleton: Skeleton) -> Motion:
+    """The motion on its skeleton with joints appended, which do not turn against their parents."""
+    still = np.tile([0.0, 0.0, 0.0, 1.0], (len(motion), len(skeleton) - len(motion.skeleton), 1))
+    return replace(motion, skeleton=skeleton, rotations=np.concatenate([motion.rotations, still], axis=1))

@@ -1,0 +1,468 @@
+"""The zoo: bodies of many shapes, with every trait that rigs of people have been seen to have.
+
+`member("mouse")` is the skeleton of one body, `MEMBERS` the table of all. Every call gives the same skeleton. All
+bodies are built as adults in T-pose, Y up, facing +Z [cm], and get their traits one after the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from make_rigs import FINGERS, UNREAL, rig
+from scipy.spatial.transform import Rotation
+from skeleton_edits import (
+    along_x,
+    bare,
+    below_root,
+    only,
+    places,
+    resized,
+    turned_below,
+    with_chain,
+    with_offset,
+    z_up,
+)
+
+from distretarget import Skeleton
+from distretarget.body.anatomy import SIDES
+from distretarget.body.named_anatomy import by_names
+from distretarget.skeleton import POSITION_CHANNELS
+
+INWARDS = {"left": -1.0, "right": 1.0}  # along X
+
+
+def roles(skeleton: Skeleton) -> Mapping[str, int]:
+    """The joint of each role, such as "leftFoot", found by the names of the joints.
+
+    Raises:
+        ValueError: the names are not those of a person.
+    """
+    anatomy = by_names(skeleton)
+    if anatomy is None:
+        raise ValueError("the names of the joints are not those of a person")
+    return anatomy.roles
+
+
+# ---- conventions: the names of the joints, and the order of the rotation channels
+
+
+@dataclass(frozen=True, kw_only=True)
+class Naming:
+    """How a convention names the joints of limbs and fingers.
+
+    Attributes:
+        part: pattern of the name of a joint of a limb, with {Part} or {part}.
+        finger: pattern of the name of a joint of a finger, with {Finger} or {finger}, and {number}.
+        palm: the same for the bone in the palm.
+        root: the name of a joint above the hips.
+    """
+
+    part: str = "{Left}{Part}"
+    finger: str = "{Left}Hand{Finger}{number}"
+    palm: str = "{Left}InHand{Finger}"
+    root: str = "Reference"
+
+    def of_part(self, side: str, part: str) -> str:
+        """The name of a joint of a limb; `part` is its name without a side, such as "Heel"."""
+        return _named(self.part, side, Part=part, part=part.lower())
+
+    def of_finger(self, side: str, finger: str, number: int) -> str:
+        """The name of a joint of a finger; number 0 is the bone in the palm."""
+        pattern = self.finger if number else self.palm
+        return _named(pattern, side, Finger=finger, finger=finger.lower(), number=number)
+
+
+def _named(pattern: str, side: str, **words: str | int) -> str:
+    return pattern.format(Left=side.capitalize(), L=side[0].upper(), l=side[0], **words)
+
+
+MIXAMO = Naming(**{key: f"mixamorig:{getattr(Naming, key)}" for key in ("part", "finger", "palm")})
+NAMING: Mapping[str, Naming] = dict.fromkeys(("xsens", "lafan1", "cmu"), Naming()) | {
+    "mixamo": MIXAMO,
+    "unreal": Naming(part="{part}_{l}", finger="{finger}_0{number}_{l}", palm="{finger}_metacarpal_{l}", root="root"),
+    "bandai": Naming(part="{Part}_{L}", finger="{Finger}{number}_{L}", palm="InHand{Finger}_{L}", root="joint_Root"),
+}
+# The names of joints of the LAFAN1 rig in two more conventions.
+BANDAI_LIMBS = {
+    "Shoulder": "Shoulder",
+    "Arm": "UpperArm",
+    "ForeArm": "LowerArm",
+    "Hand": "Hand",
+    "UpLeg": "UpperLeg",
+    "Leg": "LowerLeg",
+    "Foot": "Foot",
+    "Toe": "Toes",
+}
+RENAMED: Mapping[str, Mapping[str, str]] = {
+    "cmu": {"Spine": "LowerBack", "Spine1": "Spine", "Spine2": "Spine1"}
+    | {f"{side}Toe": f"{side}ToeBase" for side in ("Left", "Right")},
+    "bandai": {"Spine2": "Chest"}
+    | {f"{side}{name}": f"{new}_{side[0]}" for side in ("Left", "Right") for name, new in BANDAI_LIMBS.items()},
+}
+HAND = 17.5  # from the wrist to the End Site of a hand [cm]
+NO_BODY = ("ik_", "twist")  # in the names of joints of the Unreal rig that are no part of the body
+
+
+def adult(convention: str) -> Skeleton:
+    """The body of an adult, hips as the root, no fingers and no helpers, with the names and the rotation channels of a
+    convention.
+    """
+    if convention in RENAMED:
+        body = _renamed(rig("lafan1", "T"), RENAMED[convention])
+    elif convention == "unreal":
+        body = _on_hips(rig("unreal", "T"))
+    else:
+        body = rig(convention, "T")
+    for side in SIDES:
+        body = bare(body, roles(body)[f"{side}Hand"])
+        body = with_chain(body, roles(body)[f"{side}Hand"], {}, end=(-INWARDS[side] * HAND, 0.0, 0.0))
+    return body
+
+
+def _renamed(skeleton: Skeleton, names: Mapping[str, str]) -> Skeleton:
+    """The skeleton with other names, End Sites named after their parents."""
+    new = {name: names.get(name, name) for name in skeleton.names}
+    ends = {f"{name}_End": f"{other}_End" for name, other in new.items()}
+    return replace(skeleton, names=tuple(ends.get(name, new[name]) for name in skeleton.names))
+
+
+def _on_hips(skeleton: Skeleton) -> Skeleton:
+    """The Unreal rig, Y up, without its helpers and its root, whose channels and place the pelvis gets."""
+    y_up = replace(skeleton, offsets=skeleton.offsets[:, [0, 2, 1]] * (1, 1, -1), up="Y")
+    kept = [joint for joint, name in enumerate(y_up.names) if joint and not any(word in name for word in NO_BODY)]
+    body = only(with_offset(y_up, 1, y_up.offsets[0] + y_up.offsets[1]), kept)
+    return replace(body, channels=(skeleton.channels[0], *body.channels[1:]))
+
+
+# ---- builds: factors for the offsets of joints by role without side; "" is for the whole body, "crown" for the End
+# Site of the head
+
+BUILDS: Mapping[str, Mapping[str, float | tuple[float, float, float]]] = {
+    "child": {"": 0.55, "crown": 1.5, "LowerLeg": 0.85, "Foot": 0.85, "LowerArm": 0.9, "Hand": 0.9},
+    "giant": {"": 3.0, "LowerLeg": 1.15, "Foot": 1.15, "crown": 0.8},
+    "short arms": {"LowerArm": 0.65, "Hand": 0.65},
+    "short legs": {"LowerLeg": 0.55, "Foot": 0.55},
+    "wide hips": {"UpperLeg": (2.0, 1.0, 1.0)},
+    "big head": {"crown": (1.0, 2.5, 1.0)},
+    "thin": {"UpperLeg": (0.5, 1.0, 1.0), "Shoulder": (0.5, 1.0, 1.0), "UpperArm": (0.6, 1.0, 1.0)},
+}
+
+
+def with_build(skeleton: Skeleton, build: str) -> Skeleton:
+    """The skeleton with the proportions of one of `BUILDS`."""
+    joints = roles(skeleton)
+    for part, factor in BUILDS[build].items():
+        resizing: Iterable[int] = [joints[side + part] for side in SIDES] if part not in ("", "crown") else []
+        if part == "":
+            resizing = range(len(skeleton))
+        if part == "crown":
+            resizing = skeleton.subtree(joints["head"])[1:]
+        skeleton = resized(skeleton, resizing, factor)
+    return skeleton
+
+
+# ---- fingers
+
+FOREARM = 26.6  # the forearm for which `FINGERS` are written [cm]
+METACARPAL = 0.3  # where the bone in the palm begins between wrist and knuckle [0 to 1]
+HANDS: Mapping[str, tuple[str, ...]] = {
+    "none": (),
+    "three": ("Thumb", "Index", "Ring"),
+    "five": tuple(FINGERS),
+    "metacarpals": tuple(FINGERS),
+}
+
+
+def with_fingers(skeleton: Skeleton, fingers: str, naming: Naming) -> Skeleton:
+    """The body, in T-pose and without fingers, with those of one of `HANDS` on both hands."""
+    if fingers == "none":
+        return skeleton
+    for side in SIDES:
+        skeleton = bare(skeleton, roles(skeleton)[f"{side}Hand"])
+        for finger in HANDS[fingers]:
+            skeleton = _with_finger(skeleton, side, finger, naming, palm=fingers == "metacarpals" and finger != "Thumb")
+    return skeleton
+
+
+def _with_finger(skeleton: Skeleton, side: str, finger: str, naming: Naming, *, palm: bool) -> Skeleton:
+    """The skeleton with a finger of three bones, and with a bone in the palm before them if `palm`."""
+    hand = roles(skeleton)[f"{side}Hand"]
+    size = skeleton.lengths[hand] / FOREARM * np.array([-INWARDS[side], 1.0, 1.0])
+    knuckle, direction, lengths = FINGERS[finger]
+    bones = size * np.multiply.outer(lengths, direction)
+    first = size * np.array(knuckle)
+    offsets = {naming.of_finger(side, finger, 0): METACARPAL * first} if palm else {}
+    offsets[naming.of_finger(side, finger, 1)] = (1 - METACARPAL) * first if palm else first
+    offsets |= {naming.of_finger(side, finger, number): bones[number - 2] for number in (2, 3)}
+    return with_chain(skeleton, hand, offsets, end=bones[2])
+
+
+# ---- feet, both changed in T-pose
+
+HIGH = np.radians(43)  # how far the foot bone of a high ankle points downwards [rad]
+HEEL = -0.4  # the heel behind the ankle [lengths of the foot bone]
+TOES = np.linspace(0.25, -0.25, 5)  # how far inwards, big toe first [lengths of the foot bone]
+SOLE = 0.01  # height of the lowest joint of the feet over the floor [body heights]
+
+
+def high_ankle(skeleton: Skeleton, side: str, _naming: Naming) -> Skeleton:
+    """The foot bone steep and the toes flat, as in a shoe with a high heel."""
+    _, toe = _foot(skeleton, side)
+    return with_offset(skeleton, toe, skeleton.lengths[toe] * np.array([0.0, -np.sin(HIGH), np.cos(HIGH)]))
+
+
+def heel_bone(skeleton: Skeleton, side: str, naming: Naming) -> Skeleton:
+    """A joint at the heel, on the floor behind the ankle."""
+    ankle, toe = _foot(skeleton, side)
+    heel = (0.0, skeleton.offsets[toe, 1], HEEL * skeleton.lengths[toe])
+    return with_chain(skeleton, ankle, {naming.of_part(side, "Heel"): heel})
+
+
+def toes_down(skeleton: Skeleton, side: str, _naming: Naming) -> Skeleton:
+    """Foot and toes in line with the shin, straight down."""
+    below = skeleton.subtree(_foot(skeleton, side)[0])[1:]
+    return with_offset(skeleton, below, skeleton.lengths[below, None] * np.array([0.0, -1.0, 0.0]))
+
+
+def no_toe(skeleton: Skeleton, side: str, _naming: Naming) -> Skeleton:
+    """The ankle the last joint, with an End Site at the place of the toe."""
+    ankle, toe = _foot(skeleton, side)
+    place = skeleton.offsets[toe]
+    skeleton = bare(skeleton, ankle)
+    return with_chain(skeleton, roles(skeleton)[f"{side}Foot"], {}, end=place)
+
+
+def five_toes(skeleton: Skeleton, side: str, naming: Naming) -> Skeleton:
+    """Five toes below the ball of the foot."""
+    _, toe = _foot(skeleton, side)
+    length, tip = skeleton.lengths[toe], skeleton.offsets[skeleton.children[toe][0]]
+    skeleton = bare(skeleton, toe)
+    for number, aside in enumerate(TOES, start=1):
+        offset = tip * 0.2 + (INWARDS[side] * aside * length, 0.0, 0.0)
+        name = naming.of_part(side, f"ToePhalanx{number}")
+        skeleton = with_chain(skeleton, roles(skeleton)[f"{side}Toes"], {name: offset}, end=0.8 * tip)
+    return skeleton
+
+
+def _foot(skeleton: Skeleton, side: str) -> tuple[int, int]:
+    """Ankle and toe of a side."""
+    joints = roles(skeleton)
+    return joints[f"{side}Foot"], joints[f"{side}Toes"]
+
+
+FEET: Mapping[str, Callable[[Skeleton, str, Naming], Skeleton]] = {
+    "flat": lambda skeleton, _side, _naming: skeleton,
+    "high ankle": high_ankle,
+    "heel bone": heel_bone,
+    "toes down": toes_down,
+    "no toe": no_toe,
+    "five toes": five_toes,
+}
+
+
+def standing(skeleton: Skeleton) -> Skeleton:
+    """The body on the floor, by its root's OFFSET; the lowest joint of the feet just above the floor."""
+    heights = places(skeleton)[:, 1]
+    return with_offset(skeleton, 0, skeleton.offsets[0] + (0.0, SOLE * np.ptp(heights) - heights.min(), 0.0))
+
+
+# ---- rest poses
+
+POSES: Mapping[str, float] = {"T": 0.0, "A": 45.0, "I": 85.0, "X": 0.0}  # the arms, below the horizontal [degrees]
+
+
+def posed(skeleton: Skeleton, pose: str) -> Skeleton:
+    """The skeleton, given in T-pose, in a rest pose; in "X", which LAFAN1's files have, nobody can stand."""
+    for side in SIDES:
+        turn = Rotation.from_euler("Z", INWARDS[side] * POSES[pose], degrees=True)
+        skeleton = turned_below(skeleton, roles(skeleton)[f"{side}UpperArm"], turn)
+    return along_x(skeleton) if pose == "X" else skeleton
+
+
+# ---- roots: the hips themselves, or a joint above them in the tree
+
+OVERHEAD = 1.2  # height of a root over the head [body heights]
+BESIDE = np.array([0.0, 0.03, 0.06])  # a root from its child, the hips [body heights]
+
+
+def floor(skeleton: Skeleton, naming: Naming) -> Skeleton:
+    """A root on the floor, and hips with position channels of their own, as in Bandai Namco's files."""
+    return below_root(skeleton, naming.root, np.zeros(3), skeleton.channels[0])
+
+
+def above(skeleton: Skeleton, naming: Naming) -> Skeleton:
+    """A root over the head that alone has position channels, like the hand of a puppeteer."""
+    overhead = OVERHEAD * float(places(skeleton)[:, 1].max())
+    return below_root(skeleton, naming.root, [0.0, overhead, 0.0], _rotations(skeleton))
+
+
+def offset_child(skeleton: Skeleton, naming: Naming) -> Skeleton:
+    """A root above and before the hips that alone has position channels, like a centre of mass."""
+    place = skeleton.offsets[0] + BESIDE * float(places(skeleton)[:, 1].max())
+    return below_root(skeleton, naming.root, place, _rotations(skeleton))
+
+
+def _rotations(skeleton: Skeleton) -> tuple[str, ...]:
+    return tuple(channel for channel in skeleton.channels[0] if channel not in POSITION_CHANNELS)
+
+
+ROOTS: Mapping[str, Callable[[Skeleton, Naming], Skeleton]] = {
+    "hips": lambda skeleton, _naming: skeleton,
+    "floor": floor,
+    "above": above,
+    "offset child": offset_child,
+}
+
+# ---- helpers: joints that are no part of the body
+
+TWISTED = {"UpperArm": "LowerArm", "LowerArm": "Hand", "UpperLeg": "LowerLeg", "LowerLeg": "Foot"}
+PANELS = 8  # of the skirt
+# The joints of these roles, by the names of the handles' joints in the Unreal rig.
+HANDLED = {"foot_l": "leftFoot", "foot_r": "rightFoot", "hand_l": "leftHand", "hand_r": "rightHand"}
+
+
+def twist(skeleton: Skeleton, naming: Naming) -> Skeleton:
+    """A joint in the middle of each long bone, which can take a share of its twist."""
+    for side in SIDES:
+        for part, end in TWISTED.items():
+            joints = roles(skeleton)
+            middle = 0.5 * skeleton.offsets[joints[side + end]]
+            skeleton = with_chain(skeleton, joints[side + part], {naming.of_part(side, f"{part}_Twist"): middle})
+    return skeleton
+
+
+def sleeves(skeleton: Skeleton, naming: Naming) -> Skeleton:
+    """Two joints that hang from each forearm."""
+    for side in SIDES:
+        forearm = roles(skeleton)[f"{side}LowerArm"]
+        down = (0.0, -0.4 * skeleton.lengths[forearm], 0.0)
+        names = [naming.of_part(side, f"Sleeve{number}") for number in (1, 2)]
+        skeleton = with_chain(skeleton, forearm, dict.fromkeys(names, down), end=down)
+    return skeleton
+
+
+def skirt(skeleton: Skeleton, _naming: Naming) -> Skeleton:
+    """Chains of two joints that hang from the hips all around."""
+    joints = roles(skeleton)
+    thigh = skeleton.lengths[joints["leftLowerLeg"]]
+    for panel in range(PANELS):
+        angle = 2 * np.pi * panel / PANELS
+        around = np.array([np.sin(angle), 0.0, np.cos(angle)])
+        down = thigh * (0.1 * around + (0.0, -0.5, 0.0))
+        offsets = {f"Skirt{panel}_1": 0.35 * thigh * around, f"Skirt{panel}_2": down}
+        skeleton = with_chain(skeleton, joints["hips"], offsets, end=down)
+    return skeleton
+
+
+def hair(skeleton: Skeleton, _naming: Naming) -> Skeleton:
+    """A plait of three joints from the back of the head downwards."""
+    head = roles(skeleton)["head"]
+    size = skeleton.lengths[skeleton.children[head][0]]
+    offsets = {"Hair1": (0.0, 0.6 * size, -0.5 * size), "Hair2": (0.0, -0.6 * size, -0.2 * size)}
+    down = (0.0, -0.6 * size, 0.0)
+    return with_chain(skeleton, head, {**offsets, "Hair3": down}, end=down)
+
+
+def sword(skeleton: Skeleton, _naming: Naming) -> Skeleton:
+    """A sword in the right hand that points forward."""
+    hand = roles(skeleton)["rightHand"]
+    blade = (0.0, 0.0, 3.0 * skeleton.lengths[hand])
+    return with_chain(skeleton, hand, {"Sword": 0.3 * skeleton.offsets[hand]}, end=blade)
+
+
+def ik(skeleton: Skeleton, _naming: Naming) -> Skeleton:
+    """Handles of an engine below the root, at the places of hands and feet."""
+    joints, points = roles(skeleton), places(skeleton)
+    numbers, spots = {"root": 0}, {"root": points[0]}
+    for name, parent, place in UNREAL.handles:
+        spots[name] = points[joints[HANDLED[place]]] if place in HANDLED else spots[place]
+        numbers[name] = len(skeleton)
+        skeleton = with_chain(skeleton, numbers[parent], {name: spots[name] - spots[parent]})
+    return skeleton
+
+
+HELPERS: Mapping[str, Callable[[Skeleton, Naming], Skeleton]] = {
+    helper.__name__: helper for helper in (twist, sleeves, skirt, hair, sword, ik)
+}
+
+# ---- the members
+
+
+@dataclass(frozen=True)
+class Member:
+    """The traits of a body; by default an adult with flat feet, without fingers, hips the root.
+
+    Attributes:
+        convention: one of `NAMING`, which gives the joints their names, and the rotation channels their order.
+        pose: the rest pose, one of `POSES`.
+        builds: the proportions that differ from an adult's, of `BUILDS`.
+        foot, fingers, root: their shapes, of `FEET`, `HANDS` and `ROOTS`.
+        helpers: joints that are no part of the body, of `HELPERS`.
+        up: the axis that points up; a body with "Z" faces -Y.
+    """
+
+    convention: str
+    pose: str = "T"
+    builds: tuple[str, ...] = ()
+    foot: str = "flat"
+    fingers: str = "none"
+    root: str = "hips"
+    helpers: tuple[str, ...] = ()
+    up: str = "Y"
+
+
+MEMBERS: Mapping[str, Member] = {
+    "mixamo": Member("mixamo", fingers="five"),
+    "xsens": Member("xsens", "A"),
+    "lafan1": Member("lafan1", "X"),
+    "cmu": Member("cmu"),
+    "bandai": Member("bandai", "A", root="floor"),
+    "unreal": Member("unreal", "A", fingers="metacarpals", root="floor", helpers=("twist", "ik"), up="Z"),
+    "arms_down": Member("xsens", "I"),
+    "heels": Member("xsens", foot="high ankle"),
+    "heel_bones": Member("mixamo", "A", foot="heel bone"),
+    "tiptoe": Member("cmu", foot="toes down"),
+    "no_toes": Member("lafan1", "A", foot="no toe"),
+    "five_toes": Member("unreal", foot="five toes", fingers="five", up="Z"),
+    "three_fingers": Member("cmu", "I", fingers="three"),
+    "twisted": Member("lafan1", helpers=("twist",)),
+    "kimono": Member("bandai", root="floor", helpers=("sleeves", "skirt")),
+    "swordsman": Member("mixamo", "I", fingers="five", helpers=("sword", "hair")),
+    "puppet": Member("lafan1", "A", root="above"),
+    "centre_of_mass": Member("xsens", root="offset child"),
+    "child": Member("mixamo", builds=("child",)),
+    "giant": Member("lafan1", "X", builds=("giant",)),
+    "short_arms": Member("cmu", "A", builds=("short arms",)),
+    "wide_hips": Member("xsens", builds=("wide hips",)),
+    "thin": Member("bandai", "I", builds=("thin",), root="floor"),
+    "mouse": Member("mixamo", builds=("big head", "short legs", "wide hips"), foot="high ankle", fingers="three"),
+    "samurai": Member(
+        "unreal",
+        "A",
+        builds=("giant", "short arms"),
+        fingers="five",
+        root="floor",
+        helpers=("twist", "sleeves", "skirt", "hair", "sword", "ik"),
+        up="Z",
+    ),
+}
+
+
+@cache
+def member(name: str) -> Skeleton:
+    """The skeleton of a member of the zoo [cm]; the root's OFFSET puts its feet on the floor."""
+    traits = MEMBERS[name]
+    naming = NAMING[traits.convention]
+    body = adult(traits.convention)
+    for build in traits.builds:
+        body = with_build(body, build)
+    body = with_fingers(body, traits.fingers, naming)
+    for side in SIDES:
+        body = FEET[traits.foot](body, side, naming)
+    body = ROOTS[traits.root](posed(standing(body), traits.pose), naming)
+    for helper in traits.helpers:
+        body = HELPERS[helper](body, naming)
+    return z_up(body) if traits.up == "Z" else body
