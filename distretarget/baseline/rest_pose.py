@@ -148,8 +148,10 @@ def _joint_alignments(bodies: _Bodies) -> Array:
     matching, (source_pose, target_pose) = bodies.matching, bodies.poses
     upper, *directions = matching.shared_bones(source_pose.positions, target_pose.positions)
     alignments: list[Array] = []
-    for joint, parent in enumerate(matching.target.skeleton.parents):
-        b, a = (each[slice(*np.searchsorted(upper, (joint, joint + 1)))] for each in directions)
+    parents = matching.target.skeleton.parents.tolist()
+    edges = np.searchsorted(upper, range(len(parents) + 1)).tolist()
+    for joint, parent in enumerate(parents):
+        b, a = (each[edges[joint] : edges[joint + 1]] for each in directions)
         turn = bodies.turn if not joint or joint in bodies.ankles else alignments[parent]
         if joint in bodies.sole_normals:
             turn = _sole_onto_sole(bodies, joint, b[:1], a[:1], turn)

@@ -157,9 +157,10 @@ class Matching:
         """
         driven = (self.drivers >= 0) & ~np.isin(self.drivers, self.source.above_hips)
         driven[[*self.target.above_hips]] = False
-        above = np.array(self.target.skeleton.parents)  # the nearest joint with a driver above each joint
-        for joint, parent in enumerate(above[1:], start=1):
-            above[joint] = parent if driven[parent] else above[parent]
+        nearest: list[int] = []  # the joint with a driver that is nearest above each joint
+        for parent in self.target.skeleton.parents.tolist():
+            nearest.append(parent if parent < 0 or driven[parent] else nearest[parent])
+        above = np.array(nearest)
         lower = np.flatnonzero(driven & (above >= 0))
         lower = lower[np.argsort(above[lower], kind="stable")]
         upper = above[lower]
