@@ -1,9 +1,8 @@
-"""The articulated body: positions, lever arms and gradients of rigid parts that turn on exact bones. Compiled.
+"""The articulated body of inverse kinematics: forward kinematics and gradients of rigid parts. Compiled.
 
-A pose says how far each part deviates from the rotation copy, as a rotation vector in the world [rad], and, in its last
-row, how far the root is moved: an array (parts + 1, 3). With world rotations as unknowns the deviations do not depend
-on each other: R_j = exp(v_part(j)) RC_j. A bone b of the copy becomes exp(v) b, so that posing the body takes nothing
-but the bones of the copy.
+A pose is an array (parts + 1, 3): the deviation of each part from the rotation copy as a rotation vector in the world
+[rad], and last the displacement of the root. World rotations as unknowns make the deviations independent of each other:
+R_j = exp(v_part(j)) RC_j. A bone b of the rotation copy becomes exp(v) b, so posing needs only the copy's bones.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 
-SMALL = 1e-8  # [rad^2] for smaller squared angles the first terms of a series replace sine and cosine
+SMALL = 1e-8  # [rad^2] below this squared angle, Taylor series replace sine and cosine
 
 
 class Articulation(NamedTuple):
@@ -28,8 +27,8 @@ class Articulation(NamedTuple):
     Attributes:
         parents: (joints,), -1 for the root.
         parts: (joints,), the part that carries the bones below each joint.
-        stiffness: (parts + 1,), h, how strongly each part keeps to the copy's rotation; last, the root to its path.
-        meets: (joints, joints), where the lines of two joints to the root meet.
+        stiffness: (parts + 1,), h, of each part's rotation against the rotation copy; last, of the root's path.
+        meets: (joints, joints), the lowest common ancestor of two joints.
     """
 
     parents: NDArray[np.intp]
@@ -51,7 +50,7 @@ class Scratch(NamedTuple):
         bones: (joints, 3), the posed bone from the parent to each joint.
         rotations: (parts, 9), exp(v) of each part, row by row.
         series: (parts, 2), (1 - cos t) / t^2 and (t - sin t) / t^3 of the angle t = |v| of each part.
-        gradient: (joints, 3), the gradient with respect to the positions; `pose_gradient` sums it up towards the root.
+        gradient: (joints, 3), the gradient with respect to the positions; `pose_gradient` accumulates it to the root.
     """
 
     x: Array
@@ -71,7 +70,8 @@ class Scratch(NamedTuple):
 def pose_body(v: Array, body: Articulation, bones: Array, root: Array, scratch: Scratch) -> None:
     """Write the positions and posed bones of the pose `v` to `scratch`.
 
-    In this frame the copy has the `bones`, (joints, 3), from each joint's parent to it, and its root at `root`, (3,).
+    `bones`, (joints, 3), are the rotation copy's in this frame, from each joint's parent to it; `root`, (3,), is its
+    root.
     """
     parts = len(scratch.rotations)
     for part in range(parts):
@@ -114,12 +114,12 @@ def stiffness_energy(v: Array, body: Articulation) -> float:
 
 @inlined(fastmath=True)
 def pose_gradient(v: Array, body: Articulation, scratch: Scratch, gradient: Array) -> None:
-    """Write the gradient with respect to the pose, given that with respect to the positions in `scratch.gradient`, and
-    with that of the stiffness terms.
+    """Write the gradient with respect to the pose, of the stiffness terms and of the objective whose gradient with
+    respect to the positions is `scratch.gradient`.
 
-    A small turn dw of a part about the upper end of its bone b moves everything below by dw x b, so that the part feels
-    the moment b x (sum of the gradients below). As dw = J dv with the left Jacobian J of the exponential map, the
-    gradient is J^T times the moment.
+    A small rotation dw of a part about the upper end of its bone b moves the whole subtree by dw x b, so the torque on
+    the part is b x (sum of the gradients in the subtree). As dw = J dv with the left Jacobian J of the exponential map,
+    the gradient is J^T times the torque.
     """
     parts = len(scratch.rotations)
     clear(gradient)
@@ -144,7 +144,7 @@ def pose_gradient(v: Array, body: Articulation, scratch: Scratch, gradient: Arra
 
 @inlined(fastmath=True)
 def to_rotation_vector(v: Array, series: Array, m: Array) -> None:
-    """Replace the moment m by J^T m, where J^T = I - a [v] + b [v]^2, with the factors a, b of `Scratch.series`."""
+    """Replace the torque m by J^T m, where J^T = I - a [v] + b [v]^2, with the factors a, b of `Scratch.series`."""
     x, y, z = v[0], v[1], v[2]
     a, b = series[0], series[1]
     cx, cy, cz = y * m[2] - z * m[1], z * m[0] - x * m[2], x * m[1] - y * m[0]

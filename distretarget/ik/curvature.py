@@ -1,8 +1,8 @@
-"""The Gauss-Newton curvature of springs with respect to a pose. Compiled.
+"""The Gauss-Newton curvature of springs with respect to a pose.
 
-The curvature H is the metric in which the spectral gradient method looks for its direction: the energy is nearly round
-there, so that few iterations suffice. With G, the stiffness of springs between what is below bones (`springs_below`),
-it is M G M^T, where M turns the force on all that is below a bone into a moment of its part.
+The curvature H is the metric of the spectral gradient method: a preconditioner in which the energy is nearly round, so
+that few iterations suffice. H = M G M^T, with G, the stiffness between subtrees (`springs.write_stiffness_below`), and
+M, which turns the force on the subtree of a bone into a torque on the part that carries the bone. Compiled.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def _is_zero(H: Array, row: int, column: int) -> bool:
 
 @inlined(fastmath=True)
 def _eliminate(H: Array, i: int, above: int, size: int) -> None:
-    """Subtract from row i what the three finished rows from `above` on account for."""
+    """Subtract the contribution of the three finished rows from `above` on from row i."""
     a, b, c = H[above, i], H[above + 1, i], H[above + 2, i]
     for j in indices(i, size):
         H[i, j] -= a * H[above, j] + b * H[above + 1, j] + c * H[above + 2, j]
@@ -95,7 +95,7 @@ LEAST_CURVATURE = 0.01  # of any direction, in the metric alone: so no step turn
 
 
 class Curvature(NamedTuple):
-    """Arrays for the curvature of a body; the compiled functions write to their beginnings.
+    """Work arrays for the curvature, each long enough for all parts of a body.
 
     Attributes:
         H: (3 parts + 3, 3 parts + 3), the curvature of the active parts.
@@ -128,7 +128,7 @@ class Curvature(NamedTuple):
 
 @inlined()
 def are_first(bones: Numbers, way: Numbers, count: int) -> bool:
-    """Whether `bones` are the first bones of `way`, so many, and then -1."""
+    """Whether `bones` consists of the first `count` bones of `way`, followed by -1."""
     for i in range(count):
         if bones[i] != way[i]:
             return False
@@ -139,13 +139,13 @@ def are_first(bones: Numbers, way: Numbers, count: int) -> bool:
 def write_curvature(
     bones: int, v: Array, body: Articulation, scratch: Scratch, springs: Springs, count: int, curvature: Curvature
 ) -> int:
-    """Write the active parts at the pose `v`, and the upper triangle of their curvature, (3 active, 3 active); return
-    how many they are. The first springs, `count` of them, move the first bones of `below.way`, `bones` of them;
-    `scratch` has the posed bones.
+    """Write the active parts at the pose `v` and the upper triangle of their curvature, (3 active, 3 active), and
+    return their number. The first `count` springs depend on the first `bones` bones of `below.way`; `scratch` has the
+    posed bones.
 
-    A part is active if a spring acts on it; the last one is the root's place. All others only have their stiffness, so
-    that they keep the copy's rotation and are not unknowns. Parts come in the order in which few zeros are lost when
-    the curvature is factorised: those furthest from the root first.
+    A part is active if a spring acts on it; the last active part stands for the root's position. All others keep the
+    rotation copy's rotation and are no unknowns. Parts farthest from the root come first, which keeps the Cholesky
+    factor sparse.
     """
     H, below = curvature.H, curvature.below
     way = below.way[:bones]
@@ -167,8 +167,8 @@ def write_curvature(
 
 @inlined()
 def _write_active(way: Numbers, body: Articulation, bones: Array, curvature: Curvature) -> int:
-    """Write the parts that carry a bone of `way`, from the last to the first, and the root's place if `way` has the
-    root, with the places of parts and the rows of bones; return how many parts there are.
+    """Write the active parts: those that carry a bone of `way`, in descending order, and the root's position if `way`
+    has the root. Write their places and the rows of bones too, and return their number.
     """
     active, place, rows = curvature.active, curvature.place, curvature.rows
     for part in range(len(place)):
@@ -191,7 +191,7 @@ def _write_active(way: Numbers, body: Articulation, bones: Array, curvature: Cur
 
 @inlined()
 def _part_of(joint: int, body: Articulation) -> int:
-    """The part that carries the bone to a joint, which is the root's place for the root."""
+    """The part that carries the bone to a joint; for the root joint, the part that stands for the root's position."""
     return body.parts[body.parents[joint]] if joint > 0 else len(body.stiffness) - 1
 
 
@@ -202,9 +202,9 @@ def _has_length(bone: Array) -> bool:
 
 @inlined(fastmath=True)
 def _write_moment_matrices(way: Numbers, v: Array, body: Articulation, scratch: Scratch, M: Array) -> None:
-    """Write to M, (joints, 3, 3), what a force below each bone does to the rotation vector of its part, J^T (bone x
-    force) with the left Jacobian J of the exponential map, as in `articulation.pose_gradient`; the identity for the
-    root's place.
+    """Write M, (joints, 3, 3): the torque J^T (bone x force) that a force on the subtree of each bone exerts on the
+    rotation vector of the bone's part, with the left Jacobian J of the exponential map, as in
+    `articulation.pose_gradient`; the identity for the root's position.
     """
     for i, joint in enumerate(way):
         clear(M[i])
@@ -224,7 +224,7 @@ def _write_moment_matrices(way: Numbers, v: Array, body: Articulation, scratch: 
 
 @inlined(fastmath=True)
 def _add_nodes(m: int, n: int, first: Numbers, G: Array, M: Array, rows: Numbers, H: Array) -> None:
-    """Add to the upper triangle of H what two nodes have in common, of which G is the stiffness, (3, 3)."""
+    """Add the curvature between the bones of two nodes, with the stiffness G, (3, 3), to the upper triangle of H."""
     for i in range(first[m], first[m + 1]):
         for j in range(max(first[n], i), first[n + 1]):
             if rows[i] >= 0 and rows[j] >= 0:
@@ -233,8 +233,8 @@ def _add_nodes(m: int, n: int, first: Numbers, G: Array, M: Array, rows: Numbers
 
 @inlined(fastmath=True)
 def _add_bones(M, G, N, row, column, once, H):  # type: ignore[no-untyped-def]
-    """Add M G N^T, (3, 3), to the block at `row` and `column` of H, or its transpose to that at `column` and `row`, in
-    the upper triangle; both to a block of the diagonal, but for a single bone.
+    """Add M G N^T, (3, 3), to block (`row`, `column`) of the upper triangle of H, or its transpose to block (`column`,
+    `row`); on the diagonal add both, unless both bones are the same.
     """
     for i in range(3):
         x = M[i, 0] * G[0, 0] + M[i, 1] * G[1, 0] + M[i, 2] * G[2, 0]

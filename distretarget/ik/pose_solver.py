@@ -1,10 +1,9 @@
-"""Poses of least energy: an objective on positions, minimised over rotations on exact bones. Compiled.
+"""Inverse kinematics: an objective on joint positions, minimised over the rotations of rigid bones. Compiled.
 
-The unknowns are the deviations of the parts and of the root; the objective is any function of positions, plus the
-stiffness terms. The spectral gradient method minimises it in the metric of its curvature (`curvature`), where about
-three iterations reach a tolerance at which nothing shakes. The curvature serves the next frame too, as long as the same
-bones move and frames take few iterations with it. Where it fails, twice as many frames must go well before the next
-trial as before this one.
+The unknowns are the deviations of parts and root from the rotation copy; the objective is any function of positions,
+plus the stiffness terms. The spectral gradient method minimises it in the metric of its curvature (`curvature`), where
+about three iterations reach a tolerance without visible jitter. The next frame reuses the curvature while the same
+bones move and few iterations suffice. When reuse fails, twice as many good frames must pass as before the last trial.
 """
 
 from __future__ import annotations
@@ -30,10 +29,10 @@ from distretarget.numerics.loops import clear, copy_to
 
 Array = NDArray[np.float64]
 
-ROUND_ITERATIONS = 30  # at most, until the curvature is computed anew
-ROUNDS = 20  # at most, each but the first with a new curvature
-FEW_ITERATIONS = 3  # a curvature serves the next frame too while frames take no more with it ...
-LONGEST_WAIT = 64  # ... or is computed anew for up to so many frames, until it is tried again
+ROUND_ITERATIONS = 30  # iterations before the curvature is recomputed
+ROUNDS = 20  # rounds per frame, each but the first with a new curvature
+FEW_ITERATIONS = 3  # the curvature is reused while frames take at most this many iterations
+LONGEST_WAIT = 64  # after failed reuse, at most this many good frames must pass before the next trial
 CONVERGED = Reason.CONVERGED.value
 
 
@@ -50,14 +49,14 @@ class CopiedBones(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """The arrays that the solver of a body writes to.
+    """The work arrays of the solver, for one body.
 
     Attributes:
         scratch: the posed body.
         curvature: its curvature.
-        gradient: (parts + 1, 3), the gradient at the pose that a round begins with.
+        gradient: (parts + 1, 3), the gradient at the start of a round.
         descent: scratch of the spectral gradient method.
-        starts: (3, parts + 1, 3), poses to start from.
+        starts: (3, parts + 1, 3), the start poses.
     """
 
     scratch: Scratch
@@ -74,15 +73,15 @@ class Workspace(NamedTuple):
 
 
 class _Problem(NamedTuple):
-    """What the spectral gradient method solves: the pose of a body in one frame, by its active parts.
+    """The problem of one frame for the spectral gradient method: the pose of a body, by its active parts.
 
     Attributes:
-        body, terms: what acts on what.
-        bones, root: of the copy in the frame.
+        body, terms: the body, and the terms of the objective.
+        bones, root: of the rotation copy in the frame.
         scratch: of the body.
         U: the factor of the curvature.
         active: (active parts,), their numbers.
-        flat: scratch for what is solved.
+        flat: scratch for the linear system.
     """
 
     body: Articulation
@@ -100,17 +99,17 @@ def compile_pose_solver(
 ) -> Callable[..., Any]:
     """Compile the solver of one kind of objective, given as three compiled functions.
 
-    terms_of(given, frame, start) -> terms: what acts in a frame; it may overwrite `start`, a pose to start from, which
-        is the copy's unless it does.
-    energy(scratch, terms) -> float: the value at the positions `scratch.x`; its gradient is added to
-        `scratch.gradient`.
-    like_springs(scratch, terms) -> (Springs, int): springs, of which the first ones, so many, have the same
-        Gauss-Newton curvature at `scratch.x`.
+    terms_of(given, frame, start) -> terms: the terms of a frame; it may overwrite `start`, which is zero, the rotation
+        copy, with another start pose.
+    energy(scratch, terms) -> float: the value at the positions `scratch.x`; it adds the gradient to `scratch.gradient`.
+    like_springs(scratch, terms) -> (Springs, int): springs, and how many of them count, that have the same Gauss-Newton
+        curvature at `scratch.x`.
 
-    Returns a compiled solve(body, copy, given, tolerance, v, first, log, work). It solves the frames of `copy`, whose
-    first is frame `first` of `v` and `log`, and writes their poses and efforts there. Each frame starts from the best
-    of: the pose of `terms_of`, the pose before, the two poses before continued at the same speed. It stops when the
-    norm of the search direction, in the metric of the curvature, is at most `tolerance` [square root of the objective].
+    Returns a compiled solve(body, copy, given, tolerance, v, first, log, work). It solves the frames of `copy`, the
+    first of which is frame `first` of `v` and `log`, and writes their poses and efforts there. A frame starts from the
+    best of three poses: that of `terms_of`, the previous frame's, and the linear extrapolation of the previous two. It
+    stops when the norm of the search direction, in the metric of the curvature, is at most `tolerance` [square root of
+    the objective].
     """
 
     @inlined(fastmath=True)
@@ -129,8 +128,8 @@ def compile_pose_solver(
 
     @inlined()
     def pose_best(starts, count, body, bones, root, terms, scratch, pose):  # type: ignore[no-untyped-def]
-        """Write the best of the first starts, so many, to `pose`, and pose the body in it. Return its potential, and
-        how many potentials were evaluated.
+        """Write the best of the first `count` starts to `pose`, and pose the body in it. Return its potential, and the
+        number of evaluations.
         """
         best, least, potential, tried = 0, np.inf, 0.0, 0
         for trial in range(count + 1):
@@ -166,7 +165,7 @@ def compile_pose_solver(
                 if not kept:
                     parts = write_curvature(moved, pose, body, scratch, springs, acting, curvature)
                     factorise(curvature.H, 3 * parts)
-                if _reset_others(pose, curvature.place):  # which may let joints sink below the floor
+                if _reset_others(pose, curvature.place):  # new terms may act then: joints may sink below the floor
                     copy_to(work.starts[0], pose)
                     count = 1
                     continue
@@ -203,9 +202,7 @@ def _steepest_in_metric(v, gradient, step, problem, d):  # type: ignore[no-untyp
 
 @inlined()
 def _reset_others(v: Array, place: Numbers) -> bool:
-    """Let the parts that are not active, which have no place among those that are, keep the copy's rotation; return
-    whether any did not yet.
-    """
+    """Reset inactive parts, those without a `place`, to the rotation copy; return whether any changed."""
     reset = False
     for part in range(len(v)):
         if place[part] < 0 and (v[part, 0] != 0.0 or v[part, 1] != 0.0 or v[part, 2] != 0.0):
@@ -216,8 +213,8 @@ def _reset_others(v: Array, place: Numbers) -> bool:
 
 @inlined()
 def _warm_starts(v: Array, frame: int, starts: Array) -> int:
-    """Write the poses to start a frame from that the frames before it give: to `starts[1]` the pose before, to
-    `starts[2]` the two poses before, continued at the same speed. Return how many starts there are then.
+    """Write the warm starts of a frame: the previous pose to `starts[1]`, and the linear extrapolation of the previous
+    two poses to `starts[2]`. Return the number of starts.
     """
     if frame > 0:
         copy_to(starts[1], v[frame - 1])

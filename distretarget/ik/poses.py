@@ -1,7 +1,6 @@
-"""Poses of a clip, solved in overlapping chunks of frames, one after the other or side by side.
+"""Poses of a clip, solved in overlapping chunks of frames, serially or in parallel.
 
-The frame count alone decides where a clip is cut, so the result is the same, digit for digit, whoever solves the
-chunks.
+Only the number of frames decides where a clip is split, so the result is bit-identical for any number of workers.
 """
 
 from __future__ import annotations
@@ -20,8 +19,8 @@ Array = NDArray[np.float64]
 Mapper = Callable[..., Iterable[Any]]  # like `map` and an executor's: calls a function on items, results in order
 Progress = Callable[[int], Any]
 
-CHUNK_FRAMES = 1024  # frames of a chunk, about
-LEAD_IN = 32  # frames solved before a chunk, so that it begins where the chunk before it ends
+CHUNK_FRAMES = 1024  # about the length of a chunk [frames]
+LEAD_IN = 32  # frames solved and discarded before a chunk, which let it continue the chunk before
 
 
 def ignore_progress(_frames: int) -> None:
@@ -43,7 +42,7 @@ class Poses:
 
     @property
     def effort(self) -> Effort:
-        """What the solver took for each frame."""
+        """The solver's effort on each frame."""
         return Effort.from_log(self.log)
 
 
@@ -52,10 +51,10 @@ class Chunk:
     """Frames of a clip that are solved together.
 
     Attributes:
-        frames: the frames of the clip whose poses are kept.
-        context: the frames of the clip that the solved ones depend on.
-        solve: the frames to solve, counted from the first one of `context`.
-        keep: the frames whose poses are kept, counted from the first one of `solve`.
+        frames: the frames whose poses are kept.
+        context: the frames that the solved ones depend on.
+        solve: the frames to solve, relative to `context`.
+        keep: the frames whose poses are kept, relative to `solve`.
     """
 
     frames: slice
@@ -65,7 +64,7 @@ class Chunk:
 
 
 def chunks_of(frames: int, margin: int, lead_in: int = LEAD_IN) -> list[Chunk]:
-    """The chunks of a clip whose frames depend on `margin` frames on both sides."""
+    """The chunks of a clip in which each frame depends on `margin` frames before and after it."""
     edges = np.linspace(0, frames, max(1, round(frames / CHUNK_FRAMES)) + 1).astype(int).tolist()
     chunks = []
     for first, end in pairwise(edges):

@@ -1,6 +1,6 @@
-"""Rigid parts: which joints turn together, the motion of solved parts, and the fit of exact bones to given points.
+"""Rigid parts: the joints that rotate as one, the motion of solved parts, and the fit of rigid bones to given points.
 
-A part is a joint together with the joints that cannot turn against it, or follow it.
+A part is a joint together with the joints below it that have no rotation of their own.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 
-LEAST_TURN = 2e-5  # [quaternion norm] a smaller local rotation is the rounding of files
+LEAST_TURN = 2e-5  # [quaternion norm] smaller local rotations are rounding errors of files
 
 
 def part_of_joint(skeleton: Skeleton, roots: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -34,7 +34,7 @@ def part_of_joint(skeleton: Skeleton, roots: NDArray[np.intp]) -> NDArray[np.int
 def subtree_lengths(skeleton: Skeleton, carried: NDArray[np.intp]) -> Array:
     """(joints,), the summed length of each joint's own bone and of all bones below it [file units].
 
-    Only bones on the way to one of the joints `carried` count: tails, props and other helpers do not.
+    Only bones that lead to one of the joints `carried` count; tails, props and helper joints do not.
     """
     sums = np.zeros(len(skeleton))
     on_the_way = [*skeleton.lines(carried)]
@@ -71,12 +71,12 @@ def _turning_leaves(copy: Motion) -> NDArray[np.intp]:
 def fit_rotations(
     copy: Motion, points: NDArray[np.float64], joints: NDArray[np.intp], roots: NDArray[np.intp]
 ) -> Motion:
-    """Turn the bones of the rotation copy towards points, from the root down.
+    """Rotate the bones of the rotation copy towards points, from the root down.
 
-    Each rigid part deviates from the copy by the rotation that brings its bones nearest to the points they carry: the
-    least rotation for one bone, a weighted alignment for several. So the twist, which points do not determine, stays
-    that of the copy. A joint with no point below it keeps the copy's world rotation. Joints with fewer than three
-    rotation channels turn as far as these allow, and the joints below them make up for the rest.
+    Each rigid part gets the rotation that brings its bones closest to the points at their ends: the least rotation for
+    one bone, Kabsch's method for several. Twist, which points do not determine, stays that of the rotation copy. A
+    joint without points below it keeps the copy's world rotation. Joints with fewer than three rotation channels rotate
+    as far as these allow, and the joints below compensate.
 
     Args:
         copy: the rotation copy on the target.

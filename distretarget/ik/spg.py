@@ -36,13 +36,13 @@ class Reason(IntEnum):
 
 
 class Minimum(NamedTuple):
-    """What the solver found; the variables themselves are in the array that it was given.
+    """The result of the solver; the best iterate itself is in the array of variables that it was given.
 
     Attributes:
-        value: of the objective at the best iterate.
-        iterations: steps taken.
-        evaluations: of the objective with its gradient, the given one among them.
-        reason: a `Reason`.
+        value: the objective at the best iterate.
+        iterations: the number of steps.
+        evaluations: the number of evaluations of objective and gradient, with that of the start.
+        reason: why the solver stopped, a `Reason`.
     """
 
     value: float
@@ -53,11 +53,11 @@ class Minimum(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Effort:
-    """What the solver took for each frame of a clip.
+    """The solver's effort on each frame of a clip.
 
     Attributes:
-        iterations: (frames,), steps taken.
-        evaluations: (frames,), of the objective with its gradient.
+        iterations: (frames,), the number of steps.
+        evaluations: (frames,), the number of evaluations of objective and gradient.
         reasons: (frames,), why the solver stopped, a `Reason` each.
     """
 
@@ -67,7 +67,7 @@ class Effort:
 
     @classmethod
     def from_log(cls, log: NDArray[np.float64]) -> Effort:
-        """The effort in a log, (4, frames), whose columns `record` has written."""
+        """The effort in a log, (4, frames), written by `record`."""
         return cls(*log[1:].astype(np.int64))
 
     @property
@@ -83,7 +83,7 @@ class Effort:
 
 @inlined()
 def record(minimum: Minimum, log: NDArray[np.float64], frame: int) -> None:
-    """Write what a frame took to column `frame` of `log`: value, iterations, evaluations, reason."""
+    """Write value, iterations, evaluations and reason of a frame to column `frame` of `log`."""
     log[0, frame] = minimum.value
     log[1, frame] = minimum.iterations
     log[2, frame] = minimum.evaluations

@@ -1,8 +1,8 @@
-"""Springs between joints, or between a joint and a place in the world: energy, gradient, and stiffness below each bone.
-Compiled.
+"""Springs between two joints, or between a joint and a place in the world: energy, gradient, and stiffness per subtree.
 
-A turn of a bone moves everything below it by the same vector, and the bone feels the sum of all forces below it. So
-springs enter the curvature by sums over what is below bones: one pass over the tree, however many springs there are.
+To first order, rotating a bone translates its whole subtree by one vector, and the torque on the bone comes from the
+sum of the forces on the subtree. So the curvature needs the springs only as sums over subtrees, which take one pass
+over the tree for any number of springs. All functions on arrays are compiled.
 """
 
 from __future__ import annotations
@@ -22,10 +22,9 @@ NEGLIGIBLE = 1e-9  # springs of less stiffness are left out
 
 
 class Springs(NamedTuple):
-    """Springs that draw two joints to a given difference, or one joint to a place in the world.
+    """Springs that pull two joints to a given difference, or one joint to a place in the world.
 
-    Spring s draws r = x[a[s]] - x[b[s]] - rest[s], or r = x[a[s]] - rest[s] where b[s] is -1, towards zero. Its energy
-    is 1/2 r^T A[s] r.
+    Spring s has the energy 1/2 r^T A[s] r, r = x[a[s]] - x[b[s]] - rest[s], or r = x[a[s]] - rest[s] where b[s] is -1.
 
     Attributes:
         a, b: (springs,), joints; b is -1 where the spring is tied to the world.
@@ -39,36 +38,36 @@ class Springs(NamedTuple):
     A: Array
 
     def of_frames(self, frames: slice) -> Springs:
-        """The springs in some of the frames, if `rest` and `A` have these in front."""
+        """The springs of some frames, if frames are the first axis of `rest` and `A`."""
         return self._replace(rest=self.rest[frames], A=self.A[frames])
 
 
 def no_springs(frames: int) -> Springs:
-    """Nothing draws; `rest` and `A` have the frames in front."""
+    """No springs, with frames as the first axis of `rest` and `A`."""
     none = np.zeros(0, np.intp)
     return Springs(none, none, np.zeros((frames, 0, 3)), np.zeros((frames, 0, 3, 3)))
 
 
 def room_for(count: int) -> Springs:
-    """Arrays for so many springs in one frame."""
+    """Uninitialised arrays for `count` springs of one frame."""
     return Springs(np.zeros(count, np.intp), np.zeros(count, np.intp), np.zeros((count, 3)), np.zeros((count, 3, 3)))
 
 
 def joined(*springs: Springs) -> Springs:
-    """All of these springs, whose arrays `rest` and `A` have the frames in front."""
+    """All of these springs as one, with frames as the first axis of `rest` and `A`."""
     lists = [np.concatenate(arrays, axis=min(np.ndim(arrays[0]) - 1, 1)) for arrays in zip(*springs, strict=True)]
     return Springs(*lists)
 
 
 @inlined(fastmath=True)
 def is_negligible(A: Array, s: int) -> bool:
-    """Whether spring s of those with the stiffness A, (springs, 3, 3), is too soft to count."""
+    """Whether spring s, of stiffnesses A, (springs, 3, 3), is too soft to count."""
     return bool(A[s, 0, 0] + A[s, 1, 1] + A[s, 2, 2] < NEGLIGIBLE)
 
 
 @inlined(fastmath=True)
 def spring_energy(scratch: Scratch, springs: Springs, count: int) -> float:
-    """The energy of the first springs, so many, at the positions `scratch.x`; their gradient is added to
+    """Return the energy of the first `count` springs at the positions `scratch.x`, and add its gradient to
     `scratch.gradient`.
     """
     energy = 0.0
@@ -98,16 +97,16 @@ Numbers = NDArray[np.intp]
 
 
 class Below(NamedTuple):
-    """Arrays for what is below the bones of a body; the compiled functions write to their beginnings.
+    """Work arrays for sums over subtrees, each long enough for all joints of a body.
 
     Attributes:
-        way: (joints,), the bones on the way, see `write_way`.
-        first: (joints + 1,), where each node begins in `way`, see `write_nodes`.
-        G: (joints, joints, 3, 3), the stiffness below nodes, see `write_stiffness_below`.
-        ends: (joints,), how many springs have one end at or below each joint.
+        way: (joints,), the moving bones, see `write_way`.
+        first: (joints + 1,), the index in `way` where each node begins, see `write_nodes`.
+        G: (joints, joints, 3, 3), the stiffness between nodes, see `write_stiffness_below`.
+        ends: (joints,), the number of springs with exactly one end at or below each joint.
         is_end: (joints,), whether each joint is an end of a spring.
-        children: (joints,), how many bones on the way hang on each joint.
-        node: (joints,), the node of the bone to each joint; -1 if it is not on the way.
+        children: (joints,), the number of moving bones below each joint.
+        node: (joints,), the node of the bone to each joint; -1 if it does not move.
     """
 
     way: Numbers
@@ -128,11 +127,11 @@ class Below(NamedTuple):
 
 @inlined()
 def write_way(springs: Springs, count: int, body: Articulation, below: Below) -> int:
-    """Write the bones whose turning moves one of the first springs, so many, to `below.way`, named by their lower
-    joints, from the last to the first, and at the end the root, 0, where a spring is tied to the world; return how many
-    there are.
+    """Write the moving bones to `below.way`, and return their number: the bones whose rotation changes one of the first
+    `count` springs. A bone is given by its lower joint, in descending order; the root, 0, follows if a spring is tied
+    to the world.
 
-    The bones that move a spring between two joints are those on the path between them.
+    A spring between two joints depends on the bones on the path between them.
     """
     ends, is_end = below.ends, below.is_end
     clear(ends)
@@ -159,10 +158,10 @@ def write_way(springs: Springs, count: int, body: Articulation, below: Below) ->
 
 @inlined()
 def write_nodes(way: Numbers, parents: Numbers, below: Below) -> int:
-    """Write where each node begins in `way`, and where the last one ends, to `below.first`; return how many nodes there
-    are.
+    """Write the index in `way` where each node begins, and where the last one ends, to `below.first`; return the number
+    of nodes.
 
-    A node is a run of bones, each the parent of the one before, with no end of a spring and no branch between them.
+    A node is a chain of bones without a branch and without the end of a spring inside.
     """
     children, count = below.children, 0
     clear(children)
@@ -181,10 +180,10 @@ def write_nodes(way: Numbers, parents: Numbers, below: Below) -> int:
 def write_stiffness_below(
     springs: Springs, count: int, way: Numbers, nodes: int, parents: Numbers, below: Below
 ) -> None:
-    """Write the force on everything below one node when everything below another is displaced to `below.G`, of which
-    the first nodes are used, and of these the part where the first node is not after the second.
+    """Write the stiffness between subtrees to the upper triangle of `below.G[:nodes, :nodes]`: the force on the subtree
+    of one node per displacement of the subtree of another.
 
-    A bone that is not on the way leaves all springs of what is below it as they are, which adds nothing to others.
+    Bones that do not move change no spring, and add nothing.
     """
     first, node, G = below.first, below.node, below.G
     for joint in range(len(node)):
@@ -203,7 +202,7 @@ def write_stiffness_below(
 
 @inlined(fastmath=True)
 def _add_ends(springs: Springs, count: int, node: Numbers, G: Array) -> None:
-    """Add to G the force on the ends of springs when such ends are displaced, by the nodes they are at."""
+    """Add the stiffness of each spring to G at the nodes of its ends."""
     A = springs.A
     for s in range(count):
         if is_negligible(A, s):
@@ -219,7 +218,7 @@ def _add_ends(springs: Springs, count: int, node: Numbers, G: Array) -> None:
 
 @inlined(fastmath=True)
 def _add_to_above(G: Array, n: int, above: int, nodes: int) -> None:
-    """Add the row and the column of node n to those of the node above it: what is below the one is below the other."""
+    """Add row and column of node n to those of the node above it, whose subtree contains that of n."""
     for other in range(n):
         _add(G[other, n], 1.0, G[other, above])
     for other in range(n + 1, above):

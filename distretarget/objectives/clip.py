@@ -1,4 +1,4 @@
-"""A clip on its way to a target: what the objectives need to know of it, computed once."""
+"""The clip record: everything that the objectives need of a clip and its target, computed once and handed down."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ class LegPair:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Clip:
-    """A source motion, its rotation copy on the target, and how the two bodies correspond. A slice has some frames.
+    """A source motion, its rotation copy on the target, and how the two bodies correspond. Slicing selects frames.
 
     Attributes:
         source: in the target's axes [source file units].
         copy: the rotation copy [target file units].
-        root: (frames, 3), the path that the root keeps to [target file units].
-        shots: (frames,), the number of the shot between cuts that each frame belongs to.
+        root: (frames, 3), the path that the root follows [target file units].
+        shots: (frames,), the number of each frame's shot; shots are separated by cuts.
         scale: from the source's world to the target's.
         up: (3,), the unit vector up in both.
         unit: the target's body unit, twice its leg length [target file units].
@@ -52,9 +52,9 @@ class Clip:
         source_skeleton: the source's joints with rigid bones.
         pelvis: the target's joint where its legs branch off, if it has a driver; else the first that has one.
         drivers: (joints,), the source joint that drives each target joint; -1 for none.
-        regions: the target's regions that can touch each other.
-        limb_joints: driven joints of the target's body, without those of the feet; none without legs.
-        undriven_joints: the others of its body, without those of the feet; none without legs.
+        regions: the target's body regions between which self-contacts are looked for.
+        limb_joints: driven joints of the target's body, without the feet's; none without legs.
+        undriven_joints: undriven joints of the target's body, without the feet's; none without legs.
         distances: the points that source and target share, with their path lengths.
         roots: (joints,), the topmost joint of the rigid part that each joint belongs to.
         parts: (joints,), the rigid part that carries the bones below each joint.
@@ -82,7 +82,7 @@ class Clip:
 
     @classmethod
     def of(cls, matching: Matching, scale: RootScale) -> Clip:
-        """Return the clip of a source matched to its target, with the root where the source has it, scaled."""
+        """Return the clip of a source matched to its target, with its root on the source's path, scaled."""
         source, body, motion = matching.source, matching.target, matching.source_motion
         copy, roots = rotation_copy(matching, scale), rigid_part_roots(matching)
         legs = zip(*matching.legs, matching.soles, strict=True) if matching.legs else ()
@@ -130,9 +130,7 @@ class Clip:
         return replace(self, root=self.root + by)
 
     def copy_on_path(self, joints: Joints) -> Array:
-        """Return where joints of the rotation copy are if its root keeps to its path, (frames, joints, 3) [target file
-        units].
-        """
+        """Return the rotation copy's joints with its root on `root`, (frames, joints, 3) [target file units]."""
         places = np.take(self.copy.positions, joints, axis=1)
         places += (self.root - self.copy.positions[:, 0])[:, None]
         return places
@@ -150,18 +148,16 @@ class Clip:
 
     @property
     def loose_parts(self) -> Joints:
-        """The parts that neither begin at a shared point nor carry one, such as fingers that nothing drives: only the
-        floor moves them.
-        """
+        """The parts without a shared point, such as undriven fingers: only the floor moves them."""
         return np.setdiff1d(self.parts, self.parts[[*self.skeleton.lines(self.distances.targets)]])
 
 
 def rigid_part_roots(matching: Matching) -> NDArray[np.intp]:
     """(target joints,), the topmost joint of the rigid part that each joint belongs to.
 
-    A joint belongs to its parent's part if it cannot turn against it, having no rotation channels, or has no reason to,
-    following its parent in the rotation copy as twist joints do that nothing drives. Every other joint is the root of a
-    part, even if it does not turn in this motion; so is the first joint of a finger, which gives way to the floor.
+    A joint belongs to its parent's part if it has no rotation channels, or if nothing drives it, as for most twist
+    joints. Every other joint is the root of a part, even if it does not turn in this motion; so is the first joint of
+    an undriven finger, which bends at the floor.
     """
     skeleton, anatomy = matching.target.skeleton, matching.target.anatomy
     knuckles = anatomy.knuckles if anatomy else ()

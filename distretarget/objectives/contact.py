@@ -1,6 +1,6 @@
-"""The contact objective: what is near stays as near, everything else keeps the rotation copy's rotations.
+"""The contact objective: keep self-contacts and supports, and otherwise the rotation copy's rotations.
 
-Per frame it minimises, over the rotations of a body of exact bones and the displacement of its root,
+Per frame it minimises, over the rotations of a body of rigid bones and the displacement of its root,
 
     1/2 sum over near pairs     w r^T (k I + (1 - k) e e^T) r,    r = x_u - x_v - delta_uv       (`contact_pairs`)
   + 1/2 sum over parts          h_p |v_p|^2                                                      (`part_stiffness`)
@@ -8,9 +8,9 @@ Per frame it minimises, over the rotations of a body of exact bones and the disp
   + 1/2 sum over joints below   k_j depth_j^2                     the height they keep above     (`floor`)
   + 1/2                         ROOT_STIFFNESS |root - its path|^2
 
-A pair is drawn to a vector, not only to a distance, so that nothing changes sides. Where nothing is near and nothing
-rests, the result has the rotation copy's rotations. Apart from the places of resting joints, a frame depends on the
-frames around it only.
+A pair is pulled to a difference vector, not only to a distance, so that limbs do not swap sides. In a frame without
+contacts and supports the result is the rotation copy. A frame depends only on a few frames around it, except for the
+places of resting joints, which are averaged over the whole rest.
 """
 
 from __future__ import annotations
@@ -46,14 +46,12 @@ from distretarget.objectives.supports import Supports, support_springs
 
 Array = NDArray[np.float64]
 
-BASE_STIFFNESS = 0.04  # of the rotation copy's rotations, per body unit of bones
+BASE_STIFFNESS = 0.04  # of a part's rotation, per body unit of its bones
 ADDED_LENGTH = 1.0  # added to the length of a part's bones, so that hands, fingers and eyes are stiff too [body units]
-TRUNK_FACTOR = 40.0  # how much stiffer a part is that carries the whole body: arms give way before the spine
-FOOT_FACTOR = 5.0  # how much stiffer feet are than other parts
-LOOSE_FACTOR = (
-    0.1  # how stiff parts are that only the floor moves: fingers that nothing drives give way before the hand
-)
-FIXED_STIFFNESS = 1e6  # of the parts above the pelvis, so that a root on the floor does not tip the body over
+TRUNK_FACTOR = 40.0  # the pelvis, which carries the whole body, is this much stiffer: arms bend before the spine
+FOOT_FACTOR = 5.0  # feet are this much stiffer than other parts
+LOOSE_FACTOR = 0.1  # undriven fingers, which only the floor moves, are this much softer: they bend before the hand
+FIXED_STIFFNESS = 1e6  # of joints above the pelvis, so that the body does not tip over about a root on the floor
 ROOT_STIFFNESS = 300.0  # of the root's path, so that contacts and feet hardly move the hips
 TOLERANCE = 1e-6  # a frame is solved when the search direction is shorter, in the metric of the curvature
 
@@ -79,10 +77,10 @@ def solve_contact(
 
 
 def part_stiffness(clip: Clip) -> Array:
-    """h: (parts + 1,), the stiffness of each part's rotation; last, that of the root's path.
+    """h: (parts + 1,), the stiffness of each part's rotation, and last that of the root's path.
 
-    It grows with the length of a part's bones and, far more, with the share of the body that the part carries. Bones
-    that carry no point of the distance problem do not count as carried.
+    It grows with the length of a part's bones and, far more, with the share of the body below the part. Bones that lead
+    to no shared point, such as those of a tail, do not count.
     """
     skeleton, legs, parts = clip.skeleton, clip.target_legs, clip.parts
     carrier = parts[skeleton.parents[1:]]
@@ -130,11 +128,11 @@ def _solve_frames(clip: Clip, supports: Supports, frames: slice, settings: Conta
 
 
 class Given(NamedTuple):
-    """What acts on the body in a block of frames.
+    """The terms of a block of frames.
 
     Attributes:
-        near, springs, floor: in all frames of the block.
-        room: for the springs of one frame.
+        near, springs, floor: of all frames of the block.
+        room: scratch for the springs of one frame.
     """
 
     near: NearPairs
@@ -144,12 +142,12 @@ class Given(NamedTuple):
 
 
 class Terms(NamedTuple):
-    """What acts on the body in one frame.
+    """The terms of one frame.
 
     Attributes:
-        springs: with room for a spring of each joint of the floor behind those that act.
-        acting: how many of them act, the first ones.
-        floor: of the frame.
+        springs: those of contacts and supports, then room for a spring per joint that the floor pushes up.
+        acting: the number of springs in use.
+        floor: the floor in this frame.
     """
 
     springs: Springs
@@ -198,12 +196,12 @@ _solve = compile_pose_solver(_terms_of, _energy, _like_springs)
 
 
 def solver_lacks_code() -> bool:
-    """Return whether the solver is still to be compiled."""
+    """Return whether the solver has yet to be compiled."""
     return is_to_be_compiled(_solve)
 
 
 def compile_solver() -> None:
-    """Compile the solver, or load its code: let it solve a body of two joints in no frames."""
+    """Compile the solver, or load its code from the cache, by solving zero frames of a body of two joints."""
     body = Articulation(read_only(np.array([-1, 0])), np.zeros(2, np.intp), np.zeros(2), np.zeros((2, 2), np.intp))
     bones = CopiedBones(np.zeros((0, 2, 3)), np.zeros((0, 3)))
     given = Given(no_pairs(0), no_springs(0), no_floor(0), room_for(0))

@@ -1,8 +1,8 @@
-"""Pairs of joints that come near each other: when their springs set in, how stiff they are, and their rest vectors.
+"""Contact pairs: when two joints count as a self-contact, and the spring that keeps the contact.
 
     1/2 w r^T (k I + (1 - k) e e^T) r,   r = x_u - x_v - delta,   delta = d_copy + f (tau2 / tau1 d_source - d_copy)
 
-f is the activation, 0 to 1; w the stiffness; e the direction of d_source, and k the share of w that acts across it.
+f is the activation, 0 to 1; w the stiffness; e the direction of d_source; k w the stiffness perpendicular to e.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ from distretarget.objectives.settings import ContactSettings
 Array = NDArray[np.float64]
 Joints = NDArray[np.intp]
 
-FADE = 0.05  # [D] a pair is ignored from the reach of contacts plus this on
-LEAST_PATH = 5  # |P| of a pair: joints near each other along the tree make no contact
-STIFFNESS = 60.0  # of a pair at D = the reach of contacts, where their strength is 1
-TOUCH = 0.005  # [D] added to the D that the stiffness is divided by, so that pairs that touch are not endlessly stiff
-DIRECTION_RANGE = 0.08  # pairs nearer than about this keep their direction as well as their distance [body units]
+FADE = 0.05  # [D] a contact fades out from `reach` to `reach` plus this
+LEAST_PATH = 5  # |P| of a pair: joints that are close along the tree make no contact
+STIFFNESS = 60.0  # of a pair at D = `reach`, with `strength` 1
+TOUCH = 0.005  # [D] added to D before the stiffness is divided by it, which keeps touching pairs finite
+DIRECTION_RANGE = 0.08  # pairs closer than about this keep their direction as well as their distance [body units]
 
 
 @dataclass(frozen=True, eq=False)
 class CandidatePairs:
-    """The pairs of points that make a contact where they come near each other, being far apart along the tree.
+    """The pairs of points that count as a self-contact when they come close, being far apart along the tree.
 
     Attributes:
         u, v: (pairs,), points.
         a, b: (pairs,), the target's joints at these.
         tau1: (pairs,), path lengths on the source [source file units].
         ratio: (pairs,), tau2 / tau1 [body units / source file unit].
-        feet: (pairs,), whether it is a pair of the two feet, which come near without a contact in a body that stands.
-        points: how many points there are.
+        feet: (pairs,), whether the pair joins the two feet, which are close without a contact while the body stands.
+        points: the number of points.
     """
 
     u: Joints
@@ -55,8 +55,8 @@ class CandidatePairs:
 
 
 def candidate_pairs(distances: DistanceProblem, regions: Regions, legs: Legs | None, unit: float) -> CandidatePairs:
-    """Return all pairs of points in two regions of the target that are not neighbours, with a path size |P| of at least
-    `LEAST_PATH`; `legs` are the target's and `unit` is its body unit [file units].
+    """Return all pairs of points that lie in two non-adjacent regions of the target and have a path size |P| of at
+    least `LEAST_PATH`; `legs` are the target's, and `unit` is its body unit [file units].
     """
     of_point = regions.of_joint[distances.targets]
     u, v = np.triu_indices(len(distances), 1)
@@ -76,11 +76,11 @@ def candidate_pairs(distances: DistanceProblem, regions: Regions, legs: Legs | N
 
 
 def activation(D: Array, shots: Shots, lead: float, reach: float) -> Array:
-    """f: (frames, pairs), how far each pair has set in, from 0 to 1, given its normalised distances D.
+    """f: (frames, pairs), the activation of each pair, 0 to 1, from its normalised distances D.
 
-    It is 1 up to `reach`, 0 from `reach + FADE` on, smooth in between, and widened by `lead` frames before and after. A
-    single frame unlike both its neighbours is a fault of the clip, and ignored. `shots`, (frames,), say nothing of each
-    other.
+    It is 1 up to `reach`, 0 from `reach + FADE` on, and smooth in between; it rises before a contact and falls after it
+    over 2 `lead` frames. A median of three frames ignores a single faulty frame. Nothing spreads across a cut between
+    `shots`, (frames,).
     """
     return by_shot(partial(_activation, lead=lead, reach=reach), shots, D)
 
@@ -93,7 +93,7 @@ def _activation(D: Array, lead: float, reach: float) -> Array:
 
 @compiled()
 def _write_set_in(D, reach, apart, f):  # type: ignore[no-untyped-def]
-    """Write how far pairs have set in by the median of three frames of their distances D, (frames, pairs)."""
+    """Write the activation by the median of three frames of the distances D, (frames, pairs)."""
     for frame in range(len(D)):
         before, after = max(frame - 1, 0), min(frame + 1, len(D) - 1)
         for pair in range(D.shape[1]):
@@ -104,19 +104,19 @@ def _write_set_in(D, reach, apart, f):  # type: ignore[no-untyped-def]
 
 
 def activation_window(lead: float) -> int:
-    """How many frames on both sides `activation` depends on: twice the lead, after a median of three frames."""
+    """The number of frames on each side that `activation` depends on: twice the lead, and one for the median."""
     return 2 * round(lead) + 1
 
 
 class NearPairs(NamedTuple):
-    """The near pairs of a block of frames, of which `write_pair_spring` makes the springs of a frame.
+    """The contact pairs of a block of frames; `write_pair_spring` makes their springs.
 
     Attributes:
-        a, b: (pairs,), their joints of the target.
-        u, v: (pairs,), their points.
+        a, b: (pairs,), joints of the target.
+        u, v: (pairs,), points.
         ratio: (pairs,), tau2 / tau1 [body units / file unit].
-        source, copy: (frames, points, 3), the points of source and copy [file units, body units].
-        f, w: (frames, pairs), how far they have set in, and their stiffness.
+        source, copy: (frames, points, 3), the points of source and rotation copy [file units, body units].
+        f, w: (frames, pairs), activation and stiffness.
     """
 
     a: Joints
@@ -141,11 +141,10 @@ def near_pairs(
     lead: float,
     settings: ContactSettings,
 ) -> NearPairs:
-    """Return the pairs that are near in any frame of a block.
+    """Return the pairs that are in contact in any frame of a block.
 
-    `source`, (frames, points, 3), are the source's points [file units], `copy` the copy's [body units], and `shots`,
-    (frames,), those of the whole clip; `standing`, (frames of the block,), is 1 while a foot rests; `lead` is in
-    frames.
+    `source`, (frames, points, 3) [file units], `copy`, the same of the rotation copy [body units], and `shots`,
+    (frames,), cover the whole clip; `standing`, (frames of the block,), is 1 while a foot rests; `lead` is in frames.
     """
     margin = activation_window(lead)
     first, last = max(block.start - margin, 0), min(block.stop + margin, len(source))
@@ -159,24 +158,23 @@ def near_pairs(
 
 
 def no_pairs(frames: int) -> NearPairs:
-    """Return the near pairs of frames in which nothing is near."""
+    """Return the pairs of a clip without contacts."""
     none, points, values = np.zeros(0, np.intp), np.zeros((frames, 0, 3)), np.zeros((frames, 0))
     return NearPairs(none, none, none, none, np.zeros(0), points, points, values, values)
 
 
 @inlined()
 def share_across(square):  # type: ignore[no-untyped-def]
-    """k: the stiffness across the direction of a pair, as a share of that along it, by its squared length [body units],
-    a number or an array; at the length `DIRECTION_RANGE` it is a half.
+    """k: a pair's stiffness perpendicular to its direction over that along it, from its squared length [body units], a
+    number or an array; 1/2 at the length `DIRECTION_RANGE`.
     """
     return DIRECTION_RANGE**2 / (DIRECTION_RANGE**2 + square)
 
 
 @inlined(fastmath=True)
 def write_pair_spring(near: NearPairs, frame: int, pair: int, rest: Array, A: Array) -> None:
-    """Write the spring of a pair in a frame: the difference that the pair is drawn to, d_copy + f (ratio d_source -
-    d_copy), to `rest`, (3,), and its stiffness, w along the direction of d_source and k w across it (`share_across`),
-    to `A`, (3, 3).
+    """Write the spring of a pair in a frame: its rest vector d_copy + f (ratio d_source - d_copy) to `rest`, (3,), and
+    its stiffness, w along d_source and k w perpendicular to it (`share_across`), to `A`, (3, 3).
     """
     u, v, f, w, ratio = near.u[pair], near.v[pair], near.f[frame, pair], near.w[frame, pair], near.ratio[pair]
     dx = near.source[frame, u, 0] - near.source[frame, v, 0]
@@ -195,8 +193,8 @@ def write_pair_spring(near: NearPairs, frame: int, pair: int, rest: Array, A: Ar
 
 
 def come_near(a: Array, b: Array, u: Joints, v: Joints, reach: Array) -> NDArray[np.bool_]:
-    """Whether each point u of `a` and point v of `b`, (frames, points, 3) both, are nearer than their reach in any
-    frame, (pairs,).
+    """(pairs,), whether point u of `a` and point v of `b`, both (frames, points, 3), are closer than `reach`, (pairs,),
+    in any frame.
     """
     near = np.zeros(len(u), np.bool_)
     _mark_near(a, b, u, v, reach, near)
@@ -217,8 +215,8 @@ def _mark_near(a, b, u, v, reach, near):  # type: ignore[no-untyped-def]
 
 
 def normalised_distances(a: Array, b: Array, u: Joints, v: Joints, tau: Array) -> Array:
-    """D: (frames, pairs), the distances between points u of `a` and points v of `b`, (frames, points, 3) both, over
-    path lengths tau, (pairs,).
+    """D: (frames, pairs), the distances between points u of `a` and v of `b`, both (frames, points, 3), over the path
+    lengths tau, (pairs,).
     """
     D = np.empty((len(a), len(u)))
     _write_distances(a, b, u, v, tau, D)
@@ -238,10 +236,10 @@ def _write_distances(a, b, u, v, tau, D):  # type: ignore[no-untyped-def]
 
 def pair_stiffness(f: Array, D: Array, ends: tuple[Joints, Joints], points: int, settings: ContactSettings) -> Array:
     """w: (frames, pairs), the stiffness of pairs with activations f and normalised distances D, (frames, pairs), whose
-    ends, (pairs,) each, are numbers of `points` points.
+    `ends`, (pairs,) each, are numbers of `points` points.
 
-    Activations count over sqrt((1 + F_u) (1 + F_v)), where F is the sum of the activations of a point. So a point that
-    comes near a cluster of points is drawn about as strongly as one that comes near a single point.
+    An activation is divided by sqrt((1 + F_u) (1 + F_v)), where F is the sum of the activations of a point: a point
+    close to a cluster of points is pulled about as strongly as one close to a single point.
     """
     w = np.empty_like(f)
     _write_stiffness(f, D, *ends, settings.strength * STIFFNESS, settings.reach, np.empty(points), w)

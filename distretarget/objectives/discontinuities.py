@@ -1,7 +1,7 @@
 """Smooth discontinuities: solution flips and floor impacts.
 
-A part's deviation from the rotation copy flips where it changes faster than `FLIP_SPEED` and stays there: it becomes a
-mean over the frames around (a raised cosine). A spike of one or two frames is left as it is. Shots are smoothed apart.
+A flip is a change of a part's deviation from the rotation copy that is faster than `FLIP_SPEED` and lasts. Frames
+around it get a moving average (raised cosine). Spikes of one or two frames stay. Nothing is averaged across cuts.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def smooth_flips(v: Array, shots: Shots, frame_time: float) -> None:
 
 
 def smooth_landings(v: Array, parts: NDArray[np.intp], shots: Shots, frame_time: float) -> None:
-    """Smooth floor impacts of `parts`, which only the floor moves, in poses (frames, parts + 1, 3), in place."""
+    """Smooth the floor impacts of `parts`, which only the floor moves, in poses (frames, parts + 1, 3), in place."""
     for shot in map(v.__getitem__, slices_of(shots)):
         moved = parts[shot[:, parts].any(axis=(0, 2))]
         if len(moved):
@@ -52,11 +52,11 @@ def _flips(v: Array, limit: float) -> Array:
 
 
 def _without_spikes(v: Array) -> Array:
-    """Of each five frames around a frame the deviation that is nearest to all others: their median, which turns with
-    the world.
+    """The geometric median of v over five frames: the deviation with the least summed distance to the others. Unlike a
+    median of components it does not depend on the axes.
     """
     frames, padded = len(v), np.pad(v, ((2, 2), (0, 0), (0, 0)), mode="edge")
-    apart = [lengths(padded[lag:] - padded[: len(padded) - lag]) for lag in range(1, 5)]  # by how many frames between
+    apart = [lengths(padded[lag:] - padded[: len(padded) - lag]) for lag in range(1, 5)]  # by the lag in frames
     away = np.zeros((5, *v.shape[:2]))
     for one, other in combinations(range(5), 2):
         between = apart[other - one - 1][one : one + frames]

@@ -1,8 +1,8 @@
-"""The floor: how low each joint may be where something rests on it.
+"""The floor: a one-sided spring that keeps each joint above a height while the body rests on something.
 
     1/2 sum over joints below their height h   k (h - x . up)^2
 
-A spring pushes a joint up that is below its height; above it nothing acts. Compiled.
+The functions that write springs are compiled.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from distretarget.objectives.clip import Clip
 
 Array = NDArray[np.float64]
 
-STIFFNESS = 500.0  # k, of a region that is alone on the floor; its joints share it
-NEAR_FLOOR = 0.3  # a joint that never comes nearer to the floor than this in the copy is left out [leg lengths]
-STEADY = 0.16  # the floor is the lowest that it is within this time before and after a frame [s]
+STIFFNESS = 500.0  # k, shared by the joints of a region
+NEAR_FLOOR = 0.3  # joints that never come closer to the floor than this in the rotation copy are left out [leg lengths]
+STEADY = 0.16  # the floor of a frame is the lowest within this time before and after it [s]
 
 
 class Floor(NamedTuple):
-    """The heights that joints keep above. Arrays have the frames in front, but for those of a single frame.
+    """The heights that joints stay above. `heights` and `stiffness` of several frames have the frames as first axis.
 
     Attributes:
         joints: (joints,), joints of the target.
@@ -43,28 +43,28 @@ class Floor(NamedTuple):
     up: Array
 
     def of_frames(self, frames: slice) -> Floor:
-        """Return the heights in some of the frames."""
+        """Return the floor of some of the frames."""
         return self._replace(heights=self.heights[frames], stiffness=self.stiffness[frames])
 
 
 def no_floor(frames: int) -> Floor:
-    """Return a floor that holds no joint."""
+    """Return a floor that supports no joint."""
     return Floor(np.zeros(0, np.intp), np.zeros((frames, 0)), np.zeros((frames, 0)), np.zeros(3))
 
 
 def find_floor(clip: Clip, weights: Array) -> Floor:
-    """Return the heights that joints other than the feet's keep above while something rests.
+    """Return the heights that joints other than the feet's stay above while something rests.
 
-    The floor is as high as the source's lowest joint about then, scaled. A joint keeps the height of the source's joint
-    over it, scaled, or `REST_HEIGHT`, whichever is less; a joint that nothing drives may be as low as the floor. n
-    joints of a region, such as those of a hand, get 1/n of `STIFFNESS` each.
+    The floor is at the height of the source's lowest joint around the frame, scaled. A driven joint stays as high above
+    it as the source's joint, scaled, but at most `REST_HEIGHT`; an undriven joint may be as low as the floor. n joints
+    of a region, such as a hand, get 1/n of `STIFFNESS` each.
 
     `weights`, (frames, supports), is how firmly each support rests, 0 to 1.
     """
     if not clip.legs:
         return no_floor(len(clip))
     up, leg, scale = clip.up, clip.leg_lengths[1], clip.scale.height
-    # The lowest heights around: the floor does not rise with feet that leave it, nor with a faulty frame.
+    # The lowest height around a frame: neither feet that leave the floor nor a faulty frame raise it.
     floor = -scale * largest(-clip.source_floor[:, None], round(STEADY / clip.frame_time))
     weight = weights.max(axis=1, initial=0.0)
     joints = np.concatenate([clip.limb_joints, clip.undriven_joints])
@@ -82,7 +82,7 @@ def find_floor(clip: Clip, weights: Array) -> Floor:
 
 @inlined(fastmath=True)
 def depth_below(scratch, floor, n):  # type: ignore[no-untyped-def]
-    """How far the n-th joint is below its height at the positions `scratch.x`; less than 0 above it."""
+    """How far the n-th joint is below its height at the positions `scratch.x`; negative above it."""
     x = scratch.x[floor.joints[n]]
     return floor.heights[n] - (x[0] * floor.up[0] + x[1] * floor.up[1] + x[2] * floor.up[2])
 
@@ -104,7 +104,7 @@ def floor_energy(scratch: Scratch, floor: Floor) -> float:
 
 @inlined(fastmath=True)
 def add_floor(scratch: Scratch, floor: Floor, springs: Springs, count: int) -> int:
-    """Append a spring with the floor's curvature for each joint below its height, behind the first `count` springs;
+    """Append a spring with the floor's curvature for each joint below its height after the first `count` springs, and
     return the new count.
     """
     for n in range(len(floor.joints)):

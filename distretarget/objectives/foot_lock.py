@@ -1,13 +1,14 @@
-"""Foot lock: when feet rest on the floor, and where they belong on the target.
+"""Foot lock: when feet rest on the floor, and where the target's feet are locked.
 
-A foot rests while it is slow and low. It keeps its rotation of the rotation copy, sole to the floor as in the source:
+A foot rests while it is slow and low. It keeps its rotation of the rotation copy, and its sole meets the floor as the
+source's does:
 
     toe = scale source toe + mean over the rest (scale source foot - copied foot), along the floor
         + (how far the copied sole is below the toe - scale the source's) up
     ankle = toe + copied foot
 
-So the sole is as high as the source's, scaled; the ankle is, on average over each rest, where the source's is along
-the floor; and the foot does not slide against the source's toe.
+So the sole has the source's height, scaled; the ankle has, on average over each rest, the source's place along the
+floor; and the foot does not skate relative to the source's toe.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from distretarget.objectives.supports import BLEND, RESTS, Supports, no_supports
 
 Array = NDArray[np.float64]
 
-ROLL = 0.05  # the height by which heel and toe differ while the sole rolls from one to the other [leg lengths]
+ROLL = 0.05  # height over which the lowest point of the sole rolls from heel to toe [leg lengths]
 
 
 def find_foot_lock(clip: Clip) -> Supports:
@@ -46,7 +47,7 @@ def find_foot_lock(clip: Clip) -> Supports:
     blend = partial(widened, frames=BLEND / clip.frame_time)
 
     def foot(pair: LegPair) -> tuple[Array, list[Array]]:
-        """How much ankle and toe rest, (frames, 2), and where they belong."""
+        """The weights of ankle and toe, (frames, 2), and their places."""
         rests = feet_at_rest(clip.source, pair.source, clip.up, length, shots=clip.shots)
         weights = by_shot(blend, clip.shots, rests.astype(np.float64))
         source = _Foot.of(clip.source, pair.source, pair.source_sole, clip.up, rounding)
@@ -68,8 +69,9 @@ def find_foot_lock(clip: Clip) -> Supports:
 
 
 def hips_rise(clip: Clip, feet: Supports) -> Array:
-    """Return how much higher the hips belong than the source's, scaled, because the ankles do, (frames,) [target file
-    units]: the median over the frames of a shot in which an ankle rests, or without any what the soles show.
+    """Return how far to raise the hips above the source's height, scaled, because the target's ankles are higher,
+    (frames,) [target file units]: the median over the resting frames of a shot, or the difference of the soles' ankle
+    heights in a shot without any.
     """
     if not clip.legs:
         return np.zeros(len(clip))
@@ -92,8 +94,8 @@ class _Foot:
     Attributes:
         toe: (frames, 3), its places [file units].
         bone: (frames, 3), from toe to ankle [file units].
-        below: (frames,), how far the lowest point of the sole is below the toe, as of a sole that rolls smoothly from
-            heel to toe [file units].
+        below: (frames,), how far the lowest point of the sole is below the toe; it rolls smoothly from heel to toe
+            [file units].
     """
 
     toe: Array
@@ -114,7 +116,7 @@ class _Foot:
 
 
 def _places(source: _Foot, copy: _Foot, scale: RootScale, up: Array, weights: Array, shots: Shots) -> list[Array]:
-    """Where ankle and toe belong, (frames, 3) each [target file units]; `weights`, (frames,), are 1 at rest."""
+    """The places of ankle and toe, (frames, 3) each [target file units]; `weights`, (frames,), are 1 at rest."""
     longer = level(scale.height * source.bone - copy.bone, up)
     toe = scale.places(source.toe, up) + by_shot(over_runs, shots, longer, weights)
     toe += (copy.below - scale.height * source.below)[:, None] * up

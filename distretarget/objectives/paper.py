@@ -1,8 +1,8 @@
-"""The paper's objective, Eq. (2): solved for free points, then over the rotations of exact bones.
+"""The paper's objective, Eq. (2): solved for free points, then over the rotations of rigid bones.
 
-Free points start from the rotation copy in every frame. A start from the frame before takes fewer iterations, but over
-a clip it drifts to mirrored postures, whose stress is the same. The rotation copy is never mirrored, and makes each
-frame independent of the others.
+The points of every frame start from the rotation copy. A warm start from the previous frame takes fewer iterations, but
+drifts over a clip to mirrored postures, which have the same stress. The rotation copy is never mirrored, and keeps
+frames independent of each other.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ POINT_ITERATIONS = 2000  # at most, per frame
 FLAT = 1e-6  # [body sizes] a posture thinner than this counts as planar ...
 NUDGE = 1e-4  # [body sizes] ... and starts this far off its plane
 
-PART_STIFFNESS = 1e-4  # keeps what the stress does not see (twist, the turn of the whole body) near the rotation copy
-ROOT_STIFFNESS = 1.0  # keeps the root on its path, which the stress does not see either
-POSE_TOLERANCE = 1e-5  # a frame is solved when the search direction, in the metric of the curvature, is shorter
+PART_STIFFNESS = 1e-4  # keeps twist and heading, which the stress does not determine, near the rotation copy
+ROOT_STIFFNESS = 1.0  # keeps the root on its path, which the stress does not determine either
+POSE_TOLERANCE = 1e-5  # a frame is solved when the search direction is shorter, in the metric of the curvature
 
 
 @dataclass(frozen=True, eq=False)
 class Postures:
-    """The solved points of every frame, and how well each frame is solved.
+    """The solved points of every frame, with their stress and the solver's effort.
 
     Attributes:
-        positions: (frames, points, 3), turned to the rotation copy and with its centroid [target file units].
+        positions: (frames, points, 3), aligned to the rotation copy by rotation and centroid [target file units].
         stress: (frames,), sigma [body sizes squared].
-        effort: what the solver took.
+        effort: iterations, evaluations and reason to stop.
     """
 
     positions: Array
@@ -55,16 +55,16 @@ class Postures:
 
 
 def solve_paper(clip: Clip, progress: Progress = ignore_progress) -> tuple[Poses, Postures]:
-    """Minimise Eq. (2) in every frame of a clip: over free points, and from these over the rotations of exact bones.
+    """Minimise Eq. (2) in every frame of a clip: over free points, and then over the rotations of rigid bones.
 
-    `progress` is called with numbers of frames whose rotations are solved.
+    `progress` is called with the number of frames solved since the last call.
     """
     postures = solve_postures(clip.distances, clip.source.positions, clip.copy.positions)
     return solve_poses(clip, _fitted_poses(clip, postures), progress), postures
 
 
 def _fitted_poses(clip: Clip, postures: Postures) -> Array:
-    """(frames, parts + 1, 3), the poses that turn the copy's bones to the solved points; the root stays."""
+    """(frames, parts + 1, 3), the poses that turn the rotation copy's bones towards the solved points."""
     copy, points = clip.copy, np.array(clip.copy.positions)
     points[:, clip.distances.targets] = postures.positions
     fitted = fit_rotations(copy, points, clip.distances.targets, clip.roots)
@@ -108,8 +108,8 @@ def solve_postures(
     """Minimise Eq. (2) in every frame.
 
     `source`, (frames, source joints, 3), and `copy`, (frames, target joints, 3), are the positions of the source and of
-    its rotation copy on the target [file units]; each frame starts from the copy. `progress` is called with numbers of
-    solved frames.
+    its rotation copy on the target [file units]. `progress` is called with the number of frames solved since the last
+    call.
     """
     points = copy[:, problem.targets]
     centroids = points.mean(axis=1, keepdims=True)
@@ -132,8 +132,8 @@ def solve_postures(
 def off_plane(x: Array) -> Array:
     """Postures, (frames, 3, points), with those that lie in a plane or on a line moved off it.
 
-    The gradient of a planar posture lies in its plane, so that a solver never leaves it. The points move by at most
-    `NUDGE` across the plane, some to one side and some to the other; off a line they move along both directions across.
+    The gradient of a planar posture lies in its plane, so a solver would never leave it. The points move by at most
+    `NUDGE` perpendicular to the plane, to either side; points on a line move in both perpendicular directions.
     """
     x = np.array(x)
     axes, extents, _ = np.linalg.svd(x - x.mean(axis=2, keepdims=True), full_matrices=True)
@@ -144,9 +144,8 @@ def off_plane(x: Array) -> Array:
 
 
 def aligned(x: Array, onto: Array) -> Array:
-    """Postures (frames, points, 3) turned about their centroids, by proper rotations, as near as possible to `onto`.
-
-    The centroids of the result are at the origin.
+    """Postures (frames, points, 3) with centroids at the origin, rotated by Kabsch's method, without reflection, onto
+    `onto`.
     """
     x = x - x.mean(axis=1, keepdims=True)
     return np.asarray(Rotation.from_quat(best_rotation(x, onto)[:, None]).apply(x))
@@ -159,8 +158,8 @@ class Terms(NamedTuple):
         points: (points,), the joint at each point.
         delta, pi: (points, points), target distances [body sizes] and priorities.
         x, gradient: (3, points), scratch.
-        priorities: (springs,), pi of each pair that counts.
-        springs: one for each of these, scratch for the curvature.
+        priorities: (springs,), pi of each pair whose pi is not 0.
+        springs: one for each of these pairs, scratch for the curvature.
     """
 
     points: NDArray[np.intp]
@@ -177,9 +176,9 @@ class Given(NamedTuple):
 
     Attributes:
         source: (frames, 3, points), the source's points [source file units].
-        guess: (frames, parts + 1, 3), a pose to start each frame from.
+        guess: (frames, parts + 1, 3), the start pose of each frame.
         ratio: (points, points), tau2 / tau1 [body sizes / source file unit].
-        terms: of a frame, scratch.
+        terms: those of one frame, scratch.
     """
 
     source: Array
@@ -189,10 +188,10 @@ class Given(NamedTuple):
 
 
 def solve_poses(clip: Clip, guess: Array, progress: Progress = ignore_progress) -> Poses:
-    """Minimise Eq. (2) over the rotations in every frame of a clip; lengths are in body sizes.
+    """Minimise Eq. (2) over the rotations in every frame of a clip.
 
-    `guess`, (frames, parts + 1, 3), has a pose for each frame, to start from where it is better than the poses before.
-    `progress` is called with numbers of solved frames.
+    `guess`, (frames, parts + 1, 3), is the start pose of a frame unless the previous frames give a better one.
+    `progress` is called with the number of frames solved since the last call.
     """
     distances, unit = clip.distances, clip.distances.body_size
     parts = int(clip.parts.max()) + 1
@@ -235,7 +234,7 @@ def _stress(scratch: Scratch, terms: Terms) -> float:
 
 @inlined(fastmath=True)
 def _pair_springs(scratch: Scratch, terms: Terms) -> tuple[Springs, int]:
-    """A spring along each pair, as stiff as its priority."""
+    """A spring along each pair, with its priority as stiffness."""
     springs = terms.springs
     for s in range(len(springs.a)):
         a, b = scratch.x[springs.a[s]], scratch.x[springs.b[s]]

@@ -1,12 +1,12 @@
-"""Joints other than the feet's that rest on the world, their places, and where the root belongs meanwhile.
+"""Hands, knees, hips and other joints that rest on the world: when, where, and how the root moves to let them.
 
-A joint rests on the floor while it is slow, and about as low as the lowest joint of the body; a joint of trunk or head
-also somewhat higher, if the body lies or sits on it. There it is as high as the source's, scaled. A joint that stands
-still while its limb moves, such as a hand on a rail, rests too, as high as in the rotation copy on average.
+A joint rests on the floor while it is slow and about as low as the body's lowest joint; a joint of trunk or head may be
+somewhat higher if the body lies or sits on it. It then has the source's height, scaled. A joint that stands still while
+its limb moves, such as a hand on a rail, rests too, at its mean height in the rotation copy.
 
-Along the floor a joint keeps, over each time it rests, the place of the source's, scaled, plus the mean of what the
-copy is off that: so it does not slide, and nothing draws the body to where its proportions cannot follow. Where a
-region farther out in its limb rests as well, as the foot does in a kneel, the joint is as far from that as in the copy.
+Along the floor, a joint keeps the source's path, scaled, during each rest, shifted by the mean difference to the
+rotation copy: it does not slide, and the body is not pulled to where its proportions cannot follow. If a region farther
+out in the limb rests too, such as the foot in a kneel, the joint keeps its distance from that of the rotation copy.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ Joints = NDArray[np.intp]
 Environment = Literal["body", "scaled"]
 
 LITTLE = 1e-6  # weight of frames that hardly count
-INSIDE = 0.25  # a joint inside flesh that rests on the floor is no higher than this [leg lengths]
-APPROACH_SPEED = 0.5  # a joint whose place is far from the copy's goes there at about this speed [leg lengths/s] ...
+INSIDE = 0.25  # a joint of trunk or head that the body lies on is no higher than this [leg lengths]
+APPROACH_SPEED = 0.5  # a joint moves from the rotation copy to a distant place at about this speed [leg lengths/s] ...
 LONGEST_BLEND = 0.6  # ... but takes no longer than twice this time [s]
 
-SEAT = 10.0  # weight of a region of the trunk that rests, which turns of the joints do not bring to its place
+SEAT = 10.0  # weight of a resting region of the trunk, which only the root can move to its place
 ROOT_BLEND = 0.2  # the root takes about twice this time from one shift to the next [s]
-UNKNOWN = 1e-3  # weight of the nearest known shift in frames in which nothing rests; a region that rests has 1
+UNKNOWN = 1e-3  # weight of the nearest known shift in frames in which nothing rests; a resting region has weight 1
 FEWEST = 5  # frames that a smoothing spline needs
 
 
@@ -48,10 +48,10 @@ class RestingJoints:
 
     Attributes:
         joints: (joints,), of the target.
-        regions: (joints,), the region of the body that each belongs to.
-        in_trunk: (joints,), whether each is a joint of the trunk.
+        regions: (joints,), the body region of each.
+        in_trunk: (joints,), whether each belongs to the trunk.
         rests: (frames, joints), whether each rests.
-        places: (frames, joints, 3), where each belongs [target file units].
+        places: (frames, joints, 3), the place of each while it rests [target file units].
     """
 
     joints: Joints
@@ -64,8 +64,8 @@ class RestingJoints:
 def find_resting_joints(clip: Clip, feet: Supports, environment: Environment) -> RestingJoints | None:
     """Return the joints other than those of `feet` that rest on the floor or on something that stands still, if any.
 
-    In an `environment` that is "scaled", a joint that rests on something else than the floor has the place of the
-    source's, scaled.
+    If the `environment` is "scaled", a joint that rests on something other than the floor has the source's place,
+    scaled.
     """
     if not clip.legs:
         return None
@@ -78,7 +78,7 @@ def find_resting_joints(clip: Clip, feet: Supports, environment: Environment) ->
     still = still_joints(source, sources, _limb_bases(clip), speeds, length, clip.shots)
     if still.any():
         still &= ~_stand_on_others(clip, on_floor | still, feet)
-    rests = median_of_three(on_floor | still)  # a single frame unlike both its neighbours is a fault
+    rests = median_of_three(on_floor | still)  # ignores a single faulty frame
     on = np.flatnonzero(rests.any(axis=0))
     if not len(on):
         return None
@@ -90,8 +90,8 @@ def find_resting_joints(clip: Clip, feet: Supports, environment: Environment) ->
 
 
 def with_resting_joints(clip: Clip, feet: Supports, resting: RestingJoints) -> Supports:
-    """Return feet and other resting joints, each of which goes to its place over a time that grows with how far that is
-    from the rotation copy whose root keeps to its path.
+    """Return the supports of feet and other resting joints. A joint blends to its place over a time that grows with the
+    distance of that from the rotation copy on the root's path.
     """
     blend = partial(_blended, frame_time=clip.frame_time)
     far = lengths(resting.places - clip.copy_on_path(resting.joints)) / (0.5 * clip.unit)
@@ -106,12 +106,11 @@ def with_resting_joints(clip: Clip, feet: Supports, resting: RestingJoints) -> S
 
 
 def root_shift(clip: Clip, feet: Supports, resting: RestingJoints) -> Array:
-    """Return how far the root belongs from its path, (frames, 3) [target file units].
+    """Return the displacement of the root from its path, (frames, 3) [target file units].
 
-    The path is that of the source's hips, times the ratio of leg lengths, which suits a body on its feet. On its hands
-    a body moves as arms and trunk are long. So the root is displaced by the mean of how far the resting regions of the
-    body are from their places in the copy; feet at rest count as in place. A smoothing spline leads from one shift to
-    the next.
+    The path is that of the source's hips times the ratio of leg lengths, which suits a body on its feet; a body on its
+    hands moves by the lengths of its arms and trunk. So the root moves by the mean offset of the resting regions from
+    their places in the rotation copy, where resting feet count as zero. A smoothing spline connects the shifts.
     """
     off = resting.places - clip.copy_on_path(resting.joints)
     sums, count = np.zeros((len(clip), 3)), np.zeros(len(clip))
@@ -127,7 +126,7 @@ def root_shift(clip: Clip, feet: Supports, resting: RestingJoints) -> Array:
 
 
 def _limb_bases(clip: Clip) -> Joints:
-    """(joints,), for each of `clip.limb_joints` the source joint where its limb begins; its own in the trunk."""
+    """(joints,), for each of `clip.limb_joints` the source joint where its limb begins; in the trunk its own driver."""
     of_joint, skeleton, drivers = clip.regions.of_joint, clip.skeleton, clip.drivers
     trunk = [number for number, name in enumerate(clip.regions.names) if name in TRUNK_REGIONS]
     bases = []
@@ -138,8 +137,8 @@ def _limb_bases(clip: Clip) -> Joints:
 
 
 def _lie_on_flesh(clip: Clip, near_floor: Flags) -> Flags:
-    """(frames, joints), whether the body lies or sits on each: it is near the floor, inside flesh, in trunk or head,
-    and lower than its neighbours in the tree.
+    """(frames, joints), whether the body lies or sits on each joint: the joint belongs to trunk or head, is near the
+    floor, and is lower than its neighbours in the tree.
     """
     skeleton, sources = clip.source_skeleton, clip.drivers[clip.limb_joints]
     names = np.array(clip.regions.names)[clip.regions.of_joint[clip.limb_joints]]
@@ -155,8 +154,8 @@ def _lie_on_flesh(clip: Clip, near_floor: Flags) -> Flags:
 
 
 def _stand_on_others(clip: Clip, rests: Flags, feet: Supports) -> Flags:
-    """(frames, joints), whether another region of the same limb rests farther out: a knee over a foot keeps its place
-    without a touch.
+    """(frames, joints), whether another region rests farther out in the same limb: a knee above a resting foot is still
+    without touching anything.
     """
     resting = np.zeros((len(rests), len(clip.skeleton)), bool)
     resting[:, clip.limb_joints] = rests
@@ -176,7 +175,7 @@ def _farther_out(clip: Clip, joint: int) -> list[int]:
 def _resting_places(
     clip: Clip, feet: Supports, targets: Joints, on_floor: Flags, rests: Flags, environment: Environment
 ) -> Array:
-    """(frames, joints, 3), where resting joints belong [target file units]."""
+    """(frames, joints, 3), the places of resting joints [target file units]."""
     places = clip.scale.places(clip.source.positions[:, clip.drivers[targets]], clip.up)
     shifts = feet.places - clip.copy_on_path(feet.joints)
     held = {int(j): (feet.weights[:, k] >= RESTS, shifts[:, k]) for k, j in enumerate(feet.joints)}
@@ -192,8 +191,8 @@ def _resting_places(
 
 
 def _carried(held: list[tuple[Flags, Array]], frames: int) -> tuple[Flags, Array]:
-    """Whether any of some joints rests, (frames,), and the mean shift of those that do from the copy to their places,
-    (frames, 3); each is given by whether it rests, (frames,), and its shift, (frames, 3).
+    """Whether any of the joints rests, (frames,), and the mean shift of the resting ones, (frames, 3). Each joint is
+    given by whether it rests, (frames,), and its shift from the rotation copy to its place, (frames, 3).
     """
     count, total = np.zeros(frames), np.zeros((frames, 3))
     for rests, shift in held:
@@ -203,9 +202,9 @@ def _carried(held: list[tuple[Flags, Array]], frames: int) -> tuple[Flags, Array
 
 
 def _offsets(off: Array, rests: Flags, on_floor: Flags, carried: Flags, up: Array, environment: Environment) -> Array:
-    """(frames, 3), the mean of `off`, (frames, 3), over each run of frames in which the joint rests; only over those in
-    which it is `carried` by others, if there are any. It has no height in a run in which the joint rests on the floor,
-    and is zero in the others if the environment is scaled.
+    """(frames, 3), the mean of `off`, (frames, 3), over each rest of the joint, taken over the frames in which it is
+    `carried` by others if there are any. The mean is level in a rest on the floor; in any other rest it is zero if the
+    environment is scaled.
     """
     runs = runs_of(rests)
     with_floor = np.isin(runs, np.unique(runs[on_floor]))[:, None]
@@ -215,14 +214,14 @@ def _offsets(off: Array, rests: Flags, on_floor: Flags, carried: Flags, up: Arra
 
 
 def _blended(rests: Flags, far: Array, frame_time: float) -> Array:
-    """(frames,), 1 while a joint rests, blended to 0 over a time that grows with how far its place is, `far`, (frames,)
-    [leg lengths].
+    """(frames,), 1 while a joint rests, blended to 0 over a time that grows with the distance `far`, (frames,), of its
+    place [leg lengths].
     """
     free = np.ones(len(rests))
     edges = np.flatnonzero(np.diff(np.concatenate([[False], rests, [False]])))
     for first, end in edges.reshape(-1, 2):
         frames = np.clip(far[first:end].mean() / APPROACH_SPEED, BLEND, LONGEST_BLEND) / frame_time
-        around = 2 * round(frames) + 1  # how far `widened` reaches beyond the run
+        around = 2 * round(frames) + 1  # frames that `widened` reaches beyond the rest
         near = slice(max(first - around, 0), end + around)
         rest = np.zeros((len(free[near]), 1))
         rest[first - near.start : end - near.start] = 1.0
@@ -231,7 +230,7 @@ def _blended(rests: Flags, far: Array, frame_time: float) -> Array:
 
 
 def _smooth(values: Array, weights: Array, frame_time: float) -> Array:
-    """(frames, 3), a smooth curve through the values, (frames, 3), by their weights, (frames,)."""
+    """(frames, 3), a smoothing spline through the values, (frames, 3), with weights, (frames,)."""
     known = np.flatnonzero(weights)
     if not len(known) or not values[known].any():
         return np.zeros_like(values)
@@ -242,5 +241,5 @@ def _smooth(values: Array, weights: Array, frame_time: float) -> Array:
     # Imported here: scipy.interpolate is slow to import, and most clips rest on nothing but feet.
     from scipy.interpolate import make_smoothing_spline
 
-    stiffness = (ROOT_BLEND / frame_time) ** 4  # of a spline that bends over `ROOT_BLEND` where the weights are 1
+    stiffness = (ROOT_BLEND / frame_time) ** 4  # so that the spline bends over `ROOT_BLEND` where the weights are 1
     return np.asarray(make_smoothing_spline(frames, filled, np.maximum(weights, UNKNOWN), stiffness)(frames))

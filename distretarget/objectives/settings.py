@@ -1,4 +1,4 @@
-"""The settings of the contact objective that a person may want to change; all others are constants beside a formula."""
+"""The settings of the contact objective that an animator may want to change; all others are constants."""
 
 from __future__ import annotations
 
@@ -10,16 +10,14 @@ from distretarget.errors import SettingsError
 
 @dataclass(frozen=True, kw_only=True)
 class ContactSettings:
-    """How self-contacts and feet are kept; the default values serve every clip and body.
+    """How strongly self-contacts and foot lock act; the defaults suit every clip and body.
 
     Attributes:
-        strength: [-] how strongly contacts are kept against the source's rotations; 2 is twice as stiff.
-        reach: [-] up to this normalised distance D, Eq. (1), two joints are a contact. It fades out over the next 0.05:
-            a larger reach keeps more contacts and changes the motion more.
-        blend: [s] a contact sets in during twice this time, and fades during twice this time after it; longer is
-            smoother.
-        foot_lock: [-] how strongly feet and other resting joints are held in their places, 1 as a rule; 0 leaves them
-            free.
+        strength: [-] stiffness of contacts against the source's rotations; 2 is twice as stiff.
+        reach: [-] two joints are in contact up to this normalised distance D, Eq. (1), and fade out over the next 0.05.
+            A larger reach keeps more contacts and changes the motion more.
+        blend: [s] a contact blends in over twice this time, and out over twice this time; longer is smoother.
+        foot_lock: [-] how strongly feet and other resting joints are held in place; 1 is usual, 0 leaves them free.
 
     Raises:
         SettingsError: a value is no finite number, or less than 0.

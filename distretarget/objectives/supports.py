@@ -1,11 +1,10 @@
-"""Supports: joints that rest on the world, and the springs that hold them in their places.
+"""Supports: joints that rest on the world, and the springs that hold them in place.
 
     1/2 sum over supports   r^T A r,    r = x - place,    A = (m (1 - s) / s M + n I / k)^-1
 
-A joint of weight s goes the share s of the way from the rotation copy to its place, whatever the stiffness k of the
-place: M is the compliance of the body at the joint. Of the joints of one region that rest together, such as the fingers
-of a hand, each gets a share of one joint's stiffness: m is their number (n for the joints of feet), and n is half of
-it, but at least 1. Compiled.
+A joint of weight s moves the share s of the way from the rotation copy to its place, for any stiffness k, because M is
+the compliance of the body at the joint. The m joints of a region that rest at the same time, such as a hand's fingers,
+share the stiffness: n = max(m / 2, 1), and each gets 1/n of one joint's. (For feet, m is replaced by n.)
 """
 
 from __future__ import annotations
@@ -23,25 +22,25 @@ from distretarget.objectives.floor import Floor, no_floor
 
 Array = NDArray[np.float64]
 
-STIFFNESS = 5000.0  # k, which comes before everything else
-RESTS = 0.99  # weight from which a joint rests
+STIFFNESS = 5000.0  # k, far above all other stiffnesses
+RESTS = 0.99  # a joint of this weight or more rests
 LEAST_WEIGHT = 1e-6  # a joint of less weight is free
-FIRM = 2  # so many joints of a region are held with full stiffness; more share it
-BLEND = 0.16  # a joint goes to its place over twice this time before it rests, and leaves it over twice this time [s]
+FIRM = 2  # up to this many joints of a region get the full stiffness; more share it
+BLEND = 0.16  # a joint blends to its place over twice this time before it rests, and away over twice this time [s]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Supports:
-    """Joints that rest on the world in some frames, and where they belong. Foot joints come first.
+    """Joints that rest on the world in some frames, and their places. Foot joints come first. Slicing selects frames.
 
     Attributes:
         joints: (supports,), joints of the target.
-        regions: (supports,), the region of the body that each belongs to.
-        feet: how many of them are foot joints: ankle and toe of one leg, then those of the other.
+        regions: (supports,), the body region of each.
+        feet: the number of foot joints: ankle and toe of one leg, then those of the other.
         weights: (frames, supports), 1 while the source's joint rests, blended to 0.
-        places: (frames, supports, 3), where the target's joint belongs [target file units].
-        floor: how low other joints may be [body units].
-        scene_springs: springs that draw joints to other performers and to props [body units].
+        places: (frames, supports, 3), where the target's joint rests [target file units].
+        floor: the heights that other joints stay above [body units].
+        scene_springs: springs to other performers and to props [body units].
     """
 
     joints: NDArray[np.intp]
@@ -74,10 +73,10 @@ def no_supports(frames: int) -> Supports:
 
 
 def support_springs(supports: Supports, body: Articulation, bones: Array, unit: float, stiffness: float) -> Springs:
-    """Return the springs of resting joints; their arrays have the frames in front.
+    """Return the springs of resting joints, with the frames as first axis of their arrays.
 
-    `bones`, (frames, joints, 3), are those of the copy, `unit` is the body unit [file units], and `stiffness` is k; 0
-    leaves the joints free.
+    `bones`, (frames, joints, 3), are the rotation copy's [body units], `unit` is the body unit [file units], and
+    `stiffness` is k; 0 leaves the joints free.
     """
     weights, joints, regions, feet = supports.weights, supports.joints, supports.regions, supports.feet
     A = np.zeros((*weights.shape, 3, 3))
@@ -89,7 +88,7 @@ def support_springs(supports: Supports, body: Articulation, bones: Array, unit: 
 
 @compiled()
 def _write_springs(weights, joints, regions, feet, body, bones, stiffness, A, scratch):  # type: ignore[no-untyped-def]
-    """Write A, (frames, joints, 3, 3); the joints of the feet come first. Lever arms and compliance are `scratch`."""
+    """Write A, (frames, joints, 3, 3); foot joints come first. `scratch` holds lever arms and compliance."""
     arms, M = scratch
     for frame in range(len(weights)):
         for support in range(len(joints)):
@@ -113,7 +112,7 @@ def _write_springs(weights, joints, regions, feet, body, bones, stiffness, A, sc
 
 @inlined()
 def _resting_in_region(weights: Array, regions: NDArray[np.intp], support: int) -> int:
-    """How many joints of the same region rest in a frame, this one included."""
+    """The number of joints of the same region that rest in a frame, this one included."""
     count = 0
     for other in range(len(weights)):
         count += regions[other] == regions[support] and weights[other] > LEAST_WEIGHT
@@ -122,7 +121,7 @@ def _resting_in_region(weights: Array, regions: NDArray[np.intp], support: int) 
 
 @inlined()
 def write_compliance(body: Articulation, bones: Array, joint: int, arms: Array, M: Array) -> None:
-    """Write M, (3, 3): how far a joint moves under a force, held by the stiffness of the parts and of the root alone.
+    """Write the compliance M, (3, 3): displacement of a joint per force, against the stiffness of parts and root alone.
 
     A part of stiffness h, with the lever arm a on the joint, adds [a]^T [a] / h = (|a|^2 I - a a^T) / h. `bones`,
     (joints, 3), are the frame's; `arms`, (parts + 1, 3), is scratch.

@@ -1,4 +1,4 @@
-"""How to retarget a clip: the choices that a person makes, checked in one place."""
+"""The options of retargeting, checked in one place."""
 
 from __future__ import annotations
 
@@ -30,22 +30,25 @@ class Options:
     """How to retarget a clip.
 
     Attributes:
-        objective: "contact" keeps what is near near and the rest as it was; "paper" minimises Eq. (2) of
-            Mucherino, Goncalves, Bernardin, Hoyet, Multon, "A Distance-Based Approach for Human Posture Simulations",
-            FedCSIS 2017.
-        supports: what stays where it belongs while it rests on the world: "hold", feet (foot lock) and all other
-            joints; "feet", foot lock alone; "free", nothing. The paper's objective has no such term.
-        environment: where rails, walls, rungs and all else that stands still belongs, apart from the floor: "body",
-            where the target's limbs meet it on average; "scaled", where it is in the source, scaled as the root's path.
+        objective: "contact" keeps self-contacts, supports and otherwise the source's rotations; "paper" minimises
+            Eq. (2) of Mucherino, Goncalves, Bernardin, Hoyet, Multon, "A Distance-Based Approach for Human Posture
+            Simulations", FedCSIS 2017.
+        supports: which joints are held in place while they rest on the world: "hold", feet (foot lock) and all others;
+            "feet", foot lock alone; "free", none. The paper's objective has no such term.
+        environment: where rails, walls, rungs and other still objects are in the target's world, apart from the floor:
+            "body", where the target's limbs meet them on average; "scaled", where they are in the source, scaled like
+            the root's path.
         root_scale: target units per source unit of the root's path; the ratio of leg lengths if not given.
-        source_up: the axis that points up in the source's file ("Y", "-Z", ...); found if not given (`world`).
-        target_up: that of the target's file.
-        root_offset: whether position channels of the source's root replace its OFFSET or are added; found if not given.
-        root_follows: what a root on the floor of the target follows: "pelvis", on the floor; "source", the source's own
-            root; or "nothing", it stays at the origin. Found if not given (`engine_root`); no effect on other targets.
+        source_up: the up axis of the source's file ("Y", "-Z", ...); detected if not given (`world`).
+        target_up: the up axis of the target's file.
+        root_offset: whether position channels of the source's root replace its OFFSET or add to it; detected if not
+            given.
+        root_follows: what a root on the floor of the target follows: "pelvis", projected onto the floor; "source", the
+            source's own root; or "nothing", it stays at the origin. Detected if not given (`engine_root`); no effect on
+            other targets.
 
     Raises:
-        SettingsError: one is none of its choices, or of another kind.
+        SettingsError: a value is not one of the choices, or has the wrong type.
     """
 
     objective: Objective = "contact"

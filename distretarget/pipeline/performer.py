@@ -1,4 +1,4 @@
-"""A performer: a source on its way to its target, from the match of the two to a result of the solved poses."""
+"""Performer: one source and its target, from the match of the two to the result of the solved poses."""
 
 from __future__ import annotations
 
@@ -36,15 +36,15 @@ class Match:
     """A source matched to its target.
 
     Attributes:
-        world: how the source's world is taken into the target's.
-        matching: which joint drives which.
+        world: from the source's world to the target's.
+        matching: which source joint drives which target joint.
     """
 
     world: World
     matching: Matching
 
     def performer(self, scale: RootScale, options: Options = DEFAULT_OPTIONS) -> Performer:
-        """Return the performer at a scale, with nothing that rests.
+        """Return the performer at a scale, without supports.
 
         Raises:
             MotionError: the root is to follow the source's root, and the source has none on the floor.
@@ -60,7 +60,7 @@ def match_performer(
     options: Options = DEFAULT_OPTIONS,
     joint_map: JointMap | None = None,
 ) -> Match:
-    """Match a source to its target; arguments and errors are those of `retarget`."""
+    """Match a source to its target, with the parameters and errors of `retarget`."""
     goal = _target_for(source, target)
     _check(source, goal.skeleton)
     of_source = Body.of_motion(source)
@@ -73,13 +73,13 @@ def match_performer(
 
 @dataclass(frozen=True, eq=False)
 class Performer:
-    """What the solvers need to know of a source and its target, and what makes a result of their poses.
+    """A matched source and target with everything that the solvers need, and that turns their poses into a result.
 
     Attributes:
         match: source and target.
-        engine_root: what a root on the floor follows.
-        clip: the clip as solvers take it.
-        supports: what rests.
+        engine_root: the target's root on the floor, if it has one.
+        clip: the clip as the solvers take it.
+        supports: the joints that rest on the world.
         settings: of the contact objective.
     """
 
@@ -90,7 +90,7 @@ class Performer:
     settings: ContactSettings
 
     def with_supports(self, options: Options, settings: ContactSettings) -> Performer:
-        """Return the performer with what rests in the source, and the root where that asks for it."""
+        """Return the performer with the supports found in the source, and with its root moved to suit them."""
         feet = find_foot_lock(self.clip)
         clip = self.clip.raised(np.outer(hips_rise(self.clip, feet), self.clip.up))
         supports = feet
@@ -104,14 +104,14 @@ class Performer:
         return replace(self, clip=clip, supports=supports, settings=settings)
 
     def posed(self, poses: Poses) -> Motion:
-        """Return the motion of the poses, with what is placed last still in place of the rotation copy."""
+        """Return the motion of the poses, before the root on the floor is placed."""
         return posed_motion(self.clip.copy, poses.v, self.clip.parts, self.clip.root + poses.v[:, -1])
 
     def result(self, poses: Poses, postures: Postures | None = None) -> RetargetResult:
-        """Return the result of the poses, and of the paper's solved points where there are any.
+        """Return the result of the poses, with the paper's solved points where there are any.
 
         Raises:
-            MotionError: a frame of the result is wrong, and which.
+            MotionError: a frame of the result is wrong; the message names joint and frame.
         """
         posed = self._as_channels_allow(self.posed(poses))
         motion, copy = self.engine_root.placed(posed), self.engine_root.placed(self.clip.copy)
@@ -131,7 +131,7 @@ class Performer:
         )
 
     def _as_channels_allow(self, posed: Motion) -> Motion:
-        """The motion itself, or where joints have fewer than three rotation channels, as near to it as these allow."""
+        """The motion, or the closest one that joints with fewer than three rotation channels can write."""
         joints = range(len(posed.skeleton))
         if not any(_lacks_channels(posed, joint) for joint in joints):
             return posed
@@ -141,12 +141,12 @@ class Performer:
 
 @lru_cache(maxsize=1)
 def _body_at_rest(skeleton: Skeleton) -> Body:
-    """The body of a target, which stays the same for all clips that are retargeted to it one after the other."""
+    """The body of a target, cached for a batch of clips with the same target."""
     return Body.of(skeleton)
 
 
 def _target_for(source: Motion, target: Motion | Skeleton | Target | SkeletonEdit) -> Target:
-    """The target with all that is known of it."""
+    """The target, whatever form it was given in."""
     match target:
         case Motion():
             return Target(target.rigid_skeleton, {}, "", target)
@@ -167,7 +167,7 @@ def _check(source: Motion, target: Skeleton) -> None:
 
 
 def _lacks_channels(motion: Motion, joint: int) -> bool:
-    """Whether a joint may turn in a way that its channels cannot say: it has one or two, or none and carries a bone."""
+    """Whether a joint may need rotations that its channels, two or fewer, cannot write."""
     axes = motion.skeleton.rotation_axes(joint)
     if axes or not motion.skeleton.children[joint]:
         return 0 < len(axes) < 3

@@ -1,4 +1,4 @@
-"""The result of a retargeting: the motion, how it came about, how good it is, and what needs a look."""
+"""The result of retargeting: the motion, its figures of quality, and warnings."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ REACH = 0.005  # a resting joint farther than this from its place is worth a war
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RetargetResult:
-    """A retargeted motion, and how it came about.
+    """A retargeted motion, with its source, baseline, matching and solver effort.
 
     Attributes:
         source: the source's motion, in the target's world.
@@ -38,10 +38,10 @@ class RetargetResult:
         matching: which source joint drives which target joint, and the two bodies.
         world: the axes, and the root's OFFSET.
         root_scale: target units per source unit of the root's path.
-        effort: what the solver spent on each frame.
-        supports: the joints that rest on the world and where they belong; none where all are free, as with the paper's
+        effort: the solver's effort on each frame.
+        supports: the joints that rest on the world, and their places; empty where all are free, as with the paper's
             objective.
-        postures: the paper's solved points; None for the contact objective, which needs none.
+        postures: the paper's solved points; None for the contact objective.
         distances: the points that source and target share, with their path lengths.
     """
 
@@ -84,7 +84,7 @@ class RetargetResult:
 
     @property
     def _relative(self) -> float:
-        """What turns stress in body sizes squared into stress in heights of the target squared."""
+        """The factor from stress in body sizes squared to stress in target heights squared."""
         return (self.distances.body_size / self.matching.target.height) ** 2
 
     @property
@@ -94,13 +94,13 @@ class RetargetResult:
 
     @cached_property
     def _comparisons(self) -> tuple[Comparison, Comparison]:
-        """The result, and the rotation copy, measured against the source: both against what is measured of it once."""
+        """Result and rotation copy measured against the source, which is itself measured once."""
         reference = Reference(self.source, self.matching, self.world.up_vector)
         return reference.compare(self.motion), reference.compare(self.rotation_copy)
 
     @cached_property
     def tracks(self) -> dict[Variant, Tracks]:
-        """What the figures of source, rotation copy and result are taken from, frame by frame."""
+        """The values per frame from which the figures of source, rotation copy and result are made."""
         comparison, baseline = self._comparisons
         return {
             "source": comparison.source_tracks,
@@ -110,7 +110,7 @@ class RetargetResult:
 
     @cached_property
     def run_tracks(self) -> Tracks:
-        """What is known of the result because it was made here: its snaps, and the frames that did not converge."""
+        """The values per frame that only a run knows: snaps against the rotation copy, and unconverged frames."""
         unsolved = np.zeros(len(self.motion))
         unsolved[self.effort.unsolved] = 1.0
         snaps = find_snaps(self.rotation_copy, self.motion, self.matching.target)
@@ -119,19 +119,19 @@ class RetargetResult:
     @cached_property
     def figures(self) -> dict[Variant, dict[str, float | None]]:
         """The figures of quality of the whole clip, by key (`measure.figures.FIGURES`), of source, rotation copy and
-        result; None where nothing was to be measured.
+        result; None where there was nothing to measure.
         """
         return {side: clip_figures(tracks) for side, tracks in self.tracks.items()}
 
     @cached_property
     def verdict(self) -> str:
-        """What was kept and what changed, in a plain sentence, and the names of the figures that need a look."""
+        """What was kept and what changed, in a plain sentence, with the names of figures over their limits."""
         return verdict(self.figures, self.tracks)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What needs a look, a line each: figures above their limits, figures that are worse than the rotation copy's,
-        and resting joints that do not reach their place.
+        """Warnings, one line each: figures over their limits, figures worse than the rotation copy's, and resting
+        joints that do not reach their places.
         """
         return (*what_needs_a_look(self.figures, self.tracks), *self._missed_places())
 

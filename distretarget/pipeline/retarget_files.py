@@ -1,4 +1,4 @@
-"""Retarget onto the target in a file, with errors that name the file at fault and the command that helps."""
+"""Retarget to a target file, with errors that name the file at fault and the command that helps."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ def retarget_onto(
     mapper: Mapper = in_threads,
     progress: Progress = ignore_progress,
 ) -> RetargetResult:
-    """Retarget a motion onto the target in a file, with the pairs of a map file.
+    """Retarget a motion to the target in a file, with the joint pairs of a map file.
 
-    `source` is the path of the motion's file, for errors; `mapper` and `progress` are as in `retarget`.
+    `source` is the path of the motion's file, for error messages; `mapper` and `progress` are those of `retarget`.
 
     Raises:
         DistretargetError: the motion cannot be retargeted, or the target's file is not valid; the error names the file.
@@ -45,12 +45,12 @@ def retarget_onto(
 
 
 def needs_map(error: MatchingError, source: str | Path, target: str | Path) -> MatchingError:
-    """Return a matching error that advises to write a map, with the command for it."""
+    """Return the error with the advice to write a map, and the command for it."""
     command = f"distretarget skeleton match {argument(source)} {argument(target)} -o MAP.json"
     advice = f"{SAY_IN_A_MAP}: write one with `{command}`, and give it with --map MAP.json"
     return error.advised(advice).in_file(target)
 
 
 def argument(path: str | Path) -> str:
-    """Return the argument of a command line for a file, quoted for a shell."""
+    """Return the path as a command-line argument, quoted for a shell."""
     return "-" if path == STANDARD_INPUT else shlex.quote(str(path))

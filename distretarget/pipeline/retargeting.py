@@ -1,4 +1,4 @@
-"""Retarget one clip: source motion and target body in, target motion and figures out."""
+"""Retarget one clip: source motion and target in, target motion and figures out."""
 
 from __future__ import annotations
 
@@ -34,23 +34,23 @@ def retarget(
 
     Args:
         source: the motion to retarget.
-        target: the body to retarget it to, with any names, rest pose and axes: what `load_target` returns, with the
-            joint map of its file; a skeleton; or any motion of the body, which tells its axes, and how its limbs bend
-            where its rest pose does not.
+        target: the body to retarget it to, with any names, rest pose and axes: the result of `load_target`, with the
+            joint map of its file; a skeleton; or a motion of the body, which also shows its axes, and how its limbs
+            bend where the rest pose does not.
         options: how to retarget it.
-        joint_map: source key for target keys, None for joints that nothing shall drive; its pairs go before those of
-            the target's file. The other joints are matched by names or by shape.
-        settings: what shapes the result of the contact objective; the paper's objective has none.
-        mapper: solves the chunks of a long clip, all with the same result: `map`, that of an executor, or a thread for
-            each core if not given. The paper's objective solves frame by frame and has no chunks.
-        progress: called with numbers of frames as they are solved.
+        joint_map: the source key for each target key, or None for joints that nothing should drive; it overrides the
+            target file's map. All other joints are matched by names or by shape.
+        settings: of the contact objective; the paper's objective has none.
+        mapper: solves the chunks of a long clip: `map`, the `map` of an executor, or by default one thread per core.
+            The result is the same. The paper's objective has no chunks.
+        progress: called with the number of frames solved since the last call.
 
     Raises:
         MatchingError: the two bodies cannot be matched.
         MapError: `joint_map` names joints that are not there.
         MotionError: the source has no frames, or positions too large to compute with, or a body has no extent; or
             the root is to follow the source's root, and the source has none on the floor.
-        SettingsError: an argument is of another kind.
+        SettingsError: an argument has the wrong type.
     """
     check_kind("source", source, Motion)
     check_kind("target", target, Motion, Skeleton, Target, SkeletonEdit)

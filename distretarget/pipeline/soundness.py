@@ -1,4 +1,4 @@
-"""Checks of a result before it is written: finite, with hips and feet where they can be."""
+"""Sanity checks of a result: finite positions, with hips and feet near those of the rotation copy."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from distretarget.skeleton import LARGEST
 
 Array = NDArray[np.float64]
 
-HIPS_RANGE = 2.0  # how far the hips may be from where the root's path has them [body units]
-FEET_RANGE = 3.0  # how far an ankle may be from where copied rotations have it on that path [body units]
-DIGITS = 1e-9  # what is left of exactness far from the origin [of the distance from it]
+HIPS_RANGE = 2.0  # most distance of the hips from the root's path [body units]
+FEET_RANGE = 3.0  # most distance of an ankle from the rotation copy's on that path [body units]
+DIGITS = 1e-9  # rounding error far from the origin [of the distance from it]
 REPORT = "please report this with the clip and the target"
 
 
