@@ -1,5 +1,6 @@
-"""Joints other than the feet's that rest on the world: where they do, whether they slide, and whether they keep their
-height. Found from positions alone.
+"""Joints that rest on the world, apart from feet: when they do, and whether they slide or leave their height.
+
+Found from positions alone.
 """
 
 from __future__ import annotations
@@ -31,23 +32,14 @@ ENDS = ("left hand", "right hand", "head")  # the regions that hold on to someth
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SupportsMeasured:
-    """Joints of a result that rest on the world in its source, against those of the source. Feet are left out; without
-    legs there are no columns.
+    """The joints of a result that rest on the world in its source, apart from feet, against those of the source."""
 
-    Attributes:
-        joints: (joints,), joints of the target that rest in some frame of the source.
-        on_floor: (frames, joints), whether each rests on the floor in the source.
-        holds: (frames, joints), whether each holds on to something that stands still.
-        slide_source, slide: (frames, joints), horizontal speed [leg lengths / s].
-        height: (frames, joints), error of the height against the source's [% of leg length].
-    """
-
-    joints: NDArray[np.intp]
-    on_floor: Flags
-    holds: Flags
-    slide_source: Array
-    slide: Array
-    height: Array
+    joints: NDArray[np.intp]  # (joints,), of the target, that rest in some frame of the source
+    on_floor: Flags  # (frames, joints), whether each rests on the floor in the source
+    holds: Flags  # (frames, joints), whether each holds on to something that stands still
+    slide_source: Array  # (frames, joints), horizontal speed [leg lengths / s]
+    slide: Array  # the same of the result
+    height: Array  # (frames, joints), error of the height against the source's [% of leg length]
 
     @property
     def rest(self) -> Flags:
@@ -55,9 +47,7 @@ class SupportsMeasured:
         return self.on_floor | self.holds
 
     def carry(self, frame_time: float) -> Flags:
-        """(frames,), whether any of them rests within `BETWEEN` before or after, so that it carries the body, or the
-        body is on its way to it or from it.
-        """
+        """(frames,), whether they carry part of the body: one of them rests within `BETWEEN` before or after."""
         rests = np.asarray(self.rest.any(axis=1))
         reach = int(min(BETWEEN / frame_time, len(rests)))
         return largest(rests[:, None].astype(np.float64), reach)[:, 0] > 0
@@ -65,22 +55,15 @@ class SupportsMeasured:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SourceSupports:
-    """The resting joints of a source, which those of results are measured against.
+    """The resting joints of a source, which those of results are measured against."""
 
-    Attributes:
-        joints, on_floor, holds, slide: as those of `SupportsMeasured`.
-        height: (frames, joints), over the origin [leg lengths].
-        up: (3,), the unit vector up.
-        leg: the length of the target's leg [file units]; 1 without legs.
-    """
-
-    joints: NDArray[np.intp]
+    joints: NDArray[np.intp]  # these three as in `SupportsMeasured`
     on_floor: Flags
     holds: Flags
-    slide: Array
-    height: Array
-    up: Array
-    leg: float
+    slide: Array  # (frames, joints), horizontal speed [leg lengths / s]
+    height: Array  # (frames, joints), over the origin [leg lengths]
+    up: Array  # (3,), the unit vector up
+    leg: float  # the length of the target's leg [file units]; 1 without legs
 
     def in_result(self, result: Motion) -> SupportsMeasured:
         """Measure the same joints of a result."""
@@ -116,7 +99,7 @@ def find_supports(source: Motion, matching: Matching, up: Array) -> SourceSuppor
 
 
 def _holds(source: Motion, matching: Matching, joints: NDArray[np.intp], leg: float) -> Flags:
-    """(frames, joints), whether each keeps its place while the joint where its limb begins moves."""
+    """(frames, joints), whether each keeps its place while the base of its limb moves."""
     names, of_joint, drivers = matching.regions.names, matching.regions.of_joint, matching.drivers
     reach = max(int(min(0.5 * HOLD / source.frame_time, len(source))), 1)
     holds = np.zeros((len(source), len(joints)), bool)
