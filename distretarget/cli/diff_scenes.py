@@ -19,8 +19,16 @@ from distretarget.measure.scene_gaps import diff_scenes
 from distretarget.motion import Motion
 from distretarget.pipeline.retarget_files import needs_map
 from distretarget.report.diff_document import document, json_text
-from distretarget.report.scene_diff_document import GAP_ERROR, SceneDiffDocument, scene_csv, scene_document
-from distretarget.report.scene_page import Table, figure_table, gap_table, scene_diff_page
+from distretarget.report.scene_diff_document import (
+    GAP_ERROR,
+    SceneDiffDocument,
+    Table,
+    figure_table,
+    gap_table,
+    scene_csv,
+    scene_document,
+)
+from distretarget.report.scene_page import scene_diff_page
 from distretarget.scene.scene_file import SCENE_NAME, SceneSetup, load_scene
 from distretarget.target import Target
 

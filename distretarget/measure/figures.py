@@ -196,7 +196,7 @@ class Figure:
         return value is not None and limit is not None and value > limit
 
     def worse_than_copy(self, figures: Figures) -> bool:
-        """Whether the result is clearly worse than the rotation copy where it should not be; false if one is missing."""
+        """Whether the result is clearly worse than the rotation copy though it should not be; false if unknown."""
         value, copy = (figures.get(side, {}).get(self.key) for side in ("result", "rotation_copy"))
         return self.rivals_copy and value is not None and copy is not None and value > copy + self.least
 
