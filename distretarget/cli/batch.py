@@ -16,8 +16,8 @@ from distretarget.batch.batch import Batch, load_targets
 from distretarget.batch.manifest import Manifest, ManifestRecord, Tally, new_record
 from distretarget.batch.plan import find_clips, plan
 from distretarget.batch.workers import Processes, Workers
-from distretarget.cli.options import of_reports, retargeting
-from distretarget.cli.outputs import STANDARD, about, complain, is_quiet, quiet, say
+from distretarget.cli.options import PATH, of_reports, quiet, retargeting
+from distretarget.cli.outputs import STANDARD, about, complain, is_quiet, say
 from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import hash_of, hash_of_file, is_folder, read_bytes
 from distretarget.io.map_json import load_map
@@ -26,7 +26,6 @@ from distretarget.numerics.parallel import cores
 from distretarget.pipeline.options import Options
 
 INTERRUPTED = 130  # exit status
-PATH = click.Path(path_type=Path)
 
 
 @click.command("batch")

@@ -1,42 +1,22 @@
-"""`distretarget diff`: measure one clip against another."""
+"""`distretarget diff`: measure one clip or scene against another."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import click
 
-from distretarget.cli.diff_scenes import is_scene, measure_scenes
-from distretarget.cli.options import positive
-from distretarget.cli.outputs import (
-    LISTED,
-    OVERWRITE_OPTION,
-    FileOrStandard,
-    about,
-    check_outputs,
-    number,
-    over,
-    quiet,
-    read_input,
-    say,
-    write_output,
-)
-from distretarget.errors import DistretargetError, MatchingError, quoted
+from distretarget.cli.diff_account import Account, clip_lines, over
+from distretarget.cli.diff_scenes import is_scene, measure, measure_scenes
+from distretarget.cli.options import OVERWRITE_OPTION, PATH, FileOrStandard, positive, quiet
+from distretarget.cli.outputs import about, check_outputs, read_input, say, write_outputs
 from distretarget.io.bvh import parse_bvh
-from distretarget.io.map_json import joint_map, load_map
-from distretarget.measure.diff import diff
-from distretarget.measure.figures import BY_KEY, FIGURES, Figure, figures_at
-from distretarget.pipeline.retarget_files import needs_map
+from distretarget.measure.figures import BY_KEY, FIGURES
 from distretarget.report.clip_page import diff_page
-from distretarget.report.diff_document import DiffContact, DiffDocument, FigureValues, csv_text, document, json_text
+from distretarget.report.diff_document import csv_text, document, json_text
 from distretarget.report.scene_diff_document import GAP_ERROR
 from distretarget.skeleton import LARGEST
-from distretarget.target import Target
-
-MOST = 5  # frames and contacts that are printed
-
 
 RATIOS = " and ".join(figure.key for figure in FIGURES if figure.judged == "ratio")
 FAIL_OVER_HELP = (
@@ -70,7 +50,7 @@ def of_figure(text: str) -> tuple[str, float]:
 @click.option(
     "--map",
     "map_path",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="FILE",
     help='A JSON file with {"joint of B": "joint of A"}, null for joints to leave out; the others are matched by '
     "names or shape.",
@@ -110,87 +90,34 @@ def diff_command(
     distretarget diff old.bvh new.bvh --fail-over contact_error=0.02 --fail-over slide=1.1
     distretarget diff scene.json duet -o duet.html --fail-over gap_error=2
     """  # noqa: D301
+    outputs = (output, json_path, csv_path)
     if is_scene(a) or is_scene(b):
-        measure_scenes(a, b, output, json_path, csv_path, map_path, limits, world_scale, overwrite)
-        return
-    if world_scale is not None or any(key == GAP_ERROR for key, _ in limits):
-        option = f"--fail-over {GAP_ERROR}" if world_scale is None else "--world-scale"
-        raise click.UsageError(f"{option} is for scenes; leave it out to compare two clips.")
-    check_outputs([output, json_path, csv_path], [a, b, map_path], overwrite)
+        account = measure_scenes(a, b, outputs, map_path, limits, world_scale, overwrite)
+    else:
+        if world_scale is not None or any(key == GAP_ERROR for key, _ in limits):
+            option = f"--fail-over {GAP_ERROR}" if world_scale is None else "--world-scale"
+            raise click.UsageError(f"{option} is for scenes; leave it out to compare two clips.")
+        check_outputs(outputs, [a, b, map_path], overwrite)
+        account = _measure_clips(a, b, map_path, limits)
+    texts = {output: account.page, json_path: lambda: json_text(account.document), csv_path: account.csv}
+    write_outputs(texts, overwrite)
+    for line in account.lines:
+        say(line)
+    if account.faults:
+        raise click.ClickException(f"{account.path}: {'; '.join(account.faults)}")
+
+
+def _measure_clips(a: Path, b: Path, map_path: Path | None, limits: tuple[tuple[str, float], ...]) -> Account:
+    """Measure clip B against clip A."""
     a_text, b_text = read_input(a), read_input(b)
     first, second = (parse_bvh(text.text, text.path) for text in (a_text, b_text))
-    goal = Target(second.rigid_skeleton, {}, "")
-    pairs = joint_map(first.rigid_skeleton, goal, b_text.path, load_map(map_path))
-    try:
-        result = diff(first, second, pairs)
-    except MatchingError as error:
-        raise needs_map(error, a_text.path, b_text.path) from error
-    except DistretargetError as error:
-        raise error.in_file(b_text.path) from None
+    result = measure(first, second, a_text.path, b_text.path, map_path)
     figures = document(result, replace(about(Path(a_text.path), Path(b_text.path)), limits=limits))
-    if output:
-        write_output(output, diff_page(result, figures), overwrite)
-    if json_path:
-        write_output(json_path, json_text(figures), overwrite)
-    if csv_path:
-        write_output(csv_path, csv_text(figures["frames"]), overwrite)
-    for line in _account(figures):
-        say(line)
-    if faults := list(over(figures["limits"])):
-        raise click.ClickException(f"{b_text.path}: {'; '.join(faults)}")
-
-
-def _account(figures: DiffDocument) -> Iterator[str]:
-    """The lines that are printed."""
-    frames, rate = figures["frame_count"], 1 / figures["frame_time"]
-    for name, body in (("A", figures["a"]), ("B", figures["b"])):
-        named = f", named as in {body['convention']}" if body["convention"] else ""
-        yield f"{name}: {body['file']}, {body['joints']} joints{named}"
-    yield f"{frames} {'frame' if frames == 1 else 'frames'} compared, {rate:.4g} a second"
-    yield from figures["notes"]
-    yield from ("", *_table(figures["figures"]["source"], figures["figures"]["result"]), "")
-    for figure in figures_at("worst clips"):
-        yield _worst_frames(figure, figures["frames"])
-    yield from _contacts(figures["contacts"])
-    for name, other, joints in (("B", "A", figures["unmatched_b"]), ("A", "B", figures["unmatched_a"])):
-        if joints:
-            yield f"joints of {name} without a counterpart in {other}: {quoted(joints, LISTED)}"
-
-
-def _table(a: FigureValues, b: FigureValues) -> Iterator[str]:
-    """A line per figure, with its values in A and B."""
-    rows = [("figure", "A", "B", "")]
-    for figure in FIGURES:
-        own = number(a[figure.key]) if figure.of_source else ""
-        rows.append((figure.label, own, number(b[figure.key]), _meaning(figure, a.get(figure.key), b[figure.key])))
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for name, of_a, of_b, meaning in rows:
-        yield f"{name:<{widths[0]}}  {of_a:>{widths[1]}}  {of_b:>{widths[2]}}  {meaning}".rstrip()
-
-
-def _meaning(figure: Figure, a: float | None, b: float | None) -> str:
-    """What a figure means, its unit and, if it is judged against A's value, the comparison of B's with it."""
-    meaning = figure.meaning.format(source="A", result="B") + (f" [{figure.unit}]" if figure.unit else "")
-    judged = figure.judgement(b, a)
-    if not figure.of_source or judged is None or a is None or a <= figure.still:
-        return meaning
-    return f"{meaning}; {figure.comparison('A', 'B')} {judged:.4g}"
-
-
-def _worst_frames(figure: Figure, frames: Sequence[FigureValues]) -> str:
-    """The worst frames by a figure, with its values."""
-    key = figure.key
-    ranked = sorted((frame for frame in frames if frame[key]), key=lambda frame: -(frame[key] or 0.0))
-    worst = ", ".join(f"{frame['frame']} ({frame[key]:.3g})" for frame in ranked[:MOST])
-    return f"worst frames by {figure.label}: {worst or 'none'}"
-
-
-def _contacts(contacts: Sequence[DiffContact]) -> Iterator[str]:
-    """A line for each of the first pairs of regions that touch in A."""
-    yield "contacts (distance over path length in A, in B):" if contacts else "contacts: none"
-    for contact in contacts[:MOST]:
-        frames = "1 frame" if contact["frames"] == 1 else f"{contact['frames']} frames"
-        distances = f"{contact['distance_a']:.3f}, {contact['distance_b']:.3f} in {frames}"
-        yield f"  {contact['regions']}: {distances}; worst in frame {contact['worst_frame']}"
-    if len(contacts) > MOST:
-        yield f"  and {len(contacts) - MOST} more"
+    return Account(
+        path=b_text.path,
+        document=figures,
+        page=lambda: diff_page(result, figures),
+        csv=lambda: csv_text(figures["frames"]),
+        lines=[*clip_lines(figures)],
+        faults=[*over(figures["limits"])],
+    )

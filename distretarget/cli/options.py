@@ -1,8 +1,9 @@
-"""Options that several commands share, and kinds of values that click does not have."""
+"""Options that several commands share, and types of values that click does not have."""
 
 from __future__ import annotations
 
 import functools
+import os
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
@@ -11,10 +12,36 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
+from distretarget.cli.outputs import QUIET, STANDARD
 from distretarget.pipeline.options import CHOICES, DEFAULT_OPTIONS, Options
 from distretarget.skeleton import LARGEST, SMALLEST
 
 Decorator = Callable[[Callable[..., None]], Callable[..., None]]
+
+PATH = click.Path(path_type=Path)
+
+
+class FileOrStandard(click.Path):
+    """The path of a file; `STANDARD` for the text `-`. A file with that name is given as `./-`."""
+
+    def __init__(self) -> None:
+        super().__init__(allow_dash=True, path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        path = Path(os.fsdecode(super().convert(value, param, ctx)))
+        return path.absolute() if path == STANDARD and str(value) != "-" else path
+
+
+def _be_quiet(context: click.Context, _option: click.Parameter, chosen: bool) -> None:
+    context.meta[QUIET] = chosen
+
+
+quiet = click.option(
+    "-q", "--quiet", is_flag=True, expose_value=False, callback=_be_quiet, help="Print nothing but errors."
+)
+OVERWRITE_OPTION = click.option(
+    "--overwrite", is_flag=True, help="Replace files that exist. An input is never replaced."
+)
 
 
 def positive(text: str) -> float:
@@ -66,7 +93,7 @@ OPTIONS = (
     click.option(
         "--map",
         "map_path",
-        type=click.Path(path_type=Path),
+        type=PATH,
         metavar="FILE",
         help='A JSON file with {"target joint": "source joint"}, null for joints that nothing drives. Its pairs '
         "overrule those in the target's file; joints in neither are matched by names or shape.",

@@ -13,8 +13,8 @@ import click
 from click.core import ParameterSource
 
 from distretarget.batch.compile_ahead import warm
-from distretarget.cli.options import ENVIRONMENT_OPTION, SUPPORTS_OPTION, positive
-from distretarget.cli.outputs import OVERWRITE_OPTION, check_outputs, quiet, say
+from distretarget.cli.options import ENVIRONMENT_OPTION, OVERWRITE_OPTION, PATH, SUPPORTS_OPTION, positive, quiet
+from distretarget.cli.outputs import check_outputs, say
 from distretarget.errors import FileError
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.files import is_folder, make_folder, write_whole
@@ -22,8 +22,6 @@ from distretarget.measure.scene_gaps import Gap
 from distretarget.report.run_summary import summary_line
 from distretarget.report.scene_page import scene_page
 from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup, load_scene
-
-PATH = click.Path(path_type=Path)
 
 
 @click.command("scene")

@@ -11,18 +11,8 @@ import numpy as np
 
 from distretarget.body.body import Body
 from distretarget.cli.matching_table import headline, recognised, rows, unused
-from distretarget.cli.options import STRIP_NAMESPACE_OPTION, positive
-from distretarget.cli.outputs import (
-    OVERWRITE_OPTION,
-    STANDARD,
-    FileOrStandard,
-    check_outputs,
-    check_suffix,
-    quiet,
-    read_input,
-    say,
-    write_output,
-)
+from distretarget.cli.options import OVERWRITE_OPTION, STRIP_NAMESPACE_OPTION, FileOrStandard, positive, quiet
+from distretarget.cli.outputs import STANDARD, check_outputs, check_suffix, read_input, say, write_output
 from distretarget.errors import FileError, closest
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.files import Text
