@@ -1,4 +1,4 @@
-"""Scene files: JSON that names the performers, their targets, props and options; and the scenes that they describe."""
+"""Scene files: JSON with performers, their targets, props and options; and how to read and retarget such a scene."""
 
 from __future__ import annotations
 
@@ -20,9 +20,8 @@ from distretarget.objectives.resting_joints import Environment
 from distretarget.pipeline.options import HoldMode
 from distretarget.scene.props import Grip, Prop, PropScale, prop_of
 from distretarget.scene.retargeting import SceneResult, retarget_scene
-from distretarget.synchronise import aligned, started
 
-SCENE_NAME = "scene.json"  # of scenes in a folder of scenes
+SCENE_NAME = "scene.json"  # in a folder of scenes
 HEADER = {"format": "distretarget-scene", "version": 1}
 OPTIONS: dict[str, Callable[[Node], object]] = {
     "world_scale": Node.positive,
@@ -35,22 +34,16 @@ OPTIONS: dict[str, Callable[[Node], object]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class SceneClip:
-    """The motion of a performer or a prop, by files.
+    """The motion of a performer or a prop, by files."""
 
-    Attributes:
-        name: of the performer or prop, and of its result.
-        file: path of the BVH file, or of the OBJ file of a prop.
-        start: how much of the clip is left out at its beginning [s].
-    """
-
-    name: str
-    file: Path
-    start: float = 0.0
+    name: str  # of the performer or prop, and of its result
+    file: Path  # BVH, or for a prop also OBJ
+    start: float = 0.0  # time left out at the beginning [s]
 
 
 @dataclass(frozen=True, kw_only=True)
 class PerformerFiles(SceneClip):
-    """A performer of a scene: also the path of its target, and that of a map file, if any."""
+    """A performer of a scene, with the paths of its target and of its map file, if any."""
 
     target: Path
     map_path: Path | None = None
@@ -60,24 +53,22 @@ class PerformerFiles(SceneClip):
 class PropFiles(SceneClip):
     """A prop of a scene; `scale` and `held_by` are as in `Prop`.
 
-    Attributes:
-        part_of: the joint that the prop begins with if it is part of a performer's file, such as a sword. Such a prop
-            is held by the joint above unless `held_by` names others.
+    A prop may be part of a performer's file, such as a sword: the joint above holds it, unless `held_by` names others.
     """
 
-    part_of: Grip | None = None
+    part_of: Grip | None = None  # the joint at which it begins in that file
     scale: PropScale = "world"
     held_by: tuple[Grip, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
 class SceneSetup:
-    """Everything that a scene is made of, but for the contents of its files.
+    """A scene, with its files by their paths.
 
     Attributes:
         performers, props: who and what is in it.
         world_scale, supports, environment: as in `retarget_scene`.
-        cut: cut all clips to the frames of the shortest.
+        cut: cut all clips to the length of the shortest.
         resample: give all clips the frame time of the first.
     """
 
@@ -101,32 +92,26 @@ class SceneSetup:
 
     @property
     def inputs(self) -> list[Path]:
-        """All files that the scene is made of."""
+        """The paths of all files of the scene."""
         others = [path for each in self.performers for path in (each.target, each.map_path) if path]
         return [*(clip.file for clip in self.clips), *others]
 
     def read(self) -> tuple[list[Motion], list[Prop]]:
-        """Read the motions of the performers, and the props.
-
-        Clips get the same frames as far as `cut` and `resample` ask for it; props of one frame stay as they are.
+        """Read the motions of the performers, and the props, and synchronise them as `cut` and `resample` say.
 
         Raises:
-            DistretargetError: a file cannot be read, or ends before its start, or has no such prop.
+            DistretargetError: a file cannot be read, ends before its start, or has no such prop.
         """
         own = [prop for prop in self.props if prop.part_of is None]
         motions: dict[SceneClip, Motion] = {clip: _read(clip) for clip in (*self.performers, *own)}
         moving = [*self.performers, *(prop for prop in own if len(motions[prop]) != 1)]
-        clips = aligned([motions[clip] for clip in moving], cut=self.cut, resample=self.resample)
+        clips = synchronised([motions[clip] for clip in moving], cut=self.cut, resample=self.resample)
         motions |= zip(moving, clips, strict=True)
         sources = [motions[performer] for performer in self.performers]
         return sources, [_made(prop, motions, sources) for prop in self.props]
 
     def retargeted(self) -> SceneResult:
-        """Read all files, and retarget the scene.
-
-        Raises:
-            DistretargetError: a file cannot be read, or the scene cannot be retargeted.
-        """
+        """Read all files, and retarget the scene; errors as in `read` and `retarget_scene`."""
         sources, props = self.read()
         targets, maps = [], []
         for performer, source in zip(self.performers, sources, strict=True):
@@ -148,9 +133,7 @@ class SceneSetup:
 
 
 def _read(clip: SceneClip) -> Motion:
-    """The motion in a file from its start. The content of a prop's file decides whether it is BVH or OBJ; a prop of one
-    frame stands still, and has no start.
-    """
+    """The motion in a file from its start; a prop's file may be BVH or OBJ, and a prop of one frame has no start."""
     if isinstance(clip, PerformerFiles):
         motion = read_bvh(clip.file)
     else:
@@ -165,8 +148,26 @@ def _read(clip: SceneClip) -> Motion:
         raise error.in_file(clip.file) from None
 
 
+def started(motion: Motion, start: float) -> Motion:
+    """Return the motion without the time before its start [s]; raise a MotionError if it ends before that."""
+    first = round(start / motion.frame_time)
+    if first >= len(motion):
+        raise MotionError(f"lasts {len(motion) * motion.frame_time:g} s; start before that")
+    return motion[first:] if first else motion
+
+
+def synchronised(motions: Sequence[Motion], *, cut: bool, resample: bool) -> list[Motion]:
+    """Return the motions, if asked for with the frame time of the first and cut to the length of the shortest."""
+    if resample:
+        motions = [motion.resampled(motions[0].frame_time_text) for motion in motions]
+    if cut:
+        frames = min(map(len, motions))
+        motions = [motion[:frames] for motion in motions]
+    return list(motions)
+
+
 def _made(prop: PropFiles, own: Mapping[SceneClip, Motion], sources: Sequence[Motion]) -> Prop:
-    """A prop with the motion in its own file, or else with that of the joint that it hangs on."""
+    """A prop with the motion in its own file, or with that of the joint where it begins."""
     try:
         if prop.part_of is None:
             return Prop(name=prop.name, motion=own[prop], scale=prop.scale, held_by=prop.held_by)
