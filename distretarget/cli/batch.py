@@ -36,13 +36,13 @@ INTERRUPTED = 130  # exit status
     "targets",
     multiple=True,
     type=PATH,
-    help="A target; all arguments are sources then. Several targets may be given; each gets its own folder of results.",
+    help="A target; SOURCES then has none. May be given several times; each target gets its own folder of results.",
 )
 @click.option(
     "--include",
     multiple=True,
     metavar="GLOB",
-    help="Convert only files whose name or path in the folder matches; with a / at the end, files in such folders.",
+    help="Retarget only files whose name or path in the folder matches; with a / at the end, files in such folders.",
 )
 @click.option(
     "--exclude",
@@ -61,10 +61,10 @@ INTERRUPTED = 130  # exit status
     "--jobs",
     type=click.IntRange(1),
     metavar="N",
-    help="The number of processes that convert. Default: one for each core that may be used.",
+    help="The number of processes. Default: one for each core that may be used.",
 )
-@click.option("--dask", metavar="ADDRESS", help="Convert on the Dask cluster with this scheduler: tcp://HOST:PORT.")
-@click.option("--overwrite", is_flag=True, help="Convert everything again, and replace files that no batch made.")
+@click.option("--dask", metavar="ADDRESS", help="Use the Dask cluster with this scheduler: tcp://HOST:PORT.")
+@click.option("--overwrite", is_flag=True, help="Retarget everything again, and replace files that no batch made.")
 @click.option("--fail-fast", is_flag=True, help="Stop at the first clip that fails.")
 @click.option(
     "--report",
@@ -101,7 +101,7 @@ def batch_command(
     reports: int | None,
     dry_run: bool,
 ) -> None:
-    """Convert many clips to one or several targets.
+    """Retarget many clips to one or several targets.
 
     SOURCES are BVH files and folders; results keep the tree of each folder. Clips that are done and unchanged are
     skipped, so an interrupted run continues where it stopped; clips that failed are tried again. manifest.jsonl in the
@@ -146,12 +146,9 @@ def batch_command(
     stopped, status = _convert(batch, _workers(dask, jobs, options), tally)
     for line in tally.lines:
         say(line)
-    for line in tally.failures if is_quiet() else ():
+    complaints = [*(tally.failures if is_quiet() else ()), *(f"no report: {each}" for each in batch.problems.values())]
+    for line in complaints + ([f"distretarget: {stopped}"] if stopped else []):
         complain(line)
-    for problem in batch.problems.values():
-        complain(f"no report: {problem}")
-    if stopped:
-        complain(f"distretarget: {stopped}")
     sys.exit(status or int(bool(tally.failed or unread or batch.problems)))
 
 
@@ -164,7 +161,7 @@ def _workers(dask: str | None, jobs: int | None, options: Options) -> Workers:
 
 
 def _convert(batch: Batch, workers: Workers, tally: Tally) -> tuple[str, int]:
-    """Convert the clips; return why the batch was stopped and the exit status for that; empty and 0 if it was not."""
+    """Retarget the clips; return why the batch was stopped and the exit status; empty and 0 if it was not."""
     silent = is_quiet() or None  # None: on a terminal only
     with (
         closing(workers),
@@ -207,7 +204,7 @@ def _print_plan(batch: Batch) -> None:
 
 
 def _print_broken(manifest: Manifest) -> None:
-    """Print which lines of a manifest cannot be used."""
+    """Warn of lines of a manifest that cannot be used."""
     if manifest.broken:
         first, *others = manifest.broken
         more = f", nor are {len(others)} more lines" if others else ""

@@ -10,7 +10,7 @@ from distretarget.body.conventions import convention_of
 from distretarget.cli.outputs import aligned
 from distretarget.matching.matching import Matching
 
-METHODS = {"map": "map", "name": "equal name", "names": "names", "shape": "shape", "tip": "tip"}  # in words
+METHODS = {"map": "map", "name": "equal name", "names": "names", "shape": "shape", "tip": "tip"}
 COLUMNS = ("target joint", "source joint", "confidence", "method")
 
 

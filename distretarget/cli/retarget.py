@@ -113,9 +113,8 @@ def retarget_command(
 
 def _source_motion(source: Text, target: Text) -> Motion:
     """The motion of the source; an error says so if source and target are swapped."""
-    order = (
-        f"if it is the target, it comes last: distretarget {argument(target.path)} {argument(source.path)} -o OUT.bvh"
-    )
+    swapped = f"distretarget {argument(target.path)} {argument(source.path)} -o OUT.bvh"
+    order = f"if it is the target, it comes last: {swapped}"
     if is_json(source.text):
         raise FileError(source.path, f"is a skeleton file, which has no motion, expected a BVH file as SOURCE; {order}")
     if declared_frames(source.text) == 0 and declared_frames(target.text):
@@ -131,11 +130,9 @@ def _account(result: RetargetResult) -> Iterator[str]:
         ("joints of the source not used", unused(result.matching)),
     ):
         yield f"{what}: {quoted(joints, LISTED) or 'none'}"
-    world = result.world
-    target_up = (
-        "the same in the target" if world.up == world.source_up else f"{world.up} in the target: the world is turned"
-    )
-    yield f"up: {world.source_up} in the source, {target_up}"
+    up, source_up = result.world.up, result.world.source_up
+    target_up = "the same in the target" if up == source_up else f"{up} in the target: the world is turned"
+    yield f"up: {source_up} in the source, {target_up}"
     yield _root_offset(result)
     yield f"root scale: {result.root_scale:.6g} target units per source unit"
     yield figures_line(result)

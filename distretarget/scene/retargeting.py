@@ -154,13 +154,12 @@ def retarget_scene(
 
 def _placed(prop: Prop, performers: Sequence[Match], level: float, heights: Sequence[float]) -> PlacedProp:
     """A prop in the target's axes, and the joints of targets that hold it."""
-    scale, matching = level, performers[0].matching
-    if isinstance(prop.scale, int):
-        if not 0 <= prop.scale < len(heights):
-            raise SettingsError(f"{prop.name!r} has the scale of performer {prop.scale}; there are {len(heights)}")
-        scale = heights[prop.scale]
-    elif isinstance(prop.scale, float):
-        scale = prop.scale
+    matching = performers[0].matching
+    scale = level if prop.scale == "world" else prop.scale
+    if isinstance(scale, int):
+        if not 0 <= scale < len(heights):
+            raise SettingsError(f"{prop.name!r} has the scale of performer {scale}; there are {len(heights)}")
+        scale = heights[scale]
     grips: dict[int, tuple[int, ...]] = {}
     for grip in prop.held_by:
         if not 0 <= grip.performer < len(performers):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -188,14 +187,12 @@ def load_scene(path: str | Path) -> SceneSetup:
     """
     document = parse_json(path, read_text(path))
     fields = document.fields((*HEADER, "performers"), ("props", *OPTIONS))
-    for key, known in HEADER.items():
-        if fields[key].value != known or isinstance(fields[key].value, bool):
-            fields[key].expected(json.dumps(known))
+    document.check_header(**HEADER)
     folder = Path(path).parent
     performers = [_performer(node, folder) for node in fields["performers"].items()]
     if not performers:
         fields["performers"].expected("at least one performer")
-    props = [_prop(node, folder, performers) for node in (fields["props"].items() if "props" in fields else ())]
+    props = [_prop(node, folder, performers) for node in fields.read("props", Node.items, list[Node]())]
     names = [clip.name for clip in (*performers, *props)]
     if doubled := [name for number, name in enumerate(names) if name in names[:number]]:
         fields["performers"].fail(f"{doubled[0]!r} is the name of two performers or props; give one of them another")
@@ -207,11 +204,11 @@ def _performer(node: Node, folder: Path) -> PerformerFiles:
     fields = node.fields(("source", "target"), ("name", "map", "start"))
     file = folder / fields["source"].text()
     return PerformerFiles(
-        name=_name(fields["name"]) if "name" in fields else file.stem,
+        name=fields.read("name", _name, file.stem),
         file=file,
-        start=_start(fields),
+        start=fields.read("start", _start, 0.0),
         target=folder / fields["target"].text(),
-        map_path=folder / fields["map"].text() if "map" in fields else None,
+        map_path=fields.read("map", lambda node: folder / node.text(), None),
     )
 
 
@@ -220,14 +217,14 @@ def _prop(node: Node, folder: Path, performers: Sequence[PerformerFiles]) -> Pro
     if ("file" in fields) == ("part_of" in fields):
         node.fail('expected either "file" or "part_of"')
     names = [each.name for each in performers]
-    part_of = _grip(fields["part_of"], names) if "part_of" in fields else None
+    part_of = fields.read("part_of", lambda node: _grip(node, names), None)
     return PropFiles(
         name=_name(fields["name"]),
         file=performers[part_of.performer].file if part_of else folder / fields["file"].text(),
-        start=_start(fields),
+        start=fields.read("start", _start, 0.0),
         part_of=part_of,
-        scale=_scale(fields["scale"], names) if "scale" in fields else "world",
-        held_by=tuple(_grip(each, names) for each in (fields["held_by"].items() if "held_by" in fields else ())),
+        scale=fields.read("scale", lambda node: _scale(node, names), "world"),
+        held_by=tuple(_grip(each, names) for each in fields.read("held_by", Node.items, list[Node]())),
     )
 
 
@@ -250,14 +247,14 @@ def _number(node: Node, performers: Sequence[str]) -> int:
 
 
 def _name(node: Node) -> str:
-    """A name that can be that of a file."""
+    """A name that a file can have."""
     name = node.name()
     if name in (".", "..") or "/" in name or "\\" in name:
         node.expected("a name without slashes")
     return name
 
 
-def _start(fields: dict[str, Node]) -> float:
-    if "start" in fields and fields["start"].number() < 0:
-        fields["start"].expected("a time in seconds, from 0")
-    return fields["start"].number() if "start" in fields else 0.0
+def _start(node: Node) -> float:
+    if node.number() < 0:
+        node.expected("a time in seconds, from 0")
+    return node.number()
