@@ -91,14 +91,14 @@ def parse_record(line: bytes) -> ManifestRecord | None:
     record = _parsed(line)
     if any(not isinstance(record.get(key, ...), kind) for kind, keys in KINDS.items() for key in keys):
         return None
-    texts = (*record["notes"], *record["warnings"], record.get("status"))
     sides = record["figures"].values()
-    if not all(isinstance(text, str) for text in texts) or texts[-1] not in ("done", "failed"):
-        return None
-    if not all(isinstance(side, dict) for side in sides):
-        return None
-    numbers = (number for side in sides for number in side.values())
-    return cast(ManifestRecord, record) if all(isinstance(number, int | float | None) for number in numbers) else None
+    sound = (
+        record.get("status") in ("done", "failed")
+        and all(isinstance(text, str) for text in (*record["notes"], *record["warnings"]))
+        and all(isinstance(side, dict) for side in sides)
+        and all(isinstance(number, int | float | None) for side in sides for number in side.values())
+    )
+    return cast(ManifestRecord, record) if sound else None
 
 
 def _parsed(line: bytes) -> dict[str, Any]:

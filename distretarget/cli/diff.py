@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import click
 
-from distretarget.cli.diff_account import Account, clip_lines, over
-from distretarget.cli.diff_scenes import is_scene, measure, measure_scenes
+from distretarget.cli.diff_scenes import Account, is_scene, measure, measure_scenes, over
 from distretarget.cli.options import OVERWRITE_OPTION, PATH, FileOrStandard, positive, quiet
-from distretarget.cli.outputs import about, check_outputs, read_input, say, write_outputs
+from distretarget.cli.outputs import LISTED, about, aligned, check_outputs, read_input, say, write_outputs
+from distretarget.errors import counted, quoted
 from distretarget.io.bvh import parse_bvh
-from distretarget.measure.figures import BY_KEY, FIGURES
+from distretarget.measure.figures import BY_KEY, FIGURES, Figure, figures_at
 from distretarget.report.clip_page import diff_page
-from distretarget.report.diff_document import csv_text, document, json_text
+from distretarget.report.diff_document import DiffContact, DiffDocument, FigureValues, csv_text, document, json_text
 from distretarget.report.scene_diff_document import GAP_ERROR
 from distretarget.skeleton import LARGEST
 
+MOST = 5  # frames and contacts that are printed
 RATIOS = " and ".join(figure.key for figure in FIGURES if figure.judged == "ratio")
 FAIL_OVER_HELP = (
     f"Exit with status 1 if a figure is over a limit. FIGURE is one of {', '.join(BY_KEY)}. The limit is for the value "
@@ -118,6 +120,62 @@ def _measure_clips(a: Path, b: Path, map_path: Path | None, limits: tuple[tuple[
         document=figures,
         page=lambda: diff_page(result, figures),
         csv=lambda: csv_text(figures["frames"]),
-        lines=[*clip_lines(figures)],
+        lines=[*_lines(figures)],
         faults=[*over(figures["limits"])],
     )
+
+
+def _lines(figures: DiffDocument) -> Iterator[str]:
+    """The lines that are printed."""
+    for name, body in (("A", figures["a"]), ("B", figures["b"])):
+        named = f", named as in {body['convention']}" if body["convention"] else ""
+        yield f"{name}: {body['file']}, {body['joints']} joints{named}"
+    yield f"{counted(figures['frame_count'], 'frame')} compared, {1 / figures['frame_time']:.4g} a second"
+    yield from figures["notes"]
+    yield from ("", *_table(figures["figures"]["source"], figures["figures"]["result"]), "")
+    for figure in figures_at("worst clips"):
+        yield _worst_frames(figure, figures["frames"])
+    yield from _contacts(figures["contacts"])
+    for name, other, joints in (("B", "A", figures["unmatched_b"]), ("A", "B", figures["unmatched_a"])):
+        if joints:
+            yield f"joints of {name} without a counterpart in {other}: {quoted(joints, LISTED)}"
+
+
+def _table(a: FigureValues, b: FigureValues) -> Iterator[str]:
+    """A line for each figure, with its values in A and B."""
+    rows = [("figure", "A", "B", "")]
+    for figure in FIGURES:
+        own = _number(a[figure.key]) if figure.of_source else ""
+        rows.append((figure.label, own, _number(b[figure.key]), _meaning(figure, a.get(figure.key), b[figure.key])))
+    return aligned(rows, "<>><")
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4g}"
+
+
+def _meaning(figure: Figure, a: float | None, b: float | None) -> str:
+    """What a figure means, its unit and, if its ratio is judged, the ratio of B to A."""
+    meaning = figure.meaning.format(source="A", result="B") + (f" [{figure.unit}]" if figure.unit else "")
+    judged = figure.judgement(b, a)
+    if not figure.of_source or judged is None or a is None or a <= figure.still:
+        return meaning
+    return f"{meaning}; {figure.comparison('A', 'B')} {judged:.4g}"
+
+
+def _worst_frames(figure: Figure, frames: Sequence[FigureValues]) -> str:
+    """The worst frames by a figure, with its values."""
+    key = figure.key
+    ranked = sorted((frame for frame in frames if frame[key]), key=lambda frame: -(frame[key] or 0.0))
+    worst = ", ".join(f"{frame['frame']} ({frame[key]:.3g})" for frame in ranked[:MOST])
+    return f"worst frames by {figure.label}: {worst or 'none'}"
+
+
+def _contacts(contacts: Sequence[DiffContact]) -> Iterator[str]:
+    """A line for each of the first pairs of regions that touch in A."""
+    yield "contacts (distance over path length in A, in B):" if contacts else "contacts: none"
+    for contact in contacts[:MOST]:
+        distances = f"{contact['distance_a']:.3f}, {contact['distance_b']:.3f} in {counted(contact['frames'], 'frame')}"
+        yield f"  {contact['regions']}: {distances}; worst in frame {contact['worst_frame']}"
+    if len(contacts) > MOST:
+        yield f"  and {len(contacts) - MOST} more"

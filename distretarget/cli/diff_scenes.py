@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from distretarget.body.body import Body
-from distretarget.cli.diff_account import Account, over, scene_lines
-from distretarget.cli.outputs import LISTED, about, check_outputs
-from distretarget.errors import DistretargetError, FileError, MatchingError, quoted
+from distretarget.cli.outputs import LISTED, about, aligned, check_outputs
+from distretarget.errors import DistretargetError, FileError, MatchingError, counted, quoted
 from distretarget.io.bvh import read_bvh
 from distretarget.io.files import is_folder, reason_of
 from distretarget.io.map_json import joint_map, load_map
@@ -17,11 +16,21 @@ from distretarget.measure.diff import Diff, diff
 from distretarget.measure.scene_gaps import diff_scenes
 from distretarget.motion import Motion
 from distretarget.pipeline.retarget_files import needs_map
-from distretarget.report.diff_document import document
-from distretarget.report.scene_diff_document import GAP_ERROR, scene_csv, scene_document
+from distretarget.report.diff_document import DiffLimit, document
+from distretarget.report.scene_diff_document import (
+    GAP_ERROR,
+    SceneDiffDocument,
+    Table,
+    figure_table,
+    gap_table,
+    scene_csv,
+    scene_document,
+)
 from distretarget.report.scene_page import scene_diff_page
 from distretarget.scene.scene_file import SCENE_NAME, SceneSetup, load_scene
 from distretarget.target import Target
+
+MOST = 10  # gaps that are printed
 
 
 @dataclass(frozen=True)
@@ -32,6 +41,25 @@ class SceneInput:
     motions: Mapping[str, Motion]
     files: Mapping[str, Path]  # where each motion was read
     setup: SceneSetup | None = None  # what the scene file says; None for a folder without one
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Account:
+    """A diff of clips or scenes, to be written and printed."""
+
+    path: str | Path  # of B
+    document: Mapping[str, object]
+    page: Callable[[], str]  # makes the HTML report
+    csv: Callable[[], str]
+    lines: Sequence[str]
+    faults: Sequence[str]  # figures over their limits
+
+
+def over(limits: Iterable[DiffLimit]) -> Iterator[str]:
+    """Yield a clause for each figure that is over its limit."""
+    for limit in limits:
+        if limit["over"]:
+            yield f"{limit['figure']} is {limit['value']:.6g}, over {limit['limit']:g}"
 
 
 def is_scene(path: Path) -> bool:
@@ -103,7 +131,7 @@ def measure_scenes(
         document=figures,
         page=lambda: scene_diff_page(result, figures),
         csv=lambda: scene_csv(figures),
-        lines=[*scene_lines(figures)],
+        lines=[*_lines(figures)],
         faults=[*over(figures["limits"]), *faults],
     )
 
@@ -143,3 +171,35 @@ def measure(a: Motion, b: Motion, a_file: str | Path, b_file: str | Path, map_pa
         raise needs_map(error, a_file, b_file) from error
     except DistretargetError as error:
         raise error.in_file(b_file) from None
+
+
+def _lines(figures: SceneDiffDocument) -> Iterator[str]:
+    """The lines that are printed."""
+    performers = figures["performers"]
+    first = next(iter(performers.values()))
+    yield f"A: {figures['a']}, B: {figures['b']}; performers: {', '.join(performers)}"
+    if figures["props"]:
+        yield f"props: {', '.join(figures['props'])}"
+    frames = min(one["frame_count"] for one in performers.values())
+    yield f"{counted(frames, 'frame')} compared, {1 / first['frame_time']:.4g} a second"
+    for name, one in performers.items():
+        for note in one["notes"]:
+            yield f"{name}: {note}"
+    yield from ("", *_table_lines(figure_table(figures)), "")
+    gaps = gap_table(figures)
+    if not gaps["rows"]:
+        yield "nothing touches between them in A"
+        return
+    yield (
+        f"what touches between them in A: {figures['gap_a']:.1f} % of a leg apart in A, {figures['gap_b']:.1f} in B, "
+        f"off by {figures['gap_error']:.1f} on average; a unit of A's world is {figures['world_scale']:.3g} of B's"
+    )
+    yield from _table_lines(gaps, MOST)
+    if (more := len(gaps["rows"]) - MOST) > 0:
+        yield f"and {more} more"
+
+
+def _table_lines(table: Table, most: int | None = None) -> Iterator[str]:
+    """A line for the columns of a table and for each of its first rows."""
+    rows = [table["columns"], *([str(cell) for cell in row] for row in table["rows"][:most])]
+    return aligned(rows, "<" + ">" * (len(rows[0]) - 1))

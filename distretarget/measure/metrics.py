@@ -120,6 +120,7 @@ class Reference:
     def compare(self, result: Motion) -> Comparison:
         """Measure a result with the same number of frames."""
         supports = self._supports.in_result(result)
+        further = np.degrees(_turns(result, self._turned) - self._turns)
         return Comparison(
             contacts=self._contacts.in_result(result),
             feet=self._feet.in_result(result, supports.carry(result.frame_time)),
@@ -132,15 +133,8 @@ class Reference:
             jerk_source=self._jerk,
             jerk=_jerk(result, self.matching.target),
             turned=self._turned,
-            turn=self._turn_of(result),
+            turn=further * INSTANT / result.frame_time,
         )
-
-    def _turn_of(self, result: Motion) -> Array:
-        """(frames - 1, joints), how much further the joints turn to the next frame than the source's [degrees in
-        `INSTANT`].
-        """
-        further = np.degrees(_turns(result, self._turned) - self._turns)
-        return np.asarray(further * INSTANT / result.frame_time)
 
     def _distance_error(self, result: Motion) -> Array:
         """(frames,), mean |D_source - D_result| over all pairs of points with a path length in both."""

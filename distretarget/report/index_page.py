@@ -58,7 +58,7 @@ def _table(records: Sequence[ClipRecord], links: Mapping[str, str]) -> dict[str,
             record["input"][len(folder) :],
             _url(links.get(record["output"])),
             target_at[record["target"]],
-            *_outcome(record),
+            *((1, record["frames"], _number(record["seconds"])) if record["status"] == "done" else (0, None, None)),
             [warning_at[text] for text in record["warnings"]],
             _reason(record),
             *(_number((record["figures"].get(side) or {}).get(key)) for side, key in FIGURE_COLUMNS.values()),
@@ -67,13 +67,6 @@ def _table(records: Sequence[ClipRecord], links: Mapping[str, str]) -> dict[str,
     ]
     names = [target[len(target_folder) :] for target in targets]
     return {"folder": folder, "targets": names, "warnings": warnings, "fields": FIELDS, "rows": rows}
-
-
-def _outcome(record: ClipRecord) -> tuple[int, float | None, float | None]:
-    """Whether a clip is done (1 or 0), and its frames and seconds, if it is."""
-    if record["status"] != "done":
-        return 0, None, None
-    return 1, _number(record["frames"]), _number(record["seconds"])
 
 
 def _number(value: object) -> float | None:
