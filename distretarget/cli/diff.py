@@ -23,8 +23,8 @@ MOST = 5  # frames and contacts that are printed
 RATIOS = " and ".join(figure.key for figure in FIGURES if figure.judged == "ratio")
 FAIL_OVER_HELP = (
     f"Exit with status 1 if a figure is over a limit. FIGURE is one of {', '.join(BY_KEY)}. The limit is for the value "
-    f"of B; for {RATIOS}, for its ratio to the value of A. In scenes it is for each performer; their own figure "
-    f"{GAP_ERROR} is how far gaps between what touches are off those in A, in % of a leg. May be given several times."
+    f"of B; for {RATIOS}, for its ratio to the value of A. In scenes it is for each performer; a whole scene has the "
+    f"figure {GAP_ERROR}: the error of the gaps between what touches in A, in % of a leg. May be given several times."
 )
 
 
@@ -62,8 +62,8 @@ def of_figure(text: str) -> tuple[str, float]:
     "--world-scale",
     type=positive,
     metavar="NUMBER",
-    help="Of scenes: units of B per unit of A along the floor. Default: what the scene file of A says where B is a "
-    "folder of results, else what `distretarget scene` chooses.",
+    help="For scenes: units of B per unit of A along the floor. Default: what the scene file of A says if B is a "
+    "folder of results, else what `distretarget scene` would choose.",
 )
 @OVERWRITE_OPTION
 @quiet
@@ -80,11 +80,11 @@ def diff_command(
 ) -> None:
     """Measure the motion of B against that of A, the reference. Both are BVH files.
 
-    Their skeletons may differ, and so may frame times and numbers of frames: A is resampled at B's, and the longer
-    one is cut. - stands for standard input or output.
+    Their skeletons, frame times and numbers of frames may differ: A is resampled at B's frame time, and the longer clip
+    is cut. - stands for standard input or output.
 
-    Two scenes are two folders of BVH files, one for each performer and prop, with the same names in both; a SCENE.json
-    may stand for either. Each performer is measured, and how far what touches between them in A is apart in B.
+    To compare two scenes, give two folders of BVH files, one for each performer and prop, with the same names in both,
+    or a SCENE.json for either. Each performer is measured, and the gaps in B between what touches in A.
 
     \b
     distretarget diff walk.bvh walk_hero.bvh

@@ -75,7 +75,7 @@ def _choice(name: str, text: str) -> Decorator:
 
 SUPPORTS_OPTION = _choice(
     "supports",
-    "What stays where it rests. hold: feet, hands, knees and all else that rests on the floor or holds on to "
+    "What stays in place while it rests. hold: feet, hands, knees and all else that rests on the floor or holds on to "
     "something. feet: feet alone, the usual foot lock. free: nothing.",
 )
 ENVIRONMENT_OPTION = _choice(
@@ -118,11 +118,11 @@ OPTIONS = (
         "root_follows",
         "What the root of TARGET follows if it is on the floor, as in rigs for game engines. pelvis: it stays on the "
         "floor under the pelvis and turns with it. source: it follows the root of SOURCE. nothing: it stays at the "
-        "origin. Default: source, if SOURCE has a root that moves on the floor, else pelvis.",
+        "origin. Default: source if SOURCE has a root that moves on the floor, else pelvis.",
     ),
     _choice(
         "objective",
-        "contact: parts of the body that nearly touch in SOURCE stay as near, all else keeps its rotations. paper: the "
+        "contact: parts of the body that nearly touch in SOURCE stay as near; all else keeps its rotations. paper: the "
         "method of Mucherino et al. (2017), which holds neither hands nor feet in place.",
     ),
     SUPPORTS_OPTION,

@@ -50,7 +50,7 @@ from distretarget.report.run_summary import figures_json, figures_line, summary_
 @click.option(
     "--report",
     type=FileOrStandard(),
-    help="Write an HTML report to this file: the result and the rotation copy, measured against the source.",
+    help="Write an HTML report to this file: result and rotation copy, measured against the source.",
 )
 @click.option(
     "-v", "--verbose", is_flag=True, help="Print what was recognised and matched, and the axes, OFFSET and scale used."

@@ -31,12 +31,12 @@ from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup
     "targets",
     multiple=True,
     type=PATH,
-    help="The body of a performer, a skeleton file or any BVH file: once for all, or once for each, in their order.",
+    help="A performer's body, a skeleton file or any BVH file: once for all, or once for each performer in order.",
 )
-@click.option("-o", "--output", required=True, type=PATH, help="The folder to write to, a file for each.")
+@click.option("-o", "--output", required=True, type=PATH, help="The folder to write to.")
 @OVERWRITE_OPTION
-@click.option("--report", is_flag=True, help="Write report.html, too: all performers and props in one player.")
-@click.option("--cut", is_flag=True, help="Cut all clips to the frames of the shortest.")
+@click.option("--report", is_flag=True, help="Also write report.html: all performers and props in one player.")
+@click.option("--cut", is_flag=True, help="Cut all clips to the length of the shortest.")
 @click.option("--resample", is_flag=True, help="Give all clips the frame time of the first.")
 @click.option(
     "--start",
@@ -44,7 +44,7 @@ from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup
     multiple=True,
     type=click.FloatRange(min=0.0),
     metavar="SECONDS",
-    help="The time left out at the beginning of a clip: once for all, or once for each, in their order. Default: 0.",
+    help="The time to leave out at the beginning of a clip: once for all, or once for each clip in order. Default: 0.",
 )
 @click.option(
     "--world-scale",

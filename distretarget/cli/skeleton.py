@@ -91,7 +91,7 @@ def export_command(file: Path, output: Path, strip_namespace: bool, overwrite: b
     type=of_bone,
     multiple=True,
     metavar="BONE=LENGTH",
-    help="The final length of a bone [file units], whatever the scale. May be given several times.",
+    help="The final length of a bone [file units], not scaled. May be given several times.",
 )
 @click.option(
     "--factor",
@@ -158,7 +158,7 @@ def match_command(source: Path, target: Path, map_path: Path | None, output: Pat
 
     Both are BVH or skeleton files. The method says how a pair was found: by a map, by equal names, by names or shape
     (both joints are the same part of the body, by their names or by their place in it), or as tips of matched joints.
-    Where source and target have different numbers of joints in the spine or neck, a target joint may blend two source
+    If source and target have different numbers of joints in the spine or neck, a target joint may blend two source
     joints.
 
     Give the map to 'distretarget retarget' with --map. It has null for joints that nothing drives.

@@ -93,7 +93,7 @@ function buildHead() {
     ['Converted', done.length.toLocaleString('en')],
     ['Failed', failures.length.toLocaleString('en')],
     ['Frames', total(done.map(clip => clip.frames)).toLocaleString('en')],
-    ['Conversion', `${duration(total(done.map(clip => clip.seconds)))}, all clips added up`],
+    ['Retargeting', `${duration(total(done.map(clip => clip.seconds)))}, all clips added up`],
     ...batch.targets.length === 1 ? [['Target', batch.targets[0]]] : [],
     ...batch.folder ? [['Folder', batch.folder]] : [],
     ['Made by', `distretarget version ${batch.version}`],
