@@ -146,9 +146,12 @@ def batch_command(
     stopped, status = _convert(batch, _workers(dask, jobs, options), tally)
     for line in tally.lines:
         say(line)
-    complaints = [*(tally.failures if is_quiet() else ()), *(f"no report: {each}" for each in batch.problems.values())]
-    for line in complaints + ([f"distretarget: {stopped}"] if stopped else []):
+    for line in tally.failures if is_quiet() else ():
         complain(line)
+    for problem in batch.problems.values():
+        complain(f"no report: {problem}")
+    if stopped:
+        complain(f"distretarget: {stopped}")
     sys.exit(status or int(bool(tally.failed or unread or batch.problems)))
 
 
