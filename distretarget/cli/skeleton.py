@@ -189,7 +189,7 @@ def match_command(source: Path, target: Path, map_path: Path | None, output: Pat
 
 
 def _target_in(text: Text) -> tuple[str, Target]:
-    """The target in a BVH file or a skeleton file of the full form, and its name or else that of the file."""
+    """The target in a BVH file or a skeleton file of the full form, after its name or else the file's."""
     target = parse_full_target(text.text, text.path)
     return target.name or Path(text.path).stem, target
 

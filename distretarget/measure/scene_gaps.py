@@ -1,4 +1,4 @@
-"""Gaps between joints that touch: between two performers of a scene, or a performer and a prop."""
+"""Gaps between joints that touch, of two performers of a scene or of a performer and a prop; and diffs of scenes."""
 
 from __future__ import annotations
 

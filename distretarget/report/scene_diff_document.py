@@ -47,7 +47,7 @@ class SceneDiffDocument(TypedDict):
 
 
 class Table(TypedDict):
-    """A table below the player. The number of a frame, in a cell of its own, becomes a button that goes there."""
+    """A table below the player; an integer cell is the number of a frame, and becomes a button that goes there."""
 
     title: str
     columns: list[str]
