@@ -67,12 +67,7 @@ class Batch:
         return Manifest(self.folder)
 
     def check(self) -> None:
-        """Check, before any work, that there are clips, and that the page over all clips can be written.
-
-        Raises:
-            BatchError: there are no clips, or the page would replace an input or a result.
-            FileError: another file is in the place of the page, or the page cannot be written.
-        """
+        """Raise a BatchError or FileError, before any work, if there are no clips or the page cannot be written."""
         if not self.clips:
             raise BatchError("there are no clips to convert")
         if self.index is None:

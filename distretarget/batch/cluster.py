@@ -23,10 +23,9 @@ class Cluster:
     """A Dask cluster; its scheduler gives the jobs of workers that die to others."""
 
     def __init__(self, address: str, waiting: Callable[[str], object]) -> None:
-        """Connect to the scheduler at an address; `waiting` is called with the reason while the cluster has no workers.
+        """Connect to the scheduler at an address; raise a BatchError if none answers or the cluster has no workers.
 
-        Raises:
-            BatchError: no scheduler answers, or the cluster has no workers.
+        If the workers leave later, `waiting` is called with that reason.
         """
         try:
             kind = asyncio.run(_kind(address))  # a client would wait for much longer, and not without noise

@@ -122,10 +122,7 @@ class Manifest:
 
     def __init__(self, folder: Path, read_only: bool = False) -> None:
         """Read the manifest of a folder. Unless `read_only`, create both if they do not exist, and remove temporary
-        files that killed runs have left.
-
-        Raises:
-            FileError: the file is not a manifest, or one of the two cannot be created, read or written.
+        files that killed runs have left. Raise a FileError if that fails, or if the file is not a manifest.
         """
         self.path, self.broken = folder / MANIFEST, list[int]()
         lock = FileLock(f"{self.path}.lock", poll_interval=LOCK_INTERVAL)
@@ -158,10 +155,8 @@ class Manifest:
         return made is not None and bool(made_from(made) == made_from(record))
 
     def check_replaceable(self, record: ManifestRecord, path: Path, output_hash: str | None) -> None:
-        """Check that an output may replace the file at `path`, which has this hash, without --overwrite.
-
-        Raises:
-            FileError: a batch made the file from another clip or target, or no batch made it.
+        """Raise a FileError if an output may replace the file at `path`, which has this hash, only with --overwrite: no
+        batch made it, or one from another clip or target.
         """
         made = self._record_of(record["output"], output_hash)
         if made is None:
@@ -177,11 +172,7 @@ class Manifest:
         return list(self._records_at(sorted(self._last[place] for place in places if place in self._last)))
 
     def add(self, record: ManifestRecord) -> None:
-        """Add a line and flush it to the disk.
-
-        Raises:
-            FileError: the line cannot be written, if the disk is full for example; then the file is as before.
-        """
+        """Add a line and flush it to the disk; if that fails, raise a FileError and leave the file as before."""
         line = json.dumps(record, allow_nan=False).encode() + b"\n"
         with self.locked():
             self._catch_up()

@@ -177,9 +177,7 @@ def convert_all(workers: Workers, jobs: Iterable[Job]) -> Iterator[Result]:
     """Retarget clips, a few at a time, and yield the results as they come.
 
     If a worker dies, the submitted clips are tried again at the end, one by one; one that kills its worker again fails.
-
-    Raises:
-        BatchError: the workers are gone, or die as they start.
+    If all workers are gone, or die as they start, a BatchError is raised.
     """
     unfinished: list[Job] = []
     yield from _convert(workers, jobs, unfinished)

@@ -68,11 +68,7 @@ def is_scene(path: Path) -> bool:
 
 
 def read_scene(path: Path) -> SceneInput:
-    """Read the scene in a file, or in a folder: its scene.json, or else all BVH files in it.
-
-    Raises:
-        DistretargetError: a file cannot be read, or the folder has no BVH file.
-    """
+    """Read the scene in a file, or in a folder: its scene.json, or else all BVH files in it."""
     file = path / SCENE_NAME if is_folder(path) else path
     if file == path or file.is_file():
         setup = load_scene(file)

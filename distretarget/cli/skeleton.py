@@ -197,10 +197,9 @@ def _target_in(text: Text) -> tuple[str, Target]:
 def _bones(
     file: str | Path, skeleton: Skeleton, options: Iterable[tuple[str, str, float]]
 ) -> dict[str, tuple[str, str, float]]:
-    """For each bone named by an option: the option, the name or pattern, and the number.
+    """For each bone that an option names: the option, the name or pattern, and the number.
 
-    Raises:
-        FileError: an option names no bone, or two options name the same bone.
+    It is an error if an option names no bone, or a second one the same bone.
     """
     chosen: dict[str, tuple[str, str, float]] = {}
     for option, name, number in options:

@@ -161,11 +161,7 @@ class Figure:
         return column
 
     def worst(self, tracks: Tracks) -> tuple[int, str]:
-        """The frame of the largest value, and the name of its part; empty if that has none.
-
-        Raises:
-            ValueError: nothing was measured.
-        """
+        """The frame of the largest value, and the name of its part, if any; something must have been measured."""
         track = tracks[self.track or self.key]
         values = np.where(track.weights > 0, track.values, -np.inf)
         frame, *part = np.unravel_index(values.argmax(), values.shape)

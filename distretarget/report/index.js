@@ -83,10 +83,6 @@ function quantile(numbers, share) {
 
 // ---- head
 
-function terms(pairs) {
-  return pairs.flatMap(([name, text]) => [element('dt', {}, name), element('dd', {}, text)]);
-}
-
 function buildHead() {
   const facts = [
     ['Clips', clips.length.toLocaleString('en')],
