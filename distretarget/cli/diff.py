@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from distretarget.cli.diff_scenes import Account, is_scene, measure, measure_scenes, over
-from distretarget.cli.options import OVERWRITE_OPTION, PATH, FileOrStandard, positive, quiet
+from distretarget.cli.options import OVERWRITE_OPTION, FileOrStandard, map_option, positive, quiet
 from distretarget.cli.outputs import LISTED, about, aligned, check_outputs, read_input, say, write_outputs
 from distretarget.errors import counted, quoted
 from distretarget.io.bvh import parse_bvh
@@ -49,13 +49,9 @@ def of_figure(text: str) -> tuple[str, float]:
 @click.option("-o", "--output", type=FileOrStandard(), help="The HTML report to write: one file, no network.")
 @click.option("--json", "json_path", type=FileOrStandard(), help="Write all figures to this file.")
 @click.option("--csv", "csv_path", type=FileOrStandard(), help="Write the figures to this file, a row for each frame.")
-@click.option(
-    "--map",
-    "map_path",
-    type=PATH,
-    metavar="FILE",
-    help='A JSON file with {"joint of B": "joint of A"}, null for joints to leave out; the others are matched by '
-    "names or shape.",
+@map_option(
+    'A JSON file with {"joint of B": "joint of A"}, null for joints to leave out; the others are matched by names or '
+    "shape."
 )
 @click.option("--fail-over", "limits", type=of_figure, multiple=True, metavar="FIGURE=LIMIT", help=FAIL_OVER_HELP)
 @click.option(

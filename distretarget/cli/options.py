@@ -73,6 +73,11 @@ def _choice(name: str, text: str) -> Decorator:
     return click.option(flag, type=kind, default=default, show_default=default is not None, help=text)
 
 
+def map_option(text: str, kind: click.Path = PATH) -> Decorator:
+    """The option --map with this help."""
+    return click.option("--map", "map_path", type=kind, metavar="FILE", help=text)
+
+
 SUPPORTS_OPTION = _choice(
     "supports",
     "What stays in place while it rests. hold: feet, hands, knees and all else that rests on the floor or holds on to "
@@ -90,13 +95,9 @@ STRIP_NAMESPACE_OPTION = click.option(
     help="Write names of joints without a namespace: Hips for mixamorig:Hips, which three.js cannot play.",
 )
 OPTIONS = (
-    click.option(
-        "--map",
-        "map_path",
-        type=PATH,
-        metavar="FILE",
-        help='A JSON file with {"target joint": "source joint"}, null for joints that nothing drives. Its pairs '
-        "overrule those in the target's file; joints in neither are matched by names or shape.",
+    map_option(
+        'A JSON file with {"target joint": "source joint"}, null for joints that nothing drives. Its pairs overrule '
+        "those in the target's file; joints in neither are matched by names or shape."
     ),
     click.option(
         "--root-scale",

@@ -11,7 +11,14 @@ import numpy as np
 
 from distretarget.body.body import Body
 from distretarget.cli.matching_table import headline, recognised, rows, unused
-from distretarget.cli.options import OVERWRITE_OPTION, STRIP_NAMESPACE_OPTION, FileOrStandard, positive, quiet
+from distretarget.cli.options import (
+    OVERWRITE_OPTION,
+    STRIP_NAMESPACE_OPTION,
+    FileOrStandard,
+    map_option,
+    positive,
+    quiet,
+)
 from distretarget.cli.outputs import STANDARD, aligned, check_outputs, check_suffix, read_input, say, write_output
 from distretarget.errors import FileError, closest, counted
 from distretarget.io.bvh import parse_bvh
@@ -143,13 +150,7 @@ def edit_command(
 @skeleton_group.command("match")
 @click.argument("source", type=FileOrStandard())
 @click.argument("target", type=FileOrStandard())
-@click.option(
-    "--map",
-    "map_path",
-    type=FileOrStandard(),
-    metavar="FILE",
-    help="A map file whose pairs overrule all others.",
-)
+@map_option("A map file whose pairs overrule all others.", FileOrStandard())
 @click.option("-o", "--output", type=FileOrStandard(), help="The map file to write.")
 @OVERWRITE_OPTION
 @quiet

@@ -167,7 +167,7 @@ class PlacedProp:
 
 
 def free_placement(points: Array, scale: float, level: float, up: Array) -> Placement:
-    """Place a prop that nobody holds: its centre has the world's scale `level` along the floor, its height its own.
+    """Place a prop that nobody holds: along the floor with the world's scale `level`, and upwards with its own `scale`.
 
     `points`, (frames, points, 3), are the prop in the source.
     """
