@@ -31,7 +31,7 @@ BVH = "io/bvh_parser.py io/bvh.py io/bvh_writer.py"
 JSON = "io/json_node.py io/target io/map_json.py io/obj.py target.py matching/pairing.py"
 BODIES = "skeleton.py motion.py io/interop.py"
 METHOD = "pipeline/ matching/ baseline/ measure/ objectives/"
-SCENES = "scene/ report/scene measure/scene"
+SCENES = "scene/ report/scene measure/scene synchronise.py"
 HEADINGS = {  # the headings, and the beginnings of the paths of files whose messages stand below them
     "Reading and writing files": FILES,
     "BVH files": BVH,

@@ -153,9 +153,9 @@ class Reference:
 
 @compiled(fastmath=True)
 def _write_mean_difference(x, of_x, tau_x, y, of_y, tau_y, share, scratch, means):  # type: ignore[no-untyped-def]
-    """Write into `means`, (frames,), the mean over pairs of points of |distance in x / tau_x - distance in y / tau_y|.
-
-    `of_x` and `of_y`, (points,), are the joints of the points in x and y; `share`, (points, points), weighs each pair.
+    """Write the means, (frames,), over all pairs of points of the differences of their distances in x over tau_x, and
+    in y over tau_y, (points, points); `of_x` and `of_y`, (points,), are the joints of x and y at the points, and
+    `share`, (points, points), is the weight of each pair in the mean.
     """
     points, p, q = len(of_x), scratch[0], scratch[1]
     for frame in range(len(x)):
