@@ -1,8 +1,8 @@
 """The figures of quality: their names and meanings, how they are computed from a clip, and their limits.
 
-All code that prints, writes or draws figures reads them from `FIGURES`, the entries of `figures.toml`. To add one, add
-an entry there and a track to `metrics.Comparison`, or to `RetargetResult.tracks` if it needs more than source and
-result; then run `tools/make_figures.py` and `tools/make_reference.py`.
+Everything that prints, writes or draws figures takes them from `FIGURES`, the entries of `figures.toml`. To add one,
+add its entry there and its track to `metrics.Comparison`, or to `RetargetResult.tracks` if it takes more than source
+and result, and run `tools/make_figures.py` and `tools/make_reference.py`.
 """
 
 from __future__ import annotations
