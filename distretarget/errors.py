@@ -126,6 +126,11 @@ def quoted(names: Iterable[str], most: int = 6) -> str:
     return ", ".join(repr(name) for name in names[:most]) + more
 
 
+def counted(number: int, what: str) -> str:
+    """Return how many there are of what, such as "1 frame" or "12 frames"."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
 def closest(name: str, available: Sequence[str]) -> str:
     """Return the names close to `name`, or else all available names, as a clause for an error message."""
     near = difflib.get_close_matches(name, available, n=3, cutoff=0.6)

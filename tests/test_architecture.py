@@ -32,7 +32,6 @@ FLOORS = (
     "body",
     "target",
     "distances",
-    "synchronise",
     "motion",
     "skeleton",
     "numerics",

@@ -100,7 +100,7 @@ def test_the_head_counts(opened):
         "Converted": "4",
         "Failed": "1",
         "Frames": "413",
-        "Conversion": "2.00 s, all clips added up",
+        "Retargeting": "2.00 s, all clips added up",
         "Folder": "/clips/",
         "Made by": "distretarget version 1.2",
     }

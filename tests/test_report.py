@@ -11,10 +11,9 @@ from bodies import SAMPLES, clapping, lengthened, person, posed, swaying, with_b
 
 from distretarget import Skeleton, read_bvh
 from distretarget.measure.diff import diff
-from distretarget.report.clip_page import diff_page
+from distretarget.report.clip_page import diff_drawing, diff_page
 from distretarget.report.diff_document import About, document
-from distretarget.report.drawing import BUDGET, STEPS, diff_drawing, drawn_step, quantised, spans
-from distretarget.report.page import SCRIPTS, script_json
+from distretarget.report.page import BUDGET, SCRIPTS, STEPS, drawn_step, quantised, script_json, spans
 
 PERSON = person()
 NASTY = "</script><!--<b>&amp; \"q' ü \u2028\u2029 \ud800 {{drawing}}"

@@ -521,7 +521,7 @@ def test_a_jolt_does_not_flatten_a_curve(opened, reports):
 
 
 def test_of_a_long_clip_every_frame_can_be_gone_to(opened, reports, monkeypatch):
-    monkeypatch.setattr("distretarget.report.drawing.BUDGET", 50_000)
+    monkeypatch.setattr("distretarget.report.page.BUDGET", 50_000)
     tab, figures = opened("thinned"), reports("thinned")[1]
     step = tab.evaluate("drawing.step")
     assert step > 1

@@ -1,1 +1,1 @@
-"""Many clips onto one or several targets: a folder in, a folder out, and a manifest of what was done."""
+"""Many clips onto one or several targets: folders of results, each with a manifest of what was done."""

@@ -1,4 +1,4 @@
-"""A batch from beginning to end: clips are converted, the results written and recorded, and pages made on them."""
+"""A whole batch: retarget clips, write and record the results, and make pages on them."""
 
 from __future__ import annotations
 
@@ -41,50 +41,33 @@ from distretarget.report.index_page import index_page
 SPLIT_SIZE = 1 << 20  # smallest clip that is split into chunks if it would keep one worker busy at the end [bytes]
 MARK = '<meta name="generator" content="distretarget">'
 OF = '<meta name="output" content="{}">'  # the hash of the output that a report is on
-HEAD = 4096  # characters at the beginning of a page, in which MARK and OF are looked for
+HEAD = 4096  # characters at the beginning of a page that may have MARK and OF
 
 Show = Callable[[ManifestRecord | None], object]
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Clips to convert, and how.
-
-    Attributes:
-        clips: the clips.
-        folder: the folder of results.
-        options, map_file: how to retarget.
-        about: returns what the report on a clip says of it, from the paths of the clip and of its result.
-        index: the page over all clips; None for no pages.
-        reports: how many clips get a report beside it, the worst first; None for all.
-        overwrite: whether to convert again what is done, and to replace files that this program did not write.
-        fail_fast: whether the first failure ends the batch.
-        problems: why a report could not be written, by its path.
-    """
+    """Clips to retarget, and how."""
 
     clips: Sequence[Clip]
-    folder: Path
+    folder: Path  # of results
     options: Options
     map_file: MapFile
-    about: Callable[[PurePath, PurePath], About]
-    index: Path | None = None
-    reports: int | None = None
-    overwrite: bool = False
-    fail_fast: bool = False
-    problems: dict[Path, FileError] = field(default_factory=dict)
+    about: Callable[[PurePath, PurePath], About]  # what a report says of a clip, from its path and that of its result
+    index: Path | None = None  # the page over all clips; None for no pages
+    reports: int | None = None  # how many clips get a report beside it, the worst first; None for all
+    overwrite: bool = False  # retarget again what is done, and replace files that this program did not write
+    fail_fast: bool = False  # end with the first failure
+    problems: dict[Path, FileError] = field(default_factory=dict)  # why a report could not be written, by its path
 
     @cached_property
     def manifest(self) -> Manifest:
-        """The manifest of the folder of results; both are made when it is first used."""
+        """The manifest of the folder of results; the first use makes both."""
         return Manifest(self.folder)
 
     def check(self) -> None:
-        """Check, before any work, that there are clips, and that the page over all clips can be written.
-
-        Raises:
-            BatchError: there are no clips, or the page would replace an input or a result.
-            FileError: another file is in the place of the page, or its folder cannot be written to.
-        """
+        """Raise a BatchError or FileError, before any work, if there are no clips or the page cannot be written."""
         if not self.clips:
             raise BatchError("there are no clips to convert")
         if self.index is None:
@@ -97,9 +80,9 @@ class Batch:
             raise FileError(self.index, f"nothing can be written to {str(above)!r}")
 
     def convert(self, workers: Workers, tally: Tally, show: Show = lambda _record: None) -> None:
-        """Convert the clips that are not done, count them, and write the pages.
+        """Retarget the clips that are not done, count them, and write the pages.
 
-        `show` is called with the line of the manifest on each clip, or None for a clip that was done before.
+        `show` is called with each clip's line of the manifest, or None for a clip that was done before.
 
         Raises:
             BatchError: the workers are gone, or a clip failed and `fail_fast` is set.
@@ -152,7 +135,7 @@ class Batch:
             yield Job(source, clip.target, self.map_file, self.options, record, about, split)
 
     def _report_jobs(self, records: dict[str, ManifestRecord]) -> Iterator[Job]:
-        """The clips that are to have a report and have none on the present output."""
+        """The clips that need a report on their present output."""
         done = [record for record in records.values() if record["status"] == "done"]
         chosen = {record["output"]: record for record in worst(done, FIGURES[0])[: self.reports]}
         for clip in self.clips:
@@ -163,7 +146,7 @@ class Batch:
                     yield Job(source, clip.target, self.map_file, self.options, record, about)
 
     def _finish(self, result: Result, show: Show) -> None:
-        """Write what became of a clip: output, line of the manifest, report."""
+        """Write the output of a clip, its line of the manifest, and its report."""
         record = result.record
         try:
             if record["status"] == "done":
@@ -182,7 +165,7 @@ class Batch:
             self._write_report(result)
 
     def _put(self, result: Result) -> None:
-        """Write an output, and its line of the manifest just before it is put in place."""
+        """Write an output; its line of the manifest comes just before the output is put in place."""
         record = result.record
         path = self.folder / record["output"]
         check_inside(path, self.folder)
@@ -198,7 +181,7 @@ class Batch:
             write_whole(path, result.output, replace, lambda: self.manifest.add(record))
 
     def _write_report(self, result: Result) -> None:
-        """Write the report on a clip, if there is one, or remember why that failed."""
+        """Write the report on a clip, if any, or remember why that failed."""
         path = self._report_path(result.record["output"])
         try:
             if result.report:
@@ -212,7 +195,7 @@ class Batch:
         return index.parent / f"{index.stem}_reports" / PurePath(output).with_suffix(".html")
 
     def _has_report(self, record: ManifestRecord) -> bool:
-        """Whether there is a report on the present output of a clip, rather than on an earlier one."""
+        """Whether a clip has a report on its present output, not on an earlier one."""
         return OF.format(record["output_hash"]) in _head(self._report_path(record["output"]))
 
     def _write_page(self, path: Path, html: str) -> None:
@@ -221,18 +204,16 @@ class Batch:
             write_whole(path, html, self._is_replaceable(path))
 
     def _is_replaceable(self, page: Path) -> bool:
-        """Whether a page may be replaced: this program wrote it, or `overwrite` is set."""
+        """Whether a page may be replaced, because this program wrote it or `overwrite` is set."""
         return self.overwrite or MARK in _head(page)
 
 
 def _head(path: Path) -> str:
-    """The beginning of a page; empty if there is no file or it cannot be read, which writing it will report."""
-    try:
+    """The beginning of a page; empty if it cannot be read, which writing it will report."""
+    with suppress(OSError):
         if path.is_file():
             with path.open(encoding="utf-8", errors="replace") as file:
                 return file.read(HEAD)
-    except OSError:
-        pass
     return ""
 
 
@@ -251,10 +232,10 @@ def convert_folder(
     report: str | Path | None = None,
     reports: int | None = 10,
 ) -> Tally:
-    """Convert BVH files and folders of them to one target or several, as `distretarget batch` does.
+    """Retarget BVH files and folders of them to one target or several, as `distretarget batch` does.
 
     Clips that are done and unchanged are skipped, so an interrupted call continues where it stopped. A script that
-    calls this needs `if __name__ == "__main__":`, since its processes may import it.
+    calls this needs `if __name__ == "__main__":`, since worker processes may import it.
 
     Args:
         sources: BVH files and folders.
@@ -265,7 +246,7 @@ def convert_folder(
         map_file: a map file, as `--map` takes it.
         options: how to retarget.
         jobs: the number of processes; one for each core if not given.
-        overwrite: whether to convert everything again, and to replace files that no batch made.
+        overwrite: whether to retarget everything again, and to replace files that no batch made.
         fail_fast: whether to stop at the first clip that fails.
         report: an HTML page on all clips to write.
         reports: how many clips get a report beside it, the worst first; None for all.
@@ -274,9 +255,9 @@ def convert_folder(
         The numbers of clips converted, skipped and failed, and `lines` to print.
 
     Raises:
-        BatchError: there is nothing to convert, results would replace clips, or `fail_fast` stopped the batch.
+        BatchError: there are no clips, results would replace clips, or `fail_fast` stopped the batch.
         DistretargetError: a target, the map or the folder of results cannot be used.
-        SettingsError: an argument is of another kind, or out of its bounds.
+        SettingsError: an argument has the wrong type, or is out of bounds.
     """
     check_kind("options", options, Options)
     check_kind("include", include, Sequence)
@@ -291,7 +272,11 @@ def convert_folder(
         raise unread[0]
     clips = plan(found, load_targets(_listed("targets", targets)), Path(folder), paths)
     index, pairs = Path(report) if report else None, load_map(map_file)
-    batch = Batch(clips, Path(folder), options, pairs, _about, index, reports, overwrite, fail_fast)
+
+    def about(clip: PurePath, result: PurePath) -> About:
+        return About(a=clip.name, b=result.name)
+
+    batch = Batch(clips, Path(folder), options, pairs, about, index, reports, overwrite, fail_fast)
     batch.check()
     tally = Tally(clips=len(batch.clips))
     with closing(Processes(jobs or cores(), options.objective)) as workers:
@@ -307,13 +292,8 @@ def load_targets(paths: Sequence[Path]) -> list[Text]:
     return targets
 
 
-def _about(clip: PurePath, result: PurePath) -> About:
-    """What a report says of a clip where no command line made it."""
-    return About(a=clip.name, b=result.name, command="", version=VERSION)
-
-
 def _listed(name: str, paths: str | Path | Sequence[str | Path]) -> list[Path]:
-    """The paths in an argument that is one or several."""
+    """The paths in an argument of one path or several."""
     several = paths if isinstance(paths, Sequence) and not isinstance(paths, str) else [paths]
     for path in several:
         check_path(name, path)

@@ -1,4 +1,4 @@
-"""A Dask cluster as workers; imported only with --dask."""
+"""A Dask cluster as workers; imported only for --dask."""
 
 from __future__ import annotations
 
@@ -20,15 +20,12 @@ REMINDER = 60.0  # time from one line that there are no workers to the next [s]
 
 
 class Cluster:
-    """A Dask cluster. Its scheduler gives the jobs of workers that die to others."""
+    """A Dask cluster; its scheduler gives the jobs of workers that die to others."""
 
     def __init__(self, address: str, waiting: Callable[[str], object]) -> None:
-        """Connect to the cluster whose scheduler is at an address.
+        """Connect to the scheduler at an address; raise a BatchError if none answers or the cluster has no workers.
 
-        `waiting` is called with the reason why no results come, while the cluster has no workers.
-
-        Raises:
-            BatchError: no scheduler answers, or the cluster has no workers.
+        If the workers leave later, `waiting` is called with that reason.
         """
         try:
             kind = asyncio.run(_kind(address))  # a client would wait for much longer, and not without noise

@@ -1,4 +1,4 @@
-"""Ctrl-C and requests to end, where they must wait, and where they would get lost."""
+"""Ctrl-C and requests to end, where they must wait or would be lost."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 
 @contextlib.contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Let Ctrl-C and requests to end wait, in this process and in those that it starts meanwhile."""
+    """Delay Ctrl-C and requests to end, in this process and in those that it starts in the block."""
     if not hasattr(signal, "pthread_sigmask") or threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -32,10 +32,10 @@ def interrupts_held() -> Iterator[None]:
 
 @contextlib.contextmanager
 def interrupts_kept() -> Iterator[None]:
-    """Raise an interruption that gets lost in the block at its end.
+    """Raise an interruption that is lost in the block when the block ends.
 
-    While code is compiled or loaded, LLVM calls Python back. From there no exception comes through: Python prints it as
-    ignored, and goes on, or fails because what the call was for is not done.
+    LLVM calls Python back while it compiles or loads code. An exception cannot leave such a call: Python prints that it
+    is ignored and goes on, or fails because the work of the call is not done.
     """
     lost: list[Any] = []
     hook = sys.unraisablehook

@@ -1,7 +1,7 @@
 """The manifest of a folder of results: a line of JSON for each clip, written just before its output is put in place.
 
-An output that has the hash of its line is whole and was made by a batch. If the output of a line is missing, the run
-was interrupted between the two, and the clip is converted again.
+An output with the hash in its line is whole, and a batch made it. If it is missing, the run was interrupted between
+the two, and the clip is retargeted again.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import Any, cast
 from filelock import FileLock
 
 from distretarget.batch.plan import MANIFEST, Clip
-from distretarget.errors import FileError
+from distretarget.errors import FileError, counted
 from distretarget.io.files import check_inside, check_writable, make_folder, reason_of
 from distretarget.io.map_json import MapFile
 from distretarget.measure.figures import Figure, Variant, figures_at
@@ -29,23 +29,22 @@ from distretarget.report.index_page import ClipRecord
 
 VERSION = version("distretarget")
 LOCK_INTERVAL = 0.005  # time between two attempts to lock the folder [s]
-FAILURES = 20  # most failures that are listed
-WORST = 3  # most clips that are listed as the worst by a figure
-LEAST = 1e-6  # a clip with a figure up to this is not listed among the worst
-made_from = itemgetter("input_hash", "target_hash", "options", "version")  # all that determines an output
+FAILURES = 20  # most failures listed
+WORST = 3  # most clips listed as the worst by a figure
+LEAST = 1e-6  # clips with a figure up to this are not listed among the worst
+made_from = itemgetter("input_hash", "target_hash", "options", "version")  # what determines an output
 
 
 class ManifestRecord(ClipRecord):
     """A line of a manifest. Hashes of files are "sha256:" and hexadecimal digits.
 
     Attributes:
-        input_hash: the hash of the clip's file; None if it could not be read.
-        output_hash: the hash of the output; None if there is none.
-        target_hash: the hash of the target's file.
-        options: how the clip was retargeted: the fields of `Options`, and `map`, the key of the source joint by that of
-            the target joint, None for no map.
+        input_hash: of the clip's file; None if it could not be read.
+        output_hash: of the output; None if there is none.
+        target_hash: of the target's file.
+        options: the fields of `Options`, and `map`: source joints by target joints, None for no map.
         notes: joints of the target without a counterpart, in a line.
-        version: the version of the program.
+        version: of the program.
     """
 
     input_hash: str | None
@@ -67,7 +66,7 @@ KINDS: dict[Any, tuple[str, ...]] = {  # the keys of a record by the kind of the
 
 
 def new_record(clip: Clip, options: Options, map_file: MapFile) -> ManifestRecord:
-    """Return the line of a clip that is not converted yet: failed, without a reason."""
+    """Return the line of a clip that is not done: failed, without a reason."""
     return {
         "input": str(clip.path),
         "input_hash": None,
@@ -88,22 +87,22 @@ def new_record(clip: Clip, options: Options, map_file: MapFile) -> ManifestRecor
 
 
 def parse_record(line: bytes) -> ManifestRecord | None:
-    """Return the record in a line of a manifest; None if the line is not a whole record."""
+    """Return the record in a line of a manifest; None if it is not a whole record."""
     record = _parsed(line)
     if any(not isinstance(record.get(key, ...), kind) for kind, keys in KINDS.items() for key in keys):
         return None
-    texts = (*record["notes"], *record["warnings"], record.get("status"))
     sides = record["figures"].values()
-    if not all(isinstance(text, str) for text in texts) or texts[-1] not in ("done", "failed"):
-        return None
-    if not all(isinstance(side, dict) for side in sides):
-        return None
-    numbers = (number for side in sides for number in side.values())
-    return cast(ManifestRecord, record) if all(isinstance(number, int | float | None) for number in numbers) else None
+    sound = (
+        record.get("status") in ("done", "failed")
+        and all(isinstance(text, str) for text in (*record["notes"], *record["warnings"]))
+        and all(isinstance(side, dict) for side in sides)
+        and all(isinstance(number, int | float | None) for side in sides for number in side.values())
+    )
+    return cast(ManifestRecord, record) if sound else None
 
 
 def _parsed(line: bytes) -> dict[str, Any]:
-    """The object in a line; an empty one if the line is something else."""
+    """The JSON object in a line; empty if there is none."""
     try:
         value = json.loads(line)
     except (ValueError, RecursionError):
@@ -112,23 +111,18 @@ def _parsed(line: bytes) -> dict[str, Any]:
 
 
 class Manifest:
-    """The manifest in a folder of results. Several runs may add to it at the same time.
+    """The manifest in a folder of results, to which several runs may add at the same time.
 
-    Only the places of the lines in the file are kept in memory, so a folder may have many thousand clips.
+    Only the places of its lines are kept in memory, so a folder may have many thousand clips.
 
     Attributes:
-        path: the path of the manifest.
-        broken: the numbers of its lines, from 1, that are not records. They are not used: the clips that they are about
-            count as not converted.
+        path: of the manifest.
+        broken: the numbers of its lines, from 1, that are not records and are ignored.
     """
 
     def __init__(self, folder: Path, read_only: bool = False) -> None:
-        """Read the manifest of a folder; create both if they do not exist, unless `read_only` is set.
-
-        Temporary files that killed runs have left in the folder are removed.
-
-        Raises:
-            FileError: the file is not a manifest, or one of the two cannot be created, read or written.
+        """Read the manifest of a folder. Unless `read_only`, create both if they do not exist, and remove temporary
+        files that killed runs have left. Raise a FileError if that fails, or if the file is not a manifest.
         """
         self.path, self.broken = folder / MANIFEST, list[int]()
         lock = FileLock(f"{self.path}.lock", poll_interval=LOCK_INTERVAL)
@@ -151,11 +145,7 @@ class Manifest:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Keep other runs from writing to the folder meanwhile.
-
-        Raises:
-            FileError: the folder cannot be locked.
-        """
+        """Keep other runs from writing to the folder; raise a FileError if it cannot be locked."""
         with self._named_errors(), self._lock:
             yield
 
@@ -165,12 +155,8 @@ class Manifest:
         return made is not None and bool(made_from(made) == made_from(record))
 
     def check_replaceable(self, record: ManifestRecord, path: Path, output_hash: str | None) -> None:
-        """Check that an output may replace the file at `path`, which has this hash, without --overwrite.
-
-        It may if there is no file, or a batch made it from the same clip and target.
-
-        Raises:
-            FileError: it may not.
+        """Raise a FileError if an output may replace the file at `path`, which has this hash, only with --overwrite: no
+        batch made it, or one from another clip or target.
         """
         made = self._record_of(record["output"], output_hash)
         if made is None:
@@ -180,17 +166,13 @@ class Manifest:
             raise FileError(path, f"is the result of {made['input']} onto {made['target']}; --overwrite replaces it")
 
     def latest(self, clips: Iterable[Clip]) -> list[ManifestRecord]:
-        """Return the last record of each clip that has one, the newest last."""
+        """Return the last record of each clip, if any, the newest last."""
         self._catch_up()
         places = (clip.place.as_posix() for clip in clips)
         return list(self._records_at(sorted(self._last[place] for place in places if place in self._last)))
 
     def add(self, record: ManifestRecord) -> None:
-        """Add a line and flush it to the disk.
-
-        Raises:
-            FileError: the line cannot be written, if the disk is full for example; then the file is as before.
-        """
+        """Add a line and flush it to the disk; if that fails, raise a FileError and leave the file as before."""
         line = json.dumps(record, allow_nan=False).encode() + b"\n"
         with self.locked():
             self._catch_up()
@@ -206,7 +188,7 @@ class Manifest:
             self._catch_up()
 
     def confirm(self, output: str, output_hash: str) -> None:
-        """Repeat the line of an output that is done, if a later line is on a failure or on another result."""
+        """Repeat the line of an output that is done, if a later line is about a failure or another result."""
         start = self._made[output, output_hash]
         if start != self._last[output]:
             for record in self._records_at([start]):
@@ -226,7 +208,7 @@ class Manifest:
                     yield record
 
     def _catch_up(self) -> None:
-        """Take note of the lines that this run and others have added since the last call."""
+        """Read the lines that this run and others have added since the last call."""
         with self._named_errors():
             if not self.path.exists() or self.path.stat().st_size == self._size:
                 return
@@ -247,7 +229,7 @@ class Manifest:
         self._ends_whole = line.endswith(b"\n")
 
     def _check_first_line(self) -> None:
-        """Check that the file is a manifest; its first line may be incomplete or have values of other kinds."""
+        """Check that the file is a manifest; its first line may be incomplete or have invalid values."""
         with self.path.open("rb") as file:
             first = file.readline()
         if first.endswith(b"\n") and first.strip() and not _parsed(first).keys() >= ManifestRecord.__required_keys__:
@@ -263,7 +245,7 @@ class Manifest:
 
 
 def _remove_temporary_files(folder: Path) -> None:
-    """Remove what killed runs have left, but not in folders of results inside this one: each has its own lock."""
+    """Remove temporary files, but not in folders of results inside this one: these have their own locks."""
     for inside, folders, files in os.walk(folder):
         if Path(inside) != folder and MANIFEST in files:
             folders.clear()
@@ -274,7 +256,7 @@ def _remove_temporary_files(folder: Path) -> None:
 
 
 def _is_other(recorded: str, path: str) -> bool:
-    """Whether a path in the manifest leads to another file than `path`; False if the recorded file no longer exists."""
+    """Whether a path in the manifest leads to another file than `path`; False if that file no longer exists."""
     try:
         return recorded != path and not Path(recorded).samefile(path)
     except (OSError, ValueError):
@@ -283,16 +265,16 @@ def _is_other(recorded: str, path: str) -> bool:
 
 @dataclass(kw_only=True)
 class Tally:
-    """Counts the clips of a run by outcome, and remembers the worst and the failures.
+    """Count the clips of a run by outcome, and remember the worst and the failures.
 
     Attributes:
         clips: clips in the run.
-        done: clips converted.
-        skipped: clips that were converted by an earlier run.
-        failed: clips that could not be converted.
-        warned: clips converted that need a look.
-        frames: frames converted.
-        workers: processes that converted them.
+        done: clips retargeted.
+        skipped: clips that an earlier run retargeted.
+        failed: clips that could not be retargeted.
+        warned: clips that are done and need a look.
+        frames: frames retargeted.
+        workers: processes that did so.
         seconds: the time that took, without the start of the processes [s].
     """
 
@@ -308,7 +290,7 @@ class Tally:
     _failures: list[str] = field(default_factory=list)
 
     def add(self, record: ManifestRecord | None) -> None:
-        """Count a clip by its line of the manifest, or None for a clip that an earlier run converted."""
+        """Count a clip by its line of the manifest, or None if it was done before."""
         if record is None:
             self.skipped += 1
         elif record["status"] == "done":
@@ -329,22 +311,20 @@ class Tally:
         counts = [f"{self.done} converted", f"{self.skipped} done before", f"{self.failed} failed"]
         if left := self.clips - self.done - self.skipped - self.failed:
             counts.append(f"{left} left")
-        lines = [f"{self.clips} {'clip' if self.clips == 1 else 'clips'}: {', '.join(counts)}"]
+        lines = [f"{counted(self.clips, 'clip')}: {', '.join(counts)}"]
         if self.frames:
-            jobs = f"{self.workers} {'job' if self.workers == 1 else 'jobs'}"
             frames = "1 frame" if self.frames == 1 else f"{self.frames:,} frames"
-            lines.append(f"{frames} in {self.seconds:.1f} s, {self.frames / self.seconds:,.0f} frames/s with {jobs}")
+            rate = f"{self.frames / self.seconds:,.0f} frames/s with {counted(self.workers, 'job')}"
+            lines.append(f"{frames} in {self.seconds:.1f} s, {rate}")
         if self.warned:
             lines.append(f"{self.warned} of {self.done} need a look; the manifest has their warnings")
         for figure, records in self._worst.items():
-            values = [
-                (record["output"], value(record, figure), value(record, figure, "rotation_copy")) for record in records
+            bad = [
+                f"{one['output']} ({value(one, figure):.3g}, rotation copy {value(one, figure, 'rotation_copy'):.3g})"
+                for one in records
+                if value(one, figure) > LEAST
             ]
-            if bad := [
-                f"{output} ({result:.3g}, rotation copy {copy:.3g})"
-                for output, result, copy in values
-                if result > LEAST
-            ]:
+            if bad:
                 lines.append(f"worst {figure.label}: {', '.join(bad)}")
         return lines + self.failures
 
@@ -357,7 +337,7 @@ class Tally:
 
 
 def worst(records: Iterable[ManifestRecord], figure: Figure) -> list[ManifestRecord]:
-    """Return the lines of converted clips, those with the largest figure first."""
+    """Return the lines of clips, those with the largest figure first."""
     return sorted(records, key=lambda record: -value(record, figure))
 
 

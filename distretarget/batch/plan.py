@@ -1,4 +1,4 @@
-"""The plan of a batch: which files are clips, onto which targets they go, and where their results belong."""
+"""The plan of a batch: which files are clips, which targets they go to, and where their results belong."""
 
 from __future__ import annotations
 
@@ -20,37 +20,27 @@ WILDCARDS = frozenset("*?[")
 
 @dataclass(frozen=True)
 class Clip:
-    """A clip to convert onto a target.
+    """A clip to retarget to a target."""
 
-    Attributes:
-        path: the path of the clip's file.
-        target: the target's file.
-        place: the path of the result, relative to the folder of results.
-        size: the size of the clip's file [bytes]; 0 where it cannot be read.
-    """
-
-    path: Path
-    target: Text
-    place: PurePath
-    size: int
+    path: Path  # of the clip's file
+    target: Text  # the target's file
+    place: PurePath  # of the result, relative to the folder of results
+    size: int  # of the clip's file [bytes]; 0 if it cannot be read
 
 
 def find_clips(
     sources: Sequence[Path], listed: Sequence[Path] = (), include: Sequence[str] = (), exclude: Sequence[str] = ()
 ) -> tuple[list[tuple[Path, PurePath]], list[FileError]]:
-    """Find the clips in files and folders.
+    """Find the clips in files and folders: their paths, each with the place of its result in the folder of results; and
+    the errors of files and folders that cannot be searched.
 
-    Results keep the tree of a folder; with several sources, each folder's tree goes below the folder's name. In
-    folders, files named *.bvh are clips, unless their name or that of a folder on their path begins with a dot. Folders
-    of scenes, which have a scene.json, are left out. Links are followed, but not in circles. The results of files in
-    `sources` go to the top, those of `listed` files to their places below the deepest folder that contains them all.
+    In folders, files named *.bvh are clips, except hidden ones and those in folders of scenes, which have a scene.json.
+    Links are followed, but not in circles. Results keep the tree of a folder; with several sources, each folder's tree
+    goes below the folder's name. Results of files in `sources` go to the top, those of `listed` files to their places
+    below the deepest folder that contains them all.
 
     `include` and `exclude` are shell patterns for the names of files in folders, or for their paths in the folder.
     Patterns that end in / or have no wildcards match names and paths of folders as well.
-
-    Returns:
-        The path of each clip with the place of its result, relative to the folder of results; and the errors of files
-        and folders that could not be searched.
     """
     clips: list[tuple[Path, PurePath]] = []
     unread: list[FileError] = []
@@ -73,9 +63,9 @@ def find_clips(
 def plan(
     found: Sequence[tuple[Path, PurePath]], targets: Sequence[Text], folder: Path, sources: Sequence[Path]
 ) -> list[Clip]:
-    """Plan the conversion of every clip found onto every target into `folder`, the largest clips first.
+    """Plan to retarget every clip found to every target, the largest clips first.
 
-    With several targets, the results of each go to a folder of their own.
+    Results go into `folder`; with several targets, each target has a folder in it.
 
     Raises:
         BatchError: two results would have the same path, a result would replace a clip or a target, or `folder` is
@@ -110,11 +100,7 @@ def plan(
 
 
 def check_page(page: Path, clips: Sequence[Clip], folder: Path, map_path: str | Path) -> None:
-    """Check that the page over all clips replaces neither an input nor a file that the batch writes to `folder`.
-
-    Raises:
-        BatchError: it would replace one.
-    """
+    """Raise a BatchError if the page over all clips would replace an input or a file of the batch in `folder`."""
     written = {folder.resolve() / place for place in (PurePath(MANIFEST), *(clip.place for clip in clips))}
     if page.resolve() in written or _file(page) in {*_inputs(clips), _file(map_path) or ()}:
         raise BatchError(f"{page}: is an input, or the place of a result; give the page another name")
@@ -146,17 +132,17 @@ def _files_below(folder: Path, unread: list[FileError]) -> Iterator[PurePath]:
 
 
 def _leads_back(path: Path, folder: Path) -> bool:
-    """Whether a path below a folder is a link to one of the folders on the path."""
+    """Whether a path below a folder is a link to a folder above it."""
     return path.is_symlink() and any(path.samefile(above) for above in path.parents if above.is_relative_to(folder))
 
 
 def _result(place: PurePath) -> PurePath:
-    """The place of the result of a clip: its suffix is .bvh in lower case."""
+    """The place of the result of a clip, with the suffix .bvh in lower case."""
     return place.with_suffix(SUFFIX) if place.suffix.lower() == SUFFIX else place.with_name(place.name + SUFFIX)
 
 
 def _matches_any(place: PurePath, patterns: Iterable[str]) -> bool:
-    """Whether a path or its name matches a shell pattern, or a folder on the path a pattern for folders."""
+    """Whether a path or its name matches a shell pattern, or a folder on the path matches a pattern for folders."""
     for pattern in patterns:
         for_folders = pattern.endswith("/") or not WILDCARDS.intersection(pattern)
         plain = pattern.removeprefix("**/").rstrip("/")
@@ -167,7 +153,7 @@ def _matches_any(place: PurePath, patterns: Iterable[str]) -> bool:
 
 
 def _folder_name(target: Path) -> PurePath:
-    """The name of the folder for the results of a target; for a target such as `...json` its whole name, not `..`."""
+    """The name of the folder for a target's results: its stem, or for `...json` its whole name instead of `..`."""
     return PurePath(target.stem if target.stem.strip(".") else target.name)
 
 
@@ -179,7 +165,7 @@ def _inputs(clips: Sequence[Clip]) -> set[tuple[int, ...]]:
 
 
 def _file(path: str | Path) -> tuple[int, ...] | None:
-    """What identifies a file, whichever path leads to it: device and inode; None where there is no file."""
+    """The device and inode of a file, which identify it on any path; None if there is no file."""
     status = _status(path)
     return (status.st_dev, status.st_ino) if status else None
 

@@ -1,6 +1,6 @@
-"""The workers, which convert clips: texts in, texts and figures out, without access to files.
+"""The workers that retarget clips: texts in, texts and figures out, without access to files.
 
-They are processes of this machine, or a Dask cluster (`cluster`); both have an executor of `concurrent.futures`.
+They are processes on this machine or a Dask cluster (`cluster`); both have an executor of `concurrent.futures`.
 """
 
 from __future__ import annotations
@@ -38,40 +38,32 @@ from distretarget.report.clip_page import run_page
 from distretarget.report.diff_document import About
 from distretarget.report.run_summary import unmatched
 
-# The variables that set the threads of a process. Workers have one thread each, as there is a worker for each core.
+# These set the threads of a process: workers have one each, as there is a worker for each core.
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-CHECK_INTERVAL = 5.0  # time without a result after which the workers are asked whether one has died [s]
-QUEUED = 2  # jobs that are submitted at a time, running or waiting [jobs per worker]
+CHECK_INTERVAL = 5.0  # after this time without a result, check whether a worker has died [s]
+QUEUED = 2  # jobs submitted at a time, running or waiting [jobs per worker]
 
 
 @dataclass(frozen=True)
 class Job:
-    """A clip to convert.
+    """A clip to retarget."""
 
-    Attributes:
-        source, target: the files of the clip and of its target.
-        map_file, options: how to retarget.
-        record: the line of the manifest on the clip, as long as it is not converted.
-        about: what the report on the clip is to say; None for no report.
-        split: whether all workers share its frames.
-    """
-
-    source: Text
-    target: Text
+    source: Text  # the clip's file
+    target: Text  # the target's file
     map_file: MapFile
     options: Options
-    record: ManifestRecord
-    about: About | None = None
-    split: bool = False
+    record: ManifestRecord  # its line of the manifest while it is not done
+    about: About | None = None  # what its report says; None for no report
+    split: bool = False  # share its frames among all workers
 
     def failed(self, reason: str) -> Result:
-        """Return the result of the clip if it fails; the reason names the file."""
+        """Return the result of a clip that failed; the reason names the file."""
         return Result(self.record | {"error": " ".join(reason.split())})
 
 
 @dataclass(frozen=True)
 class Result:
-    """What became of a clip: its line of the manifest, and if it is converted its output and the HTML of its report."""
+    """What became of a clip: its line of the manifest and, if it is done, its output and the HTML of its report."""
 
     record: ManifestRecord
     output: bytes = b""
@@ -79,7 +71,7 @@ class Result:
 
 
 def convert(job: Job, mapper: Mapper = map) -> Result:
-    """Convert a clip; the result says what went wrong, if anything did. `mapper` is as in `retarget`."""
+    """Retarget a clip; the result has the error, if any. `mapper` is as in `retarget`."""
     started = time.perf_counter()
     path = job.source.path
     if job.record["version"] != VERSION:
@@ -116,7 +108,7 @@ def _converted(job: Job, mapper: Mapper) -> Result:
 
 
 class Workers(Protocol):
-    """Workers: how many, the time that their start has taken [s], and the executor that hands jobs to them."""
+    """Workers: their number, the time that their start took [s], and the executor that hands jobs to them."""
 
     count: int
     start_seconds: float
@@ -125,10 +117,10 @@ class Workers(Protocol):
     def executor(self) -> Executor: ...
 
     def lost(self) -> bool:
-        """Return whether a worker has died unnoticed; called every `CHECK_INTERVAL` while no results come."""
+        """Return whether a worker has died; called every `CHECK_INTERVAL` while no results come."""
 
     def close(self) -> None:
-        """Release the workers at once, even if they are busy. Others start when the executor is needed again."""
+        """Release the workers at once, even if they are busy; the next use of the executor starts others."""
 
 
 class Processes:
@@ -149,9 +141,9 @@ class Processes:
 
     @property
     def executor(self) -> ProcessPoolExecutor:
-        """The processes, which start when they are needed.
+        """The processes, started when first used.
 
-        Code is compiled only once, by this process; the others find it in the folder of compiled code.
+        This process compiles the code, and the others find it in the folder of compiled code.
         """
         if self._executor is None:
             started = time.perf_counter()
@@ -163,14 +155,14 @@ class Processes:
         return self._executor
 
     def lost(self) -> bool:
-        """Return whether a process has ended; the executor does not notice one that ends while it sends a result."""
+        """Return whether a process has ended: the executor misses one that ends while it sends a result."""
         if any(process.exitcode is not None for process in self._processes()):
             self.close()
             return True
         return False
 
     def close(self) -> None:
-        """End the processes at once, without a word, even while they start."""
+        """End the processes at once and silently, even while they start."""
         for process in self._processes():
             process.kill()
         if self._executor:
@@ -182,13 +174,10 @@ class Processes:
 
 
 def convert_all(workers: Workers, jobs: Iterable[Job]) -> Iterator[Result]:
-    """Convert clips, a few at a time, and yield the results as they come.
+    """Retarget clips, a few at a time, and yield the results as they come.
 
-    When a worker dies, the clips that had been submitted are tried again at the end, one by one; one that kills its
-    worker then fails.
-
-    Raises:
-        BatchError: the workers are gone, or die as they start.
+    If a worker dies, the submitted clips are tried again at the end, one by one; one that kills its worker again fails.
+    If all workers are gone, or die as they start, a BatchError is raised.
     """
     unfinished: list[Job] = []
     yield from _convert(workers, jobs, unfinished)
@@ -200,7 +189,7 @@ def convert_all(workers: Workers, jobs: Iterable[Job]) -> Iterator[Result]:
 
 
 def _convert(workers: Workers, jobs: Iterable[Job], unfinished: list[Job]) -> Iterator[Result]:
-    """Convert clips; those that had been submitted when a worker died are added to `unfinished`."""
+    """Retarget clips; those submitted when a worker dies are added to `unfinished`."""
     running: dict[Future[Result], Job] = {}
     for job in jobs:
         running[_submit(workers, job)] = job
@@ -211,7 +200,7 @@ def _convert(workers: Workers, jobs: Iterable[Job], unfinished: list[Job]) -> It
 
 
 def _next_results(workers: Workers, running: dict[Future[Result], Job], unfinished: list[Job]) -> Iterator[Result]:
-    """Wait for clips to end, remove them from `running`, and yield their results."""
+    """Wait for results, remove their clips from `running`, and yield them."""
     done, _ = wait(running, CHECK_INTERVAL, FIRST_COMPLETED)
     if not done and workers.lost():
         unfinished += running.values()
@@ -231,7 +220,7 @@ def _next_results(workers: Workers, running: dict[Future[Result], Job], unfinish
 
 
 def _submit(workers: Workers, job: Job, again: bool = True) -> Future[Result]:
-    """Submit a clip to one worker, or split it for all. Workers of which one has died are replaced first."""
+    """Submit a clip to one worker, or split it for all; if a worker has died, start others first."""
     try:
         executor = workers.executor
         return _split(executor, job) if job.split else executor.submit(convert, job)
@@ -244,7 +233,7 @@ def _submit(workers: Workers, job: Job, again: bool = True) -> Future[Result]:
 
 
 def _split(executor: Executor, job: Job) -> Future[Result]:
-    """Convert a clip in a thread of this process, in chunks for all workers; no end of the program waits for it."""
+    """Retarget a clip in chunks for all workers, from a thread that does not keep the program from ending."""
     future: Future[Result] = Future()
 
     def run() -> None:
@@ -258,7 +247,7 @@ def _split(executor: Executor, job: Job) -> Future[Result]:
 
 
 def _start_worker(temporary: str) -> None:
-    """Let a worker ignore Ctrl-C, which its parent handles, and end with it; then it removes temporary files."""
+    """Let a worker ignore Ctrl-C, which its parent handles, and end with its parent, removing temporary files."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_SETMASK, [])
@@ -274,10 +263,10 @@ def _start_worker(temporary: str) -> None:
 
 @contextmanager
 def _worker_environment() -> Iterator[None]:
-    """Set the environment variables of workers while they are started, and let Ctrl-C wait until they are.
+    """Set the environment variables of workers while they start; Ctrl-C waits meanwhile.
 
-    Workers import from the same folders as this process. They do not import from the working directory, which may hold
-    another copy of this program. After a kill of this process, nothing is said of the semaphores that are cleared away.
+    Workers import from the same folders as this process, but not from the working directory, which may hold another
+    copy of this program. They do not warn of semaphores that are left when this process is killed.
     """
     before = dict(os.environ)
     path = os.pathsep.join(str(Path(folder).absolute()) for folder in sys.path)

@@ -22,7 +22,7 @@ from distretarget.errors import DistretargetError
 from distretarget.io.files import reason_of
 
 COMMANDS = {  # by name: where the command is, and its short help
-    "batch": ("distretarget.cli.batch:batch_command", "Convert many clips to one or several targets."),
+    "batch": ("distretarget.cli.batch:batch_command", "Retarget many clips to one or several targets."),
     "diff": ("distretarget.cli.diff:diff_command", "Measure the motion of B against that of A, the reference."),
     "retarget": (
         "distretarget.cli.retarget:retarget_command",
@@ -35,14 +35,11 @@ COMMANDS = {  # by name: where the command is, and its short help
     ),
 }
 DEFAULT_COMMAND = "retarget"
-THREAD_TIMEOUT = 5.0  # how long the program waits for each remaining thread before it ends without it [s]
+THREAD_TIMEOUT = 5.0  # the program waits this long for each remaining thread before it ends [s]
 
 
 class DefaultGroup(click.Group):
-    """A group that runs `DEFAULT_COMMAND` if the first argument is not the name of a command.
-
-    A first argument that is not a file, but nearly the name of a command, is refused.
-    """
+    """A group that runs `DEFAULT_COMMAND` if the first word is no command; it refuses a misspelt command."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         if args and args[0] not in self.commands and not os.path.lexists(args[0]):
@@ -55,10 +52,7 @@ class DefaultGroup(click.Group):
 
 
 class ImportedCommand(click.Command):
-    """A command that is imported when it runs, because its module is slow to import.
-
-    Before that, only its name and short help are known, which is all that the help of a group shows.
-    """
+    """A command that is imported when it runs, as its module is slow to import; until then it has only a short help."""
 
     def __init__(self, name: str, place: str, short_help: str) -> None:
         """Stand for the command at a place such as "package.module:command"."""
@@ -67,7 +61,7 @@ class ImportedCommand(click.Command):
 
     @cached_property
     def command(self) -> click.Command:
-        """The command itself, imported without garbage collection: modules stay to the end."""
+        """The command itself, imported without garbage collection, as modules stay anyway."""
         gc.disable()
         try:
             command: click.Command = resolve_name(self._place)
@@ -107,7 +101,7 @@ for name, (place, short_help) in COMMANDS.items():
 
 
 def main() -> None:
-    """Run the command line. Exit status: 0 done, 1 failed, 2 wrong usage, 130 interrupted. An error is one line."""
+    """Run the command line. Exit status: 0 done, 1 failed, 2 wrong usage, 130 interrupted."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
@@ -161,7 +155,7 @@ def _run() -> int:
 
 
 def _leave(status: int) -> NoReturn:
-    """End the program, even if a thread of a pool waits forever for a worker that died while sending a result."""
+    """End the program, even if a thread waits forever for a worker that died while sending a result."""
     sys.stdout.flush()
     sys.stderr.flush()
     others = [thread for thread in threading.enumerate() if thread is not threading.main_thread() and not thread.daemon]
@@ -173,7 +167,7 @@ def _leave(status: int) -> NoReturn:
 
 
 def _complain(message: str, status: int) -> int:
-    """Print an error on one line, and return the exit status."""
+    """Print an error on one line and return the exit status."""
     line = " ".join(message.split("\n"))
     click.echo(f"distretarget: {line}".encode("utf-8", "backslashreplace").decode(), err=True)
     return status

@@ -16,8 +16,8 @@ from distretarget.batch.batch import Batch, load_targets
 from distretarget.batch.manifest import Manifest, ManifestRecord, Tally, new_record
 from distretarget.batch.plan import find_clips, plan
 from distretarget.batch.workers import Processes, Workers
-from distretarget.cli.options import of_reports, retargeting
-from distretarget.cli.outputs import STANDARD, about, complain, is_quiet, quiet, say
+from distretarget.cli.options import PATH, of_reports, quiet, retargeting
+from distretarget.cli.outputs import STANDARD, about, complain, is_quiet, say
 from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import hash_of, hash_of_file, is_folder, read_bytes
 from distretarget.io.map_json import load_map
@@ -26,7 +26,6 @@ from distretarget.numerics.parallel import cores
 from distretarget.pipeline.options import Options
 
 INTERRUPTED = 130  # exit status
-PATH = click.Path(path_type=Path)
 
 
 @click.command("batch")
@@ -37,13 +36,13 @@ PATH = click.Path(path_type=Path)
     "targets",
     multiple=True,
     type=PATH,
-    help="A target; all arguments are sources then. Several targets may be given; each gets its own folder of results.",
+    help="A target; SOURCES then has none. May be given several times; each target gets its own folder of results.",
 )
 @click.option(
     "--include",
     multiple=True,
     metavar="GLOB",
-    help="Convert only files whose name or path in the folder matches; with a / at the end, files in such folders.",
+    help="Retarget only files whose name or path in the folder matches; with a / at the end, files in such folders.",
 )
 @click.option(
     "--exclude",
@@ -62,10 +61,10 @@ PATH = click.Path(path_type=Path)
     "--jobs",
     type=click.IntRange(1),
     metavar="N",
-    help="The number of processes that convert. Default: one for each core that may be used.",
+    help="The number of processes. Default: one for each core that may be used.",
 )
-@click.option("--dask", metavar="ADDRESS", help="Convert on the Dask cluster with this scheduler: tcp://HOST:PORT.")
-@click.option("--overwrite", is_flag=True, help="Convert everything again, and replace files that no batch made.")
+@click.option("--dask", metavar="ADDRESS", help="Use the Dask cluster with this scheduler: tcp://HOST:PORT.")
+@click.option("--overwrite", is_flag=True, help="Retarget everything again, and replace files that no batch made.")
 @click.option("--fail-fast", is_flag=True, help="Stop at the first clip that fails.")
 @click.option(
     "--report",
@@ -102,7 +101,7 @@ def batch_command(
     reports: int | None,
     dry_run: bool,
 ) -> None:
-    """Convert many clips to one or several targets.
+    """Retarget many clips to one or several targets.
 
     SOURCES are BVH files and folders; results keep the tree of each folder. Clips that are done and unchanged are
     skipped, so an interrupted run continues where it stopped; clips that failed are tried again. manifest.jsonl in the
@@ -165,7 +164,7 @@ def _workers(dask: str | None, jobs: int | None, options: Options) -> Workers:
 
 
 def _convert(batch: Batch, workers: Workers, tally: Tally) -> tuple[str, int]:
-    """Convert the clips; return why the batch was stopped and the exit status for that; empty and 0 if it was not."""
+    """Retarget the clips; return why the batch was stopped and the exit status; empty and 0 if it was not."""
     silent = is_quiet() or None  # None: on a terminal only
     with (
         closing(workers),
@@ -208,7 +207,7 @@ def _print_plan(batch: Batch) -> None:
 
 
 def _print_broken(manifest: Manifest) -> None:
-    """Print which lines of a manifest cannot be used."""
+    """Warn of lines of a manifest that cannot be used."""
     if manifest.broken:
         first, *others = manifest.broken
         more = f", nor are {len(others)} more lines" if others else ""

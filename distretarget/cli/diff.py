@@ -1,4 +1,4 @@
-"""`distretarget diff`: measure one clip against another."""
+"""`distretarget diff`: measure one clip or scene against another."""
 
 from __future__ import annotations
 
@@ -8,41 +8,23 @@ from pathlib import Path
 
 import click
 
-from distretarget.cli.diff_scenes import is_scene, measure_scenes
-from distretarget.cli.options import positive
-from distretarget.cli.outputs import (
-    LISTED,
-    OVERWRITE_OPTION,
-    FileOrStandard,
-    about,
-    check_outputs,
-    number,
-    over,
-    quiet,
-    read_input,
-    say,
-    write_output,
-)
-from distretarget.errors import DistretargetError, MatchingError, quoted
+from distretarget.cli.diff_scenes import Account, is_scene, measure, measure_scenes, over
+from distretarget.cli.options import OVERWRITE_OPTION, FileOrStandard, map_option, positive, quiet
+from distretarget.cli.outputs import LISTED, about, aligned, check_outputs, read_input, say, write_outputs
+from distretarget.errors import counted, quoted
 from distretarget.io.bvh import parse_bvh
-from distretarget.io.map_json import joint_map, load_map
-from distretarget.measure.diff import diff
 from distretarget.measure.figures import BY_KEY, FIGURES, Figure, figures_at
-from distretarget.pipeline.retarget_files import needs_map
 from distretarget.report.clip_page import diff_page
 from distretarget.report.diff_document import DiffContact, DiffDocument, FigureValues, csv_text, document, json_text
 from distretarget.report.scene_diff_document import GAP_ERROR
 from distretarget.skeleton import LARGEST
-from distretarget.target import Target
 
 MOST = 5  # frames and contacts that are printed
-
-
 RATIOS = " and ".join(figure.key for figure in FIGURES if figure.judged == "ratio")
 FAIL_OVER_HELP = (
     f"Exit with status 1 if a figure is over a limit. FIGURE is one of {', '.join(BY_KEY)}. The limit is for the value "
-    f"of B; for {RATIOS}, for its ratio to the value of A. In scenes it is for each performer; their own figure "
-    f"{GAP_ERROR} is how far gaps between what touches are off those in A, in % of a leg. May be given several times."
+    f"of B; for {RATIOS}, for its ratio to the value of A. In scenes it is for each performer; a whole scene has the "
+    f"figure {GAP_ERROR}: the error of the gaps between what touches in A, in % of a leg. May be given several times."
 )
 
 
@@ -67,21 +49,17 @@ def of_figure(text: str) -> tuple[str, float]:
 @click.option("-o", "--output", type=FileOrStandard(), help="The HTML report to write: one file, no network.")
 @click.option("--json", "json_path", type=FileOrStandard(), help="Write all figures to this file.")
 @click.option("--csv", "csv_path", type=FileOrStandard(), help="Write the figures to this file, a row for each frame.")
-@click.option(
-    "--map",
-    "map_path",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help='A JSON file with {"joint of B": "joint of A"}, null for joints to leave out; the others are matched by '
-    "names or shape.",
+@map_option(
+    'A JSON file with {"joint of B": "joint of A"}, null for joints to leave out; the others are matched by names or '
+    "shape."
 )
 @click.option("--fail-over", "limits", type=of_figure, multiple=True, metavar="FIGURE=LIMIT", help=FAIL_OVER_HELP)
 @click.option(
     "--world-scale",
     type=positive,
     metavar="NUMBER",
-    help="Of scenes: units of B per unit of A along the floor. Default: what the scene file of A says where B is a "
-    "folder of results, else what `distretarget scene` chooses.",
+    help="For scenes: units of B per unit of A along the floor. Default: what the scene file of A says if B is a "
+    "folder of results, else what `distretarget scene` would choose.",
 )
 @OVERWRITE_OPTION
 @quiet
@@ -98,11 +76,11 @@ def diff_command(
 ) -> None:
     """Measure the motion of B against that of A, the reference. Both are BVH files.
 
-    Their skeletons may differ, and so may frame times and numbers of frames: A is resampled at B's, and the longer
-    one is cut. - stands for standard input or output.
+    Their skeletons, frame times and numbers of frames may differ: A is resampled at B's frame time, and the longer clip
+    is cut. - stands for standard input or output.
 
-    Two scenes are two folders of BVH files, one for each performer and prop, with the same names in both; a SCENE.json
-    may stand for either. Each performer is measured, and how far what touches between them in A is apart in B.
+    To compare two scenes, give two folders of BVH files, one for each performer and prop, with the same names in both,
+    or a SCENE.json for either. Each performer is measured, and the gaps in B between what touches in A.
 
     \b
     distretarget diff walk.bvh walk_hero.bvh
@@ -110,43 +88,45 @@ def diff_command(
     distretarget diff old.bvh new.bvh --fail-over contact_error=0.02 --fail-over slide=1.1
     distretarget diff scene.json duet -o duet.html --fail-over gap_error=2
     """  # noqa: D301
+    outputs = (output, json_path, csv_path)
     if is_scene(a) or is_scene(b):
-        measure_scenes(a, b, output, json_path, csv_path, map_path, limits, world_scale, overwrite)
-        return
-    if world_scale is not None or any(key == GAP_ERROR for key, _ in limits):
-        option = f"--fail-over {GAP_ERROR}" if world_scale is None else "--world-scale"
-        raise click.UsageError(f"{option} is for scenes; leave it out to compare two clips.")
-    check_outputs([output, json_path, csv_path], [a, b, map_path], overwrite)
+        account = measure_scenes(a, b, outputs, map_path, limits, world_scale, overwrite)
+    else:
+        if world_scale is not None or any(key == GAP_ERROR for key, _ in limits):
+            option = f"--fail-over {GAP_ERROR}" if world_scale is None else "--world-scale"
+            raise click.UsageError(f"{option} is for scenes; leave it out to compare two clips.")
+        check_outputs(outputs, [a, b, map_path], overwrite)
+        account = _measure_clips(a, b, map_path, limits)
+    texts = {output: account.page, json_path: lambda: json_text(account.document), csv_path: account.csv}
+    write_outputs(texts, overwrite)
+    for line in account.lines:
+        say(line)
+    if account.faults:
+        raise click.ClickException(f"{account.path}: {'; '.join(account.faults)}")
+
+
+def _measure_clips(a: Path, b: Path, map_path: Path | None, limits: tuple[tuple[str, float], ...]) -> Account:
+    """Measure clip B against clip A."""
     a_text, b_text = read_input(a), read_input(b)
     first, second = (parse_bvh(text.text, text.path) for text in (a_text, b_text))
-    goal = Target(second.rigid_skeleton, {}, "")
-    pairs = joint_map(first.rigid_skeleton, goal, b_text.path, load_map(map_path))
-    try:
-        result = diff(first, second, pairs)
-    except MatchingError as error:
-        raise needs_map(error, a_text.path, b_text.path) from error
-    except DistretargetError as error:
-        raise error.in_file(b_text.path) from None
+    result = measure(first, second, a_text.path, b_text.path, map_path)
     figures = document(result, replace(about(Path(a_text.path), Path(b_text.path)), limits=limits))
-    if output:
-        write_output(output, diff_page(result, figures), overwrite)
-    if json_path:
-        write_output(json_path, json_text(figures), overwrite)
-    if csv_path:
-        write_output(csv_path, csv_text(figures["frames"]), overwrite)
-    for line in _account(figures):
-        say(line)
-    if faults := list(over(figures["limits"])):
-        raise click.ClickException(f"{b_text.path}: {'; '.join(faults)}")
+    return Account(
+        path=b_text.path,
+        document=figures,
+        page=lambda: diff_page(result, figures),
+        csv=lambda: csv_text(figures["frames"]),
+        lines=[*_lines(figures)],
+        faults=[*over(figures["limits"])],
+    )
 
 
-def _account(figures: DiffDocument) -> Iterator[str]:
+def _lines(figures: DiffDocument) -> Iterator[str]:
     """The lines that are printed."""
-    frames, rate = figures["frame_count"], 1 / figures["frame_time"]
     for name, body in (("A", figures["a"]), ("B", figures["b"])):
         named = f", named as in {body['convention']}" if body["convention"] else ""
         yield f"{name}: {body['file']}, {body['joints']} joints{named}"
-    yield f"{frames} {'frame' if frames == 1 else 'frames'} compared, {rate:.4g} a second"
+    yield f"{counted(figures['frame_count'], 'frame')} compared, {1 / figures['frame_time']:.4g} a second"
     yield from figures["notes"]
     yield from ("", *_table(figures["figures"]["source"], figures["figures"]["result"]), "")
     for figure in figures_at("worst clips"):
@@ -158,18 +138,20 @@ def _account(figures: DiffDocument) -> Iterator[str]:
 
 
 def _table(a: FigureValues, b: FigureValues) -> Iterator[str]:
-    """A line per figure, with its values in A and B."""
+    """A line for each figure, with its values in A and B."""
     rows = [("figure", "A", "B", "")]
     for figure in FIGURES:
-        own = number(a[figure.key]) if figure.of_source else ""
-        rows.append((figure.label, own, number(b[figure.key]), _meaning(figure, a.get(figure.key), b[figure.key])))
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for name, of_a, of_b, meaning in rows:
-        yield f"{name:<{widths[0]}}  {of_a:>{widths[1]}}  {of_b:>{widths[2]}}  {meaning}".rstrip()
+        own = _number(a[figure.key]) if figure.of_source else ""
+        rows.append((figure.label, own, _number(b[figure.key]), _meaning(figure, a.get(figure.key), b[figure.key])))
+    return aligned(rows, "<>><")
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4g}"
 
 
 def _meaning(figure: Figure, a: float | None, b: float | None) -> str:
-    """What a figure means, its unit and, if it is judged against A's value, the comparison of B's with it."""
+    """What a figure means, its unit and, if its ratio is judged, the ratio of B to A."""
     meaning = figure.meaning.format(source="A", result="B") + (f" [{figure.unit}]" if figure.unit else "")
     judged = figure.judgement(b, a)
     if not figure.of_source or judged is None or a is None or a <= figure.still:
@@ -189,8 +171,7 @@ def _contacts(contacts: Sequence[DiffContact]) -> Iterator[str]:
     """A line for each of the first pairs of regions that touch in A."""
     yield "contacts (distance over path length in A, in B):" if contacts else "contacts: none"
     for contact in contacts[:MOST]:
-        frames = "1 frame" if contact["frames"] == 1 else f"{contact['frames']} frames"
-        distances = f"{contact['distance_a']:.3f}, {contact['distance_b']:.3f} in {frames}"
+        distances = f"{contact['distance_a']:.3f}, {contact['distance_b']:.3f} in {counted(contact['frames'], 'frame')}"
         yield f"  {contact['regions']}: {distances}; worst in frame {contact['worst_frame']}"
     if len(contacts) > MOST:
         yield f"  and {len(contacts) - MOST} more"

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import click
-
 from distretarget.body.body import Body
-from distretarget.cli.outputs import LISTED, about, check_outputs, over, say, write_output
-from distretarget.errors import DistretargetError, FileError, MatchingError, quoted
+from distretarget.cli.outputs import LISTED, about, aligned, check_outputs
+from distretarget.errors import DistretargetError, FileError, MatchingError, counted, quoted
 from distretarget.io.bvh import read_bvh
 from distretarget.io.files import is_folder, reason_of
 from distretarget.io.map_json import joint_map, load_map
@@ -18,9 +16,17 @@ from distretarget.measure.diff import Diff, diff
 from distretarget.measure.scene_gaps import diff_scenes
 from distretarget.motion import Motion
 from distretarget.pipeline.retarget_files import needs_map
-from distretarget.report.diff_document import document, json_text
-from distretarget.report.scene_diff_document import GAP_ERROR, SceneDiffDocument, scene_csv, scene_document
-from distretarget.report.scene_page import Table, figure_table, gap_table, scene_diff_page
+from distretarget.report.diff_document import DiffLimit, document
+from distretarget.report.scene_diff_document import (
+    GAP_ERROR,
+    SceneDiffDocument,
+    Table,
+    figure_table,
+    gap_table,
+    scene_csv,
+    scene_document,
+)
+from distretarget.report.scene_page import scene_diff_page
 from distretarget.scene.scene_file import SCENE_NAME, SceneSetup, load_scene
 from distretarget.target import Target
 
@@ -29,19 +35,31 @@ MOST = 10  # gaps that are printed
 
 @dataclass(frozen=True)
 class SceneInput:
-    """The performers and props of a scene, by name.
+    """The performers and props of a scene, by name."""
 
-    Attributes:
-        path: of its file or folder.
-        motions: how each moves.
-        files: where each was read.
-        setup: what the scene file says; None for a folder without one.
-    """
-
-    path: Path
+    path: Path  # of its file or folder
     motions: Mapping[str, Motion]
-    files: Mapping[str, Path]
-    setup: SceneSetup | None = None
+    files: Mapping[str, Path]  # where each motion was read
+    setup: SceneSetup | None = None  # what the scene file says; None for a folder without one
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Account:
+    """A diff of clips or scenes, to be written and printed."""
+
+    path: str | Path  # of B
+    document: Mapping[str, object]
+    page: Callable[[], str]  # makes the HTML report
+    csv: Callable[[], str]
+    lines: Sequence[str]
+    faults: Sequence[str]  # figures over their limits
+
+
+def over(limits: Iterable[DiffLimit]) -> Iterator[str]:
+    """Yield a clause for each figure that is over its limit."""
+    for limit in limits:
+        if limit["over"]:
+            yield f"{limit['figure']} is {limit['value']:.6g}, over {limit['limit']:g}"
 
 
 def is_scene(path: Path) -> bool:
@@ -50,11 +68,7 @@ def is_scene(path: Path) -> bool:
 
 
 def read_scene(path: Path) -> SceneInput:
-    """Read the scene in a file, or in a folder: its scene.json, or else all BVH files in it.
-
-    Raises:
-        DistretargetError: a file cannot be read, or the folder has no BVH file.
-    """
+    """Read the scene in a file, or in a folder: its scene.json, or else all BVH files in it."""
     file = path / SCENE_NAME if is_folder(path) else path
     if file == path or file.is_file():
         setup = load_scene(file)
@@ -75,28 +89,25 @@ def read_scene(path: Path) -> SceneInput:
 def measure_scenes(
     a_path: Path,
     b_path: Path,
-    output: Path | None,
-    json_path: Path | None,
-    csv_path: Path | None,
+    outputs: Sequence[Path | None],
     map_path: Path | None,
     limits: Sequence[tuple[str, float]],
     world_scale: float | None,
     overwrite: bool,
-) -> None:
-    """Measure scene B against scene A, write what is asked for, and print the figures."""
+) -> Account:
+    """Measure scene B against scene A, after a check that the outputs can be written."""
     for path, other in ((a_path, b_path), (b_path, a_path)):
         if not is_scene(path):
             raise FileError(path, f"is not a scene, but {str(other)!r} is; name two scenes or two BVH files")
     a, b = read_scene(a_path), read_scene(b_path)
-    inputs = [*a.files.values(), *b.files.values(), a_path, b_path, map_path]
-    check_outputs([output, json_path, csv_path], inputs, overwrite)
+    check_outputs(outputs, [*a.files.values(), *b.files.values(), a_path, b_path, map_path], overwrite)
     for scene, less in ((a, b), (b, a)):
         if missing := [name for name in scene.motions if name not in less.motions]:
             names = quoted(missing, LISTED)
             raise FileError(less.path, f"lacks {names}, in {str(scene.path)!r}; names have to be the same")
     props = _props(a, b)
     setup = a.setup if b.setup is None else None  # B may be a folder of results of A's scene file
-    performers = _measured(a, b, [name for name in a.motions if name not in props], setup, map_path)
+    performers = _performers(a, b, [name for name in a.motions if name not in props], setup, map_path)
     try:
         pairs = [(a.motions[name], b.motions[name]) for name in props]
         scale = world_scale or (setup.world_scale if setup else None)
@@ -110,21 +121,19 @@ def measure_scenes(
         for name, one in performers.items()
     }
     figures = scene_document(result, documents, props, replace(run, limits=of_scene))
-    if output:
-        write_output(output, scene_diff_page(result, figures), overwrite)
-    if json_path:
-        write_output(json_path, json_text(figures), overwrite)
-    if csv_path:
-        write_output(csv_path, scene_csv(figures), overwrite)
-    for line in _account(figures):
-        say(line)
     faults = [f"{name}'s {fault}" for name, one in documents.items() for fault in over(one["limits"])]
-    if faults := [*over(figures["limits"]), *faults]:
-        raise click.ClickException(f"{b_path}: {'; '.join(faults)}")
+    return Account(
+        path=b_path,
+        document=figures,
+        page=lambda: scene_diff_page(result, figures),
+        csv=lambda: scene_csv(figures),
+        lines=[*_lines(figures)],
+        faults=[*over(figures["limits"]), *faults],
+    )
 
 
 def _props(a: SceneInput, b: SceneInput) -> list[str]:
-    """The names of the props: those in a scene file; without one, clips of A without legs where others have legs."""
+    """The names of the props: those in a scene file; without one, clips of A without legs if others have legs."""
     if setup := a.setup or b.setup:
         names = {prop.name for prop in setup.props}
         return [name for name in a.motions if name in names]
@@ -132,31 +141,35 @@ def _props(a: SceneInput, b: SceneInput) -> list[str]:
     return without_legs if len(without_legs) < len(a.motions) else []
 
 
-def _measured(
+def _performers(
     a: SceneInput, b: SceneInput, names: Sequence[str], setup: SceneSetup | None, map_path: Path | None
 ) -> dict[str, Diff]:
-    """Each performer of B measured against that of A, by name, all with the axes that point up for the first.
+    """Each performer of B measured against the same one of A, all with the axes that point up for the first.
 
-    Maps are those of the scene file whose results B has, unless one is given for all.
+    Without a map for all, those of the scene file that made B apply.
     """
-    paths = {each.name: each.map_path for each in setup.performers} if setup and not map_path else {}
+    maps = {each.name: each.map_path for each in setup.performers} if setup and not map_path else {}
     measured: dict[str, Diff] = {}
     ups: dict[str, str] = {}
     for name in names:
-        first, second = a.motions[name], b.motions[name]
-        goal = Target(second.rigid_skeleton, {}, "")
-        pairs = joint_map(first.rigid_skeleton, goal, b.files[name], load_map(paths.get(name, map_path)))
-        try:
-            measured[name] = diff(first, second, pairs, **ups)
-        except MatchingError as error:
-            raise needs_map(error, a.files[name], b.files[name]) from error
-        except DistretargetError as error:
-            raise error.in_file(b.files[name]) from None
+        files = a.files[name], b.files[name]
+        measured[name] = measure(a.motions[name], b.motions[name], *files, maps.get(name, map_path), **ups)
         ups = {"a_up": measured[name].world.source_up, "b_up": measured[name].world.up}
     return measured
 
 
-def _account(figures: SceneDiffDocument) -> Iterator[str]:
+def measure(a: Motion, b: Motion, a_file: str | Path, b_file: str | Path, map_path: Path | None, **ups: str) -> Diff:
+    """Measure motion B against motion A as `diff` does; errors name the files."""
+    pairs = joint_map(a.rigid_skeleton, Target(b.rigid_skeleton, {}, ""), b_file, load_map(map_path))
+    try:
+        return diff(a, b, pairs, **ups)
+    except MatchingError as error:
+        raise needs_map(error, a_file, b_file) from error
+    except DistretargetError as error:
+        raise error.in_file(b_file) from None
+
+
+def _lines(figures: SceneDiffDocument) -> Iterator[str]:
     """The lines that are printed."""
     performers = figures["performers"]
     first = next(iter(performers.values()))
@@ -164,7 +177,7 @@ def _account(figures: SceneDiffDocument) -> Iterator[str]:
     if figures["props"]:
         yield f"props: {', '.join(figures['props'])}"
     frames = min(one["frame_count"] for one in performers.values())
-    yield f"{frames} {'frame' if frames == 1 else 'frames'} compared, {1 / first['frame_time']:.4g} a second"
+    yield f"{counted(frames, 'frame')} compared, {1 / first['frame_time']:.4g} a second"
     for name, one in performers.items():
         for note in one["notes"]:
             yield f"{name}: {note}"
@@ -183,8 +196,6 @@ def _account(figures: SceneDiffDocument) -> Iterator[str]:
 
 
 def _table_lines(table: Table, most: int | None = None) -> Iterator[str]:
-    """A line for the columns and each of the first rows of a table, its first column aligned left, the others right."""
+    """A line for the columns of a table and for each of its first rows."""
     rows = [table["columns"], *([str(cell) for cell in row] for row in table["rows"][:most])]
-    first, *widths = (max(map(len, column)) for column in zip(*rows, strict=True))
-    for label, *cells in rows:
-        yield "  ".join([f"{label:<{first}}", *map(str.rjust, cells, widths)]).rstrip()
+    return aligned(rows, "<" + ">" * (len(rows[0]) - 1))

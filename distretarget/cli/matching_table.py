@@ -1,4 +1,4 @@
-"""A matching as text: what was recognised, which joint drives which, and which joints are not used."""
+"""A matching in words: what was recognised, which joint drives which, and which joints are not used."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from collections.abc import Iterator
 
 from distretarget.body.body import Body
 from distretarget.body.conventions import convention_of
+from distretarget.cli.outputs import aligned
 from distretarget.matching.matching import Matching
 
-METHODS = {"map": "map", "name": "equal name", "names": "names", "shape": "shape", "tip": "tip"}  # in words
+METHODS = {"map": "map", "name": "equal name", "names": "names", "shape": "shape", "tip": "tip"}
 COLUMNS = ("target joint", "source joint", "confidence", "method")
 
 
@@ -21,7 +22,7 @@ def recognised(body: Body) -> str:
 
 
 def headline(matching: Matching) -> Iterator[str]:
-    """Yield how source and target were recognised, a line each, and how many joints each method matched."""
+    """Yield how source and target were recognised, and how many joints each method matched."""
     for name, body in (("source", matching.source), ("target", matching.target)):
         yield f"{name}: {recognised(body)}"
     joints = matching.target.skeleton.joints
@@ -30,12 +31,10 @@ def headline(matching: Matching) -> Iterator[str]:
     yield f"matched: {times.total()} of the target's {len(joints)} joints{f' ({counts})' if counts else ''}"
 
 
-def rows(matching: Matching) -> list[str]:
-    """Return a table of the target's joints, depth first without End Sites, a line each."""
+def rows(matching: Matching) -> Iterator[str]:
+    """Yield a table of the target's joints, depth first without End Sites."""
     target, joints = matching.target.skeleton, set(matching.target.skeleton.joints)
-    table = [COLUMNS, *(_row(matching, joint) for joint in target.depth_first if joint in joints)]
-    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-    return ["  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in table]
+    return aligned([COLUMNS, *(_row(matching, joint) for joint in target.depth_first if joint in joints)], "<<<<")
 
 
 def _row(matching: Matching, joint: int) -> tuple[str, str, str, str]:
@@ -47,7 +46,7 @@ def _row(matching: Matching, joint: int) -> tuple[str, str, str, str]:
 
 
 def _rotation(matching: Matching, joint: int) -> str:
-    """The source joints that a joint's rotation follows, unless that is its driver alone."""
+    """The source joints that a joint's rotation follows, if not its driver alone."""
     keys, weight = matching.source.skeleton.keys, matching.blend[joint]
     (a, b), driver = matching.rotation_sources[joint], matching.drivers[joint]
     if a == b or weight in (0, 1):
@@ -57,7 +56,7 @@ def _rotation(matching: Matching, joint: int) -> str:
 
 
 def unused(matching: Matching) -> list[str]:
-    """Return the source's joints that no joint of the target follows, without End Sites."""
+    """Return the source's joints that no target joint follows, without End Sites."""
     used = {*matching.drivers.tolist(), *matching.rotation_sources.ravel().tolist()}
     source = matching.source.skeleton
     return [source.keys[joint] for joint in source.joints if joint not in used]

@@ -1,8 +1,9 @@
-"""Options that several commands share, and kinds of values that click does not have."""
+"""Options that several commands share, and types of values that click does not have."""
 
 from __future__ import annotations
 
 import functools
+import os
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
@@ -11,10 +12,36 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
+from distretarget.cli.outputs import QUIET, STANDARD
 from distretarget.pipeline.options import CHOICES, DEFAULT_OPTIONS, Options
 from distretarget.skeleton import LARGEST, SMALLEST
 
 Decorator = Callable[[Callable[..., None]], Callable[..., None]]
+
+PATH = click.Path(path_type=Path)
+
+
+class FileOrStandard(click.Path):
+    """The path of a file; `STANDARD` for the text `-`. A file with that name is given as `./-`."""
+
+    def __init__(self) -> None:
+        super().__init__(allow_dash=True, path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        path = Path(os.fsdecode(super().convert(value, param, ctx)))
+        return path.absolute() if path == STANDARD and str(value) != "-" else path
+
+
+def _be_quiet(context: click.Context, _option: click.Parameter, chosen: bool) -> None:
+    context.meta[QUIET] = chosen
+
+
+quiet = click.option(
+    "-q", "--quiet", is_flag=True, expose_value=False, callback=_be_quiet, help="Print nothing but errors."
+)
+OVERWRITE_OPTION = click.option(
+    "--overwrite", is_flag=True, help="Replace files that exist. An input is never replaced."
+)
 
 
 def positive(text: str) -> float:
@@ -46,9 +73,14 @@ def _choice(name: str, text: str) -> Decorator:
     return click.option(flag, type=kind, default=default, show_default=default is not None, help=text)
 
 
+def map_option(text: str, kind: click.Path = PATH) -> Decorator:
+    """The option --map with this help."""
+    return click.option("--map", "map_path", type=kind, metavar="FILE", help=text)
+
+
 SUPPORTS_OPTION = _choice(
     "supports",
-    "What stays where it rests. hold: feet, hands, knees and all else that rests on the floor or holds on to "
+    "What stays in place while it rests. hold: feet, hands, knees and all else that rests on the floor or holds on to "
     "something. feet: feet alone, the usual foot lock. free: nothing.",
 )
 ENVIRONMENT_OPTION = _choice(
@@ -63,13 +95,9 @@ STRIP_NAMESPACE_OPTION = click.option(
     help="Write names of joints without a namespace: Hips for mixamorig:Hips, which three.js cannot play.",
 )
 OPTIONS = (
-    click.option(
-        "--map",
-        "map_path",
-        type=click.Path(path_type=Path),
-        metavar="FILE",
-        help='A JSON file with {"target joint": "source joint"}, null for joints that nothing drives. Its pairs '
-        "overrule those in the target's file; joints in neither are matched by names or shape.",
+    map_option(
+        'A JSON file with {"target joint": "source joint"}, null for joints that nothing drives. Its pairs overrule '
+        "those in the target's file; joints in neither are matched by names or shape."
     ),
     click.option(
         "--root-scale",
@@ -91,11 +119,11 @@ OPTIONS = (
         "root_follows",
         "What the root of TARGET follows if it is on the floor, as in rigs for game engines. pelvis: it stays on the "
         "floor under the pelvis and turns with it. source: it follows the root of SOURCE. nothing: it stays at the "
-        "origin. Default: source, if SOURCE has a root that moves on the floor, else pelvis.",
+        "origin. Default: source if SOURCE has a root that moves on the floor, else pelvis.",
     ),
     _choice(
         "objective",
-        "contact: parts of the body that nearly touch in SOURCE stay as near, all else keeps its rotations. paper: the "
+        "contact: parts of the body that nearly touch in SOURCE stay as near; all else keeps its rotations. paper: the "
         "method of Mucherino et al. (2017), which holds neither hands nor feet in place.",
     ),
     SUPPORTS_OPTION,

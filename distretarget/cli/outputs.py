@@ -1,14 +1,11 @@
-"""Files that commands read and write, with `-` for standard input and output, and lines that they print."""
+"""Read and write the files of commands, with `-` for standard input and output, and print lines."""
 
 from __future__ import annotations
 
-import os
 import shlex
 import sys
-from collections.abc import Iterable, Iterator, Sequence
-from importlib.metadata import version
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePath
-from typing import Any
 
 import click
 
@@ -23,35 +20,12 @@ from distretarget.io.files import (
     text_of,
     write_whole,
 )
-from distretarget.report.diff_document import About, DiffLimit
+from distretarget.report.diff_document import About
 
 STANDARD = Path("-")
-LISTED = 12  # most joints that are named in a line
+LISTED = 12  # most names in a line
 QUIET = "distretarget.quiet"  # key in a context's `meta`: whether --quiet is given
 OUTPUT_TAKEN = "distretarget.output_taken"  # key in a context's `meta`: whether a file goes to standard output
-
-
-def _be_quiet(context: click.Context, _option: click.Parameter, chosen: bool) -> None:
-    context.meta[QUIET] = chosen
-
-
-quiet = click.option(
-    "-q", "--quiet", is_flag=True, expose_value=False, callback=_be_quiet, help="Print nothing but errors."
-)
-OVERWRITE_OPTION = click.option(
-    "--overwrite", is_flag=True, help="Replace files that exist. An input is never replaced."
-)
-
-
-class FileOrStandard(click.Path):
-    """The path of a file; `STANDARD` for the text `-`. A file with that name is given as `./-`."""
-
-    def __init__(self) -> None:
-        super().__init__(allow_dash=True, path_type=Path)
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
-        path = Path(os.fsdecode(super().convert(value, param, ctx)))
-        return path.absolute() if path == STANDARD and str(value) != "-" else path
 
 
 def read_input(path: Path) -> Text:
@@ -75,10 +49,17 @@ def write_output(path: Path, text: str | Iterable[str], overwrite: bool) -> None
         click.echo(part, nl=False)
 
 
-def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None], overwrite: bool) -> None:
-    """Check, before any work, that outputs can be written and are neither inputs nor each other; skips None.
+def write_outputs(texts: Mapping[Path | None, Callable[[], str | Iterable[str]]], overwrite: bool) -> None:
+    """Make the text of each output that is asked for, and then write them; skips None."""
+    made = {path: text() for path, text in texts.items() if path}
+    for path, text in made.items():
+        write_output(path, text, overwrite)
 
-    If one is standard output, lines go to standard error from now on.
+
+def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None], overwrite: bool) -> None:
+    """Check, before any work, that outputs can be written and that no two files are the same; skips None.
+
+    If an output is standard output, lines go to standard error from now on.
     """
     for paths, what in ((inputs, "input"), (outputs, "output")):
         if paths.count(STANDARD) > 1:
@@ -93,7 +74,7 @@ def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None],
 
 
 def _same_file(path: Path, other: Path) -> bool:
-    """Whether two paths lead to the same file; False where permissions hide that: reading or writing will fail then."""
+    """Whether two paths lead to the same file; False if permissions hide that: reading or writing will fail."""
     try:
         return path.resolve() == other.resolve() or (path.exists() and other.exists() and path.samefile(other))
     except (OSError, ValueError):
@@ -101,7 +82,7 @@ def _same_file(path: Path, other: Path) -> bool:
 
 
 def check_suffix(path: Path | None, suffix: str) -> None:
-    """Check that the name of an output has the suffix of its format; on a terminal, ask where it has another."""
+    """Check that the name of an output ends in the suffix of its format; on a terminal, ask if it does not."""
     if path is None or path == STANDARD or path.suffix.lower() == suffix:
         return
     kind = suffix[1:].upper()
@@ -130,7 +111,7 @@ def say(line: str, err: bool = False) -> None:
 
 
 def complain(line: str) -> None:
-    """Print a line on standard error, also with --quiet."""
+    """Print a line on standard error, even with --quiet."""
     _print(line, err=True)
 
 
@@ -139,22 +120,15 @@ def _print(line: str, err: bool) -> None:
     click.echo(line.encode("utf-8", "backslashreplace").decode(), err=err)
 
 
-def number(value: float | None) -> str:
-    """The value of a figure as text; - where nothing was measured."""
-    return "-" if value is None else f"{value:.4g}"
-
-
-def over(limits: Iterable[DiffLimit]) -> Iterator[str]:
-    """The figures that are over their limits, a clause each."""
-    for limit in limits:
-        if limit["over"]:
-            yield f"{limit['figure']} is {limit['value']:.6g}, over {limit['limit']:g}"
+def aligned(rows: Sequence[Sequence[str]], sides: str) -> Iterator[str]:
+    """Yield the lines of a table; `sides` has < for each column that is aligned left, > for each aligned right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        cells = zip(row, sides, widths, strict=True)
+        yield "  ".join(f"{cell:{side}{width}}" for cell, side, width in cells).rstrip()
 
 
 def about(a: PurePath, b: PurePath) -> About:
-    """What a report says of this run: the names of the two clips, or their paths if the names are the same, the
-    command, and the version of the program.
-    """
+    """What a report says of this run: the command, and the names of both clips, or their paths if names are equal."""
     names = (str(a), str(b)) if a.name == b.name else (a.name, b.name)
-    command = shlex.join(["distretarget", *sys.argv[1:]])
-    return About(a=names[0], b=names[1], command=command, version=version("distretarget"))
+    return About(a=names[0], b=names[1], command=shlex.join(["distretarget", *sys.argv[1:]]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args
@@ -14,19 +14,16 @@ from tqdm import tqdm
 from distretarget.baseline.world import RootOffset
 from distretarget.batch.compile_ahead import warm
 from distretarget.cli.matching_table import headline, unused
-from distretarget.cli.options import STRIP_NAMESPACE_OPTION, retargeting
+from distretarget.cli.options import OVERWRITE_OPTION, STRIP_NAMESPACE_OPTION, FileOrStandard, quiet, retargeting
 from distretarget.cli.outputs import (
     LISTED,
-    OVERWRITE_OPTION,
-    FileOrStandard,
     about,
     check_outputs,
     check_suffix,
     is_quiet,
-    quiet,
     read_input,
     say,
-    write_output,
+    write_outputs,
 )
 from distretarget.errors import FileError, quoted
 from distretarget.io.bvh import declared_frames, parse_bvh
@@ -53,7 +50,7 @@ from distretarget.report.run_summary import figures_json, figures_line, summary_
 @click.option(
     "--report",
     type=FileOrStandard(),
-    help="Write an HTML report to this file: the result and the rotation copy, measured against the source.",
+    help="Write an HTML report to this file: result and rotation copy, measured against the source.",
 )
 @click.option(
     "-v", "--verbose", is_flag=True, help="Print what was recognised and matched, and the axes, OFFSET and scale used."
@@ -95,12 +92,14 @@ def retarget_command(
         )
     motion, skeleton = result.motion, result.motion.skeleton
     written = replace(motion, skeleton=skeleton.without_namespaces) if strip_namespace else motion
-    texts: dict[Path, str | Iterable[str]] = {output: bvh_parts(written)}
+    parts = bvh_parts(written)
     seconds = time.perf_counter() - started
-    texts |= {figures: figures_json(result)} if figures else {}
-    texts |= {report: run_page(result, about(Path(source_text.path), output))} if report else {}
-    for path, text in texts.items():
-        write_output(path, text, overwrite)
+    texts: dict[Path | None, Callable[[], str | Iterable[str]]] = {
+        output: lambda: parts,
+        figures: lambda: figures_json(result),
+        report: lambda: run_page(result, about(Path(source_text.path), output)),
+    }
+    write_outputs(texts, overwrite)
     short = (f"warning: {joints}; see -v" for joints in unmatched(result.matching))
     for line in _account(result) if verbose else short:
         say(line, err=True)
@@ -113,10 +112,9 @@ def retarget_command(
 
 
 def _source_motion(source: Text, target: Text) -> Motion:
-    """The motion of the source; an error says so where source and target are swapped."""
-    order = (
-        f"if it is the target, it comes last: distretarget {argument(target.path)} {argument(source.path)} -o OUT.bvh"
-    )
+    """The motion of the source; an error says so if source and target are swapped."""
+    swapped = f"distretarget {argument(target.path)} {argument(source.path)} -o OUT.bvh"
+    order = f"if it is the target, it comes last: {swapped}"
     if is_json(source.text):
         raise FileError(source.path, f"is a skeleton file, which has no motion, expected a BVH file as SOURCE; {order}")
     if declared_frames(source.text) == 0 and declared_frames(target.text):
@@ -125,18 +123,16 @@ def _source_motion(source: Text, target: Text) -> Motion:
 
 
 def _account(result: RetargetResult) -> Iterator[str]:
-    """The lines of --verbose: what was recognised and matched, the axes, OFFSET and scale used, and the figures."""
+    """The lines of --verbose."""
     yield from headline(result.matching)
     for what, joints in (
         ("joints of the target that follow their parents", result.matching.followers),
         ("joints of the source not used", unused(result.matching)),
     ):
         yield f"{what}: {quoted(joints, LISTED) or 'none'}"
-    world = result.world
-    target_up = (
-        "the same in the target" if world.up == world.source_up else f"{world.up} in the target: the world is turned"
-    )
-    yield f"up: {world.source_up} in the source, {target_up}"
+    up, source_up = result.world.up, result.world.source_up
+    target_up = "the same in the target" if up == source_up else f"{up} in the target: the world is turned"
+    yield f"up: {source_up} in the source, {target_up}"
     yield _root_offset(result)
     yield f"root scale: {result.root_scale:.6g} target units per source unit"
     yield figures_line(result)

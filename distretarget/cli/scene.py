@@ -13,17 +13,14 @@ import click
 from click.core import ParameterSource
 
 from distretarget.batch.compile_ahead import warm
-from distretarget.cli.options import ENVIRONMENT_OPTION, SUPPORTS_OPTION, positive
-from distretarget.cli.outputs import OVERWRITE_OPTION, check_outputs, quiet, say
+from distretarget.cli.options import ENVIRONMENT_OPTION, OVERWRITE_OPTION, PATH, SUPPORTS_OPTION, positive, quiet
+from distretarget.cli.outputs import check_outputs, say
 from distretarget.errors import FileError
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.files import is_folder, make_folder, write_whole
-from distretarget.measure.scene_gaps import Gap
 from distretarget.report.run_summary import summary_line
 from distretarget.report.scene_page import scene_page
 from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup, load_scene
-
-PATH = click.Path(path_type=Path)
 
 
 @click.command("scene")
@@ -34,12 +31,12 @@ PATH = click.Path(path_type=Path)
     "targets",
     multiple=True,
     type=PATH,
-    help="The body of a performer, a skeleton file or any BVH file: once for all, or once for each, in their order.",
+    help="A performer's body, a skeleton file or any BVH file: once for all, or once for each performer in order.",
 )
-@click.option("-o", "--output", required=True, type=PATH, help="The folder to write to, a file for each.")
+@click.option("-o", "--output", required=True, type=PATH, help="The folder to write to.")
 @OVERWRITE_OPTION
-@click.option("--report", is_flag=True, help="Write report.html, too: all performers and props in one player.")
-@click.option("--cut", is_flag=True, help="Cut all clips to the frames of the shortest.")
+@click.option("--report", is_flag=True, help="Also write report.html: all performers and props in one player.")
+@click.option("--cut", is_flag=True, help="Cut all clips to the length of the shortest.")
 @click.option("--resample", is_flag=True, help="Give all clips the frame time of the first.")
 @click.option(
     "--start",
@@ -47,7 +44,7 @@ PATH = click.Path(path_type=Path)
     multiple=True,
     type=click.FloatRange(min=0.0),
     metavar="SECONDS",
-    help="The time left out at the beginning of a clip: once for all, or once for each, in their order. Default: 0.",
+    help="The time to leave out at the beginning of a clip: once for all, or once for each clip in order. Default: 0.",
 )
 @click.option(
     "--world-scale",
@@ -64,10 +61,9 @@ def scene_command(
 ) -> None:
     """Retarget performers who share a world.
 
-    SOURCES are their BVH files, which belong together frame for frame. Each performer gets a body; hands that hold each
-    other do so on the other bodies, too. The results have the names of the sources. A single SCENE.json says all of
-    that, and which props the performers touch; of a folder, every scene.json below it is converted, each to the folder
-    of OUTPUT that it has there.
+    SOURCES are their BVH files, with the same frames. Each performer gets a body; hands that hold each other still do
+    so on the new bodies. Results have the names of the sources. A single SCENE.json says all of that, and which props
+    the performers touch. Of a folder, every scene.json below it is retargeted, to the same place below OUTPUT.
 
     \b
     distretarget scene lead.bvh follow.bvh -t hero.json -t child.json -o duet
@@ -80,10 +76,10 @@ def scene_command(
         existed = is_folder(folder)
         make_folder(folder)
         try:
-            _convert(setup, folder, overwrite, report)
+            _retarget(setup, folder, overwrite, report)
         finally:
             if not existed:
-                with contextlib.suppress(OSError):  # something was written to it
+                with contextlib.suppress(OSError):  # it is not empty
                     folder.rmdir()
 
 
@@ -112,15 +108,15 @@ def _setup(sources: Sequence[Path], targets: Sequence[Path], options: dict[str, 
             raise click.UsageError(
                 f"{len(given)} {what} for {len(sources)} performers; give one for all, or one for each, in their order."
             )
-    clips = zip(sources, cycle(targets), cycle(starts))
-    performers = [
-        PerformerFiles(name=file.stem, file=file, target=target, start=start) for file, target, start in clips
-    ]
-    return SceneSetup(performers=tuple(performers), **options)
+    performers = tuple(
+        PerformerFiles(name=file.stem, file=file, target=target, start=start)
+        for file, target, start in zip(sources, cycle(targets), cycle(starts))
+    )
+    return SceneSetup(performers=performers, **options)
 
 
-def _convert(setup: SceneSetup, folder: Path, overwrite: bool, report: bool) -> None:
-    """Retarget a scene into a folder, and print what came of it."""
+def _retarget(setup: SceneSetup, folder: Path, overwrite: bool, report: bool) -> None:
+    """Retarget a scene into a folder, and print how it went."""
     outputs = [folder / f"{name}.bvh" for name in setup.names] + ([folder / "report.html"] if report else [])
     check_outputs(outputs, setup.inputs, overwrite)
     began = time.perf_counter()
@@ -144,17 +140,13 @@ def _convert(setup: SceneSetup, folder: Path, overwrite: bool, report: bool) -> 
                 err=True,
             )
     for (i, j), gap in result.gaps.items():
-        say(f"{setup.names[i]} and {setup.names[j]}: {_gap_line(gap, result.copy_gaps[i, j])}")
+        line, copy = "nothing touches between them in the source", result.copy_gaps[i, j]
+        if gap and copy:
+            line = (
+                f"what touches between them in {gap.frames} frames is {100 * gap.b:.1f} % of a leg apart "
+                f"({100 * gap.a:.1f} in the source, {100 * copy.b:.1f} in copied rotations)"
+            )
+        say(f"{setup.names[i]} and {setup.names[j]}: {line}")
     if any(result.gaps.values()):
         error = 100.0 * result.gap_error
         say(f"sweeps: {result.sweeps}; gaps between what touches are {error:.1f} % of a leg off on average")
-
-
-def _gap_line(gap: Gap | None, copy: Gap | None) -> str:
-    """How near what touches is, in the result, in the source and in the rotation copy."""
-    if not gap or not copy:
-        return "nothing touches between them in the source"
-    return (
-        f"what touches between them in {gap.frames} frames is {100 * gap.b:.1f} % of a leg apart "
-        f"({100 * gap.a:.1f} in the source, {100 * copy.b:.1f} in copied rotations)"
-    )

@@ -1,8 +1,8 @@
-"""`distretarget skeleton`: show, edit and match skeletons, and write them as files to edit."""
+"""`distretarget skeleton`: show, edit and match skeletons, and write skeleton files."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -11,19 +11,16 @@ import numpy as np
 
 from distretarget.body.body import Body
 from distretarget.cli.matching_table import headline, recognised, rows, unused
-from distretarget.cli.options import STRIP_NAMESPACE_OPTION, positive
-from distretarget.cli.outputs import (
+from distretarget.cli.options import (
     OVERWRITE_OPTION,
-    STANDARD,
+    STRIP_NAMESPACE_OPTION,
     FileOrStandard,
-    check_outputs,
-    check_suffix,
+    map_option,
+    positive,
     quiet,
-    read_input,
-    say,
-    write_output,
 )
-from distretarget.errors import FileError, closest
+from distretarget.cli.outputs import STANDARD, aligned, check_outputs, check_suffix, read_input, say, write_output
+from distretarget.errors import FileError, closest, counted
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.files import Text
 from distretarget.io.map_json import joint_map, load_map, map_to_json
@@ -34,7 +31,7 @@ from distretarget.target import SkeletonEdit, Target
 
 
 def of_bone(text: str) -> tuple[str, float]:
-    """The name and the number above 0 in a text NAME=NUMBER."""
+    """The name and the positive number in a text NAME=NUMBER."""
     name, _, number = text.rpartition("=")
     if not name:
         raise click.BadParameter(f"expected a bone, = and a number, found {text!r}")
@@ -54,8 +51,14 @@ def show_command(file: Path) -> None:
     \b
     distretarget skeleton show walk.bvh
     """  # noqa: D301
-    skeleton = _full_target(read_input(file)).skeleton
-    for line in (_headline(skeleton), *_tree(skeleton)):
+    skeleton = _target_in(read_input(file))[1].skeleton
+    unit = f" {skeleton.units}" if skeleton.units else ""
+    ends = int(skeleton.end_sites.sum())
+    body = Body.of(skeleton)
+    legs = f", legs {body.leg_length:.6g}{unit}" if body.legs else ""
+    size = f"height {body.height:.6g}{unit}{legs}"
+    say(f"{len(skeleton) - ends} joints, {ends} End Sites; {size}; {recognised(body)}")
+    for line in _tree(skeleton):
         say(line)
 
 
@@ -78,13 +81,12 @@ def export_command(file: Path, output: Path, strip_namespace: bool, overwrite: b
     """  # noqa: D301
     check_outputs([output], [file], overwrite)
     check_suffix(output, ".json")
-    text = read_input(file)
-    target = _full_target(text)
+    name, target = _target_in(read_input(file))
     skeleton, joint_map = target.skeleton, target.map
     if strip_namespace:
         skeleton = skeleton.without_namespaces
         joint_map = {skeleton.keys[target.skeleton.index(key)]: driver for key, driver in joint_map.items()}
-    write_output(output, skeleton_to_json(skeleton, _name(target, text), joint_map), overwrite)
+    write_output(output, skeleton_to_json(skeleton, name, joint_map), overwrite)
 
 
 @skeleton_group.command("edit")
@@ -96,7 +98,7 @@ def export_command(file: Path, output: Path, strip_namespace: bool, overwrite: b
     type=of_bone,
     multiple=True,
     metavar="BONE=LENGTH",
-    help="The final length of a bone [file units], whatever the scale. May be given several times.",
+    help="The final length of a bone [file units], not scaled. May be given several times.",
 )
 @click.option(
     "--factor",
@@ -131,7 +133,7 @@ def edit_command(
     check_outputs([output], [file], overwrite)
     check_suffix(output, ".json")
     text = read_input(file)
-    target = _full_target(text)
+    name, target = _target_in(text)
     options = [("--length", *each) for each in lengths] + [("--factor", *each) for each in factors]
     chosen = _bones(text.path, target.skeleton, options)
     new_lengths, new_factors = (
@@ -139,23 +141,16 @@ def edit_command(
     )
     edit = SkeletonEdit(1.0 if scale is None else scale, new_lengths, new_factors, text.path)
     edited = edit.apply(target.skeleton)
-    write_output(output, skeleton_to_json(edited, _name(target, text), target.map), overwrite)
-    changed = int(np.sum(edited.lengths != target.skeleton.lengths))
+    write_output(output, skeleton_to_json(edited, name, target.map), overwrite)
+    changed = counted(int(np.sum(edited.lengths != target.skeleton.lengths)), "bone")
     unit = f" {edited.units}" if edited.units else ""
-    bones = "1 bone" if changed == 1 else f"{changed} bones"
-    say(f"{bones} changed; height {Body.of(target.skeleton).height:.6g} -> {Body.of(edited).height:.6g}{unit}")
+    say(f"{changed} changed; height {Body.of(target.skeleton).height:.6g} -> {Body.of(edited).height:.6g}{unit}")
 
 
 @skeleton_group.command("match")
 @click.argument("source", type=FileOrStandard())
 @click.argument("target", type=FileOrStandard())
-@click.option(
-    "--map",
-    "map_path",
-    type=FileOrStandard(),
-    metavar="FILE",
-    help="A map file whose pairs overrule all others.",
-)
+@map_option("A map file whose pairs overrule all others.", FileOrStandard())
 @click.option("-o", "--output", type=FileOrStandard(), help="The map file to write.")
 @OVERWRITE_OPTION
 @quiet
@@ -164,7 +159,7 @@ def match_command(source: Path, target: Path, map_path: Path | None, output: Pat
 
     Both are BVH or skeleton files. The method says how a pair was found: by a map, by equal names, by names or shape
     (both joints are the same part of the body, by their names or by their place in it), or as tips of matched joints.
-    Where source and target have different numbers of joints in the spine or neck, a target joint may blend two source
+    If source and target have different numbers of joints in the spine or neck, a target joint may blend two source
     joints.
 
     Give the map to 'distretarget retarget' with --map. It has null for joints that nothing drives.
@@ -176,7 +171,10 @@ def match_command(source: Path, target: Path, map_path: Path | None, output: Pat
     check_outputs([output], [source, target, map_path], overwrite)
     check_suffix(output, ".json")
     source_text, target_text = read_input(source), read_input(target)
-    source_body = _body(source_text)
+    if is_json(source_text.text):
+        source_body = Body.of(_target_in(source_text)[1].skeleton)
+    else:
+        source_body = Body.of_motion(parse_bvh(source_text.text, source_text.path))
     whole_target = parse_target(target_text.text, target_text.path).for_source(source_body.skeleton)
     pairs = joint_map(source_body.skeleton, whole_target, target_text.path, load_map(map_path))
     matching = find_matching(source_body, Body.of(whole_target.skeleton, whole_target.motion), pairs)
@@ -191,29 +189,18 @@ def match_command(source: Path, target: Path, map_path: Path | None, output: Pat
         raise FileError(target_text.path, f"{reason}; fill in {map_name} and give it with --map")
 
 
-def _full_target(text: Text) -> Target:
-    """The target in the text of a BVH file or of a skeleton file of the full form."""
-    return parse_full_target(text.text, text.path)
-
-
-def _name(target: Target, text: Text) -> str:
-    """The name of a target, or else of its file."""
-    return target.name or Path(text.path).stem
-
-
-def _body(text: Text) -> Body:
-    """The body in the text of a BVH or skeleton file."""
-    is_motion = not is_json(text.text)
-    return Body.of_motion(parse_bvh(text.text, text.path)) if is_motion else Body.of(_full_target(text).skeleton)
+def _target_in(text: Text) -> tuple[str, Target]:
+    """The target in a BVH file or a skeleton file of the full form, after its name or else the file's."""
+    target = parse_full_target(text.text, text.path)
+    return target.name or Path(text.path).stem, target
 
 
 def _bones(
     file: str | Path, skeleton: Skeleton, options: Iterable[tuple[str, str, float]]
 ) -> dict[str, tuple[str, str, float]]:
-    """For each bone named by an option: the option, the name or pattern, and the number.
+    """For each bone that an option names: the option, the name or pattern, and the number.
 
-    Raises:
-        FileError: an option names no bone, or two options name the same bone.
+    It is an error if an option names no bone, or a second one the same bone.
     """
     chosen: dict[str, tuple[str, str, float]] = {}
     for option, name, number in options:
@@ -230,34 +217,14 @@ def _bones(
     return chosen
 
 
-def _headline(skeleton: Skeleton) -> str:
-    """One line with the numbers of joints, the size of the body and how it was recognised."""
-    unit = f" {skeleton.units}" if skeleton.units else ""
-    ends = int(skeleton.end_sites.sum())
-    body = Body.of(skeleton)
-    legs = f", legs {body.leg_length:.6g}{unit}" if body.legs else ""
-    size = f"height {body.height:.6g}{unit}{legs}"
-    return f"{len(skeleton) - ends} joints, {ends} End Sites; {size}; {recognised(body)}"
-
-
-def _tree(skeleton: Skeleton) -> list[str]:
-    """The lines of the tree, one per joint: branches, name, length of its bone."""
-    lines = [(skeleton.names[0], "")]
-    _branches(skeleton, lines)
-    width = max(len(name) for name, _ in lines) + 2
-    return [f"{name:<{width}}{length}".rstrip() for name, length in lines]
-
-
-def _branches(skeleton: Skeleton, lines: list[tuple[str, str]]) -> None:
-    """Add the lines of all joints below the root."""
-    indents = {0: ""}
+def _tree(skeleton: Skeleton) -> Iterator[str]:
+    """The lines of the tree, one for each joint: branches, name, and length of its bone."""
+    indents, rows = {0: ""}, [(skeleton.names[0], "")]
     for joint in skeleton.depth_first[1:]:
         parent = int(skeleton.parents[joint])
         last = joint == skeleton.children[parent][-1]
-        lines.append(
-            (
-                indents[parent] + ("└─ " if last else "├─ ") + skeleton.names[joint],
-                f"{skeleton.lengths[joint]:10.4f}{'  End Site' if skeleton.end_sites[joint] else ''}",
-            )
-        )
+        branch = indents[parent] + ("└─ " if last else "├─ ")
         indents[joint] = indents[parent] + ("   " if last else "│  ")
+        end_site = "  End Site" if skeleton.end_sites[joint] else ""
+        rows.append((branch + skeleton.names[joint], f"{skeleton.lengths[joint]:10.4f}{end_site}"))
+    return aligned(rows, "<<")

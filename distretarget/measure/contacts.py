@@ -1,8 +1,8 @@
 """Self-contacts: which regions of a body touch, such as hand and hip, and how well a result keeps that.
 
-Two regions of the target's body that are not neighbours touch in a frame if the nearest of their joints are near each
-other in the source and far apart along the tree. Two feet do not count while one of them rests: in a stride they pass
-each other.
+Two regions of the target's body touch in a frame if they are not neighbours and their nearest joints are close to each
+other in the source, but far apart along the tree. The two feet do not count while one of them rests: they pass each
+other in every stride.
 """
 
 from __future__ import annotations
@@ -26,28 +26,20 @@ FAR_ALONG = 5  # ... and at least this many joints on the path between them
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Candidates:
-    """The pairs of joints that may touch, ordered by the regions of the two.
+    """The pairs of target joints that may touch, ordered by their pairs of regions."""
 
-    Attributes:
-        points: (points,), the joints and End Sites of the target with a driver, one of those that coincide on both.
-        names: the pairs of regions, such as "left hand - right hand", those of most interest first.
-        feet: (pairs of regions,), whether the two regions are the two feet.
-        first: (pairs of regions,), the first pair of joints of each.
-        u, v: (pairs of joints,), joints of the target.
-    """
-
-    points: Numbers
-    names: tuple[str, ...]
-    feet: NDArray[np.bool_]
-    first: Numbers
-    u: Numbers
-    v: Numbers
+    points: Numbers  # (points,), the joints and End Sites with a driver; of coinciding ones, only the first
+    names: tuple[str, ...]  # the pairs of regions, such as "left hand - right hand", the most interesting first
+    feet: NDArray[np.bool_]  # (pairs of regions,), whether the two regions are the two feet
+    first: Numbers  # (pairs of regions,), where the pairs of joints of each begin
+    u: Numbers  # (pairs of joints,)
+    v: Numbers  # (pairs of joints,)
 
     def touching(self, motion: Motion, joint_of: Numbers, feet_rest: NDArray[np.bool_]) -> Numbers:
-        """(3, contacts), the frame, the pair of regions and the nearest pair of joints of each contact in a motion.
+        """Each contact in a motion: (3, contacts), its frame, its pair of regions and its nearest pair of joints.
 
-        `joint_of`, (target joints,), is the joint of the motion that corresponds to each joint of the target;
-        `feet_rest` is as in `find_contacts`.
+        `joint_of`, (target joints,), is the joint of the motion for each joint of the target; `feet_rest` is as in
+        `find_contacts`.
         """
         u, v = joint_of[self.u], joint_of[self.v]
         found = [np.zeros((3, 0), np.intp)]
@@ -61,9 +53,7 @@ class Candidates:
         return np.asarray(rows[:, ~(self.feet[rows[1]] & stands[rows[0]])])
 
     def _nearest(self, D: Array) -> Numbers:
-        """(3, contacts), frame, pair of regions and nearest pair of joints where D, (frames, pairs of joints), is below
-        `CONTACT_DISTANCE`.
-        """
+        """The contacts where D, (frames, pairs of joints), is below `CONTACT_DISTANCE`, as in `touching`."""
         frame, regions = np.nonzero(np.minimum.reduceat(D, self.first, axis=1) < CONTACT_DISTANCE)
         ends = np.append(self.first[1:], D.shape[1])
         pairs = np.zeros(len(frame), np.intp)
@@ -75,47 +65,29 @@ class Candidates:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Touch:
-    """The contacts between two regions over a clip, and how well the result keeps them.
+    """The contacts between two regions over a clip, and how well the result keeps them."""
 
-    Attributes:
-        name: the two regions, such as "left hand - right hand".
-        frames: (frames of contact,), in which frames they touch in the source.
-        distance_source, distance_result: mean D of their nearest joints over these frames.
-        error: mean |D_source - D_result| over these frames.
-        worst_frame: the frame of the largest |D_source - D_result|.
-        u, v: the joints of the target that are nearest in the source in that frame.
-    """
-
-    name: str
-    frames: Numbers
-    distance_source: float
-    distance_result: float
-    error: float
-    worst_frame: int
-    u: int
+    name: str  # of the two regions, such as "left hand - right hand"
+    frames: Numbers  # (frames of contact,), in which they touch in the source
+    distance_source: float  # mean D of their nearest joints over these frames
+    distance_result: float  # the same in the result
+    error: float  # mean |D_source - D_result| over these frames
+    worst_frame: int  # of the largest |D_source - D_result|
+    u: int  # the target joints that are nearest in the source in that frame
     v: int
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Contacts:
-    """The contacts of a source and their distances in a result: a row for each contact in each frame.
-
-    Attributes:
-        candidates: the pairs of joints that may touch.
-        frames: the number of frames of the clip.
-        frame: (rows,), in which frame it is, in ascending order.
-        regions: (rows,), which pair of regions touches, as an index of `candidates.names`.
-        u, v: (rows,), the joints of the target that are nearest to each other in the source.
-        distance_source, distance_result: (rows,), D of these joints.
-    """
+    """The contacts of a source and their distances in a result: a row for each contact in each frame."""
 
     candidates: Candidates
-    frames: int
-    frame: Numbers
-    regions: Numbers
-    u: Numbers
+    frames: int  # of the clip
+    frame: Numbers  # (rows,), ascending
+    regions: Numbers  # (rows,), which pair of regions touches, as an index of `candidates.names`
+    u: Numbers  # (rows,), the target joints that are nearest in the source
     v: Numbers
-    distance_source: Array
+    distance_source: Array  # (rows,), D of these joints
     distance_result: Array
 
     def in_result(self, result: Motion) -> Contacts:
@@ -140,18 +112,21 @@ class Contacts:
 
     @property
     def touches(self) -> tuple[Touch, ...]:
-        """The contacts of each pair of regions that touches in the source, those of most interest first."""
+        """The contacts of each pair of regions that touches in the source, the most interesting first."""
         return tuple(self._touch(int(k)) for k in np.unique(self.regions))
 
     def _touch(self, k: int) -> Touch:
         rows = np.flatnonzero(self.regions == k)
         worst = rows[self.error[rows].argmax()]
+        source, result, error = (
+            float(values[rows].mean()) for values in (self.distance_source, self.distance_result, self.error)
+        )
         return Touch(
             name=self.candidates.names[k],
             frames=self.frame[rows],
-            distance_source=float(self.distance_source[rows].mean()),
-            distance_result=float(self.distance_result[rows].mean()),
-            error=float(self.error[rows].mean()),
+            distance_source=source,
+            distance_result=result,
+            error=error,
             worst_frame=int(self.frame[worst]),
             u=int(self.u[worst]),
             v=int(self.v[worst]),
@@ -159,28 +134,20 @@ class Contacts:
 
 
 def find_contacts(source: Motion, matching: Matching, feet_rest: NDArray[np.bool_]) -> Contacts:
-    """Find the contacts of a source; their distances in a result are the source's own until `in_result`.
+    """Find the contacts of a source. Until `in_result`, their distances in the result are those in the source.
 
     `feet_rest`, (frames, foot joints), is whether each foot joint rests in the source; without legs it has no columns.
     """
     candidates, drivers = find_candidates(matching), matching.drivers
     frame, regions, nearest = candidates.touching(source, drivers, feet_rest)
     u, v = candidates.u[nearest], candidates.v[nearest]
-    distance = _distances(source, frame, drivers[u], drivers[v])
-    return Contacts(
-        candidates=candidates,
-        frames=len(source),
-        frame=frame,
-        regions=regions,
-        u=u,
-        v=v,
-        distance_source=distance,
-        distance_result=distance,
-    )
+    D = _distances(source, frame, drivers[u], drivers[v])
+    rows = {"frame": frame, "regions": regions, "u": u, "v": v, "distance_source": D, "distance_result": D}
+    return Contacts(candidates=candidates, frames=len(source), **rows)
 
 
 def find_candidates(matching: Matching) -> Candidates:
-    """Find the pairs of target joints that may touch: in regions that are not neighbours, far apart along the tree."""
+    """Find the pairs of target joints that may touch: in regions that are not neighbours, and far apart on the tree."""
     tau, tau_source = matching.target.skeleton.path_lengths, matching.source.skeleton.path_lengths
     drivers, regions = matching.drivers, matching.regions
     driven = np.flatnonzero(drivers >= 0)
@@ -213,6 +180,6 @@ def normalised_distances(motion: Motion, u: Numbers, v: Numbers, frames: slice) 
 
 
 def _distances(motion: Motion, frame: Numbers, u: Numbers, v: Numbers) -> Array:
-    """(rows,), D of joints u and v in a frame each."""
+    """(rows,), D of the joints u and v in one frame each."""
     tau = motion.rigid_skeleton.path_lengths[u, v]
     return np.asarray(lengths(motion.positions[frame, u] - motion.positions[frame, v]) / tau)

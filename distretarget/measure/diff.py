@@ -12,7 +12,7 @@ from distretarget.baseline.world import World, find_root_offset, find_world, wit
 from distretarget.body.body import Body
 from distretarget.checks import check_kind
 from distretarget.distances import distance_problem, posture_stress
-from distretarget.errors import MotionError
+from distretarget.errors import MotionError, counted
 from distretarget.matching.matching import Matching, match
 from distretarget.measure.figures import NOT_RUN, Track, Tracks, Variant, clip_figures
 from distretarget.measure.metrics import Comparison, Reference
@@ -30,12 +30,12 @@ class Diff:
     """Motion B measured against motion A.
 
     Attributes:
-        a, b: the motions, A in B's world and both with B's frame time and the frames they share.
+        a, b: the motions, A in B's world, both with B's frame time and as many frames as the shorter has.
         matching: which joint of A corresponds to each joint of B.
         world: the axes that point up, and the root's OFFSET.
         stress: (frames,), Eq. (2) of B against A's distances, over the squared height of B.
-        comparison: what else was measured, per frame.
-        notes: what was done to compare them: resampled, cut, turned.
+        comparison: what else was measured in each frame.
+        notes: what was done before comparing: resampled, cut, turned.
         run_tracks: the snaps and unsolved frames of B, if B was made here.
     """
 
@@ -74,14 +74,12 @@ def diff(
 ) -> Diff:
     """Measure a motion B against a motion A, on the same skeleton or another.
 
-    If frame times differ, A is resampled at B's. If the numbers of frames differ, the longer motion is cut. If other
-    axes point up, A is turned.
+    A is resampled at B's frame time and turned so that the same axis points up. The longer motion is cut.
 
     Args:
         a: the reference.
         b: what is measured.
-        joint_map: the joint of A for joints of B, None for those to leave out; the others are matched by names or
-            shape.
+        joint_map: the joint of A for joints of B, None to leave a joint out; others are matched by names or shape.
         a_up: the axis that points up in A, such as "Z"; if not given, it is detected.
         b_up: the same in B.
 
@@ -89,7 +87,7 @@ def diff(
         MatchingError: the two bodies cannot be matched.
         MapError: `joint_map` names joints that are not there.
         MotionError: a motion has no frames, positions too large to compute with, or no bone with a length.
-        SettingsError: an argument is of another kind, or there is no such axis.
+        SettingsError: an argument has the wrong type, or there is no such axis.
     """
     check_kind("a", a, Motion)
     check_kind("b", b, Motion)
@@ -110,24 +108,16 @@ def diff(
     if len(a) != len(b):
         frames = min(len(a), len(b))
         compared = "the first was" if frames == 1 else f"the first {frames} were"
-        notes.append(f"A has {_frames(a)} and B has {len(b)}; {compared} compared")
+        notes.append(f"A has {counted(len(a), 'frame')} and B has {len(b)}; {compared} compared")
         a, b = a[:frames], b[:frames]
     problem = distance_problem(source.skeleton, target.skeleton, matching.drivers)
-    relative = (problem.body_size / target.height) ** 2
-    stress = relative * posture_stress(problem, a.positions, b.positions)
-    return Diff(
-        a=a,
-        b=b,
-        matching=matching,
-        world=world,
-        stress=stress,
-        comparison=Reference(a, matching, world.up_vector).compare(b),
-        notes=tuple(notes),
-    )
+    stress = (problem.body_size / target.height) ** 2 * posture_stress(problem, a.positions, b.positions)
+    comparison = Reference(a, matching, world.up_vector).compare(b)
+    return Diff(a=a, b=b, matching=matching, world=world, stress=stress, comparison=comparison, notes=tuple(notes))
 
 
 def turned_note(world: World) -> tuple[str, ...]:
-    """What is said of the axes that point up, if they differ."""
+    """A note if different axes point up in A and B."""
     same = world.source_up == world.up
     return () if same else (f"A was turned: {world.source_up} is up in A, {world.up} in B",)
 
@@ -139,7 +129,3 @@ def _check(motion: Motion, name: str) -> None:
         raise MotionError(f"{name} has positions beyond {LARGEST:g}; its OFFSETs or position channels must be wrong")
     if not motion.rigid_skeleton.path_lengths.max() > 0:
         raise MotionError(f"no bone of {name} has a length; there is nothing to compare")
-
-
-def _frames(motion: Motion) -> str:
-    return "1 frame" if len(motion) == 1 else f"{len(motion)} frames"

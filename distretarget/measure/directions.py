@@ -1,4 +1,4 @@
-"""Bone directions of a result, against where the source's motion points the bones on that body."""
+"""Bone directions of a result, against where the source's motion should point the bones on that body."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ BUILT_DIFFERENTLY = ("hips", "spine", "chest", "upperChest", "neck", "head", "Sh
 
 
 def direction_error(expected: Array, result: Motion, lower: Joints) -> Array:
-    """(frames, bones), the angle between the bones that end at the joints `lower`, (bones,), and their expected
-    directions, (frames, bones, 3), of any length [degrees].
+    """(frames, bones), the angle between the bones above the joints `lower`, (bones,), and their `expected` directions,
+    (frames, bones, 3), of any length [degrees].
     """
 
     def error(block: slice) -> Array:
@@ -33,12 +33,12 @@ def direction_error(expected: Array, result: Motion, lower: Joints) -> Array:
 
 
 def expected_directions(source: Motion, matching: Matching, lower: Joints) -> Array:
-    """(frames, bones, 3), where the target's bones that end at the joints `lower`, those of `shared_bones`, are
-    expected to point; lengths vary.
+    """(frames, bones, 3), where the target's bones above the joints `lower`, from `shared_bones`, should point; vectors
+    of any length.
 
-    A bone of an arm, leg or finger is expected to point as the source's bone does. Bones of trunk, collar bones, hands,
-    head and feet point differently in every build: they are expected to point where the source's rotation, relative to
-    the rest poses, points the target's own bone.
+    A bone of an arm, leg or finger should point as the source's bone does. Bones of the trunk, collar bones, hands,
+    head and feet point differently in every build: the source's rotation, relative to the rest poses, should turn the
+    target's own bone.
     """
     drivers, upper = matching.drivers, matching.target.skeleton.parents[lower]
     own = np.isin(upper, _built_differently(matching))
@@ -75,12 +75,12 @@ def _built_differently(matching: Matching) -> list[int]:
 
 
 def _by_rotation(world: Array, alignment: Array, matching: Matching, upper: Joints, lower: Joints) -> Array:
-    """(frames, bones, 3), R A b: the target's own bones b turned by the source's world rotations R, `world`, (frames,
-    source joints, 4), after the alignment A of the rest poses.
+    """(frames, bones, 3), R A b: the target's own bones b, turned by A from its rest pose to the source's, then by the
+    source's world rotations R, `world`, (frames, source joints, 4).
     """
 
     def turned(bones: Joints, k: int) -> Array:
-        """Some of the bones, turned by their first (k = 0) or second (k = 1) rotation source."""
+        """The bones turned by their first (k = 0) or second (k = 1) rotation source."""
         own = Rotation.from_quat(alignment[upper[bones], k]).apply(matching.target.skeleton.offsets[lower[bones]])
         return np.asarray(Rotation.from_quat(world[:, matching.rotation_sources[upper[bones], k]]).apply(own))
 

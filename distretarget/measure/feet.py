@@ -1,7 +1,7 @@
-"""Feet and hips: when feet rest, how fast they slide then, and how far feet and hips are from where they should be.
+"""Feet and hips: when feet rest, how far they slide then, and how far feet and hips are from where they should be.
 
 Heights are compared in leg lengths of each body. A foot is compared with how the target's own foot stands on its flat
-sole, so a foot of another build is not an error.
+sole, so that a foot of another build is not an error.
 """
 
 from __future__ import annotations
@@ -32,19 +32,12 @@ STEEPEST = 60.0  # a foot that points farther up or down than this in the rest p
 
 @dataclass(frozen=True, eq=False)
 class FlatFoot:
-    """A foot, and how it stands on its flat sole.
-
-    Attributes:
-        leg: its leg.
-        points: (points,), the ankle and all joints below it: toes, heel, End Sites. Only the ankle if there is no toe.
-        flat_pitch: the elevation of the bone from ankle to toe while the sole is flat [degrees]; nan if unknown.
-        flat_height: the ankle's height over the lowest point while the sole is flat [file units]; nan if unknown.
-    """
+    """A foot, and how it stands on its flat sole."""
 
     leg: Leg
-    points: NDArray[np.intp]
-    flat_pitch: float = np.nan
-    flat_height: float = np.nan
+    points: NDArray[np.intp]  # (points,), the ankle and all joints below it; only the ankle if there is no toe
+    flat_pitch: float = np.nan  # elevation of the bone from ankle to toe on the flat sole [degrees]; nan if unknown
+    flat_height: float = np.nan  # of the ankle over the lowest point on the flat sole [file units]; nan if unknown
 
     def pitch(self, positions: Array, up: Array) -> Array:
         """(...), the elevation of the bone from ankle to toe at positions (..., joints, 3) [degrees]; nan without a
@@ -56,20 +49,20 @@ class FlatFoot:
         return np.asarray(np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0))))
 
     def lowest(self, positions: Array, up: Array) -> Array:
-        """(...), the height of the lowest of the points [file units]; arguments as in `pitch`."""
+        """(...), the height of the lowest of the points [file units]; as in `pitch`."""
         return np.asarray((positions[..., self.points, :] @ up).min(axis=-1))
 
     def ankle_height(self, positions: Array, up: Array) -> Array:
-        """(...), the height of the ankle over the lowest of the points [file units]; arguments as in `pitch`."""
+        """(...), the height of the ankle over the lowest of the points [file units]; as in `pitch`."""
         return np.asarray(positions[..., self.leg.ankle, :] @ up - self.lowest(positions, up))
 
 
 def find_flat_foot(body: Body, leg: Leg, resting: Array, up: Array) -> FlatFoot:
     """Find how the foot of a leg stands on its flat sole.
 
-    The sole is flat in the rest pose if a person can stand in that and the foot does not point steeply up or down
-    there. Otherwise it is as in the median of the postures `resting`, (frames, joints, 3), in which the foot rests;
-    `up`, (3,), is the unit vector up in these.
+    The sole is flat in the rest pose if a person can stand in that pose and the foot does not point steeply up or down.
+    Otherwise the median of the postures `resting`, (frames, joints, 3), in which the foot rests, decides; `up`, (3,),
+    is the unit vector up in them.
     """
     if leg.toe == leg.ankle:
         return FlatFoot(leg, np.array([leg.ankle], np.intp))
@@ -90,65 +83,39 @@ def find_flat_foot(body: Body, leg: Leg, resting: Array, up: Array) -> FlatFoot:
 class Feet:
     """The feet of a result against those of its source. All arrays have no columns if the bodies have no legs.
 
-    Attributes:
-        joints: (foot joints,), the target's left ankle and toe, then the right ones.
-        stance: (frames, foot joints), whether each foot joint of the source rests.
-        slide_source, slide: (frames, foot joints), horizontal speed [leg lengths / s].
-        foot_height: (frames, legs), error of the sole's height [% of leg length]; nan unless ankle or toe rests.
-        foot_pitch: (frames, legs), error of the foot's pitch from its flat sole [degrees]; nan unless ankle and toe
-            rest, or if a flat sole is not known.
-        ankle_height: (frames, legs), error of the ankle's height against the target's own flat foot on the source's
-            floor [% of leg length]; nan unless the source's foot rests flat.
-        hips_height: (frames, legs), error of the height of the middle of the hip joints over the ankle [% of leg
-            length]; nan unless the ankle rests and only feet carry the body.
+    Errors are nan in frames in which nothing is to be measured.
     """
 
-    joints: NDArray[np.intp]
-    stance: Flags
-    slide_source: Array
-    slide: Array
-    foot_height: Array
-    foot_pitch: Array
-    ankle_height: Array
-    hips_height: Array
+    joints: NDArray[np.intp]  # (foot joints,), the target's left ankle and toe, then the right ones
+    stance: Flags  # (frames, foot joints), whether each foot joint of the source rests
+    slide_source: Array  # (frames, foot joints), horizontal speed [leg lengths / s]
+    slide: Array  # the same of the result
+    foot_height: Array  # (frames, legs), of the sole while ankle or toe rests [% of leg length]
+    foot_pitch: Array  # (frames, legs), from the flat sole, while ankle and toe rest [degrees]
+    ankle_height: Array  # (frames, legs), over the source's floor, while the foot rests flat [% of leg length]
+    hips_height: Array  # (frames, legs), over a resting ankle, while only feet carry the body [% of leg length]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _FootTracks:
-    """What is compared between the feet of two bodies, each array (frames, legs) but `slide`.
+    """The feet of one body over time."""
 
-    Attributes:
-        slide: (frames, foot joints), horizontal speed of the foot joints [leg lengths / s].
-        sole: the height of the sole [leg lengths].
-        pitch: that of the foot from its flat sole [degrees].
-        flat_ankle: the height of the ankle less that over a flat sole [leg lengths].
-        hips: the height of the middle of the hip joints over the ankle [leg lengths].
-    """
-
-    slide: Array
-    sole: Array
-    pitch: Array
-    flat_ankle: Array
-    hips: Array
+    slide: Array  # (frames, foot joints), horizontal speed [leg lengths / s]
+    sole: Array  # (frames, legs), the height of the sole [leg lengths]
+    pitch: Array  # (frames, legs), of the foot from its flat sole [degrees]
+    flat_ankle: Array  # (frames, legs), the height of the ankle less that over a flat sole [leg lengths]
+    hips: Array  # (frames, legs), the height of the middle of the hip joints over the ankle [leg lengths]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SourceFeet:
-    """The feet of a source, which those of results are measured against.
+    """The feet of a source, which those of results are measured against."""
 
-    Attributes:
-        up: (3,), the unit vector up in source and results.
-        soles: the target's feet.
-        leg: the length of the target's legs [file units].
-        stance: as in `Feet`.
-        tracks: the source's.
-    """
-
-    up: Array
-    soles: Sequence[FlatFoot]
-    leg: float
-    stance: Flags
-    tracks: _FootTracks
+    up: Array  # (3,), the unit vector up in source and results
+    soles: Sequence[FlatFoot]  # the target's feet
+    leg: float  # the length of the target's legs [file units]
+    stance: Flags  # as in `Feet`
+    tracks: _FootTracks  # of the source
 
     def in_result(self, result: Motion, others_carry: Flags) -> Feet:
         """Measure the feet of a result; `others_carry`, (frames,), is whether other joints carry the body as well."""
@@ -172,33 +139,27 @@ def find_feet(source: Motion, matching: Matching, up: Array) -> SourceFeet:
     """Measure the feet of a source; `up`, (3,), is the unit vector up in source and results."""
     legs, target_legs = matching.legs or ((), ())
     length, target_length = matching.leg_lengths
-    stance = _stance(source, legs, length, up)
-    soles = _soles(matching.source, legs, source.positions, stance, up)
+    target = matching.target
     return SourceFeet(
         up=up,
-        soles=_target_soles(matching.target, target_legs, target_length),
+        soles=_soles(target, target.motion, target_legs, target_length, target.up_vector),
         leg=target_length,
-        stance=stance,
-        tracks=_foot_tracks(source, soles, length, up),
+        stance=_stance(source, legs, length, up),
+        tracks=_foot_tracks(source, _soles(matching.source, source, legs, length, up), length, up),
     )
 
 
-def _target_soles(body: Body, legs: Sequence[Leg], length: float) -> list[FlatFoot]:
-    """The feet of the target, whose motion, if it has one, may show how they stand."""
-    up, motion = body.up_vector, body.motion
+def _soles(body: Body, motion: Motion | None, legs: Sequence[Leg], length: float, up: Array) -> list[FlatFoot]:
+    """The feet of a body, whose motion, if it has one, may show how they stand."""
     if motion is None:
-        return _soles(body, legs, np.zeros((0, len(body.skeleton), 3)), np.zeros((0, 2 * len(legs)), bool), up)
-    return _soles(body, legs, motion.positions, _stance(motion, legs, length, up), up)
-
-
-def _soles(body: Body, legs: Sequence[Leg], positions: Array, stance: Flags, up: Array) -> list[FlatFoot]:
-    """The feet of a body with positions (frames, joints, 3) and stance (frames, foot joints) in its motion."""
+        return [find_flat_foot(body, leg, np.zeros((0, len(body.skeleton), 3)), up) for leg in legs]
+    stance = _stance(motion, legs, length, up)
     flat = stance[:, ::2] & stance[:, 1::2]
-    return [find_flat_foot(body, leg, positions[flat[:, k]], up) for k, leg in enumerate(legs)]
+    return [find_flat_foot(body, leg, motion.positions[flat[:, k]], up) for k, leg in enumerate(legs)]
 
 
 def _foot_tracks(motion: Motion, soles: Sequence[FlatFoot], length: float, up: Array) -> _FootTracks:
-    """What is compared of the feet of a motion; legs are of this length [file units]."""
+    """Follow the feet of a motion, on legs of this length [file units]."""
     positions, legs = motion.positions, [sole.leg for sole in soles]
     ankles = [positions[:, leg.ankle] for leg in legs]
     hips = [positions[:, [leg.hip for leg in legs]].mean(axis=1) - ankle for ankle in ankles]

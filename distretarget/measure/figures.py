@@ -1,4 +1,4 @@
-"""The figures of quality: what each is called, what it means, and how it is taken from a clip, shown and limited.
+"""The figures of quality: their names and meanings, how they are computed from a clip, and their limits.
 
 Everything that prints, writes or draws figures takes them from `FIGURES`, the entries of `figures.toml`. To add one,
 add its entry there and its track to `metrics.Comparison`, or to `RetargetResult.tracks` if it takes more than source
@@ -32,48 +32,32 @@ SYMBOLS = {  # short forms of units
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """What was measured over the frames of a clip.
+    """What was measured over the frames of a clip."""
 
-    Attributes:
-        values: (frames,) or (frames, parts); fewer rows where a value takes several frames, as a speed does.
-        counts: like values, the number of measurements that each value sums up; None where all are single ones.
-        parts: the names of the columns, such as joints; may be empty.
-    """
-
-    values: Array
-    counts: NDArray[np.intp] | NDArray[np.bool_] | None = None
-    parts: tuple[str, ...] = ()
+    values: Array  # (frames,) or (frames, parts); fewer rows where a value takes several frames, as a speed does
+    counts: NDArray[np.intp] | NDArray[np.bool_] | None = None  # the measurements in each value; None for one in each
+    parts: tuple[str, ...] = ()  # the names of the columns, such as joints
 
     @property
     def weights(self) -> NDArray[np.intp]:
-        """Like values, the number of measurements that each value sums up."""
+        """The number of measurements in each value, in the shape of `values`."""
         return np.ones(self.values.shape, np.intp) if self.counts is None else self.counts.astype(np.intp)
 
 
 Tracks = Mapping[str, Track]  # by the key of what was measured
 NOT_RUN: Tracks = {key: Track(np.zeros(0)) for key in ("snap", "unsolved")}  # of a motion that was not solved here
-Figures = Mapping[
-    Variant, Mapping[str, float | None]
-]  # of whole clips, by side and key; None where nothing was measured
+Figures = Mapping[Variant, Mapping[str, float | None]]  # of whole clips, by key; None where nothing was measured
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limit:
-    """The value above which a figure of a result needs a look: `factor` times that of another motion, plus `margin`.
+    """The value above which a figure of a result needs a look: `factor` times that of another motion, plus `margin`."""
 
-    Attributes:
-        margin: in the unit of the figure.
-        factor: times the figure of `of`; 0 where the limit is the margin alone.
-        of: the other motion.
-        reason: what a value above the limit means.
-        cause: what such a value most likely comes from.
-    """
-
-    margin: float = 0.0
-    factor: float = 0.0
-    of: Literal["source", "rotation_copy"] = "source"
-    reason: str
-    cause: str
+    margin: float = 0.0  # in the unit of the figure
+    factor: float = 0.0  # 0 if the limit is the margin alone
+    of: Literal["source", "rotation_copy"] = "source"  # the other motion
+    reason: str  # what a value above the limit means
+    cause: str  # the most likely cause
 
     def value(self, key: str, figures: Figures) -> float | None:
         """The limit of the figure with this key; None where the other motion has no such figure."""
@@ -91,7 +75,7 @@ class Limit:
 
 @dataclass(frozen=True, kw_only=True)
 class Figure:
-    """One figure of quality. Texts name the two motions `{source}` and `{result}`; documents put names in.
+    """One figure of quality. Texts call the two motions `{source}` and `{result}`; documents replace these by names.
 
     Attributes:
         key: its name in JSON, CSV and `--fail-over`, and that of its track.
@@ -99,21 +83,20 @@ class Figure:
         unit: of the number in files and limits; empty for a plain number.
         meaning: what it measures.
         missing: why a clip may have no value; empty if every clip has one.
-        track: the key of the track, if it is that of another figure.
-        reduction: how the track's values become the figure: their mean, the largest (at least 0), the one that a
-            hundredth of them exceed, or the number of frames in which any is above 0.
-        judged: what is good, and what `--fail-over` is for: the value itself, 0 being best; or, where the source has a
-            value too, the result's over the source's.
-        still: where the ratio is judged, source values up to this count as nothing, and as this in `--fail-over`.
-        limit: above which a run needs a look; None if the figure has no such limit.
+        track: the key of the track if another figure has the same.
+        reduction: how the track's values become the figure: the mean, the largest (at least 0), the 99th percentile, or
+            the number of frames in which any value is above 0.
+        judged: what `--fail-over` limits: the value, of which 0 is best, or its ratio to the source's value.
+        still: for a ratio, source values up to this are rounding errors; `--fail-over` divides by at least this.
+        limit: the value above which a run needs a look; None for no limit.
         rivals_copy: whether a run warns if it is worse than the rotation copy by more than `least`; false where the
             rotation copy is best by definition.
         factor: pages and the line of a run show the number times this.
         decimals: of the number in the line of a run.
         least: values up to this are too small to look at.
-        places: where the figure stands besides the lists of all figures: in the line of a run, among the first figures
-            of a report, as a curve over time in a report, with pictures of its worst frames in a report, as a column of
-            the page over clips, as a list of the worst frames of a diff and the worst clips of a batch.
+        places: where the figure is shown besides the lists of all figures: in the line of a run; in a report as a card,
+            a curve, or with pictures of its worst frames; as a column of the page over clips; in the lists of the worst
+            frames of a diff and the worst clips of a batch.
     """
 
     key: str
@@ -144,7 +127,7 @@ class Figure:
 
     @property
     def of_frames(self) -> bool:
-        """Whether each frame has a value of its own, not that of another figure's track."""
+        """Whether it has a value in each frame, from a track of its own."""
         return not self.track
 
     def of_clip(self, tracks: Tracks) -> float | None:
@@ -178,34 +161,28 @@ class Figure:
         return column
 
     def worst(self, tracks: Tracks) -> tuple[int, str]:
-        """The frame of the largest value, and the name of its part; empty if that has none.
-
-        Raises:
-            ValueError: nothing was measured.
-        """
+        """The frame of the largest value, and the name of its part, if any; something must have been measured."""
         track = tracks[self.track or self.key]
         values = np.where(track.weights > 0, track.values, -np.inf)
         frame, *part = np.unravel_index(values.argmax(), values.shape)
         return int(frame), track.parts[part[0]] if part and track.parts else ""
 
     def judgement(self, value: float | None, source: float | None) -> float | None:
-        """The number that `--fail-over` limits, from the result's value and the source's; None where nothing was to be
-        measured.
-        """
+        """The number that `--fail-over` limits, from the values of result and source; None if it is not known."""
         if self.judged == "value" or value is None:
             return value
         least = 0.0 if source is None else max(source, self.still)
         return value / least if least > 0 else None
 
     def explanation(self, source: str, result: str) -> str:
-        """What it measures and in which unit, and what is best, in two sentences with the names of the motions."""
+        """What it measures, its unit, and which value is best, in two sentences."""
         meaning = self.meaning.format(source=source, result=result)
         unit = f" [{self.unit}]" if self.unit else ""
         best = f"The same as in {source} is best" if self.of_source else "0 is best"
         return f"{meaning[0].upper()}{meaning[1:]}{unit}. {best}."
 
     def comparison(self, source: str, result: str) -> str:
-        """What `--fail-over` is for, as a formula of the names of the motions; empty where that is the value itself."""
+        """The ratio that `--fail-over` limits, as a formula; empty if it limits the value itself."""
         return f"{result} / {source}" if self.judged == "ratio" else ""
 
     def needs_look(self, figures: Figures) -> bool:
@@ -215,9 +192,7 @@ class Figure:
         return value is not None and limit is not None and value > limit
 
     def worse_than_copy(self, figures: Figures) -> bool:
-        """Whether the result is clearly worse than the rotation copy where it should not be; false where either value
-        is missing.
-        """
+        """Whether the result is clearly worse than the rotation copy though it should not be; false if unknown."""
         value, copy = (figures.get(side, {}).get(self.key) for side in ("result", "rotation_copy"))
         return self.rivals_copy and value is not None and copy is not None and value > copy + self.least
 
@@ -227,7 +202,7 @@ class Figure:
 
 
 def _figure(key: str, entry: dict[str, Any]) -> Figure:
-    """The figure of an entry of the registry."""
+    """The figure in an entry of the registry."""
     limit = Limit(**entry.pop("limit")) if "limit" in entry else None
     return Figure(key=key, limit=limit, places=tuple(entry.pop("places", ())), **entry)
 
@@ -238,12 +213,12 @@ BY_KEY = {figure.key: figure for figure in FIGURES}
 
 
 def figures_at(place: str) -> tuple[Figure, ...]:
-    """The figures that stand in one of the places."""
+    """The figures shown in one of the places."""
     return tuple(figure for figure in FIGURES if place in figure.places)
 
 
 def clip_figures(tracks: Tracks) -> dict[str, float | None]:
-    """The figures of a whole clip that the tracks are there for, by key; None where nothing was to be measured."""
+    """The figures of a whole clip for which there are tracks, by key; None where nothing was to be measured."""
     return {figure.key: figure.of_clip(tracks) for figure in FIGURES if (figure.track or figure.key) in tracks}
 
 

@@ -1,4 +1,4 @@
-"""Measure a motion against the motion it was made from, by code that shares nothing with the solvers."""
+"""Measure a motion against the motion that it was made from, with code that shares nothing with the solvers."""
 
 from __future__ import annotations
 
@@ -32,22 +32,22 @@ CALM = 1.5  # ... while it moves less than this in the rotation copy [both % of 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Comparison:
-    """What was measured of a result and its source, per frame; `figures` makes the figures of it.
+    """What was measured of a result and its source in each frame.
 
     Attributes:
         contacts: the self-contacts of the source, and how well the result keeps them.
-        feet: the feet: when they rest, how fast they slide, and how far feet and hips are from where they should be.
+        feet: when feet rest, how fast they slide then, and how far feet and hips are from where they should be.
         supports: the other joints that rest on the world, how fast they slide, and how far off their height is.
         skeleton: that of the result.
         distance_error: (frames,), mean |D_source - D_result| over all pairs of joints.
         bones: (bones,), the lower joints of the bones that both bodies have.
         direction_error: (frames, bones), angle between bones and their expected directions [degrees].
-        bone_error: (frames,), the largest relative error of the length of a bone of the body against the target.
+        bone_error: (frames,), the largest relative error of a bone's length against the target.
         jerk_source, jerk: (frames - 3,), mean norm of the third difference of positions over joints
             [body sizes / s^3].
         turned: (turned joints,), the joints that both bodies have.
-        turn: (frames - 1, turned joints), how much more these turn from one frame to the next than in the source
-            [degrees in 1/60 s].
+        turn: (frames - 1, turned joints), how much more these turn to the next frame than in the source [degrees in
+            1/60 s].
     """
 
     contacts: Contacts
@@ -65,8 +65,8 @@ class Comparison:
 
     @property
     def tracks(self) -> Tracks:
-        """What the figures of the result are taken from, but for stress, snaps and unsolved frames, which are added
-        where the result is made.
+        """What the figures of the result are taken from, without stress, snaps and unsolved frames: they need more than
+        source and result.
         """
         feet, supports = self.feet, self.supports
         return {
@@ -103,7 +103,7 @@ class Comparison:
 
 
 class Reference:
-    """A source, for measuring results on a target against it. What concerns the source alone is measured once."""
+    """A source that results on a target are measured against; what concerns the source alone is measured once."""
 
     def __init__(self, source: Motion, matching: Matching, up: Array) -> None:
         """Measure the source; `up`, (3,), is the unit vector up in source and results."""
@@ -120,6 +120,7 @@ class Reference:
     def compare(self, result: Motion) -> Comparison:
         """Measure a result with the same number of frames."""
         supports = self._supports.in_result(result)
+        further = np.degrees(_turns(result, self._turned) - self._turns)
         return Comparison(
             contacts=self._contacts.in_result(result),
             feet=self._feet.in_result(result, supports.carry(result.frame_time)),
@@ -132,19 +133,8 @@ class Reference:
             jerk_source=self._jerk,
             jerk=_jerk(result, self.matching.target),
             turned=self._turned,
-            turn=self._turn_of(result),
+            turn=further * INSTANT / result.frame_time,
         )
-
-    def _turn_of(self, result: Motion) -> Array:
-        """(frames - 1, joints), how much further the joints turn to the next frame than the source's [degrees in
-        `INSTANT`].
-        """
-        further = _turns(result, self._turned)
-        further -= self._turns
-        np.degrees(further, out=further)
-        further *= INSTANT
-        further /= result.frame_time
-        return further
 
     def _distance_error(self, result: Motion) -> Array:
         """(frames,), mean |D_source - D_result| over all pairs of points with a path length in both."""
@@ -183,9 +173,9 @@ def _write_mean_difference(x, of_x, tau_x, y, of_y, tau_y, share, scratch, means
 
 def find_snaps(copy: Motion, result: Motion, body: Body) -> Array:
     """(frames - 1, joints), how far each joint of a result jumps to the next frame while it hardly moves in the
-    rotation copy on the same body [% of leg length in `INSTANT`]; 0 where it does not jump.
+    rotation copy [% of leg length in `INSTANT`]; 0 where it does not jump.
 
-    Joints that are not part of the body, such as a root on the floor, do not snap, and no joint does at a cut.
+    Joints outside the body, such as a root on the floor, do not snap, and no joint snaps at a cut.
     """
     of_body = body.regions.of_joint >= 0
     steps, calm = _steps(result, body), _steps(copy, body) < CALM
@@ -226,8 +216,9 @@ def _jerk(motion: Motion, body: Body) -> Array:
 
 
 def _turns(motion: Motion, joints: Joints) -> Array:
-    """(frames - 1, joints), the angle from each frame's world rotation to the next [rad], from the distance of the
-    unit quaternions, 2 sin(angle / 4), of which q and -q are the same.
+    """(frames - 1, joints), the angle from each frame's world rotation to the next [rad].
+
+    The distance of two unit quaternions is 2 sin(angle / 4); q and -q are the same rotation.
     """
 
     def turns(block: slice) -> Array:

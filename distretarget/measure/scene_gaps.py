@@ -1,4 +1,4 @@
-"""Gaps between joints that touch: between two performers of a scene, or a performer and a prop."""
+"""Gaps between joints that touch, of two performers of a scene or of a performer and a prop; and diffs of scenes."""
 
 from __future__ import annotations
 
@@ -28,26 +28,18 @@ TOUCH_DISTANCE = 0.07  # joints touch where they are nearer than this in the sou
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ScenePart:
-    """Joints between which gaps are measured in two scenes, A and B: a body, a region of a body, or a prop.
+    """A body, a region of a body, or a prop in two scenes, A and B; gaps are those between their joints."""
 
-    Attributes:
-        a, b: (frames, joints, 3), where the joints are in A and in B [file units of each].
-        keys: the keys of the joints in A.
-        leg: the length of the performer's leg in A [file units]; 0 for a prop.
-        region: the name of the region; empty for a body or a prop.
-    """
-
-    a: Array
-    b: Array
-    keys: tuple[str, ...]
-    leg: float = 0.0
-    region: str = ""
+    a: Array  # (frames, joints, 3), positions in A [file units]
+    b: Array  # (frames, joints, 3), positions in B [file units]
+    keys: tuple[str, ...]  # of the joints in A
+    leg: float = 0.0  # the length of the performer's leg in A [file units]; 0 for a prop
+    region: str = ""  # its name; empty for a body or a prop
 
 
 def body_part(matching: Matching, a: Array, b: Array, region: int | None = None) -> ScenePart:
-    """Return the driven joints of a body, or of one of its regions.
-
-    `a` and `b` are positions, (frames, joints, 3), of the joints of source and target.
+    """Return the driven joints of a body, or of one of its regions; `a` and `b`, (frames, joints, 3), are the positions
+    of source and target.
     """
     joints, regions = matching.body_joints, matching.regions
     if region is not None:
@@ -62,15 +54,15 @@ def body_part(matching: Matching, a: Array, b: Array, region: int | None = None)
 class Gap:
     """The gap between two parts that touch in scene A, over all pairs of joints and frames in which they touch.
 
-    Lengths are in the scale of A's world [leg lengths of A, the mean of both performers].
+    Gaps are in leg lengths of A, the mean of both performers; those of B are scaled to A's world.
 
     Attributes:
-        between: the numbers of the two performers, or of a performer and a prop; performers are counted before props.
+        between: the numbers of two performers, or of a performer and a prop; performers are counted before props.
         regions: the region of the body of each, such as "left hand"; empty for a whole body or a prop.
-        frames: in how many frames they touch.
-        pairs: how many pairs of joints touch, counted in each frame.
+        frames: the number of frames in which they touch.
+        pairs: the number of pairs of joints that touch, summed over frames.
         a, b: the mean gap in A and in B.
-        error: the mean difference between a gap in B and the same gap in A.
+        error: the mean |gap in B - gap in A|.
         worst_frame: the frame with the largest difference.
         joints: the keys of the two joints of A with the largest difference.
     """
@@ -117,8 +109,9 @@ def measure_gap(between: tuple[int, int], one: ScenePart, other: ScenePart, scal
 def measure_gaps(
     bodies: Sequence[Sequence[ScenePart]], props: Sequence[tuple[ScenePart, float]], scale: float
 ) -> Iterator[tuple[tuple[int, int], Gap | None]]:
-    """Measure the gaps between the parts of each two bodies, and between those and each prop, which has a scale of its
-    own; with the numbers of the two, performers before props.
+    """Measure the gaps between each two bodies, and between each body and each prop, with the numbers of the two.
+
+    `bodies` are given as their parts, `props` with scales of their own; bodies are counted before props.
     """
     pairs = [((i, j), one, other, scale) for (i, one), (j, other) in combinations(enumerate(bodies), 2)]
     for (i, body), (k, (prop, own)) in product(enumerate(bodies), enumerate(props, len(bodies))):
@@ -133,10 +126,10 @@ class SceneDiff:
     """Scene B measured against scene A.
 
     Attributes:
-        performers: each performer of B measured against that of A.
-        props: each prop in A and in B, A in B's world, both with the frames that all share.
+        performers: each performer of B measured against the same performer of A.
+        props: each prop in A and in B, A in B's world, both with as many frames as the shortest clip.
         world_scale: units of B per unit of A along the floor.
-        gaps: between regions that touch in A, those that touch longest first.
+        gaps: between regions that touch in A, the longest contact first.
     """
 
     performers: tuple[Diff, ...]
@@ -149,8 +142,8 @@ class SceneDiff:
 
     @cached_property
     def mean_gaps(self) -> tuple[float, float, float] | None:
-        """The mean gap in A, that in B, and the mean difference, over all pairs of joints that touch in A [leg
-        lengths]; None where nothing touches.
+        """The mean gap in A, in B, and the mean difference [leg lengths], over all pairs of joints that touch in A;
+        None if nothing touches.
         """
         if not self.gaps:
             return None
@@ -165,14 +158,14 @@ def diff_scenes(
     """Measure the gaps between the performers and props of two scenes, A and B.
 
     Args:
-        performers: each performer of B measured against that of A, by `diff`.
+        performers: each performer of B measured against the same performer of A, by `diff`.
         props: each prop in A and in B, with the same joints.
         world_scale: units of B per unit of A along the floor; if not given, the scale that `retarget_scene` chooses.
 
     Raises:
-        MotionError: the performers differ in B's frame time or in the axes that point up; or a prop differs in its
-            joints, or has no frames or positions too large to compute with.
-        SettingsError: there is no performer, an argument is of another kind, or the scale is not above 0.
+        MotionError: performers differ in B's frame time or in the axes that point up; or a prop has different joints in
+            A and B, no frames, or positions too large to compute with.
+        SettingsError: there is no performer, an argument has the wrong type, or the scale is not above 0.
     """
     _check(performers, props, world_scale)
     first, matchings, frames = performers[0], [each.matching for each in performers], min(map(len, performers))
@@ -193,9 +186,7 @@ def diff_scenes(
 
 
 def prop_in_world(prop: Motion, world: World, frames: int, frame_time_text: str) -> Motion:
-    """Return a prop of the source in the target's axes, with other frames; it stands still after its last frame, and is
-    resampled if it has more than one.
-    """
+    """Return a prop of the source in the target's axes, resampled to `frames` frames; it stands still after its own."""
     prop = turned(prop, world.source_up, world.up)
     if len(prop) > 1:
         prop = prop.resampled(frame_time_text)

@@ -1,10 +1,11 @@
-"""Joints other than the feet's that rest on the world: where they do, whether they slide, and whether they keep their
-height. Found from positions alone.
+"""Joints that rest on the world, apart from feet: when they do, and whether they slide or leave their height.
+
+Found from positions alone.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,23 +32,17 @@ ENDS = ("left hand", "right hand", "head")  # the regions that hold on to someth
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SupportsMeasured:
-    """Joints of a result that rest on the world in its source, against those of the source. Feet are left out; without
-    legs there are no columns.
+    """The joints that rest on the world in a source, apart from feet, and how they do so in a result."""
 
-    Attributes:
-        joints: (joints,), joints of the target that rest in some frame of the source.
-        on_floor: (frames, joints), whether each rests on the floor in the source.
-        holds: (frames, joints), whether each holds on to something that stands still.
-        slide_source, slide: (frames, joints), horizontal speed [leg lengths / s].
-        height: (frames, joints), error of the height against the source's [% of leg length].
-    """
-
-    joints: NDArray[np.intp]
-    on_floor: Flags
-    holds: Flags
-    slide_source: Array
-    slide: Array
-    height: Array
+    joints: NDArray[np.intp]  # (joints,), of the target, that rest in some frame of the source
+    on_floor: Flags  # (frames, joints), whether each rests on the floor in the source
+    holds: Flags  # (frames, joints), whether each holds on to something that stands still
+    slide_source: Array  # (frames, joints), horizontal speed in the source [leg lengths / s]
+    slide: Array  # the same in the result
+    height: Array  # (frames, joints), error of the height in the result [% of leg length]
+    height_source: Array  # (frames, joints), over the origin [leg lengths]
+    up: Array  # (3,), the unit vector up
+    leg: float  # the length of the target's leg [file units]; 1 without legs
 
     @property
     def rest(self) -> Flags:
@@ -55,48 +50,23 @@ class SupportsMeasured:
         return self.on_floor | self.holds
 
     def carry(self, frame_time: float) -> Flags:
-        """(frames,), whether any of them rests within `BETWEEN` before or after, so that it carries the body, or the
-        body is on its way to it or from it.
-        """
+        """(frames,), whether they carry part of the body: one of them rests within `BETWEEN` before or after."""
         rests = np.asarray(self.rest.any(axis=1))
         reach = int(min(BETWEEN / frame_time, len(rests)))
         return largest(rests[:, None].astype(np.float64), reach)[:, 0] > 0
 
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class SourceSupports:
-    """The resting joints of a source, which those of results are measured against.
-
-    Attributes:
-        joints, on_floor, holds, slide: as those of `SupportsMeasured`.
-        height: (frames, joints), over the origin [leg lengths].
-        up: (3,), the unit vector up.
-        leg: the length of the target's leg [file units]; 1 without legs.
-    """
-
-    joints: NDArray[np.intp]
-    on_floor: Flags
-    holds: Flags
-    slide: Array
-    height: Array
-    up: Array
-    leg: float
-
     def in_result(self, result: Motion) -> SupportsMeasured:
-        """Measure the same joints of a result."""
+        """The same joints, measured in a result."""
         paths = result.positions[:, self.joints] / self.leg
-        return SupportsMeasured(
-            joints=self.joints,
-            on_floor=self.on_floor,
-            holds=self.holds,
-            slide_source=self.slide,
-            slide=speeds_along(level(paths, self.up), result.frame_time),
-            height=100.0 * np.abs(paths @ self.up - self.height),
-        )
+        slide = speeds_along(level(paths, self.up), result.frame_time)
+        return replace(self, slide=slide, height=100.0 * np.abs(paths @ self.up - self.height_source))
 
 
-def find_supports(source: Motion, matching: Matching, up: Array) -> SourceSupports:
-    """Find the joints that rest in a source; `up`, (3,), is the unit vector up in source and results."""
+def find_supports(source: Motion, matching: Matching, up: Array) -> SupportsMeasured:
+    """Find the joints that rest in a source, which is its own result until `in_result`.
+
+    `up`, (3,), is the unit vector up in source and results.
+    """
     joints, drivers = matching.joints_but_feet, matching.drivers[matching.joints_but_feet]
     source_leg, leg = matching.leg_lengths if matching.legs else (1.0, 1.0)
     height = heights_of(source.positions, drivers, up) / source_leg
@@ -104,19 +74,22 @@ def find_supports(source: Motion, matching: Matching, up: Array) -> SourceSuppor
     on_floor = low & (speeds_along(source.positions, source.frame_time, drivers) < SLOW * source_leg)
     holds = _holds(source, matching, joints, source_leg) & ~on_floor
     some = (on_floor | holds).any(axis=0)
-    return SourceSupports(
+    slide = speeds_along(level(source.positions[:, drivers[some]] / source_leg, up), source.frame_time)
+    return SupportsMeasured(
         joints=joints[some],
         on_floor=on_floor[:, some],
         holds=holds[:, some],
-        slide=speeds_along(level(source.positions[:, drivers[some]] / source_leg, up), source.frame_time),
-        height=height[:, some],
+        slide_source=slide,
+        slide=slide,
+        height=np.zeros_like(slide),
+        height_source=height[:, some],
         up=up,
         leg=leg,
     )
 
 
 def _holds(source: Motion, matching: Matching, joints: NDArray[np.intp], leg: float) -> Flags:
-    """(frames, joints), whether each keeps its place while the joint where its limb begins moves."""
+    """(frames, joints), whether each keeps its place while the base of its limb moves."""
     names, of_joint, drivers = matching.regions.names, matching.regions.of_joint, matching.drivers
     reach = max(int(min(0.5 * HOLD / source.frame_time, len(source))), 1)
     holds = np.zeros((len(source), len(joints)), bool)

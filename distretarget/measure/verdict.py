@@ -15,10 +15,10 @@ LEAST_BOUND = 0.1  # the least error that is given for the height of the hips [%
 
 
 def what_needs_a_look(figures: Figures, tracks: Mapping[Variant, Tracks]) -> Iterator[str]:
-    """Yield a warning for each figure of the result above its limit: its value, the worst frame and the likely cause;
-    and one with the others that are worse than the rotation copy's.
+    """Yield a warning for each figure of the result above its limit, with value, worst frame and likely cause; and one
+    warning that names the other figures that are worse than the rotation copy's.
 
-    `figures` are of the whole clip, `tracks` what they were taken from.
+    `figures` are of the whole clip, computed from `tracks`.
     """
     for figure in FIGURES:
         if figure.limit and figure.needs_look(figures):
@@ -45,10 +45,10 @@ def _number(figure: Figure, figures: Figures, side: Variant) -> str:
 
 
 def verdict(figures: Figures, tracks: Mapping[Variant, Tracks]) -> str:
-    """Return a sentence on contacts, feet, other supports, hips and the largest error of direction, and the names of
-    the figures that need a look. It claims only what was measured.
+    """Return a sentence on contacts, feet, other supports, hips and the largest direction error, and the names of the
+    figures that need a look.
 
-    `figures` are of the whole clip, `tracks` what they were taken from.
+    `figures` are of the whole clip, computed from `tracks`.
     """
     of_result = tracks["result"]
     parts = [_contacts(figures), _feet(figures), *_supports(figures), *_hips(figures, of_result), *_turned(of_result)]

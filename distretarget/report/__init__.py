@@ -1,1 +1,1 @@
-"""A diff as a document of numbers and as a page that shows them and plays both motions; and a page over many clips."""
+"""Reports: diffs as documents of numbers, and HTML pages on clips, scenes and batches."""

@@ -1,7 +1,7 @@
-"""The numbers of a diff as one document, to be written as JSON or, frame by frame, as CSV.
+"""The numbers of a diff as one document, for JSON, or CSV with a row for each frame.
 
-`diff.schema.json` describes the document key by key; the types here have the same keys. Figures have the keys of
-`measure.figures.FIGURES`.
+`diff.schema.json` describes every key; the types here have the same keys. `measure.figures.FIGURES` has the keys of
+figures.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib.metadata import version
 from typing import Literal, SupportsFloat, TypedDict
 
 import numpy as np
@@ -26,7 +27,8 @@ Array = NDArray[np.float64]
 FigureValues = Mapping[str, float | None]
 """Figures of quality by key; None where nothing was to be measured."""
 
-DECIMALS = 12  # of the numbers in documents; fewer than doubles have, so that rounding errors vanish
+DECIMALS = 12  # of the numbers in documents: fewer than doubles have, so that rounding errors vanish
+VERSION = version("distretarget")
 
 
 class DiffBody(TypedDict):
@@ -45,9 +47,7 @@ class Program(TypedDict):
 
 
 class DiffFigures(TypedDict):
-    """The figures of the whole clip, of A (`source`), of the rotation copy if B was made from A, and of B (`result`);
-    and the values of B above which a run needs a look.
-    """
+    """The figures of the whole clip: of A, of the rotation copy if B was made from A, of B; and the limits for B."""
 
     source: FigureValues
     rotation_copy: FigureValues | None
@@ -56,7 +56,7 @@ class DiffFigures(TypedDict):
 
 
 class DiffLimit(TypedDict):
-    """A limit of a figure, as given to `--fail-over`, and the value that it is for."""
+    """A limit as given to `--fail-over`, and the value it is for."""
 
     figure: str
     limit: float
@@ -65,7 +65,7 @@ class DiffLimit(TypedDict):
 
 
 class DiffContact(TypedDict):
-    """The contacts between two regions of the body, and how well B keeps their distances, as D."""
+    """The contacts between two regions of the body, with their distances as D."""
 
     regions: str
     joints_a: list[str]
@@ -78,9 +78,7 @@ class DiffContact(TypedDict):
 
 
 class DiffDocument(TypedDict):
-    """The numbers of a diff: motion B measured against motion A, the reference. `diff.schema.json` describes its keys;
-    `docs/diff.md` has them as a table.
-    """
+    """The numbers of a diff of motion B against motion A; `docs/diff.md` explains the keys."""
 
     format: Literal["distretarget-diff"]
     version: Literal[1]
@@ -104,24 +102,16 @@ class DiffDocument(TypedDict):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class About:
-    """What a document says besides the numbers of its diff.
+    """What a document says besides the numbers of its diff."""
 
-    Attributes:
-        a, b: the names of the files.
-        command: the command line that made the diff; empty if none.
-        version: of this package.
-        rotation_copy, verdict, warnings: those of the run, where B was made from A.
-        limits: keys of figures, each with the limit that it is to stay at or below.
-    """
-
-    a: str
+    a: str  # the name of the file
     b: str
-    command: str
-    version: str
-    rotation_copy: Tracks | None = None
+    command: str = ""  # the command line that made the diff, if any
+    version: str = VERSION  # of this package
+    rotation_copy: Tracks | None = None  # this and the next two are of the run, if B was made from A
     verdict: str = ""
     warnings: tuple[str, ...] = ()
-    limits: tuple[tuple[str, float], ...] = ()
+    limits: tuple[tuple[str, float], ...] = ()  # keys of figures, each with the largest value allowed
 
 
 def document(diff: Diff, about: About) -> DiffDocument:
@@ -164,7 +154,7 @@ def json_text(document: Mapping[str, object]) -> str:
 
 
 def csv_text(rows: Sequence[Mapping[str, object]]) -> str:
-    """Frames of documents as CSV: a row of keys, then a row for each, with an empty cell for None."""
+    """Frames of documents as CSV: a row of keys, then one for each frame; None is an empty cell."""
     text = io.StringIO()
     table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     table.writeheader()
@@ -191,13 +181,13 @@ def _of_clip(tracks: Tracks) -> FigureValues:
 
 
 def _limit(key: str, limit: float, value: float | None, source: float | None) -> DiffLimit:
-    """A limit of a figure, the number that it is for, and whether that is over it."""
+    """A limit of a figure, and whether the number it is for is over it."""
     number = _known(BY_KEY[key].judgement(value, source))
     return {"figure": key, "limit": limit, "value": number, "over": number is not None and number > limit}
 
 
 def _frames(diff: Diff, sides: Mapping[Variant, Tracks]) -> dict[str, list[float | None]]:
-    """The columns of the frames, each with a value or None for every frame."""
+    """The columns of the frames by key."""
     count = np.arange(len(diff))
     return {
         "frame": count.tolist(),

@@ -83,17 +83,13 @@ function quantile(numbers, share) {
 
 // ---- head
 
-function terms(pairs) {
-  return pairs.flatMap(([name, text]) => [element('dt', {}, name), element('dd', {}, text)]);
-}
-
 function buildHead() {
   const facts = [
     ['Clips', clips.length.toLocaleString('en')],
     ['Converted', done.length.toLocaleString('en')],
     ['Failed', failures.length.toLocaleString('en')],
     ['Frames', total(done.map(clip => clip.frames)).toLocaleString('en')],
-    ['Conversion', `${duration(total(done.map(clip => clip.seconds)))}, all clips added up`],
+    ['Retargeting', `${duration(total(done.map(clip => clip.seconds)))}, all clips added up`],
     ...batch.targets.length === 1 ? [['Target', batch.targets[0]]] : [],
     ...batch.folder ? [['Folder', batch.folder]] : [],
     ['Made by', `distretarget version ${batch.version}`],

@@ -1,4 +1,4 @@
-"""The page over all clips of a batch, with links to their reports, as one HTML file that needs no other."""
+"""The page over all clips of a batch, with links to their reports, as a single HTML file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from urllib.parse import quote
 from distretarget.measure.figures import SUFFIXES, Variant, as_data, figures_at
 from distretarget.report.page import html_page
 
-# The columns of figures: for each figure of the page the source's, where it has one, the rotation copy's, the result's.
+# The columns of figures: of source, where it has one, rotation copy and result.
 FIGURE_COLUMNS: dict[str, tuple[Variant, str]] = {
     figure.key + suffix: (side, figure.key)
     for figure in figures_at("page over clips")
@@ -23,45 +23,31 @@ FIELDS = ("clip", "link", "target", "done", "frames", "seconds", "warnings", "er
 
 
 class ClipRecord(TypedDict):
-    """What the page reads of a line of a manifest.
+    """The fields of a line of a manifest that the page shows."""
 
-    Attributes:
-        input: the path of the clip.
-        output: the path of the output, relative to the folder of results, with slashes.
-        target: the path of the target's file.
-        frames: the number of frames converted.
-        seconds: how long the conversion took [s].
-        figures: by key (`measure.figures.FIGURES`), the figures of quality of source, rotation copy and result, None
-            where nothing was to be measured; empty if the clip failed.
-        warnings: what needs a look, a line each.
-        status: whether the clip is converted.
-        error: why the clip failed; None if it did not.
-    """
-
-    input: str
-    output: str
-    target: str
-    frames: int
-    seconds: float
-    figures: Mapping[Variant, Mapping[str, float | None]]
-    warnings: list[str]
+    input: str  # path of the clip
+    output: str  # path of the result, relative to the folder of results, with slashes
+    target: str  # path of the target's file
+    frames: int  # retargeted
+    seconds: float  # that this took [s]
+    figures: Mapping[Variant, Mapping[str, float | None]]  # by key; None where nothing was measured; empty if it failed
+    warnings: list[str]  # what needs a look, a line each
     status: Literal["done", "failed"]
-    error: str | None
+    error: str | None  # why it failed
 
 
 def index_page(records: Sequence[ClipRecord], links: Mapping[str, str], title: str, version: str) -> str:
-    """The HTML of the page over clips.
+    """The HTML of the page over clips, from lines of a manifest, one for each output.
 
-    `records` are lines of a manifest, one for each output. `links` has, by output, the paths of the reports there are,
-    relative to the page and not quoted. `version` is that of the program.
+    `links` are the paths of their reports by output, relative to the page and not quoted; `version` is the program's.
     """
     data = {"batch": {**_table(records, links), "version": version}, "registry": as_data("the source", "the result")}
     return html_page("index", title, data)
 
 
 def _table(records: Sequence[ClipRecord], links: Mapping[str, str]) -> dict[str, object]:
-    """The records in few bytes: the `folder` that all clips share and their names omit; each path of `targets` and each
-    of `warnings` once; and per clip a row of the values of `FIELDS`, with target and warnings as indices.
+    """The records in few bytes: the `folder` of all clips, which their names omit; `targets` and `warnings` once each;
+    and for each clip a row of the values of `FIELDS`, with target and warnings as indices.
     """
     targets = list(dict.fromkeys(record["target"] for record in records))
     folder, target_folder = _folder(record["input"] for record in records), _folder(targets)
@@ -72,7 +58,7 @@ def _table(records: Sequence[ClipRecord], links: Mapping[str, str]) -> dict[str,
             record["input"][len(folder) :],
             _url(links.get(record["output"])),
             target_at[record["target"]],
-            *_outcome(record),
+            *((1, record["frames"], _number(record["seconds"])) if record["status"] == "done" else (0, None, None)),
             [warning_at[text] for text in record["warnings"]],
             _reason(record),
             *(_number((record["figures"].get(side) or {}).get(key)) for side, key in FIGURE_COLUMNS.values()),
@@ -83,13 +69,6 @@ def _table(records: Sequence[ClipRecord], links: Mapping[str, str]) -> dict[str,
     return {"folder": folder, "targets": names, "warnings": warnings, "fields": FIELDS, "rows": rows}
 
 
-def _outcome(record: ClipRecord) -> tuple[int, float | None, float | None]:
-    """Whether a clip is done (1 or 0), and its frames and seconds, which a failed clip lacks."""
-    if record["status"] != "done":
-        return 0, None, None
-    return 1, _number(record["frames"]), _number(record["seconds"])
-
-
 def _number(value: object) -> float | None:
     """A number with six digits, unless it is whole; None for anything else."""
     if isinstance(value, int):
@@ -98,13 +77,13 @@ def _number(value: object) -> float | None:
 
 
 def _folder(paths: Iterable[str]) -> str:
-    """The common beginning of all paths, up to and including the last slash or backslash."""
+    """The common prefix of all paths, up to and including its last slash or backslash."""
     common = os.path.commonprefix(list(paths))  # noqa: RUF071 (by letters, as paths may be of any system)
     return common[: max(common.rfind("/"), common.rfind("\\")) + 1]
 
 
 def _reason(record: ClipRecord) -> str | None:
-    """Why a clip failed, without the names of clip and target, which the page shows beside it."""
+    """Why a clip failed, without the names of clip and target, which the page shows anyway."""
     if record["status"] == "done":
         return None
     error = str(record["error"] or "no reason given")

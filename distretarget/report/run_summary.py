@@ -1,4 +1,4 @@
-"""The account of a run: its verdict and figures in a line each, joints without a counterpart, its figures as JSON."""
+"""A run in words and numbers: its verdict, figures and unmatched joints as lines, and its figures as JSON."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Literal, TypedDict
 
 import numpy as np
 
-from distretarget.errors import quoted
+from distretarget.errors import counted, quoted
 from distretarget.matching.matching import Matching
 from distretarget.measure.figures import BY_KEY, Variant, figures_at, frame_figures
 from distretarget.pipeline.result import RetargetResult
@@ -16,18 +16,18 @@ from distretarget.report.diff_document import json_text
 
 
 class RunFiguresDocument(TypedDict):
-    """The figures of a run. The keys of figures, with their units, are those of `measure.figures.FIGURES`.
+    """The figures of a run, with the keys and units of `measure.figures.FIGURES`.
 
     Attributes:
-        format, version: the name and the version of this format.
+        format, version: of the document.
         frame_time: the time between frames [s].
         root_scale: target units per source unit of the root's path.
-        verdict: what was kept and what changed, in a plain sentence.
+        verdict: what was kept and what changed, in a sentence.
         warnings: what needs a look, a line each.
         figures: of the whole clip, for source, rotation copy and result; None where nothing was to be measured.
         frames: columns with an entry for each frame: the figures, with `_source` or `_copy` after their keys for source
-            and rotation copy; the solver's effort, `iterations` and `evaluations`, and the `reason` why it stopped;
-            with the paper's objective `stress_solved_points`.
+            and rotation copy; the solver's `iterations` and `evaluations`, and the `reason` why it stopped; with the
+            paper's objective `stress_solved_points`.
     """
 
     format: Literal["distretarget-figures"]
@@ -41,13 +41,12 @@ class RunFiguresDocument(TypedDict):
 
 
 def summary_line(result: RetargetResult, seconds: float) -> str:
-    """One line for the end of a run: its frames, its time, and the verdict on the result."""
-    frames = "1 frame" if len(result.motion) == 1 else f"{len(result.motion)} frames"
-    return f"{frames} in {seconds:.2f} s. {result.verdict}"
+    """The last line of a run: its frames, its time, and the verdict on the result."""
+    return f"{counted(len(result.motion), 'frame')} in {seconds:.2f} s. {result.verdict}"
 
 
 def figures_line(result: RetargetResult) -> str:
-    """One line of figures of rotation copy and result, and the frame of most stress."""
+    """One line with the figures of rotation copy and result, and the frame of most stress."""
     figures, stress = result.figures, BY_KEY["stress"]
     worst = int(np.argmax(result.written_stress))
     values = ", ".join(
@@ -71,8 +70,8 @@ def unmatched(matching: Matching) -> Iterator[str]:
         yield f"{one if len(joints) == 1 else many}: {quoted(joints)}"
 
 
-def figures_document(result: RetargetResult) -> RunFiguresDocument:
-    """The figures of a run as JSON values: those of the whole clip, and those of each frame."""
+def figures_json(result: RetargetResult) -> str:
+    """The figures of a run as JSON: those of the whole clip, and those of each frame."""
     columns = frame_figures(result.tracks, len(result.motion))
     frames: dict[str, Sequence[float | str | None]] = {
         **{key: [value if math.isfinite(value) else None for value in row.tolist()] for key, row in columns.items()},
@@ -82,7 +81,7 @@ def figures_document(result: RetargetResult) -> RunFiguresDocument:
     }
     if result.free_stress is not None:
         frames["stress_solved_points"] = result.free_stress.tolist()
-    return {
+    document: RunFiguresDocument = {
         "format": "distretarget-figures",
         "version": 1,
         "frame_time": result.motion.frame_time,
@@ -92,8 +91,4 @@ def figures_document(result: RetargetResult) -> RunFiguresDocument:
         "figures": result.figures,
         "frames": frames,
     }
-
-
-def figures_json(result: RetargetResult) -> str:
-    """The text of `figures_document` as JSON."""
-    return json_text(figures_document(result))
+    return json_text(document)

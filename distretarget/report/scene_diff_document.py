@@ -1,6 +1,6 @@
-"""The diff of two scenes as one document, to be written as JSON or, frame by frame, as CSV.
+"""The diff of two scenes as one document, for JSON, CSV with a row for each frame, and tables of gaps and figures.
 
-`scene_diff.schema.json` describes the document key by key; the types here have the same keys.
+`scene_diff.schema.json` describes every key; the types here have the same keys.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Literal, TypedDict
 
+from distretarget.measure.figures import FIGURES
 from distretarget.measure.scene_gaps import Gap, SceneDiff
 from distretarget.report.diff_document import About, DiffDocument, DiffLimit, Program, csv_text, rounded
 
@@ -28,7 +29,7 @@ class DiffGaps(TypedDict):
 
 
 class SceneDiffDocument(TypedDict):
-    """The numbers of a diff of two scenes. Limits of figures other than `GAP_ERROR` stand with the performers."""
+    """The numbers of a diff of two scenes; performers have the limits of figures other than `GAP_ERROR`."""
 
     format: Literal["distretarget-scene-diff"]
     version: Literal[1]
@@ -45,11 +46,20 @@ class SceneDiffDocument(TypedDict):
     gaps: list[DiffGaps]
 
 
+class Table(TypedDict):
+    """A table below the player; an integer cell is the number of a frame, and becomes a button that goes there."""
+
+    title: str
+    columns: list[str]
+    rows: list[list[str | int]]
+
+
 def scene_document(
     diff: SceneDiff, performers: Mapping[str, DiffDocument], props: Sequence[str], about: About
 ) -> SceneDiffDocument:
-    """The diff of two scenes as JSON values. `performers` are the documents of the performers by name, `props` the
-    names of the props; `about` has the limits of `GAP_ERROR`.
+    """The diff of two scenes as JSON values, from the documents of the performers and the names of the props.
+
+    `about` has the limits of `GAP_ERROR`.
     """
     gap_a, gap_b, error = (None if gap is None else _percent(gap) for gap in diff.mean_gaps or (None, None, None))
     names = [*performers, *props]
@@ -79,9 +89,37 @@ def scene_csv(document: SceneDiffDocument) -> str:
     return csv_text([{"performer": name, **frame} for name, one in performers for frame in one["frames"]])
 
 
-def part(between: Sequence[str], regions: Sequence[str]) -> str:
+def gap_table(document: SceneDiffDocument) -> Table:
+    """The gaps between regions that touch in A, the longest contact first."""
+    rows: list[list[str | int]] = [
+        [
+            _touching(gaps),
+            str(gaps["frames"]),
+            *(f"{gaps[key]:.1f}" for key in ("gap_a", "gap_b", "gap_error")),
+            gaps["worst_frame"],
+        ]
+        for gaps in document["gaps"]
+    ]
+    title = "Mean gap where they touch in A, in % of a leg of A\u2019s world"
+    return {"title": title, "columns": ["between", "frames", "A", "B", "error", "worst frame"], "rows": rows}
+
+
+def figure_table(document: SceneDiffDocument) -> Table:
+    """The figures of all performers: of A, where it has one, and of B."""
+    sides = [one["figures"][side] for one in document["performers"].values() for side in ("source", "result")]
+    rows: list[list[str | int]] = []
+    for figure in FIGURES:
+        values = [side.get(figure.key) for side in sides]
+        name = f"{figure.label} [{figure.unit}]" if figure.unit else figure.label
+        rows.append([name, *("" if value is None else f"{value:.4g}" for value in values)])
+    columns = ["figure", *(f"{name} {side}" for name in document["performers"] for side in "AB")]
+    return {"title": "Figures of each performer", "columns": columns, "rows": rows}
+
+
+def _touching(gaps: DiffGaps) -> str:
     """What touches, in words: "lead's left hand - chair"."""
-    return " - ".join(f"{name}'s {region}" if region else name for name, region in zip(between, regions, strict=True))
+    parts = zip(gaps["between"], gaps["regions"], strict=True)
+    return " - ".join(f"{name}'s {region}" if region else name for name, region in parts)
 
 
 def _gaps(gaps: Gap, names: Sequence[str]) -> DiffGaps:

@@ -1,5 +1,6 @@
-"""The report on a scene, or on the diff of two: an HTML page with all performers and props in one player, both scenes
-side by side, lines between what touches, and tables of gaps and figures.
+"""The report on a scene, or on the diff of two: a player of both sides, and tables of gaps and figures.
+
+Lines in the player join what touches.
 """
 
 from __future__ import annotations
@@ -7,10 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
 from itertools import combinations
 from pathlib import Path
-from typing import TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,46 +19,28 @@ from distretarget.errors import SettingsError
 from distretarget.io.files import write_whole
 from distretarget.matching.matching import Matching
 from distretarget.measure.diff import Diff
-from distretarget.measure.figures import FIGURES
 from distretarget.measure.scene_gaps import TOUCH_DISTANCE, SceneDiff
 from distretarget.motion import Motion
 from distretarget.pipeline.result import RetargetResult
 from distretarget.report.diff_document import About, document
-from distretarget.report.drawing import drawn_step, packed, spans, upright
-from distretarget.report.page import html_page
-from distretarget.report.scene_diff_document import SceneDiffDocument, part, scene_document
+from distretarget.report.page import drawn_step, html_page, packed, spans, upright
+from distretarget.report.scene_diff_document import SceneDiffDocument, Table, figure_table, gap_table, scene_document
 from distretarget.scene.retargeting import SceneResult
 
 Array = NDArray[np.float64]
 Line = tuple[tuple[int, int], list[int], list[int], int, int]
-"""Two joints that touch: their bodies, the two joints on the left and on the right, the first drawn frame and the one
-after the last.
-"""
+"""Joints that touch: their two bodies, the joints on the left, those on the right, the first drawn frame, the end."""
 NO_GAP = "\u2013"  # where two never touch
-
-
-class Table(TypedDict):
-    """A table below the player. The number of a frame, in a cell of its own, becomes a button that goes there."""
-
-    title: str
-    columns: list[str]
-    rows: list[list[str | int]]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ShownBody:
-    """A performer or a prop as the page shows it.
-
-    Attributes:
-        left, right: its motions on the two sides.
-        joints: the joints that may touch others, on the left and on the right.
-        prop: whether it is a prop.
-    """
+    """A performer or a prop, with its motions on the two sides of the page."""
 
     name: str
     left: Motion
     right: Motion
-    joints: tuple[NDArray[np.intp], NDArray[np.intp]]
+    joints: tuple[NDArray[np.intp], NDArray[np.intp]]  # that may touch others, on the left and on the right
     prop: bool = False
 
     @classmethod
@@ -84,14 +65,14 @@ def write_scene_report(
     b_name: str = "B",
     overwrite: bool = False,
 ) -> None:
-    """Write the report on a scene or on the diff of two: one HTML file that any browser opens, without a network.
+    """Write the report on a scene or on the diff of two: one HTML file that any browser opens without a network.
 
-    `names` are those of the performers, and then of the props. `a_name` and `b_name` are what the report of a diff
-    calls the two scenes.
+    `names` are those of the performers, then of the props. `a_name` and `b_name` are what the report of a diff calls
+    the two scenes.
 
     Raises:
         FileError: the file exists and `overwrite` is false, or it cannot be written.
-        SettingsError: `compared` is something else, or there are not as many different names as performers and props.
+        SettingsError: `compared` has the wrong type, or `names` does not name each performer and prop differently.
     """
     check_kind("compared", compared, SceneResult, SceneDiff)
     performers = len(compared.results if isinstance(compared, SceneResult) else compared.performers)
@@ -101,7 +82,7 @@ def write_scene_report(
     if isinstance(compared, SceneResult):
         html = scene_page(compared, names)
     else:
-        about = About(a=a_name, b=b_name, command="", version=version("distretarget"))
+        about = About(a=a_name, b=b_name)
         pairs = zip(names[:performers], compared.performers, strict=True)
         documents = {name: document(one, about) for name, one in pairs}
         html = scene_diff_page(compared, scene_document(compared, documents, names[performers:], about))
@@ -109,7 +90,7 @@ def write_scene_report(
 
 
 def scene_page(result: SceneResult, names: Sequence[str]) -> str:
-    """The HTML of the report on a scene, its source and result. `names` are those of performers, and then of props."""
+    """The HTML of the report on a scene: its source and its result; `names` are as in `write_scene_report`."""
     bodies = [
         ShownBody.of_performer(name, one.source, one.motion, one.matching)
         for name, one in zip(names, result.results, strict=False)
@@ -143,33 +124,6 @@ def _gaps_of_result(result: SceneResult, names: Sequence[str]) -> Table:
     return {"title": title, "columns": ["between", "frames", "source", "rotation copy", "result"], "rows": rows}
 
 
-def gap_table(document: SceneDiffDocument) -> Table:
-    """The gaps between regions that touch in A, those that touch longest first."""
-    rows: list[list[str | int]] = [
-        [
-            part(gaps["between"], gaps["regions"]),
-            str(gaps["frames"]),
-            *(f"{gaps[key]:.1f}" for key in ("gap_a", "gap_b", "gap_error")),
-            gaps["worst_frame"],
-        ]
-        for gaps in document["gaps"]
-    ]
-    title = "Mean gap where they touch in A, in % of a leg of A\u2019s world"
-    return {"title": title, "columns": ["between", "frames", "A", "B", "error", "worst frame"], "rows": rows}
-
-
-def figure_table(document: SceneDiffDocument) -> Table:
-    """The figures of all performers: of A, where it has one, and of B."""
-    sides = [one["figures"][side] for one in document["performers"].values() for side in ("source", "result")]
-    rows: list[list[str | int]] = []
-    for figure in FIGURES:
-        values = [side.get(figure.key) for side in sides]
-        name = f"{figure.label} [{figure.unit}]" if figure.unit else figure.label
-        rows.append([name, *("" if value is None else f"{value:.4g}" for value in values)])
-    columns = ["figure", *(f"{name} {side}" for name in document["performers"] for side in "AB")]
-    return {"title": "Figures of each performer", "columns": columns, "rows": rows}
-
-
 def _player_page(
     title: str,
     sides: tuple[str, str],
@@ -178,10 +132,10 @@ def _player_page(
     scale: float,
     tables: Sequence[Table],
 ) -> str:
-    """The HTML of the page with titles for the left and the right side; performers come before props.
+    """The HTML of the page; `sides` are the titles of its sides, `bodies` are performers before props.
 
-    `first` is the first performer; `scale` is in units of the right side per unit of the left, along the floor. Both
-    sides are drawn in the unit of twice a leg of the first performer on the left. Lines join what touches on the left.
+    Both sides are drawn in units of twice the leg length that the `first` performer has on the left; `scale` is in
+    units of the right side per unit of the left, along the floor. Lines join what touches on the left.
     """
     leg, up = first.matching.leg_lengths[0] or first.matching.source.unit / 2.0, first.world.up_vector
     frames, joints = len(bodies[0].left), sum(len(b.left.skeleton) + len(b.right.skeleton) for b in bodies)
@@ -218,7 +172,7 @@ def _drawing(motion: Motion, up: Array, unit: float, step: int) -> dict[str, obj
 
 
 def _facing(bodies: Sequence[ShownBody], up: Array) -> float:
-    """The angle about y from which the first two performers are seen side by side [rad]."""
+    """The angle about y that shows the first two performers side by side [rad]."""
     if len(bodies) < 2 or bodies[1].prop:
         return 0.6
     middles = [body.left.positions.mean(axis=(0, 1)) for body in bodies[:2]]
@@ -227,9 +181,7 @@ def _facing(bodies: Sequence[ShownBody], up: Array) -> float:
 
 
 def _lines(pair: tuple[int, int], bodies: Sequence[ShownBody], near: float, step: int) -> Iterator[Line]:
-    """What touches between two bodies: each joint of the first that is nearer than `near` to the second, with the joint
-    that is nearest.
-    """
+    """What touches between two bodies: each joint of the first within `near` of the second, with the nearest joint."""
     one, other = (bodies[number] for number in pair)
     a = one.left.positions[::step][:, one.joints[0]]
     b = other.left.positions[::step][:, other.joints[0]]

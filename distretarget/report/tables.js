@@ -35,7 +35,7 @@ function buildFigure(figure) {
   return element('div', {class: look ? 'figure look' : 'figure'},
     element('h3', {}, term(nameOf(figure), figure.explanation)),
     element('p', {class: value === null ? 'big none' : 'big'}, value === null ? missing : number),
-    element('dl', {}, ...rows.flatMap(([what, other]) => [element('dt', {}, what), element('dd', {}, shown(other))])),
+    element('dl', {}, ...terms(rows.map(([what, other]) => [what, shown(other)]))),
     ...usual, ...limits.map(one => limitLine('limit', one.limit, one.value === null ? null : one.over, inUnits)));
 }
 
@@ -53,8 +53,7 @@ function buildHead() {
   const [nameA, nameB] = ['a', 'b'].map(name => element('span', {class: `of-${name}`}, report[name].file));
   $('title').append(...ofRun ? ['result ', nameB, ' against source ', nameA] : [nameB, ' against ', nameA]);
   buildVerdict();
-  $('facts').append(
-    ...facts.map(([name, text]) => element('div', {}, element('dt', {}, name), element('dd', {}, text))));
+  $('facts').append(...facts.map(pair => element('div', {}, ...terms([pair]))));
   const words = (report.program.command || 'distretarget').split(' ')
     .flatMap((word, k) => [k ? ' ' : '', element('span', {}, word)]);
   $('facts').append(element('div', {class: 'wide'}, element('dt', {}, 'Made by'),
@@ -62,9 +61,10 @@ function buildHead() {
   const first = figuresAt('card');
   $('figures').append(...first.map(buildFigure));
   $('other-figures').append(...FIGURES.filter(figure => !first.includes(figure)).map(buildFigure));
-  const terms = [...FIGURES.map(figure => [nameOf(figure), figure.explanation]), ['D', D_MEANS], ['Contact', TOUCHING],
-    ...report.figures.rotation_copy ? [['Copy', COPY_MEANS]] : []];
-  $('terms').append(...terms.flatMap(([name, text]) => [element('dt', {}, name), element('dd', {}, text)]));
+  $('terms').append(...terms([
+    ...FIGURES.map(figure => [nameOf(figure), figure.explanation]), ['D', D_MEANS], ['Contact', TOUCHING],
+    ...report.figures.rotation_copy ? [['Copy', COPY_MEANS]] : [],
+  ]));
 }
 
 /** What was kept and what changed, and what needs a look; a diff of two files has neither. */

@@ -1,1 +1,1 @@
-"""Performers and props in one world: what touches between them, and the sweeps that keep it together."""
+"""Performers and props in one world: what touches between them, and the sweeps that keep these contacts."""

@@ -1,4 +1,4 @@
-"""Contacts between two performers: the pairs of joints that come near, and the springs that keep them near."""
+"""Contacts between two performers: pairs of joints that come near each other, and the springs that keep them near."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
 Both = tuple[Array, Array]
 
-FIRMER = 2.0  # stiffness over that of a pair within a body, at D = `settings.reach` ...
-NEAREST = 0.01  # ... growing for nearer pairs until D is about this
-LEAST_STIFFNESS = 0.05  # of a pair that counts
-NO_STIFFNESS = 1e-12  # added to a stiffness matrix, so that it can be inverted where nothing acts
+FIRMER = 2.0  # times the stiffness of a pair within a body at D = `settings.reach`; it grows for nearer pairs ...
+NEAREST = 0.01  # ... until D is about this
+LEAST_STIFFNESS = 0.05  # pairs with less are left out
+NO_STIFFNESS = 1e-12  # added to a stiffness matrix so that it is never singular
 
 
 @dataclass(frozen=True, eq=False)
 class ContactPoints:
     """The joints of a performer that may touch another performer or a prop."""
 
-    joints: Numbers  # (points,), joints of the target
-    regions: Numbers  # (points,), the region of the body that each is in
+    joints: Numbers  # (points,), of the target
+    regions: Numbers  # (points,), the region of the body of each
     source: Array  # (frames, points, 3), positions of their drivers [source file units]
     reach: Array  # (points,), path lengths from the pelvis to them in the source [source file units]
     target_reach: Array  # (points,), the same on the target [target file units]
@@ -47,7 +47,7 @@ class ContactPoints:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PerformerContacts:
-    """The pairs of joints of two performers that are near each other, an entry for each pair and frame."""
+    """The pairs of joints of two performers that are near each other, with an entry for each pair in each frame."""
 
     frames: Numbers  # (entries,), the frame
     joints: Numbers  # (2, entries), the joint of each performer
@@ -56,18 +56,17 @@ class PerformerContacts:
     vectors: Array  # (entries, 3), from the second to the first joint in the source, scaled [target file units]
 
     def gaps(self, one: Array, other: Array) -> Both:
-        """(entries,) each, how far the joints of a pair are apart, and how far they should be.
+        """(entries,) each, the distance between the joints of each pair, and what it should be.
 
-        `one` and `other` are the positions of both performers, (frames, joints, 3) [target file units].
+        `one` and `other`, (frames, joints, 3), are the positions of both performers [target file units].
         """
         u, v = self.joints
         return lengths(one[self.frames, u] - other[self.frames, v]), lengths(self.vectors)
 
     def springs(self, copies: Both, now: Both, units: tuple[float, float]) -> list[Springs]:
-        """The springs of each performer that draw its joints to where they touch, in its body units; their arrays have
-        the frames in front.
+        """The springs that draw the joints of each performer to where they touch, in its body units, frames first.
 
-        `copies` and `now` are the positions, (frames, joints, 3), of both performers in the rotation copy and at
+        `copies` and `now`, (frames, joints, 3), are the positions of both performers in the rotation copy and at
         present [target file units]; `units` are their body units. A joint that touches several others has one spring
         with the sum of their energies.
         """
@@ -85,8 +84,9 @@ class PerformerContacts:
         return springs
 
     def _summed(self, joints: Numbers, k: Array, e: Array, places: Array, count: int) -> Springs:
-        """One spring for each joint, to where its pairs are in balance: they draw it to `places`, (entries, 3), with
-        the stiffness A = w (k I + (1 - k) e e^T). `count` is the number of frames.
+        """One spring for each joint to where its pairs are in balance, over `count` frames.
+
+        Each entry draws its joint to its place in `places`, (entries, 3), with stiffness A = w (k I + (1 - k) e e^T).
         """
         touches = np.bincount(joints) > 0
         kept, column = np.flatnonzero(touches), np.cumsum(touches) - 1
@@ -109,10 +109,10 @@ class PerformerContacts:
 def find_performer_contacts(
     one: ContactPoints, other: ContactPoints, scale: RootScale, up: Array, frame_time: float, settings: ContactSettings
 ) -> PerformerContacts:
-    """Return the pairs of joints of two performers that are near each other.
+    """Return the pairs of joints of two performers that are near each other; `up` is the unit vector up.
 
-    Their vectors have the `scale` of the world, `up` being the unit vector up in it; or that of Eq. (1), with the path
-    lengths of both bodies, if it is less: hands that touch do not part because longer legs make the world larger.
+    Their vectors have the `scale` of the world or that of Eq. (1), from the path lengths of both bodies, if it is less:
+    hands that touch do not part because longer legs make the world larger.
     """
     found, lead = [], settings.blend / frame_time
     margin, shots = activation_window(lead), one.shots + other.shots  # a new shot at the cuts of either
@@ -143,7 +143,7 @@ def find_performer_contacts(
 def firmness(D: Array, settings: ContactSettings) -> Array:
     """The stiffness of pairs across bodies over that of pairs within a body, by their normalised distances D.
 
-    Whole bodies have to move, and not only limbs. The nearest pairs decide: where hands differ in size, those that hold
-    each other cannot keep all distances between their joints.
+    It is larger because whole bodies have to move, not only limbs. The nearest pairs count most: hands of different
+    size that hold each other cannot keep all distances between their joints.
     """
     return FIRMER * (settings.reach + NEAREST) / (D + NEAREST)

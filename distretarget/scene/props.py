@@ -1,7 +1,7 @@
 """Props that performers touch, hold or sit on: where they go, and the joints that touch them.
 
-A prop keeps its shape: in each frame, one similarity takes it and the source's world around it to the target's world. A
-joint that touches a prop belongs where that similarity takes its driver.
+A prop keeps its shape: in each frame, a similarity takes it and the source's world around it to the target's world. A
+joint that touches a prop belongs where this similarity takes the joint's driver.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS,
 Array = NDArray[np.float64]
 PropScale = Literal["world"] | int | float
 
-FREE_WEIGHT = 1e-6  # least weight of a prop's free place against those of the joints that hold it
+FREE_WEIGHT = 1e-6  # least weight of a prop's free place against the joints that hold it
 
 
 @dataclass(frozen=True)
 class Grip:
-    """A joint that holds a prop while it is near it.
+    """A joint that holds a prop while it is near the prop.
 
     Attributes:
         performer: the number of the performer, from 0.
@@ -52,17 +52,17 @@ class Grip:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Prop:
-    """A prop in the world of the performers; its joints are the points that may be touched.
+    """A prop in the world of the performers; performers may touch its joints.
 
     Attributes:
-        name: what it is called.
-        motion: where it is in the source; one frame for a prop that stands still.
+        name: its name.
+        motion: its motion in the source; one frame for a prop that stands still.
         scale: target units per source unit: "world", the scale of the world along the floor; the number of a performer
             (an int), the scale of that performer's heights; or a factor (a float), 1.0 for a prop that keeps its size.
         held_by: the joints that hold it. The prop follows them while they are near it.
 
     Raises:
-        SettingsError: the scale is none of these, or another argument is of another kind.
+        SettingsError: the scale is none of these, or another argument has the wrong type.
         MotionError: positions are too large to compute with.
     """
 
@@ -90,11 +90,11 @@ class Prop:
 
 
 def prop_of(motion: Motion, joint: str) -> Motion:
-    """Return the motion of a joint and all joints below it as a motion of its own, such as a sword in a hand.
+    """Return the motion of a joint and all joints below it, such as a sword in a hand, as a motion of its own.
 
     Raises:
         SkeletonError: there is no such joint.
-        SettingsError: `motion` is something else.
+        SettingsError: `motion` is not a motion.
     """
     check_kind("motion", motion, Motion)
     skeleton = motion.skeleton
@@ -122,9 +122,9 @@ class PropResult:
     """A prop among the retargeted performers.
 
     Attributes:
-        name: what it is called.
-        motion: where it is, in its own size.
-        source: where it was in the source, in the target's axes.
+        name: its name.
+        motion: its motion in the target's world, scaled.
+        source: its motion in the source, in the target's axes.
         scale: target units per source unit of its size.
     """
 
@@ -136,7 +136,7 @@ class PropResult:
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """The similarity in each frame that takes a prop, and the source's world around it, to the target's world."""
+    """The similarity that takes a prop, and the source's world around it, to the target's world in each frame."""
 
     centre: Array  # (frames, 3), the centre of the prop in the source [source file units]
     place: Array  # (frames, 3), where the centre goes [target file units]
@@ -163,12 +163,13 @@ class PlacedProp:
 
     motion: Motion  # in the source, in the target's axes
     free: Placement  # where it goes while nobody holds it
-    grips: Mapping[int, tuple[int, ...]]  # the joints of targets that hold it, by the numbers of their performers
+    grips: Mapping[int, tuple[int, ...]]  # the target joints that hold it, by the numbers of their performers
 
 
 def free_placement(points: Array, scale: float, level: float, up: Array) -> Placement:
-    """Where a prop goes that nobody holds: along the floor its centre follows the scale of the world, `level`, and its
-    height its own `scale`. `points` are (frames, points, 3).
+    """Place a prop that nobody holds: along the floor with the world's scale `level`, and upwards with its own `scale`.
+
+    `points`, (frames, points, 3), are the prop in the source.
     """
     centre = points.mean(axis=1)
     turn = np.broadcast_to(np.eye(3), (len(points), 3, 3))
@@ -176,7 +177,7 @@ def free_placement(points: Array, scale: float, level: float, up: Array) -> Plac
 
 
 class Hold(NamedTuple):
-    """A joint that holds a prop, frame by frame."""
+    """A joint that holds a prop."""
 
     weight: Array  # (frames,), 1 while it holds the prop, blended to 0
     source: Array  # (frames, 3), where its driver is [source file units]
@@ -186,7 +187,7 @@ class Hold(NamedTuple):
 
 
 def held_placement(free: Placement, holds: Sequence[Hold]) -> Placement:
-    """Where a prop goes that joints hold: the best fit, in place and rotation, to all of them (Kabsch)."""
+    """Place a prop that joints hold by the best fit, in place and rotation, to all of them (Kabsch)."""
     loose = np.maximum(1.0 - np.max([hold.weight for hold in holds], axis=0), FREE_WEIGHT)
     weights = np.stack([loose, *(hold.weight for hold in holds)])[..., None]
     a = np.stack([0.0 * free.centre, *(free.scale * (hold.source - free.centre) for hold in holds)])
@@ -212,18 +213,18 @@ class PropContacts:
     A: Array  # (frames, joints, 3, 3), the stiffness
 
     def springs(self, placement: Placement, copy: Array, unit: float) -> Springs:
-        """The springs that draw the joints to their places on the prop; their arrays have the frames in front.
+        """The springs that draw the joints to their places on the prop, frames first.
 
-        `copy`, (frames, joints, 3), are the joints of the rotation copy [target file units], `unit` is the body unit.
+        `copy`, (frames, joints, 3), are the joints of the rotation copy [target file units]; `unit` is the body unit.
         """
         copied = copy[:, self.joints]
         places = copied + self.f[..., None] * (placement(self.source) - copied)
         return Springs(self.joints, np.full(len(self.joints), -1), places / unit, self.A)
 
     def gaps(self, now: Array, prop: Array, scale: float) -> tuple[Array, Array]:
-        """(frames, joints) each, how far the joints are from the nearest point of the prop, and how far they should be.
+        """(frames, joints) each, the joints' distances from the nearest point of the prop, and what they should be.
 
-        `now` and `prop` are the positions of the performer's joints and of the prop's points, (frames, joints, 3).
+        `now` and `prop`, (frames, joints, 3), are the positions of the performer's joints and of the prop's points.
         """
         return _nearest_distances(now[:, self.joints], prop), scale * self.distances
 
@@ -233,9 +234,9 @@ def find_prop_contacts(
 ) -> PropContacts:
     """Return the joints of a performer that come near the points of a prop, (frames, points, 3).
 
-    No path leads from a joint to the prop, so its normalised distance is that from the nearest point over the length of
-    a `leg` [source file units]. Joints of one region share their stiffness. `free`, (frames, points), is 0 where a
-    joint rests elsewhere.
+    No path leads from a joint to the prop: its normalised distance is that from the nearest point over the length of a
+    `leg` [source file units]. Joints of one region share their stiffness. `free`, (frames, points), is 0 while a joint
+    rests elsewhere.
     """
     distances = _nearest_distances(points.source, prop)
     D = distances / leg

@@ -1,4 +1,4 @@
-"""Retarget several performers and props who share a world: each performer to another body, keeping their contacts."""
+"""Retarget several performers and props who share a world, each performer to another body, and keep their contacts."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from distretarget.target import SkeletonEdit, Target
 
 Gaps = dict[tuple[int, int], Gap | None]
 
-SAME_UNITS = 5.0  # root scales that differ by more than this factor are those of files in different units
+SAME_UNITS = 5.0  # if root scales differ by more than this factor, the files have different units
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -42,9 +42,9 @@ class SceneResult:
         results: one for each performer, in their order.
         props: one for each prop, in their order.
         world_scale: target units per source unit along the floor.
-        longest_strides: of each performer, how many times longer than its own `root_scale` makes them its strides
-            may be before its legs are too short.
-        gaps: the gap between each pair in source (A) and result (B); None where nothing touches.
+        longest_strides: for each performer, the largest factor by which its strides may exceed those that its own
+            `root_scale` makes before its legs are too short.
+        gaps: the gap between each pair in source (A) and result (B); None if nothing touches.
         copy_gaps: the same in source and rotation copy.
         sweeps: how many times all performers were solved.
         gap_error: the mean difference between gaps and what they should be, after the last sweep [leg lengths].
@@ -75,14 +75,14 @@ def retarget_scene(
 ) -> SceneResult:
     """Retarget several performers who share a world, and keep the contacts between them.
 
-    The world has one scale along the floor, so that they meet; each performer has its own upwards, so that each stands
+    The world has one scale along the floor, so that performers meet; each has its own scale upwards, so that it stands
     on the floor. Joints of two performers that come near each other are drawn to each other, joints that come near a
     prop to their places on it. Each performer is solved by itself, and all of them once more if the gaps are off; their
     order does not matter.
 
     Args:
-        sources: the performers' motions, in one world, frame by frame.
-        targets: a body for each; for its kinds see `retarget`.
+        sources: the performers' motions, in one world, with the same frames.
+        targets: a body for each, as in `retarget`.
         props: what else is in their world, such as chairs, tables and swords.
         joint_maps: for each performer as in `retarget`.
         world_scale: target units per source unit along the floor; if not given, the mean of the performers' ratios of
@@ -90,12 +90,12 @@ def retarget_scene(
         supports: as in `retarget`.
         environment: as in `retarget`.
         settings: as in `retarget`.
-        mapper: solves the chunks of long clips, as in `retarget`.
+        mapper: as in `retarget`.
         progress: called with the number of each sweep as it begins, from 1.
 
     Raises:
         SettingsError: there is not a target or map for each source, the world's scale is not above 0, or a prop has
-            the scale of no performer or is held by none.
+            the scale of, or is held by, a performer that does not exist.
         MotionError: the sources differ in frames or frame times, targets are in different units, or a prop becomes too
             large to compute with.
         MatchingError: a source and its target cannot be matched.
@@ -154,13 +154,12 @@ def retarget_scene(
 
 def _placed(prop: Prop, performers: Sequence[Match], level: float, heights: Sequence[float]) -> PlacedProp:
     """A prop in the target's axes, and the joints of targets that hold it."""
-    scale, matching = level, performers[0].matching
-    if isinstance(prop.scale, int):
-        if not 0 <= prop.scale < len(heights):
-            raise SettingsError(f"{prop.name!r} has the scale of performer {prop.scale}; there are {len(heights)}")
-        scale = heights[prop.scale]
-    elif isinstance(prop.scale, float):
-        scale = prop.scale
+    matching = performers[0].matching
+    scale = level if prop.scale == "world" else prop.scale
+    if isinstance(scale, int):
+        if not 0 <= scale < len(heights):
+            raise SettingsError(f"{prop.name!r} has the scale of performer {scale}; there are {len(heights)}")
+        scale = heights[scale]
     grips: dict[int, tuple[int, ...]] = {}
     for grip in prop.held_by:
         if not 0 <= grip.performer < len(performers):
@@ -179,7 +178,7 @@ def _placed(prop: Prop, performers: Sequence[Match], level: float, heights: Sequ
 
 
 def _gaps(contacts: SceneContacts, results: Sequence[RetargetResult], motions: Sequence[Motion]) -> Gaps:
-    """The gaps while the performers move like this, and props follow them."""
+    """The gaps while performers move like this and props follow them."""
     bodies = [
         [body_part(one.matching, one.source.positions, motion.positions)]
         for one, motion in zip(results, motions, strict=True)

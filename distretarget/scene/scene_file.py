@@ -1,8 +1,7 @@
-"""Scene files: JSON that names the performers, their targets, props and options; and the scenes that they describe."""
+"""Scene files: JSON with performers, their targets, props and options; and how to read and retarget such a scene."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,9 +19,8 @@ from distretarget.objectives.resting_joints import Environment
 from distretarget.pipeline.options import HoldMode
 from distretarget.scene.props import Grip, Prop, PropScale, prop_of
 from distretarget.scene.retargeting import SceneResult, retarget_scene
-from distretarget.synchronise import aligned, started
 
-SCENE_NAME = "scene.json"  # of scenes in a folder of scenes
+SCENE_NAME = "scene.json"  # in a folder of scenes
 HEADER = {"format": "distretarget-scene", "version": 1}
 OPTIONS: dict[str, Callable[[Node], object]] = {
     "world_scale": Node.positive,
@@ -35,22 +33,16 @@ OPTIONS: dict[str, Callable[[Node], object]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class SceneClip:
-    """The motion of a performer or a prop, by files.
+    """The motion of a performer or a prop, by files."""
 
-    Attributes:
-        name: of the performer or prop, and of its result.
-        file: path of the BVH file, or of the OBJ file of a prop.
-        start: how much of the clip is left out at its beginning [s].
-    """
-
-    name: str
-    file: Path
-    start: float = 0.0
+    name: str  # of the performer or prop, and of its result
+    file: Path  # BVH, or for a prop also OBJ
+    start: float = 0.0  # time left out at the beginning [s]
 
 
 @dataclass(frozen=True, kw_only=True)
 class PerformerFiles(SceneClip):
-    """A performer of a scene: also the path of its target, and that of a map file, if any."""
+    """A performer of a scene, with the paths of its target and of its map file, if any."""
 
     target: Path
     map_path: Path | None = None
@@ -60,24 +52,22 @@ class PerformerFiles(SceneClip):
 class PropFiles(SceneClip):
     """A prop of a scene; `scale` and `held_by` are as in `Prop`.
 
-    Attributes:
-        part_of: the joint that the prop begins with if it is part of a performer's file, such as a sword. Such a prop
-            is held by the joint above unless `held_by` names others.
+    A prop may be part of a performer's file, such as a sword: the joint above holds it, unless `held_by` names others.
     """
 
-    part_of: Grip | None = None
+    part_of: Grip | None = None  # the joint at which it begins in that file
     scale: PropScale = "world"
     held_by: tuple[Grip, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
 class SceneSetup:
-    """Everything that a scene is made of, but for the contents of its files.
+    """A scene, with its files by their paths.
 
     Attributes:
         performers, props: who and what is in it.
         world_scale, supports, environment: as in `retarget_scene`.
-        cut: cut all clips to the frames of the shortest.
+        cut: cut all clips to the length of the shortest.
         resample: give all clips the frame time of the first.
     """
 
@@ -101,32 +91,26 @@ class SceneSetup:
 
     @property
     def inputs(self) -> list[Path]:
-        """All files that the scene is made of."""
+        """The paths of all files of the scene."""
         others = [path for each in self.performers for path in (each.target, each.map_path) if path]
         return [*(clip.file for clip in self.clips), *others]
 
     def read(self) -> tuple[list[Motion], list[Prop]]:
-        """Read the motions of the performers, and the props.
-
-        Clips get the same frames as far as `cut` and `resample` ask for it; props of one frame stay as they are.
+        """Read the motions of the performers, and the props, and synchronise them as `cut` and `resample` say.
 
         Raises:
-            DistretargetError: a file cannot be read, or ends before its start, or has no such prop.
+            DistretargetError: a file cannot be read, ends before its start, or has no such prop.
         """
         own = [prop for prop in self.props if prop.part_of is None]
         motions: dict[SceneClip, Motion] = {clip: _read(clip) for clip in (*self.performers, *own)}
         moving = [*self.performers, *(prop for prop in own if len(motions[prop]) != 1)]
-        clips = aligned([motions[clip] for clip in moving], cut=self.cut, resample=self.resample)
+        clips = synchronised([motions[clip] for clip in moving], cut=self.cut, resample=self.resample)
         motions |= zip(moving, clips, strict=True)
         sources = [motions[performer] for performer in self.performers]
         return sources, [_made(prop, motions, sources) for prop in self.props]
 
     def retargeted(self) -> SceneResult:
-        """Read all files, and retarget the scene.
-
-        Raises:
-            DistretargetError: a file cannot be read, or the scene cannot be retargeted.
-        """
+        """Read all files, and retarget the scene; errors as in `read` and `retarget_scene`."""
         sources, props = self.read()
         targets, maps = [], []
         for performer, source in zip(self.performers, sources, strict=True):
@@ -148,9 +132,7 @@ class SceneSetup:
 
 
 def _read(clip: SceneClip) -> Motion:
-    """The motion in a file from its start. The content of a prop's file decides whether it is BVH or OBJ; a prop of one
-    frame stands still, and has no start.
-    """
+    """The motion in a file from its start; a prop's file may be BVH or OBJ, and a prop of one frame has no start."""
     if isinstance(clip, PerformerFiles):
         motion = read_bvh(clip.file)
     else:
@@ -165,8 +147,26 @@ def _read(clip: SceneClip) -> Motion:
         raise error.in_file(clip.file) from None
 
 
+def started(motion: Motion, start: float) -> Motion:
+    """Return the motion without the time before its start [s]; raise a MotionError if it ends before that."""
+    first = round(start / motion.frame_time)
+    if first >= len(motion):
+        raise MotionError(f"lasts {len(motion) * motion.frame_time:g} s; start before that")
+    return motion[first:] if first else motion
+
+
+def synchronised(motions: Sequence[Motion], *, cut: bool, resample: bool) -> list[Motion]:
+    """Return the motions, if asked for with the frame time of the first and cut to the length of the shortest."""
+    if resample:
+        motions = [motion.resampled(motions[0].frame_time_text) for motion in motions]
+    if cut:
+        frames = min(map(len, motions))
+        motions = [motion[:frames] for motion in motions]
+    return list(motions)
+
+
 def _made(prop: PropFiles, own: Mapping[SceneClip, Motion], sources: Sequence[Motion]) -> Prop:
-    """A prop with the motion in its own file, or else with that of the joint that it hangs on."""
+    """A prop with the motion in its own file, or with that of the joint where it begins."""
     try:
         if prop.part_of is None:
             return Prop(name=prop.name, motion=own[prop], scale=prop.scale, held_by=prop.held_by)
@@ -187,14 +187,12 @@ def load_scene(path: str | Path) -> SceneSetup:
     """
     document = parse_json(path, read_text(path))
     fields = document.fields((*HEADER, "performers"), ("props", *OPTIONS))
-    for key, known in HEADER.items():
-        if fields[key].value != known or isinstance(fields[key].value, bool):
-            fields[key].expected(json.dumps(known))
+    document.check_header(**HEADER)
     folder = Path(path).parent
     performers = [_performer(node, folder) for node in fields["performers"].items()]
     if not performers:
         fields["performers"].expected("at least one performer")
-    props = [_prop(node, folder, performers) for node in (fields["props"].items() if "props" in fields else ())]
+    props = [_prop(node, folder, performers) for node in fields.read("props", Node.items, list[Node]())]
     names = [clip.name for clip in (*performers, *props)]
     if doubled := [name for number, name in enumerate(names) if name in names[:number]]:
         fields["performers"].fail(f"{doubled[0]!r} is the name of two performers or props; give one of them another")
@@ -206,11 +204,11 @@ def _performer(node: Node, folder: Path) -> PerformerFiles:
     fields = node.fields(("source", "target"), ("name", "map", "start"))
     file = folder / fields["source"].text()
     return PerformerFiles(
-        name=_name(fields["name"]) if "name" in fields else file.stem,
+        name=fields.read("name", _name, file.stem),
         file=file,
-        start=_start(fields),
+        start=fields.read("start", _start, 0.0),
         target=folder / fields["target"].text(),
-        map_path=folder / fields["map"].text() if "map" in fields else None,
+        map_path=fields.read("map", lambda node: folder / node.text(), None),
     )
 
 
@@ -219,14 +217,14 @@ def _prop(node: Node, folder: Path, performers: Sequence[PerformerFiles]) -> Pro
     if ("file" in fields) == ("part_of" in fields):
         node.fail('expected either "file" or "part_of"')
     names = [each.name for each in performers]
-    part_of = _grip(fields["part_of"], names) if "part_of" in fields else None
+    part_of = fields.read("part_of", lambda node: _grip(node, names), None)
     return PropFiles(
         name=_name(fields["name"]),
         file=performers[part_of.performer].file if part_of else folder / fields["file"].text(),
-        start=_start(fields),
+        start=fields.read("start", _start, 0.0),
         part_of=part_of,
-        scale=_scale(fields["scale"], names) if "scale" in fields else "world",
-        held_by=tuple(_grip(each, names) for each in (fields["held_by"].items() if "held_by" in fields else ())),
+        scale=fields.read("scale", lambda node: _scale(node, names), "world"),
+        held_by=tuple(_grip(each, names) for each in fields.read("held_by", Node.items, list[Node]())),
     )
 
 
@@ -249,14 +247,14 @@ def _number(node: Node, performers: Sequence[str]) -> int:
 
 
 def _name(node: Node) -> str:
-    """A name that can be that of a file."""
+    """A name that a file can have."""
     name = node.name()
     if name in (".", "..") or "/" in name or "\\" in name:
         node.expected("a name without slashes")
     return name
 
 
-def _start(fields: dict[str, Node]) -> float:
-    if "start" in fields and fields["start"].number() < 0:
-        fields["start"].expected("a time in seconds, from 0")
-    return fields["start"].number() if "start" in fields else 0.0
+def _start(node: Node) -> float:
+    if node.number() < 0:
+        node.expected("a time in seconds, from 0")
+    return node.number()

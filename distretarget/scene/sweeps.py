@@ -1,9 +1,9 @@
-"""Solve a scene in sweeps: each performer by itself, drawn to the others and to props where they are at present.
+"""Solve a scene in sweeps: each performer by itself, drawn to the present places of the others and of props.
 
 A body of finite stiffness stops short of the places that its springs draw it to. The next sweep draws it further by as
-much, as the method of multipliers does (M. J. D. Powell, A method for nonlinear constraints in minimization problems,
-1969). Each region of the body counts as a whole: a hand that holds a larger one cannot have all its joints in their
-places, and drawing further would only tear at it.
+much, as in the method of multipliers (M. J. D. Powell, A method for nonlinear constraints in minimization problems,
+1969). Each region of the body is drawn as a whole: a hand that holds a larger one cannot have all joints in their
+places.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ Numbers = NDArray[np.intp]
 
 REGION_POINTS = 9  # most joints of a region that may touch others
 MOST_SWEEPS = 2
-SETTLED = 0.018  # mean gap error below which no further sweep follows [leg lengths]
+SETTLED = 0.018  # a mean gap error below this needs no further sweep [leg lengths]
 LEVER = 0.02  # the rotation of a joint that holds a prop weighs as much as a point at this distance [body units]
-MOST_SHORTFALL = 0.01  # joints are drawn no further beyond their places: what is out of reach stays so [body units]
+MOST_SHORTFALL = 0.01  # joints are drawn at most this far beyond their places, which may be out of reach [body units]
 TINY = 1e-12  # divisors are no smaller
 
 
@@ -50,7 +50,7 @@ class SceneContacts:
     on_props: Mapping[tuple[int, int], PropContacts]  # of each performer and prop, by their numbers
 
     def placements(self, now: Sequence[Motion]) -> list[Placement]:
-        """Where each prop is while the performers move as they do now."""
+        """The placement of each prop while the performers move as they do now."""
         return [self._placement(number, prop, now) for number, prop in enumerate(self.props)]
 
     def _placement(self, number: int, prop: PlacedProp, now: Sequence[Motion]) -> Placement:
@@ -67,7 +67,7 @@ class SceneContacts:
         return held_placement(prop.free, holds) if holds else prop.free
 
     def springs(self, now: Sequence[Motion]) -> list[Springs]:
-        """The springs that draw each performer to the others, and to props."""
+        """The springs that draw each performer to the others and to props."""
         springs = [no_springs(len(one.clip)) for one in self.performers]
         copies = [one.clip.copy_on_path(np.arange(len(one.clip.skeleton))) for one in self.performers]
         units = [one.clip.unit for one in self.performers]
@@ -81,7 +81,7 @@ class SceneContacts:
         return springs
 
     def gap_error(self, now: Sequence[Motion]) -> float:
-        """How far the gaps in contacts are off, on average [leg lengths]; 0 where nothing touches."""
+        """The mean error of the gaps in contacts [leg lengths]; 0 if nothing touches."""
         placements, measured = self.placements(now), []
         for (i, j), near in self.between.items():
             leg = (self.performers[i].clip.unit + self.performers[j].clip.unit) / 4.0
@@ -95,7 +95,7 @@ class SceneContacts:
 
 
 def find_contacts(performers: Sequence[Performer], props: Sequence[PlacedProp]) -> SceneContacts:
-    """Find all contacts, and let what rests on another performer or on a prop rest there."""
+    """Find all contacts, and move supports that rest on another performer or on a prop to there."""
     points = [_contact_points(one) for one in performers]
     between, on_props, supported = {}, {}, []
     for i, j in combinations(range(len(performers)), 2):
@@ -121,8 +121,9 @@ def find_contacts(performers: Sequence[Performer], props: Sequence[PlacedProp]) 
 def solve_in_sweeps(
     contacts: SceneContacts, mapper: Mapper, progress: Callable[[int], object]
 ) -> tuple[list[Poses], int, float]:
-    """Solve all performers, once more if gaps are off. Return the poses of each, how many sweeps there were, and the
-    mean gap error after the last [leg lengths].
+    """Solve all performers, and once more if gaps are off.
+
+    Return the poses of each, the number of sweeps, and the mean gap error after the last [leg lengths].
     """
     performers = contacts.performers
     now = [replace(one.clip.copy, root_positions=one.clip.root) for one in performers]
@@ -145,10 +146,10 @@ def solve_in_sweeps(
 
 
 def with_shortfall(springs: Springs, before: Springs, x: Array, regions: Numbers) -> Springs:
-    """Return the springs of the next sweep, drawing further by what each region fell short of its places in the last.
+    """Return the springs of the next sweep, which draw each region further by its shortfall in the last.
 
-    `before` are the springs of the last sweep, on the same joints, and `x`, (frames, joints, 3), the positions that
-    they led to [body units]; `regions` are of all joints.
+    `before` are the last sweep's springs, on the same joints, and `x`, (frames, joints, 3), its positions [body units];
+    `regions` are of all joints.
     """
     short = before.rest - x[:, before.a]
     weights = np.trace(before.A, axis1=-2, axis2=-1)[..., None]
@@ -163,7 +164,7 @@ def with_shortfall(springs: Springs, before: Springs, x: Array, regions: Numbers
 
 
 def _contact_points(one: Performer) -> ContactPoints:
-    """The joints of a performer's body that may touch, a few of each region: fingers follow the hand."""
+    """The joints of a performer that may touch, a few of each region: fingers follow the hand."""
     matching, distances = one.match.matching, one.clip.distances
     tau = matching.source.skeleton.path_lengths
     regions = matching.regions.of_joint[distances.targets]
@@ -184,9 +185,9 @@ def _contact_points(one: Performer) -> ContactPoints:
 
 
 def _prop_contacts(one: Performer, points: ContactPoints, prop: PlacedProp, holders: Sequence[int]) -> PropContacts:
-    """The contacts of a performer with a prop that some joints hold. Feet that stand stay where they are.
+    """The contacts of a performer with a prop, which draws no standing feet.
 
-    A single joint that holds a prop carries it: the prop does not draw its region. Of several, each is drawn itself.
+    If a single joint holds the prop, the prop does not draw the joint's region; several joints are drawn themselves.
     """
     supports = one.supports
     free = np.ones((len(one.clip), len(points.joints)))
@@ -202,7 +203,7 @@ def _prop_contacts(one: Performer, points: ContactPoints, prop: PlacedProp, hold
 
 
 def _resting_on(supports: Supports, near: PropContacts, free: Placement) -> Supports:
-    """Supports, apart from feet, that touch a prop that nobody holds have their places on the prop."""
+    """Move supports, except feet, that touch a prop nobody holds to their places on the prop."""
     places, on_prop = np.array(supports.places), free(near.source)
     for support in range(supports.feet, len(supports.joints)):
         for column in np.flatnonzero(near.joints == supports.joints[support]):
@@ -211,9 +212,9 @@ def _resting_on(supports: Supports, near: PropContacts, free: Placement) -> Supp
 
 
 def _yielding(one: Performer, supports: Supports, moving: Sequence[tuple[Numbers, Numbers, Array]]) -> Supports:
-    """Supports off the floor that touch another performer or a held prop give way, and go where the two meet.
+    """Weaken supports off the floor that touch another performer or a held prop: they go where the two meet.
 
-    `moving` are the frames, joints and activations of contacts with what moves.
+    `moving` has the frames, joints and activations of contacts with performers and held props.
     """
     clip, reach = one.clip, REST_HEIGHT * one.clip.leg_lengths[1]
     floor = clip.scale.height * clip.source_floor[:, None]

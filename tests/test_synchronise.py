@@ -1,4 +1,4 @@
-"""Clips that belong together get the same frames."""
+"""Clips of one scene get the same frames."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import pytest
 from bodies import person, swaying
 
 from distretarget import MotionError
-from distretarget.synchronise import aligned, started
+from distretarget.scene.scene_file import started, synchronised
 
 
 def swayed():
@@ -16,13 +16,13 @@ def swayed():
 
 def test_nothing_is_changed_that_need_not_be():
     motion = swayed()
-    (same,) = aligned([started(motion, 0.0)], cut=False, resample=True)
+    (same,) = synchronised([started(motion, 0.0)], cut=False, resample=True)
     assert same is motion
 
 
 def test_starts_and_cuts_leave_the_common_frames():
     motion = swayed()
-    late, early = aligned([started(motion, 5 * motion.frame_time), motion], cut=True, resample=False)
+    late, early = synchronised([started(motion, 5 * motion.frame_time), motion], cut=True, resample=False)
     assert len(late) == len(early) == 16
     np.testing.assert_array_equal(late.positions, motion.positions[5:])
     np.testing.assert_array_equal(early.positions, motion.positions[:16])
