@@ -207,6 +207,18 @@ def test_what_another_run_writes_meanwhile_is_no_failure(folder, monkeypatch):
     assert results(folder)["a.bvh"] == "body.json: one"
 
 
+def test_an_output_that_is_there_already_is_taken_over_as_it_is(folder):
+    """Byte for byte the same, it gets a line but is not written again, whoever made it: another run or a person."""
+    path = folder / "out" / "a.bvh"
+    path.parent.mkdir()
+    path.write_text("body.json: one")
+    before = path.stat()
+    assert sorted(go(folder).of("done")) == ["a.bvh", "c.bvh", "deep/b.bvh"]
+    after = path.stat()
+    assert (after.st_ino, after.st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
+    assert go(folder).skipped == 3
+
+
 def test_an_output_that_was_edited_is_left_alone(folder):
     go(folder)
     (folder / "out" / "a.bvh").write_text("edited")

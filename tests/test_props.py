@@ -78,6 +78,19 @@ def test_a_prop_that_nobody_holds_stands_still_in_its_own_size():
     np.testing.assert_allclose(prop.motion.positions[0], expected, atol=1e-9)
 
 
+@pytest.mark.parametrize("performer", [0, 1])
+def test_a_prop_may_have_the_scale_of_either_performer(performer):
+    """The number names the performer whose size the prop follows, such as the one whose chair it is."""
+    box = Prop(name="box", motion=standing_prop("box", np.array([[0, 0, 90], [20, 0, 90]])), scale=performer)
+    sources = [drummer(), moved(drummer(), Rotation.identity(), shift=(400.0, 0.0, 0.0))]
+    done = retarget_scene(sources, [child(), drummer().skeleton], [box])
+    small, large = (one.root_scale for one in done.results)
+    assert small < 0.7 * large
+    assert done.props[0].scale == pytest.approx((small, large)[performer])
+    size = np.linalg.norm(np.subtract(*done.props[0].motion.positions[0]))
+    assert size == pytest.approx(20 * (small, large)[performer])
+
+
 def test_a_scene_with_a_prop_that_is_turned_has_the_same_result():
     scene = SCENES["staff"]()
     (source,), (staff,) = scene.performers.values(), scene.props

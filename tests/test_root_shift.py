@@ -66,6 +66,16 @@ def test_the_root_leads_smoothly_from_feet_to_hands():
     assert steps.max() < 4 * np.linalg.norm(OFF) / 40
 
 
+@pytest.mark.parametrize("frame_time", [1 / 60, 1 / 30])
+def test_the_root_takes_about_half_a_second_from_feet_to_hands(frame_time):
+    """A root that follows at once makes the whole body lurch when a hand touches the floor."""
+    clip, on_hands = Still(), np.arange(FRAMES) >= FRAMES // 2
+    clip.frame_time = frame_time
+    shift = root_shift(clip, feet_at_rest(~on_hands), resting(on_hands)) @ OFF / (OFF @ OFF)
+    on_the_way = np.count_nonzero((shift > 0.1) & (shift < 0.9)) * frame_time
+    assert 0.4 < on_the_way < 0.7
+
+
 def test_shots_do_not_draw_at_each_other():
     shots = (np.arange(FRAMES) >= 60).astype(np.intp)
     shift = root_shift(Still(shots), feet_at_rest(shots == 0), resting(shots == 1))

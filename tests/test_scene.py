@@ -113,6 +113,31 @@ def test_performers_who_never_meet_move_as_alone_in_that_world():
     np.testing.assert_allclose(scene.results[0].motion.positions, expected, atol=1e-6 * size())
 
 
+def with_a_double(name):
+    """The supports of a sample performer alone, and in a scene with another who moves alike 2 cm beside."""
+    source = read_bvh(SAMPLES / "supports" / f"{name}.bvh")[::2]
+    child = load_target(SAMPLES / "child.json")
+    scene = retarget_scene([source, moved(source, Rotation.identity(), shift=(2.0, 0.0, 0.0))], [child] * 2)
+    return retarget(source, child).supports, scene.results[0].supports
+
+
+def test_hands_on_the_floor_stay_there_while_another_performer_touches_them():
+    """Only what rests off the floor gives way: the floor is in its place whoever comes near."""
+    alone, touched = with_a_double("crawl")
+    assert (alone.weights[:, alone.feet :] > 0.99).any()
+    np.testing.assert_allclose(touched.weights, alone.weights, atol=1e-12)
+
+
+def test_on_a_ladder_hands_that_another_performer_touches_give_way_and_feet_do_not():
+    """Hands go where the two performers meet; a body whose feet gave way would lose its stand."""
+    alone, touched = with_a_double("climb_ladder")
+    feet = slice(alone.feet)
+    np.testing.assert_allclose(touched.weights[:, feet], alone.weights[:, feet], atol=1e-12)
+    held = alone.weights[:, alone.feet :] > 0.99
+    assert held.any()
+    assert touched.weights[:, alone.feet :][held].max() < 0.01
+
+
 def test_scenes_that_cannot_be_are_refused():
     one, other = pair()
     short = other[:20]

@@ -1,9 +1,12 @@
 """Cuts in a clip, and what is computed between them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from bodies import person, swaying
+from bodies import SAMPLES, person, swaying
 
+from distretarget import load_target, read_bvh, retarget
 from distretarget.numerics.time_series import by_shot, find_shots
 
 LENGTH = 0.888
@@ -43,3 +46,23 @@ def test_values_are_computed_for_each_shot_on_its_own():
     values = np.array([[1.0], [3.0], [10.0], [20.0], [30.0]])
     means = by_shot(lambda v: np.broadcast_to(v.mean(axis=0), v.shape), np.array([0, 0, 1, 1, 1]), values)
     np.testing.assert_allclose(means[:, 0], [2, 2, 20, 20, 20])
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "body"),
+    [("walk", "squat", "giant"), ("clap", "hands_on_hips", "child"), ("supports/push_up", "supports/crawl", "child")],
+)
+def test_each_shot_is_retargeted_like_a_clip_of_its_own(first, second, body):
+    """Nothing reaches across a cut: neither contacts, foot lock and other supports nor what smooths them."""
+    one, other = (read_bvh(SAMPLES / f"{name}.bvh") for name in (first, second))
+    target, elsewhere = load_target(SAMPLES / f"{body}.json"), np.array([300.0, 0.0, -200.0])
+    both = replace(
+        one,
+        root_positions=np.concatenate([one.root_positions, other.root_positions + elsewhere]),
+        rotations=np.concatenate([one.rotations, other.rotations]),
+    )
+    result = retarget(both, target)
+    expected = [retarget(one, target).motion.positions, retarget(other, target).motion.positions]
+    expected[1] += result.root_scale * elsewhere
+    off = np.abs(result.motion.positions - np.concatenate(expected)).max()
+    assert off < 1e-6 * result.matching.target.height
