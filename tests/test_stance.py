@@ -293,6 +293,13 @@ def test_resting_feet_of_the_result_are_at_their_places_on_exact_bones(name, bod
     np.testing.assert_allclose(np.linalg.norm(bones, axis=-1), expected, rtol=1e-9)
 
 
+@pytest.mark.parametrize("body", ["child", "giant", "long_arms"])
+def test_feet_that_are_held_hardly_move_the_hips(body):
+    """Legs bend instead: the hips of a squat stay as high over the feet as in the source, to a thousandth of a leg."""
+    figures = retarget(read_bvh(SAMPLES / "squat.bvh"), load_target(SAMPLES / f"{body}.json")).figures["result"]
+    assert figures["hips_height"] < 0.12  # [% of leg length]
+
+
 def test_stance_turns_with_the_up_axis():
     source = read_bvh(SAMPLES / "walk.bvh")
     turn = Rotation.from_euler("x", 90, degrees=True)

@@ -47,6 +47,26 @@ def test_stiffness_grows_in_proportion_to_the_share_of_the_body_that_a_part_carr
         np.testing.assert_allclose(stiffness[clip.parts[joint]], expected)
 
 
+def test_a_foot_is_five_times_as_stiff_as_its_bones_and_what_it_carries_say():
+    """It turns least where the leg gives way to a place on the floor, so that the sole stays flat."""
+    clip = clip_on(PERSON)
+    stiffness, whole = part_stiffness(clip), PERSON.lengths.sum()
+    for name in ("LeftAnkle", "LeftToe", "RightAnkle", "RightToe"):
+        joint = PERSON.index(name)
+        carried = PERSON.lengths[[*PERSON.subtree(joint)]].sum() / whole
+        bones = PERSON.lengths[list(PERSON.children[joint])].sum() / clip.unit
+        usual = BASE_STIFFNESS * (bones + ADDED_LENGTH) * (1.0 + TRUNK_FACTOR * carried)
+        np.testing.assert_allclose(stiffness[clip.parts[joint]], 5.0 * usual)
+
+
+def test_a_root_on_the_floor_does_not_tip():
+    """The parts above the pelvis carry all of the body on a long lever: the least turn would tip the body over."""
+    rig = load_target(SAMPLES / "rigs" / "unreal_t.json").skeleton
+    clip = clip_on(rig)
+    root, pelvis = part_stiffness(clip)[clip.parts[[rig.index("root"), rig.index("pelvis")]]]
+    assert root > 1e5 * pelvis
+
+
 def test_only_fingers_that_nothing_drives_are_loose(monkeypatch):
     rig = load_target(SAMPLES / "rigs" / "unreal_t.json").skeleton
     clip = clip_on(rig)
