@@ -48,7 +48,7 @@ def test_the_floor_does_not_jump_with_a_body_that_does(frames):
 
 
 def test_joints_of_a_region_share_the_stiffness_of_the_floor():
-    """A hand with twenty finger joints is pushed up no harder than one without, and only as firmly as the body rests."""
+    """A hand with twenty finger joints is pushed up no harder than one without, and no firmer than the body rests."""
     clip, _ = floor_of(CRAWL, "rigs/unreal_t.json")
     weights = np.linspace(0.0, 1.0, len(clip))
     floor = find_floor(clip, np.stack([weights, 0.5 * weights], axis=1))

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, person, swaying
+from bodies import SAMPLES, lengthened, moved, person, swaying
+from scipy.spatial.transform import Rotation
 
-from distretarget import load_target, read_bvh, retarget
+from distretarget import read_bvh, retarget
 from distretarget.numerics.time_series import by_shot, find_shots
 
 LENGTH = 0.888
@@ -49,20 +50,18 @@ def test_values_are_computed_for_each_shot_on_its_own():
 
 
 @pytest.mark.parametrize(
-    ("first", "second", "body"),
-    [("walk", "squat", "giant"), ("clap", "hands_on_hips", "child"), ("supports/push_up", "supports/crawl", "child")],
+    ("first", "second"), [("walk", "squat"), ("clap", "hands_on_hips"), ("supports/push_up", "supports/crawl")]
 )
-def test_each_shot_is_retargeted_like_a_clip_of_its_own(first, second, body):
+def test_each_shot_is_retargeted_like_a_clip_of_its_own(first, second):
     """Nothing reaches across a cut: neither contacts, foot lock and other supports nor what smooths them."""
     one, other = (read_bvh(SAMPLES / f"{name}.bvh") for name in (first, second))
-    target, elsewhere = load_target(SAMPLES / f"{body}.json"), np.array([300.0, 0.0, -200.0])
+    target = lengthened(one.rigid_skeleton, {"Toe": 1.5, "Knee": 0.9, "Wrist": 1.2})
+    other = moved(other, Rotation.from_euler("Y", 90, degrees=True), shift=(300.0, 0.0, -200.0))
     both = replace(
         one,
-        root_positions=np.concatenate([one.root_positions, other.root_positions + elsewhere]),
+        root_positions=np.concatenate([one.root_positions, other.root_positions]),
         rotations=np.concatenate([one.rotations, other.rotations]),
     )
     result = retarget(both, target)
-    expected = [retarget(one, target).motion.positions, retarget(other, target).motion.positions]
-    expected[1] += result.root_scale * elsewhere
-    off = np.abs(result.motion.positions - np.concatenate(expected)).max()
-    assert off < 1e-6 * result.matching.target.height
+    expected = np.concatenate([retarget(each, target).motion.positions for each in (one, other)])
+    assert np.abs(result.motion.positions - expected).max() < 1e-6 * result.matching.target.height
