@@ -326,6 +326,19 @@ def test_a_clip_that_would_keep_one_worker_busy_at_the_end_is_split(folder, monk
     assert [Path(job.source.path).name for job in split] == ["c.bvh", "b.bvh"]
 
 
+def test_a_split_clip_whose_workers_died_is_retried_as_a_whole(folder, monkeypatch):
+    """By one worker: so a clip that kills its workers is found out, and takes no other with it."""
+
+    def broken(*_):
+        future = Future()
+        future.set_exception(BrokenProcessPool("died"))
+        return future
+
+    monkeypatch.setattr(batch_module, "SPLIT_SIZE", 4)
+    monkeypatch.setattr(batch_workers, "_split", broken)
+    assert sorted(go(folder).of("done")) == ["a.bvh", "c.bvh", "deep/b.bvh"]
+
+
 def test_a_worker_that_dies_unnoticed_costs_a_retry(folder, monkeypatch):
     class Silent(Inline):
         lost = True
