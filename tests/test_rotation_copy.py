@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, lengthened, matched, person, swaying
+from bodies import SAMPLES, lengthened, matched, person, posed, swaying
 
 from distretarget import Skeleton, read_bvh
 from distretarget.baseline.rotation_copy import (
-    SINK,
     RootScale,
     find_root_scale,
     longest_strides,
@@ -81,5 +80,9 @@ def test_where_no_foot_rests_anything_goes():
     assert longest_strides(matched(body, body)) == np.inf
 
 
-def test_hips_may_sink_only_a_little():
-    assert 0 < SINK < 0.2
+@pytest.mark.parametrize("angle", [0.2, 0.4])
+def test_strides_may_be_as_long_as_straight_legs_reach_with_the_hips_a_tenth_of_a_leg_lower(angle):
+    split = {"LeftHip": np.array([angle, 0, 0]), "RightHip": np.array([-angle, 0, 0])}
+    body = posed(person(), split, np.tile([0.0, 1.0, 0.0], (10, 1)))
+    expected = np.sqrt(1 - (np.cos(angle) - 0.1) ** 2) / np.sin(angle)
+    assert longest_strides(matched(body, body)) == pytest.approx(expected)
