@@ -55,7 +55,7 @@ def test_a_contact_right_after_a_cut_of_either_performer_does_not_set_in_before_
     frames = 40
     shots = np.zeros((2, frames), np.intp)
     shots[cut_of, 20:] = 1
-    places = np.where(np.arange(frames)[:, None] < 20, 1e3, 1.0) * BETWEEN
+    places = np.where(np.arange(frames)[:, None] < 20, 10.0, 1.0) * BETWEEN
     both = [
         replace(points(BETWEEN, 60.0), source=source[:, None], shots=own)
         for source, own in zip((places, np.zeros((frames, 3))), shots, strict=True)
