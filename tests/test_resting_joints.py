@@ -1,5 +1,6 @@
 """Joints other than the feet's that rest: which, their places, how they get there, and the root's path meanwhile."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -110,6 +111,18 @@ def test_a_joint_that_is_far_from_its_place_takes_longer_to_get_there(distance, 
     assert np.count_nonzero(weights[~rests]) * Still.frame_time == pytest.approx(seconds, abs=0.04)
 
 
+def test_how_far_a_joint_is_from_its_place_is_the_mean_of_its_rest():
+    """One frame in which the copy is far off does not draw the joint to its place long before it rests."""
+    rests, off = np.arange(FRAMES) >= 90, np.full((FRAMES, 1), 0.2) * [1.0, 0.0, 0.0]
+    off[100] *= 10.0
+    spoilt = replace(resting(rests), places=off[:, None])
+    weights = [
+        with_resting_joints(Still(), no_supports(FRAMES), each).weights
+        for each in (spoilt, resting(rests, off=np.array([0.2 * (29 + 10) / 30, 0.0, 0.0])))
+    ]
+    np.testing.assert_array_equal(*weights)
+
+
 def lying(depth=0.0, forearm=0.0, frames=40):
     """A person flat on the back with arms out, the left hand `depth` below the body [leg lengths], and the forearm
     raised by an angle [rad], (frames,).
@@ -125,12 +138,13 @@ def resting_of(clip):
 
 @pytest.mark.parametrize(("depth", "lies"), [(0.05, True), (0.2, True), (0.3, False)])
 def test_a_body_lies_on_its_flesh(depth, lies):
-    """The joints of the trunk are inside it, up to a quarter of a leg above what the body lies on; those of thin limbs
-    are not.
+    """Joints of trunk and head are inside it, up to a quarter of a leg above what the body lies on; those of limbs are
+    not.
     """
     resting = resting_of(Clip.of(matched(lying(depth), PERSON), RootScale.even(1.0)))
     names = {PERSON.names[joint] for joint in resting.joints}
     assert ({"Hips", "Chest", "Chest2"} <= names) == lies
+    assert ("Head" in names) == lies
     assert "LeftWrist_End" in names
     assert ("RightElbow" in names) == (depth < 0.1)
 

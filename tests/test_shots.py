@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, lengthened, moved, person, swaying
+from bodies import SAMPLES, lengthened, matched, moved, person, posed, swaying
 from scipy.spatial.transform import Rotation
 
 from distretarget import read_bvh, retarget
+from distretarget.baseline.rotation_copy import RootScale
 from distretarget.numerics.time_series import by_shot, find_shots
+from distretarget.objectives.clip import Clip
 
 LENGTH = 0.888
 
@@ -41,6 +43,13 @@ def test_one_bad_frame_and_small_jumps_are_no_cut():
     still = np.tile(positions()[:1], (40, 1, 1))
     still[20:] += 0.01 * LENGTH / np.sqrt(3)
     assert shots(still).max() == 0
+
+
+@pytest.mark.parametrize(("jump", "cuts"), [(0.015, 0), (0.03, 1)])
+def test_a_still_person_who_jumps_by_a_fiftieth_of_a_leg_begins_a_shot(jump, cuts):
+    path = np.where(np.arange(40) < 20, 1.0, 1.0 + jump * LENGTH)[:, None] * [0.0, 1.0, 0.0]
+    still = posed(person(), {}, path)
+    assert Clip.of(matched(still, person()), RootScale.even(1.0)).shots.max() == cuts
 
 
 def test_values_are_computed_for_each_shot_on_its_own():
