@@ -423,6 +423,13 @@ def test_only_pages_of_a_batch_are_replaced(folder):
     batch_of(folder, index=page).check()
 
 
+def test_the_page_does_not_replace_the_map(folder):
+    path = folder / "map.json"
+    path.write_text("{}")
+    with pytest.raises(BatchError, match="is an input, or the place of a result"):
+        batch_of(folder, map_file=MapFile({}, str(path)), index=path, overwrite=True).check()
+
+
 def test_a_page_needs_a_folder_that_can_be_written_to(folder):
     (folder / "file").write_text("")
     with pytest.raises(FileError, match="nothing can be written to"):

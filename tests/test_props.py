@@ -70,6 +70,16 @@ def test_a_prop_stays_in_the_hand_that_holds_it():
     assert np.ptp(in_hand, axis=0).max() < 1e-5 * body.matching.target.height
 
 
+def test_a_prop_follows_the_performer_who_holds_it():
+    """Also if that is not the first of the scene."""
+    holder = with_stick(moved(drummer(), Rotation.identity(), shift=(400.0, 0.0, 0.0)))
+    stick = Prop(name="stick", motion=prop_of(holder, "Stick"), scale=1, held_by=(Grip(1, "RightWrist"),))
+    done = retarget_scene([drummer(), holder], [drummer().skeleton, child()], [stick])
+    hand = done.results[1].motion.positions[:, child().index("RightWrist")]
+    grip = np.linalg.norm(done.props[0].motion.positions[:, 0] - hand, axis=1)
+    np.testing.assert_allclose(grip, done.props[0].scale * 8.0, rtol=1e-5)
+
+
 def test_what_one_hand_holds_does_not_move_the_hand():
     """The prop follows the hand, and not the other way round: the performer moves as without it."""
     source = drummer()
