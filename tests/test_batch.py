@@ -207,6 +207,18 @@ def test_what_another_run_writes_meanwhile_is_no_failure(folder, monkeypatch):
     assert results(folder)["a.bvh"] == "body.json: one"
 
 
+def test_an_output_that_is_there_already_is_taken_over_as_it_is(folder):
+    """Byte for byte the same, it gets a line but is not written again, whoever made it: another run or a person."""
+    path = folder / "out" / "a.bvh"
+    path.parent.mkdir()
+    path.write_text("body.json: one")
+    before = path.stat()
+    assert sorted(go(folder).of("done")) == ["a.bvh", "c.bvh", "deep/b.bvh"]
+    after = path.stat()
+    assert (after.st_ino, after.st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
+    assert go(folder).skipped == 3
+
+
 def test_an_output_that_was_edited_is_left_alone(folder):
     go(folder)
     (folder / "out" / "a.bvh").write_text("edited")
@@ -314,6 +326,19 @@ def test_a_clip_that_would_keep_one_worker_busy_at_the_end_is_split(folder, monk
     assert [Path(job.source.path).name for job in split] == ["c.bvh", "b.bvh"]
 
 
+def test_a_split_clip_whose_workers_died_is_retried_as_a_whole(folder, monkeypatch):
+    """By one worker: so a clip that kills its workers is found out, and takes no other with it."""
+
+    def broken(*_):
+        future = Future()
+        future.set_exception(BrokenProcessPool("died"))
+        return future
+
+    monkeypatch.setattr(batch_module, "SPLIT_SIZE", 4)
+    monkeypatch.setattr(batch_workers, "_split", broken)
+    assert sorted(go(folder).of("done")) == ["a.bvh", "c.bvh", "deep/b.bvh"]
+
+
 def test_a_worker_that_dies_unnoticed_costs_a_retry(folder, monkeypatch):
     class Silent(Inline):
         lost = True
@@ -396,6 +421,13 @@ def test_only_pages_of_a_batch_are_replaced(folder):
     batch_of(folder, index=page, overwrite=True).check()
     page.write_text(f"<html>{MARK}")
     batch_of(folder, index=page).check()
+
+
+def test_the_page_does_not_replace_the_map(folder):
+    path = folder / "map.json"
+    path.write_text("{}")
+    with pytest.raises(BatchError, match="is an input, or the place of a result"):
+        batch_of(folder, map_file=MapFile({}, str(path)), index=path, overwrite=True).check()
 
 
 def test_a_page_needs_a_folder_that_can_be_written_to(folder):

@@ -58,6 +58,14 @@ def test_a_worker_says_what_went_wrong(monkeypatch):
     assert error_of(job_of("")) == "in.bvh: unexpected ZeroDivisionError: two lines; please report this"
 
 
+def test_a_clip_too_large_for_the_memory_fails_alone(monkeypatch):
+    def fill(*_):
+        raise MemoryError
+
+    monkeypatch.setattr(workers, "parse_bvh", fill)
+    assert error_of(job_of("")) == "in.bvh: out of memory"
+
+
 def test_a_worker_of_another_version_refuses(monkeypatch):
     job = job_of("")
     monkeypatch.setattr(workers, "VERSION", "0")

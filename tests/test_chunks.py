@@ -46,6 +46,16 @@ def test_a_cut_leaves_no_seam(clip, monkeypatch):
     assert np.abs(cut - whole).max() < 1e-6 * Body.of(target).height
 
 
+def test_fingers_on_the_floor_begin_a_chunk_where_the_chunk_before_leaves_them(monkeypatch):
+    """Which way fingers that nothing drives give way to the floor depends on the frames before: chunks solve some."""
+    source = read_bvh(SAMPLES / "supports" / "crawl.bvh")
+    target = load_target(SAMPLES / "rigs" / "mixamo_t.json")
+    whole = retarget(source, target)
+    monkeypatch.setattr("distretarget.ik.poses.CHUNK_FRAMES", 40)
+    cut = retarget(source, target).motion.positions
+    assert np.abs(cut - whole.motion.positions).max() < 1e-5 * whole.matching.target.height
+
+
 def test_whoever_solves_the_chunks_the_result_is_the_same(monkeypatch):
     monkeypatch.setattr("distretarget.ik.poses.CHUNK_FRAMES", SHORT)
     source = read_bvh(SAMPLES / "clap.bvh")

@@ -69,6 +69,15 @@ def test_one_bad_file_does_not_stop_the_rest(folder):
     assert sorted(line["status"] for line in lines(folder / "out")) == ["done", "done", "done", "failed"]
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+def test_what_cannot_be_searched_is_reported_and_does_not_stop_the_rest(folder):
+    """A script that sees exit status 0 may rely on it that every clip in the folders is converted."""
+    os.mkfifo(folder / "in" / "pipe.bvh")
+    done = batch("in", "body.json", "-o", "out")
+    assert (done.returncode, done.stderr) == (1, "not searched: in/pipe.bvh: is not a regular file\n")
+    assert "3 clips: 3 converted, 0 done before, 0 failed" in done.stdout
+
+
 def test_lines_that_are_no_records_are_named_and_not_used(folder):
     batch("in/a.bvh", "body.json", "-o", "out", "--report", "page.html")
     manifest = folder / "out" / "manifest.jsonl"

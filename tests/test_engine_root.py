@@ -188,6 +188,19 @@ def test_the_root_follows_the_sources_root():
     np.testing.assert_allclose(under.positions[:, pelvis], motion.motion.positions[:, pelvis], atol=1e-3)
 
 
+@pytest.mark.parametrize(("rise", "leads"), [(0.01, True), (0.05, False)])
+def test_a_source_root_that_leaves_the_floor_does_not_lead(rise, leads):
+    """A root that bobs with every step is no root on the floor, however low it is; `rise` is in leg lengths."""
+    source = clip("walk")
+    frames = np.linspace(0, 1, len(source))[:, None]
+    path = frames * [[30.0, 0.0, 80.0]]
+    path[:, 1] = rise * Body.of_motion(source).leg_length * np.sin(20 * frames[:, 0]).clip(0)
+    result = retarget(with_root_motion(source, path, rotations("Y", 0 * frames[:, 0])), UNREAL)
+    along, pelvis = result.motion.root_positions, result.motion.positions[:, UNREAL.index("pelvis")]
+    expected = result.root_scale * path[:, [0, 2, 1]] * [1, -1, 1] if leads else pelvis
+    np.testing.assert_allclose(along[:, :2], expected[:, :2], atol=LIMIT)
+
+
 def test_a_clip_of_the_rig_keeps_its_root_on_the_rig():
     motion = onto_unreal("walk").motion
     again = retarget(motion, UNREAL).motion

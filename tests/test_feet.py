@@ -57,6 +57,14 @@ def bent_knees(angle):
     }
 
 
+def test_hips_are_compared_only_while_the_feet_alone_carry_the_body():
+    """Hands, knees or a seat that rest as well ask for another height of the hips than the feet do."""
+    source, others_carry = standing(), np.arange(30) < 10
+    feet = find_feet(source, matched(source, source), UP).in_result(source, others_carry)
+    assert np.isnan(feet.hips_height[:10]).all()
+    np.testing.assert_allclose(feet.hips_height[10:], 0.0, atol=1e-9)
+
+
 def test_feet_of_a_person_who_stands_are_in_stance_and_do_not_slide():
     feet = measured(standing(), standing())
     assert feet.stance.shape == (30, 4)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from bodies import SAMPLES
 
-from distretarget import load_target, read_bvh
+from distretarget import load_target, read_bvh, retarget
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.body.resting import REST_HEIGHT
-from distretarget.objectives.floor import find_floor
+from distretarget.objectives.floor import STIFFNESS, find_floor
 from distretarget.pipeline.performer import match_performer
 
 CRAWL = read_bvh(SAMPLES / "supports" / "crawl.bvh")
@@ -45,3 +45,34 @@ def test_the_floor_does_not_jump_with_a_body_that_does(frames):
     clip, jumping = floor_of(lifted(frames), "child.json")
     rise = (jumping.heights - floor.heights[:, np.isin(floor.joints, jumping.joints)]) * clip.unit
     assert rise.max() < REST_HEIGHT * clip.leg_lengths[1] + 1e-9
+
+
+def test_joints_of_a_region_share_the_stiffness_of_the_floor():
+    """A hand with twenty finger joints is pushed up no harder than one without, and no firmer than the body rests."""
+    clip, _ = floor_of(CRAWL, "rigs/unreal_t.json")
+    weights = np.linspace(0.0, 1.0, len(clip))
+    floor = find_floor(clip, np.stack([weights, 0.5 * weights], axis=1))
+    regions = clip.regions.of_joint[floor.joints]
+    assert np.bincount(regions).max() > 10
+    for region in np.unique(regions):
+        np.testing.assert_allclose(floor.stiffness[:, regions == region].sum(axis=1), STIFFNESS * weights)
+
+
+def test_joints_are_near_the_floor_where_the_root_takes_them():
+    """The root's path counts, not the rotation copy's own: hips that rise take the hands away from the floor."""
+    clip, floor = floor_of(CRAWL, "child.json")
+    weights, leg = np.ones((len(clip), 1)), clip.leg_lengths[1]
+    assert 0 < len(floor.joints) < len(clip.limb_joints)
+    assert len(find_floor(clip.raised(np.tile(10 * leg * clip.up, (len(clip), 1))), weights).joints) == 0
+    sunk = find_floor(clip.raised(np.tile(-10 * leg * clip.up, (len(clip), 1))), weights)
+    assert set(clip.limb_joints) <= set(sunk.joints)
+
+
+@pytest.mark.parametrize("rig", ["mixamo_t", "unreal_t"])
+def test_the_fingers_of_a_push_up_sink_by_less_than_a_four_hundredth_of_a_leg(rig):
+    """Nothing drives them, and the hand above them is held: only the floor's stiffness keeps them up."""
+    result = retarget(read_bvh(SAMPLES / "supports" / "push_up.bvh"), load_target(SAMPLES / "rigs" / f"{rig}.json"))
+    floor, body = result.supports.floor, result.matching.target
+    heights = result.motion.positions[:, floor.joints] @ body.up_vector
+    depths = np.where(floor.stiffness > 0, floor.heights * body.unit - heights, 0.0)
+    assert depths.max() < 0.0025 * body.leg_length

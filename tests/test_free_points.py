@@ -12,6 +12,7 @@ from table_one import table_one
 from distretarget.baseline.rotation_copy import RootScale, rotation_copy
 from distretarget.distances import distance_problem, posture_stress, stress_and_gradient
 from distretarget.ik.spg import Reason
+from distretarget.numerics.rotations import best_rotation
 from distretarget.objectives.paper import aligned, off_plane, solve_postures
 
 
@@ -54,6 +55,15 @@ def test_stress_agrees_with_lbfgs_from_the_same_start():
         oracle = minimize(objective, start, jac=True, method="L-BFGS-B", options={"ftol": 0, "gtol": 1e-10})
         assert postures.effort.reasons[0] == Reason.CONVERGED
         assert postures.stress[0] == pytest.approx(oracle.fun, rel=1e-6)
+
+
+def test_postures_are_turned_to_the_rotation_copy():
+    """The stress does not say which way a posture is turned, nor where it is."""
+    problem, copy, postures = solve(swaying(person()), other_lengths(person()))
+    points, solved = copy.positions[:, problem.targets], postures.positions
+    np.testing.assert_allclose(solved.mean(axis=1), points.mean(axis=1), atol=1e-12)
+    around = [x - x.mean(axis=1, keepdims=True) for x in (solved, points)]
+    assert np.degrees(Rotation.from_quat(best_rotation(*around)).magnitude()).max() < 1e-4
 
 
 def test_postures_turn_with_the_source():

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, matched, moved
+from bodies import SAMPLES, matched, moved, person, posed
 from sample_supports import SUPPORTED
 from scipy.spatial.transform import Rotation
 
@@ -46,6 +46,18 @@ def test_hands_that_hold_on_to_something_are_found(name, side):
 @pytest.mark.parametrize("name", ["walk", "squat", "wave", "turn", "clap", "hands_on_hips"])
 def test_where_only_feet_rest_nothing_is_measured(name):
     assert measured(name).rest.shape[1] == 0
+
+
+@pytest.mark.parametrize(("share", "holds"), [(0.0, True), (0.04, True), (0.2, False)])
+def test_a_hand_holds_on_to_something_while_the_shoulder_goes_eight_times_as_far(share, holds):
+    """A hand that goes a fifth of the shoulder's way, as of someone who sways, stays about there by chance."""
+    leg, arm = 0.435 + 0.453, 0.273 + 0.258 + 0.17
+    ahead = 0.04 * leg * np.sin(np.linspace(0, 4 * np.pi, 200))
+    back = np.outer(np.arcsin((1 - share) * ahead / arm), [0, 1, 0])
+    motion = posed(person(), {"LeftShoulder": back}, np.outer(ahead, [0, 0, 1.0]) + UP)
+    found = find_supports(motion, matched(motion, motion), UP)
+    hands = {motion.skeleton.names[joint] for joint, on in zip(found.joints, found.holds.T, strict=True) if on.any()}
+    assert ("LeftWrist_End" in hands) == holds
 
 
 def test_the_same_motion_slides_as_much_and_is_as_high():

@@ -88,6 +88,18 @@ def test_a_curvature_that_serves_several_frames_leads_to_the_same_minima(seed):
         np.testing.assert_allclose(v[frame], anew[frame], atol=1e-5)
 
 
+def test_the_curvature_of_the_frame_before_is_tried_ever_more_rarely_where_it_does_not_serve():
+    """Each failure costs many iterations; springs whose stiffness changes from frame to frame allow few of them."""
+    case, frames, draw = Case(0, frames=96), 96, np.random.default_rng(0)
+    for values in (case.bones, case.root, *case.springs[2:]):
+        values[:] = values[0]
+    case.without_residual()
+    case.springs.rest[:] += 1e-3 * draw.normal(size=case.springs.rest.shape)
+    case.springs.A[:] *= 10.0 ** draw.uniform(-1.5, 1.5, (frames, len(case.springs.a)))[..., None, None]
+    _, log = case.solved()
+    assert 2 < np.count_nonzero(log[1] > FEW_ITERATIONS) < 12
+
+
 @pytest.mark.parametrize(("stiffer", "farther"), [(1e6, 1.0), (1.0, 1e4)])
 def test_frames_that_do_not_converge_are_reported_and_no_worse_than_their_start(stiffer, farther):
     case = Case(6)

@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, moved, with_bone
+from bodies import SAMPLES, lengthened, moved, with_bone
 from sample_scenes import SCENES, standing_prop
 from scipy.spatial.transform import Rotation
 
@@ -18,8 +18,13 @@ from distretarget import (
     SkeletonError,
     load_target,
     prop_of,
+    read_bvh,
     retarget_scene,
 )
+from distretarget.objectives.contact_pairs import DIRECTION_RANGE, TOUCH
+from distretarget.objectives.settings import ContactSettings
+from distretarget.scene.performer_contacts import NEAREST, ContactPoints
+from distretarget.scene.props import find_prop_contacts
 
 
 @cache
@@ -65,6 +70,89 @@ def test_a_prop_stays_in_the_hand_that_holds_it():
     assert np.ptp(in_hand, axis=0).max() < 1e-5 * body.matching.target.height
 
 
+def test_a_prop_follows_the_performer_who_holds_it():
+    """Also if that is not the first of the scene."""
+    holder = with_stick(moved(drummer(), Rotation.identity(), shift=(400.0, 0.0, 0.0)))
+    stick = Prop(name="stick", motion=prop_of(holder, "Stick"), scale=1, held_by=(Grip(1, "RightWrist"),))
+    done = retarget_scene([drummer(), holder], [drummer().skeleton, child()], [stick])
+    hand = done.results[1].motion.positions[:, child().index("RightWrist")]
+    grip = np.linalg.norm(done.props[0].motion.positions[:, 0] - hand, axis=1)
+    np.testing.assert_allclose(grip, done.props[0].scale * 8.0, rtol=1e-5)
+
+
+def test_what_one_hand_holds_does_not_move_the_hand():
+    """The prop follows the hand, and not the other way round: the performer moves as without it."""
+    source = drummer()
+    ball = with_bone(source.skeleton, "Ball", "RightWrist")
+    ball = ball.with_offsets([*source.skeleton.offsets, [-8.0, 0.0, 0.0]])
+    rotations = np.concatenate([source.rotations, np.tile([0.0, 0.0, 0.0, 1.0], (len(source), 1, 1))], axis=1)
+    with_ball = Motion(ball, source.root_positions, rotations, source.frame_time_text)
+    held = Prop(name="ball", motion=prop_of(with_ball, "Ball"), held_by=(Grip(0, "RightWrist"),))
+    alone, holding = (retarget_scene([source], [child()], props).results[0].motion for props in ((), (held,)))
+    np.testing.assert_allclose(holding.positions, alone.positions, atol=1e-9)
+
+
+def test_a_staff_lies_in_the_line_of_the_two_hands_that_hold_it():
+    """Where hands are matters far more than how each is turned: arms of other lengths would turn the staff askew."""
+    scene = SCENES["staff"]()
+    (source,) = scene.performers.values()
+    done = retarget_scene([source], [lengthened(source.rigid_skeleton, {"Elbow": 1.4, "Collar": 1.5})], scene.props)
+    (staff,), body = done.props, done.results[0].motion
+    hands = np.subtract(*(body.positions[:, body.skeleton.index(f"{side}Wrist")] for side in ("Left", "Right")))
+    along = staff.motion.positions[:, -1] - staff.motion.positions[:, 0]
+    cosines = np.abs((hands * along).sum(axis=1)) / np.linalg.norm(hands, axis=1) / np.linalg.norm(along, axis=1)
+    assert np.degrees(np.arccos(np.minimum(cosines, 1.0))).max() < 0.5
+
+
+def test_a_hand_that_rests_on_a_prop_rests_where_the_prop_is():
+    """A wall that is a prop has a place in the target's world; without it the hand rests where the body has it."""
+    source = read_bvh(SAMPLES / "supports" / "hand_on_wall.bvh")[::2]
+    hand = np.median(source.positions[:, source.skeleton.index("RightWrist")], axis=0)
+    wall = Prop(name="wall", motion=standing_prop("wall", hand + 5.0 * (np.eye(3) - 1 / 3)), scale=0.8)
+    done = retarget_scene([source], [child()], [wall])
+    held, joint = done.results[0].supports, child().index("RightWrist")
+    column = held.joints.tolist().index(joint)
+    rests = held.weights[:, column] > 0.99
+    assert rests.sum() > 60
+    off = np.linalg.norm(held.places[rests, column] - done.props[0].motion.positions[rests].mean(axis=1), axis=1)
+    assert np.median(off) < 0.5  # [cm]
+
+
+def test_feet_that_stand_are_not_drawn_to_props_beside_them():
+    """They have places of their own on the floor."""
+    box = Prop(name="box", motion=standing_prop("box", np.array([[x, 5.0, z] for x in (-12, 12) for z in (0, 15)])))
+    alone, beside = (retarget_scene([drummer()], [child()], props).results[0].motion for props in ((), (box,)))
+    np.testing.assert_allclose(beside.positions, alone.positions, atol=1e-9)
+
+
+def touching(distances, regions, reach=0.5):
+    """The stiffness, (points,), of joints at these distances [leg lengths] from a prop of one point."""
+    source = np.array(distances)[None, :, None] * np.array([1.0, 0.0, 0.0])
+    numbers, ones = np.arange(len(distances)), np.ones(len(distances))
+    points = ContactPoints(numbers, np.array(regions), source, ones, ones, np.zeros(1, np.intp))
+    settings = ContactSettings(reach=reach)
+    found = find_prop_contacts(points, np.zeros((1, 1, 3)), 1.0, np.ones((1, len(distances))), 0.02, settings)
+    np.testing.assert_array_equal(found.joints, numbers)
+    return found.A[0, :, 0, 0]
+
+
+def test_joints_of_one_region_share_their_hold_on_a_prop_and_those_of_others_do_not():
+    """A hand with many finger joints is drawn to a table about as strongly as one without."""
+    (one,) = touching([0.0], [0])
+    np.testing.assert_allclose(touching([0.0, 0.0], [0, 1]), one)
+    several = touching([0.0] * 16, [0] * 16)
+    assert one < several.sum() < 6 * one
+    np.testing.assert_allclose(several, several[0])
+
+
+def test_the_hold_on_a_prop_fades_with_the_distance():
+    """Twice over: with the normalised distance, as between joints, and as pairs lose their direction."""
+    distance = 2.0 * DIRECTION_RANGE  # [leg lengths]
+    near, far = touching([0.0], [0])[0], touching([distance], [0])[0]
+    as_of_joints = TOUCH / (TOUCH + distance) * NEAREST / (NEAREST + distance)
+    assert far == pytest.approx(0.5 * as_of_joints * near)
+
+
 def test_a_prop_that_nobody_holds_stands_still_in_its_own_size():
     box = Prop(name="box", motion=standing_prop("box", np.array([[40, 0, 60], [60, 0, 60], [50, 30, 60]])), scale=1.0)
     points = box.motion.positions[0]
@@ -76,6 +164,19 @@ def test_a_prop_that_nobody_holds_stands_still_in_its_own_size():
     middle = points.mean(axis=0)
     expected = points - middle + middle * [scale, 1.0, scale]
     np.testing.assert_allclose(prop.motion.positions[0], expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("performer", [0, 1])
+def test_a_prop_may_have_the_scale_of_either_performer(performer):
+    """The number names the performer whose size the prop follows, such as the one whose chair it is."""
+    box = Prop(name="box", motion=standing_prop("box", np.array([[0, 0, 90], [20, 0, 90]])), scale=performer)
+    sources = [drummer(), moved(drummer(), Rotation.identity(), shift=(400.0, 0.0, 0.0))]
+    done = retarget_scene(sources, [child(), drummer().skeleton], [box])
+    small, large = (one.root_scale for one in done.results)
+    assert small < 0.7 * large
+    assert done.props[0].scale == pytest.approx((small, large)[performer])
+    size = np.linalg.norm(np.subtract(*done.props[0].motion.positions[0]))
+    assert size == pytest.approx(20 * (small, large)[performer])
 
 
 def test_a_scene_with_a_prop_that_is_turned_has_the_same_result():

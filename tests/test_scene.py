@@ -9,7 +9,20 @@ from bodies import SAMPLES, lengthened, moved
 from program import run
 from scipy.spatial.transform import Rotation
 
-from distretarget import MotionError, SettingsError, load_target, read_bvh, retarget, retarget_scene, write_bvh
+from distretarget import (
+    MotionError,
+    Options,
+    SettingsError,
+    load_target,
+    read_bvh,
+    retarget,
+    retarget_scene,
+    write_bvh,
+)
+from distretarget.baseline.rotation_copy import RootScale
+from distretarget.objectives.settings import DEFAULT_SETTINGS as DEFAULT
+from distretarget.pipeline.performer import match_performer
+from distretarget.scene.sweeps import find_contacts
 
 H = {"Chest": 0.9, "Elbow": 0.75, "Wrist": 0.8, "Knee": 1.2, "Ankle": 1.2}
 HAND = "RightWrist"
@@ -111,6 +124,54 @@ def test_performers_who_never_meet_move_as_alone_in_that_world():
     assert scene.gaps[0, 1] is None
     expected = retarget(one, bodies()[0]).motion.positions
     np.testing.assert_allclose(scene.results[0].motion.positions, expected, atol=1e-6 * size())
+
+
+def with_a_double(name):
+    """The supports of a sample performer alone, and in a scene with another who moves alike 2 cm beside."""
+    source = read_bvh(SAMPLES / "supports" / f"{name}.bvh")[::2]
+    child = load_target(SAMPLES / "child.json")
+    scene = retarget_scene([source, moved(source, Rotation.identity(), shift=(2.0, 0.0, 0.0))], [child] * 2)
+    return retarget(source, child).supports, scene.results[0].supports
+
+
+def test_hands_on_the_floor_stay_there_while_another_performer_touches_them():
+    """Only what rests off the floor gives way: the floor is in its place whoever comes near."""
+    alone, touched = with_a_double("crawl")
+    assert (alone.weights[:, alone.feet :] > 0.99).any()
+    np.testing.assert_allclose(touched.weights, alone.weights, atol=1e-12)
+
+
+def test_on_a_ladder_hands_that_another_performer_touches_give_way_and_feet_do_not():
+    """Hands go where the two performers meet; a body whose feet gave way would lose its stand."""
+    alone, touched = with_a_double("climb_ladder")
+    feet = slice(alone.feet)
+    np.testing.assert_allclose(touched.weights[:, feet], alone.weights[:, feet], atol=1e-12)
+    held = alone.weights[:, alone.feet :] > 0.99
+    assert held.any()
+    assert touched.weights[:, alone.feet :][held].max() < 0.01
+
+
+@pytest.mark.parametrize(("height", "yields"), [(0.15, False), (0.25, True)])
+def test_hands_give_way_from_a_fifth_of_a_leg_above_the_floor_on(height, yields):
+    """Below that they rest on the floor, with the flesh of the hand or a shoe between."""
+    one = match_performer(leaning(), bodies()[0]).performer(RootScale.even(0.6)).with_supports(Options(), DEFAULT)
+    places = np.array(one.supports.places)
+    floor = one.clip.scale.height * one.clip.source_floor[:, None]
+    places[..., 1] = floor + height * one.clip.leg_lengths[1]
+    one = replace(one, supports=replace(one.supports, places=places))
+    touched = find_contacts([one, one], []).performers[0].supports
+    hands = slice(one.supports.feet, None)
+    weights = one.supports.weights[:, hands]
+    assert weights.max() == 1.0
+    expected = 0.0 if yields else weights[weights > 0.99]
+    np.testing.assert_allclose(touched.weights[:, hands][weights > 0.99], expected, atol=1e-12)
+
+
+def test_all_performers_stand_in_the_world_of_the_first():
+    """The axis that points up in it is that of all others, whatever their own files say."""
+    one, other = (replace(body, up=up) for body, up in zip(bodies(), ("Z", "Y"), strict=True))
+    done = retarget_scene(pair(), [one, other])
+    assert [result.world.up for result in done.results] == ["Z", "Z"]
 
 
 def test_scenes_that_cannot_be_are_refused():

@@ -110,6 +110,15 @@ def test_hands_leave_a_table_that_was_lowered():
     assert measured([performer], [performer], props=[(table, table)]).mean_gaps[2] == 0
 
 
+def test_a_gap_at_a_prop_has_the_scale_of_the_prop():
+    """A table made for a body twice as large is as far from its hands as twice the gap, whatever the world's scale."""
+    performer, table = drummer()
+    twice = scaled(performer, 2.0), scaled(table, 2.0)
+    found = measured([performer], [twice[0]], props=[(table, twice[1])], world_scale=1.0)
+    assert found.gaps
+    assert found.mean_gaps[2] == pytest.approx(0, abs=1e-9)
+
+
 def test_a_scene_that_lies_on_its_side_is_turned_as_a_whole():
     tipped = [turned(motion, "Y", "Z") for motion in handshake()]
     performers = [diff(a, b, a_up="Y", b_up="Z") for a, b in zip(handshake(), tipped, strict=True)]

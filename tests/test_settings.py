@@ -46,3 +46,14 @@ def test_the_settings_given_are_those_that_count():
     )
     gaps = [np.linalg.norm(x[:, 0] - x[:, 1], axis=1).mean() for x in (stiff, soft)]
     assert gaps[0] < gaps[1]
+
+
+@pytest.mark.parametrize("blend", [0.1, 0.36])
+def test_a_contact_sets_in_twice_the_blend_before_it(blend):
+    """Until then the arms move as in the rotation copy. The hands meet in frame 100, and come near just before."""
+    frame_time, meet = 0.02, 100
+    source = clapping(np.clip((np.arange(150) - meet + 8) / 8, 0.0, 1.0), str(frame_time))
+    settings = replace(DEFAULT, blend=blend, foot_lock=0.0)
+    result = retarget(source, lengthened(person(), {"Wrist": 1.5}), settings=settings)
+    off = np.abs(result.motion.positions - result.rotation_copy.positions).max(axis=(1, 2)) > 1e-6
+    assert np.argmax(off) * frame_time == pytest.approx(meet * frame_time - 2 * blend, abs=0.1)

@@ -51,6 +51,14 @@ def test_what_is_no_part_of_the_body_does_not_snap():
     assert not snaps_of(posed(longer, {}, np.zeros((2, 3))), result, longer).any()
 
 
+def test_no_joint_snaps_at_a_cut():
+    """Nor does one that happens to be in the same place before and after it, as the hips of a body turned about are."""
+    about = {"Hips": np.array([[0.0, 0, 0], [0, 0, 0], [0, np.pi, 0], [0, np.pi, 0]])}
+    copy, step = posed(PERSON, about, np.zeros((4, 3))), np.outer([0, 0, 0.05, 0.05], [LEG, 0, 0])
+    assert not snaps_of(copy, posed(PERSON, about, step)).any()
+    assert snaps_of(posed(PERSON, {}, np.zeros((4, 3))), posed(PERSON, {}, step)).any()
+
+
 def test_one_frame_has_no_snaps():
     found = snaps_of(carried([0]), carried([0]))
     assert found.shape == (0, len(PERSON))

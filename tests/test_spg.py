@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from distretarget.ik.spg import Reason, scratch_for, spectral_gradient
+from distretarget.ik.spg import Minimum, Reason, record, scratch_for, spectral_gradient
 
 
 class Quadratic(NamedTuple):
@@ -136,3 +136,11 @@ def test_returns_the_best_iterate_though_the_search_is_not_monotone(limit):
     assert found.value == pytest.approx(rosenbrock(x, ILL, np.empty((1, 2))))
     shorter = np.array([[-1.2, 1.0]])
     assert found.value <= curved(shorter, ILL, 1e-12, limit - 1).value
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_value_that_is_no_number_is_not_converged(value):
+    """Where nothing can move, the direction is zero and the method stops at once, whatever the value."""
+    log = np.zeros((4, 2))
+    record(Minimum(value, 0, 1, Reason.CONVERGED), log, 1)
+    assert log[3].tolist() == [0, Reason.LINE_SEARCH_FAILED]

@@ -6,7 +6,14 @@ from bodies import SAMPLES, matched, person, swaying
 from distretarget import load_target
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.objectives.clip import Clip
-from distretarget.objectives.contact import LOOSE_FACTOR, ROOT_STIFFNESS, part_stiffness
+from distretarget.objectives.contact import (
+    ADDED_LENGTH,
+    BASE_STIFFNESS,
+    LOOSE_FACTOR,
+    ROOT_STIFFNESS,
+    TRUNK_FACTOR,
+    part_stiffness,
+)
 
 PERSON = person()
 
@@ -26,6 +33,38 @@ def test_stiffness_grows_with_what_a_part_carries_and_feet_are_stiff():
     assert stiffness[-1] == ROOT_STIFFNESS
     assert at["Hips"] > 5 * at["LeftWrist"]
     assert at["LeftAnkle"] > at["LeftKnee"]
+
+
+def test_stiffness_grows_in_proportion_to_the_share_of_the_body_that_a_part_carries():
+    """The share is that of the lengths of all bones; were it squared, say, arms and neck would hardly resist."""
+    clip = clip_on(PERSON)
+    stiffness, whole = part_stiffness(clip), PERSON.lengths.sum()
+    for name in ("Hips", "Chest", "Neck", "LeftCollar", "LeftShoulder", "LeftElbow", "LeftHip", "LeftKnee"):
+        joint = PERSON.index(name)
+        carried = PERSON.lengths[[*PERSON.subtree(joint)]].sum() / whole
+        bones = PERSON.lengths[list(PERSON.children[joint])].sum() / clip.unit
+        expected = BASE_STIFFNESS * (bones + ADDED_LENGTH) * (1.0 + TRUNK_FACTOR * carried)
+        np.testing.assert_allclose(stiffness[clip.parts[joint]], expected)
+
+
+def test_a_foot_is_five_times_as_stiff_as_its_bones_and_what_it_carries_say():
+    """It turns least where the leg gives way to a place on the floor, so that the sole stays flat."""
+    clip = clip_on(PERSON)
+    stiffness, whole = part_stiffness(clip), PERSON.lengths.sum()
+    for name in ("LeftAnkle", "LeftToe", "RightAnkle", "RightToe"):
+        joint = PERSON.index(name)
+        carried = PERSON.lengths[[*PERSON.subtree(joint)]].sum() / whole
+        bones = PERSON.lengths[list(PERSON.children[joint])].sum() / clip.unit
+        usual = BASE_STIFFNESS * (bones + ADDED_LENGTH) * (1.0 + TRUNK_FACTOR * carried)
+        np.testing.assert_allclose(stiffness[clip.parts[joint]], 5.0 * usual)
+
+
+def test_a_root_on_the_floor_does_not_tip():
+    """The parts above the pelvis carry all of the body on a long lever: the least turn would tip the body over."""
+    rig = load_target(SAMPLES / "rigs" / "unreal_t.json").skeleton
+    clip = clip_on(rig)
+    root, pelvis = part_stiffness(clip)[clip.parts[[rig.index("root"), rig.index("pelvis")]]]
+    assert root > 1e5 * pelvis
 
 
 def test_only_fingers_that_nothing_drives_are_loose(monkeypatch):

@@ -116,6 +116,19 @@ def test_on_the_same_body_the_clip_stays_as_it_is(name):
     np.testing.assert_allclose(result.motion.positions, source(name).positions, atol=1e-3 * size)
 
 
+def test_in_a_scaled_environment_a_hand_on_a_wall_has_the_scaled_place_of_the_sources():
+    """The wall is there on the target's side too, in its scale; else the hand rests where the body has it."""
+    for environment in ("scaled", "body"):
+        result = retarget(source("hand_on_wall"), target("H"), Options(environment=environment))
+        held, joint = result.supports, result.motion.skeleton.index("RightWrist")
+        column = held.joints.tolist().index(joint)
+        rests = held.weights[:, column] > 0.99
+        expected = result.root_scale * result.source.positions[rests][:, result.matching.drivers[joint]]
+        off = np.linalg.norm(held.places[rests, column] - expected, axis=1).max()
+        assert rests.sum() > 100
+        assert off < 1e-9 if environment == "scaled" else off > 5.0
+
+
 def test_free_supports_and_those_of_feet_alone_hold_less():
     joints = {supports: len(on("push_up", "child", supports).supports.joints) for supports in ("hold", "feet", "free")}
     assert joints["hold"] > joints["feet"] == 4

@@ -1,10 +1,10 @@
-"""Lengths, directions, products and angles of vectors, against numpy's and exact angles."""
+"""Lengths, directions, products and angles of vectors, against numpy's and exact angles; few of many points."""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from distretarget.numerics.vectors import angles_between, cross, extent, lengths, level, normalised
+from distretarget.numerics.vectors import angles_between, cross, extent, lengths, level, normalised, spread_out
 
 VECTORS = np.random.default_rng(0).normal(size=(2, 5, 7, 3))
 
@@ -48,3 +48,12 @@ def test_angles_between_vectors_of_any_length_are_exact(angle):
 
 def test_a_vector_of_no_length_is_at_no_angle():
     assert angles_between(np.zeros(3), VECTORS[0, 0, 0]) == 0
+
+
+def test_the_ends_of_a_line_come_first_then_its_middle():
+    line = np.linspace(0, 1, 101)[:, None]
+    assert spread_out(line, 3).tolist() == [0, 100, 50]
+
+
+def test_few_points_are_all_kept():
+    assert sorted(spread_out(np.eye(3), 10).tolist()) == [0, 1, 2]

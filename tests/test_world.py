@@ -183,6 +183,11 @@ def test_an_offset_with_the_feet_far_from_the_floor_either_way_is_replaced():
         assert find_root_offset(Body.of_motion(with_offset(high, rise, added=False)), Y) == "replaced"
 
 
+def test_a_small_offset_with_the_feet_on_the_floor_either_way_is_replaced():
+    """As the format has it: nothing speaks for the other reading, since replacing leaves the feet on the floor."""
+    assert find_root_offset(Body.of_motion(with_offset(walk(), 4.0, added=False)), Y) == "replaced"
+
+
 def test_a_given_meaning_counts():
     motion = with_offset(walk(), 92.0, added=False)
     result = retarget(motion, walk().skeleton, Options(root_offset="added"))

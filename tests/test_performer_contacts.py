@@ -1,5 +1,7 @@
 """The pairs of joints of two performers that touch, and the vectors that they are drawn to."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -45,3 +47,18 @@ def test_a_gap_is_off_by_what_its_length_is():
         gaps, wanted = contacts.gaps(one, other)
         np.testing.assert_allclose(gaps, gap)
         np.testing.assert_allclose(wanted, 3.0)
+
+
+@pytest.mark.parametrize("cut_of", [0, 1])
+def test_a_contact_right_after_a_cut_of_either_performer_does_not_set_in_before_it(cut_of):
+    """Their clips are cut apart or together; either way what comes after a cut says nothing of what was before."""
+    frames = 40
+    shots = np.zeros((2, frames), np.intp)
+    shots[cut_of, 20:] = 1
+    places = np.where(np.arange(frames)[:, None] < 20, 10.0, 1.0) * BETWEEN
+    both = [
+        replace(points(BETWEEN, 60.0), source=source[:, None], shots=own)
+        for source, own in zip((places, np.zeros((frames, 3))), shots, strict=True)
+    ]
+    contacts = find_performer_contacts(*both, RootScale.even(1.0), UP, 0.02, ContactSettings())
+    assert contacts.frames.tolist() == list(range(20, frames))

@@ -1,13 +1,19 @@
-"""The root's path on the target: its scale, and where it runs."""
+"""The root of the rotation copy: its scale, where its path runs, and how long strides may be."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import lengthened, matched, person, swaying
+from bodies import SAMPLES, lengthened, matched, person, posed, swaying
 
-from distretarget import Skeleton
-from distretarget.baseline.rotation_copy import RootScale, find_root_scale, root_path, rotation_copy
+from distretarget import Skeleton, read_bvh
+from distretarget.baseline.rotation_copy import (
+    RootScale,
+    find_root_scale,
+    longest_strides,
+    root_path,
+    rotation_copy,
+)
 
 SIDES = ("Left", "Right")
 
@@ -57,3 +63,26 @@ def test_a_body_without_legs_keeps_the_path_of_the_copy():
     matching = matched(source, chain())
     copy = rotation_copy(matching, RootScale.even(2.0))
     np.testing.assert_array_equal(root_path(copy, matching, RootScale.even(2.0)), 2 * source.root_positions)
+
+
+def test_who_walks_can_take_somewhat_longer_strides():
+    motion = read_bvh(SAMPLES / "walk.bvh")
+    assert 1.2 < longest_strides(matched(motion, motion)) < 2.0
+
+
+def test_who_stands_can_step_far():
+    motion = read_bvh(SAMPLES / "wave.bvh")
+    assert longest_strides(matched(motion, motion)) > 4.0
+
+
+def test_where_no_foot_rests_anything_goes():
+    body = swaying(person(), frames=8)
+    assert longest_strides(matched(body, body)) == np.inf
+
+
+@pytest.mark.parametrize("angle", [0.2, 0.4])
+def test_strides_may_be_as_long_as_straight_legs_reach_with_the_hips_a_tenth_of_a_leg_lower(angle):
+    split = {"LeftHip": np.array([angle, 0, 0]), "RightHip": np.array([-angle, 0, 0])}
+    body = posed(person(), split, np.tile([0.0, 1.0, 0.0], (10, 1)))
+    expected = np.sqrt(1 - (np.cos(angle) - 0.1) ** 2) / np.sin(angle)
+    assert longest_strides(matched(body, body)) == pytest.approx(expected)

@@ -1,9 +1,14 @@
 """Solution flips: found by their speed and smoothed, each shot apart; single-frame spikes stay."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from distretarget.ik.poses import Poses
+from distretarget.objectives import contact
 from distretarget.objectives.discontinuities import smooth_flips, smooth_landings
+from distretarget.objectives.settings import ContactSettings
 
 FRAME_TIME = 1 / 60  # [s]
 
@@ -94,3 +99,18 @@ def test_a_cut_is_not_a_flip_and_shots_are_smoothed_apart():
     landed = np.array(v)
     smooth_landings(landed, np.array([0]), shots, FRAME_TIME)
     np.testing.assert_allclose(landed[60:, 0, 1], np.full(60, 2.0), atol=1e-12)
+
+
+def test_the_solver_smooths_its_flips_and_its_landings(monkeypatch):
+    """Both, and each shot apart: what the frames' minima are is not changed otherwise."""
+    flip = course(np.where(np.arange(120) < 60, 0.0, 1.0))
+    landing = course(np.maximum(np.arange(120) - 90.0, 0.0) * 0.02)
+    solved, shots = np.concatenate([flip[:, :2], landing], axis=1), one_shot(flip)
+    clip = SimpleNamespace(frame_time=FRAME_TIME, shots=shots, loose_parts=np.array([2]))
+    monkeypatch.setattr(contact, "solve_in_chunks", lambda *_: Poses(np.array(solved), np.zeros((4, 120))))
+    v = contact.solve_contact(clip, None, ContactSettings()).v
+    expected = np.array(solved)
+    smooth_flips(expected, shots, FRAME_TIME)
+    smooth_landings(expected, clip.loose_parts, shots, FRAME_TIME)
+    assert (expected != solved).any(axis=(0, 2)).tolist() == [True, False, True, False, False]
+    np.testing.assert_array_equal(v, expected)
