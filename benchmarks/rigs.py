@@ -20,8 +20,8 @@ from pathlib import Path
 import click
 import numpy as np
 from clips import found
-from make_rigs import CONVENTIONS, POSES, rig
 from numpy.typing import NDArray
+from sample_rigs import CONVENTIONS, POSES, rig
 from scipy.spatial.transform import Rotation
 from tables import corpus_argument
 
