@@ -14,8 +14,9 @@ from pathlib import Path
 
 import click
 import numpy as np
+from clips import markdown_option
 from edits import TARGETS, edited
-from tables import markdown_option, publish, several, table
+from tables import publish, several, table
 
 from distretarget import Motion, SceneResult, read_bvh, retarget, retarget_scene
 from distretarget.batch.compile_ahead import warm

@@ -15,8 +15,9 @@ from pathlib import Path
 
 import click
 import numpy as np
+from clips import corpus_argument, markdown_option
 from numpy.typing import NDArray
-from tables import corpus_argument, markdown_option, publish, several, table
+from tables import publish, several, table
 
 from distretarget import Motion, read_bvh, retarget
 from distretarget.measure.figures import BY_KEY

@@ -13,7 +13,7 @@ from pathlib import Path
 import click
 import numpy as np
 from clips import ROOT
-from draw import VIEWS, Cell, body_height, draw_strip, write_picture
+from draw import VIEWS, Cell, body_height, write_picture, write_strip
 from numpy.typing import NDArray
 from paper_case import GROUPS, PERCENT, POSTURE, case, on_table_one
 from paper_tables import LONG_SPINE, tables
@@ -58,7 +58,7 @@ def draw_walk(path: Path) -> None:
         ("paper, exact bones", one.paper.motion),
         ("contact", one.contact.motion),
     ]
-    draw_strip(path, rows, STEPS, view="side", same_scale=True)
+    write_strip(path, rows, STEPS, view="side", same_scale=True)
 
 
 def figure(skeleton: Skeleton, points: NDArray[np.float64]) -> Cell:

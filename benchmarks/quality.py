@@ -16,10 +16,10 @@ from pathlib import Path
 
 import click
 import numpy as np
-from clips import CLIPS, SAMPLES, found
+from clips import CLIPS, PROCESSES, SAMPLES, corpus_argument, found, markdown_option
 from edits import TARGETS, edited, part_of
 from numpy.typing import NDArray
-from tables import PROCESSES, corpus_argument, markdown_option, mean_and_largest, publish, several, table
+from tables import mean_and_largest, publish, several, table
 
 from distretarget import Motion, Options, RetargetResult, read_bvh, retarget
 from distretarget.measure.figures import clip_figures

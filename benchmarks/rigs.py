@@ -19,11 +19,10 @@ from pathlib import Path
 
 import click
 import numpy as np
-from clips import found
+from clips import corpus_argument, found
 from numpy.typing import NDArray
 from sample_rigs import CONVENTIONS, POSES, rig
 from scipy.spatial.transform import Rotation
-from tables import corpus_argument
 
 from distretarget import Body, Motion, RetargetResult, Skeleton, read_bvh, retarget
 from distretarget.body.axes import axis_vector, nearest_axis

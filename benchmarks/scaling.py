@@ -22,11 +22,11 @@ from pathlib import Path
 
 import click
 import numpy as np
-from clips import LONG, SAMPLES, back_and_forth
+from clips import LONG, SAMPLES, back_and_forth, corpus_argument, markdown_option
 from edits import TARGETS, edited
 from numpy.typing import NDArray
 from skeleton_edits import on_skeleton, with_chain
-from tables import corpus_argument, markdown_option, publish, table
+from tables import publish, table
 
 from distretarget import Motion, Skeleton, read_bvh, retarget, write_bvh
 

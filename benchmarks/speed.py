@@ -24,12 +24,12 @@ from typing import NamedTuple
 import click
 import numpy as np
 import pybvh
-from clips import LONG, back_and_forth
+from clips import LONG, back_and_forth, markdown_option
 from edits import TARGETS, edited
 from inverse_kinematics import SOLVER, Gmr, InverseKinematics
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from tables import markdown_option, publish, table
+from tables import publish, table
 
 from distretarget import Motion, Options, Skeleton, read_bvh, retarget, write_bvh
 from distretarget.pipeline.options import OBJECTIVES

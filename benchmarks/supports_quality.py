@@ -18,9 +18,9 @@ from pathlib import Path
 
 import click
 import numpy as np
-from clips import SAMPLES
+from clips import PROCESSES, SAMPLES, corpus_argument, markdown_option
 from edits import TARGETS, edited
-from tables import PROCESSES, corpus_argument, markdown_option, mean_and_largest, publish, several, table
+from tables import mean_and_largest, publish, several, table
 
 from distretarget import DistretargetError, Options, RetargetResult, read_bvh, retarget
 from distretarget.measure.figures import Variant
@@ -144,12 +144,12 @@ def over_all(runs: list[Run]) -> Iterator[tuple[str, str]]:
 
 def draw(run: Run, folder: Path) -> None:
     """Draw source, rotation copy and result."""
-    from draw import draw_strip
+    from draw import write_strip
 
     motions = [("source", run.held.source), ("rotation copy", run.held.rotation_copy), ("result", run.held.motion)]
     frames = np.linspace(0, len(run.held.motion) - 1, PICTURES).astype(int).tolist()
     view = "front" if run.clip.stem == "cartwheel" else "side"
-    draw_strip(folder / f"{run.clip.stem}_{run.body}.png", motions, frames, view=view)
+    write_strip(folder / f"{run.clip.stem}_{run.body}.png", motions, frames, view=view)
 
 
 @click.command(help=__doc__)

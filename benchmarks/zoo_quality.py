@@ -22,8 +22,8 @@ from pathlib import Path
 
 import click
 import numpy as np
-from clips import CLIPS, SAMPLES
-from tables import PROCESSES, corpus_argument, markdown_option, mean_and_largest, publish, table
+from clips import CLIPS, PROCESSES, SAMPLES, corpus_argument, markdown_option
+from tables import mean_and_largest, publish, table
 from zoo import MEMBERS, member
 
 from distretarget import DistretargetError, RetargetResult, read_bvh, retarget

@@ -16,6 +16,7 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 from interop.judged import CASES, FRAMES, farthest, written
 from interop.readers import READERS, Reader
+from tables import table
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "interop.md"
 TEXT = """\
@@ -26,7 +27,6 @@ positions that they compute for the joints are compared with those of `distretar
 has the largest distance between the two, in heights of the body. `tests/interop/` asks for less than 1e-4.
 
 {table}
-
 What to know:
 
 - three.js cannot play joints with a colon in their names, such as `mixamorig:Hips`: `--strip-namespace` writes `Hips`.
@@ -60,9 +60,7 @@ def cells(reader: Reader) -> Iterator[str]:
 
 def page() -> str:
     """The text of the page."""
-    rows = [["", *CASES], ["---"] * (1 + len(CASES)), *(list(cells(reader)) for reader in READERS)]
-    table = "\n".join(f"| {' | '.join(row)} |" for row in rows)
-    return TEXT.format(frames=FRAMES, table=table)
+    return TEXT.format(frames=FRAMES, table=table(["", *CASES], map(cells, READERS)))
 
 
 if __name__ == "__main__":
