@@ -1,4 +1,4 @@
-"""Retarget real clips to skeletons of four conventions, each in T-pose and A-pose, and in LAFAN1's own rest pose.
+"""Retarget real clips to the sample rigs: four conventions in T-pose and A-pose, and LAFAN1's own rest pose.
 
     python benchmarks/rigs.py CORPUS [--only GLOB] [--sheet FILE.png]
 
@@ -11,7 +11,6 @@ matplotlib (the extra `docs`).
 
 from __future__ import annotations
 
-import re
 import sys
 import time
 from dataclasses import dataclass, replace
@@ -25,11 +24,10 @@ from sample_rigs import CONVENTIONS, POSES, rig
 from scipy.spatial.transform import Rotation
 
 from distretarget import Body, Motion, RetargetResult, Skeleton, read_bvh, retarget
-from distretarget.body.axes import axis_vector, nearest_axis
-from distretarget.body.legs import Leg, Legs, leg_length, tree_legs
+from distretarget.body.axes import Directions, axis_vector, nearest_axis
 from distretarget.measure.figures import clip_figures
 from distretarget.measure.metrics import Reference
-from distretarget.numerics.vectors import angles_between
+from distretarget.numerics.vectors import angles_between, level
 
 Array = NDArray[np.float64]
 
@@ -50,13 +48,8 @@ TARGETS = {
     **{f"{convention}_{pose.lower()}": rig(convention, pose) for convention in CONVENTIONS for pose in POSES},
     "lafan1_x": rig("lafan1", "X"),
 }
-LEFT = re.compile(r"[Ll]eft|^[lL](?=[A-Z])|[_.][lL]$")  # in names of joints on the left side
 # A run fails if a figure is above its limit.
 LIMITS = {"upright": (15.0, "°"), "floor": (8.0, "%"), "facing": (15.0, "°"), "direction": (25.0, "°")}
-
-
-class CheckError(Exception):
-    """Says why a result cannot be measured."""
 
 
 @dataclass(frozen=True)
@@ -89,71 +82,34 @@ def run(clip: str, source: Motion, name: str, target: Skeleton) -> Run:
 
 
 def measure(result: RetargetResult) -> dict[str, float]:
-    """The figures of a result. Takes the axis that points up by the target's file, whatever the run assumed.
+    """The figures of a result. Takes the axis that points up from the target's file, whatever the run assumed.
 
     Raises:
-        CheckError: a leg or the head has no driver, or the source does not stand upright in the target's axes.
+        ValueError: the source does not stand upright in the target's axes.
     """
-    motion, source = result.motion, result.source
-    driving, legs = paired_legs(result)
-    up = axis_vector(motion.skeleton.up or "Y")
-    if not np.array_equal(legs_up := up_of_legs(source, driving), up):
-        raise CheckError(f"the source's legs point up along {legs_up} in the target's axes, where {up} is up")
-    values = clip_figures(Reference(source, result.matching, up).compare(motion).tracks)
-    head = next(joint for joint, name in enumerate(motion.skeleton.names) if "head" in name.lower())
-    if result.drivers[head] < 0:
-        raise CheckError("the head has no driver")
-    trunks = trunk(source, driving, int(result.drivers[head])), trunk(motion, legs, head)
-    floor = np.abs(lowest(motion, legs, up) - result.root_scale * lowest(source, driving, up)).mean()
+    sides = (result.source, result.matching.source), (result.motion, result.matching.target)
+    source, target = (Directions(body.anatomy, motion.positions) for motion, body in sides)
+    up = axis_vector(result.motion.skeleton.up or "Y")
+    standing = nearest_axis(-source.legs.mean(axis=0))[0]
+    if not np.array_equal(axis_vector(standing), up):
+        raise ValueError(f"the source's legs point up along {standing} in the target's axes")
+    upright = angles_between(*(each.bone("hips", "head") for each in (source, target)))
+    facing = angles_between(*(level(each.across("UpperLeg"), up) for each in (source, target)))
+    low, floor = (lowest(motion, body, up) for motion, body in sides)
+    values = clip_figures(Reference(result.source, result.matching, up).compare(result.motion).tracks)
     return {
-        "upright": float(np.degrees(angles_between(*trunks)).mean()),
-        "floor": float(100 * floor / leg_length(motion.skeleton, legs)),
-        "facing": float(np.degrees(angles_between(facing(motion, legs, up), facing(source, driving, up))).mean()),
+        "upright": float(np.degrees(upright).mean()),
+        "floor": float(100 * np.abs(floor - result.root_scale * low).mean() / result.matching.target.leg_length),
+        "facing": float(np.degrees(facing).mean()),
         "direction": values["direction_error"] or 0.0,
         "contact": values["contact_error"] or 0.0,
     }
 
 
-def paired_legs(result: RetargetResult) -> tuple[Legs, Legs]:
-    """The legs of the source that drive those of the target, and the target's legs; each left before right, by name. A
-    toe without a driver is replaced by its ankle.
-    """
-    target, drivers = result.motion.skeleton, result.drivers
-    if (target_legs := tree_legs(target)) is None:
-        raise CheckError("the target has no legs")
-    a, b = (replace(leg, toe=leg.toe if drivers[leg.toe] >= 0 else leg.ankle) for leg in target_legs)
-    c, d = (Leg(*(int(drivers[joint]) for joint in leg.joints)) for leg in (a, b))
-    if min(c.hip, c.ankle, d.hip, d.ankle) < 0:
-        raise CheckError("a leg has no driver")
-    return left_first(result.source.skeleton, (c, d)), left_first(target, (a, b))
-
-
-def left_first(skeleton: Skeleton, legs: Legs) -> Legs:
-    """The legs left before right, by the names of their ankles; unchanged if the names have no side."""
-    return legs[::-1] if LEFT.search(skeleton.names[legs[1].ankle]) else legs
-
-
-def up_of_legs(motion: Motion, legs: Legs) -> Array:
-    """(3,), the axis nearest to the direction from ankles to hips."""
-    hips, ankles = (motion.positions[:, joints] for joints in zip(*((leg.hip, leg.ankle) for leg in legs), strict=True))
-    return axis_vector(nearest_axis((hips - ankles).mean(axis=(0, 1)))[0])
-
-
-def trunk(motion: Motion, legs: Legs, head: int) -> Array:
-    """(frames, 3), the vector from the middle of the hip joints to the head."""
-    return np.asarray(motion.positions[:, head] - motion.positions[:, [leg.hip for leg in legs]].mean(axis=1))
-
-
-def lowest(motion: Motion, legs: Legs, up: Array) -> Array:
+def lowest(motion: Motion, body: Body, up: Array) -> Array:
     """(frames,), the height of the lowest ankle or toe."""
-    feet = [joint for leg in legs for joint in (leg.ankle, leg.toe)]
+    feet = [joint for leg in body.legs or () for joint in (leg.ankle, leg.toe)]
     return np.asarray((motion.positions[:, feet] @ up).min(axis=1))
-
-
-def facing(motion: Motion, legs: Legs, up: Array) -> Array:
-    """(frames, 3), the horizontal direction in which the hips face, square to the line between the hip joints."""
-    left, right = legs
-    return np.asarray(np.cross(motion.positions[:, left.hip] - motion.positions[:, right.hip], up))
 
 
 def draw_sheet(path: Path, sources: dict[str, Motion], runs: dict[str, list[Run]]) -> None:
