@@ -20,7 +20,6 @@ from pathlib import Path
 import click
 import numpy as np
 from edits import ARMS_AND_LEGS, edited
-from tables import several
 
 from distretarget import DistretargetError, Motion, read_bvh
 from distretarget.io.target_file import skeleton_to_json
@@ -29,7 +28,7 @@ VERDICTS = ("ok", "refused", "FAILED")
 
 
 def outcome(path: Path, name: str) -> tuple[str, str]:
-    """Run the command line on a file; its verdict, by exit status, messages and output, and the text after it."""
+    """Run the command line on a file; the verdict, by exit status, messages and output, and the text after it."""
     try:
         motion = read_bvh(path)
     except DistretargetError:
@@ -43,13 +42,17 @@ def outcome(path: Path, name: str) -> tuple[str, str]:
         started = time.perf_counter()
         done = subprocess.run([*command, "--json", figures], capture_output=True, text=True, timeout=600)
         seconds = time.perf_counter() - started
-        if done.returncode != 0:
-            return _refusal(done, output, path, name)
+        line = done.stderr.strip()
+        if done.returncode != 0:  # a refusal has status 1, one line that names the file, and no output
+            one_line = "\n" not in line and line.startswith(f"distretarget: {path}:")
+            if done.returncode == 1 and one_line and not done.stdout and not output.exists():
+                return "refused", line.removeprefix("distretarget: ").replace(str(path), name)
+            return "FAILED", f"{name}: status {done.returncode}: {(line.splitlines() or [''])[-1]}"
         if fault := _fault(motion, output):
             return "FAILED", f"{name}: {fault}"
         frames = json.loads(figures.read_text())["frames"]
-        stresses = several([1e3 * np.mean(frames[key]) for key in ("stress_copy", "stress")], "8.2f")
-        return "ok", f"{len(frames['stress']):6d} frames {seconds:6.2f} s  {stresses}   {name}"
+        copy, result = (1e3 * np.mean(frames[key]) for key in ("stress_copy", "stress"))
+        return "ok", f"{len(frames['stress']):6d} frames {seconds:6.2f} s  {copy:8.2f} / {result:8.2f}   {name}"
 
 
 def _fault(source: Motion | None, output: Path) -> str:
@@ -60,20 +63,8 @@ def _fault(source: Motion | None, output: Path) -> str:
         written = read_bvh(output)
     except DistretargetError as error:
         return str(error)
-    if len(written) != len(source):
-        return f"{len(written)} frames written, {len(source)} expected"
-    if written.frame_time_text != source.frame_time_text:
-        return f"frame time {written.frame_time_text} written, {source.frame_time_text} expected"
-    return ""
-
-
-def _refusal(done: subprocess.CompletedProcess[str], output: Path, path: Path, name: str) -> tuple[str, str]:
-    """Judge a run that failed: a refusal has exit status 1, one error line that names the file, and no output."""
-    line = done.stderr.strip()
-    one_line = "\n" not in line and line.startswith(f"distretarget: {path}:")
-    if done.returncode == 1 and one_line and not done.stdout and not output.exists():
-        return "refused", line.removeprefix("distretarget: ").replace(str(path), name)
-    return "FAILED", f"{name}: status {done.returncode}: {(line.splitlines() or [''])[-1]}"
+    found, expected = ((len(each), each.frame_time_text) for each in (written, source))
+    return "" if found == expected else f"frames and frame time {found} written, {expected} expected"
 
 
 @click.command(help=__doc__)

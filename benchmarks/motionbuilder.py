@@ -4,12 +4,12 @@
 
 The CMU clips exist in two conversions: on the performers' own skeletons (folder cmu_mb), and retargeted by
 MotionBuilder to the Daz figure Aiko 3 (folder cmu_daz), frame for frame. This script retargets each clip of cmu_mb to
-the skeleton of the same clip in cmu_daz, without a joint map or any option. It writes the table into FILE, between the
-lines `<!-- motionbuilder -->` and `<!-- end -->`.
+the skeleton of the same clip in cmu_daz, without a joint map or any option.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from fnmatch import fnmatch
 from pathlib import Path
 
@@ -34,16 +34,17 @@ COLUMNS = (
 )
 
 
-def measure(corpus: Path, clip: str) -> list[str]:
+def measure(corpus: Path, clip: str) -> Iterator[str]:
     """The row of one clip in the table."""
     source, peer = read_bvh(corpus / "cmu_mb" / clip), read_bvh(corpus / "cmu_daz" / clip)
     run = retarget(source, peer.skeleton)
     reference = Reference(run.source, run.matching, run.world.up_vector)
     copy, other, result = (reference.compare(motion) for motion in (run.rotation_copy, peer, run.motion))
-    contact = [BY_KEY["contact_error"].of_clip(one.tracks) or 0.0 for one in (copy, other, result)]
-    slide = [BY_KEY["slide"].of_clip(one) or 0.0 for one in (result.source_tracks, other.tracks, result.tracks)]
-    apart = [f"{directions(peer, motion, run.drivers).mean():.1f}" for motion in (run.rotation_copy, run.motion)]
-    return [clip, str(len(source)), *apart, several(contact, ".4f"), several(slide, ".3f")]
+    yield from (clip, str(len(source)))
+    yield from (f"{directions(peer, motion, run.drivers).mean():.1f}" for motion in (run.rotation_copy, run.motion))
+    yield several([BY_KEY["contact_error"].of_clip(one.tracks) or 0.0 for one in (copy, other, result)], ".4f")
+    tracks = result.source_tracks, other.tracks, result.tracks
+    yield several([BY_KEY["slide"].of_clip(one) or 0.0 for one in tracks], ".3f")
 
 
 def directions(a: Motion, b: Motion, drivers: NDArray[np.intp]) -> NDArray[np.float64]:
@@ -51,10 +52,9 @@ def directions(a: Motion, b: Motion, drivers: NDArray[np.intp]) -> NDArray[np.fl
     joints have a driver.
     """
     skeleton = a.skeleton
-    lower = np.arange(1, len(skeleton))
-    upper = skeleton.parents[1:]
-    driven = (drivers[lower] >= 0) & (drivers[upper] >= 0) & (skeleton.lengths[1:] > 0)
-    one, other = (motion.positions[:, lower[driven]] - motion.positions[:, upper[driven]] for motion in (a, b))
+    lower = np.flatnonzero((drivers >= 0) & (drivers[skeleton.parents] >= 0) & (skeleton.lengths > 0))
+    lower = lower[lower > 0]
+    one, other = (motion.positions[:, lower] - motion.positions[:, skeleton.parents[lower]] for motion in (a, b))
     return np.degrees(angles_between(one, other))
 
 
@@ -64,9 +64,9 @@ def directions(a: Motion, b: Motion, drivers: NDArray[np.intp]) -> NDArray[np.fl
 @click.option("--only", default="*", help="Only clips whose names match.")
 def main(corpus: Path, page: Path | None, only: str) -> None:
     """Print the table; write it into the page if one is given."""
-    clips = sorted({path.name for path in (corpus / "cmu_mb").glob("*.bvh") if fnmatch(path.name, only)})
-    both = [clip for clip in clips if (corpus / "cmu_daz" / clip).exists()]
-    publish({"motionbuilder": table(COLUMNS, (measure(corpus, clip) for clip in both))}, page)
+    names = ({path.name for path in (corpus / folder).glob("*.bvh")} for folder in ("cmu_mb", "cmu_daz"))
+    clips = sorted(clip for clip in set.intersection(*names) if fnmatch(clip, only))
+    publish({"motionbuilder": table(COLUMNS, (measure(corpus, clip) for clip in clips))}, page)
 
 
 if __name__ == "__main__":
