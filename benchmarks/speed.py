@@ -76,12 +76,8 @@ def contestant(clip: Path, target: str, name: str) -> Contestant:
         return Contestant(_file_runs(clip, source, body)[name])
     if name in OBJECTIVE_OF:
         return Contestant(lambda: retarget(source, body, Options(objective=OBJECTIVE_OF[name])).motion.positions)
-    result = retarget(source, body)
-    if name == GMR:
-        gmr = Gmr(result)
-        return Contestant(gmr.solve, gmr.miss)
-    peer = InverseKinematics(result)
-    return Contestant(lambda: peer.solve(STEPS[name]), peer.miss)
+    peer = (Gmr if name == GMR else InverseKinematics)(retarget(source, body))
+    return Contestant(lambda: peer.solve(STEPS.get(name, 0)), peer.miss)
 
 
 def _file_runs(clip: Path, source: Motion, body: Skeleton) -> dict[str, Callable[[], object]]:
