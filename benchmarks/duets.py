@@ -24,17 +24,10 @@ from distretarget.measure.scene_gaps import body_part, measure_gap
 
 PAIRS = (("its own", "child"), ("H", "its own"), ("H", "child"))  # bodies of lead and follower
 COLUMNS = (
-    "take, bodies",
-    "frames that touch",
-    "gap, % of leg: source / rotation copy / each alone / scene",
-    "gap in the world, scene over source",
-    "slide of feet (source, strides as in this world)",
-    "foot height, % of leg",
-    "jerk / copy's",
-    "turn, degrees",
-    "snaps",
-    "unsolved",
-    "speed against each alone, processor time",
+    "take, bodies | frames that touch | gap, % of leg: source / rotation copy / each alone / scene | "
+    "gap in the world, scene over source | slide of feet (source, strides as in this world) | "
+    "foot height, % of leg | jerk / copy's | turn, degrees | snaps | unsolved | "
+    "speed against each alone, processor time"
 )
 
 

@@ -25,12 +25,8 @@ from distretarget.measure.metrics import Reference
 from distretarget.numerics.vectors import angles_between
 
 COLUMNS = (
-    "clip",
-    "frames",
-    "direction, copy and MotionBuilder, degrees",
-    "direction, result and MotionBuilder",
-    "contact error, copy / MotionBuilder / result",
-    "slide, source / MotionBuilder / result",
+    "clip | frames | direction, copy and MotionBuilder, degrees | direction, result and MotionBuilder | "
+    "contact error, copy / MotionBuilder / result | slide, source / MotionBuilder / result"
 )
 
 

@@ -69,16 +69,8 @@ def checks_table() -> str:
 # ---- the walking posture after each edit: what the paper's solver finds, and what becomes of it on exact bones
 
 EDITS_HEAD = (
-    "edit",
-    "sigma, start",
-    "sigma, end",
-    "iterations",
-    "evaluations",
-    "bone error, mean / largest, %",
-    "distance error, start / end",
-    "sigma off L-BFGS-B's",
-    "time, ms",
-    "L-BFGS-B, ms",
+    "edit | sigma, start | sigma, end | iterations | evaluations | bone error, mean / largest, % | "
+    "distance error, start / end | sigma off L-BFGS-B's | time, ms | L-BFGS-B, ms"
 )
 
 
@@ -109,11 +101,8 @@ def _time(solution: Callable[[], object]) -> float:
 
 
 METHODS_HEAD = (
-    "edit",
-    "sigma: copy / points / exact bones / contact",
-    "largest bone error, %",
-    "direction error, degrees",
-    "contact error in the walk: copy / exact bones / contact",
+    "edit | sigma: copy / points / exact bones / contact | largest bone error, % | direction error, degrees | "
+    "contact error in the walk: copy / exact bones / contact"
 )
 
 
@@ -207,7 +196,7 @@ def stress_terms(one: Case, points: Array) -> Array:
 
 # ---- what start, tolerance and eta do to the iterations of the solver, and to the minimum it ends in; means
 
-STARTS_HEAD = ("start", "iterations: walk / turn", "sigma, end", "in a higher minimum, %", "mirrored, %")
+STARTS_HEAD = "start | iterations: walk / turn | sigma, end | in a higher minimum, % | mirrored, %"
 
 
 def start_cells(start: str) -> list[str]:
@@ -226,7 +215,7 @@ def start_cells(start: str) -> list[str]:
     ]
 
 
-TOLERANCES_HEAD = ("tolerance, body sizes", "iterations", "sigma above the minimum's, %", "points off, mm")
+TOLERANCES_HEAD = "tolerance, body sizes | iterations | sigma above the minimum's, % | points off, mm"
 
 
 def tolerance_rows() -> Iterator[list[str]]:
@@ -241,7 +230,7 @@ def tolerance_rows() -> Iterator[list[str]]:
         yield [f"{tolerance:.0e}", f"{count:.0f}", f"{100 * left:.2g}", f"{1e3 * off:.2g}"]
 
 
-ETAS_HEAD = ("eta", "iterations", "evaluations", "in a higher minimum, %", "frames not solved")
+ETAS_HEAD = "eta | iterations | evaluations | in a higher minimum, % | frames not solved"
 
 
 def eta_cells(eta: float) -> list[str]:
@@ -259,18 +248,13 @@ def eta_cells(eta: float) -> list[str]:
 # ---- whole motions, which the paper leaves to future work
 
 MOTIONS_HEAD = (
-    "clip",
-    "sigma: copy / points / exact bones",
-    "contact error: copy / exact bones / contact",
-    "direction error, degrees: copy / exact bones / contact",
-    "jerk over copy's: exact bones / contact",
-    "slide: source / copy / exact bones / contact",
+    "clip | sigma: copy / points / exact bones | contact error: copy / exact bones / contact | "
+    "direction error, degrees: copy / exact bones / contact | jerk over copy's: exact bones / contact | "
+    "slide: source / copy / exact bones / contact"
 )
 SOLVING_HEAD = (
-    "clip",
-    "iterations a frame: points / exact bones / contact",
-    "not converged, %",
-    "points mirrored, %: from the copy / from the frame before",
+    "clip | iterations a frame: points / exact bones / contact | not converged, % | "
+    "points mirrored, %: from the copy / from the frame before"
 )
 MOTION_FORMS = (".1f", ".3f", ".1f", ".1f", ".2f", ".0f", ".1f", ".0f")
 

@@ -196,8 +196,10 @@ def summary_table(rows: list[Row]) -> str:
 def clip_table(rows: list[Row]) -> str:
     """A table with a line for each clip and target."""
     methods = list(dict.fromkeys(row.method for row in rows))
-    head = ["clip", "target", "contact pairs", "contact error", "direction error", "jerk against rotation copy's"]
-    head.append("paper's written / free stress")
+    head = (
+        "clip | target | contact pairs | contact error | direction error | jerk against rotation copy's | "
+        "paper's written / free stress"
+    )
     lines = (_cells(rows[first : first + len(methods)]) for first in range(0, len(rows), len(methods)))
     note = f"Contact error (D), direction error (degrees) and jerk are those of {' / '.join(methods)}."
     return f"{note}\n\n{table(head, lines)}"

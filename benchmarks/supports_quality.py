@@ -28,14 +28,9 @@ BODIES = ("child", "H")
 FRAMES = 1500  # of each clip
 TURNS = 30.0  # a joint that turns by this much more than the source's between two frames at 60 fps [degrees]
 COLUMNS = (
-    "run; rotation copy / feet alone / supports",
-    "height of supports, % of leg (largest)",
-    "slide of supports, legs/s (source)",
-    "slide of feet (source)",
-    "foot height",
-    "direction error, degrees",
-    "jerk / copy's",
-    "turn, degrees",
+    "run; rotation copy / feet alone / supports | height of supports, % of leg (largest) | "
+    "slide of supports, legs/s (source) | slide of feet (source) | foot height | direction error, degrees | "
+    "jerk / copy's | turn, degrees"
 )
 
 

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 
-def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """A Markdown table."""
-    head = list(head)
+def table(head: str | Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """A Markdown table; its head may be given as in Markdown, with ` | ` between the cells."""
+    head = head.split(" | ") if isinstance(head, str) else list(head)
     lines = [f"| {' | '.join(cells)} |\n" for cells in (head, *rows)]
     lines.insert(1, f"|{'---|' * len(head)}\n")
     return "".join(lines)
