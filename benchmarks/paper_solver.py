@@ -42,12 +42,7 @@ class Stress(NamedTuple):
 
 
 class Task(NamedTuple):
-    """One posture to solve.
-
-    Attributes:
-        start: (3, columns), about its centroid [body sizes].
-        stress: of the posture.
-    """
+    """One posture to solve: a start about its centroid, (3, columns) [body sizes], and the stress."""
 
     start: Array
     stress: Stress
@@ -60,7 +55,7 @@ class Task(NamedTuple):
 
     @property
     def filled(self) -> Task:
-        """The same as the solver takes it."""
+        """The task padded to the width that the solver takes."""
         return Task(filled(self.start), Stress(*map(filled, self.stress)))
 
 
@@ -125,18 +120,13 @@ def _noise(case: Case, t: int, deviation: float) -> Array:
     return deviation * case.problem.body_size * np.random.default_rng(t).normal(size=case.copy[t].shape)
 
 
-def from_copy(case: Case, t: int, _before: Array) -> Array:
-    """The rotation copy."""
-    return case.copy[t]
-
-
 def from_before_moved(case: Case, t: int, before: Array) -> Array:
     """The posture solved for the frame before, each joint moved as the rotation copy moves."""
     return before + case.copy[t] - case.copy[t - 1] if t else case.copy[t]
 
 
 STARTS: dict[str, Start] = {
-    "rotation copy": from_copy,
+    "rotation copy": lambda case, t, _before: case.copy[t],
     "source's posture": lambda case, t, _before: case.source.positions[t],
     "frame before": lambda case, t, before: before if t else case.copy[t],
     "frame before, moved as the copy": from_before_moved,
@@ -184,18 +174,7 @@ def solved_from(start: str, edit: str, clip: str = "walk") -> Solved:
     return solve_all(case(edit, clip), STARTS[start])
 
 
-@cache
-def solved_with(eta: float, edit: str) -> Solved:
-    """The walk after an edit, solved from the rotation copy with this eta."""
-    return solve_all(case(edit), from_copy, eta=eta) if eta != ETA else solved_from("rotation copy", edit)
-
-
-@cache
-def least_sigma(edit: str, clip: str) -> Array:
-    """(frames,), the least sigma that any start leads to [m^2]."""
-    return np.min([solved_from(start, edit, clip).sigma for start in STARTS], axis=0)
-
-
 def elsewhere(solved: Solved, edit: str, clip: str = "walk") -> float:
-    """The share of frames that end in a minimum higher than the least known."""
-    return float((solved.sigma > HIGHER * least_sigma(edit, clip)).mean())
+    """The share of frames that end in a minimum higher than the least to which any start leads."""
+    least = np.min([solved_from(start, edit, clip).sigma for start in STARTS], axis=0)
+    return float((solved.sigma > HIGHER * least).mean())
