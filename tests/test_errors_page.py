@@ -1,7 +1,7 @@
 """The page of messages has every message of the source, and what helps."""
 
 import make_errors
-from told_errors import CURES, NOT_MESSAGES
+from make_errors import CURES, NOT_MESSAGES
 
 from distretarget.io.files import REASONS
 

@@ -6,18 +6,20 @@ python tools/make_errors.py
 from __future__ import annotations
 
 import ast
+import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from tables import table
-from told_errors import CURES, NOT_MESSAGES
 
 from distretarget.io.files import REASONS
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "distretarget"
 PAGE = ROOT / "docs" / "errors.md"
+TOLD = tomllib.loads((ROOT / "tools" / "cures.toml").read_text("utf-8"))
+CURES, NOT_MESSAGES = TOLD["cures"], set(TOLD["not_messages"])
 GAP = "…"  # stands for what differs from message to message
 SAYING = {"refuse": 1, "error": 0, "fail": 0, "expected": 0}  # methods that raise, and their argument with the text
 BEFORE = {"refuse": f"found {GAP}, expected ", "expected": "expected "}  # what they put before it
@@ -49,7 +51,7 @@ class Message:
 
     @property
     def cause_and_cure(self) -> tuple[str, str]:
-        """The cause, and what helps: by `told_errors`, or else the second half of the message itself."""
+        """The cause, and what helps: by `cures.toml`, or else the second half of the message itself."""
         if self.text in CURES:
             return self.text, CURES[self.text]
         for mark in ("; ", ", expected "):
@@ -58,7 +60,7 @@ class Message:
                 return cause, cure
         if self.text.startswith("expected "):
             return f"found {GAP}", self.text.removeprefix("expected ").replace(f", found {GAP}", "")
-        raise SystemExit(f"tools/told_errors.py says nothing of {self.text!r} in {self.file}")
+        raise SystemExit(f"tools/cures.toml says nothing of {self.text!r} in {self.file}")
 
 
 def messages() -> list[Message]:

@@ -1,14 +1,17 @@
 """The zoo: bodies of many shapes, with every trait that rigs of people have been seen to have.
 
-`member("mouse")` is the skeleton of one body, `MEMBERS` the table of all. Every body starts as an adult in T-pose,
+`member("mouse")` is the skeleton of one body, `zoo.toml` the table of all. Every body starts as an adult in T-pose,
 Y up, facing +Z [cm], and gets its traits one after the other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +36,8 @@ from distretarget.body.named_anatomy import by_names
 from distretarget.skeleton import POSITION_CHANNELS
 
 INWARDS = {"left": -1.0, "right": 1.0}  # along X
+TABLES: Mapping[str, Any] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
+BUILDS, FINGERS, HANDS, HANDLES = (TABLES[name] for name in ("builds", "fingers", "hands", "handles"))
 
 
 def roles(skeleton: Skeleton) -> Mapping[str, int]:
@@ -126,18 +131,7 @@ def _on_hips(skeleton: Skeleton) -> Skeleton:
     return replace(body, channels=(skeleton.channels[0], *body.channels[1:]))
 
 
-# ---- builds: factors for the offsets of joints by role without side; "" is the whole body, "crown" the End Site of the
-# head
-
-BUILDS: Mapping[str, Mapping[str, float | tuple[float, float, float]]] = {
-    "child": {"": 0.55, "crown": 1.5, "LowerLeg": 0.85, "Foot": 0.85, "LowerArm": 0.9, "Hand": 0.9},
-    "giant": {"": 3.0, "LowerLeg": 1.15, "Foot": 1.15, "crown": 0.8},
-    "short arms": {"LowerArm": 0.65, "Hand": 0.65},
-    "short legs": {"LowerLeg": 0.55, "Foot": 0.55},
-    "wide hips": {"UpperLeg": (2.0, 1.0, 1.0)},
-    "big head": {"crown": (1.0, 2.5, 1.0)},
-    "thin": {"UpperLeg": (0.5, 1.0, 1.0), "Shoulder": (0.5, 1.0, 1.0), "UpperArm": (0.6, 1.0, 1.0)},
-}
+# ---- builds
 
 
 def with_build(skeleton: Skeleton, build: str) -> Skeleton:
@@ -152,22 +146,8 @@ def with_build(skeleton: Skeleton, build: str) -> Skeleton:
 
 # ---- fingers
 
-FINGERS = {
-    "Thumb": ((2.6, -1.3, 2.7), (0.72, -0.34, 0.6), (4.4, 3.2, 2.6)),
-    "Index": ((9.3, 0.0, 2.7), (1.0, 0.0, 0.06), (4.2, 2.5, 2.2)),
-    "Middle": ((9.4, 0.2, 0.5), (1.0, 0.0, 0.0), (4.6, 2.9, 2.3)),
-    "Ring": ((8.9, 0.1, -1.6), (1.0, 0.0, -0.05), (4.2, 2.7, 2.3)),
-    "Pinky": ((8.2, -0.3, -3.5), (0.99, 0.0, -0.12), (3.3, 2.0, 1.9)),
-}
-"""Of each finger: the offset of the knuckle from the wrist, the direction, and the lengths of the three bones [cm]."""
 FOREARM = 26.6  # the forearm that `FINGERS` fit [cm]
 METACARPAL = 0.3  # where the bone in the palm begins between wrist and knuckle [0 to 1]
-HANDS: Mapping[str, tuple[str, ...]] = {
-    "none": (),
-    "three": ("Thumb", "Index", "Ring"),
-    "five": tuple(FINGERS),
-    "metacarpals": tuple(FINGERS),
-}
 
 
 def with_fingers(skeleton: Skeleton, fingers: str, naming: Naming) -> Skeleton:
@@ -310,15 +290,6 @@ ROOTS: Mapping[str, Callable[[Skeleton, Naming], Skeleton]] = {
 
 TWISTED = {"UpperArm": "LowerArm", "LowerArm": "Hand", "UpperLeg": "LowerLeg", "LowerLeg": "Foot"}
 PANELS = 8  # of the skirt
-HANDLES = {  # of the Unreal rig: the parent, and the role whose place the handle has; none for the root's
-    "ik_foot_root": ("root", ""),
-    "ik_foot_l": ("ik_foot_root", "leftFoot"),
-    "ik_foot_r": ("ik_foot_root", "rightFoot"),
-    "ik_hand_root": ("root", ""),
-    "ik_hand_gun": ("ik_hand_root", "rightHand"),
-    "ik_hand_l": ("ik_hand_gun", "leftHand"),
-    "ik_hand_r": ("ik_hand_gun", "rightHand"),
-}
 
 
 def twist(skeleton: Skeleton, naming: Naming) -> Skeleton:
@@ -396,41 +367,15 @@ class Member:
 
     convention: str
     pose: str = "T"
-    builds: tuple[str, ...] = ()
+    builds: Sequence[str] = ()
     foot: str = "flat"
     fingers: str = "none"
     root: str = "hips"
-    helpers: tuple[str, ...] = ()
+    helpers: Sequence[str] = ()
     up: str = "Y"
 
 
-MEMBERS: Mapping[str, Member] = {
-    "mixamo": Member("mixamo", fingers="five"),
-    "xsens": Member("xsens", "A"),
-    "lafan1": Member("lafan1", "X"),
-    "cmu": Member("cmu"),
-    "bandai": Member("bandai", "A", root="floor"),
-    "unreal": Member("unreal", "A", fingers="metacarpals", root="floor", helpers=("twist", "ik"), up="Z"),
-    "arms_down": Member("xsens", "I"),
-    "heels": Member("xsens", foot="high ankle"),
-    "heel_bones": Member("mixamo", "A", foot="heel bone"),
-    "tiptoe": Member("cmu", foot="toes down"),
-    "no_toes": Member("lafan1", "A", foot="no toe"),
-    "five_toes": Member("unreal", foot="five toes", fingers="five", up="Z"),
-    "three_fingers": Member("cmu", "I", fingers="three"),
-    "twisted": Member("lafan1", helpers=("twist",)),
-    "kimono": Member("bandai", root="floor", helpers=("sleeves", "skirt")),
-    "swordsman": Member("mixamo", "I", fingers="five", helpers=("sword", "hair")),
-    "puppet": Member("lafan1", "A", root="above"),
-    "centre_of_mass": Member("xsens", root="offset child"),
-    "child": Member("mixamo", builds=("child",)),
-    "giant": Member("lafan1", "X", builds=("giant",)),
-    "short_arms": Member("cmu", "A", builds=("short arms",)),
-    "wide_hips": Member("xsens", builds=("wide hips",)),
-    "thin": Member("bandai", "I", builds=("thin",), root="floor"),
-    "mouse": Member("mixamo", builds=("big head", "short legs", "wide hips"), foot="high ankle", fingers="three"),
-    "samurai": Member("unreal", "A", ("giant", "short arms"), "flat", "five", "floor", tuple(HELPERS), up="Z"),
-}
+MEMBERS = {name: Member(**traits) for name, traits in TABLES["members"].items()}
 
 
 @cache
