@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
+from timeit import timeit
 
 import click
 import numpy as np
@@ -28,7 +29,7 @@ from numpy.typing import NDArray
 from skeleton_edits import on_skeleton, with_chain
 from tables import publish, table
 
-from distretarget import Motion, Skeleton, read_bvh, retarget, write_bvh
+from distretarget import Motion, read_bvh, retarget, write_bvh
 
 SAMPLE, CHILD = SAMPLES / "clap.bvh", SAMPLES / "child.json"
 HANDS = ("LeftWrist", "RightWrist")  # of the sample, which clap
@@ -51,9 +52,7 @@ Array = NDArray[np.float64]
 
 
 def with_chains(clip: Motion, count: int, joints: tuple[str, ...]) -> Motion:
-    """The clip on a body with `count` chains of `CHAIN_JOINTS` joints more on each of some joints, which do not turn
-    against these.
-    """
+    """The clip on a body with `count` more chains of `CHAIN_JOINTS` joints on each of some joints, stiff as rods."""
     body, draw = clip.skeleton, np.random.default_rng(1)
     for name in joints:
         number = clip.skeleton.index(name)
@@ -67,18 +66,14 @@ def with_chains(clip: Motion, count: int, joints: tuple[str, ...]) -> Motion:
 
 
 def alternating(runs: list[Callable[[], object]], rounds: int, clock: Callable[[], float] = time.process_time) -> Array:
-    """(rounds, runs), the seconds that each takes, after a run that is not counted."""
-
-    def seconds(run: Callable[[], object]) -> float:
-        started = clock()
-        run()
-        return clock() - started
-
-    return np.array([[seconds(run) for run in runs] for _ in range(1 + rounds)])[1:]
+    """(rounds, runs), the seconds that each takes, after a round that is not counted."""
+    return np.array([[timeit(run, timer=clock, number=1) for run in runs] for _ in range(1 + rounds)])[1:]
 
 
 def joint_lines(corpus: Path, rounds: int) -> Iterator[Line]:
-    """What joints cost."""
+    """What joints cost: fingers, and the exponents in joints from one body with chains to the next, and from the first
+    to the last.
+    """
     clips = [read_bvh(corpus / name) for name in ("cmu_daz/14_04.bvh", "cmu_mb/12_01.bvh")]
     runs = [partial(retarget, clip, edited(clip.rigid_skeleton, TARGETS["H"])) for clip in clips]
     times = alternating(runs, rounds) / [len(clip) for clip in clips]
@@ -86,25 +81,16 @@ def joint_lines(corpus: Path, rounds: int) -> Iterator[Line]:
     what = f"{fingers} joints, fingers and hands together, over {none}: frames/s"
     yield _line(what, times[:, 1] / times[:, 0])
     for what, joints in (("chains that nothing touches", ("Head", "Hips")), ("hands full of chains meet", HANDS)):
-        count, found = exponents(joints, rounds)
-        for step, values in zip([*pairwise(count), (count[0], count[-1])], found.T, strict=True):
-            yield _line(f"exponent in joints, {what}, {step[0]} to {step[1]}", values)
-
-
-def exponents(joints: tuple[str, ...], rounds: int) -> tuple[NDArray[np.intp], Array]:
-    """The joints of the bodies with chains, and for each round the exponents in them from one body to the next, and
-    from the first to the last.
-    """
-    clips = [with_chains(read_bvh(SAMPLE), count, joints) for count in CHAINS]
-    count = np.array([len(clip.skeleton) for clip in clips])
-    times = alternating([partial(retarget, clip, _with_long_forearms(clip.skeleton)) for clip in clips], rounds)
-    steps = np.diff(np.log(times), axis=1) / np.diff(np.log(count))
-    whole = np.log(times[:, -1:] / times[:, :1]) / np.log(count[-1] / count[0])
-    return count, np.concatenate([steps, whole], axis=1)
-
-
-def _with_long_forearms(body: Skeleton) -> Skeleton:
-    return body.with_lengths(body.lengths * np.where(np.isin(body.names, HANDS), 1.3, 1.0))
+        clips = [with_chains(read_bvh(SAMPLE), count, joints) for count in CHAINS]
+        runs = []
+        for clip in clips:
+            long_forearms = clip.skeleton.lengths * np.where(np.isin(clip.skeleton.names, HANDS), 1.3, 1.0)
+            runs.append(partial(retarget, clip, clip.skeleton.with_lengths(long_forearms)))
+        times = alternating(runs, rounds)
+        for a, b in [*pairwise(range(len(clips))), (0, -1)]:
+            before, after = len(clips[a].skeleton), len(clips[b].skeleton)
+            exponents = np.log(times[:, b] / times[:, a]) / np.log(after / before)
+            yield _line(f"exponent in joints, {what}, {before} to {after}", exponents)
 
 
 def core_line(corpus: Path, rounds: int) -> Line:
@@ -181,7 +167,7 @@ def main(corpus: Path, page: Path | None, rounds: int) -> None:
         folder = Path(name)
         lines = [*joint_lines(corpus, rounds), core_line(corpus, rounds)]
         lines += [*start_lines(corpus, folder, rounds), memory_line(corpus, folder)]
-    publish({"scaling": table(["", "median", "least to largest"], lines)}, page)
+    publish({"scaling": table(" | median | least to largest", lines)}, page)
 
 
 if __name__ == "__main__":

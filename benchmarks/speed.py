@@ -101,24 +101,21 @@ def _file_runs(clip: Path, source: Motion, body: Skeleton) -> dict[str, Callable
     }
 
 
-def _prepare(clip: Path, target: str, name: str) -> None:
-    """Prepare a contestant in its process."""
-    _worker[name] = contestant(clip, target, name)
+def _prepared(clip: Path, target: str, name: str) -> str:
+    """Prepare a contestant in its process, and run it once; its miss."""
+    run, miss = _worker[name] = contestant(clip, target, name)
+    return f"{miss(run()):.2f}" if miss else ""
 
 
 def _seconds(name: str) -> float:
     """Processor seconds of a run, the mean over runs that follow each other."""
-    _worker[name].run()
+    run = _worker[name].run
+    run()
     started, runs, spent = time.process_time(), 0, 0.0
     while spent < LEAST_SECONDS:
-        _worker[name].run()
+        run()
         runs, spent = runs + 1, time.process_time() - started
     return spent / runs
-
-
-def _miss(name: str) -> str:
-    contestant = _worker[name]
-    return f"{contestant.miss(contestant.run()):.2f}" if contestant.miss else ""
 
 
 def measure(clip: Path, target: str, rounds: int, names: Sequence[str]) -> tuple[Times, dict[str, str]]:
@@ -127,13 +124,10 @@ def measure(clip: Path, target: str, rounds: int, names: Sequence[str]) -> tuple
     Each runs in a separate process: in a shared one, each run slows the next.
     """
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
-    context = get_context("spawn")
     with ExitStack() as stack:
-        workers = {
-            name: stack.enter_context(ProcessPoolExecutor(1, context, _prepare, (clip, target, name))) for name in names
-        }
-        misses = {name: worker.submit(_miss, name).result() for name, worker in workers.items()}
-        seconds = [[workers[name].submit(_seconds, name).result() for name in names] for _ in range(rounds)]
+        pools = {name: stack.enter_context(ProcessPoolExecutor(1, get_context("spawn"))) for name in names}
+        misses = {name: pool.submit(_prepared, clip, target, name).result() for name, pool in pools.items()}
+        seconds = [[pool.submit(_seconds, name).result() for name, pool in pools.items()] for _ in range(rounds)]
     return dict(zip(names, np.transpose(seconds), strict=True)), misses
 
 
@@ -176,11 +170,11 @@ def main(clip: Path, page: Path | None, target: str, rounds: int) -> None:
         write_bvh(long, back_and_forth(source, LONG))
         of_files, _ = measure(long, target, rounds, LONG_CLIP)
     print(f"{clip.name} on {target}, {len(source)} frames, {len(source.skeleton)} joints\n")
-    head = ["", "frames/s, median", "slowest to fastest"]
+    head = " | frames/s, median | slowest to fastest"
     clip_rows = ([*cells, misses[cells[0]]] for cells in rows(len(source), seconds))
     tables = {
-        "speed": table([*head, "time over contact's", "miss of hands, feet and hips, % of leg"], clip_rows),
-        "files": table([*head, "time over distretarget's"], rows(LONG, of_files)),
+        "speed": table(f"{head} | time over contact's | miss of hands, feet and hips, % of leg", clip_rows),
+        "files": table(f"{head} | time over distretarget's", rows(LONG, of_files)),
     }
     publish(tables, page)
     if page:
