@@ -58,7 +58,7 @@ def draw_walk(path: Path) -> None:
         ("paper, exact bones", one.paper.motion),
         ("contact", one.contact.motion),
     ]
-    write_strip(path, rows, STEPS, view="side", same_scale=True)
+    write_strip(path, rows, STEPS, "side")
 
 
 def figure(skeleton: Skeleton, points: NDArray[np.float64]) -> Cell:

@@ -41,7 +41,7 @@ def draw(path: Path, corpus: Path, clip: str, target: str, frames: tuple[int, ..
             ("contact", contact.motion),
         ]
         turn = facing(source, Body.of_motion(source), frames[0])
-        write_strip(path, rows, frames, view=view, turn=turn, same_scale=True)
+        write_strip(path, rows, frames, view, turn)
 
 
 @click.command(help=__doc__)

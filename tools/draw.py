@@ -42,6 +42,7 @@ STILL_COLOURS, MOVING_COLOURS = 64, 32  # of a picture, of all frames together; 
 MARGIN = np.array([0.08, 0.15])  # around a figure, across and upward [body heights]
 
 Array = NDArray[np.float64]
+Turn = Rotation | None
 
 
 class Camera(NamedTuple):
@@ -69,13 +70,8 @@ VIEWS = {"front": Camera(0.0, 10.0), "side": Camera(90.0, 10.0), "three-quarter"
 
 @dataclass(frozen=True)
 class Cell:
-    """One stick figure.
-
-    Attributes:
-        skeleton: parents and names of the joints.
-        points: (joints, 3), Y up, in body heights, the origin on the floor below the body.
-        ground: (3,), where in the world the origin is [body heights].
-        size: of the body, relative to the height that counts as 1.
+    """One stick figure: points (joints, 3), Y up, the origin on the floor below the body; where the origin is in the
+    world, (3,), both in body heights; and the size of the body, relative to that height.
     """
 
     skeleton: Skeleton
@@ -98,20 +94,12 @@ def facing(motion: Motion, body: Body, frame: int) -> Rotation:
 
 
 def cells(
-    motion: Motion,
-    frames: Sequence[int],
-    size: float | None = None,
-    floor: float | None = None,
-    turn: Rotation | None = None,
+    motion: Motion, frames: Sequence[int], size: float | None = None, floor: float | None = None, turn: Turn = None
 ) -> list[Cell]:
     """Frames as figures, each moved to the origin; all by one vector if the motion stays on the spot.
 
-    Args:
-        motion: the motion.
-        frames: their numbers.
-        size: by which lengths are divided; by default the height of the body.
-        floor: its height [file units]; by default that of the lowest joint of all frames.
-        turn: of the whole motion; by default it turns the skeleton's up axis to Y.
+    Lengths are divided by `size`, by default the height of the body; the floor's height [file units] is by default that
+    of the lowest joint of all frames; `turn` turns the whole motion, by default the skeleton's up axis to Y.
     """
     height = body_height(motion.skeleton)
     size = size or height
@@ -127,7 +115,7 @@ def cells(
     ]
 
 
-def figures_of(result: RetargetResult, frames: Sequence[int], turn: Rotation | None = None) -> list[list[Cell]]:
+def figures_of(result: RetargetResult, frames: Sequence[int], turn: Turn = None) -> list[list[Cell]]:
     """Frames of source, rotation copy and result, equally tall, on the source's floor at the scale of each."""
     source, target = result.matching.source, result.matching.target
     floor = source.lowest(result.world.up_vector)
@@ -139,12 +127,7 @@ def figures_of(result: RetargetResult, frames: Sequence[int], turn: Rotation | N
 
 
 def body_cells(
-    motion: Motion,
-    body: Body,
-    frames: Sequence[int],
-    floor: float | None = None,
-    turn: Rotation | None = None,
-    size: float | None = None,
+    motion: Motion, body: Body, frames: Sequence[int], floor: float | None = None, turn: Turn = None, size: float = 0.0
 ) -> list[Cell]:
     """Frames of a body of height 1, without root on the floor, IK handles, props and cloth; arguments as in `cells`."""
     shown = np.flatnonzero(body.regions.of_joint >= 0)
@@ -291,25 +274,12 @@ def write_picture(
 
 
 def write_strip(
-    path: Path,
-    rows: Sequence[tuple[str, Motion]],
-    frames: Sequence[int],
-    *,
-    view: str = "three-quarter",
-    turn: Rotation | None = None,
-    same_scale: bool = False,
+    path: Path, rows: Sequence[tuple[str, Motion]], frames: Sequence[int], view: str, turn: Turn = None
 ) -> None:
-    """Draw a row for each motion, of which a label is given, with its frames from left to right.
-
-    Args:
-        path: of the picture.
-        rows: label and motion of each row.
-        frames: their numbers.
-        view: one of `VIEWS`.
-        turn: of all motions; by default it turns their up axes to Y.
-        same_scale: keep the relative sizes of the bodies; otherwise all are drawn equally tall.
+    """Draw a row for each label and motion, with frames from left to right, all in the same scale, seen in one of
+    `VIEWS`; `turn` turns all motions, by default their up axes to Y.
     """
-    size = tallest(motion for _, motion in rows) if same_scale else None
+    size = tallest(motion for _, motion in rows)
     scenes = [cells(motion, frames, size, turn=turn) for _, motion in rows]
     labels = [[f"frame {frame}" for frame in frames]] * len(rows)
     write_picture(path, scenes, [label for label, _ in rows], labels, VIEWS[view])
@@ -319,23 +289,17 @@ def write_loop(
     path: Path,
     labels: Sequence[str],
     columns: Sequence[Sequence[Cell]],
-    duration: float,
-    camera: Camera,
+    seconds: float,
+    view: str,
     dpi: int,
     still: int,
 ) -> None:
     """Write a GIF that repeats for ever, and the scene with the number `still` as a PNG of the same size.
 
-    Args:
-        path: of the GIF.
-        labels: from left to right, equally many columns for each.
-        columns: figures that change in place, from left to right: of each, a cell for every scene.
-        duration: of each scene [s].
-        camera: the view.
-        dpi: pixels per inch, where a body is 2.3 inches tall.
-        still: the number of a scene.
+    A column is a figure that changes in place: a cell for every scene, each shown for some seconds. Labels are from
+    left to right, equally many columns for each. A body is 2.3 inches tall.
     """
-    stage = Stage.around(columns, camera)
+    stage = Stage.around(columns, VIEWS[view])
     images = []
     for scene in zip(*columns, strict=True):
         figure = stage.figure(len(labels), 1, dpi)
@@ -346,5 +310,5 @@ def write_loop(
     palette = images[0].quantize(MOVING_COLOURS, dither=Image.Dither.NONE)
     first, *others = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
     path.parent.mkdir(parents=True, exist_ok=True)
-    first.save(path, save_all=True, append_images=others, duration=round(1000 * duration), loop=0, optimize=True)
+    first.save(path, save_all=True, append_images=others, duration=round(1000 * seconds), loop=0, optimize=True)
     images[still].quantize(MOVING_COLOURS, dither=Image.Dither.NONE).save(path.with_suffix(".png"), optimize=True)

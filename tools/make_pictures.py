@@ -25,7 +25,7 @@ ROOT = Path(__file__).resolve().parents[1]
 SAMPLES = ROOT / "sample_bvh"
 METHODS = ("source", "copied rotations", "distretarget")
 FRONT_DPI, SHEET_DPI, LOOP_DPI = 170, 70, 105
-FRONT_FRAMES = range(66, 228, 3)  # of the clap: from one meeting of the hands to another, six claps later
+FRONT_FRAMES = (66, 228)  # of the clap: from one meeting of the hands to another, six claps later
 STEP = 3  # frames of a clip from one picture of a loop to the next
 DUET_FRAMES = range(40, 280, 4)
 ACROSS = 5  # bodies in a row of the zoo
@@ -46,9 +46,8 @@ def draw_front_page(path: Path) -> None:
     """Draw a loop of source, rotation copy and result, in the same scale."""
     result = result_of("clap", "long_arms")
     motions = (result.source, result.rotation_copy, result.motion)
-    columns = [cells(motion, FRONT_FRAMES, tallest(motions)) for motion in motions]
-    seconds = FRONT_FRAMES.step * result.source.frame_time
-    write_loop(path, METHODS, columns, seconds, VIEWS["front"], FRONT_DPI, still=0)
+    columns = [cells(motion, range(*FRONT_FRAMES, STEP), tallest(motions)) for motion in motions]
+    write_loop(path, METHODS, columns, STEP * result.source.frame_time, "front", FRONT_DPI, still=0)
 
 
 def draw_samples(path: Path) -> None:
@@ -82,8 +81,7 @@ def draw_clip(path: Path, clip: str, body: str, frames: tuple[int, int], view: s
     """Draw a loop of source, rotation copy and result, equally tall."""
     result = result_of(clip, body)
     columns = figures_of(result, range(*frames, STEP))
-    seconds = STEP * result.source.frame_time
-    write_loop(path, METHODS, columns, seconds, VIEWS[view], LOOP_DPI, still=len(columns[0]) // 2)
+    write_loop(path, METHODS, columns, STEP * result.source.frame_time, view, LOOP_DPI, still=len(columns[0]) // 2)
 
 
 def draw_duet(path: Path) -> None:
@@ -98,7 +96,7 @@ def draw_duet(path: Path) -> None:
     pairs = ([one, other], alone, [result.motion for result in scene.results])
     columns = [column for pair in pairs for column in _together(pair, DUET_FRAMES)]
     seconds = DUET_FRAMES.step * one.frame_time
-    write_loop(path, METHODS, columns, seconds, VIEWS["side"], LOOP_DPI, still=len(DUET_FRAMES) // 2)
+    write_loop(path, METHODS, columns, seconds, "side", LOOP_DPI, still=len(DUET_FRAMES) // 2)
 
 
 def _together(pair: Sequence[Motion], frames: range) -> list[list[Cell]]:

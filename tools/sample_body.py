@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton
+from distretarget.body.axes import axes_of
+from distretarget.numerics.vectors import normalised
 
 FPS = 60
 FRAME_TIME = "0.016667"  # [s], as written in the files
@@ -154,7 +156,7 @@ def turned(pitch: ArrayLike = 0.0, yaw: ArrayLike = 0.0, roll: ArrayLike = 0.0) 
 
 
 def _euler(axes: str, *angles: ArrayLike) -> Rotation:
-    return Rotation.from_euler(axes, np.stack(np.broadcast_arrays(*angles), axis=-1), degrees=True)
+    return Rotation.from_euler(axes, columns(*angles), degrees=True)
 
 
 def part(rotation: Rotation, weight: ArrayLike) -> Rotation:
@@ -167,13 +169,9 @@ def blend(start: Rotation, end: Rotation, weight: ArrayLike) -> Rotation:
     return start * part(start.inv() * end, weight)
 
 
-def unit(vectors: Points) -> Points:
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-
-
 def from_axes(x: Points, y: Points) -> Rotation:
     """The rotation that takes the first two axes to orthogonal unit vectors x and y, (frames, 3)."""
-    return Rotation.from_matrix(np.stack([x, y, np.cross(x, y)], axis=-1))
+    return Rotation.from_matrix(axes_of(x, y))
 
 
 def two_bones(start: Points, end: Points, pole: ArrayLike, upper: float, lower: float) -> tuple[Points, Points, Points]:
@@ -187,9 +185,9 @@ def two_bones(start: Points, end: Points, pole: ArrayLike, upper: float, lower: 
     length = np.linalg.norm(span, axis=1)
     if np.any(length >= upper + lower) or np.any(length <= abs(upper - lower)):
         raise ValueError(f"two bones of {upper} and {lower} cannot span {length.min():.2f} to {length.max():.2f}")
-    along = unit(span)
+    along = normalised(span)
     pole = np.broadcast_to(pole, span.shape)
-    aside = unit(pole - np.sum(pole * along, axis=1, keepdims=True) * along)
+    aside = normalised(pole - np.sum(pole * along, axis=1, keepdims=True) * along)
     cos = ((upper**2 + length**2 - lower**2) / (2 * upper * length))[:, None]
     first = along * cos + aside * np.sqrt(1 - cos**2)
     second = (span - upper * first) / lower
@@ -210,12 +208,7 @@ def within_reach(start: Points, end: Points, length: float) -> Points:
 
 @dataclass(frozen=True)
 class Trunk:
-    """The position of the pelvis, and the local rotations from there to the head.
-
-    Attributes:
-        position: (frames, 3), of the hips.
-        local: rotations of Hips, Chest, Chest2, Chest3, Neck and Head.
-    """
+    """The position of the hips, (frames, 3), and the local rotations of Hips, Chest, Chest2, Chest3, Neck and Head."""
 
     position: Points
     local: Mapping[str, Rotation]
@@ -295,24 +288,20 @@ def shrug(lift: ArrayLike, reach: ArrayLike) -> Rotation:
     return _euler("ZY", lift, np.negative(reach))
 
 
-def raised_shoulder(direction: Points) -> Points:
-    """(frames, 3), the left shoulder in the chest's frame, for an arm in this direction there."""
-    return OFFSET["LeftCollar"] + _collar(direction).apply(OFFSET["LeftShoulder"])
-
-
 def straight_arm(side: str, chest: Place, fingers: Points, reach: float) -> Points:
     """(frames, 3), the wrist of a side whose arm points along `fingers`, unit vectors of the left arm in the chest's
     frame, at `reach` of its length.
     """
     position, rotation = chest
-    return position + rotation.apply(on_side(side, raised_shoulder(fingers) + fingers * reach * ARM_LENGTH))
+    shoulder = OFFSET["LeftCollar"] + _collar(fingers).apply(OFFSET["LeftShoulder"])
+    return position + rotation.apply(on_side(side, shoulder + fingers * reach * ARM_LENGTH))
 
 
 def hand(fingers: ArrayLike, palm: ArrayLike) -> Rotation:
     """The rotation of a left hand with fingers and palm in these directions, (frames, 3) or (3,)."""
-    fingers = unit(np.atleast_2d(np.asarray(fingers, float)))
+    fingers = normalised(np.atleast_2d(np.asarray(fingers, float)))
     palm = np.atleast_2d(np.asarray(palm, float))
-    palm = unit(palm - np.sum(palm * fingers, axis=1, keepdims=True) * fingers)
+    palm = normalised(palm - np.sum(palm * fingers, axis=1, keepdims=True) * fingers)
     return from_axes(fingers, -palm)
 
 
@@ -343,7 +332,7 @@ def aimed_arm(side: str, chest: Place, hand: Place, elbow: ArrayLike) -> Arm:
     """
     chest, (wrist, rotation) = seen_from(side, chest), seen_from(side, hand)
     shoulder = chest[0] + chest[1].apply(OFFSET["LeftCollar"] + OFFSET["LeftShoulder"])
-    collar = _collar(chest[1].inv().apply(unit(wrist - shoulder)))
+    collar = _collar(chest[1].inv().apply(normalised(wrist - shoulder)))
     shoulder = chest[0] + chest[1].apply(OFFSET["LeftCollar"] + collar.apply(OFFSET["LeftShoulder"]))
     wrist = within_reach(shoulder, wrist, ARM_LENGTH)
     return reaching_arm(chest, collar, wrist, on_side(side, elbow), rotation)
@@ -354,14 +343,8 @@ def aimed_arm(side: str, chest: Place, hand: Place, elbow: ArrayLike) -> Arm:
 
 @dataclass(frozen=True)
 class Foot:
-    """Position and rotation of a foot in the world.
-
-    Attributes:
-        ankle: (frames, 3).
-        rotation: of the foot.
-        toe: (frames,), toes bent up against the foot [degrees].
-        knee: (frames, 3) or (3,), the pole vector of the leg; by default between the forward directions of pelvis and
-            foot.
+    """A foot in the world: place of the ankle, (frames, 3), and rotation; how far the toes bend up, (frames,)
+    [degrees]; the pole vector of the leg, (frames, 3) or (3,), by default between forward of pelvis and foot.
     """
 
     ankle: Points
@@ -373,7 +356,7 @@ class Foot:
         """The direction of the knee."""
         if self.knee is not None:
             return self.knee
-        return unit(pelvis.apply(FORWARD) * (1, 0, 1)) + 2 * unit(self.rotation.apply(FORWARD) * (1, 0, 1))
+        return normalised(pelvis.apply(FORWARD) * (1, 0, 1)) + 2 * normalised(self.rotation.apply(FORWARD) * (1, 0, 1))
 
 
 def rolled_ankle(pitch: Points) -> Points:
@@ -382,24 +365,15 @@ def rolled_ankle(pitch: Points) -> Points:
     return pivot - turned(pitch=-pitch).apply(pivot)
 
 
-def _leg(trunk: Trunk, side: str, foot: Foot) -> dict[str, Rotation]:
-    """Local rotations of a leg from hip to foot."""
-    pelvis = trunk.local["Hips"]
-    u, f, axis = two_bones(trunk.hip(side), foot.ankle, foot.pole(pelvis), THIGH, SHANK)
-    thigh, shank = from_axes(axis, -u), from_axes(axis, -f)
-    return {
-        side + "Hip": pelvis.inv() * thigh,
-        side + "Knee": thigh.inv() * shank,
-        side + "Ankle": shank.inv() * foot.rotation,
-        side + "Toe": turned(np.negative(foot.toe)),
-    }
-
-
 def motion(trunk: Trunk, arms: Mapping[str, Arm], feet: Mapping[str, Foot]) -> Motion:
     """The motion of the whole body, from arms and feet by side; the right arm is given mirrored."""
-    local = dict(trunk.local)
+    local, pelvis = dict(trunk.local), trunk.local["Hips"]
     for side in SIDES:
-        local |= _leg(trunk, side, feet[side])
+        foot = feet[side]
+        u, f, axis = two_bones(trunk.hip(side), foot.ankle, foot.pole(pelvis), THIGH, SHANK)
+        thigh, shank = from_axes(axis, -u), from_axes(axis, -f)
+        leg = pelvis.inv() * thigh, thigh.inv() * shank, shank.inv() * foot.rotation, turned(np.negative(foot.toe))
+        local |= zip((f"{side}{name}" for name in ("Hip", "Knee", "Ankle", "Toe")), leg, strict=True)
         local |= {side + name.capitalize(): on_side(side, rotation) for name, rotation in vars(arms[side]).items()}
     rotations = np.tile([0.0, 0.0, 0.0, 1.0], (len(trunk.position), len(SKELETON), 1))
     for name, rotation in local.items():

@@ -42,13 +42,13 @@ from sample_body import (
     swung_arm,
     trunk,
     turned,
-    unit,
     within_reach,
 )
 from sample_motions import hanging_arm, planted_feet
 from scipy.interpolate import make_interp_spline
 
 from distretarget import Motion
+from distretarget.numerics.vectors import normalised
 
 FLOOR, WORLD = "floor", "world"
 CLEARANCE = 1e-6  # a time so near a frame counts as that frame [frames]
@@ -186,7 +186,7 @@ def _wheeling_arm(t: Track, side: str, chest: Place, rest: Rest) -> Arm:
     free = on_side(side, hand(fingers, palm=columns(raised - 1, 0.0, raised)))
     early = Rest(rest.start - 0.08, rest.end + 0.08, rest.place)
     turn = blend(rotation * free, on_side(side, flat_hand(168.0)), early.weight(t, 0.3))
-    wrist = rest.reached(t, straight_arm(side, chest, unit(fingers), 0.94), 0.3)
+    wrist = rest.reached(t, straight_arm(side, chest, normalised(fingers), 0.94), 0.3)
     return aimed_arm(side, chest, (wrist, turn), rotation.apply(on_side(side, outer)))
 
 
@@ -320,10 +320,10 @@ def _crawling_leg(t: Track, hip: Points, below: Points, rests: list[Rest]) -> Fo
     """A leg that kneels, and slides forward with its knee and its foot a little over the floor."""
     lift = sum(bump(t, before.end, after.start) for before, after in pairwise(rests))
     up = columns(0.0, lift, 0.0)
-    knee = hip + THIGH * unit(below + 2.5 * up - hip)
+    knee = hip + THIGH * normalised(below + 2.5 * up - hip)
     level = np.sqrt(SHANK**2 - (INSTEP_HEIGHT - KNEE_HEIGHT) ** 2)
     behind = below + np.array([0.0, INSTEP_HEIGHT - KNEE_HEIGHT, -level])
-    ankle = knee + SHANK * unit(behind + 3.0 * up - knee)
+    ankle = knee + SHANK * normalised(behind + 3.0 * up - knee)
     return Foot(ankle, turned(pitch=INSTEP - 4 * lift), knee=knee - hip)
 
 
@@ -352,7 +352,7 @@ def hand_on_wall() -> Sample:
     pelvis = turned(pitch=3 + 0.5 * lean, yaw=0.3 * aside, roll=0.3 * aside)
     bend = turned(pitch=2 + lean + 0.6 * cosine(t, 3.2), yaw=5 * bump(t, 0.4, 4.6), roll=-0.5 * aside)
     body = trunk(position, pelvis, bend, turned(pitch=4 + lean, yaw=-6 * bump(t, 0.3, 4.7)))
-    rotation, fingers = body.chest()[1], unit(np.array([0.12, -0.98, 0.08]))
+    rotation, fingers = body.chest()[1], normalised(np.array([0.12, -0.98, 0.08]))
     wrist = WALL_HAND.reached(t, straight_arm("Right", body.chest(), fingers, 0.94), 0.75)
     wrist = wrist - columns(0.0, 0.0, 7.0 * (bump(t, 0.25, 1.0) + bump(t, 4.0, 4.75)))
     free = rotation * on_side("Right", hand(fingers, [-1.0, 0.0, 0.0]))
@@ -383,7 +383,7 @@ def kneel() -> Sample:
     knee = Rest(*KNEEL, kneeling_ankle + np.array([0.0, drop, np.sqrt(SHANK**2 - drop**2)]))
     down = knee.weight(t, 1.0, 0.95)
     body = _kneeling_trunk(t, down, knee.place)
-    aim = columns(0.0, 0.0, 1 - down) + down[:, None] * unit(knee.place - body.hip("Right"))
+    aim = columns(0.0, 0.0, 1 - down) + down[:, None] * normalised(knee.place - body.hip("Right"))
     feet = {
         "Left": Foot(stepped(t, left, arc=(0.0, 6.0, 0.0)), turned(-12 * bump(t, 0.5, 0.95), 5.0)),
         "Right": Foot(ankle, turned(pitch=heel), heel, aim),
@@ -466,7 +466,7 @@ def sit() -> Sample:
     body = trunk(position, pelvis, bend, turned(pitch=3 + 14 * stooped, yaw=18 * bump(t, 2.0, 3.3)))
     rotation = body.chest()[1]
     forward = np.radians(4 + 70 * (bump(t, 0.3, 1.9) + bump(t, 3.3, 4.8)))
-    fingers = unit(columns(0.14, -np.cos(forward), np.sin(forward)))
+    fingers = normalised(columns(0.14, -np.cos(forward), np.sin(forward)))
     free = rotation * hand(fingers, [-1.0, 0.0, 0.0])
     turn = blend(free, flat_hand(130.0), Rest(1.75, 3.5, SEAT_HAND.place).weight(t, 0.6))
     wrist = SEAT_HAND.reached(t, straight_arm("Left", body.chest(), fingers, 0.95), 0.75)
