@@ -52,9 +52,8 @@ RIGHT, REFUSED, TRACEBACK, HANG, UNREADABLE = OUTCOMES = (
 )
 LIMIT = 10  # time after which an input counts as one that hangs [s]
 ROUND = 500  # inputs from one seed
-UNCHECKED = settings(
-    database=None, deadline=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
-)  # only generation, however slow
+SLOW = list(HealthCheck)  # only generation, however slow
+UNCHECKED = settings(database=None, deadline=None, phases=[Phase.generate], suppress_health_check=SLOW)
 SAME = 1e-6  # how far positions may be off when they are read back [of the largest coordinate]
 
 texts = st.one_of(
@@ -97,43 +96,30 @@ def read(case: tuple[str, str]) -> None:
     elif kind == "target":
         target = parse_target(text, "target.json")
         if isinstance(target, Target):
-            _same_target(target)
+            written, body = skeleton_to_json(target.skeleton, target.name, target.map), target.skeleton
+            again = _again(lambda: parse_target(written, "again.json")).skeleton
+            if body.keys != again.keys or body.channels != again.channels:
+                raise NotReadBackError("joints or channels")
+            _close(body.offsets, again.offsets, "offsets")
     elif kind == "map":
         pairs = dict(parse_map(text, "map.json").pairs)
         if dict(parse_map(json.dumps(pairs), "again.json").pairs) != pairs:
             raise NotReadBackError("the map")
     else:
-        _read_manifest(text)
-
-
-def _same_target(target: Target) -> None:
-    written = skeleton_to_json(target.skeleton, target.name, target.map)
-    again = _again(lambda: parse_target(written, "again.json"))
-    if target.skeleton.keys != again.skeleton.keys or target.skeleton.channels != again.skeleton.channels:
-        raise NotReadBackError("joints or channels")
-    _close(target.skeleton.offsets, again.skeleton.offsets, "offsets")
-
-
-def _read_manifest(text: str) -> None:
-    with tempfile.TemporaryDirectory() as folder:
-        _write(Path(folder) / "manifest.jsonl", text)
-        tally = Tally(clips=3, seconds=1.0)
-        for record in Manifest(Path(folder), read_only=True).latest([]):
-            tally.add(record)
-        assert tally.lines
+        with tempfile.TemporaryDirectory() as folder:
+            _write(Path(folder) / "manifest.jsonl", text)
+            tally = Tally(clips=3, seconds=1.0)
+            for record in Manifest(Path(folder), read_only=True).latest([]):
+                tally.add(record)
+            assert tally.lines
 
 
 def convert(case: tuple[tuple[str, str], str, dict[str, Any]]) -> None:
     """Retarget a clip, write the result and read that."""
     (source, target), joint_map, options = case
-    options = {key: value for key, value in options.items() if key not in ("jobs", "q")}
-    result = retarget_onto(
-        parse_bvh(source, "clip.bvh"),
-        Text(target, "target"),
-        source="clip.bvh",
-        map_file=parse_map(joint_map, "map.json"),
-        options=Options(**options),
-    )
+    chosen = Options(**{key: value for key, value in options.items() if key not in ("jobs", "q")})
+    clip, pairs = parse_bvh(source, "clip.bvh"), parse_map(joint_map, "map.json")
+    result = retarget_onto(clip, Text(target, "target"), source="clip.bvh", map_file=pairs, options=chosen)
     again = _again(lambda: parse_bvh(format_bvh(result.motion), "again.bvh"))
     _same_motion(result.motion, again)
     if len(again) != len(result.source):

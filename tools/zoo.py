@@ -23,7 +23,6 @@ from skeleton_edits import (
     below_root,
     only,
     places,
-    resized,
     turned_below,
     with_chain,
     with_offset,
@@ -68,8 +67,8 @@ class Naming:
 
     def name(self, pattern: str, side: str, part: str, number: int = 0) -> str:
         """A pattern filled in; `part` is the name without a side, such as "Heel" or "Thumb"."""
-        words = {"Left": side.capitalize(), "L": side[0].upper(), "l": side[0], "Part": part, "part": part.lower()}
-        return pattern.format(**words, number=number)
+        sides = {"Left": side.capitalize(), "L": side[0].upper(), "l": side[0]}
+        return pattern.format(**sides, Part=part, part=part.lower(), number=number)
 
     def limb(self, side: str, part: str) -> str:
         return self.name(self.part, side, part)
@@ -137,10 +136,10 @@ def _on_hips(skeleton: Skeleton) -> Skeleton:
 def with_build(skeleton: Skeleton, build: str) -> Skeleton:
     """The skeleton with the proportions of one of `BUILDS`."""
     joints = roles(skeleton)
-    special = {"": range(len(skeleton)), "crown": skeleton.subtree(joints["head"])[1:]}
+    special = {"": list(range(len(skeleton))), "crown": skeleton.subtree(joints["head"])[1:]}
     for part, factor in BUILDS[build].items():
         scaled = special[part] if part in special else [joints[side + part] for side in SIDES]
-        skeleton = resized(skeleton, scaled, factor)
+        skeleton = with_offset(skeleton, scaled, skeleton.offsets[scaled] * np.asarray(factor))
     return skeleton
 
 
