@@ -24,7 +24,8 @@ CLIPS = [
 LONG = 10_000  # frames of a long clip
 
 corpus_argument = click.argument("corpus", type=Path)
-markdown_option = click.option("--markdown", "page", type=Path, help="Write the tables into this page.")
+page_type = click.Path(exists=True, dir_okay=False, path_type=Path)
+markdown_option = click.option("--markdown", "page", type=page_type, help="Write the tables into this page.")
 
 
 def found(clips: Iterable[str], corpus: Path, pattern: str = "*") -> dict[str, Path]:

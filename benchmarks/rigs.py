@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import sys
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -23,13 +23,14 @@ from numpy.typing import NDArray
 from sample_rigs import CONVENTIONS, POSES, rig
 from scipy.spatial.transform import Rotation
 
-from distretarget import Body, Motion, RetargetResult, Skeleton, read_bvh, retarget
+from distretarget import Body, Motion, RetargetResult, read_bvh, retarget
 from distretarget.body.axes import Directions, axis_vector, nearest_axis
 from distretarget.measure.figures import clip_figures
 from distretarget.measure.metrics import Reference
 from distretarget.numerics.vectors import angles_between, level
 
 Array = NDArray[np.float64]
+Runs = dict[str, tuple[RetargetResult | None, bool]]  # by target
 
 CLIPS = (
     "animated_drawings/dab.bvh",
@@ -52,24 +53,14 @@ TARGETS = {
 LIMITS = {"upright": (15.0, "°"), "floor": (8.0, "%"), "facing": (15.0, "°"), "direction": (25.0, "°")}
 
 
-@dataclass(frozen=True)
-class Run:
-    """A clip retargeted to a target: the line to print, the result, None if retargeting raised an exception, and
-    whether it failed by an exception or a figure above its limit.
+def run(clip: str, source: Motion, name: str) -> tuple[RetargetResult | None, bool]:
+    """Retarget a clip to a target, measure the result and print the line; the result, None after an exception, and
+    whether the run failed, by an exception or a figure above its limit.
     """
-
-    target: str
-    line: str
-    result: RetargetResult | None
-    failed: bool
-
-
-def run(clip: str, source: Motion, name: str, target: Skeleton) -> Run:
-    """Retarget a clip and measure the result."""
     started = time.perf_counter()
     result, columns = None, []
     try:
-        result = retarget(source, target)
+        result = retarget(source, TARGETS[name])
         figures = measure(result)
         columns = [f"{key} {figures[key]:5.1f}{unit}" for key, (_, unit) in LIMITS.items()]
         columns.append(f"contact {figures['contact']:.3f}")
@@ -77,8 +68,9 @@ def run(clip: str, source: Motion, name: str, target: Skeleton) -> Run:
     except Exception as error:
         faults = [f"{type(error).__name__}: {str(error).strip() or '-'}".splitlines()[0]]
     verdict, seconds = "FAILED" if faults else "OK", time.perf_counter() - started
-    line = "  ".join([f"{verdict:<6}", f"{clip:<34}{name:<9}", *columns, f"{seconds:5.1f} s", *faults])
-    return Run(name, line, result, bool(faults))
+    line = [f"{verdict:<6}", f"{clip:<34}{name:<9}", *columns, f"{seconds:5.1f} s", *faults]
+    print("  ".join(line), flush=True)
+    return result, bool(faults)
 
 
 def measure(result: RetargetResult) -> dict[str, float]:
@@ -112,7 +104,7 @@ def lowest(motion: Motion, body: Body, up: Array) -> Array:
     return np.asarray((motion.positions[:, feet] @ up).min(axis=1))
 
 
-def draw_sheet(path: Path, sources: dict[str, Motion], runs: dict[str, list[Run]]) -> None:
+def draw_sheet(path: Path, sources: dict[str, Motion], runs: dict[str, Runs]) -> None:
     """Draw a frame of every clip: a row per clip with the source and then all targets, seen from the same side."""
     import draw
 
@@ -123,7 +115,7 @@ def draw_sheet(path: Path, sources: dict[str, Motion], runs: dict[str, list[Run]
     for clip, source in sources.items():
         frame, body = draw.articulated(source), Body.of_motion(source)
         scene = cells(source, body, draw.facing(source, body, frame), frame)
-        for result in (run.result for run in runs[clip]):
+        for result, _ in runs[clip].values():
             if result is None:
                 scene.append(replace(scene[0], points=0 * scene[0].points, size=0.0))
                 continue
@@ -131,7 +123,7 @@ def draw_sheet(path: Path, sources: dict[str, Motion], runs: dict[str, list[Run]
             scene += cells(result.motion, result.matching.target, turn, frame)
         scenes.append(scene)
         titles.append(f"{clip}, frame {frame}")
-        labels.append(["source", *(f"{run.target} FAILED" if run.failed else run.target for run in runs[clip])])
+        labels.append(["source", *(f"{name} FAILED" if failed else name for name, (_, failed) in runs[clip].items())])
     draw.write_picture(path, scenes, titles, labels, draw.VIEWS["three-quarter"], dpi=75)
 
 
@@ -142,12 +134,8 @@ def draw_sheet(path: Path, sources: dict[str, Motion], runs: dict[str, list[Run]
 def main(corpus: Path, only: str, sheet: Path | None) -> None:
     """Print a line for every run, then the counts; exit with 1 if a run failed or there is none."""
     sources = {clip: read_bvh(path) for clip, path in found(CLIPS, corpus, only).items()}
-    runs: dict[str, list[Run]] = {clip: [] for clip in sources}
-    for clip, source in sources.items():
-        for name, target in TARGETS.items():
-            runs[clip].append(run(clip, source, name, target))
-            print(runs[clip][-1].line, flush=True)
-    failed = sum(run.failed for of_clip in runs.values() for run in of_clip)
+    runs = {clip: {name: run(clip, source, name) for name in TARGETS} for clip, source in sources.items()}
+    failed = sum(failed for of_clip in runs.values() for _, failed in of_clip.values())
     count = len(sources) * len(TARGETS)
     print(f"{count - failed} OK + {failed} FAILED = {count} runs")
     if sheet:

@@ -67,13 +67,8 @@ class Run:
 
     def figures(self, key: str) -> list[float | None]:
         """A figure of source, rotation copy, feet alone and supports."""
-        held = self.held.figures
-        return [
-            held["source"].get(key),
-            held["rotation_copy"][key],
-            self.feet.figures["result"][key],
-            held["result"][key],
-        ]
+        held, feet = self.held.figures, self.feet.figures
+        return [each.get(key) for each in (held["source"], held["rotation_copy"], feet["result"], held["result"])]
 
     @property
     def jerk(self) -> list[float]:

@@ -27,11 +27,7 @@ from distretarget.numerics.vectors import level, normalised
 
 COLOURS = {"left": "#2a7f9e", "right": "#e0793a", None: "#3b4252"}  # of the sides of the body, and of the trunk
 FLOOR, GRID, LABEL = "#f6f7f9", "#dfe3e8", "#3b4252"
-SHADOW = (
-    (0.060, "#eceef1"),
-    (0.044, "#e2e5e9"),
-    (0.028, "#d8dce1"),
-)  # thickness [body heights], colour
+SHADOW = ((0.060, "#eceef1"), (0.044, "#e2e5e9"), (0.028, "#d8dce1"))  # thickness [body heights], colour
 LIGHT = (0.10, -0.28)  # how far a shadow goes to the right and nearer, per height above the floor
 INCHES_PER_HEIGHT = 2.3  # size of a body of height 1 in the picture
 POINTS_PER_HEIGHT = 72 * INCHES_PER_HEIGHT

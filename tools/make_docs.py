@@ -14,7 +14,7 @@ from typing import Any
 
 import click
 import numpy as np
-from tables import placed, table
+from tables import table, with_tables
 
 from distretarget.cli import ImportedCommand, cli
 from distretarget.measure.figures import FIGURES, SUFFIXES, Figure, figures_at
@@ -30,7 +30,7 @@ Json = dict[str, Any]
 def documents() -> dict[Path, str]:
     """The text of every file that is generated, wholly or in part."""
     return {
-        DOCS / "command_line.md": reference(),
+        DOCS / "command_line.md": with_tables(DOCS / "command_line.md", {"commands": reference()}),
         DOCS / "method.md": with_tables(DOCS / "method.md", {"settings": settings_table()}),
         DOCS / "diff.md": with_tables(DOCS / "diff.md", {"figures": figure_table(), "limits": limit_table()}),
         README: with_tables(README, {"front": front_table()}),
@@ -38,45 +38,9 @@ def documents() -> dict[Path, str]:
     }
 
 
-def with_tables(page: Path, tables: dict[str, str]) -> str:
-    """The text of a page with its tables written anew.
-
-    Raises:
-        ValueError: the page has no place for a table.
-    """
-    text = page.read_text("utf-8")
-    for name, rows in tables.items():
-        if (filled := placed(text, name, rows)) is None:
-            raise ValueError(f"{page.name} has no line <!-- {name} -->, or no <!-- end --> after it")
-        text = filled
-    return text
-
-
 # ---- docs/command_line.md: the help texts
 
 WIDTH = 96  # characters of a line, as many as the site shows on a desktop
-INTRODUCTION = """\
-# The command line
-
-Written by `tools/make_docs.py`: the help texts that the program prints with `--help`.
-
-| exit status | |
-|---|---|
-| 0 | done |
-| 1 | failed: one line on standard error says why, with the file and the place in it |
-| 2 | wrong usage: an option or argument that is missing or unknown |
-| 130 | interrupted |
-
-Results go to standard output, errors and warnings to standard error. In place of a clip, a skeleton or an output,
-`-` means standard input or output; if a result goes to standard output, all lines for the user go to standard error.
-For a file that is called `-`, write `./-`. On a terminal a bar counts the frames. A file that exists is replaced only
-with `--overwrite`, an input never. A file is written under a temporary name, and gets its own when it is complete.
-
-The first run compiles, which takes about 10 s, and says so in one line. Later runs find the code in the first
-of these folders that can be written to: `NUMBA_CACHE_DIR`, where that variable is set; the folder of the package;
-`~/.cache/distretarget`; a private folder among the temporary files. If none of them can, each run compiles again. Times
-and frames per second do not include compilation.
-"""
 
 
 def reference() -> str:
@@ -85,7 +49,7 @@ def reference() -> str:
         f"## {context.command_path}\n\n```text\n{context.get_help().rstrip()}\n```\n"
         for context in contexts(cli, "distretarget")
     ]
-    return "\n".join([INTRODUCTION, *sections])
+    return "\n".join(sections)
 
 
 def contexts(command: click.Command, name: str, parent: click.Context | None = None) -> Iterator[click.Context]:

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from tables import table
+from tables import table, with_tables
 
 from distretarget.io.files import REASONS
 
@@ -33,13 +33,6 @@ HEADINGS = {  # the headings, and the beginnings of the paths of files whose mes
     "The command line": "cli/ batch/",
     "Arguments of Python functions": "checks.py numerics/",
 }
-HEAD = """\
-# Messages
-
-Written by `tools/make_errors.py` from the source. An error is one line: the file or option, the place in it where that
-is known, the cause, and in most cases what would have worked. {gap} stands for names and numbers. Wrong usage ends
-with status 2, anything else with 1.
-"""
 
 
 @dataclass(frozen=True)
@@ -105,7 +98,7 @@ def _text(node: ast.AST) -> str:
 def page() -> str:
     """The text of the page."""
     left = messages()
-    sections = [HEAD.format(gap=GAP)]
+    sections = []
     for heading, files in HEADINGS.items():
         here = [message for message in left if message.file.startswith(tuple(files.split()))]
         left = [message for message in left if message not in here]
@@ -113,7 +106,7 @@ def page() -> str:
         sections.append(f"## {heading}\n\n{table(('cause', 'what was expected, or helps'), rows)}")
     if left:
         raise SystemExit(f"no heading for the messages of {', '.join(sorted({message.file for message in left}))}")
-    return "\n".join(sections)
+    return with_tables(PAGE, {"messages": "\n".join(sections)})
 
 
 def _cell(text: str) -> str:

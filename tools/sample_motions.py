@@ -204,8 +204,6 @@ CYCLES = 4
 TOE_OUT = 5.0  # [degrees]
 FLAT, HEEL_OFF, TOE_OFF = 0.10, 0.33, 0.61  # phases: foot flat on the floor, heel rises, toes leave the floor
 
-Curve = Callable[[Track], Track]
-
 ROLL_OFF = make_interp_spline(
     [HEEL_OFF, 0.43, 0.52, TOE_OFF, 0.69, 0.82, 0.93, 1.0, 1 + FLAT],
     [0.0, -7.0, -25.0, -55.0, -59.0, -18.0, 14.0, 19.0, 0.0],
@@ -250,7 +248,12 @@ def _walking_foot(t: Track, side: str, ahead: float) -> Foot:
     swings = phase[:, None] > TOE_OFF
     ankle = np.where(swings, _swing_ankle()(np.maximum(phase, TOE_OFF)), _stance_ankle(pitch))
     ankle = ankle + columns(4.6, ANKLE_HEIGHT, (strides - ahead) * STRIDE)
-    return Foot(on_side(side, ankle), turned(-pitch, SIGN[side] * TOE_OUT), _toes(phase, pitch))
+    bent, slope, curve = (-float(ROLL_OFF(TOE_OFF, nu)) for nu in range(3))  # toes, as they leave the floor
+    conditions = [(1, slope), (2, curve)], AT_REST
+    swing = make_interp_spline([TOE_OFF, 0.70, 0.82, 0.92, 1.0], [bent, 52.0, 18.0, 3.0, 0.0], k=5, bc_type=conditions)
+    rising = np.where(phase > FLAT, -pitch, 0.0)  # flat on the floor while the heel rises
+    toes = np.where(phase > TOE_OFF, swing(np.maximum(phase, TOE_OFF)), rising)
+    return Foot(on_side(side, ankle), turned(-pitch, SIGN[side] * TOE_OUT), toes)
 
 
 def _pitch(phase: Track) -> Track:
@@ -264,7 +267,7 @@ def _stance_ankle(pitch: Track) -> Track:
     return turned(yaw=TOE_OUT).apply(rolled_ankle(pitch))
 
 
-def _swing_ankle() -> Curve:
+def _swing_ankle() -> Callable[[Track], Track]:
     """(frames, 3) by phase, the left ankle's path from toe-off to heel strike, which continues the stance smoothly."""
     step = 1e-3
     values, conditions = [], []
@@ -275,19 +278,6 @@ def _swing_ankle() -> Curve:
         conditions.append([(1, (after - before) / (2 * step)), (2, (after - 2 * at + before) / step**2)])
     values.insert(1, np.array([0.8, 9.0, 0.5 * STRIDE - 2.0]))
     return make_interp_spline([TOE_OFF, 0.79, 1.0], values, k=5, bc_type=tuple(conditions))
-
-
-def _toes(phase: Track, pitch: Track) -> Track:
-    """The toes' bend [degrees]: flat on the floor while the heel rises, then from bent up to straight in the swing."""
-    bent, slope, curve = (-float(ROLL_OFF(TOE_OFF, nu)) for nu in range(3))
-    swing = make_interp_spline(
-        [TOE_OFF, 0.70, 0.82, 0.92, 1.0],
-        [bent, 52.0, 18.0, 3.0, 0.0],
-        k=5,
-        bc_type=([(1, slope), (2, curve)], AT_REST),
-    )
-    rising = np.where(phase > FLAT, -pitch, 0.0)
-    return np.where(phase > TOE_OFF, swing(np.maximum(phase, TOE_OFF)), rising)
 
 
 CLIPS: dict[str, Callable[[], Motion]] = {

@@ -224,14 +224,8 @@ FOOTHOLD = (9.0, ANKLE_HEIGHT, LADDER - OFFSET["LeftToe"][2])  # the left ankle,
 FLOOR_PLACE = (9.0, ANKLE_HEIGHT, 10.0)  # the left ankle on the floor
 PALM = hand(fingers=[-0.1, 0.55, 0.82], palm=[0.0, -0.82, 0.55])
 # Rungs that are held, and when the hand or the foot arrives and leaves [s]; rung 0 is the floor.
-GRIPS = {
-    "Left": ((5, -1.0, 1.45), (7, 2.15, CLIMB)),
-    "Right": ((5, -1.0, 0.3), (6, 0.8, 3.3), (8, 3.95, CLIMB)),
-}
-FOOTHOLDS = {
-    "Left": ((0, -1.0, 0.65), (1, 1.25, 3.1), (3, 3.75, CLIMB)),
-    "Right": ((0, -1.0, 1.6), (2, 2.3, CLIMB)),
-}
+GRIPS = {"Left": ((5, -1.0, 1.45), (7, 2.15, CLIMB)), "Right": ((5, -1.0, 0.3), (6, 0.8, 3.3), (8, 3.95, CLIMB))}
+FOOTHOLDS = {"Left": ((0, -1.0, 0.65), (1, 1.25, 3.1), (3, 3.75, CLIMB)), "Right": ((0, -1.0, 1.6), (2, 2.3, CLIMB))}
 
 
 def climb_ladder() -> Sample:

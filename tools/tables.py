@@ -30,21 +30,24 @@ def mean_and_largest(values: ArrayLike, form: str = ".2f", largest: ArrayLike | 
     return several([values.mean(), largest.max()], form) if values.size else "-"
 
 
-def placed(text: str, name: str, rows: str) -> str | None:
-    """The text of a page with a table between the lines `<!-- name -->`, or `<!-- name: ... -->`, and `<!-- end -->`;
-    None if the page lacks these lines.
+def with_tables(page: Path, tables: Mapping[str, str]) -> str:
+    """The text of a page with tables, or other generated parts, written anew between the lines `<!-- name -->`, or
+    `<!-- name: ... -->`, and `<!-- end -->`.
+
+    Raises:
+        ValueError: the page lacks these lines.
     """
-    place = re.compile(rf"(<!-- {re.escape(name)}(?:: .*?)? -->\n).*?(<!-- end -->)", re.DOTALL)
-    return place.sub(lambda found: f"{found[1]}\n{rows}\n{found[2]}", text) if place.search(text) else None
+    text = page.read_text("utf-8")
+    for name, rows in tables.items():
+        place = re.compile(rf"(<!-- {re.escape(name)}(?:: .*?)? -->\n).*?(<!-- end -->)", re.DOTALL)
+        if not place.search(text):
+            raise ValueError(f"{page.name} has no line <!-- {name} -->, or no <!-- end --> after it")
+        text = place.sub(lambda found, rows=rows: f"{found[1]}\n{rows}\n{found[2]}", text)
+    return text
 
 
 def publish(tables: Mapping[str, str], page: Path | None) -> None:
-    """Print tables, and write each into its place in a page; a page that lacks a place gets the tables alone."""
-    everything = "\n".join(tables.values())
-    print(everything)
-    if page is None:
-        return
-    text: str | None = page.read_text("utf-8") if page.exists() else ""
-    for name, rows in tables.items():
-        text = placed(text, name, rows) if text is not None else None
-    page.write_text(everything if text is None else text, "utf-8")
+    """Print tables, and write each into its place in a page if one is given."""
+    print("\n".join(tables.values()))
+    if page is not None:
+        page.write_text(with_tables(page, tables), "utf-8")

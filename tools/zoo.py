@@ -17,17 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sample_rigs import rig
 from scipy.spatial.transform import Rotation
-from skeleton_edits import (
-    along_x,
-    bare,
-    below_root,
-    only,
-    places,
-    turned_below,
-    with_chain,
-    with_offset,
-    z_up,
-)
+from skeleton_edits import along_x, bare, below_root, only, places, turned_below, with_chain, with_offset, z_up
 
 from distretarget import Skeleton
 from distretarget.body.anatomy import SIDES
@@ -261,16 +251,12 @@ def floor(skeleton: Skeleton, naming: Naming) -> Skeleton:
 
 def above(skeleton: Skeleton, naming: Naming) -> Skeleton:
     """A root over the head, like the hand of a puppeteer; only the root has position channels."""
-    return _fixed_hips(skeleton, naming, OVERHEAD * _top(skeleton))
+    return _fixed_hips(skeleton, naming, OVERHEAD * places(skeleton)[:, 1].max())
 
 
 def offset_child(skeleton: Skeleton, naming: Naming) -> Skeleton:
     """A root above and before the hips, like a centre of mass; only the root has position channels."""
-    return _fixed_hips(skeleton, naming, skeleton.offsets[0] + BESIDE * _top(skeleton))
-
-
-def _top(skeleton: Skeleton) -> float:
-    return float(places(skeleton)[:, 1].max())
+    return _fixed_hips(skeleton, naming, skeleton.offsets[0] + BESIDE * places(skeleton)[:, 1].max())
 
 
 def _fixed_hips(skeleton: Skeleton, naming: Naming, place: NDArray[np.float64]) -> Skeleton:
