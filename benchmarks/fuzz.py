@@ -43,13 +43,9 @@ from distretarget.pipeline.retarget_files import retarget_onto
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 import strategies as made
 
-RIGHT, REFUSED, TRACEBACK, HANG, UNREADABLE = OUTCOMES = (
-    "written right",
-    "refused in one line",
-    "traceback",
-    "no end within 10 s",
-    "not finite or not read back",
-)
+RIGHT, REFUSED, TRACEBACK = "written right", "refused in one line", "traceback"
+HANG, UNREADABLE = "no end within 10 s", "not finite or not read back"
+OUTCOMES = (RIGHT, REFUSED, TRACEBACK, HANG, UNREADABLE)
 LIMIT = 10  # time after which an input counts as one that hangs [s]
 ROUND = 500  # inputs from one seed
 SLOW = list(HealthCheck)  # only generation, however slow

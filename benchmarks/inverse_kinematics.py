@@ -1,6 +1,5 @@
-"""mink on a target's body, by tasks of its own and by those of GMR; both end in positions, and in how far they miss.
-
-General Motion Retargeting (GMR), https://github.com/YanjieZe/GMR, is made for robots.
+"""mink on a target's body, with tasks of its own and with those of General Motion Retargeting (GMR), which is made for
+robots: https://github.com/YanjieZe/GMR.
 """
 
 from __future__ import annotations

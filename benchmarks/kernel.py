@@ -26,7 +26,7 @@ from distretarget.distances import stress_and_gradient
 Array = NDArray[np.float64]
 
 REPEATS = 100_000  # evaluations in each measurement
-FLAGS = ("-O3", "-march=native", "-ffast-math", "-shared", "-fPIC")
+COMPILE = "cc -O3 -march=native -ffast-math -shared -fPIC -o stress.so stress.c -lm"
 SOURCE = """
 #include <math.h>
 double repeat(int repeats, int n, const double *x, const double *delta, const double *pi, double *gradient) {
@@ -66,10 +66,9 @@ def _repeat(repeats, x, delta, pi, gradient):  # type: ignore[no-untyped-def]
 def compiled_c() -> Callable[..., float]:
     """The C loop, called as `_repeat` is."""
     with tempfile.TemporaryDirectory() as folder:
-        source, library = Path(folder, "stress.c"), Path(folder, "stress.so")
-        source.write_text(SOURCE)
-        subprocess.run(["cc", *FLAGS, "-o", library, source, "-lm"], check=True)
-        function = ctypes.CDLL(str(library)).repeat
+        Path(folder, "stress.c").write_text(SOURCE)
+        subprocess.run(COMPILE.split(), cwd=folder, check=True)
+        function = ctypes.CDLL(f"{folder}/stress.so").repeat
     function.restype = ctypes.c_double
     return lambda repeats, x, *arrays: function(
         repeats, x.shape[1], *(a.ctypes.data_as(ctypes.c_void_p) for a in (x, *arrays))

@@ -52,12 +52,8 @@ def draw_spine(path: Path) -> None:
 def draw_walk(path: Path) -> None:
     """Draw frames of the walk by every method."""
     one = case(WALK)
-    rows = [
-        ("original", one.source),
-        (f"rotation copy, {WALK}", one.paper.rotation_copy),
-        ("paper, exact bones", one.paper.motion),
-        ("contact", one.contact.motion),
-    ]
+    rows = [("original", one.source), (f"rotation copy, {WALK}", one.paper.rotation_copy)]
+    rows += [("paper, exact bones", one.paper.motion), ("contact", one.contact.motion)]
     write_strip(path, rows, STEPS, "side")
 
 

@@ -17,7 +17,6 @@ from distretarget.body.body import Body
 from distretarget.distances import DistanceProblem, distance_problem, posture_stress
 from distretarget.matching.matching import match
 from distretarget.numerics.vectors import angles_between
-from distretarget.pipeline.options import Objective
 
 Array = NDArray[np.float64]
 
@@ -69,15 +68,12 @@ class Case:
     @cached_property
     def paper(self) -> RetargetResult:
         """The paper's objective, over free points and over rotations."""
-        return self._retargeted("paper")
+        return retarget(self.source, self.target, Options(objective="paper"))
 
     @cached_property
     def contact(self) -> RetargetResult:
         """The contact objective."""
-        return self._retargeted("contact")
-
-    def _retargeted(self, objective: Objective) -> RetargetResult:
-        return retarget(self.source, self.target, Options(objective=objective))
+        return retarget(self.source, self.target, Options(objective="contact"))
 
     @cached_property
     def copy(self) -> Array:

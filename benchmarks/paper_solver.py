@@ -137,13 +137,7 @@ STARTS: dict[str, Start] = {
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """A case solved in every frame.
-
-    Attributes:
-        points: (frames, joints, 3) [m].
-        sigma: (frames,) [m^2].
-        iterations, evaluations, reasons: (frames,).
-    """
+    """A case solved in every frame: points (frames, joints, 3) [m], sigma [m^2] and the others (frames,)."""
 
     points: Array
     sigma: Array

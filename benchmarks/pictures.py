@@ -34,12 +34,8 @@ def draw(path: Path, corpus: Path, clip: str, target: str, frames: tuple[int, ..
         source = read_bvh(source_path)
         body = edited(source.rigid_skeleton, TARGETS[target])
         paper, contact = (retarget(source, body, Options(objective=objective)) for objective in ("paper", "contact"))
-        rows = [
-            (clip, source),
-            (f"rotation copy, {target}", contact.rotation_copy),
-            ("paper", paper.motion),
-            ("contact", contact.motion),
-        ]
+        rows = [(clip, source), (f"rotation copy, {target}", contact.rotation_copy)]
+        rows += [("paper", paper.motion), ("contact", contact.motion)]
         turn = facing(source, Body.of_motion(source), frames[0])
         write_strip(path, rows, frames, view, turn)
 

@@ -76,20 +76,16 @@ def _figures(run: RetargetResult, result: Motion) -> dict[str, float]:
     hips = [leg.hip for leg in run.matching.target.legs or ()]
     return figures | {
         "contacts": float(comparison.contacts.counts.sum()),
-        "hand_hip": _gap(source, result, drivers, wrists, hips),
-        "hand_head": _gap(source, result, drivers, wrists, heads),
+        "hand_hip": _gap(source, result, drivers, product(wrists, hips)),
+        "hand_head": _gap(source, result, drivers, product(wrists, heads)),
         "wrist_gap": _wrist_gap(source, result, drivers, wrists),
     }
 
 
-def _gap(
-    source: Motion, result: Motion, drivers: NDArray[np.intp], ones: Iterable[int], others: Iterable[int]
-) -> float:
-    """Mean D of the result over mean D of the source, over the frames and pairs whose D in the source is below `NEAR`;
-    nan if there are none.
-    """
+def _gap(source: Motion, result: Motion, drivers: NDArray[np.intp], pairs: Iterable[tuple[int, int]]) -> float:
+    """Mean D of the result over that of the source, over the frames and pairs whose D in the source is below `NEAR`."""
     total, gaps = 0.0, 0.0
-    for a, b in product(ones, others):
+    for a, b in pairs:
         D = _distance(source, int(drivers[a]), int(drivers[b]))
         total += D[D < NEAR].sum()
         gaps += _distance(result, a, b)[D < NEAR].sum()
@@ -106,15 +102,12 @@ def _wrist_gap(source: Motion, result: Motion, drivers: NDArray[np.intp], wrists
     """Mean distance of the wrists [% of the arm], over the frames in which the source's is within 1.2 of its least."""
     if len(wrists) != 2:
         return np.nan
-    together = _wrist_distance(source, drivers[wrists])
-    return float(_wrist_distance(result, np.array(wrists))[together < 1.2 * together.min()].mean())
-
-
-def _wrist_distance(motion: Motion, wrists: NDArray[np.intp]) -> Array:
-    """(frames,), the distance of the wrists [% of the arm from shoulder to wrist]."""
-    skeleton = motion.rigid_skeleton
-    arm = skeleton.lengths[wrists].sum() / 2 + skeleton.lengths[skeleton.parents[wrists]].sum() / 2
-    return np.asarray(100 * np.linalg.norm(np.diff(motion.positions[:, wrists], axis=1)[:, 0], axis=-1) / arm)
+    apart = []  # of source and result: (frames,), over the mean arm from shoulder to wrist [%]
+    for motion, joints in ((source, drivers[wrists]), (result, np.array(wrists))):
+        body = motion.rigid_skeleton
+        arm = (body.lengths[joints] + body.lengths[body.parents[joints]]).mean()
+        apart.append(100 * np.linalg.norm(np.diff(motion.positions[:, joints], axis=1)[:, 0], axis=-1) / arm)
+    return float(apart[1][apart[0] < 1.2 * apart[0].min()].mean())
 
 
 # ---- tables

@@ -53,12 +53,8 @@ Times = Mapping[str, NDArray[np.float64]]
 
 
 class Contestant(NamedTuple):
-    """A way of doing something with all frames of a clip.
-
-    Attributes:
-        run: does it.
-        miss: from what `run` returns, how far the ends are from their given places [% of leg length]; None if the
-            contestant is given no places.
+    """A way of doing something with all frames of a clip: `run` does it; `miss` says, from what `run` returns, how far
+    the ends are from their given places [% of leg length], None if the contestant is given no places.
     """
 
     run: Callable[[], object]

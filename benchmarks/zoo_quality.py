@@ -43,14 +43,8 @@ Row = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Run:
-    """What is measured of a task.
-
-    Attributes:
-        name: the clip and the member.
-        frames, unsolved: how many were retargeted, and how many of them did not converge.
-        joints: of the member, without End Sites.
-        iterations: of the solver, in all frames.
-        figures: of the whole clip, by key, of source, rotation copy and result.
+    """A clip on a member: frames, and how many of them did not converge; joints of the member, without End Sites; the
+    solver's iterations in all frames; figures of the whole clip, by key, of source, rotation copy and result.
     """
 
     name: str

@@ -292,8 +292,8 @@ def sleeves(skeleton: Skeleton, naming: Naming) -> Skeleton:
     for side in SIDES:
         forearm = roles(skeleton)[f"{side}LowerArm"]
         down = (0.0, -0.4 * skeleton.lengths[forearm], 0.0)
-        names = [naming.limb(side, f"Sleeve{number}") for number in (1, 2)]
-        skeleton = with_chain(skeleton, forearm, dict.fromkeys(names, down), end=down)
+        offsets = {naming.limb(side, f"Sleeve{number}"): down for number in (1, 2)}
+        skeleton = with_chain(skeleton, forearm, offsets, end=down)
     return skeleton
 
 
