@@ -48,8 +48,8 @@ def main(context: click.Context) -> None:
 @click.option("--rounds", default=3)
 @click.pass_obj
 def jobs(scratch: Path, clips: int, frames: int, rounds: int) -> None:
-    """Convert clips of one length with 1 process and with 2, by turns; print the ratio of the times, and the time until
-    the first clip is done and until workers are ready.
+    """Convert clips of one length with 1 process and with 2 in turn; print the ratio of the times, and how long the
+    first clip and the workers take.
     """
     for number in range(clips):
         write_sample(scratch, number, CLIPS[number % len(CLIPS)], frames)
@@ -72,7 +72,9 @@ def jobs(scratch: Path, clips: int, frames: int, rounds: int) -> None:
 @click.option("--rounds", default=3)
 @click.pass_obj
 def long(scratch: Path, clip: str, frames: int, rounds: int) -> None:
-    """Do the same with one long clip, which is cut into pieces, and print the memory it takes."""
+    """Convert one long clip, which is cut into pieces, with 1 process and with 2 in turn; print the ratio of the times,
+    and the memory used.
+    """
     write_sample(scratch, 0, clip, frames)
     ratio, _ = alternately(scratch, rounds)
     print(f"{clip}, {frames} frames in one clip: 2 jobs have {ratio:.2f} times the throughput of 1")
@@ -81,8 +83,8 @@ def long(scratch: Path, clip: str, frames: int, rounds: int) -> None:
 
 
 def alternately(scratch: Path, rounds: int) -> tuple[float, float]:
-    """Run with 1 process and with 2, by turns; the ratio of their times, and the seconds until the first clip is done
-    with 2 processes; medians over the rounds.
+    """Run with 1 process and with 2 in turn. Return medians over the rounds: the ratio of the times, and the seconds
+    until 2 processes have done their first clip.
     """
     ratios, firsts = [], []
     for _ in range(rounds):
@@ -132,7 +134,7 @@ def kill(scratch: Path, source: Path, times: int) -> None:
 @click.option("--clips", default=2000)
 @click.pass_obj
 def tiny(scratch: Path, clips: int) -> None:
-    """Convert clips of one frame; print the time, disk space and memory that a clip takes besides its frames."""
+    """Convert clips of one frame; print the time, disk space and memory that each clip costs beyond its frames."""
     for number in range(clips):
         write_sample(scratch, number, "walk", 1)
     for outcome in ("converted", "skipped"):
@@ -146,12 +148,12 @@ def tiny(scratch: Path, clips: int) -> None:
 
 
 def memory() -> float:
-    """The largest memory that any finished process took [MB]."""
+    """The peak memory of the largest finished child process [MB]."""
     return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
 
 
 def write_sample(scratch: Path, number: int, name: str, frames: int) -> None:
-    """Write a sample clip, played forwards and backwards until it has this many frames, as an input of the batch."""
+    """Write an input of the batch: a sample clip, played forwards and backwards until it has this many frames."""
     (scratch / "in").mkdir(exist_ok=True)
     write_bvh(scratch / "in" / f"{number}.bvh", back_and_forth(read_bvh(SAMPLES / f"{name}.bvh"), frames))
 
@@ -163,7 +165,7 @@ def run(source: Path, out: Path, *options: Any) -> subprocess.Popen[bytes]:
 
 
 def done(out: Path) -> list[dict[str, Any]]:
-    """The manifest's records of clips that are done, without a last line that is incomplete."""
+    """The manifest's records of converted clips; an incomplete last line is ignored."""
     path = out / MANIFEST
     lines = path.read_text().split("\n")[:-1] if path.exists() else []
     records = (json.loads(line) for line in lines if line.endswith("}"))
@@ -171,7 +173,7 @@ def done(out: Path) -> list[dict[str, Any]]:
 
 
 def outputs(out: Path) -> dict[Path, bytes]:
-    """The BVH files of a folder."""
+    """The contents of the BVH files in a folder, by relative path."""
     return {path.relative_to(out): path.read_bytes() for path in out.rglob("*.bvh")}
 
 

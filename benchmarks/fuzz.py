@@ -84,7 +84,7 @@ class TooLongError(Exception):
 
 
 def read(case: tuple[str, str]) -> None:
-    """Read a text, write what it says, and read that."""
+    """Parse a text, write the result, parse that, and compare."""
     kind, text = case
     if kind == "clip":
         motion = parse_bvh(text, "clip.bvh")
@@ -111,7 +111,7 @@ def read(case: tuple[str, str]) -> None:
 
 
 def convert(case: tuple[tuple[str, str], str, dict[str, Any]]) -> None:
-    """Retarget a clip, write the result and read that."""
+    """Retarget a clip, write the result, parse it, and compare."""
     (source, target), joint_map, options = case
     chosen = Options(**{key: value for key, value in options.items() if key not in ("jobs", "q")})
     clip, pairs = parse_bvh(source, "clip.bvh"), parse_map(joint_map, "map.json")
@@ -125,7 +125,7 @@ def convert(case: tuple[tuple[str, str], str, dict[str, Any]]) -> None:
 
 
 def run(case: tuple[str, tuple[str, str], str, str, dict[str, Any]]) -> str:
-    """Run the program once on files with these texts, and return the outcome."""
+    """Run the command line once on files with these texts, and return the outcome."""
     command, (clip, target), joint_map, manifest, options = case
     chosen = [f"--{key.replace('_', '-')}={value}" for key, value in options.items()]
     arguments = {
@@ -174,7 +174,7 @@ def _check_written(folder: Path) -> None:
 
 
 def _again(reading: Callable[[], Any]) -> Any:
-    """What is read from a text that the program has written."""
+    """Parse a text that the program has written; an error means that it cannot be read back."""
     try:
         return reading()
     except DistretargetError as error:
@@ -193,7 +193,7 @@ def _same_motion(motion: Motion, again: Motion) -> None:
 
 
 def _named(skeleton: Skeleton) -> list[tuple[str, tuple[str, ...]]]:
-    """Names and channels of all joints, depth first, without the names of End Sites."""
+    """Names and channels of all joints, depth first; End Sites without their names."""
     ends = skeleton.end_sites
     return [("" if ends[j] else skeleton.names[j], skeleton.channels[j]) for j in skeleton.depth_first]
 
@@ -213,7 +213,7 @@ def _late(_number: int, _frame: object) -> None:
 
 
 def outcome_of(action: Callable[[Any], str | None], case: Any) -> tuple[str, str]:
-    """Return the outcome of an action on an input, and what is known of it."""
+    """Return the outcome of an action on an input, and the details of a failure."""
     before = signal.signal(signal.SIGALRM, _late)
     signal.alarm(LIMIT)
     try:
@@ -233,14 +233,14 @@ def outcome_of(action: Callable[[Any], str | None], case: Any) -> tuple[str, str
 
 @dataclass
 class Tried:
-    """How many inputs ended how, and the inputs that went wrong, with what is known of them."""
+    """How many inputs had each outcome, and the inputs that failed, with details."""
 
     counts: Counter[str] = field(default_factory=Counter)
     wrong: list[tuple[Any, str]] = field(default_factory=list)
 
 
 def tried(action: Callable[[Any], str | None], cases: st.SearchStrategy[Any], count: int, first_seed: int) -> Tried:
-    """Try `count` inputs of a strategy, or as many as there is time for until Ctrl-C."""
+    """Try `count` inputs of a strategy; Ctrl-C stops early."""
     found = Tried()
     with contextlib.suppress(KeyboardInterrupt):
         while left := count - found.counts.total():
@@ -274,7 +274,7 @@ PARTS: dict[str, tuple[Callable[[Any], str | None], st.SearchStrategy[Any]]] = {
 @click.option("--seed", "first_seed", default=0)
 @click.option("--keep", type=Path)
 def main(first_seed: int, keep: Path | None, **counts: int) -> None:
-    """Try as many inputs as asked for, and print a line for each outcome."""
+    """Try as many inputs as asked for, and print the outcomes of each part."""
     for objective in OBJECTIVES:
         warm(objective)  # compilation is not counted as time taken
     wrong = 0

@@ -116,17 +116,17 @@ class Gmr(InverseKinematics):
 
 
 def _frame_task(body: int, position: float, rotation: float, **others: float) -> mink.FrameTask:
-    """The task to bring a body to a place and rotation, with what it costs to miss them."""
+    """The task that brings a body to a place and rotation, with the costs of missing them."""
     return mink.FrameTask(f"joint{body}", "body", position_cost=position, orientation_cost=rotation, **others)
 
 
 def _miss(ends: Array, places: Array) -> float:
-    """The mean distance of ends, (frames, ends, 3) [body units], from their places [% of leg length]."""
+    """The mean distance of end effectors from their places, both (frames, ends, 3) [body units], in % of leg length."""
     return float(200 * np.linalg.norm(ends - places, axis=-1).mean())
 
 
 def _weights(stage: int, body: int, feet: set[int]) -> tuple[float, float]:
-    """What it costs a body in a stage to miss its place, and its rotation, as in GMR for the robot G1."""
+    """The costs of missing a body's place and its rotation in a stage, as in GMR for the robot G1."""
     if body in feet:
         return 50.0, 10.0
     if stage == 1:

@@ -64,7 +64,7 @@ def _repeat(repeats, x, delta, pi, gradient):  # type: ignore[no-untyped-def]
 
 
 def compiled_c() -> Callable[..., float]:
-    """The C loop, called as `_repeat` is."""
+    """The C loop, with the arguments of `_repeat`."""
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "stress.c").write_text(SOURCE)
         subprocess.run(COMPILE.split(), cwd=folder, check=True)
@@ -76,7 +76,7 @@ def compiled_c() -> Callable[..., float]:
 
 
 def case(joints: int) -> tuple[Array, Array, Array, Array]:
-    """A random posture, target distances, priorities, and room for the gradient."""
+    """A random posture, target distances, priorities, and an array for the gradient."""
     rng = np.random.default_rng(0)
     x = rng.normal(size=(3, joints))
     apart = np.linalg.norm(x[:, :, None] - x[:, None], axis=0) * rng.uniform(0.7, 1.4, (joints, joints))

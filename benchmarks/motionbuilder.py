@@ -31,7 +31,7 @@ COLUMNS = (
 
 
 def measure(corpus: Path, clip: str) -> Iterator[str]:
-    """The row of one clip in the table."""
+    """The table row of one clip."""
     source, peer = read_bvh(corpus / "cmu_mb" / clip), read_bvh(corpus / "cmu_daz" / clip)
     run = retarget(source, peer.skeleton)
     reference = Reference(run.source, run.matching, run.world.up_vector)
@@ -44,8 +44,8 @@ def measure(corpus: Path, clip: str) -> Iterator[str]:
 
 
 def directions(a: Motion, b: Motion, drivers: NDArray[np.intp]) -> NDArray[np.float64]:
-    """(frames, bones), the angles between the bones of two motions on one skeleton [degrees]; only bones whose both
-    joints have a driver.
+    """(frames, bones), the angles between the bones of two motions on one skeleton [degrees]; only bones with drivers
+    at both ends.
     """
     skeleton = a.skeleton
     lower = np.flatnonzero((drivers >= 0) & (drivers[skeleton.parents] >= 0) & (skeleton.lengths > 0))

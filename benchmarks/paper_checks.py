@@ -73,16 +73,16 @@ def problem_checks() -> Iterator[Check]:
 
 
 def fraction(value: float) -> str:
-    """A number as a fraction with a small denominator, or with its digits if it is none."""
+    """A number as a fraction with a small denominator if it is one, else with its digits."""
     nearest = Fraction(float(value)).limit_denominator(24)
     return str(nearest) if abs(value - nearest) < ROUNDING else f"{value:.12g}"
 
 
 def zero(value: float) -> str:
-    """0 for a number that differs from it by rounding only."""
+    """The number, or 0 where only rounding separates it from 0."""
     return "0" if abs(value) < ROUNDING else f"{value:.2g}"
 
 
 def less(value: float, bound: float) -> str:
-    """That a number is less than a bound, or the number."""
+    """`< bound` for a number below the bound, else the number."""
     return f"< {bound:g}" if value < bound else f"{value:.2g}"

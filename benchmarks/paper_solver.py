@@ -70,19 +70,21 @@ def _write_distances(source, ratio, delta):  # type: ignore[no-untyped-def]
 
 
 def solve(problem: DistanceProblem, source: Array, start: Array, **settings: float) -> tuple[Array, Minimum]:
-    """The points, (points, 3), that the solver reaches from a start, (points, 3), for a posture of the source."""
+    """Solve one posture of the source, (points, 3), from a start, (points, 3); return the points, (points, 3), and the
+    effort.
+    """
     x, minimum = descended(Task.of(problem, source, start).filled, **settings)
     return x.T[: len(problem)] * problem.body_size, minimum
 
 
 def descended(task: Task, *, tolerance: float = POINT_TOLERANCE, eta: float = ETA) -> tuple[Array, Minimum]:
-    """Where the solver ends, (3, columns), and what it took."""
+    """Run the solver; return its last x, (3, columns), and the effort."""
     x, gradient = task.start.copy(), np.zeros_like(task.start)
     return x, _compiled(eta)(x, task.stress, tolerance, gradient, scratch_for(x.shape))
 
 
 def descended_by_lbfgs(task: Task) -> OptimizeResult:
-    """Where scipy's L-BFGS-B ends; `fun` is sigma [body sizes squared]."""
+    """Run scipy's L-BFGS-B; `fun` of the result is sigma [body sizes squared]."""
     shape = task.start.shape
 
     def objective(flat: Array) -> tuple[float, Array]:
@@ -95,7 +97,7 @@ def descended_by_lbfgs(task: Task) -> OptimizeResult:
 
 @cache
 def _compiled(eta: float) -> Any:
-    """The solver with another `ETA`, a constant that is compiled into it at its first call."""
+    """The solver compiled with another value of the constant `ETA`."""
     with patch.object(spg, "ETA", eta):
         minimise = spectral_gradient(_objective, steepest, adaptive=True)
 
@@ -121,7 +123,7 @@ def _noise(case: Case, t: int, deviation: float) -> Array:
 
 
 def from_before_moved(case: Case, t: int, before: Array) -> Array:
-    """The posture solved for the frame before, each joint moved as the rotation copy moves."""
+    """The solved posture of the previous frame, each joint moved as in the rotation copy."""
     return before + case.copy[t] - case.copy[t - 1] if t else case.copy[t]
 
 
@@ -147,7 +149,7 @@ class Solved:
 
     @property
     def unsolved(self) -> int:
-        """In how many frames the solver stopped before it converged."""
+        """The number of frames that did not converge."""
         return int((self.reasons != Reason.CONVERGED).sum())
 
 
@@ -169,6 +171,6 @@ def solved_from(start: str, edit: str, clip: str = "walk") -> Solved:
 
 
 def elsewhere(solved: Solved, edit: str, clip: str = "walk") -> float:
-    """The share of frames that end in a minimum higher than the least to which any start leads."""
+    """The share of frames that end in a higher minimum than the best that any start reaches."""
     least = np.min([solved_from(start, edit, clip).sigma for start in STARTS], axis=0)
     return float((solved.sigma > HIGHER * least).mean())

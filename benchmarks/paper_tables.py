@@ -68,7 +68,7 @@ EDITS_HEAD = (
 
 
 def edit_cells(edit: str) -> list[str]:
-    """What the paper's solver finds from the rotation copy after an edit."""
+    """The row of an edit: the paper's solver, started from the rotation copy."""
     one = case(edit)
     posture, start = one.source.positions[POSTURE], one.copy[POSTURE]
     task = Task.of(one.problem, posture, start)
@@ -97,7 +97,7 @@ METHODS_HEAD = (
 
 
 def methods_cells(edit: str) -> list[str]:
-    """What every method makes of the posture after an edit."""
+    """The row of an edit: the posture by every method."""
     one = case(edit)
     posture, results = one.source.positions[POSTURE], one.postures().values()
     return [
@@ -113,7 +113,7 @@ def methods_cells(edit: str) -> list[str]:
 
 
 def spine_table() -> str:
-    """Measures of the posture, of the source and of what every method makes of it."""
+    """Measures of the posture, for the source and every method."""
     one = case(LONG_SPINE)
     postures = [one.source.positions[POSTURE], *(points[POSTURE] for points in one.postures().values())]
     measured = [spine_measures(dict(zip(one.target.names, posture, strict=True))) for posture in postures]
@@ -122,7 +122,7 @@ def spine_table() -> str:
 
 
 def spine_measures(at: dict[str, Array]) -> dict[str, float]:
-    """Measures of a posture by the places of its joints [m], means over both sides; a straight limb has no bend."""
+    """Measures of a posture from its joint positions [m], means over both sides; a straight limb has no bend."""
     bones = np.diff([at[name] for name in SPINE], axis=0)
     shoulders = [at[f"{side}Shoulder"] - at["Chest3"] for side in SIDES]
     return {
@@ -147,13 +147,13 @@ def _bend(at: dict[str, Array], upper: str, middle: str, lower: str) -> float:
 
 
 def pairs_table() -> str:
-    """Which pairs sigma comes from."""
+    """How sigma is shared among kinds of pairs of joints."""
     rows = ([name, *(f"{1e3 * sigma:.1f}" for sigma in sigmas)] for name, sigmas in pair_rows())
     return table(("sigma of the pairs of", "copy", "points", "exact bones", "contact"), rows)
 
 
 def pair_rows() -> Iterator[tuple[str, list[float]]]:
-    """The part of sigma that pairs of an arm and a leg have, an arm and the spine, and all others, of every method
+    """For every method, the parts of sigma from pairs of an arm and a leg, of an arm and the spine, and from all others
     [m^2].
     """
     one = case(LONG_SPINE)
@@ -170,7 +170,7 @@ def pair_rows() -> Iterator[tuple[str, list[float]]]:
 
 
 def joints_below(skeleton: Skeleton, name: str) -> NDArray[np.bool_]:
-    """(joints,), whether a joint is the joint of this name on either side, or below it."""
+    """(joints,), whether a joint is in the subtree of the joint of this name on either side."""
     below = np.zeros(len(skeleton), bool)
     for side in SIDES:
         below[skeleton.subtree(skeleton.index(side + name))] = True
@@ -190,7 +190,7 @@ STARTS_HEAD = "start | iterations: walk / turn | sigma, end | in a higher minimu
 
 
 def start_cells(start: str) -> list[str]:
-    """What a start does to each clip of `TURNED`."""
+    """The row of a start: means over the edits, for each clip of `TURNED`."""
     runs = [[(edit, clip, solved_from(start, edit, clip)) for edit in STUDIED] for clip in TURNED]
 
     def means(measure: Callable[..., float], form: str) -> str:
@@ -209,7 +209,7 @@ TOLERANCES_HEAD = "tolerance, body sizes | iterations | sigma above the minimum'
 
 
 def tolerance_rows() -> Iterator[list[str]]:
-    """For each tolerance: iterations, and how far sigma and the points are off those of the smallest tolerance."""
+    """For each tolerance: iterations, and how far sigma and points are off those of the smallest tolerance."""
     solved = {
         tolerance: [solve_all(case(edit), STARTS["rotation copy"], tolerance=tolerance) for edit in STUDIED]
         for tolerance in TOLERANCES
@@ -226,7 +226,7 @@ ETAS_HEAD = "eta | iterations | evaluations | in a higher minimum, % | frames no
 
 
 def eta_cells(eta: float) -> list[str]:
-    """What eta does."""
+    """The row of a value of eta."""
     runs = [solve_all(case(edit), STARTS["rotation copy"], eta=eta) for edit in STUDIED]
     effort = [np.mean([getattr(run, key).mean() for run in runs]) for key in ("iterations", "evaluations")]
     higher = np.mean([100 * elsewhere(run, edit) for run, edit in zip(runs, STUDIED, strict=True)])
@@ -248,7 +248,7 @@ MOTION_FORMS = (".1f", ".3f", ".1f", ".1f", ".2f", ".0f", ".1f", ".0f")
 
 
 def motion_cells(clip: str) -> tuple[list[str], list[str]]:
-    """How good a clip is, and how it is solved; means over the bodies of `STUDIED`."""
+    """The quality of a clip's results and the effort of solving it; means over the bodies of `STUDIED`."""
     values = zip(*(motion_values(case(edit, clip)) for edit in STUDIED), strict=True)
     cells = [several(np.mean(each, axis=0), form) for each, form in zip(values, MOTION_FORMS, strict=True)]
     return cells[:5], cells[5:]

@@ -29,7 +29,7 @@ PICTURES = {
 
 
 def draw(path: Path, corpus: Path, clip: str, target: str, frames: tuple[int, ...], view: str) -> None:
-    """Draw a picture; all motions are turned alike, so that the source faces +Z in the first of the frames."""
+    """Draw a picture. One rotation turns all motions, so that the source faces +Z in the first of the frames."""
     for source_path in found([clip], corpus).values():
         source = read_bvh(source_path)
         body = edited(source.rigid_skeleton, TARGETS[target])

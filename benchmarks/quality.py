@@ -114,17 +114,17 @@ def _wrist_gap(source: Motion, result: Motion, drivers: NDArray[np.intp], wrists
 
 
 def _values(rows: Iterable[Row], key: str) -> Array:
-    """(rows,), a figure of all rows; nan where a row does not have it."""
+    """(rows,), a figure of all rows; nan where it is missing."""
     return np.array([row.figures.get(key, np.nan) for row in rows])
 
 
 def summary_lines(rows: list[Row], copies: list[Row]) -> Iterator[tuple[str, str, str]]:
-    """What is summarised, the rows of one method summarised, and the goal of the contact objective, or of the paper's
-    where it says so.
+    """The lines of the summary for the rows of one method: name, value, and the goal of the contact objective, or of
+    the paper's.
     """
 
     def of(key: str, clips: str | tuple[str, ...] = "", target: str = "") -> Array:
-        """A figure of the clips whose names end so, on the targets whose names begin so."""
+        """A figure of the clips with this ending, on the targets with this beginning."""
         return _values([row for row in rows if row.clip.endswith(clips) and row.target.startswith(target)], key)
 
     error, copy_error = of("contact_error"), _values(copies, "contact_error")

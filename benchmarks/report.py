@@ -52,7 +52,7 @@ PLAY = """async seconds => {
 
 
 def with_helpers(motion: Motion, joints: int) -> Motion:
-    """The motion on a body with this many joints, not counting End Sites; each added joint is a child of an old one."""
+    """The motion on a body with this many joints, not counting End Sites; helper joints are added below its own."""
     body = motion.skeleton
     hosts = np.flatnonzero(~body.end_sites)
     offset = np.full(3, 0.02 * body.offsets[1:].std())
@@ -62,8 +62,8 @@ def with_helpers(motion: Motion, joints: int) -> Motion:
 
 
 def measure(name: str, a: Motion, b: Motion, browser: str) -> bool:
-    """Open the report of the diff of two motions in a new browser, measure it and print the line; return whether it
-    misses a limit.
+    """Open the diff report of two motions in a new browser, measure it, print the line, and return whether it misses a
+    limit.
     """
     difference = diff(a, b)
     text = diff_page(difference, document(difference, About(a="a.bvh", b="b.bvh", command="", version="")))

@@ -54,8 +54,8 @@ LIMITS = {"upright": (15.0, "°"), "floor": (8.0, "%"), "facing": (15.0, "°"), 
 
 
 def run(clip: str, source: Motion, name: str) -> tuple[RetargetResult | None, bool]:
-    """Retarget a clip to a target, measure the result and print the line; the result, None after an exception, and
-    whether the run failed, by an exception or a figure above its limit.
+    """Retarget a clip to a target, measure the result and print the line. Return the result, None after an exception,
+    and whether the run failed: by an exception, or by a figure above its limit.
     """
     started = time.perf_counter()
     result, columns = None, []

@@ -52,7 +52,9 @@ Array = NDArray[np.float64]
 
 
 def with_chains(clip: Motion, count: int, joints: tuple[str, ...]) -> Motion:
-    """The clip on a body with `count` more chains of `CHAIN_JOINTS` joints on each of some joints, stiff as rods."""
+    """The clip on a body with `count` more chains of `CHAIN_JOINTS` joints on each of some joints; the chains do not
+    bend.
+    """
     body, draw = clip.skeleton, np.random.default_rng(1)
     for name in joints:
         number = clip.skeleton.index(name)
@@ -66,14 +68,12 @@ def with_chains(clip: Motion, count: int, joints: tuple[str, ...]) -> Motion:
 
 
 def alternating(runs: list[Callable[[], object]], rounds: int, clock: Callable[[], float] = time.process_time) -> Array:
-    """(rounds, runs), the seconds that each takes, after a round that is not counted."""
+    """(rounds, runs), the seconds of each run; a first round is not counted."""
     return np.array([[timeit(run, timer=clock, number=1) for run in runs] for _ in range(1 + rounds)])[1:]
 
 
 def joint_lines(corpus: Path, rounds: int) -> Iterator[Line]:
-    """What joints cost: fingers, and the exponents in joints from one body with chains to the next, and from the first
-    to the last.
-    """
+    """The cost of joints: of fingers, and exponents in the number of joints, from bodies with more and more chains."""
     clips = [read_bvh(corpus / name) for name in ("cmu_daz/14_04.bvh", "cmu_mb/12_01.bvh")]
     runs = [partial(retarget, clip, edited(clip.rigid_skeleton, TARGETS["H"])) for clip in clips]
     times = alternating(runs, rounds) / [len(clip) for clip in clips]
@@ -94,7 +94,7 @@ def joint_lines(corpus: Path, rounds: int) -> Iterator[Line]:
 
 
 def core_line(corpus: Path, rounds: int) -> Line:
-    """What a second core gains for one clip."""
+    """The gain from a second core for one clip."""
     clip = back_and_forth(read_bvh(corpus / "cmu_mb" / "12_01.bvh"), LONG)
     body = edited(clip.rigid_skeleton, TARGETS["H"])
 
@@ -108,7 +108,7 @@ def core_line(corpus: Path, rounds: int) -> Line:
 
 
 def start_lines(corpus: Path, folder: Path, rounds: int) -> Iterator[Line]:
-    """What processes take to start: processor time over that of imports, and the first run, which compiles."""
+    """The cost of starting a process, relative to imports, and of the first run, which compiles."""
     program, output = [sys.executable, "-m", "distretarget"], str(folder / "out.bvh")
     convert = [*program, str(corpus / "cmu_mb" / "12_01.bvh"), str(CHILD), "-o", output, "--overwrite"]
     imports = [[sys.executable, "-c", f"import {what}"] for what in ("numpy", "numba, scipy.spatial.transform")]
@@ -127,7 +127,7 @@ def start_lines(corpus: Path, folder: Path, rounds: int) -> Iterator[Line]:
 
 
 def memory_line(corpus: Path, folder: Path) -> Line:
-    """What a very long clip takes at its peak."""
+    """The peak memory of a very long clip."""
     clip = back_and_forth(read_bvh(corpus / "cmu_mb" / "12_01.bvh"), VERY_LONG)
     body = edited(clip.rigid_skeleton, TARGETS["H"])
     long, target, output = (folder / name for name in ("long.bvh", "target.bvh", "long_out.bvh"))

@@ -65,7 +65,7 @@ _worker: dict[str, Contestant] = {}  # the one contestant of this process, by it
 
 
 def contestant(clip: Path, target: str, name: str) -> Contestant:
-    """The contestant with this name, one of `CLIP` or `LONG_CLIP`, ready to run."""
+    """The contestant with this name, one of `CLIP` or `LONG_CLIP`."""
     source = read_bvh(clip)
     body = edited(source.rigid_skeleton, TARGETS[target])
     if name in LONG_CLIP:
@@ -77,7 +77,7 @@ def contestant(clip: Path, target: str, name: str) -> Contestant:
 
 
 def _file_runs(clip: Path, source: Motion, body: Skeleton) -> dict[str, Callable[[], object]]:
-    """What each of `LONG_CLIP` does."""
+    """The functions that `LONG_CLIP` names."""
     written = clip.with_suffix(f".{os.getpid()}.bvh")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # pybvh warns that it guesses the up axis
@@ -98,13 +98,13 @@ def _file_runs(clip: Path, source: Motion, body: Skeleton) -> dict[str, Callable
 
 
 def _prepared(clip: Path, target: str, name: str) -> str:
-    """Prepare a contestant in its process, and run it once; its miss."""
+    """Prepare a contestant in its process and run it once; return its miss."""
     run, miss = _worker[name] = contestant(clip, target, name)
     return f"{miss(run()):.2f}" if miss else ""
 
 
 def _seconds(name: str) -> float:
-    """Processor seconds of a run, the mean over runs that follow each other."""
+    """Processor seconds of a run, the mean over several."""
     run = _worker[name].run
     run()
     started, runs, spent = time.process_time(), 0, 0.0
@@ -128,14 +128,14 @@ def measure(clip: Path, target: str, rounds: int, names: Sequence[str]) -> tuple
 
 
 def rows(frames: int, seconds: Times) -> Iterator[list[str]]:
-    """For each contestant, frames per second, and the time over that of another contestant, or its own."""
+    """For each contestant: frames per second, and its time relative to that of the one it is compared with."""
     for name, times in seconds.items():
         speed, ratio = frames / times, np.median(times / seconds[COMPARED_WITH.get(name, name)])
         yield [name, f"{np.median(speed):,.0f}", f"{speed.min():,.0f} to {speed.max():,.0f}", f"{ratio:.2f}"]
 
 
 def draw_bars(path: Path, speeds: Mapping[str, float]) -> None:
-    """Draw a bar for each speed, from top to bottom, on a scale of powers of ten."""
+    """Draw a bar for each speed, from top to bottom, on a logarithmic scale."""
     path.parent.mkdir(parents=True, exist_ok=True)
     figure = Figure((9.0, 0.34 * (len(speeds) + 2)), dpi=120, layout="constrained")
     ax = figure.add_subplot()

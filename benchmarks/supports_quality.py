@@ -36,7 +36,7 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Run:
-    """A clip on a body: with supports (`held`), and with the feet alone (`feet`), and how long each took [s]."""
+    """A clip on a body, retargeted with supports (`held`) and with the feet alone (`feet`), and the seconds of each."""
 
     clip: Path
     body: str
@@ -90,7 +90,7 @@ class Run:
 
 
 def measured(clip: Path, body: str) -> Run | None:
-    """Retarget a clip to a body; None where it cannot be."""
+    """Retarget a clip to a body; None if it is refused."""
     warnings.simplefilter("ignore")
     try:
         motion = read_bvh(clip)[:FRAMES]
@@ -106,7 +106,7 @@ def measured(clip: Path, body: str) -> Run | None:
 
 
 def over_all(runs: list[Run]) -> Iterator[tuple[str, str]]:
-    """What holds over all runs, a line each."""
+    """The lines of the summary over all runs."""
     floor, others = ([run for run in runs if run.floor_work == on] for on in (True, False))
     yield "runs in which something else than feet rests", f"{len(floor)} of {len(runs)}"
     heights = [height for run in floor if (height := run.figures("support_height")[-1]) is not None]

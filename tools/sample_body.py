@@ -217,7 +217,7 @@ class Trunk:
         return self.position, self.local["Hips"]
 
     def hip(self, side: str) -> Points:
-        """(frames, 3), where the thigh of this side begins."""
+        """(frames, 3), the hip joint of a side."""
         return self.position + self.local["Hips"].apply(OFFSET[side + "Hip"])
 
     def chest(self) -> Place:
@@ -289,8 +289,8 @@ def shrug(lift: ArrayLike, reach: ArrayLike) -> Rotation:
 
 
 def straight_arm(side: str, chest: Place, fingers: Points, reach: float) -> Points:
-    """(frames, 3), the wrist of a side whose arm points along `fingers`, unit vectors of the left arm in the chest's
-    frame, at `reach` of its length.
+    """(frames, 3), the wrist of a straight arm. `fingers` are unit vectors of the left arm in the chest's frame,
+    `reach` is a fraction of the arm's length.
     """
     position, rotation = chest
     shoulder = OFFSET["LeftCollar"] + _collar(fingers).apply(OFFSET["LeftShoulder"])
@@ -313,8 +313,8 @@ def flat_hand(yaw: float) -> Rotation:
 
 
 def reaching_arm(chest: Place, collar: Rotation, wrist: Points, pole: Points, hand_world: Rotation) -> Arm:
-    """The left arm with the wrist at these points, the elbow towards the pole vector, and this rotation of the hand,
-    all in the world. The forearm takes the whole roll of the hand.
+    """The left arm that brings the wrist to these points with this rotation of the hand, the elbow towards the pole
+    vector, all in the world. The forearm takes the whole roll of the hand.
     """
     position, rotation = chest
     collar_world = rotation * collar
@@ -327,8 +327,8 @@ def reaching_arm(chest: Place, collar: Rotation, wrist: Points, pole: Points, ha
 
 
 def aimed_arm(side: str, chest: Place, hand: Place, elbow: ArrayLike) -> Arm:
-    """The arm of a side with this position of the wrist and rotation of the hand, the elbow towards `elbow`, (frames,
-    3) or (3,), all in the world. The collar bone follows the arm; a wrist too far away is drawn nearer.
+    """The arm of a side that brings the hand to this position and rotation, the elbow towards `elbow`, (frames, 3) or
+    (3,), all in the world. The collar bone follows the arm; a wrist out of reach is drawn nearer.
     """
     chest, (wrist, rotation) = seen_from(side, chest), seen_from(side, hand)
     shoulder = chest[0] + chest[1].apply(OFFSET["LeftCollar"] + OFFSET["LeftShoulder"])

@@ -186,7 +186,7 @@ def turn() -> Motion:
 
 
 def _stepping_foot(t: Track, sign: int, lifts: Sequence[float], step: float) -> Foot:
-    """A foot that steps around the middle of the body, by an equal part of the full turn at each lift."""
+    """A foot that steps around the middle of the body; each lift turns it by the same angle."""
     air = 0.9 * step
     heading = sum(eased(t, [lift + 0.03, lift + air], [0, 360 / len(lifts)]) for lift in lifts)
     lifted = sum(bump(t, lift, lift + air) for lift in lifts)

@@ -54,10 +54,8 @@ TABLE = 92.0  # height of the table [cm]
 
 
 class Contact(NamedTuple):
-    """Two points that touch from frame `first` to frame `last`, both included.
-
-    A point is the number of a performer or, counted on from these, of a prop, and a joint; `NEAREST` for the nearest
-    point of a prop.
+    """Two points that touch from frame `first` to frame `last`, both included. A point is the number of a performer, or
+    of a prop counted after them, and a joint; `NEAREST` for the nearest point of a prop.
     """
 
     one: tuple[int, str]
@@ -67,7 +65,7 @@ class Contact(NamedTuple):
 
 
 class SampleScene(NamedTuple):
-    """Performers, props, and what touches between them."""
+    """Performers, props, and their contacts."""
 
     performers: Mapping[str, Motion]
     contacts: list[Contact]
@@ -75,8 +73,8 @@ class SampleScene(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """Where a hand goes, in the performer's own world: places of the wrist, (frames, 3) or (3,) [cm], the rotation of
-    the hand, 1 while it is there and 0 while the arm hangs, (frames,), and the direction of the elbow, (3,).
+    """The goal of a hand in the performer's own world: places of the wrist, (frames, 3) or (3,) [cm]; rotation of the
+    hand; weight, (frames,), 0 where the arm hangs; direction of the elbow, (3,).
     """
 
     wrist: ArrayLike
@@ -86,7 +84,7 @@ class Reach(NamedTuple):
 
 
 def performer(t: Track, trunk: Trunk, reaches: Mapping[str, Reach], feet: Mapping[str, Foot] | None = None) -> Motion:
-    """A body that stands, with hands that reach, by side."""
+    """A standing body whose hands reach for these goals, by side."""
     arms = {side: hanging_arm(t, 0.2 * number) for number, side in enumerate(SIDES)}
     for side, reach in reaches.items():
         wrist = np.broadcast_to(np.asarray(reach.wrist, float), (len(t), 3))
@@ -96,19 +94,19 @@ def performer(t: Track, trunk: Trunk, reaches: Mapping[str, Reach], feet: Mappin
 
 
 def opposite(points: ArrayLike, gap: float) -> Points:
-    """Points in the world of a performer who stands `gap` [cm] before this one, and faces it."""
+    """Points in the world of a performer who stands `gap` [cm] away, face to face."""
     return np.asarray(points, float) * (-1.0, 1.0, -1.0) + (0.0, 0.0, gap)
 
 
 def facing(source: Motion, gap: float) -> Motion:
-    """The motion of a performer who stands `gap` [cm] before another, and faces it, in the other's world."""
+    """The motion of a performer who stands `gap` [cm] away, face to face, in the world of the other."""
     rotations = np.array(source.rotations)
     rotations[:, 0] = (turned(yaw=180.0) * Rotation.from_quat(rotations[:, 0])).as_quat()
     return replace(source, root_positions=opposite(source.root_positions, gap), rotations=rotations)
 
 
 def on_body(place: Place, offset: ArrayLike, gap: float) -> Points:
-    """(frames, 3), a point of a part of the body, for a performer who stands `gap` [cm] before it, and faces it."""
+    """(frames, 3), a point fixed to a part of the body, in the world of a performer `gap` [cm] away, face to face."""
     position, rotation = place
     return opposite(position + rotation.apply(offset), gap)
 

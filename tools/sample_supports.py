@@ -86,17 +86,17 @@ class Rest:
     place: ArrayLike
 
     def weight(self, t: Track, approach: float, leave: float | None = None) -> Track:
-        """1 during the rest, 0 until `approach` before and from `leave` after [s]; by default both are the same."""
+        """1 during the rest, 0 until `approach` before and from `leave` after [s]; `leave` is `approach` by default."""
         return held(t, self.start - approach, self.start, self.end, self.end + (approach if leave is None else leave))
 
     def reached(self, t: Track, free: Points, seconds: float) -> Points:
-        """(frames, 3), a path that follows `free` but for the rest, to which and from which it takes some seconds."""
+        """(frames, 3), the path `free`, which turns off to the place for the rest, `seconds` before and after."""
         return free + self.weight(t, seconds)[:, None] * (np.asarray(self.place) - free)
 
 
 def supports(t: Track, sides: Iterable[str], joints: Iterable[str], rests: Iterable[Rest]) -> list[Support]:
-    """The supports of joints that rest together, on one side, both or neither (""); without rests shorter than two
-    frames of the clip.
+    """The supports of joints that rest together, on one side, both or neither (""); rests shorter than two frames of
+    the clip are left out.
     """
     table = []
     for side, joint, rest in product(sides, joints, rests):
@@ -108,7 +108,7 @@ def supports(t: Track, sides: Iterable[str], joints: Iterable[str], rests: Itera
 
 
 def supports_of_sides(t: Track, joints: Iterable[str], rests: Mapping[str, Sequence[Rest]]) -> list[Support]:
-    """The supports of joints that rest together, where each side has its own rests."""
+    """The supports of joints that rest together, with the rests of each side."""
     return [support for side in SIDES for support in supports(t, [side], joints, rests[side])]
 
 
@@ -160,14 +160,14 @@ def cartwheel() -> Sample:
 
 
 def _backwards(rest: Rest) -> Rest:
-    """The rest of the other side in the second half."""
+    """The rest mirrored into the second half, for the other side."""
     x, y, z = rest.place
     return Rest(WHEEL - rest.end, WHEEL - rest.start, (2 * MIDDLE - x, y, z))
 
 
 def _wheel_track(t: Track, column: int, middle: float, whole: float) -> Track:
-    """A spline through the keys, the value at half-time, and the keys backwards, which are subtracted from `whole` if
-    that is not 0.
+    """A spline through the keys, the value at half-time, and the keys backwards; these are subtracted from `whole`
+    unless it is 0.
     """
     times = [*KEYS[:, 0], WHEEL / 2, *(WHEEL - KEYS[::-1, 0])]
     first = KEYS[:, column]
@@ -177,7 +177,7 @@ def _wheel_track(t: Track, column: int, middle: float, whole: float) -> Track:
 
 
 def _wheeling_arm(t: Track, side: str, chest: Place, rest: Rest) -> Arm:
-    """An arm that is raised from the side of the body to over the head, and lowered at the end."""
+    """An arm that rises from the side of the body to over the head, supports it, and is lowered at the end."""
     rotation = chest[1]
     raised = held(t, 0.05, 0.75, WHEEL - 0.75, WHEEL - 0.05)
     lift = np.radians(12 + 148 * raised)
@@ -191,7 +191,7 @@ def _wheeling_arm(t: Track, side: str, chest: Place, rest: Rest) -> Arm:
 
 
 def _wheeling_foot(t: Track, side: str, body: Trunk, turn: Track, rests: list[Rest]) -> Foot:
-    """A foot that rests at its places, and else is at the end of a straight leg that swings about the hip."""
+    """A foot that rests at its places; in between, a straight leg swings it about the hip."""
     sign, hip = SIGN[side], body.hip(side)
     free = held(t, 0.75, 1.35, WHEEL - 1.35, WHEEL - 0.75)
     angle = -turn + sign * (3 + 42 * free)
@@ -249,7 +249,7 @@ def climb_ladder() -> Sample:
 
 
 def _on_rung(side: str, place: ArrayLike, rung: int, start: float, end: float) -> Rest:
-    """A rest at a place of the left side, from the height of a rung, or at its mirror image."""
+    """A rest at a place given for the left side, relative to a rung, or mirrored for the right side."""
     return Rest(start, end, on_side(side, np.add(place, (0.0, rung * SPACING, 0.0))))
 
 
@@ -281,7 +281,7 @@ def crawl() -> Sample:
 
 
 def _crawling_rests(t: Track, side: str, late: float, outward: float, height: float, ahead: float) -> list[Rest]:
-    """Where a hand or a knee rests in each cycle; `late` is when its first swing begins, as a part of the cycle."""
+    """The rests of a hand or a knee in all cycles; `late` is when its first swing begins, as a part of the cycle."""
     rests = []
     for cycle in range(-2, CYCLES + 1):
         start, end = cycle + late + AIR, cycle + late + 1
@@ -292,7 +292,7 @@ def _crawling_rests(t: Track, side: str, late: float, outward: float, height: fl
 
 
 def _crawling_trunk(t: Track, below: dict[str, Points]) -> Trunk:
-    """A trunk that moves forward at constant speed, each hip as far from its knee as the thigh is long."""
+    """A trunk that moves forward at constant speed, each hip one thigh away from its knee."""
     phase = t / CYCLE
     sway = cosine(phase, 1.0, 0.72)
     pitch, yaw = 83 + 0.8 * cosine(phase, 0.5, 0.1), 4 * cosine(phase, 1.0, 0.5)
@@ -311,7 +311,7 @@ def _crawling_trunk(t: Track, below: dict[str, Points]) -> Trunk:
 
 
 def _crawling_leg(t: Track, hip: Points, below: Points, rests: list[Rest]) -> Foot:
-    """A leg that kneels, and slides forward with its knee and its foot a little over the floor."""
+    """A kneeling leg that slides forward with knee and foot just above the floor."""
     lift = sum(bump(t, before.end, after.start) for before, after in pairwise(rests))
     up = columns(0.0, lift, 0.0)
     knee = hip + THIGH * normalised(below + 2.5 * up - hip)
@@ -393,7 +393,7 @@ def kneel() -> Sample:
 
 
 def _kneeling_trunk(t: Track, down: Track, knee: Points) -> Trunk:
-    """A trunk whose right hip is as far from the resting knee as the thigh is long."""
+    """A trunk whose right hip is one thigh away from the resting knee."""
     ahead = eased(t, [0.2, KNEEL[0] + 0.05, KNEEL[1] - 0.1, 4.75], [0, 46, 46, STEP])
     lean = bump(t, 0.7, 2.2) + bump(t, 2.9, 4.4)
     pelvis = turned(pitch=3 + 7 * lean, yaw=-4 * down)

@@ -56,7 +56,7 @@ def below_root(skeleton: Skeleton, name: str, place: ArrayLike, channels: tuple[
 
 
 def only(skeleton: Skeleton, joints: Iterable[int]) -> Skeleton:
-    """The skeleton with these joints only, each below the nearest of them above it."""
+    """The skeleton reduced to these joints, each below its nearest remaining ancestor."""
     kept = sorted(joints)
     number = {joint: place for place, joint in enumerate(kept)}
     return replace(
@@ -82,14 +82,14 @@ def with_offset(skeleton: Skeleton, joints: int | Sequence[int], offsets: ArrayL
 
 
 def turned_below(skeleton: Skeleton, joint: int, turn: Rotation) -> Skeleton:
-    """The skeleton with all that is below a joint turned about it."""
+    """The skeleton with everything below a joint turned about it."""
     below = skeleton.subtree(joint)[1:]
     return with_offset(skeleton, below, turn.apply(skeleton.offsets[below]))
 
 
 def along_x(skeleton: Skeleton) -> Skeleton:
-    """The skeleton in the rest pose of LAFAN1's files, not a standing one: every only child lies along +X of its
-    parent, and the offsets of siblings are written in axes that point up, forward and left.
+    """The skeleton in the rest pose of LAFAN1's files, in which nobody can stand: every only child lies along +X of its
+    parent, and the offsets of siblings are in axes that point up, forward and left.
     """
     alone = [joint for joint in range(1, len(skeleton)) if len(skeleton.children[skeleton.parents[joint]]) == 1]
     offsets = np.array(skeleton.offsets)[:, [1, 2, 0]]
@@ -104,6 +104,6 @@ def z_up(skeleton: Skeleton) -> Skeleton:
 
 
 def on_skeleton(motion: Motion, skeleton: Skeleton) -> Motion:
-    """The motion on its skeleton with joints appended, which do not turn against their parents."""
+    """The motion on its skeleton with joints appended; these do not rotate."""
     still = np.tile([0.0, 0.0, 0.0, 1.0], (len(motion), len(skeleton) - len(motion.skeleton), 1))
     return replace(motion, skeleton=skeleton, rotations=np.concatenate([motion.rotations, still], axis=1))

@@ -113,7 +113,7 @@ def _renamed(skeleton: Skeleton, names: Mapping[str, str]) -> Skeleton:
 
 
 def _on_hips(skeleton: Skeleton) -> Skeleton:
-    """The Unreal rig, Y up, without helpers and without its root; the pelvis takes over its channels and place."""
+    """The Unreal rig, Y up, without helpers and root; the pelvis takes over the root's channels and place."""
     y_up = replace(skeleton, offsets=skeleton.offsets[:, [0, 2, 1]] * (1, 1, -1), up="Y")
     kept = [joint for joint, name in enumerate(y_up.names) if joint and not any(word in name for word in NO_BODY)]
     body = only(with_offset(y_up, 1, y_up.offsets[0] + y_up.offsets[1]), kept)
@@ -365,7 +365,7 @@ MEMBERS = {name: Member(**traits) for name, traits in TABLES["members"].items()}
 
 @cache
 def member(name: str) -> Skeleton:
-    """The skeleton of a member of the zoo [cm]; the root's OFFSET puts its feet on the floor."""
+    """The skeleton of a member of the zoo [cm]; its feet are on the floor, by the root's OFFSET."""
     traits = MEMBERS[name]
     naming = NAMING[traits.convention]
     body = adult(traits.convention)
