@@ -1,4 +1,4 @@
-"""Measure frames per second: of `retarget` and of mink's inverse kinematics on the same body; of reading and writing.
+"""Measure frames per second of `retarget`, of mink's inverse kinematics on the same body, and of reading and writing.
 
     python benchmarks/speed.py CLIP.bvh [--target H] [--rounds 7] [--markdown PAGE]
 

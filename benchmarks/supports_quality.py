@@ -1,4 +1,4 @@
-"""Measure supports: hands, knees and all else that rests on the world, apart from the feet.
+"""Measure supports: hands, knees and other parts of the body that rest on the world, apart from the feet.
 
     python benchmarks/supports_quality.py CORPUS [--markdown docs/results.md]
 

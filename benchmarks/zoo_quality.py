@@ -43,8 +43,8 @@ Row = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Run:
-    """A clip on a member: frames, and how many of them did not converge; joints of the member, without End Sites; the
-    solver's iterations in all frames; figures of the whole clip, by key, of source, rotation copy and result.
+    """A clip on a member: frames, and how many of them did not converge; joints of the member, without End Sites;
+    solver iterations over all frames; figures of the whole clip, of source, rotation copy and result.
     """
 
     name: str
@@ -85,8 +85,8 @@ def _run(frames: int, task: Task) -> Run:
 
 
 def _own_body(frames: int, clip: Path) -> tuple[float, str] | None:
-    """How far a clip on its own body is off at most [% of the body's height], and its name; None for a file that the
-    program refuses.
+    """Retarget a clip to its own body; return its largest error [% of the body's height] and its name, None for a file
+    that the program refuses.
     """
     try:
         motion = read_bvh(clip)[:frames]
@@ -96,7 +96,7 @@ def _own_body(frames: int, clip: Path) -> tuple[float, str] | None:
 
 
 def _own_body_of_member(frames: int, task: Task) -> tuple[float, str]:
-    """The same of the motion that a member has after a clip."""
+    """Do the same with the motion of a member after a clip."""
     motion = retargeted(frames, task).motion
     return _deviation(retarget(motion, motion.skeleton)), f"{clip_name(task[0])} of {task[1]}"
 
@@ -124,7 +124,7 @@ def figure_rows(runs: Sequence[Run]) -> Iterator[Row]:
 
 
 def fault_rows(runs: Sequence[Run], own: Sequence[tuple[float, str]]) -> Iterator[Row]:
-    """What must not occur, or stay small, with the worst runs."""
+    """Faults, which should not occur or should stay small, with the worst runs."""
     yield _count("runs with snaps", runs, lambda run: run.figure("snap"))
     frames = sum(run.unsolved for run in runs)
     yield _count(f"runs with unconverged frames ({frames} frames)", runs, lambda run: run.unsolved)
@@ -143,7 +143,7 @@ def fault_rows(runs: Sequence[Run], own: Sequence[tuple[float, str]]) -> Iterato
 
 
 def _excess(figure: Figure, run: Run) -> float:
-    """How much farther from the source than the copy a result is, beyond what counts as worse."""
+    """How far a run exceeds the limit for being worse than the rotation copy."""
     result, copy, source = (run.figure(figure.key, side) for side in SIDES)
     if figure.judged == "value":
         return result - copy - WORSE[figure.key]
@@ -153,13 +153,13 @@ def _excess(figure: Figure, run: Run) -> float:
 
 
 def _count(name: str, runs: Sequence[Run], excess: Callable[[Run], float]) -> Row:
-    """How many runs exceed 0, and the worst of them."""
+    """The number of runs with an excess over 0, and the worst of them."""
     over = sorted(((value, run.name) for run in runs if (value := excess(run)) > 0), reverse=True)
     return name, f"{len(over)} of {len(runs)}", "; ".join(named for _, named in over[:NAMED])
 
 
 def _spread(name: str, runs: Sequence[Run], value: Callable[[Run], float]) -> Row:
-    """Mean / largest over runs, and the runs with the largest."""
+    """Mean / largest over runs, and the runs with the largest values."""
     values = np.array([value(run) for run in runs])
     worst = np.argsort(-np.nan_to_num(values, nan=-np.inf))[:NAMED]
     return name, mean_and_largest(values, ".3g"), "; ".join(runs[number].name for number in worst)

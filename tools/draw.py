@@ -66,8 +66,8 @@ VIEWS = {"front": Camera(0.0, 10.0), "side": Camera(90.0, 10.0), "three-quarter"
 
 @dataclass(frozen=True)
 class Cell:
-    """One stick figure: points (joints, 3), Y up, the origin on the floor below the body; where the origin is in the
-    world, (3,), both in body heights; and the size of the body, relative to that height.
+    """One stick figure: points (joints, 3), Y up, from an origin on the floor below the body; `ground`, (3,), the place
+    of the origin in the world, both in body heights; and the size of the body relative to that height.
     """
 
     skeleton: Skeleton
@@ -82,7 +82,9 @@ def upright(up: Array) -> Rotation:
 
 
 def facing(motion: Motion, body: Body, frame: int) -> Rotation:
-    """The rotation after which Y is up, and the hips face +Z in a frame; only the first for a body without legs."""
+    """The rotation that turns up to Y and, in a frame, makes the hips face +Z; a body without legs is only turned
+    upright.
+    """
     if body.legs is None:
         return upright(body.up_vector)
     left, right = (motion.positions[frame, leg.hip] for leg in body.legs)
@@ -92,10 +94,9 @@ def facing(motion: Motion, body: Body, frame: int) -> Rotation:
 def cells(
     motion: Motion, frames: Sequence[int], size: float | None = None, floor: float | None = None, turn: Turn = None
 ) -> list[Cell]:
-    """Frames as figures, each moved to the origin; all by one vector if the motion stays on the spot.
-
-    Lengths are divided by `size`, by default the height of the body; the floor's height [file units] is by default that
-    of the lowest joint of all frames; `turn` turns the whole motion, by default the skeleton's up axis to Y.
+    """Frames as figures, each moved to the origin; a motion that stays on the spot is moved as a whole. Lengths are
+    divided by `size`, by default the height of the body; the default floor is the lowest joint of all frames; `turn`
+    turns the whole motion, by default the skeleton's up axis to Y.
     """
     height = body_height(motion.skeleton)
     size = size or height
@@ -112,7 +113,7 @@ def cells(
 
 
 def figures_of(result: RetargetResult, frames: Sequence[int], turn: Turn = None) -> list[list[Cell]]:
-    """Frames of source, rotation copy and result, equally tall, on the source's floor at the scale of each."""
+    """Frames of source, rotation copy and result, equally tall; each stands on the source's floor, scaled."""
     source, target = result.matching.source, result.matching.target
     floor = source.lowest(result.world.up_vector)
     return [
@@ -125,7 +126,7 @@ def figures_of(result: RetargetResult, frames: Sequence[int], turn: Turn = None)
 def body_cells(
     motion: Motion, body: Body, frames: Sequence[int], floor: float | None = None, turn: Turn = None, size: float = 0.0
 ) -> list[Cell]:
-    """Frames of a body of height 1, without root on the floor, IK handles, props and cloth; arguments as in `cells`."""
+    """Frames of a body of height 1, without helper joints such as IK handles and props; arguments as in `cells`."""
     shown = np.flatnonzero(body.regions.of_joint >= 0)
     drawn = only(motion.skeleton, shown)
     ends = ~np.isin(np.arange(len(drawn)), drawn.parents)
@@ -158,7 +159,7 @@ def tallest(motions: Iterable[Motion]) -> float:
 
 
 def _chains(skeleton: Skeleton) -> Iterator[list[int]]:
-    """Chains of joints between the root, joints with several children, and the ends."""
+    """Chains of joints from the root, or a joint with several children, to the next such joint or an end."""
     for joint in skeleton.depth_first[1:]:
         parent = int(skeleton.parents[joint])
         if parent and len(skeleton.children[parent]) == 1:
@@ -216,7 +217,7 @@ def _draw_floor(ax: Axes, camera: Camera, ground: Array) -> None:
 
 
 class Stage(NamedTuple):
-    """What every cell of a picture shows: a part of the screen of a camera [body heights]."""
+    """The part of a camera's screen that every cell of a picture shows [body heights]."""
 
     camera: Camera
     left: float
@@ -257,7 +258,7 @@ def write_picture(
     camera: Camera,
     dpi: int = 150,
 ) -> None:
-    """Draw scenes below each other, with equal spacing, a title for each and labels from left to right."""
+    """Draw scenes below each other at equal heights, each with a title, and labels from left to right."""
     stage = Stage.around(scenes, camera)
     figure = stage.figure(len(labels[0]), len(scenes), dpi)
     for number, (scene, title, names) in enumerate(zip(scenes, titles, labels, strict=True)):
@@ -272,8 +273,8 @@ def write_picture(
 def write_strip(
     path: Path, rows: Sequence[tuple[str, Motion]], frames: Sequence[int], view: str, turn: Turn = None
 ) -> None:
-    """Draw a row for each label and motion, with frames from left to right, all in the same scale, seen in one of
-    `VIEWS`; `turn` turns all motions, by default their up axes to Y.
+    """Draw a row for each label and motion, with frames from left to right, all in the same scale and view; `turn`
+    turns all motions, by default their up axes to Y.
     """
     size = tallest(motion for _, motion in rows)
     scenes = [cells(motion, frames, size, turn=turn) for _, motion in rows]

@@ -1,4 +1,4 @@
-"""Write what the documentation takes from elsewhere: help texts, settings, figures of quality, and measured numbers.
+"""Write the generated parts of the documentation: help texts, settings, figures of quality, and measured numbers.
 
 python tools/make_docs.py
 """
@@ -28,7 +28,7 @@ Json = dict[str, Any]
 
 
 def documents() -> dict[Path, str]:
-    """The text of every file that is generated, wholly or in part."""
+    """The text of every file that has generated parts."""
     return {
         DOCS / "command_line.md": with_tables(DOCS / "command_line.md", {"commands": reference()}),
         DOCS / "method.md": with_tables(DOCS / "method.md", {"settings": settings_table()}),
@@ -53,7 +53,7 @@ def reference() -> str:
 
 
 def contexts(command: click.Command, name: str, parent: click.Context | None = None) -> Iterator[click.Context]:
-    """A command and all commands below it, each in its context."""
+    """The contexts of a command and of all its subcommands."""
     context = click.Context(
         command, parent, name, terminal_width=WIDTH, max_content_width=WIDTH, **command.context_settings
     )

@@ -37,14 +37,14 @@ HEADINGS = {  # the headings, and the beginnings of the paths of files whose mes
 
 @dataclass(frozen=True)
 class Message:
-    """A message of the program: the file of the package that it is in, and its text with gaps."""
+    """A message of the program: the file that raises it, and its text with gaps."""
 
     file: str
     text: str
 
     @property
     def cause_and_cure(self) -> tuple[str, str]:
-        """The cause, and what helps: by `cures.toml`, or else the second half of the message itself."""
+        """The cause and what helps, from `cures.toml`, or else from the second half of the message."""
         if self.text in CURES:
             return self.text, CURES[self.text]
         for mark in ("; ", ", expected "):
@@ -84,7 +84,7 @@ def _texts(tree: ast.AST) -> Iterator[str]:
 
 
 def _text(node: ast.AST) -> str:
-    """The text of an expression, with gaps where it is not known."""
+    """The text of an expression; gaps stand for unknown parts."""
     match node:
         case ast.Constant(value=str(text)):
             return text

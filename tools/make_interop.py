@@ -22,7 +22,7 @@ PAGE = Path(__file__).resolve().parents[1] / "docs" / "interop.md"
 
 
 def cells(reader: Reader) -> Iterator[str]:
-    """The cells of a reader: how far it finds joints in each file, or why it cannot be asked."""
+    """The cells of a reader: its largest error in each file, or why it is missing."""
     yield reader.name
     for case in CASES:
         if reason := reader.missing():

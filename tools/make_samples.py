@@ -1,4 +1,4 @@
-"""Write the clips and props of `sample_bvh`. Its JSON files (targets, rigs, scenes) are written by hand.
+"""Write the clips and props of `sample_bvh`. Its JSON files (targets, rigs, scenes) are edited by hand.
 
     python tools/make_samples.py [FOLDER]
 
@@ -34,7 +34,7 @@ def write_samples(folder: Path) -> None:
 
 
 def write(path: Path, motion: Motion) -> None:
-    """Write a motion as BVH, or what stands still, which has one frame, as OBJ."""
+    """Write a motion as BVH, or a prop that stands still, which has one frame, as OBJ."""
     path.parent.mkdir(parents=True, exist_ok=True)
     if len(motion) == 1:
         path.with_suffix(".obj").write_text(obj_text(motion.positions[0]), encoding="utf-8", newline="\n")

@@ -69,7 +69,7 @@ Place = tuple[Points, Rotation]
 
 
 def clock(seconds: float) -> Track:
-    """The times of the frames [s]."""
+    """The time of each frame [s]."""
     return np.arange(round(seconds * FPS) + 1) / FPS
 
 
@@ -137,7 +137,7 @@ STANDING = ANKLE_HEIGHT + 0.9965 * (THIGH + SHANK) - OFFSET["LeftHip"][1]
 
 
 def on_side(side: str, value: Any) -> Any:
-    """Points (..., 3) or a rotation of the left side, as they are on a side: mirrored on the right."""
+    """Points (..., 3) or a rotation of the left side, mirrored for the right side."""
     if side == "Left":
         return value
     if isinstance(value, Rotation):
@@ -146,7 +146,7 @@ def on_side(side: str, value: Any) -> Any:
 
 
 def seen_from(side: str, place: Place) -> Place:
-    """A place of a side as the place of the left side that mirrors it."""
+    """A position and rotation on one side, mirrored to the left side."""
     return on_side(side, place[0]), on_side(side, place[1])
 
 
@@ -343,8 +343,9 @@ def aimed_arm(side: str, chest: Place, hand: Place, elbow: ArrayLike) -> Arm:
 
 @dataclass(frozen=True)
 class Foot:
-    """A foot in the world: place of the ankle, (frames, 3), and rotation; how far the toes bend up, (frames,)
-    [degrees]; the pole vector of the leg, (frames, 3) or (3,), by default between forward of pelvis and foot.
+    """A foot in the world: position of the ankle, (frames, 3), and rotation; how far the toes bend up, (frames,)
+    [degrees]; the pole vector of the leg, (frames, 3) or (3,), by default between the forward directions of pelvis and
+    foot.
     """
 
     ankle: Points

@@ -1,4 +1,4 @@
-"""The zoo: bodies of many shapes, with every trait that rigs of people have been seen to have.
+"""The zoo: bodies of many shapes, with the traits that real rigs of people have.
 
 `member("mouse")` is the skeleton of one body, `zoo.toml` the table of all. Every body starts as an adult in T-pose,
 Y up, facing +Z [cm], and gets its traits one after the other.
