@@ -14,7 +14,6 @@ import json
 import os
 import random
 import resource
-import signal
 import statistics
 import subprocess
 import sys
@@ -27,7 +26,7 @@ from typing import Any
 import click
 from clips import SAMPLES, back_and_forth
 
-from distretarget import Motion, read_bvh, write_bvh
+from distretarget import read_bvh, write_bvh
 from distretarget.batch.plan import MANIFEST
 from distretarget.batch.workers import Processes
 
@@ -49,27 +48,22 @@ def main(context: click.Context) -> None:
 @click.option("--rounds", default=3)
 @click.pass_obj
 def jobs(scratch: Path, clips: int, frames: int, rounds: int) -> None:
-    """Convert clips of one length with 1 process and with 2, alternately; print the ratio of the times, and the time
-    until the first clip is done and until workers are ready.
+    """Convert clips of one length with 1 process and with 2 in turn; print the ratio of the times, and how long the
+    first clip and the workers take.
     """
     for number in range(clips):
-        write_bvh(folder(scratch / "in") / f"{number}.bvh", sample(CLIPS[number % len(CLIPS)], frames))
+        write_sample(scratch, number, CLIPS[number % len(CLIPS)], frames)
     ratio, first = alternately(scratch, rounds)
     print(f"{clips} clips of {frames} frames: 2 jobs have {ratio:.2f} times the throughput of 1")
-    print(f"first clip done after {first:.2f} s; {start_times()}")
-    sys.exit(ratio < LEAST_RATIO)
-
-
-def start_times() -> str:
-    """How long workers take to be ready: the first, including the process it is forked from, and a second one."""
-    pool = Processes(1, "contact")
-    seconds = []
-    for _ in range(2):
+    pool, ready = Processes(1, "contact"), []
+    for _ in range(2):  # the first worker, including the process it is forked from, and a second one
         started = time.perf_counter()
         pool.executor.submit(os.getpid).result()
-        seconds.append(time.perf_counter() - started)
+        ready.append(time.perf_counter() - started)
         pool.close()
-    return f"the first worker is ready after {seconds[0]:.2f} s, another one after {seconds[1]:.3f} s"
+    print(f"first clip done after {first:.2f} s")
+    print(f"the first worker is ready after {ready[0]:.2f} s, another one after {ready[1]:.3f} s")
+    sys.exit(ratio < LEAST_RATIO)
 
 
 @main.command()
@@ -78,23 +72,26 @@ def start_times() -> str:
 @click.option("--rounds", default=3)
 @click.pass_obj
 def long(scratch: Path, clip: str, frames: int, rounds: int) -> None:
-    """Do the same with one long clip, which is cut into pieces, and print the memory it takes."""
-    write_bvh(folder(scratch / "in") / "long.bvh", sample(clip, frames))
+    """Convert one long clip, which is cut into pieces, with 1 process and with 2 in turn; print the ratio of the times,
+    and the memory used.
+    """
+    write_sample(scratch, 0, clip, frames)
     ratio, _ = alternately(scratch, rounds)
     print(f"{clip}, {frames} frames in one clip: 2 jobs have {ratio:.2f} times the throughput of 1")
     print(f"memory of the largest process: {memory():.0f} MB")
-    sys.exit(not same(scratch / "1", scratch / "2"))
+    sys.exit(outputs(scratch / "1") != outputs(scratch / "2"))
 
 
 def alternately(scratch: Path, rounds: int) -> tuple[float, float]:
-    """Run with 1 process and with 2, alternately; the ratio of their times, and the seconds until the first clip is
-    done with 2 processes; medians over the rounds.
+    """Run with 1 process and with 2 in turn. Return medians over the rounds: the ratio of the times, and the seconds
+    until 2 processes have done their first clip.
     """
     ratios, firsts = [], []
     for _ in range(rounds):
         seconds = {}
         for count in (1, 2):
             out = scratch / str(count)
+            (out / MANIFEST).unlink(missing_ok=True)
             started = time.perf_counter()
             with run(scratch / "in", out, "--jobs", count, "--overwrite") as process:
                 while count == 2 and process.poll() is None and not done(out):
@@ -102,8 +99,6 @@ def alternately(scratch: Path, rounds: int) -> tuple[float, float]:
                 firsts += [time.perf_counter() - started] if count == 2 else []
                 assert process.wait() == 0
             seconds[count] = time.perf_counter() - started
-            if len(ratios) + 1 < rounds:
-                (out / MANIFEST).unlink()
         ratios.append(seconds[1] / seconds[2])
         print(f"  1 job {seconds[1]:.2f} s, 2 jobs {seconds[2]:.2f} s", flush=True)
     return statistics.median(ratios), statistics.median(firsts)
@@ -126,12 +121,12 @@ def kill(scratch: Path, source: Path, times: int) -> None:
             while process.poll() is None and len(done(killed)) < goal:
                 time.sleep(0.01)
             time.sleep(random.uniform(0.0, 0.2))
-            process.send_signal(signal.SIGKILL)
+            process.kill()
         print(f"  killed with {len(done(killed))} clips done", flush=True)
     run(source, killed).wait()
-    outputs = Counter(record["output"] for record in done(killed))
-    twice, equal = sum(count > 1 for count in outputs.values()), same(killed, whole)
-    print(f"{len(outputs)} clips, {twice} converted twice, outputs {'the same' if equal else 'DIFFERENT'}")
+    converted = Counter(record["output"] for record in done(killed))
+    twice, equal = sum(count > 1 for count in converted.values()), outputs(killed) == outputs(whole)
+    print(f"{len(converted)} clips, {twice} converted twice, outputs {'the same' if equal else 'DIFFERENT'}")
     sys.exit(bool(twice) or not equal)
 
 
@@ -139,10 +134,9 @@ def kill(scratch: Path, source: Path, times: int) -> None:
 @click.option("--clips", default=2000)
 @click.pass_obj
 def tiny(scratch: Path, clips: int) -> None:
-    """Convert clips of one frame; print the time, disk space and memory that a clip takes besides its frames."""
-    clip = sample("walk", 1)
+    """Convert clips of one frame; print the time, disk space and memory that each clip costs beyond its frames."""
     for number in range(clips):
-        write_bvh(folder(scratch / "in") / f"{number}.bvh", clip)
+        write_sample(scratch, number, "walk", 1)
     for outcome in ("converted", "skipped"):
         started = time.perf_counter()
         status = run(scratch / "in", scratch / "out").wait()
@@ -154,19 +148,14 @@ def tiny(scratch: Path, clips: int) -> None:
 
 
 def memory() -> float:
-    """The largest memory that any finished process took [MB]."""
+    """The peak memory of the largest finished child process [MB]."""
     return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
 
 
-def sample(name: str, frames: int) -> Motion:
-    """A sample clip played forwards and backwards until it has this many frames."""
-    return back_and_forth(read_bvh(SAMPLES / f"{name}.bvh"), frames)
-
-
-def folder(path: Path) -> Path:
-    """Create the folder if it does not exist."""
-    path.mkdir(exist_ok=True)
-    return path
+def write_sample(scratch: Path, number: int, name: str, frames: int) -> None:
+    """Write an input of the batch: a sample clip, played forwards and backwards until it has this many frames."""
+    (scratch / "in").mkdir(exist_ok=True)
+    write_bvh(scratch / "in" / f"{number}.bvh", back_and_forth(read_bvh(SAMPLES / f"{name}.bvh"), frames))
 
 
 def run(source: Path, out: Path, *options: Any) -> subprocess.Popen[bytes]:
@@ -176,17 +165,16 @@ def run(source: Path, out: Path, *options: Any) -> subprocess.Popen[bytes]:
 
 
 def done(out: Path) -> list[dict[str, Any]]:
-    """The manifest's records of clips that are done, without a last line that is incomplete."""
+    """The manifest's records of converted clips; an incomplete last line is ignored."""
     path = out / MANIFEST
     lines = path.read_text().split("\n")[:-1] if path.exists() else []
     records = (json.loads(line) for line in lines if line.endswith("}"))
     return [record for record in records if record["status"] == "done"]
 
 
-def same(one: Path, other: Path) -> bool:
-    """Whether two folders have the same BVH files, byte for byte."""
-    trees = [{path.relative_to(out): path.read_bytes() for path in out.rglob("*.bvh")} for out in (one, other)]
-    return trees[0] == trees[1]
+def outputs(out: Path) -> dict[Path, bytes]:
+    """The contents of the BVH files in a folder, by relative path."""
+    return {path.relative_to(out): path.read_bytes() for path in out.rglob("*.bvh")}
 
 
 if __name__ == "__main__":

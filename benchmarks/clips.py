@@ -1,4 +1,4 @@
-"""The sample clips and those of the corpus that the benchmarks use, and clips of any length made from them."""
+"""The clips that the benchmarks use, samples and real ones, and the command-line options that they share."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from collections.abc import Iterable
 from fnmatch import fnmatch
 from pathlib import Path
 
+import click
 import numpy as np
 
 from distretarget import Motion
 
 ROOT = Path(__file__).resolve().parents[1]
 SAMPLES = ROOT / "sample_bvh"
-sys.path.append(str(ROOT / "tools"))  # for the benchmarks that draw, or make bodies
+sys.path.append(str(ROOT / "tools"))
+PROCESSES = 2  # of benchmarks that do not measure times
 CLIPS = [
     *(f"cmu_mb/{clip}.bvh" for clip in ("02_01", "02_05", "02_10", "05_03", "05_12", "12_01")),
     *(f"cmu_daz/{clip}.bvh" for clip in ("05_03", "13_11", "14_04", "14_30")),
@@ -21,10 +23,14 @@ CLIPS = [
 ]
 LONG = 10_000  # frames of a long clip
 
+corpus_argument = click.argument("corpus", type=Path)
+page_type = click.Path(exists=True, dir_okay=False, path_type=Path)
+markdown_option = click.option("--markdown", "page", type=page_type, help="Write the tables into this page.")
+
 
 def found(clips: Iterable[str], corpus: Path, pattern: str = "*") -> dict[str, Path]:
-    """The clips that match a pattern and exist: those with a folder are in the corpus, others are samples. Prints the
-    names of those that are missing.
+    """The clips that match a pattern and exist; prints the names of missing ones. Names with a folder are files of the
+    corpus, others are samples.
     """
     paths = {clip: (corpus if "/" in clip else SAMPLES) / clip for clip in clips if fnmatch(clip, pattern)}
     if absent := [clip for clip, path in paths.items() if not path.is_file()]:

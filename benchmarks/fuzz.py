@@ -2,11 +2,10 @@
 
     python benchmarks/fuzz.py [--readers N] [--pipeline N] [--processes N] [--seed N] [--keep FOLDER]
 
-Readers: N texts as clips, skeleton files, maps and manifests, which are read, written and read again. Pipeline: N
-clips, targets, maps and options through the whole of a retargeting, and the result read again. Processes: N runs of the
-command line. Each input ends in one of the outcomes below; the first two are right, and the exit status is 1 if there
-is any other. `--keep` writes the inputs of all others to a folder. The same seed gives the same inputs. Ctrl-C ends a
-part early.
+Readers: N texts are read as clips, skeleton files, maps or manifests, written, and read again. Pipeline: N clips are
+retargeted with targets, maps and options, and the results read again. Processes: N runs of the command line. Each input
+ends in one of the `OUTCOMES`; the first two are right, and the exit status is 1 if there is any other. `--keep` writes
+the inputs of all others to a folder. The same seed gives the same inputs. Ctrl-C ends a part early.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ import tempfile
 import time
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -44,18 +43,13 @@ from distretarget.pipeline.retarget_files import retarget_onto
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 import strategies as made
 
-RIGHT, REFUSED, TRACEBACK, HANG, UNREADABLE = OUTCOMES = (
-    "written right",
-    "refused in one line",
-    "traceback",
-    "no end within 10 s",
-    "not finite or not read back",
-)
+RIGHT, REFUSED, TRACEBACK = "written right", "refused in one line", "traceback"
+HANG, UNREADABLE = "no end within 10 s", "not finite or not read back"
+OUTCOMES = (RIGHT, REFUSED, TRACEBACK, HANG, UNREADABLE)
 LIMIT = 10  # time after which an input counts as one that hangs [s]
 ROUND = 500  # inputs from one seed
-UNCHECKED = settings(
-    database=None, deadline=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
-)  # only generation, however slow
+SLOW = list(HealthCheck)  # only generation, however slow
+UNCHECKED = settings(database=None, deadline=None, phases=[Phase.generate], suppress_health_check=SLOW)
 SAME = 1e-6  # how far positions may be off when they are read back [of the largest coordinate]
 
 texts = st.one_of(
@@ -79,7 +73,7 @@ lines = st.tuples(
 
 
 class NotReadBackError(Exception):
-    """What was written is not finite, or is not read back as it was."""
+    """What was written is not finite, or differs when it is read back."""
 
 
 class TooLongError(Exception):
@@ -90,53 +84,38 @@ class TooLongError(Exception):
 
 
 def read(case: tuple[str, str]) -> None:
-    """Read a text, write what it says, and read that."""
+    """Parse a text, write the result, parse that, and compare."""
     kind, text = case
-    {"clip": _read_clip, "target": _read_target, "map": _read_map, "manifest": _read_manifest}[kind](text)
-
-
-def _read_clip(text: str) -> None:
-    motion = parse_bvh(text, "clip.bvh")
-    _same_motion(motion, _again(lambda: parse_bvh(format_bvh(motion), "again.bvh")))
-
-
-def _read_target(text: str) -> None:
-    target = parse_target(text, "target.json")
-    if isinstance(target, Target):
-        written = skeleton_to_json(target.skeleton, target.name, target.map)
-        again = _again(lambda: parse_target(written, "again.json"))
-        assert isinstance(again, Target)
-        if target.skeleton.keys != again.skeleton.keys or target.skeleton.channels != again.skeleton.channels:
-            raise NotReadBackError("joints or channels")
-        _close(target.skeleton.offsets, again.skeleton.offsets, "offsets")
-
-
-def _read_map(text: str) -> None:
-    pairs = dict(parse_map(text, "map.json").pairs)
-    if dict(parse_map(json.dumps(pairs), "again.json").pairs) != pairs:
-        raise NotReadBackError("the map")
-
-
-def _read_manifest(text: str) -> None:
-    with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "manifest.jsonl").write_bytes(text.encode("utf-8", "surrogatepass"))
-        tally = Tally(clips=3, seconds=1.0)
-        for record in Manifest(Path(folder), read_only=True).latest([]):
-            tally.add(record)
-        assert tally.lines
+    if kind == "clip":
+        motion = parse_bvh(text, "clip.bvh")
+        _same_motion(motion, _again(lambda: parse_bvh(format_bvh(motion), "again.bvh")))
+    elif kind == "target":
+        target = parse_target(text, "target.json")
+        if isinstance(target, Target):
+            written, body = skeleton_to_json(target.skeleton, target.name, target.map), target.skeleton
+            again = _again(lambda: parse_target(written, "again.json")).skeleton
+            if body.keys != again.keys or body.channels != again.channels:
+                raise NotReadBackError("joints or channels")
+            _close(body.offsets, again.offsets, "offsets")
+    elif kind == "map":
+        pairs = dict(parse_map(text, "map.json").pairs)
+        if dict(parse_map(json.dumps(pairs), "again.json").pairs) != pairs:
+            raise NotReadBackError("the map")
+    else:
+        with tempfile.TemporaryDirectory() as folder:
+            _write(Path(folder) / "manifest.jsonl", text)
+            tally = Tally(clips=3, seconds=1.0)
+            for record in Manifest(Path(folder), read_only=True).latest([]):
+                tally.add(record)
+            assert tally.lines
 
 
 def convert(case: tuple[tuple[str, str], str, dict[str, Any]]) -> None:
-    """Retarget a clip, write the result and read that."""
+    """Retarget a clip, write the result, parse it, and compare."""
     (source, target), joint_map, options = case
-    options = {key: value for key, value in options.items() if key not in ("jobs", "q")}
-    result = retarget_onto(
-        parse_bvh(source, "clip.bvh"),
-        Text(target, "target"),
-        source="clip.bvh",
-        map_file=parse_map(joint_map, "map.json"),
-        options=Options(**options),
-    )
+    chosen = Options(**{key: value for key, value in options.items() if key not in ("jobs", "q")})
+    clip, pairs = parse_bvh(source, "clip.bvh"), parse_map(joint_map, "map.json")
+    result = retarget_onto(clip, Text(target, "target"), source="clip.bvh", map_file=pairs, options=chosen)
     again = _again(lambda: parse_bvh(format_bvh(result.motion), "again.bvh"))
     _same_motion(result.motion, again)
     if len(again) != len(result.source):
@@ -146,23 +125,23 @@ def convert(case: tuple[tuple[str, str], str, dict[str, Any]]) -> None:
 
 
 def run(case: tuple[str, tuple[str, str], str, str, dict[str, Any]]) -> str:
-    """Run the program once on files with these texts, and return the outcome."""
+    """Run the command line once on files with these texts, and return the outcome."""
     command, (clip, target), joint_map, manifest, options = case
+    chosen = [f"--{key.replace('_', '-')}={value}" for key, value in options.items()]
+    arguments = {
+        "retarget": ["in.bvh", "target", "-o", "out.bvh", "--json", "out.json", *chosen],
+        "diff": ["diff", "in.bvh", "in.bvh", "--json", "out.json"],
+        "show": ["skeleton", "show", "target"],
+        "export": ["skeleton", "export", "in.bvh", "-o", "out.json"],
+        "match": ["skeleton", "match", "in.bvh", "target", "--map", "map.json"],
+        "batch": ["batch", "in.bvh", "target", "-o", "out", "--jobs", "1", "--map", "map.json"],
+    }[command]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        for file, text in (("in.bvh", clip), ("target", target), ("map.json", joint_map)):
-            (folder / file).write_bytes(text.encode("utf-8", "surrogatepass"))
         (folder / "out").mkdir()
-        (folder / "out" / "manifest.jsonl").write_bytes(manifest.encode("utf-8", "surrogatepass"))
-        chosen = [f"--{key.replace('_', '-')}={value}" for key, value in options.items()]
-        arguments = {
-            "retarget": ["in.bvh", "target", "-o", "out.bvh", "--json", "out.json", *chosen],
-            "diff": ["diff", "in.bvh", "in.bvh", "--json", "out.json"],
-            "show": ["skeleton", "show", "target"],
-            "export": ["skeleton", "export", "in.bvh", "-o", "out.json"],
-            "match": ["skeleton", "match", "in.bvh", "target", "--map", "map.json"],
-            "batch": ["batch", "in.bvh", "target", "-o", "out", "--jobs", "1", "--map", "map.json"],
-        }[command]
+        files = {"in.bvh": clip, "target": target, "map.json": joint_map, "out/manifest.jsonl": manifest}
+        for file, text in files.items():
+            _write(folder / file, text)
         program = [sys.executable, "-m", "distretarget", *arguments]
         try:
             done = subprocess.run(program, cwd=folder, capture_output=True, timeout=LIMIT, stdin=subprocess.DEVNULL)
@@ -174,10 +153,13 @@ def run(case: tuple[str, tuple[str, str], str, str, dict[str, Any]]) -> str:
         if done.returncode == 0:
             _check_written(folder)
             return RIGHT
-        last = errors.splitlines()[-1:] if command != "batch" else ["distretarget: "]
-        if not last or not last[0].startswith("distretarget: "):
-            raise RuntimeError(f"status {done.returncode}, and no line says why: {errors[-600:]}")
-        return REFUSED
+    if command != "batch" and not "".join(errors.splitlines()[-1:]).startswith("distretarget: "):
+        raise RuntimeError(f"status {done.returncode}, and no line says why: {errors[-600:]}")
+    return REFUSED
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_bytes(text.encode("utf-8", "surrogatepass"))
 
 
 def _check_written(folder: Path) -> None:
@@ -192,7 +174,7 @@ def _check_written(folder: Path) -> None:
 
 
 def _again(reading: Callable[[], Any]) -> Any:
-    """What is read from a text that the program has written."""
+    """Parse a text that the program has written; an error means that it cannot be read back."""
     try:
         return reading()
     except DistretargetError as error:
@@ -206,13 +188,12 @@ def _same_motion(motion: Motion, again: Motion) -> None:
     _close(motion.skeleton.offsets[order[1:]], again.skeleton.offsets[1:], "offsets")
     if motion.positions.shape != again.positions.shape or motion.frame_time_text != again.frame_time_text:
         raise NotReadBackError("frames or frame time")
-    channels = motion.skeleton.channels[0]
-    if sum(channel.endswith("position") for channel in channels) == 3:
+    if sum(channel.endswith("position") for channel in motion.skeleton.channels[0]) == 3:
         _close(motion.positions[:, order], again.positions, "positions")
 
 
 def _named(skeleton: Skeleton) -> list[tuple[str, tuple[str, ...]]]:
-    """Names and channels of all joints, depth first, without the names of End Sites."""
+    """Names and channels of all joints, depth first; End Sites without their names."""
     ends = skeleton.end_sites
     return [("" if ends[j] else skeleton.names[j], skeleton.channels[j]) for j in skeleton.depth_first]
 
@@ -227,27 +208,16 @@ def _close(values: Any, again: Any, what: str) -> None:
 # ---- how it ends
 
 
-@contextlib.contextmanager
-def within_limit() -> Iterator[None]:
-    """Raise TooLongError where there is no end within the limit."""
-
-    def late(_number: int, _frame: object) -> None:
-        raise TooLongError
-
-    before = signal.signal(signal.SIGALRM, late)
-    signal.alarm(LIMIT)
-    try:
-        yield
-    finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
+def _late(_number: int, _frame: object) -> None:
+    raise TooLongError
 
 
 def outcome_of(action: Callable[[Any], str | None], case: Any) -> tuple[str, str]:
-    """Return the outcome of an action on an input, and what is known of it."""
+    """Return the outcome of an action on an input, and the details of a failure."""
+    before = signal.signal(signal.SIGALRM, _late)
+    signal.alarm(LIMIT)
     try:
-        with within_limit():
-            return action(case) or RIGHT, ""
+        return action(case) or RIGHT, ""
     except DistretargetError as error:
         return (REFUSED, "") if "\n" not in str(error) else (TRACEBACK, f"several lines: {error}")
     except TooLongError:
@@ -256,39 +226,38 @@ def outcome_of(action: Callable[[Any], str | None], case: Any) -> tuple[str, str
         return UNREADABLE, str(error)
     except Exception as error:  # whatever a user would see as a traceback
         return TRACEBACK, "".join(traceback.format_exception(error)[-3:])
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
 
 
 @dataclass
 class Tried:
-    """Inputs that were tried: how many ended how, and those that went wrong, with what is known of them."""
+    """How many inputs had each outcome, and the inputs that failed, with details."""
 
     counts: Counter[str] = field(default_factory=Counter)
     wrong: list[tuple[Any, str]] = field(default_factory=list)
 
-    def add(self, action: Callable[[Any], str | None], case: Any) -> None:
-        """Try an input."""
-        outcome, known = outcome_of(action, case)
-        self.counts[outcome] += 1
-        if outcome not in (RIGHT, REFUSED):
-            self.wrong.append((case, f"{outcome}: {known}"))
-
 
 def tried(action: Callable[[Any], str | None], cases: st.SearchStrategy[Any], count: int, first_seed: int) -> Tried:
-    """Try `count` inputs of a strategy, or as many as there is time for until Ctrl-C."""
-    all_tried = Tried()
+    """Try `count` inputs of a strategy; Ctrl-C stops early."""
+    found = Tried()
     with contextlib.suppress(KeyboardInterrupt):
-        while left := count - all_tried.counts.total():
+        while left := count - found.counts.total():
 
             @seed(first_seed)
             @settings(UNCHECKED, max_examples=min(left, ROUND))
             @given(cases)
             def one_round(case: Any) -> None:
-                if all_tried.counts.total() < count:
-                    all_tried.add(action, case)
+                if found.counts.total() < count:
+                    outcome, known = outcome_of(action, case)
+                    found.counts[outcome] += 1
+                    if outcome not in (RIGHT, REFUSED):
+                        found.wrong.append((case, f"{outcome}: {known}"))
 
             one_round()
             first_seed += 1
-    return all_tried
+    return found
 
 
 PARTS: dict[str, tuple[Callable[[Any], str | None], st.SearchStrategy[Any]]] = {
@@ -305,7 +274,7 @@ PARTS: dict[str, tuple[Callable[[Any], str | None], st.SearchStrategy[Any]]] = {
 @click.option("--seed", "first_seed", default=0)
 @click.option("--keep", type=Path)
 def main(first_seed: int, keep: Path | None, **counts: int) -> None:
-    """Try as many inputs as asked for, and print a line for each outcome."""
+    """Try as many inputs as asked for, and print the outcomes of each part."""
     for objective in OBJECTIVES:
         warm(objective)  # compilation is not counted as time taken
     wrong = 0

@@ -1,6 +1,5 @@
-"""mink on a target's body, by tasks of its own and by those of GMR; both end in positions, and in how far they miss.
-
-General Motion Retargeting (GMR), https://github.com/YanjieZe/GMR, is made for robots.
+"""mink on a target's body, with tasks of its own and with those of General Motion Retargeting (GMR), which is made for
+robots: https://github.com/YanjieZe/GMR.
 """
 
 from __future__ import annotations
@@ -13,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget import Body, Motion, RetargetResult
+
+Array = NDArray[np.float64]
 
 SOLVER = "daqp"
 POSTURE = 1e-2  # mink's cost of leaving the rotation copy's posture; that of missing a place of an end is 1
@@ -37,35 +38,33 @@ class InverseKinematics:
         self.bodies = [joint for joint in skeleton.depth_first if not skeleton.end_sites[joint]]
         self.model = mujoco.MjModel.from_xml_string(_xml(result.motion, self.unit))
         self.configuration = mink.Configuration(self.model)
-        self.postures = _postures(result.rotation_copy, self.bodies, self.unit)
+        copy = result.rotation_copy  # MuJoCo's coordinates: the root's position, each body's quaternion w x y z
+        quaternions = copy.rotations[:, self.bodies][..., [3, 0, 1, 2]]
+        self.postures = np.concatenate([copy.root_positions / self.unit, quaternions.reshape(len(copy), -1)], axis=1)
         self.ends = _ends(result.matching.target)
         self.places = result.motion.positions[:, self.ends] / self.unit
-        self.frames = [
-            mink.FrameTask(f"joint{end}", "body", position_cost=1.0, orientation_cost=0.0) for end in self.ends
-        ]
+        self.frames = [_frame_task(end, 1.0, 0.0) for end in self.ends]
         self.posture = mink.PostureTask(self.model, cost=POSTURE)
-        self.tasks = [*self.frames, self.posture]
 
-    def solve(self, steps: int) -> NDArray[np.float64]:
+    def solve(self, steps: int) -> Array:
         """(frames, bodies, 3), positions of the bodies [file units]; each frame is solved from the one before."""
         positions = np.empty((len(self.postures), len(self.bodies), 3))
-        for t, posture in enumerate(self.postures):
-            if t == 0:
-                self.configuration.update(posture)
+        self.configuration.update(self.postures[0])
+        for t, (posture, places) in enumerate(zip(self.postures, self.places, strict=True)):
             self.posture.set_target(posture)
-            for task, place in zip(self.frames, self.places[t], strict=True):
+            for task, place in zip(self.frames, places, strict=True):
                 task.set_target(mink.SE3.from_translation(place))
             for _ in range(steps):
-                _step(self.configuration, self.tasks, DAMPING)
+                _step(self.configuration, [*self.frames, self.posture], DAMPING)
             positions[t] = self.configuration.data.xpos[1:]
         return positions * self.unit
 
-    def miss(self, positions: NDArray[np.float64]) -> float:
+    def miss(self, positions: Array) -> float:
         """Mean distance of hands, feet and hips from their given places [% of leg length]."""
         return _miss(positions[:, [self.bodies.index(end) for end in self.ends]] / self.unit, self.places)
 
 
-class Gmr:
+class Gmr(InverseKinematics):
     """The same model, posed as GMR does.
 
     Each body is given the place of the source joint that drives it, scaled about the origin, and the rotation that
@@ -73,58 +72,61 @@ class Gmr:
     """
 
     def __init__(self, result: RetargetResult) -> None:
-        self.of_result = InverseKinematics(result)
-        matching, bodies = result.matching, self.of_result.bodies
-        driven = [body for body in bodies if matching.drivers[body] >= 0]
-        positions = result.source.positions[:, matching.drivers[driven]]
-        self.places = positions * result.root_scale / self.of_result.unit
-        self.rotations = result.rotation_copy.world_rotations[:, driven][..., [3, 0, 1, 2]]
+        super().__init__(result)
+        matching = result.matching
+        self.driven = [body for body in self.bodies if matching.drivers[body] >= 0]
+        self.places = result.source.positions[:, matching.drivers[self.driven]] * result.root_scale / self.unit
+        self.rotations = result.rotation_copy.world_rotations[:, self.driven][..., [3, 0, 1, 2]]
         feet = {leg.ankle for leg in matching.target.legs or ()}
         self.stages = [
-            [
-                mink.FrameTask(f"joint{body}", "body", *_weights(stage, body, feet), lm_damping=GMR_TASK_DAMPING)
-                for body in driven
-            ]
+            [_frame_task(body, *_weights(stage, body, feet), lm_damping=GMR_TASK_DAMPING) for body in self.driven]
             for stage in (1, 2)
         ]
-        self.ends = [(bodies.index(end), driven.index(end)) for end in self.of_result.ends if end in driven]
 
-    def solve(self) -> NDArray[np.float64]:
+    def solve(self, _steps: int) -> Array:
         """(frames, bodies, 3), positions of the bodies [file units]; each frame is solved from the one before."""
-        configuration = self.of_result.configuration
-        positions = np.empty((len(self.places), len(self.of_result.bodies), 3))
-        configuration.update(self.of_result.postures[0])
+        positions = np.empty((len(self.places), len(self.bodies), 3))
+        self.configuration.update(self.postures[0])
         for t, frame in enumerate(zip(self.places, self.rotations, strict=True)):
             for tasks in self.stages:
                 for task, place, rotation in zip(tasks, *frame, strict=True):
                     task.set_target(mink.SE3.from_rotation_and_translation(mink.SO3(rotation), place))
                 self._solve_stage(tasks)
-            positions[t] = configuration.data.xpos[1:]
-        return positions * self.of_result.unit
+            positions[t] = self.configuration.data.xpos[1:]
+        return positions * self.unit
 
     def _solve_stage(self, tasks: Sequence[mink.Task]) -> None:
-        configuration = self.of_result.configuration
-        before = _error(configuration, tasks)
+        before = self._error(tasks)
         for _ in range(1 + MOST_STEPS):
-            _step(configuration, tasks, GMR_DAMPING)
-            error = _error(configuration, tasks)
+            _step(self.configuration, tasks, GMR_DAMPING)
+            error = self._error(tasks)
             if before - error <= SETTLED:
                 break
             before = error
 
-    def miss(self, positions: NDArray[np.float64]) -> float:
+    def _error(self, tasks: Sequence[mink.Task]) -> float:
+        """The norm of the tasks' errors."""
+        return float(np.linalg.norm(np.concatenate([task.compute_error(self.configuration) for task in tasks])))
+
+    def miss(self, positions: Array) -> float:
         """Mean distance of hands, feet and hips from their given places [% of leg length]."""
-        bodies, places = np.transpose(self.ends)
-        return _miss(positions[:, bodies] / self.of_result.unit, self.places[:, places])
+        ends = [end for end in self.ends if end in self.driven]
+        bodies, places = ([each.index(end) for end in ends] for each in (self.bodies, self.driven))
+        return _miss(positions[:, bodies] / self.unit, self.places[:, places])
 
 
-def _miss(ends: NDArray[np.float64], places: NDArray[np.float64]) -> float:
-    """The mean distance of ends, (frames, ends, 3) [body units], from their places [% of leg length]."""
+def _frame_task(body: int, position: float, rotation: float, **others: float) -> mink.FrameTask:
+    """The task that brings a body to a place and rotation, with the costs of missing them."""
+    return mink.FrameTask(f"joint{body}", "body", position_cost=position, orientation_cost=rotation, **others)
+
+
+def _miss(ends: Array, places: Array) -> float:
+    """The mean distance of end effectors from their places, both (frames, ends, 3) [body units], in % of leg length."""
     return float(200 * np.linalg.norm(ends - places, axis=-1).mean())
 
 
 def _weights(stage: int, body: int, feet: set[int]) -> tuple[float, float]:
-    """What it costs a body in a stage to miss its place, and its rotation, as in GMR for the robot G1."""
+    """The costs of missing a body's place and its rotation in a stage, as in GMR for the robot G1."""
     if body in feet:
         return 50.0, 10.0
     if stage == 1:
@@ -135,11 +137,6 @@ def _weights(stage: int, body: int, feet: set[int]) -> tuple[float, float]:
 def _step(configuration: mink.Configuration, tasks: Sequence[mink.Task], damping: float) -> None:
     velocity = mink.solve_ik(configuration, tasks, TIMESTEP, SOLVER, damping=damping, limits=[])
     configuration.integrate_inplace(velocity, TIMESTEP)
-
-
-def _error(configuration: mink.Configuration, tasks: Sequence[mink.Task]) -> float:
-    """The norm of the tasks' errors."""
-    return float(np.linalg.norm(np.concatenate([task.compute_error(configuration) for task in tasks])))
 
 
 def _xml(motion: Motion, unit: float) -> str:
@@ -156,12 +153,6 @@ def _xml(motion: Motion, unit: float) -> str:
         )
 
     return f'<mujoco><compiler balanceinertia="true"/><worldbody>{body(0)}</worldbody></mujoco>'
-
-
-def _postures(copy: Motion, bodies: list[int], unit: float) -> NDArray[np.float64]:
-    """(frames, 3 + 4 bodies), the copy in MuJoCo's coordinates: the root's position, each body's quaternion w x y z."""
-    quaternions = copy.rotations[:, bodies][..., [3, 0, 1, 2]]
-    return np.concatenate([copy.root_positions / unit, quaternions.reshape(len(copy), -1)], axis=1)
 
 
 def _ends(body: Body) -> list[int]:

@@ -2,19 +2,19 @@
 
     python benchmarks/kernel.py [--joints 22] [--rounds 9]
 
-The C loop is compiled with `cc -O3 -march=native -ffast-math`, and both run in this process, alternating; medians are
-printed. Without a C compiler the script says so.
+The C loop is compiled with `cc -O3 -march=native -ffast-math`, and both run in this process by turns; medians are
+printed.
 """
 
 from __future__ import annotations
 
 import ctypes
-import shutil
 import subprocess
 import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+from timeit import timeit
 
 import click
 import numpy as np
@@ -26,7 +26,7 @@ from distretarget.distances import stress_and_gradient
 Array = NDArray[np.float64]
 
 REPEATS = 100_000  # evaluations in each measurement
-FLAGS = ("-O3", "-march=native", "-ffast-math", "-shared", "-fPIC")
+COMPILE = "cc -O3 -march=native -ffast-math -shared -fPIC -o stress.so stress.c -lm"
 SOURCE = """
 #include <math.h>
 double repeat(int repeats, int n, const double *x, const double *delta, const double *pi, double *gradient) {
@@ -63,13 +63,12 @@ def _repeat(repeats, x, delta, pi, gradient):  # type: ignore[no-untyped-def]
     return total
 
 
-def compiled_c(compiler: str) -> Callable[..., float]:
-    """The C loop, called as `_repeat` is."""
+def compiled_c() -> Callable[..., float]:
+    """The C loop, with the arguments of `_repeat`."""
     with tempfile.TemporaryDirectory() as folder:
-        source, library = Path(folder, "stress.c"), Path(folder, "stress.so")
-        source.write_text(SOURCE)
-        subprocess.run([compiler, *FLAGS, "-o", str(library), str(source), "-lm"], check=True)
-        function = ctypes.CDLL(str(library)).repeat
+        Path(folder, "stress.c").write_text(SOURCE)
+        subprocess.run(COMPILE.split(), cwd=folder, check=True)
+        function = ctypes.CDLL(f"{folder}/stress.so").repeat
     function.restype = ctypes.c_double
     return lambda repeats, x, *arrays: function(
         repeats, x.shape[1], *(a.ctypes.data_as(ctypes.c_void_p) for a in (x, *arrays))
@@ -77,7 +76,7 @@ def compiled_c(compiler: str) -> Callable[..., float]:
 
 
 def case(joints: int) -> tuple[Array, Array, Array, Array]:
-    """A random posture, target distances, priorities, and room for the gradient."""
+    """A random posture, target distances, priorities, and an array for the gradient."""
     rng = np.random.default_rng(0)
     x = rng.normal(size=(3, joints))
     apart = np.linalg.norm(x[:, :, None] - x[:, None], axis=0) * rng.uniform(0.7, 1.4, (joints, joints))
@@ -91,19 +90,13 @@ def case(joints: int) -> tuple[Array, Array, Array, Array]:
 @click.option("--rounds", default=9)
 def main(joints: int, rounds: int) -> None:
     """Measure and print."""
-    compiler = shutil.which("cc")
-    if compiler is None:
-        print("there is no C compiler here: no `cc`")
-        return
-    contestants, arrays = (_repeat, compiled_c(compiler)), case(joints)
-    values = [run(1, *arrays) for run in contestants]
-    seconds = np.empty((rounds, 2))
-    for number in range(rounds):
-        for k, run in enumerate(contestants):
-            started = time.process_time()
-            run(REPEATS, *arrays)
-            seconds[number, k] = (time.process_time() - started) / REPEATS
-    numba, c = np.median(seconds, axis=0)
+    contestants, arrays = (_repeat, compiled_c()), case(joints)
+    values = [run(1, *arrays) for run in contestants]  # compiles, too
+
+    def seconds(run: Callable[..., float]) -> float:
+        return timeit(lambda: run(REPEATS, *arrays), timer=time.process_time, number=1) / REPEATS
+
+    numba, c = np.median([[seconds(run) for run in contestants] for _ in range(rounds)], axis=0)
     print(f"sigma: {values[0]:.12g}, in C {values[1]:.12g}")
     print(f"{joints} joints: {1e6 * numba:.3f} us, in C {1e6 * c:.3f} us, ratio {numba / c:.2f}")
 

@@ -4,19 +4,20 @@
 
 The CMU clips exist in two conversions: on the performers' own skeletons (folder cmu_mb), and retargeted by
 MotionBuilder to the Daz figure Aiko 3 (folder cmu_daz), frame for frame. This script retargets each clip of cmu_mb to
-the skeleton of the same clip in cmu_daz, without a joint map or any option. It writes the table into FILE, between the
-lines `<!-- motionbuilder -->` and `<!-- end -->`.
+the skeleton of the same clip in cmu_daz, without a joint map or any option.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from fnmatch import fnmatch
 from pathlib import Path
 
 import click
 import numpy as np
+from clips import corpus_argument, markdown_option
 from numpy.typing import NDArray
-from tables import corpus_argument, markdown_option, publish, several, table
+from tables import publish, several, table
 
 from distretarget import Motion, read_bvh, retarget
 from distretarget.measure.figures import BY_KEY
@@ -24,36 +25,32 @@ from distretarget.measure.metrics import Reference
 from distretarget.numerics.vectors import angles_between
 
 COLUMNS = (
-    "clip",
-    "frames",
-    "direction, copy and MotionBuilder, degrees",
-    "direction, result and MotionBuilder",
-    "contact error, copy / MotionBuilder / result",
-    "slide, source / MotionBuilder / result",
+    "clip | frames | direction, copy and MotionBuilder, degrees | direction, result and MotionBuilder | "
+    "contact error, copy / MotionBuilder / result | slide, source / MotionBuilder / result"
 )
 
 
-def measure(corpus: Path, clip: str) -> list[str]:
-    """The row of one clip in the table."""
+def measure(corpus: Path, clip: str) -> Iterator[str]:
+    """The table row of one clip."""
     source, peer = read_bvh(corpus / "cmu_mb" / clip), read_bvh(corpus / "cmu_daz" / clip)
     run = retarget(source, peer.skeleton)
     reference = Reference(run.source, run.matching, run.world.up_vector)
     copy, other, result = (reference.compare(motion) for motion in (run.rotation_copy, peer, run.motion))
-    contact = [BY_KEY["contact_error"].of_clip(one.tracks) or 0.0 for one in (copy, other, result)]
-    slide = [BY_KEY["slide"].of_clip(one) or 0.0 for one in (result.source_tracks, other.tracks, result.tracks)]
-    apart = [f"{directions(peer, motion, run.drivers).mean():.1f}" for motion in (run.rotation_copy, run.motion)]
-    return [clip, str(len(source)), *apart, several(contact, ".4f"), several(slide, ".3f")]
+    yield from (clip, str(len(source)))
+    yield from (f"{directions(peer, motion, run.drivers).mean():.1f}" for motion in (run.rotation_copy, run.motion))
+    yield several([BY_KEY["contact_error"].of_clip(one.tracks) or 0.0 for one in (copy, other, result)], ".4f")
+    tracks = result.source_tracks, other.tracks, result.tracks
+    yield several([BY_KEY["slide"].of_clip(one) or 0.0 for one in tracks], ".3f")
 
 
 def directions(a: Motion, b: Motion, drivers: NDArray[np.intp]) -> NDArray[np.float64]:
-    """(frames, bones), the angles between the bones of two motions on one skeleton [degrees]; only bones whose both
-    joints have a driver.
+    """(frames, bones), the angles between the bones of two motions on one skeleton [degrees]; only bones with drivers
+    at both ends.
     """
     skeleton = a.skeleton
-    lower = np.arange(1, len(skeleton))
-    upper = skeleton.parents[1:]
-    driven = (drivers[lower] >= 0) & (drivers[upper] >= 0) & (skeleton.lengths[1:] > 0)
-    one, other = (motion.positions[:, lower[driven]] - motion.positions[:, upper[driven]] for motion in (a, b))
+    lower = np.flatnonzero((drivers >= 0) & (drivers[skeleton.parents] >= 0) & (skeleton.lengths > 0))
+    lower = lower[lower > 0]
+    one, other = (motion.positions[:, lower] - motion.positions[:, skeleton.parents[lower]] for motion in (a, b))
     return np.degrees(angles_between(one, other))
 
 
@@ -63,9 +60,9 @@ def directions(a: Motion, b: Motion, drivers: NDArray[np.intp]) -> NDArray[np.fl
 @click.option("--only", default="*", help="Only clips whose names match.")
 def main(corpus: Path, page: Path | None, only: str) -> None:
     """Print the table; write it into the page if one is given."""
-    clips = sorted({path.name for path in (corpus / "cmu_mb").glob("*.bvh") if fnmatch(path.name, only)})
-    both = [clip for clip in clips if (corpus / "cmu_daz" / clip).exists()]
-    publish({"motionbuilder": table(COLUMNS, (measure(corpus, clip) for clip in both))}, page)
+    names = ({path.name for path in (corpus / folder).glob("*.bvh")} for folder in ("cmu_mb", "cmu_daz"))
+    clips = sorted(clip for clip in set.intersection(*names) if fnmatch(clip, only))
+    publish({"motionbuilder": table(COLUMNS, (measure(corpus, clip) for clip in clips))}, page)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from pathlib import Path
 import click
 import numpy as np
 from clips import ROOT
-from draw import VIEWS, Cell, body_height, draw_strip, write_picture
+from draw import VIEWS, Cell, body_height, write_picture, write_strip
 from numpy.typing import NDArray
 from paper_case import GROUPS, PERCENT, POSTURE, case, on_table_one
 from paper_tables import LONG_SPINE, tables
@@ -52,13 +52,9 @@ def draw_spine(path: Path) -> None:
 def draw_walk(path: Path) -> None:
     """Draw frames of the walk by every method."""
     one = case(WALK)
-    rows = [
-        ("original", one.source),
-        (f"rotation copy, {WALK}", one.paper.rotation_copy),
-        ("paper, exact bones", one.paper.motion),
-        ("contact", one.contact.motion),
-    ]
-    draw_strip(path, rows, STEPS, view="side", same_scale=True)
+    rows = [("original", one.source), (f"rotation copy, {WALK}", one.paper.rotation_copy)]
+    rows += [("paper, exact bones", one.paper.motion), ("contact", one.contact.motion)]
+    write_strip(path, rows, STEPS, "side")
 
 
 def figure(skeleton: Skeleton, points: NDArray[np.float64]) -> Cell:

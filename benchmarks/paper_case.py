@@ -17,7 +17,6 @@ from distretarget.body.body import Body
 from distretarget.distances import DistanceProblem, distance_problem, posture_stress
 from distretarget.matching.matching import match
 from distretarget.numerics.vectors import angles_between
-from distretarget.pipeline.options import Objective
 
 Array = NDArray[np.float64]
 
@@ -56,7 +55,7 @@ def on_table_one(clip: str) -> Motion:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A motion, and a body on the same tree with other bone lengths to bring it to."""
+    """A motion, and a target with the same joints and other bone lengths."""
 
     source: Motion
     target: Skeleton
@@ -69,15 +68,12 @@ class Case:
     @cached_property
     def paper(self) -> RetargetResult:
         """The paper's objective, over free points and over rotations."""
-        return self._retargeted("paper")
+        return retarget(self.source, self.target, Options(objective="paper"))
 
     @cached_property
     def contact(self) -> RetargetResult:
         """The contact objective."""
-        return self._retargeted("contact")
-
-    def _retargeted(self, objective: Objective) -> RetargetResult:
-        return retarget(self.source, self.target, Options(objective=objective))
+        return retarget(self.source, self.target, Options(objective="contact"))
 
     @cached_property
     def copy(self) -> Array:
@@ -86,7 +82,7 @@ class Case:
         return rotation_copy(matching, RootScale.even(find_root_scale(matching))).positions
 
     def postures(self) -> dict[str, Array]:
-        """What the methods make of the motion, (frames, joints, 3) each [m]."""
+        """The results of all methods, (frames, joints, 3) each [m]."""
         return {
             "rotation copy": self.copy,
             "paper, points": self.paper.postures.positions,
@@ -106,7 +102,7 @@ class Case:
 
 @cache
 def case(edit: str, clip: str = "walk") -> Case:
-    """A sample clip and its own body after one of `EDITS`."""
+    """A sample clip, and its own skeleton after one of `EDITS`."""
     source = on_table_one(clip)
     return Case(source, edited(source.skeleton, EDITS[edit]))
 
@@ -120,7 +116,7 @@ def bones_of(points: Array, case: Case) -> Array:
 
 
 def bone_errors(points: Array, case: Case) -> Array:
-    """(..., bones), how far the bones of postures (..., joints, 3) are off the target's lengths [relative]."""
+    """(..., bones), relative errors of the bone lengths of postures (..., joints, 3)."""
     return np.asarray(np.abs(np.linalg.norm(bones_of(points, case), axis=-1) / case.target.lengths[1:] - 1))
 
 

@@ -25,10 +25,34 @@ AGREEMENT = 1e-6  # how far two solvers may differ in the sigma they find [relat
 def checks() -> Iterator[Check]:
     """Every check."""
     yield from problem_checks()
-    yield same_lengths()
-    yield every_bone_scaled()
-    yield mirrored_start()
-    yield other_solver()
+    source, spine = on_table_one("walk"), case("spine +60 %")
+    posture = source.positions[POSTURE]
+
+    # Where no bone changes, the source's posture is the answer.
+    _, minimum = solve(Case(source, source.skeleton).problem, posture, posture)
+    yield "no bone changed: sigma, iterations", "0, 0", f"{zero(minimum.value)}, {minimum.iterations}"
+
+    # Where every bone is scaled by s, s times the posture is the answer; the start is the source's posture.
+    larger = source.skeleton.with_offsets(SCALE * source.skeleton.offsets)
+    points, minimum = solve(Case(source, larger).problem, posture, posture)
+    expected = SCALE * (posture - posture.mean(axis=0))
+    off = np.abs(aligned(points[None], expected[None])[0] - expected).max()
+    what = f"every bone times {SCALE}: sigma, points off {SCALE} times the posture [m]"
+    yield what, f"0, < {NEAR:g}", f"{zero(minimum.value)}, {less(off, NEAR)}"
+
+    # A mirrored start gives the mirrored result, with the same sigma.
+    points, minimum = solve(spine.problem, posture, spine.copy[POSTURE])
+    reflected, other = solve(spine.problem, posture, MIRROR * spine.copy[POSTURE])
+    found = f"{zero(np.abs(reflected - MIRROR * points).max())}, {zero(other.value - minimum.value)}"
+    yield "mirrored start: off the mirrored result [m], difference of sigma", "0, 0", found
+
+    # Another solver, L-BFGS-B of scipy, finds the same minimum from the same start.
+    differences = []
+    for edit in EDITS:
+        task = Task.of(case(edit).problem, posture, case(edit).copy[POSTURE])
+        differences.append(abs(descended(task.filled)[1].value / descended_by_lbfgs(task).fun - 1))
+    what = "sigma after each edit against L-BFGS-B's, largest relative difference"
+    yield what, f"< {AGREEMENT:g}", less(max(differences), AGREEMENT)
 
 
 def problem_checks() -> Iterator[Check]:
@@ -39,11 +63,8 @@ def problem_checks() -> Iterator[Check]:
     bones = np.arange(1, len(skeleton)), skeleton.parents[1:]
     wrists, longest = ((skeleton.index("RightWrist"), skeleton.index(other)) for other in ("LeftWrist", "RightToe"))
     yield "pairs of joints", "231", str(count.total())
-    yield (
-        "pairs by path size, 2 to 12",
-        "21, 24, 27, 28, 31, 28, 24, 22, 14, 8, 4",
-        ", ".join(str(count[size]) for size in sorted(count)),
-    )
+    sizes = ", ".join(str(count[size]) for size in sorted(count))
+    yield "pairs by path size, 2 to 12", "21, 24, 27, 28, 31, 28, 24, 22, 14, 8, 4", sizes
     yield "path size from RightWrist to RightToe, the largest", "12", f"{problem.sizes[longest]:.0f}"
     yield "priority of that pair, the smallest", "1/6", fraction(problem.priorities[u, v].min())
     yield "smallest priority of a bone", "1", fraction(problem.priorities[bones].min())
@@ -51,68 +72,17 @@ def problem_checks() -> Iterator[Check]:
     yield "priority of that pair", "5/12", fraction(problem.priorities[wrists])
 
 
-def same_lengths() -> Check:
-    """Where no bone changes, the source's posture is the answer."""
-    source = on_table_one("walk")
-    posture = source.positions[POSTURE]
-    _, minimum = solve(Case(source, source.skeleton).problem, posture, posture)
-    return "no bone changed: sigma, iterations", "0, 0", f"{zero(minimum.value)}, {minimum.iterations}"
-
-
-def every_bone_scaled() -> Check:
-    """Where every bone is scaled by s, s times the posture is the answer; the start is the source's posture."""
-    source = on_table_one("walk")
-    posture = source.positions[POSTURE]
-    larger = source.skeleton.with_offsets(SCALE * source.skeleton.offsets)
-    points, minimum = solve(Case(source, larger).problem, posture, posture)
-    expected = SCALE * (posture - posture.mean(axis=0))
-    off = np.abs(aligned(points[None], expected[None])[0] - expected).max()
-    return (
-        f"every bone times {SCALE}: sigma, points off {SCALE} times the posture [m]",
-        f"0, < {NEAR:g}",
-        f"{zero(minimum.value)}, {less(off, NEAR)}",
-    )
-
-
-def mirrored_start() -> Check:
-    """A mirrored start gives the mirrored result, with the same sigma."""
-    one = case("spine +60 %")
-    posture, start = one.source.positions[POSTURE], one.copy[POSTURE]
-    points, minimum = solve(one.problem, posture, start)
-    reflected, other = solve(one.problem, posture, MIRROR * start)
-    off, difference = np.abs(reflected - MIRROR * points).max(), other.value - minimum.value
-    return (
-        "mirrored start: off the mirrored result [m], difference of sigma",
-        "0, 0",
-        f"{zero(off)}, {zero(difference)}",
-    )
-
-
-def other_solver() -> Check:
-    """Another solver, L-BFGS-B of scipy, finds the same minimum from the same start."""
-    differences = []
-    for edit in EDITS:
-        one = case(edit)
-        task = Task.of(one.problem, one.source.positions[POSTURE], one.copy[POSTURE])
-        differences.append(abs(descended(task.filled)[1].value / descended_by_lbfgs(task).fun - 1))
-    return (
-        "sigma after each edit against L-BFGS-B's, largest relative difference",
-        f"< {AGREEMENT:g}",
-        less(max(differences), AGREEMENT),
-    )
-
-
 def fraction(value: float) -> str:
-    """A number as a fraction with a small denominator, or with its digits if it is none."""
+    """A number as a fraction with a small denominator if it is one, else with its digits."""
     nearest = Fraction(float(value)).limit_denominator(24)
     return str(nearest) if abs(value - nearest) < ROUNDING else f"{value:.12g}"
 
 
 def zero(value: float) -> str:
-    """0 for a number that differs from it by rounding only."""
+    """The number, or 0 where only rounding separates it from 0."""
     return "0" if abs(value) < ROUNDING else f"{value:.2g}"
 
 
 def less(value: float, bound: float) -> str:
-    """That a number is less than a bound, or the number."""
+    """`< bound` for a number below the bound, else the number."""
     return f"< {bound:g}" if value < bound else f"{value:.2g}"

@@ -42,12 +42,7 @@ class Stress(NamedTuple):
 
 
 class Task(NamedTuple):
-    """One posture to solve.
-
-    Attributes:
-        start: (3, columns), about its centroid [body sizes].
-        stress: of the posture.
-    """
+    """One posture to solve: a start about its centroid, (3, columns) [body sizes], and the stress."""
 
     start: Array
     stress: Stress
@@ -60,7 +55,7 @@ class Task(NamedTuple):
 
     @property
     def filled(self) -> Task:
-        """The same as the solver takes it."""
+        """The task padded to the width that the solver takes."""
         return Task(filled(self.start), Stress(*map(filled, self.stress)))
 
 
@@ -75,19 +70,21 @@ def _write_distances(source, ratio, delta):  # type: ignore[no-untyped-def]
 
 
 def solve(problem: DistanceProblem, source: Array, start: Array, **settings: float) -> tuple[Array, Minimum]:
-    """The points, (points, 3), that the solver reaches from a start, (points, 3), for a posture of the source."""
+    """Solve one posture of the source, (points, 3), from a start, (points, 3); return the points, (points, 3), and the
+    effort.
+    """
     x, minimum = descended(Task.of(problem, source, start).filled, **settings)
     return x.T[: len(problem)] * problem.body_size, minimum
 
 
 def descended(task: Task, *, tolerance: float = POINT_TOLERANCE, eta: float = ETA) -> tuple[Array, Minimum]:
-    """Where the solver ends, (3, columns), and what it took."""
+    """Run the solver; return its last x, (3, columns), and the effort."""
     x, gradient = task.start.copy(), np.zeros_like(task.start)
     return x, _compiled(eta)(x, task.stress, tolerance, gradient, scratch_for(x.shape))
 
 
 def descended_by_lbfgs(task: Task) -> OptimizeResult:
-    """Where scipy's L-BFGS-B ends; `fun` is sigma [body sizes squared]."""
+    """Run scipy's L-BFGS-B; `fun` of the result is sigma [body sizes squared]."""
     shape = task.start.shape
 
     def objective(flat: Array) -> tuple[float, Array]:
@@ -100,7 +97,7 @@ def descended_by_lbfgs(task: Task) -> OptimizeResult:
 
 @cache
 def _compiled(eta: float) -> Any:
-    """The solver with another `ETA`, a constant that is compiled into it at its first call."""
+    """The solver compiled with another value of the constant `ETA`."""
     with patch.object(spg, "ETA", eta):
         minimise = spectral_gradient(_objective, steepest, adaptive=True)
 
@@ -125,18 +122,13 @@ def _noise(case: Case, t: int, deviation: float) -> Array:
     return deviation * case.problem.body_size * np.random.default_rng(t).normal(size=case.copy[t].shape)
 
 
-def from_copy(case: Case, t: int, _before: Array) -> Array:
-    """The rotation copy."""
-    return case.copy[t]
-
-
 def from_before_moved(case: Case, t: int, before: Array) -> Array:
-    """The posture solved for the frame before, each joint moved as the rotation copy moves."""
+    """The solved posture of the previous frame, each joint moved as in the rotation copy."""
     return before + case.copy[t] - case.copy[t - 1] if t else case.copy[t]
 
 
 STARTS: dict[str, Start] = {
-    "rotation copy": from_copy,
+    "rotation copy": lambda case, t, _before: case.copy[t],
     "source's posture": lambda case, t, _before: case.source.positions[t],
     "frame before": lambda case, t, before: before if t else case.copy[t],
     "frame before, moved as the copy": from_before_moved,
@@ -147,13 +139,7 @@ STARTS: dict[str, Start] = {
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """A case solved in every frame.
-
-    Attributes:
-        points: (frames, joints, 3) [m].
-        sigma: (frames,) [m^2].
-        iterations, evaluations, reasons: (frames,).
-    """
+    """A case solved in every frame: points (frames, joints, 3) [m], sigma [m^2] and the others (frames,)."""
 
     points: Array
     sigma: Array
@@ -163,7 +149,7 @@ class Solved:
 
     @property
     def unsolved(self) -> int:
-        """In how many frames the solver stopped before it converged."""
+        """The number of frames that did not converge."""
         return int((self.reasons != Reason.CONVERGED).sum())
 
 
@@ -184,18 +170,7 @@ def solved_from(start: str, edit: str, clip: str = "walk") -> Solved:
     return solve_all(case(edit, clip), STARTS[start])
 
 
-@cache
-def solved_with(eta: float, edit: str) -> Solved:
-    """The walk after an edit, solved from the rotation copy with this eta."""
-    return solve_all(case(edit), from_copy, eta=eta) if eta != ETA else solved_from("rotation copy", edit)
-
-
-@cache
-def least_sigma(edit: str, clip: str) -> Array:
-    """(frames,), the least sigma that any start leads to [m^2]."""
-    return np.min([solved_from(start, edit, clip).sigma for start in STARTS], axis=0)
-
-
 def elsewhere(solved: Solved, edit: str, clip: str = "walk") -> float:
-    """The share of frames that end in a minimum higher than the least known."""
-    return float((solved.sigma > HIGHER * least_sigma(edit, clip)).mean())
+    """The share of frames that end in a higher minimum than the best that any start reaches."""
+    least = np.min([solved_from(start, edit, clip).sigma for start in STARTS], axis=0)
+    return float((solved.sigma > HIGHER * least).mean())

@@ -19,11 +19,9 @@ from paper_solver import (
     descended_by_lbfgs,
     elsewhere,
     from_before_moved,
-    from_copy,
     solve,
     solve_all,
     solved_from,
-    solved_with,
 )
 from tables import several, table
 
@@ -48,7 +46,7 @@ def tables() -> dict[str, str]:
     """Every table."""
     motions = {path.stem: motion_cells(path.stem) for path in sorted(SAMPLES.glob("*.bvh"))}
     return {
-        "checks": checks_table(),
+        "checks": table(" | known | found", checks()),
         "edits": table(EDITS_HEAD, map(edit_cells, EDITS)),
         "methods": table(METHODS_HEAD, map(methods_cells, EDITS)),
         "spine": spine_table(),
@@ -61,34 +59,23 @@ def tables() -> dict[str, str]:
     }
 
 
-def checks_table() -> str:
-    """What is known exactly, and what is found."""
-    return table(("", "known", "found"), checks())
-
-
 # ---- the walking posture after each edit: what the paper's solver finds, and what becomes of it on exact bones
 
 EDITS_HEAD = (
-    "edit",
-    "sigma, start",
-    "sigma, end",
-    "iterations",
-    "evaluations",
-    "bone error, mean / largest, %",
-    "distance error, start / end",
-    "sigma off L-BFGS-B's",
-    "time, ms",
-    "L-BFGS-B, ms",
+    "edit | sigma, start | sigma, end | iterations | evaluations | bone error, mean / largest, % | "
+    "distance error, start / end | sigma off L-BFGS-B's | time, ms | L-BFGS-B, ms"
 )
 
 
 def edit_cells(edit: str) -> list[str]:
-    """What the paper's solver finds from the rotation copy after an edit."""
+    """The row of an edit: the paper's solver, started from the rotation copy."""
     one = case(edit)
     posture, start = one.source.positions[POSTURE], one.copy[POSTURE]
     task = Task.of(one.problem, posture, start)
     points, minimum = solve(one.problem, posture, start)
     bones = 100 * bone_errors(points, one)
+    solutions = partial(descended, task.filled), partial(descended_by_lbfgs, task)
+    times = [1e3 * min(repeat(solution, number=1, repeat=REPEATS)) for solution in solutions]
     return [
         edit,
         f"{1e3 * one.sigma(one.copy)[POSTURE]:.2f}",
@@ -98,27 +85,19 @@ def edit_cells(edit: str) -> list[str]:
         several([bones.mean(), bones.max()], ".1f"),
         several([float(distance_error(x, posture, one)) for x in (start, points)], ".4f"),
         less(abs(minimum.value / descended_by_lbfgs(task).fun - 1), 1e-9),
-        f"{1e3 * _time(partial(descended, task.filled)):.2f}",
-        f"{1e3 * _time(partial(descended_by_lbfgs, task)):.1f}",
+        f"{times[0]:.2f}",
+        f"{times[1]:.1f}",
     ]
 
 
-def _time(solution: Callable[[], object]) -> float:
-    """The time of a solution, the fastest of several [s]."""
-    return min(repeat(solution, number=1, repeat=REPEATS))
-
-
 METHODS_HEAD = (
-    "edit",
-    "sigma: copy / points / exact bones / contact",
-    "largest bone error, %",
-    "direction error, degrees",
-    "contact error in the walk: copy / exact bones / contact",
+    "edit | sigma: copy / points / exact bones / contact | largest bone error, % | direction error, degrees | "
+    "contact error in the walk: copy / exact bones / contact"
 )
 
 
 def methods_cells(edit: str) -> list[str]:
-    """What every method makes of the posture after an edit."""
+    """The row of an edit: the posture by every method."""
     one = case(edit)
     posture, results = one.source.positions[POSTURE], one.postures().values()
     return [
@@ -134,7 +113,7 @@ def methods_cells(edit: str) -> list[str]:
 
 
 def spine_table() -> str:
-    """Measures of the posture, of the source and of what every method makes of it."""
+    """Measures of the posture, for the source and every method."""
     one = case(LONG_SPINE)
     postures = [one.source.positions[POSTURE], *(points[POSTURE] for points in one.postures().values())]
     measured = [spine_measures(dict(zip(one.target.names, posture, strict=True))) for posture in postures]
@@ -143,7 +122,7 @@ def spine_table() -> str:
 
 
 def spine_measures(at: dict[str, Array]) -> dict[str, float]:
-    """Measures of a posture by the places of its joints [m], means over both sides; a straight limb has no bend."""
+    """Measures of a posture from its joint positions [m], means over both sides; a straight limb has no bend."""
     bones = np.diff([at[name] for name in SPINE], axis=0)
     shoulders = [at[f"{side}Shoulder"] - at["Chest3"] for side in SIDES]
     return {
@@ -168,13 +147,13 @@ def _bend(at: dict[str, Array], upper: str, middle: str, lower: str) -> float:
 
 
 def pairs_table() -> str:
-    """Which pairs sigma comes from."""
+    """How sigma is shared among kinds of pairs of joints."""
     rows = ([name, *(f"{1e3 * sigma:.1f}" for sigma in sigmas)] for name, sigmas in pair_rows())
     return table(("sigma of the pairs of", "copy", "points", "exact bones", "contact"), rows)
 
 
 def pair_rows() -> Iterator[tuple[str, list[float]]]:
-    """The part of sigma that pairs of an arm and a leg have, an arm and the spine, and all others, of every method
+    """For every method, the parts of sigma from pairs of an arm and a leg, of an arm and the spine, and from all others
     [m^2].
     """
     one = case(LONG_SPINE)
@@ -191,7 +170,7 @@ def pair_rows() -> Iterator[tuple[str, list[float]]]:
 
 
 def joints_below(skeleton: Skeleton, name: str) -> NDArray[np.bool_]:
-    """(joints,), whether a joint is the joint of this name on either side, or below it."""
+    """(joints,), whether a joint is in the subtree of the joint of this name on either side."""
     below = np.zeros(len(skeleton), bool)
     for side in SIDES:
         below[skeleton.subtree(skeleton.index(side + name))] = True
@@ -207,11 +186,11 @@ def stress_terms(one: Case, points: Array) -> Array:
 
 # ---- what start, tolerance and eta do to the iterations of the solver, and to the minimum it ends in; means
 
-STARTS_HEAD = ("start", "iterations: walk / turn", "sigma, end", "in a higher minimum, %", "mirrored, %")
+STARTS_HEAD = "start | iterations: walk / turn | sigma, end | in a higher minimum, % | mirrored, %"
 
 
 def start_cells(start: str) -> list[str]:
-    """What a start does to each clip of `TURNED`."""
+    """The row of a start: means over the edits, for each clip of `TURNED`."""
     runs = [[(edit, clip, solved_from(start, edit, clip)) for edit in STUDIED] for clip in TURNED]
 
     def means(measure: Callable[..., float], form: str) -> str:
@@ -226,57 +205,50 @@ def start_cells(start: str) -> list[str]:
     ]
 
 
-TOLERANCES_HEAD = ("tolerance, body sizes", "iterations", "sigma above the minimum's, %", "points off, mm")
+TOLERANCES_HEAD = "tolerance, body sizes | iterations | sigma above the minimum's, % | points off, mm"
 
 
 def tolerance_rows() -> Iterator[list[str]]:
-    """For each tolerance: iterations, and how far sigma and the points are off those of the smallest tolerance."""
-    exact = [solve_all(case(edit), from_copy, tolerance=TOLERANCES[-1]) for edit in STUDIED]
-    for tolerance in TOLERANCES:
-        runs = [solve_all(case(edit), from_copy, tolerance=tolerance) for edit in STUDIED]
-        pairs = list(zip(runs, exact, strict=True))
+    """For each tolerance: iterations, and how far sigma and points are off those of the smallest tolerance."""
+    solved = {
+        tolerance: [solve_all(case(edit), STARTS["rotation copy"], tolerance=tolerance) for edit in STUDIED]
+        for tolerance in TOLERANCES
+    }
+    for tolerance, runs in solved.items():
+        pairs = list(zip(runs, solved[TOLERANCES[-1]], strict=True))
         left = np.mean([(run.sigma / best.sigma - 1).mean() for run, best in pairs])
         off = np.mean([np.linalg.norm(run.points - best.points, axis=-1).mean() for run, best in pairs])
         count = np.mean([run.iterations.mean() for run in runs])
         yield [f"{tolerance:.0e}", f"{count:.0f}", f"{100 * left:.2g}", f"{1e3 * off:.2g}"]
 
 
-ETAS_HEAD = ("eta", "iterations", "evaluations", "in a higher minimum, %", "frames not solved")
+ETAS_HEAD = "eta | iterations | evaluations | in a higher minimum, % | frames not solved"
 
 
 def eta_cells(eta: float) -> list[str]:
-    """What eta does."""
-    runs = {edit: solved_with(eta, edit) for edit in STUDIED}
-    return [
-        f"{eta:g}",
-        f"{np.mean([run.iterations.mean() for run in runs.values()]):.0f}",
-        f"{np.mean([run.evaluations.mean() for run in runs.values()]):.0f}",
-        f"{np.mean([100 * elsewhere(run, edit) for edit, run in runs.items()]):.1f}",
-        str(sum(run.unsolved for run in runs.values())),
-    ]
+    """The row of a value of eta."""
+    runs = [solve_all(case(edit), STARTS["rotation copy"], eta=eta) for edit in STUDIED]
+    effort = [np.mean([getattr(run, key).mean() for run in runs]) for key in ("iterations", "evaluations")]
+    higher = np.mean([100 * elsewhere(run, edit) for run, edit in zip(runs, STUDIED, strict=True)])
+    return [f"{eta:g}", *(f"{count:.0f}" for count in effort), f"{higher:.1f}", str(sum(run.unsolved for run in runs))]
 
 
 # ---- whole motions, which the paper leaves to future work
 
 MOTIONS_HEAD = (
-    "clip",
-    "sigma: copy / points / exact bones",
-    "contact error: copy / exact bones / contact",
-    "direction error, degrees: copy / exact bones / contact",
-    "jerk over copy's: exact bones / contact",
-    "slide: source / copy / exact bones / contact",
+    "clip | sigma: copy / points / exact bones | contact error: copy / exact bones / contact | "
+    "direction error, degrees: copy / exact bones / contact | jerk over copy's: exact bones / contact | "
+    "slide: source / copy / exact bones / contact"
 )
 SOLVING_HEAD = (
-    "clip",
-    "iterations a frame: points / exact bones / contact",
-    "not converged, %",
-    "points mirrored, %: from the copy / from the frame before",
+    "clip | iterations a frame: points / exact bones / contact | not converged, % | "
+    "points mirrored, %: from the copy / from the frame before"
 )
 MOTION_FORMS = (".1f", ".3f", ".1f", ".1f", ".2f", ".0f", ".1f", ".0f")
 
 
 def motion_cells(clip: str) -> tuple[list[str], list[str]]:
-    """How good a clip is, and how it is solved; means over the bodies of `STUDIED`."""
+    """The quality of a clip's results and the effort of solving it; means over the bodies of `STUDIED`."""
     values = zip(*(motion_values(case(edit, clip)) for edit in STUDIED), strict=True)
     cells = [several(np.mean(each, axis=0), form) for each, form in zip(values, MOTION_FORMS, strict=True)]
     return cells[:5], cells[5:]

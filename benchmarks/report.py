@@ -19,7 +19,7 @@ import click
 import numpy as np
 from clips import SAMPLES, back_and_forth
 from edits import TARGETS, edited
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import sync_playwright
 from skeleton_edits import on_skeleton, with_chain
 
 from distretarget import Motion, diff, read_bvh, retarget
@@ -39,10 +39,20 @@ WATCH = """window.drawn = new Promise(done => {
     };
     look();
 });"""
+# A script that plays for some seconds, and returns drawings per second.
+PLAY = """async seconds => {
+    setPlaying(true);
+    await new Promise(done => setTimeout(done, 500));
+    const [count, start] = [state.draws, performance.now()];
+    await new Promise(done => setTimeout(done, 1000 * seconds));
+    const rate = 1000 * (state.draws - count) / (performance.now() - start);
+    setPlaying(false);
+    return rate;
+}"""
 
 
 def with_helpers(motion: Motion, joints: int) -> Motion:
-    """The motion on a body with this many joints, not counting End Sites; each added joint is a child of an old one."""
+    """The motion on a body with this many joints, not counting End Sites; helper joints are added below its own."""
     body = motion.skeleton
     hosts = np.flatnonzero(~body.end_sites)
     offset = np.full(3, 0.02 * body.offsets[1:].std())
@@ -51,28 +61,12 @@ def with_helpers(motion: Motion, joints: int) -> Motion:
     return on_skeleton(motion, body)
 
 
-def html(a: Motion, b: Motion) -> str:
-    """The report of the diff of two motions."""
+def measure(name: str, a: Motion, b: Motion, browser: str) -> bool:
+    """Open the diff report of two motions in a new browser, measure it, print the line, and return whether it misses a
+    limit.
+    """
     difference = diff(a, b)
-    return diff_page(difference, document(difference, About(a="a.bvh", b="b.bvh", command="", version="")))
-
-
-def drawings(tab: Page) -> float:
-    """Drawings per second while it plays."""
-    script = """async seconds => {
-        setPlaying(true);
-        await new Promise(done => setTimeout(done, 500));
-        const [count, start] = [state.draws, performance.now()];
-        await new Promise(done => setTimeout(done, 1000 * seconds));
-        const rate = 1000 * (state.draws - count) / (performance.now() - start);
-        setPlaying(false);
-        return rate;
-    }"""
-    return float(tab.evaluate(script, PLAYING))
-
-
-def measure(name: str, text: str, browser: str) -> bool:
-    """Open a report in a new browser, measure it and print the line; return whether it misses a limit."""
+    text = diff_page(difference, document(difference, About(a="a.bvh", b="b.bvh", command="", version="")))
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         path = Path(folder) / "report.html"
         path.write_text(text, encoding="utf-8")
@@ -81,9 +75,9 @@ def measure(name: str, text: str, browser: str) -> bool:
         tab.add_init_script(WATCH)
         tab.goto(path.as_uri())
         opening = tab.evaluate("drawn") / 1000
-        beside = drawings(tab)
+        beside = float(tab.evaluate(PLAY, PLAYING))
         tab.click("#overlaid")
-        overlaid = drawings(tab)
+        overlaid = float(tab.evaluate(PLAY, PLAYING))
         program.close()
     size = len(text.encode()) / 1e6
     missed = size > LIMITS[0] or opening > LIMITS[1] or min(beside, overlaid) < LIMITS[2]
@@ -108,7 +102,7 @@ def main(frames: int, joints: int, browser: str | None) -> None:
     long = [back_and_forth(with_helpers(motion, joints), frames) for motion in (a, b)]
     missed = []
     for name, pair in ((f"{SAMPLE.name}, {len(a)} frames", (a, b)), (f"{len(long[0])} frames", long)):
-        missed.append(measure(f"{name}, {len(pair[0].skeleton.joints)} joints", html(*pair), browser))
+        missed.append(measure(f"{name}, {len(pair[0].skeleton.joints)} joints", *pair, browser))
     sys.exit(any(missed))
 
 

@@ -19,16 +19,17 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
+from timeit import timeit
 
 import click
 import numpy as np
-from clips import LONG, SAMPLES, back_and_forth
+from clips import LONG, SAMPLES, back_and_forth, corpus_argument, markdown_option
 from edits import TARGETS, edited
 from numpy.typing import NDArray
 from skeleton_edits import on_skeleton, with_chain
-from tables import corpus_argument, markdown_option, publish, table
+from tables import publish, table
 
-from distretarget import Motion, Skeleton, read_bvh, retarget, write_bvh
+from distretarget import Motion, read_bvh, retarget, write_bvh
 
 SAMPLE, CHILD = SAMPLES / "clap.bvh", SAMPLES / "child.json"
 HANDS = ("LeftWrist", "RightWrist")  # of the sample, which clap
@@ -51,8 +52,8 @@ Array = NDArray[np.float64]
 
 
 def with_chains(clip: Motion, count: int, joints: tuple[str, ...]) -> Motion:
-    """The clip on a body with `count` chains of `CHAIN_JOINTS` joints more on each of some joints, which do not turn
-    against these.
+    """The clip on a body with `count` more chains of `CHAIN_JOINTS` joints on each of some joints; the chains do not
+    bend.
     """
     body, draw = clip.skeleton, np.random.default_rng(1)
     for name in joints:
@@ -67,18 +68,12 @@ def with_chains(clip: Motion, count: int, joints: tuple[str, ...]) -> Motion:
 
 
 def alternating(runs: list[Callable[[], object]], rounds: int, clock: Callable[[], float] = time.process_time) -> Array:
-    """(rounds, runs), the seconds that each takes, after a run that is not counted."""
-
-    def seconds(run: Callable[[], object]) -> float:
-        started = clock()
-        run()
-        return clock() - started
-
-    return np.array([[seconds(run) for run in runs] for _ in range(1 + rounds)])[1:]
+    """(rounds, runs), the seconds of each run; a first round is not counted."""
+    return np.array([[timeit(run, timer=clock, number=1) for run in runs] for _ in range(1 + rounds)])[1:]
 
 
 def joint_lines(corpus: Path, rounds: int) -> Iterator[Line]:
-    """What joints cost."""
+    """The cost of joints: of fingers, and exponents in the number of joints, from bodies with more and more chains."""
     clips = [read_bvh(corpus / name) for name in ("cmu_daz/14_04.bvh", "cmu_mb/12_01.bvh")]
     runs = [partial(retarget, clip, edited(clip.rigid_skeleton, TARGETS["H"])) for clip in clips]
     times = alternating(runs, rounds) / [len(clip) for clip in clips]
@@ -86,29 +81,20 @@ def joint_lines(corpus: Path, rounds: int) -> Iterator[Line]:
     what = f"{fingers} joints, fingers and hands together, over {none}: frames/s"
     yield _line(what, times[:, 1] / times[:, 0])
     for what, joints in (("chains that nothing touches", ("Head", "Hips")), ("hands full of chains meet", HANDS)):
-        count, found = exponents(joints, rounds)
-        for step, values in zip([*pairwise(count), (count[0], count[-1])], found.T, strict=True):
-            yield _line(f"exponent in joints, {what}, {step[0]} to {step[1]}", values)
-
-
-def exponents(joints: tuple[str, ...], rounds: int) -> tuple[NDArray[np.intp], Array]:
-    """The joints of the bodies with chains, and for each round the exponents in them from one body to the next, and
-    from the first to the last.
-    """
-    clips = [with_chains(read_bvh(SAMPLE), count, joints) for count in CHAINS]
-    count = np.array([len(clip.skeleton) for clip in clips])
-    times = alternating([partial(retarget, clip, _with_long_forearms(clip.skeleton)) for clip in clips], rounds)
-    steps = np.diff(np.log(times), axis=1) / np.diff(np.log(count))
-    whole = np.log(times[:, -1:] / times[:, :1]) / np.log(count[-1] / count[0])
-    return count, np.concatenate([steps, whole], axis=1)
-
-
-def _with_long_forearms(body: Skeleton) -> Skeleton:
-    return body.with_lengths(body.lengths * np.where(np.isin(body.names, HANDS), 1.3, 1.0))
+        clips = [with_chains(read_bvh(SAMPLE), count, joints) for count in CHAINS]
+        runs = []
+        for clip in clips:
+            long_forearms = clip.skeleton.lengths * np.where(np.isin(clip.skeleton.names, HANDS), 1.3, 1.0)
+            runs.append(partial(retarget, clip, clip.skeleton.with_lengths(long_forearms)))
+        times = alternating(runs, rounds)
+        for a, b in [*pairwise(range(len(clips))), (0, -1)]:
+            before, after = len(clips[a].skeleton), len(clips[b].skeleton)
+            exponents = np.log(times[:, b] / times[:, a]) / np.log(after / before)
+            yield _line(f"exponent in joints, {what}, {before} to {after}", exponents)
 
 
 def core_line(corpus: Path, rounds: int) -> Line:
-    """What a second core gains for one clip."""
+    """The gain from a second core for one clip."""
     clip = back_and_forth(read_bvh(corpus / "cmu_mb" / "12_01.bvh"), LONG)
     body = edited(clip.rigid_skeleton, TARGETS["H"])
 
@@ -122,7 +108,7 @@ def core_line(corpus: Path, rounds: int) -> Line:
 
 
 def start_lines(corpus: Path, folder: Path, rounds: int) -> Iterator[Line]:
-    """What processes take to start: processor time over that of imports, and the first run, which compiles."""
+    """The cost of starting a process, relative to imports, and of the first run, which compiles."""
     program, output = [sys.executable, "-m", "distretarget"], str(folder / "out.bvh")
     convert = [*program, str(corpus / "cmu_mb" / "12_01.bvh"), str(CHILD), "-o", output, "--overwrite"]
     imports = [[sys.executable, "-c", f"import {what}"] for what in ("numpy", "numba, scipy.spatial.transform")]
@@ -141,7 +127,7 @@ def start_lines(corpus: Path, folder: Path, rounds: int) -> Iterator[Line]:
 
 
 def memory_line(corpus: Path, folder: Path) -> Line:
-    """What a very long clip takes at its peak."""
+    """The peak memory of a very long clip."""
     clip = back_and_forth(read_bvh(corpus / "cmu_mb" / "12_01.bvh"), VERY_LONG)
     body = edited(clip.rigid_skeleton, TARGETS["H"])
     long, target, output = (folder / name for name in ("long.bvh", "target.bvh", "long_out.bvh"))
@@ -181,7 +167,7 @@ def main(corpus: Path, page: Path | None, rounds: int) -> None:
         folder = Path(name)
         lines = [*joint_lines(corpus, rounds), core_line(corpus, rounds)]
         lines += [*start_lines(corpus, folder, rounds), memory_line(corpus, folder)]
-    publish({"scaling": table(["", "median", "least to largest"], lines)}, page)
+    publish({"scaling": table(" | median | least to largest", lines)}, page)
 
 
 if __name__ == "__main__":

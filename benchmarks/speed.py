@@ -1,4 +1,4 @@
-"""Measure frames per second: of `retarget` and of mink's inverse kinematics on the same body; of reading and writing.
+"""Measure frames per second of `retarget`, of mink's inverse kinematics on the same body, and of reading and writing.
 
     python benchmarks/speed.py CLIP.bvh [--target H] [--rounds 7] [--markdown PAGE]
 
@@ -24,12 +24,12 @@ from typing import NamedTuple
 import click
 import numpy as np
 import pybvh
-from clips import LONG, back_and_forth
+from clips import LONG, back_and_forth, markdown_option
 from edits import TARGETS, edited
 from inverse_kinematics import SOLVER, Gmr, InverseKinematics
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from tables import markdown_option, publish, table
+from tables import publish, table
 
 from distretarget import Motion, Options, Skeleton, read_bvh, retarget, write_bvh
 from distretarget.pipeline.options import OBJECTIVES
@@ -53,12 +53,8 @@ Times = Mapping[str, NDArray[np.float64]]
 
 
 class Contestant(NamedTuple):
-    """A way of doing something with all frames of a clip.
-
-    Attributes:
-        run: does it.
-        miss: from what `run` returns, how far the ends are from their given places [% of leg length]; None if the
-            contestant is given no places.
+    """A way of doing something with all frames of a clip: `run` does it; `miss` says, from what `run` returns, how far
+    the ends are from their given places [% of leg length], None if the contestant is given no places.
     """
 
     run: Callable[[], object]
@@ -69,23 +65,19 @@ _worker: dict[str, Contestant] = {}  # the one contestant of this process, by it
 
 
 def contestant(clip: Path, target: str, name: str) -> Contestant:
-    """The contestant with this name, one of `CLIP` or `LONG_CLIP`, ready to run."""
+    """The contestant with this name, one of `CLIP` or `LONG_CLIP`."""
     source = read_bvh(clip)
     body = edited(source.rigid_skeleton, TARGETS[target])
     if name in LONG_CLIP:
         return Contestant(_file_runs(clip, source, body)[name])
     if name in OBJECTIVE_OF:
         return Contestant(lambda: retarget(source, body, Options(objective=OBJECTIVE_OF[name])).motion.positions)
-    result = retarget(source, body)
-    if name == GMR:
-        gmr = Gmr(result)
-        return Contestant(gmr.solve, gmr.miss)
-    peer = InverseKinematics(result)
-    return Contestant(lambda: peer.solve(STEPS[name]), peer.miss)
+    peer = (Gmr if name == GMR else InverseKinematics)(retarget(source, body))
+    return Contestant(lambda: peer.solve(STEPS.get(name, 0)), peer.miss)
 
 
 def _file_runs(clip: Path, source: Motion, body: Skeleton) -> dict[str, Callable[[], object]]:
-    """What each of `LONG_CLIP` does."""
+    """The functions that `LONG_CLIP` names."""
     written = clip.with_suffix(f".{os.getpid()}.bvh")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # pybvh warns that it guesses the up axis
@@ -105,24 +97,21 @@ def _file_runs(clip: Path, source: Motion, body: Skeleton) -> dict[str, Callable
     }
 
 
-def _prepare(clip: Path, target: str, name: str) -> None:
-    """Prepare a contestant in its process."""
-    _worker[name] = contestant(clip, target, name)
+def _prepared(clip: Path, target: str, name: str) -> str:
+    """Prepare a contestant in its process and run it once; return its miss."""
+    run, miss = _worker[name] = contestant(clip, target, name)
+    return f"{miss(run()):.2f}" if miss else ""
 
 
 def _seconds(name: str) -> float:
-    """Processor seconds of a run, the mean over runs that follow each other."""
-    _worker[name].run()
+    """Processor seconds of a run, the mean over several."""
+    run = _worker[name].run
+    run()
     started, runs, spent = time.process_time(), 0, 0.0
     while spent < LEAST_SECONDS:
-        _worker[name].run()
+        run()
         runs, spent = runs + 1, time.process_time() - started
     return spent / runs
-
-
-def _miss(name: str) -> str:
-    contestant = _worker[name]
-    return f"{contestant.miss(contestant.run()):.2f}" if contestant.miss else ""
 
 
 def measure(clip: Path, target: str, rounds: int, names: Sequence[str]) -> tuple[Times, dict[str, str]]:
@@ -131,25 +120,22 @@ def measure(clip: Path, target: str, rounds: int, names: Sequence[str]) -> tuple
     Each runs in a separate process: in a shared one, each run slows the next.
     """
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
-    context = get_context("spawn")
     with ExitStack() as stack:
-        workers = {
-            name: stack.enter_context(ProcessPoolExecutor(1, context, _prepare, (clip, target, name))) for name in names
-        }
-        misses = {name: worker.submit(_miss, name).result() for name, worker in workers.items()}
-        seconds = [[workers[name].submit(_seconds, name).result() for name in names] for _ in range(rounds)]
+        pools = {name: stack.enter_context(ProcessPoolExecutor(1, get_context("spawn"))) for name in names}
+        misses = {name: pool.submit(_prepared, clip, target, name).result() for name, pool in pools.items()}
+        seconds = [[pool.submit(_seconds, name).result() for name, pool in pools.items()] for _ in range(rounds)]
     return dict(zip(names, np.transpose(seconds), strict=True)), misses
 
 
 def rows(frames: int, seconds: Times) -> Iterator[list[str]]:
-    """For each contestant, frames per second, and the time over that of another contestant, or its own."""
+    """For each contestant: frames per second, and its time relative to that of the one it is compared with."""
     for name, times in seconds.items():
         speed, ratio = frames / times, np.median(times / seconds[COMPARED_WITH.get(name, name)])
         yield [name, f"{np.median(speed):,.0f}", f"{speed.min():,.0f} to {speed.max():,.0f}", f"{ratio:.2f}"]
 
 
 def draw_bars(path: Path, speeds: Mapping[str, float]) -> None:
-    """Draw a bar for each speed, from top to bottom, on a scale of powers of ten."""
+    """Draw a bar for each speed, from top to bottom, on a logarithmic scale."""
     path.parent.mkdir(parents=True, exist_ok=True)
     figure = Figure((9.0, 0.34 * (len(speeds) + 2)), dpi=120, layout="constrained")
     ax = figure.add_subplot()
@@ -180,11 +166,11 @@ def main(clip: Path, page: Path | None, target: str, rounds: int) -> None:
         write_bvh(long, back_and_forth(source, LONG))
         of_files, _ = measure(long, target, rounds, LONG_CLIP)
     print(f"{clip.name} on {target}, {len(source)} frames, {len(source.skeleton)} joints\n")
-    head = ["", "frames/s, median", "slowest to fastest"]
+    head = " | frames/s, median | slowest to fastest"
     clip_rows = ([*cells, misses[cells[0]]] for cells in rows(len(source), seconds))
     tables = {
-        "speed": table([*head, "time over contact's", "miss of hands, feet and hips, % of leg"], clip_rows),
-        "files": table([*head, "time over distretarget's"], rows(LONG, of_files)),
+        "speed": table(f"{head} | time over contact's | miss of hands, feet and hips, % of leg", clip_rows),
+        "files": table(f"{head} | time over distretarget's", rows(LONG, of_files)),
     }
     publish(tables, page)
     if page:

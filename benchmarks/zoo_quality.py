@@ -1,18 +1,16 @@
 """Measure the quality of results over the zoo of bodies, with the samples and real clips.
 
     python benchmarks/zoo_quality.py CORPUS [DUETS] [--members GLOB] [--clips GLOB] [--frames N] [--runs]
-                                     [--markdown FILE] [--sheet FOLDER]
+                                     [--markdown FILE]
 
 CORPUS is a folder with the real clips named in `clips.CLIPS`, DUETS one with further clips; the script names and skips
 those that are missing. Each clip is retargeted to a third of the members. Prints every figure of quality of result,
 rotation copy and source, mean / largest over the runs, with the worst run; then what must not occur, such as runs that
-are worse than the rotation copy. `--runs` lists the runs. `--sheet` draws a picture for each member; it needs
-matplotlib (the extra `docs`).
+are worse than the rotation copy. `--runs` lists the runs.
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -22,8 +20,8 @@ from pathlib import Path
 
 import click
 import numpy as np
-from clips import CLIPS, SAMPLES
-from tables import PROCESSES, corpus_argument, markdown_option, mean_and_largest, publish, table
+from clips import CLIPS, PROCESSES, SAMPLES, corpus_argument, markdown_option
+from tables import mean_and_largest, publish, table
 from zoo import MEMBERS, member
 
 from distretarget import DistretargetError, RetargetResult, read_bvh, retarget
@@ -36,32 +34,24 @@ NAMED = 3  # of the runs that a row counts, at most this many are named
 OWN_BODY = 0.1  # a clip on its own body may be off by this [% of the body's height]
 # A run is worse than the rotation copy if the result is farther from the source by more than this [unit of the figure].
 WORSE = {"slide": 0.01, "contact_error": 0.002, "foot_height": 0.1}
-SHEET_CLIPS = 4  # that a picture shows, each in a row
 
+Task = tuple[Path, str]
+"""A clip, and the member of the zoo that it is retargeted to."""
 Row = tuple[str, ...]
 """A line of a table: what was measured, its values, and the worst runs."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Run:
-    """A clip retargeted to a member of the zoo.
-
-    Attributes:
-        name: the clip and the member.
-        frames, unsolved: how many were retargeted, and how many of them did not converge.
-        joints: of the member, without End Sites.
-        iterations: of the solver, in all frames.
-        seconds: that retargeting took.
-        figures: of the whole clip, by key, of source, rotation copy and result.
+    """A clip on a member: frames, and how many of them did not converge; joints of the member, without End Sites;
+    solver iterations over all frames; figures of the whole clip, of source, rotation copy and result.
     """
 
     name: str
-    member: str
     frames: int
-    joints: int
     unsolved: int
+    joints: int
     iterations: int
-    seconds: float
     figures: Mapping[Variant, Mapping[str, float | None]]
 
     def figure(self, key: str, side: Variant = "result") -> float:
@@ -70,8 +60,8 @@ class Run:
         return np.nan if value is None else value
 
 
-def plan(clips: Sequence[Path], members: Sequence[str]) -> Iterator[tuple[Path, str]]:
-    """The clips with the members that each is retargeted to: one in `SHARE`, another third for each clip."""
+def plan(clips: Sequence[Path], members: Sequence[str]) -> Iterator[Task]:
+    """Each clip with one in `SHARE` members."""
     for number, clip in enumerate(clips):
         for name in members[number % SHARE :: SHARE]:
             yield clip, name
@@ -82,30 +72,21 @@ def clip_name(clip: Path) -> str:
     return f"{clip.parent.name}/{clip.stem}"
 
 
-def retargeted(frames: int | None, task: tuple[Path, str]) -> RetargetResult:
+def retargeted(frames: int, task: Task) -> RetargetResult:
     """The first frames of a clip on a member of the zoo."""
-    clip, name = task
-    return retarget(read_bvh(clip)[:frames], member(name))
+    return retarget(read_bvh(task[0])[:frames], member(task[1]))
 
 
-def _run(frames: int | None, task: tuple[Path, str]) -> Run:
-    started = time.perf_counter()
+def _run(frames: int, task: Task) -> Run:
     result = retargeted(frames, task)
-    return Run(
-        name=f"{clip_name(task[0])} on {task[1]}",
-        member=task[1],
-        frames=len(result.motion),
-        joints=len(result.motion.skeleton.joints),
-        unsolved=len(result.effort.unsolved),
-        iterations=int(result.effort.iterations.sum()),
-        seconds=time.perf_counter() - started,
-        figures=result.figures,
-    )
+    effort, joints = result.effort, len(result.motion.skeleton.joints)
+    counts = len(result.motion), len(effort.unsolved), joints, int(effort.iterations.sum())
+    return Run(f"{clip_name(task[0])} on {task[1]}", *counts, result.figures)
 
 
-def _own_body(frames: int | None, clip: Path) -> tuple[float, str] | None:
-    """How far a clip on its own body is off at most [% of the body's height], and its name; None for a file that the
-    program refuses.
+def _own_body(frames: int, clip: Path) -> tuple[float, str] | None:
+    """Retarget a clip to its own body; return its largest error [% of the body's height] and its name, None for a file
+    that the program refuses.
     """
     try:
         motion = read_bvh(clip)[:frames]
@@ -114,8 +95,8 @@ def _own_body(frames: int | None, clip: Path) -> tuple[float, str] | None:
         return None
 
 
-def _own_body_of_member(frames: int | None, task: tuple[Path, str]) -> tuple[float, str]:
-    """The same of the motion that a member has after a clip."""
+def _own_body_of_member(frames: int, task: Task) -> tuple[float, str]:
+    """Do the same with the motion of a member after a clip."""
     motion = retargeted(frames, task).motion
     return _deviation(retarget(motion, motion.skeleton)), f"{clip_name(task[0])} of {task[1]}"
 
@@ -134,18 +115,16 @@ def _deviation(result: RetargetResult) -> float:
 def figure_rows(runs: Sequence[Run]) -> Iterator[Row]:
     """Each figure of quality, mean / largest of result, copy and source, with the worst run."""
     for figure in FIGURES:
-        judged = [
-            figure.judgement(*(run.figures[side].get(figure.key) for side in ("result", "source"))) for run in runs
-        ]
-        worst = np.array([np.nan if value is None else value for value in judged])
-        if np.isfinite(worst).any():
+        values = ((run.figures[side].get(figure.key) for side in ("result", "source")) for run in runs)
+        judged = np.array([figure.judgement(*each) for each in values], float)  # nan for None
+        if np.isfinite(judged).any():
             unit = f" [{figure.unit}]" if figure.unit else ""
-            values = (mean_and_largest([run.figure(figure.key, side) for run in runs], ".3g") for side in SIDES)
-            yield figure.label + unit, *values, runs[int(np.nanargmax(worst))].name if np.nanmax(worst) > 0 else ""
+            spread = (mean_and_largest([run.figure(figure.key, side) for run in runs], ".3g") for side in SIDES)
+            yield figure.label + unit, *spread, runs[int(np.nanargmax(judged))].name if np.nanmax(judged) > 0 else ""
 
 
 def fault_rows(runs: Sequence[Run], own: Sequence[tuple[float, str]]) -> Iterator[Row]:
-    """What must not occur, or stay small, with the worst runs."""
+    """Faults, which should not occur or should stay small, with the worst runs."""
     yield _count("runs with snaps", runs, lambda run: run.figure("snap"))
     frames = sum(run.unsolved for run in runs)
     yield _count(f"runs with unconverged frames ({frames} frames)", runs, lambda run: run.unsolved)
@@ -164,7 +143,7 @@ def fault_rows(runs: Sequence[Run], own: Sequence[tuple[float, str]]) -> Iterato
 
 
 def _excess(figure: Figure, run: Run) -> float:
-    """How much farther from the source than the copy a result is, beyond what counts as worse."""
+    """How far a run exceeds the limit for being worse than the rotation copy."""
     result, copy, source = (run.figure(figure.key, side) for side in SIDES)
     if figure.judged == "value":
         return result - copy - WORSE[figure.key]
@@ -174,13 +153,13 @@ def _excess(figure: Figure, run: Run) -> float:
 
 
 def _count(name: str, runs: Sequence[Run], excess: Callable[[Run], float]) -> Row:
-    """How many runs exceed 0, and the worst of them."""
+    """The number of runs with an excess over 0, and the worst of them."""
     over = sorted(((value, run.name) for run in runs if (value := excess(run)) > 0), reverse=True)
     return name, f"{len(over)} of {len(runs)}", "; ".join(named for _, named in over[:NAMED])
 
 
 def _spread(name: str, runs: Sequence[Run], value: Callable[[Run], float]) -> Row:
-    """Mean / largest over runs, and the runs with the largest."""
+    """Mean / largest over runs, and the runs with the largest values."""
     values = np.array([value(run) for run in runs])
     worst = np.argsort(-np.nan_to_num(values, nan=-np.inf))[:NAMED]
     return name, mean_and_largest(values, ".3g"), "; ".join(runs[number].name for number in worst)
@@ -188,34 +167,9 @@ def _spread(name: str, runs: Sequence[Run], value: Callable[[Run], float]) -> Ro
 
 def run_rows(runs: Sequence[Run]) -> Iterator[Row]:
     """A line for each run, with the figures of the result."""
-    for run in sorted(runs, key=lambda run: run.member):
-        effort = str(run.frames), str(run.unsolved), f"{run.iterations / run.frames:.1f}", f"{run.seconds:.1f}"
+    for run in runs:
+        effort = str(run.frames), str(run.unsolved), f"{run.iterations / run.frames:.1f}"
         yield run.name, *effort, *(f"{run.figure(figure.key):.3g}" for figure in FIGURES)
-
-
-def draw_sheet(path: Path, results: Mapping[str, RetargetResult]) -> None:
-    """Draw a row for each clip: the first frame, the middle one, and that in which the source's posture differs most
-    from its mean; of each source, rotation copy and result, seen from the side.
-    """
-    from draw import Camera, articulated, facing, figures_of, write_picture
-
-    scenes, labels = [], []
-    for result in results.values():
-        shown = [0, len(result.motion) // 2, articulated(result.source)]
-        turns = {frame: facing(result.source, result.matching.source, frame) for frame in shown}
-        scenes.append([cell for frame in shown for (cell,) in figures_of(result, [frame], turns[frame])])
-        labels.append([f"{label} {frame}" for frame in shown for label in ("source", "copy", "result")])
-    write_picture(path, scenes, list(results), labels, Camera(azimuth=90.0, elevation=2.0), dpi=60)
-
-
-def found_clips(corpus: Path, duets: Path | None, pattern: str) -> list[Path]:
-    """The clips that match a pattern; prints the names of those that are missing."""
-    wanted = [*sorted(SAMPLES.glob("*.bvh")), *(corpus / clip for clip in (*CLIPS, "pybvh/bvh_test3.bvh"))]
-    wanted += sorted(duets.glob("*.bvh")) if duets else []
-    wanted = [clip for clip in wanted if fnmatch(clip_name(clip), pattern)]
-    if absent := [clip_name(clip) for clip in wanted if not clip.is_file()]:
-        print("skipped, missing:", *absent)
-    return [clip for clip in wanted if clip.is_file()]
 
 
 @click.command(help=__doc__)
@@ -226,25 +180,21 @@ def found_clips(corpus: Path, duets: Path | None, pattern: str) -> list[Path]:
 @click.option("--clips", "clip_pattern", default="*", help="Only clips whose names, FOLDER/NAME, match.")
 @click.option("--frames", default=300, show_default=True, help="Of each clip.")
 @click.option("--runs", "listed", is_flag=True, help="Print a line for each run, too.")
-@click.option("--sheet", type=Path, help="Draw a picture for each member into this folder.")
 def main(
-    corpus: Path,
-    duets: Path | None,
-    page: Path | None,
-    pattern: str,
-    clip_pattern: str,
-    frames: int,
-    listed: bool,
-    sheet: Path | None,
+    corpus: Path, duets: Path | None, page: Path | None, pattern: str, clip_pattern: str, frames: int, listed: bool
 ) -> None:
-    """Measure, print, and write tables and pictures where the command line says so."""
-    clips = found_clips(corpus, duets, clip_pattern)
+    """Measure, print, and write the tables if a page is given."""
+    wanted = [*sorted(SAMPLES.glob("*.bvh")), *(corpus / clip for clip in (*CLIPS, "pybvh/bvh_test3.bvh"))]
+    wanted += sorted(duets.glob("*.bvh")) if duets else []
+    wanted = [clip for clip in wanted if fnmatch(clip_name(clip), clip_pattern)]
+    clips = [clip for clip in wanted if clip.is_file()]
+    if len(clips) < len(wanted):
+        print("skipped, missing:", *(clip_name(clip) for clip in wanted if clip not in clips))
     members = [name for name in MEMBERS if fnmatch(name, pattern)]
-    tasks = list(plan(clips, members))
     every = [*clips, *sorted(corpus.rglob("*.bvh"))]
     first = {name: (clip, name) for clip, name in reversed(list(plan(every, members)))}
     with ProcessPoolExecutor(PROCESSES) as pool:
-        runs = list(pool.map(partial(_run, frames), tasks))
+        runs = list(pool.map(partial(_run, frames), plan(clips, members)))
         own = [
             *filter(None, pool.map(partial(_own_body, frames), every)),
             *pool.map(partial(_own_body_of_member, frames), first.values()),
@@ -254,15 +204,10 @@ def main(
         "faults": table(["over all runs", "value", "worst"], fault_rows(runs, own)),
     }
     if listed:
-        columns = ("run", "frames", "unconverged", "iterations", "s", *(figure.label for figure in FIGURES))
+        columns = ("run", "frames", "unconverged", "iterations", *(figure.label for figure in FIGURES))
         tables["runs"] = table(columns, run_rows(runs))
     print(f"{len(runs)} runs of {len(clips)} clips on {len(members)} members\n")
     publish(tables, page)
-    for name in members if sheet else []:
-        own_tasks = [task for task in tasks if task[1] == name]
-        chosen = own_tasks[:: max(1, -(-len(own_tasks) // SHEET_CLIPS))]
-        if chosen:
-            draw_sheet(sheet / f"{name}.png", {clip_name(task[0]): retargeted(frames, task) for task in chosen})
 
 
 if __name__ == "__main__":

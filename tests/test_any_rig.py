@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from animals import camera, dog, on_a_root, sword
 from bodies import SAMPLES, body_of, lengthened, matched, posed, swaying
-from make_rigs import CONVENTIONS, rig
+from sample_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, read_bvh, retarget

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bodies import WAYS, person, posed, swaying, turned
-from make_rigs import CONVENTIONS, rig
+from sample_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.axes import Directions, axis_vector, nearest_axis, squared, upright

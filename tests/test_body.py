@@ -21,7 +21,7 @@ from bodies import (
     swaying,
     turned,
 )
-from make_rigs import CONVENTIONS, rig
+from sample_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
 import distretarget

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from animals import on_a_root
 from bodies import SAMPLES, matched, person, posed, with_bone
-from make_rigs import rig
+from sample_rigs import rig
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, MotionError, Options, read_bvh, retarget, write_bvh

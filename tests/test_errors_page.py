@@ -1,7 +1,7 @@
 """The page of messages has every message of the source, and what helps."""
 
 import make_errors
-from told_errors import CURES, NOT_MESSAGES
+from make_errors import CURES, NOT_MESSAGES
 
 from distretarget.io.files import REASONS
 
@@ -14,9 +14,3 @@ def test_nothing_is_told_of_messages_that_are_gone():
     texts = {message.text for message in make_errors.messages()} | set(REASONS.values())
     assert set(CURES) <= texts
     assert not NOT_MESSAGES & texts
-
-
-def test_messages_are_found_in_a_record():
-    whole = "\n".join(message.text for message in make_errors.messages())
-    assert not list(make_errors.missing(whole))
-    assert len(list(make_errors.missing(""))) == len(make_errors.messages())

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bodies import CORPUS, body_of, needs_corpus
-from make_rigs import CONVENTIONS, rig
+from sample_rigs import CONVENTIONS, rig
 
 from distretarget import DistretargetError, Skeleton, read_bvh
 from distretarget.body.anatomy import ARM, LEG, SIDES

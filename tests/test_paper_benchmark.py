@@ -8,7 +8,7 @@ import pytest
 from paper_case import EDITS, POSTURE, case, on_table_one
 from paper_checks import checks
 from paper_solver import solve
-from paper_tables import checks_table, edit_cells, methods_cells, pair_rows, pairs_table, spine_table
+from paper_tables import edit_cells, methods_cells, pair_rows, pairs_table, spine_table
 from table_one import table_one
 
 from distretarget.ik.spg import Reason
@@ -42,9 +42,10 @@ def assert_same(written, found):
 
 
 def test_known_answers_are_found_and_are_on_the_page():
-    for check, known, found in checks():
+    rows = [list(check) for check in checks()]
+    for check, known, found in rows:
         assert found == known, check
-    assert lines_of("checks") == cells_of(checks_table())
+    assert lines_of("checks")[1:] == rows
 
 
 def test_the_skeleton_is_that_of_table_one():

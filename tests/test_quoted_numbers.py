@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
-from make_front_page import cells, numbers
+from make_docs import cells, numbers
 
 ROOT = Path(__file__).resolve().parents[1]
 JERK = "jerk against rotation copy's"

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from bodies import SAMPLES, WAYS, in_world, person, posed, turned
-from make_rigs import CONVENTIONS, rig
+from sample_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
 from distretarget import read_bvh, retarget

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from bodies import CORPUS, SAMPLES, moved, needs_corpus
-from make_rigs import CONVENTIONS, rig
+from sample_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
 from distretarget import read_bvh, retarget

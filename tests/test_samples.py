@@ -1,4 +1,4 @@
-"""The sample clips and targets: equal to the script's output, and moving as their names say."""
+"""The sample clips: equal to the script's output, and moving as their names say."""
 
 import re
 import subprocess
@@ -29,9 +29,8 @@ def made(tmp_path_factory):
 
 
 def written(folder):
-    """The samples in a folder, by their paths from there; the rigs have a script of their own."""
-    paths = (path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
-    return {path for path in paths if path.parts[0] != "rigs"}
+    """The clips and props in a folder, by their paths from there."""
+    return {path.relative_to(folder) for path in folder.rglob("*") if path.suffix in (".bvh", ".obj")}
 
 
 def joint(motion, name):

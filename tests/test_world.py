@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from bodies import SAMPLES, in_world, moved, onto, person, posed, spun
-from make_rigs import CONVENTIONS, rig
+from sample_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
 from distretarget import Options, read_bvh, retarget

@@ -1,21 +1,15 @@
-"""Draw motions as stick figures in a row, with a floor and soft shadows.
+"""Draw motions as stick figures on a floor, with soft shadows: still pictures, and loops as GIF files.
 
-    python tools/draw.py walk.bvh child_walk.bvh --frames 0,20,40 -o walk.png --view three-quarter
-    python tools/draw.py walk.bvh child_walk.bvh --frames 0:120 -o walk.gif --same-scale
-
-In a still picture each motion is a row, with its frames from left to right; with `--columns`, each frame is a row, with
-the motions side by side. Frames with a colon make a moving picture that repeats: the motions are side by side, a body
-that walks stays in the middle, and the floor passes below it. Needs matplotlib (the extra `docs`).
+A body that walks stays in the middle of its cell, and the floor passes below it. Needs matplotlib (the extra `docs`).
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
-import click
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -26,12 +20,14 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 from skeleton_edits import only
 
-from distretarget import Body, Motion, RetargetResult, Skeleton, read_bvh
+from distretarget import Body, Motion, RetargetResult, Skeleton
+from distretarget.body.axes import axes_of, axis_vector
+from distretarget.body.joint_names import stem_and_side, words
+from distretarget.numerics.vectors import level, normalised
 
-COLOURS = {"left": "#2a7f9e", "right": "#e0793a", "trunk": "#3b4252"}
+COLOURS = {"left": "#2a7f9e", "right": "#e0793a", None: "#3b4252"}  # of the sides of the body, and of the trunk
 FLOOR, GRID, LABEL = "#f6f7f9", "#dfe3e8", "#3b4252"
-# A shadow is drawn in three layers, each as (thickness in body heights, colour).
-SHADOW = ((0.060, "#eceef1"), (0.044, "#e2e5e9"), (0.028, "#d8dce1"))
+SHADOW = ((0.060, "#eceef1"), (0.044, "#e2e5e9"), (0.028, "#d8dce1"))  # thickness [body heights], colour
 LIGHT = (0.10, -0.28)  # how far a shadow goes to the right and nearer, per height above the floor
 INCHES_PER_HEIGHT = 2.3  # size of a body of height 1 in the picture
 POINTS_PER_HEIGHT = 72 * INCHES_PER_HEIGHT
@@ -40,14 +36,13 @@ DEPTH = 0.42  # of the strip of floor in front of the body, and behind it [body 
 ON_THE_SPOT = 0.4  # a root that moves less than this is drawn where it is, not moved to the origin [body heights]
 STILL_COLOURS, MOVING_COLOURS = 64, 32  # of a picture, of all frames together; fewer make a smaller file
 MARGIN = np.array([0.08, 0.15])  # around a figure, across and upward [body heights]
-RATE = 20  # of a moving picture [frames/s]
 
 Array = NDArray[np.float64]
+Turn = Rotation | None
 
 
-@dataclass(frozen=True)
-class Camera:
-    """An orthographic view; `azimuth` turns it from the front to the right side, in degrees."""
+class Camera(NamedTuple):
+    """An orthographic view; `azimuth` turns it from the front to the right side, both angles in degrees."""
 
     azimuth: float
     elevation: float
@@ -57,25 +52,9 @@ class Camera:
         """How much of the floor's depth the camera sees: 1 from above, 0 from the side."""
         return float(np.sin(np.radians(self.elevation)))
 
-    @property
-    def right(self) -> Array:
-        """(3,), the horizontal direction that points to the right on the screen."""
-        a = np.radians(self.azimuth)
-        return np.array([np.cos(a), 0.0, np.sin(a)])
-
-    @property
-    def near(self) -> Array:
-        """(3,), the horizontal direction that points towards the camera."""
-        a = np.radians(self.azimuth)
-        return np.array([-np.sin(a), 0.0, np.cos(a)])
-
-    def __call__(self, points: Array) -> tuple[Array, Array]:
-        """Screen coordinates (..., 2) of points (..., 3), Y up, and how near they are to the camera (...)."""
-        e = np.radians(self.elevation)
-        height = points[..., 1]
-        upward = height * np.cos(e) - points @ self.near * np.sin(e)
-        nearness = height * np.sin(e) + points @ self.near * np.cos(e)
-        return np.stack([points @ self.right, upward], axis=-1), nearness
+    def __call__(self, points: Array) -> Array:
+        """(..., 3), screen coordinates x and y, and nearness to the camera, of points (..., 3), Y up."""
+        return np.asarray(points @ Rotation.from_euler("yx", tuple(self), degrees=True).as_matrix().T)
 
 
 VIEWS = {"front": Camera(0.0, 10.0), "side": Camera(90.0, 10.0), "three-quarter": Camera(38.0, 16.0)}
@@ -87,13 +66,8 @@ VIEWS = {"front": Camera(0.0, 10.0), "side": Camera(90.0, 10.0), "three-quarter"
 
 @dataclass(frozen=True)
 class Cell:
-    """One stick figure.
-
-    Attributes:
-        skeleton: parents and names of the joints.
-        points: (joints, 3), Y up, in body heights, the origin on the floor below the body.
-        ground: (3,), where in the world the origin is [body heights].
-        size: of the body, relative to the height that counts as 1.
+    """One stick figure: points (joints, 3), Y up, from an origin on the floor below the body; `ground`, (3,), the place
+    of the origin in the world, both in body heights; and the size of the body relative to that height.
     """
 
     skeleton: Skeleton
@@ -102,48 +76,32 @@ class Cell:
     size: float = 1.0
 
 
-def upright(up: str) -> Rotation:
-    """The rotation that turns the axis `up` ("Y", "-Z", ...) to Y."""
-    axis, sign = "XYZ".index(up[-1]), -1.0 if up.startswith("-") else 1.0
-    turn = np.zeros((3, 3))
-    turn[1, axis] = sign
-    first, second = [number for number in range(3) if number != axis]
-    turn[0, first] = turn[2, second] = 1.0
-    turn[2] *= np.linalg.det(turn)
-    return Rotation.from_matrix(turn)
+def upright(up: Array) -> Rotation:
+    """The smallest rotation that turns an axis, (3,), to Y."""
+    return Rotation.align_vectors([0.0, 1.0, 0.0], up)[0]
 
 
 def facing(motion: Motion, body: Body, frame: int) -> Rotation:
-    """The rotation after which Y is up, and the hips face +Z in a frame; only the first for a body without legs."""
+    """The rotation that turns up to Y and, in a frame, makes the hips face +Z; a body without legs is only turned
+    upright.
+    """
     if body.legs is None:
-        return upright(body.up)
+        return upright(body.up_vector)
     left, right = (motion.positions[frame, leg.hip] for leg in body.legs)
-    up, across = body.up_vector, left - right
-    across = across - (across @ up) * up
-    across = across / np.linalg.norm(across)
-    return Rotation.from_matrix(np.stack([across, up, np.cross(across, up)]))
+    return Rotation.from_matrix(axes_of(normalised(level(left - right, body.up_vector)), body.up_vector).T)
 
 
 def cells(
-    motion: Motion,
-    frames: Sequence[int],
-    size: float | None = None,
-    floor: float | None = None,
-    turn: Rotation | None = None,
+    motion: Motion, frames: Sequence[int], size: float | None = None, floor: float | None = None, turn: Turn = None
 ) -> list[Cell]:
-    """The frames as figures, each moved to the origin; moved by one vector if the motion stays on the spot.
-
-    Args:
-        motion: the motion.
-        frames: their numbers.
-        size: by which lengths are divided; by default the height of the body.
-        floor: its height [file units]; by default that of the lowest joint of all frames.
-        turn: of the whole motion; by default it turns the skeleton's up axis to Y.
+    """Frames as figures, each moved to the origin; a motion that stays on the spot is moved as a whole. Lengths are
+    divided by `size`, by default the height of the body; the default floor is the lowest joint of all frames; `turn`
+    turns the whole motion, by default the skeleton's up axis to Y.
     """
     height = body_height(motion.skeleton)
     size = size or height
-    matrix = (turn or upright(motion.skeleton.up or "Y")).as_matrix()
-    points = motion.positions @ matrix.T / size
+    turn = turn or upright(axis_vector(motion.skeleton.up or "Y"))
+    points = motion.positions @ turn.as_matrix().T / size
     points[..., 1] -= points[..., 1].min() if floor is None else floor / size
     grounds = points[frames, 0] * (1, 0, 1)
     if np.all(np.ptp(grounds, axis=0) < ON_THE_SPOT):
@@ -154,8 +112,8 @@ def cells(
     ]
 
 
-def figures_of(result: RetargetResult, frames: Sequence[int], turn: Rotation | None = None) -> list[list[Cell]]:
-    """Frames of source, rotation copy and result, equally tall, on the source's floor at the scale of each."""
+def figures_of(result: RetargetResult, frames: Sequence[int], turn: Turn = None) -> list[list[Cell]]:
+    """Frames of source, rotation copy and result, equally tall; each stands on the source's floor, scaled."""
     source, target = result.matching.source, result.matching.target
     floor = source.lowest(result.world.up_vector)
     return [
@@ -166,21 +124,16 @@ def figures_of(result: RetargetResult, frames: Sequence[int], turn: Rotation | N
 
 
 def body_cells(
-    motion: Motion,
-    body: Body,
-    frames: Sequence[int],
-    floor: float | None = None,
-    turn: Rotation | None = None,
-    size: float | None = None,
+    motion: Motion, body: Body, frames: Sequence[int], floor: float | None = None, turn: Turn = None, size: float = 0.0
 ) -> list[Cell]:
-    """Frames of a body of height 1, without root on the floor, IK handles, props and cloth; arguments as in `cells`."""
+    """Frames of a body of height 1, without helper joints such as IK handles and props; arguments as in `cells`."""
     shown = np.flatnonzero(body.regions.of_joint >= 0)
     drawn = only(motion.skeleton, shown)
     ends = ~np.isin(np.arange(len(drawn)), drawn.parents)
     drawn = replace(drawn, channels=((),) * len(drawn), end_sites=ends)
     return [
         replace(cell, skeleton=drawn, points=cell.points[shown], size=1.0)
-        for cell in cells(motion, frames, size or body.height, floor, turn or upright(body.up))
+        for cell in cells(motion, frames, size or body.height, floor, turn or upright(body.up_vector))
     ]
 
 
@@ -206,7 +159,7 @@ def tallest(motions: Iterable[Motion]) -> float:
 
 
 def _chains(skeleton: Skeleton) -> Iterator[list[int]]:
-    """Chains of joints between the root, joints with several children, and the ends."""
+    """Chains of joints from the root, or a joint with several children, to the next such joint or an end."""
     for joint in skeleton.depth_first[1:]:
         parent = int(skeleton.parents[joint])
         if parent and len(skeleton.children[parent]) == 1:
@@ -217,58 +170,34 @@ def _chains(skeleton: Skeleton) -> Iterator[list[int]]:
         yield chain
 
 
-def side_of(name: str) -> str:
-    """The side of the body by a joint's name, such as LeftHand, hand_l, lHand: left, right, or trunk if it has none."""
-    for side, letter in (("left", "l"), ("right", "r")):
-        alone = rf"(^|[_.:]){letter}([_.]|$)"
-        if (
-            side in name.lower()
-            or re.search(alone, name.lower())
-            or re.match(rf"[{letter}{letter.upper()}][A-Z]", name)
-        ):
-            return side
-    return "trunk"
-
-
 def _draw_figure(ax: Axes, cell: Cell, camera: Camera, shift: float) -> None:
-    """Draw a figure, moved by `shift` to the right."""
-    screen, nearness = camera(cell.points)
-    screen[:, 0] += shift
-    width = THICKNESS * POINTS_PER_HEIGHT * cell.size
-    _draw_shadow(ax, cell, camera, shift)
+    """Draw a figure and its shadow, moved by `shift` to the right."""
+    names, ends = cell.skeleton.names, cell.skeleton.end_sites
+    seen = camera(cell.points) + np.array([shift, 0, 0])
+    screen, nearness = seen[:, :2], seen[:, 2]
+    shadow = camera(cell.points * (1, 0, 1))[:, :2] + cell.points[:, 1:2] * (LIGHT[0], -LIGHT[1] * camera.slope)
+    shadow[:, 0] += shift
     chains = sorted(_chains(cell.skeleton), key=lambda chain: nearness[chain[1:]].mean())
+    for order, (thickness, colour) in enumerate(SHADOW, start=3):
+        for chain in chains:
+            _draw_line(ax, shadow[chain], colour, thickness * POINTS_PER_HEIGHT * cell.size, order)
+    width = THICKNESS * POINTS_PER_HEIGHT * cell.size
     for order, chain in enumerate(chains, start=10):
-        side = side_of(cell.skeleton.names[chain[-1]])
-        line = {"solid_capstyle": "round", "solid_joinstyle": "round", "zorder": order}
-        thick = width * (1.15 if side == "trunk" else 1.0)
-        if _is_head(cell.skeleton, chain):
-            _draw_head(ax, *screen[chain[-2:]], order)
+        neck, top = chain[-2:]
+        side = stem_and_side(words(names[top]))[1]
+        thick = width * (1.0 if side else 1.15)
+        if ends[top] and "head" in names[neck].lower():  # a disc in place of the bone
+            centre, radius = 0.42 * screen[neck] + 0.58 * screen[top], 0.52 * np.hypot(*(screen[top] - screen[neck]))
+            ax.add_patch(Circle(tuple(centre), radius, facecolor=COLOURS[None], edgecolor="white", zorder=order))
             chain = chain[:-1]
-        ax.plot(*screen[chain].T, color="white", linewidth=thick + 0.35 * width, **line)
-        ax.plot(*screen[chain].T, color=COLOURS[side], linewidth=thick, **line)
+        _draw_line(ax, screen[chain], "white", thick + 0.35 * width, order)
+        _draw_line(ax, screen[chain], COLOURS[side], thick, order)
         ax.plot(*screen[chain].T, "o", color="white", markersize=0.4 * width, markeredgewidth=0, zorder=order)
 
 
-def _is_head(skeleton: Skeleton, chain: Sequence[int]) -> bool:
-    neck, top = chain[-2:]
-    return bool(skeleton.end_sites[top]) and "head" in skeleton.names[neck].lower()
-
-
-def _draw_head(ax: Axes, neck: Array, top: Array, order: int) -> None:
-    """Draw a disc in place of the head's bone."""
-    centre = 0.42 * neck + 0.58 * top
-    radius = 0.52 * float(np.hypot(*(top - neck)))
-    ax.add_patch(Circle(tuple(centre), radius, facecolor=COLOURS["trunk"], edgecolor="white", zorder=order))
-
-
-def _draw_shadow(ax: Axes, cell: Cell, camera: Camera, shift: float) -> None:
-    shadow = cell.points * (1, 0, 1) + cell.points[:, 1:2] * (LIGHT[0] * camera.right + LIGHT[1] * camera.near)
-    screen = camera(shadow)[0]
-    screen[:, 0] += shift
-    for order, (thickness, colour) in enumerate(SHADOW, start=3):
-        line = {"solid_capstyle": "round", "solid_joinstyle": "round", "zorder": order}
-        for chain in _chains(cell.skeleton):
-            ax.plot(*screen[chain].T, color=colour, linewidth=thickness * POINTS_PER_HEIGHT * cell.size, **line)
+def _draw_line(ax: Axes, points: Array, colour: str, width: float, order: int) -> None:
+    style = {"solid_capstyle": "round", "solid_joinstyle": "round"}
+    ax.plot(*points.T, color=colour, linewidth=width, zorder=order, **style)
 
 
 def _draw_floor(ax: Axes, camera: Camera, ground: Array) -> None:
@@ -282,14 +211,13 @@ def _draw_floor(ax: Axes, camera: Camera, ground: Array) -> None:
         for tick in np.arange(-reach, reach, 0.25):
             ends = np.zeros((2, 3))
             ends[:, across], ends[:, along] = tick, (-reach, reach)
-            screen = camera(ends - ground % 0.25)[0]
+            screen = camera(ends - ground % 0.25)[:, :2]
             (line,) = ax.plot(*screen.T, color=GRID, linewidth=0.7, zorder=2)
             line.set_clip_path(strip)
 
 
-@dataclass(frozen=True)
-class Stage:
-    """What every cell of a picture shows: a part of the screen of a camera [body heights]."""
+class Stage(NamedTuple):
+    """The part of a camera's screen that every cell of a picture shows [body heights]."""
 
     camera: Camera
     left: float
@@ -300,7 +228,7 @@ class Stage:
     @classmethod
     def around(cls, scenes: Iterable[Iterable[Cell]], camera: Camera) -> Stage:
         """The smallest part of the screen with all figures, a margin and the floor."""
-        screen = np.concatenate([camera(cell.points)[0] for scene in scenes for cell in scene])
+        screen = np.concatenate([camera(cell.points)[:, :2] for scene in scenes for cell in scene])
         left, low = screen.min(axis=0) - MARGIN
         right, high = screen.max(axis=0) + MARGIN
         return cls(camera, left, right, min(low, -DEPTH * camera.slope - MARGIN[0]), high)
@@ -330,7 +258,7 @@ def write_picture(
     camera: Camera,
     dpi: int = 150,
 ) -> None:
-    """Draw scenes below each other, with equal spacing, a title for each and labels from left to right."""
+    """Draw scenes below each other at equal heights, each with a title, and labels from left to right."""
     stage = Stage.around(scenes, camera)
     figure = stage.figure(len(labels[0]), len(scenes), dpi)
     for number, (scene, title, names) in enumerate(zip(scenes, titles, labels, strict=True)):
@@ -342,27 +270,33 @@ def write_picture(
     Image.open(path).convert("RGB").quantize(STILL_COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
+def write_strip(
+    path: Path, rows: Sequence[tuple[str, Motion]], frames: Sequence[int], view: str, turn: Turn = None
+) -> None:
+    """Draw a row for each label and motion, with frames from left to right, all in the same scale and view; `turn`
+    turns all motions, by default their up axes to Y.
+    """
+    size = tallest(motion for _, motion in rows)
+    scenes = [cells(motion, frames, size, turn=turn) for _, motion in rows]
+    labels = [[f"frame {frame}" for frame in frames]] * len(rows)
+    write_picture(path, scenes, [label for label, _ in rows], labels, VIEWS[view])
+
+
 def write_loop(
     path: Path,
     labels: Sequence[str],
     columns: Sequence[Sequence[Cell]],
-    duration: float,
-    camera: Camera,
-    dpi: int = 96,
-    still: int | None = None,
+    seconds: float,
+    view: str,
+    dpi: int,
+    still: int,
 ) -> None:
     """Write a GIF that repeats for ever, and the scene with the number `still` as a PNG of the same size.
 
-    Args:
-        path: of the GIF.
-        labels: from left to right, equally many columns for each.
-        columns: figures that change in place, from left to right: of each, a cell for every scene.
-        duration: of each scene [ms].
-        camera: the view.
-        dpi: pixels per inch, where a body is 2.3 inches tall.
-        still: none is written by default.
+    A column is a figure that changes in place: a cell for every scene, each shown for some seconds. Labels are from
+    left to right, equally many columns for each. A body is 2.3 inches tall.
     """
-    stage = Stage.around(columns, camera)
+    stage = Stage.around(columns, VIEWS[view])
     images = []
     for scene in zip(*columns, strict=True):
         figure = stage.figure(len(labels), 1, dpi)
@@ -373,105 +307,5 @@ def write_loop(
     palette = images[0].quantize(MOVING_COLOURS, dither=Image.Dither.NONE)
     first, *others = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
     path.parent.mkdir(parents=True, exist_ok=True)
-    first.save(path, save_all=True, append_images=others, duration=round(duration), loop=0, optimize=True)
-    if still is not None:
-        picture = images[still].quantize(MOVING_COLOURS, dither=Image.Dither.NONE)
-        picture.save(path.with_suffix(".png"), optimize=True)
-
-
-# ---- whole pictures of motions
-
-
-def draw_strip(
-    path: Path,
-    rows: Sequence[tuple[str, Motion]],
-    frames: Sequence[int],
-    *,
-    view: str = "three-quarter",
-    turn: Rotation | None = None,
-    columns: bool = False,
-    same_scale: bool = False,
-) -> None:
-    """Draw frames of motions as stick figures into a picture file.
-
-    Args:
-        path: of the picture; its suffix is the format.
-        rows: a label and a motion for each row.
-        frames: the numbers of the frames, from left to right.
-        view: one of `VIEWS`, for a body that faces +Z with Y up.
-        turn: of all motions; by default it turns their up axes to Y.
-        columns: make each frame a row, with the motions side by side.
-        same_scale: keep the relative sizes of the bodies; otherwise all are drawn equally tall.
-
-    Raises:
-        ValueError: a motion lacks one of the frames.
-    """
-    for label, motion in rows:
-        if max(frames) >= len(motion):
-            raise ValueError(f"{label} has frames 0 to {len(motion) - 1}, not {max(frames)}")
-    size = tallest(motion for _, motion in rows) if same_scale else None
-    scenes = [cells(motion, frames, size, turn=turn) for _, motion in rows]
-    titles, names = [label for label, _ in rows], [f"frame {frame}" for frame in frames]
-    if columns:
-        scenes, titles, names = [list(scene) for scene in zip(*scenes, strict=True)], names, titles
-    write_picture(path, scenes, titles, [names] * len(scenes), VIEWS[view])
-
-
-def draw_loop(
-    path: Path,
-    rows: Sequence[tuple[str, Motion]],
-    frames: tuple[int, int],
-    *,
-    view: str = "three-quarter",
-    turn: Rotation | None = None,
-    same_scale: bool = False,
-    dpi: int = 96,
-    still: int | None = None,
-) -> None:
-    """Draw motions with the same frame time side by side in a moving picture, from the first frame to the one before
-    the last; the other arguments are those of `draw_strip` and `write_loop`.
-    """
-    frame_time = rows[0][1].frame_time
-    step = max(1, round(1 / RATE / frame_time))
-    size = tallest(motion for _, motion in rows) if same_scale else None
-    columns = [cells(motion, range(*frames, step), size, turn=turn) for _, motion in rows]
-    write_loop(path, [label for label, _ in rows], columns, 1000 * step * frame_time, VIEWS[view], dpi, still)
-
-
-def draw_together(
-    path: Path, columns: Sequence[tuple[str, Sequence[Motion]]], frame: int, *, view: str = "three-quarter"
-) -> None:
-    """Draw one frame of several scenes side by side, each of motions in one world with Y up, all in the same scale."""
-    size = tallest(motions[0] for _, motions in columns)
-    scene = []
-    for _, motions in columns:
-        points = [motion.positions[frame] / size for motion in motions]
-        everything = np.concatenate(points)
-        middle = (everything.min(axis=0) + everything.max(axis=0)) / 2.0 * (1, 0, 1)
-        scene += [Cell(motion.skeleton, x - middle, np.zeros(3)) for motion, x in zip(motions, points, strict=True)]
-    write_picture(path, [scene], [""], [[label for label, _ in columns]], VIEWS[view])
-
-
-@click.command(help=__doc__)
-@click.argument("files", nargs=-1, required=True, type=Path)
-@click.option("--frames", required=True, help="Numbers, as 0,30,60, or the first and the one after the last, as 0:120.")
-@click.option("-o", "--output", required=True, type=Path)
-@click.option("--view", type=click.Choice(list(VIEWS)), default="three-quarter")
-@click.option("--up", help="The axis that points up, as Y or -Z; by default that of the file, or Y.")
-@click.option("--columns", is_flag=True, help="Draw motions side by side, with a row per frame.")
-@click.option("--same-scale", is_flag=True, help="Keep the relative sizes of the bodies.")
-def main(
-    files: tuple[Path, ...], frames: str, output: Path, view: str, up: str | None, columns: bool, same_scale: bool
-) -> None:
-    """Draw the files named on the command line."""
-    rows, turn = [(file.stem, read_bvh(file)) for file in files], upright(up) if up else None
-    if ":" in frames:
-        first, end = map(int, frames.split(":"))
-        draw_loop(output, rows, (first, end), view=view, turn=turn, same_scale=same_scale)
-        return
-    numbers = [int(frame) for frame in frames.split(",")]
-    draw_strip(output, rows, numbers, view=view, turn=turn, columns=columns, same_scale=same_scale)
-
-
-if __name__ == "__main__":
-    main()
+    first.save(path, save_all=True, append_images=others, duration=round(1000 * seconds), loop=0, optimize=True)
+    images[still].quantize(MOVING_COLOURS, dither=Image.Dither.NONE).save(path.with_suffix(".png"), optimize=True)

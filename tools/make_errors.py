@@ -1,71 +1,50 @@
 """Write `docs/errors.md`: every message of the program, taken from its source, and what helps.
 
-    python tools/make_errors.py
-    python tools/make_errors.py --missing RECORD
-
-The second command prints the messages that are not in a record of messages, which pytest writes with
-`-p record_errors --record-errors RECORD`: those that no test produces.
+python tools/make_errors.py
 """
 
 from __future__ import annotations
 
-import argparse
 import ast
-import re
+import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from told_errors import CURES, NOT_MESSAGES
+from tables import table, with_tables
 
 from distretarget.io.files import REASONS
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "distretarget"
 PAGE = ROOT / "docs" / "errors.md"
+TOLD = tomllib.loads((ROOT / "tools" / "cures.toml").read_text("utf-8"))
+CURES, NOT_MESSAGES = TOLD["cures"], set(TOLD["not_messages"])
 GAP = "…"  # stands for what differs from message to message
 SAYING = {"refuse": 1, "error": 0, "fail": 0, "expected": 0}  # methods that raise, and their argument with the text
 BEFORE = {"refuse": f"found {GAP}, expected ", "expected": "expected "}  # what they put before it
-FILES = "io/files.py cli/outputs.py"
-BVH = "io/bvh_parser.py io/bvh.py io/bvh_writer.py"
-JSON = "io/json_node.py io/target io/map_json.py io/obj.py target.py matching/pairing.py"
-BODIES = "skeleton.py motion.py io/interop.py"
-METHOD = "pipeline/ matching/ baseline/ measure/ objectives/"
-SCENES = "scene/ report/scene measure/scene synchronise.py"
 HEADINGS = {  # the headings, and the beginnings of the paths of files whose messages stand below them
-    "Reading and writing files": FILES,
-    "BVH files": BVH,
-    "Skeleton files and maps": JSON,
-    "Skeletons and motions": BODIES,
-    "Retargeting": METHOD,
-    "Scenes": SCENES,
+    "Reading and writing files": "io/files.py cli/outputs.py",
+    "BVH files": "io/bvh_parser.py io/bvh.py io/bvh_writer.py",
+    "Skeleton files and maps": "io/json_node.py io/target io/map_json.py io/obj.py target.py matching/pairing.py",
+    "Skeletons and motions": "skeleton.py motion.py io/interop.py",
+    "Retargeting": "pipeline/ matching/ baseline/ measure/ objectives/",
+    "Scenes": "scene/ report/scene measure/scene synchronise.py",
     "The command line": "cli/ batch/",
     "Arguments of Python functions": "checks.py numerics/",
 }
-HEAD = """\
-# Messages
-
-Written by `tools/make_errors.py` from the source. An error is one line: the file or option, the place in it where that
-is known, the cause, and in most cases what would have worked. {gap} stands for names and numbers. Wrong usage ends
-with status 2, anything else with 1.
-"""
 
 
 @dataclass(frozen=True)
 class Message:
-    """A message of the program: the file of the package that it is in, and its text with gaps."""
+    """A message of the program: the file that raises it, and its text with gaps."""
 
     file: str
     text: str
 
     @property
-    def pattern(self) -> re.Pattern[str]:
-        """What matches the messages of this text."""
-        return re.compile(".*".join(map(re.escape, self.text.split(GAP))))
-
-    @property
     def cause_and_cure(self) -> tuple[str, str]:
-        """The cause, and what helps: what the message itself says of it, or else what `told_errors` does."""
+        """The cause and what helps, from `cures.toml`, or else from the second half of the message."""
         if self.text in CURES:
             return self.text, CURES[self.text]
         for mark in ("; ", ", expected "):
@@ -74,7 +53,7 @@ class Message:
                 return cause, cure
         if self.text.startswith("expected "):
             return f"found {GAP}", self.text.removeprefix("expected ").replace(f", found {GAP}", "")
-        raise SystemExit(f"tools/told_errors.py says nothing of {self.text!r} in {self.file}")
+        raise SystemExit(f"tools/cures.toml says nothing of {self.text!r} in {self.file}")
 
 
 def messages() -> list[Message]:
@@ -105,7 +84,7 @@ def _texts(tree: ast.AST) -> Iterator[str]:
 
 
 def _text(node: ast.AST) -> str:
-    """The text of an expression, with gaps where it is not known."""
+    """The text of an expression; gaps stand for unknown parts."""
     match node:
         case ast.Constant(value=str(text)):
             return text
@@ -119,40 +98,20 @@ def _text(node: ast.AST) -> str:
 def page() -> str:
     """The text of the page."""
     left = messages()
-    sections = [HEAD.format(gap=GAP)]
+    sections = []
     for heading, files in HEADINGS.items():
         here = [message for message in left if message.file.startswith(tuple(files.split()))]
         left = [message for message in left if message not in here]
-        rows = ["| " + " | ".join(_cell(text) for text in message.cause_and_cure) + " |" for message in here]
-        sections.append(
-            "\n".join([f"## {heading}\n", "| cause | what was expected, or helps |", "|---|---|", *rows, ""])
-        )
+        rows = (map(_cell, message.cause_and_cure) for message in here)
+        sections.append(f"## {heading}\n\n{table(('cause', 'what was expected, or helps'), rows)}")
     if left:
         raise SystemExit(f"no heading for the messages of {', '.join(sorted({message.file for message in left}))}")
-    return "\n".join(sections)
+    return with_tables(PAGE, {"messages": "\n".join(sections)})
 
 
 def _cell(text: str) -> str:
     return text.replace("|", "\\|").replace("<", "&lt;")
 
 
-def missing(record: str) -> Iterator[Message]:
-    """The messages that are not in a record, which has one in a line."""
-    lines = set(record.splitlines())
-    yield from (message for message in messages() if not any(map(message.pattern.search, lines)))
-
-
-def main() -> None:
-    """Write the page, or print what is missing in a record."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--missing", type=Path, metavar="RECORD")
-    record = parser.parse_args().missing
-    if record is None:
-        PAGE.write_text(page(), encoding="utf-8", newline="\n")
-        return
-    for message in missing(record.read_text("utf-8")):
-        print(f"{message.file}: {message.text}")
-
-
 if __name__ == "__main__":
-    main()
+    PAGE.write_text(page(), encoding="utf-8", newline="\n")

@@ -1,4 +1,4 @@
-"""Write `docs/interop.md`: how far other programs find the joints of written files from where this package has them.
+"""Write the table of docs/interop.md: how far off other programs find the joints of written files.
 
     DISTRETARGET_NODE=FOLDER DISTRETARGET_BLENDER=PYTHON python tools/make_interop.py
 
@@ -14,41 +14,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
-from interop.judged import CASES, FRAMES, farthest, written
+from interop.judged import CASES, farthest, written
 from interop.readers import READERS, Reader
+from tables import publish, table
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "interop.md"
-TEXT = """\
-# Other programs
-
-Written by `tools/make_interop.py`. Other programs read files that `distretarget` has written, and the
-positions that they compute for the joints are compared with those of `distretarget`, over {frames} frames. The table
-has the largest distance between the two, in heights of the body. `tests/interop/` asks for less than 1e-4.
-
-{table}
-
-What to know:
-
-- three.js cannot play joints with a colon in their names, such as `mixamorig:Hips`: `--strip-namespace` writes `Hips`.
-  The files above are written so.
-- Position channels below the root, which rigs for game engines have, are added to the OFFSET by three.js and refused by
-  pybvh. Blender, assimp, Babylon.js and bvhio replace the OFFSET by them, as `distretarget` does.
-- Blender turns files to its own axes as it imports them, Z up. With "Forward: Y, Up: Z" it leaves them as they are. Its
-  first frame is frame 1.
-- assimp's numbers have 6 digits.
-
-The tests of a program are skipped, with the reason, where it is missing. To run them all:
-
-```text
-npm install three assimpjs @babylonjs/core @babylonjs/loaders        in a folder outside the project
-python3.11 -m venv blender && blender/bin/pip install bpy            likewise
-DISTRETARGET_NODE=FOLDER DISTRETARGET_BLENDER=blender/bin/python .venv/bin/pytest tests/interop
-```
-"""
 
 
 def cells(reader: Reader) -> Iterator[str]:
-    """The cells of a reader: how far it finds joints in each file, or why it cannot be asked."""
+    """The cells of a reader: its largest error in each file, or why it is missing."""
     yield reader.name
     for case in CASES:
         if reason := reader.missing():
@@ -58,12 +32,5 @@ def cells(reader: Reader) -> Iterator[str]:
                 yield f"{farthest(reader, *written(case, Path(folder))):.0e}"
 
 
-def page() -> str:
-    """The text of the page."""
-    rows = [["", *CASES], ["---"] * (1 + len(CASES)), *(list(cells(reader)) for reader in READERS)]
-    table = "\n".join(f"| {' | '.join(row)} |" for row in rows)
-    return TEXT.format(frames=FRAMES, table=table)
-
-
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8", newline="\n")
+    publish({"interop": table(["", *CASES], map(cells, READERS))}, PAGE)

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import click
 import numpy as np
-from draw import VIEWS, Cell, draw_loop, draw_together, figures_of, tallest, write_loop, write_picture
+from draw import VIEWS, Cell, cells, figures_of, tallest, write_loop, write_picture
 from sample_scenes import SCENES, facing
 from zoo import MEMBERS, member
 
@@ -45,8 +45,9 @@ def result_of(clip: str, body: str) -> RetargetResult:
 def draw_front_page(path: Path) -> None:
     """Draw a loop of source, rotation copy and result, in the same scale."""
     result = result_of("clap", "long_arms")
-    rows = zip(METHODS, (result.source, result.rotation_copy, result.motion), strict=True)
-    draw_loop(path, list(rows), FRONT_FRAMES, view="front", same_scale=True, dpi=FRONT_DPI, still=0)
+    motions = (result.source, result.rotation_copy, result.motion)
+    columns = [cells(motion, range(*FRONT_FRAMES, STEP), tallest(motions)) for motion in motions]
+    write_loop(path, METHODS, columns, STEP * result.source.frame_time, "front", FRONT_DPI, still=0)
 
 
 def draw_samples(path: Path) -> None:
@@ -56,7 +57,7 @@ def draw_samples(path: Path) -> None:
         sides = [figures_of(result_of(clip, body), [frame]) for body in SAMPLE_BODIES]
         scenes.append([sides[0][0][0], *(result[0] for _, _, result in sides)])
     labels = ["source", *(Path(body).name for body in SAMPLE_BODIES)]
-    _write_sheet(path, scenes, list(SAMPLE_FRAMES), labels, "front")
+    write_picture(path, scenes, list(SAMPLE_FRAMES), [labels] * len(scenes), VIEWS["front"], SHEET_DPI)
 
 
 def draw_floor_work(path: Path) -> None:
@@ -64,13 +65,7 @@ def draw_floor_work(path: Path) -> None:
     scenes = []
     for clip, frame in FLOOR_FRAMES.items():
         scenes.append([figure for (figure,) in figures_of(result_of(f"supports/{clip}", "child"), [frame])])
-    _write_sheet(path, scenes, list(FLOOR_FRAMES), METHODS, "three-quarter")
-
-
-def _write_sheet(
-    path: Path, scenes: Sequence[Sequence[Cell]], titles: Sequence[str], labels: Sequence[str], view: str
-) -> None:
-    write_picture(path, scenes, titles, [labels] * len(scenes), VIEWS[view], SHEET_DPI)
+    write_picture(path, scenes, list(FLOOR_FRAMES), [METHODS] * len(scenes), VIEWS["three-quarter"], SHEET_DPI)
 
 
 def draw_zoo(path: Path) -> None:
@@ -86,7 +81,7 @@ def draw_clip(path: Path, clip: str, body: str, frames: tuple[int, int], view: s
     """Draw a loop of source, rotation copy and result, equally tall."""
     result = result_of(clip, body)
     columns = figures_of(result, range(*frames, STEP))
-    _write_loop(path, columns, STEP * result.source.frame_time, view)
+    write_loop(path, METHODS, columns, STEP * result.source.frame_time, view, LOOP_DPI, still=len(columns[0]) // 2)
 
 
 def draw_duet(path: Path) -> None:
@@ -100,7 +95,8 @@ def draw_duet(path: Path) -> None:
     alone = [result.rotation_copy for result in scene.results]
     pairs = ([one, other], alone, [result.motion for result in scene.results])
     columns = [column for pair in pairs for column in _together(pair, DUET_FRAMES)]
-    _write_loop(path, columns, DUET_FRAMES.step * one.frame_time, "side")
+    seconds = DUET_FRAMES.step * one.frame_time
+    write_loop(path, METHODS, columns, seconds, "side", LOOP_DPI, still=len(DUET_FRAMES) // 2)
 
 
 def _together(pair: Sequence[Motion], frames: range) -> list[list[Cell]]:
@@ -114,33 +110,42 @@ def _together(pair: Sequence[Motion], frames: range) -> list[list[Cell]]:
     ]
 
 
-def _write_loop(path: Path, columns: Sequence[Sequence[Cell]], seconds: float, view: str) -> None:
-    write_loop(path, METHODS, columns, 1000 * seconds, VIEWS[view], LOOP_DPI, still=len(columns[0]) // 2)
-
-
 def draw_high_five(path: Path) -> None:
     """Draw a frame of a sample scene, of each performer alone and of the result, side by side."""
     sources = list(SCENES["high_five"]().performers.values())
     bodies = [_child(sources[0]), sources[1].rigid_skeleton]
     alone = [retarget(source, body).motion for source, body in zip(sources, bodies, strict=True)]
     together = [one.motion for one in retarget_scene(sources, bodies).results]
-    draw_together(path, [("source", sources), ("each alone", alone), ("scene", together)], 57, view="side")
+    pairs = {"source": sources, "each alone": alone, "scene": together}
+    _write_scenes(path, {name: [motion[57:58] for motion in pair] for name, pair in pairs.items()}, "side")
 
 
 def draw_props(path: Path) -> None:
     """Draw a frame of the results of sample scenes with props, side by side, on a child."""
-    columns = []
+    columns = {}
     for name, frame in PROP_FRAMES.items():
         scene = SCENES[name]()
         (source,) = scene.performers.values()
         result = retarget_scene([source], [_child(source)], scene.props)
         moved = [result.results[0].motion, *(prop.motion for prop in result.props)]
-        columns.append((name.replace("_", " "), [motion[frame : frame + 1] for motion in moved]))
-    draw_together(path, columns, 0)
+        columns[name.replace("_", " ")] = [motion[frame : frame + 1] for motion in moved]
+    _write_scenes(path, columns, "three-quarter")
 
 
 def _child(source: Motion) -> Skeleton:
     return load_target(SAMPLES / "child.json").for_source(source.rigid_skeleton).skeleton
+
+
+def _write_scenes(path: Path, columns: dict[str, list[Motion]], view: str) -> None:
+    """Draw the first frames of scenes side by side, each of motions in one world with Y up, all in the same scale."""
+    size = tallest(motions[0] for motions in columns.values())
+    scene = []
+    for motions in columns.values():
+        points = [motion.positions[0] / size for motion in motions]
+        everything = np.concatenate(points)
+        middle = (everything.min(axis=0) + everything.max(axis=0)) / 2.0 * (1, 0, 1)
+        scene += [Cell(motion.skeleton, x - middle, np.zeros(3)) for motion, x in zip(motions, points, strict=True)]
+    write_picture(path, [scene], [""], [list(columns)], VIEWS[view])
 
 
 PICTURES: dict[str, Callable[[Path], None]] = {

@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton
+from distretarget.body.axes import axes_of
+from distretarget.numerics.vectors import normalised
 
 FPS = 60
 FRAME_TIME = "0.016667"  # [s], as written in the files
@@ -67,7 +69,7 @@ Place = tuple[Points, Rotation]
 
 
 def clock(seconds: float) -> Track:
-    """The times of the frames [s]."""
+    """The time of each frame [s]."""
     return np.arange(round(seconds * FPS) + 1) / FPS
 
 
@@ -135,7 +137,7 @@ STANDING = ANKLE_HEIGHT + 0.9965 * (THIGH + SHANK) - OFFSET["LeftHip"][1]
 
 
 def on_side(side: str, value: Any) -> Any:
-    """Points (..., 3) or a rotation of the left side, as they are on a side: mirrored on the right."""
+    """Points (..., 3) or a rotation of the left side, mirrored for the right side."""
     if side == "Left":
         return value
     if isinstance(value, Rotation):
@@ -144,7 +146,7 @@ def on_side(side: str, value: Any) -> Any:
 
 
 def seen_from(side: str, place: Place) -> Place:
-    """A place of a side as the place of the left side that mirrors it."""
+    """A position and rotation on one side, mirrored to the left side."""
     return on_side(side, place[0]), on_side(side, place[1])
 
 
@@ -154,7 +156,7 @@ def turned(pitch: ArrayLike = 0.0, yaw: ArrayLike = 0.0, roll: ArrayLike = 0.0) 
 
 
 def _euler(axes: str, *angles: ArrayLike) -> Rotation:
-    return Rotation.from_euler(axes, np.stack(np.broadcast_arrays(*angles), axis=-1), degrees=True)
+    return Rotation.from_euler(axes, columns(*angles), degrees=True)
 
 
 def part(rotation: Rotation, weight: ArrayLike) -> Rotation:
@@ -167,13 +169,9 @@ def blend(start: Rotation, end: Rotation, weight: ArrayLike) -> Rotation:
     return start * part(start.inv() * end, weight)
 
 
-def unit(vectors: Points) -> Points:
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-
-
 def from_axes(x: Points, y: Points) -> Rotation:
     """The rotation that takes the first two axes to orthogonal unit vectors x and y, (frames, 3)."""
-    return Rotation.from_matrix(np.stack([x, y, np.cross(x, y)], axis=-1))
+    return Rotation.from_matrix(axes_of(x, y))
 
 
 def two_bones(start: Points, end: Points, pole: ArrayLike, upper: float, lower: float) -> tuple[Points, Points, Points]:
@@ -187,9 +185,9 @@ def two_bones(start: Points, end: Points, pole: ArrayLike, upper: float, lower: 
     length = np.linalg.norm(span, axis=1)
     if np.any(length >= upper + lower) or np.any(length <= abs(upper - lower)):
         raise ValueError(f"two bones of {upper} and {lower} cannot span {length.min():.2f} to {length.max():.2f}")
-    along = unit(span)
+    along = normalised(span)
     pole = np.broadcast_to(pole, span.shape)
-    aside = unit(pole - np.sum(pole * along, axis=1, keepdims=True) * along)
+    aside = normalised(pole - np.sum(pole * along, axis=1, keepdims=True) * along)
     cos = ((upper**2 + length**2 - lower**2) / (2 * upper * length))[:, None]
     first = along * cos + aside * np.sqrt(1 - cos**2)
     second = (span - upper * first) / lower
@@ -210,12 +208,7 @@ def within_reach(start: Points, end: Points, length: float) -> Points:
 
 @dataclass(frozen=True)
 class Trunk:
-    """The position of the pelvis, and the local rotations from there to the head.
-
-    Attributes:
-        position: (frames, 3), of the hips.
-        local: rotations of Hips, Chest, Chest2, Chest3, Neck and Head.
-    """
+    """The position of the hips, (frames, 3), and the local rotations of Hips, Chest, Chest2, Chest3, Neck and Head."""
 
     position: Points
     local: Mapping[str, Rotation]
@@ -224,7 +217,7 @@ class Trunk:
         return self.position, self.local["Hips"]
 
     def hip(self, side: str) -> Points:
-        """(frames, 3), where the thigh of this side begins."""
+        """(frames, 3), the hip joint of a side."""
         return self.position + self.local["Hips"].apply(OFFSET[side + "Hip"])
 
     def chest(self) -> Place:
@@ -295,24 +288,20 @@ def shrug(lift: ArrayLike, reach: ArrayLike) -> Rotation:
     return _euler("ZY", lift, np.negative(reach))
 
 
-def raised_shoulder(direction: Points) -> Points:
-    """(frames, 3), the left shoulder in the chest's frame, for an arm in this direction there."""
-    return OFFSET["LeftCollar"] + _collar(direction).apply(OFFSET["LeftShoulder"])
-
-
 def straight_arm(side: str, chest: Place, fingers: Points, reach: float) -> Points:
-    """(frames, 3), the wrist of a side whose arm points along `fingers`, unit vectors of the left arm in the chest's
-    frame, at `reach` of its length.
+    """(frames, 3), the wrist of a straight arm. `fingers` are unit vectors of the left arm in the chest's frame,
+    `reach` is a fraction of the arm's length.
     """
     position, rotation = chest
-    return position + rotation.apply(on_side(side, raised_shoulder(fingers) + fingers * reach * ARM_LENGTH))
+    shoulder = OFFSET["LeftCollar"] + _collar(fingers).apply(OFFSET["LeftShoulder"])
+    return position + rotation.apply(on_side(side, shoulder + fingers * reach * ARM_LENGTH))
 
 
 def hand(fingers: ArrayLike, palm: ArrayLike) -> Rotation:
     """The rotation of a left hand with fingers and palm in these directions, (frames, 3) or (3,)."""
-    fingers = unit(np.atleast_2d(np.asarray(fingers, float)))
+    fingers = normalised(np.atleast_2d(np.asarray(fingers, float)))
     palm = np.atleast_2d(np.asarray(palm, float))
-    palm = unit(palm - np.sum(palm * fingers, axis=1, keepdims=True) * fingers)
+    palm = normalised(palm - np.sum(palm * fingers, axis=1, keepdims=True) * fingers)
     return from_axes(fingers, -palm)
 
 
@@ -324,8 +313,8 @@ def flat_hand(yaw: float) -> Rotation:
 
 
 def reaching_arm(chest: Place, collar: Rotation, wrist: Points, pole: Points, hand_world: Rotation) -> Arm:
-    """The left arm with the wrist at these points, the elbow towards the pole vector, and this rotation of the hand,
-    all in the world. The forearm takes the whole roll of the hand.
+    """The left arm that brings the wrist to these points with this rotation of the hand, the elbow towards the pole
+    vector, all in the world. The forearm takes the whole roll of the hand.
     """
     position, rotation = chest
     collar_world = rotation * collar
@@ -338,12 +327,12 @@ def reaching_arm(chest: Place, collar: Rotation, wrist: Points, pole: Points, ha
 
 
 def aimed_arm(side: str, chest: Place, hand: Place, elbow: ArrayLike) -> Arm:
-    """The arm of a side with this position of the wrist and rotation of the hand, the elbow towards `elbow`, (frames,
-    3) or (3,), all in the world. The collar bone follows the arm; a wrist too far away is drawn nearer.
+    """The arm of a side that brings the hand to this position and rotation, the elbow towards `elbow`, (frames, 3) or
+    (3,), all in the world. The collar bone follows the arm; a wrist out of reach is drawn nearer.
     """
     chest, (wrist, rotation) = seen_from(side, chest), seen_from(side, hand)
     shoulder = chest[0] + chest[1].apply(OFFSET["LeftCollar"] + OFFSET["LeftShoulder"])
-    collar = _collar(chest[1].inv().apply(unit(wrist - shoulder)))
+    collar = _collar(chest[1].inv().apply(normalised(wrist - shoulder)))
     shoulder = chest[0] + chest[1].apply(OFFSET["LeftCollar"] + collar.apply(OFFSET["LeftShoulder"]))
     wrist = within_reach(shoulder, wrist, ARM_LENGTH)
     return reaching_arm(chest, collar, wrist, on_side(side, elbow), rotation)
@@ -354,14 +343,9 @@ def aimed_arm(side: str, chest: Place, hand: Place, elbow: ArrayLike) -> Arm:
 
 @dataclass(frozen=True)
 class Foot:
-    """Position and rotation of a foot in the world.
-
-    Attributes:
-        ankle: (frames, 3).
-        rotation: of the foot.
-        toe: (frames,), toes bent up against the foot [degrees].
-        knee: (frames, 3) or (3,), the pole vector of the leg; by default between the forward directions of pelvis and
-            foot.
+    """A foot in the world: position of the ankle, (frames, 3), and rotation; how far the toes bend up, (frames,)
+    [degrees]; the pole vector of the leg, (frames, 3) or (3,), by default between the forward directions of pelvis and
+    foot.
     """
 
     ankle: Points
@@ -373,7 +357,7 @@ class Foot:
         """The direction of the knee."""
         if self.knee is not None:
             return self.knee
-        return unit(pelvis.apply(FORWARD) * (1, 0, 1)) + 2 * unit(self.rotation.apply(FORWARD) * (1, 0, 1))
+        return normalised(pelvis.apply(FORWARD) * (1, 0, 1)) + 2 * normalised(self.rotation.apply(FORWARD) * (1, 0, 1))
 
 
 def rolled_ankle(pitch: Points) -> Points:
@@ -382,24 +366,15 @@ def rolled_ankle(pitch: Points) -> Points:
     return pivot - turned(pitch=-pitch).apply(pivot)
 
 
-def _leg(trunk: Trunk, side: str, foot: Foot) -> dict[str, Rotation]:
-    """Local rotations of a leg from hip to foot."""
-    pelvis = trunk.local["Hips"]
-    u, f, axis = two_bones(trunk.hip(side), foot.ankle, foot.pole(pelvis), THIGH, SHANK)
-    thigh, shank = from_axes(axis, -u), from_axes(axis, -f)
-    return {
-        side + "Hip": pelvis.inv() * thigh,
-        side + "Knee": thigh.inv() * shank,
-        side + "Ankle": shank.inv() * foot.rotation,
-        side + "Toe": turned(np.negative(foot.toe)),
-    }
-
-
 def motion(trunk: Trunk, arms: Mapping[str, Arm], feet: Mapping[str, Foot]) -> Motion:
     """The motion of the whole body, from arms and feet by side; the right arm is given mirrored."""
-    local = dict(trunk.local)
+    local, pelvis = dict(trunk.local), trunk.local["Hips"]
     for side in SIDES:
-        local |= _leg(trunk, side, feet[side])
+        foot = feet[side]
+        u, f, axis = two_bones(trunk.hip(side), foot.ankle, foot.pole(pelvis), THIGH, SHANK)
+        thigh, shank = from_axes(axis, -u), from_axes(axis, -f)
+        leg = pelvis.inv() * thigh, thigh.inv() * shank, shank.inv() * foot.rotation, turned(np.negative(foot.toe))
+        local |= zip((f"{side}{name}" for name in ("Hip", "Knee", "Ankle", "Toe")), leg, strict=True)
         local |= {side + name.capitalize(): on_side(side, rotation) for name, rotation in vars(arms[side]).items()}
     rotations = np.tile([0.0, 0.0, 0.0, 1.0], (len(trunk.position), len(SKELETON), 1))
     for name, rotation in local.items():

@@ -19,7 +19,6 @@ from sample_body import (
     THIGH,
     Arm,
     Foot,
-    Place,
     Track,
     Trunk,
     bump,
@@ -69,7 +68,7 @@ def standing_trunk(t: Track, shift: Track, look: Rotation) -> Trunk:
 
 
 def clap() -> Motion:
-    """Six claps in front of the chest."""
+    """Six claps in front of the chest; as the hands meet, the wrists are 4 % of the arm's length apart."""
     t = clock(4.6)
     first, period = 1.1, 0.45
     last = first + 5 * period
@@ -79,17 +78,15 @@ def clap() -> Motion:
     look = turned(pitch=3 + attention * (2.5 + 0.8 * cosine(t, period, first)))
     body = standing_trunk(t, eased(t, [0.4, 1.5, 3.4, 4.4], [0, 1.5, -1.0, 0]), look)
     raised = held(t, 0.15, 0.95, last + 0.1, last + 0.95)
-    arms = {side: hanging_arm(t).blended(_clapping_arm(seen_from(side, body.chest()), away), raised) for side in SIDES}
-    return motion(body, arms, planted_feet(t, width=19, toe_out=9))
-
-
-def _clapping_arm(chest: Place, away: Track) -> Arm:
-    """An arm with the palm towards the other hand. At `away` 0 the wrists are 4 % of the arm's length apart."""
-    position, rotation = chest
     wrist = columns(0.02 * ARM_LENGTH + 18 * away, -11 - 2 * away, 33 - 2 * away)
     palm = hand(fingers=columns(0.25 * away, 0.72, 0.69), palm=columns(-1, 0.12 * away, 0.3 * away))
-    pole = rotation.apply([0.5, -0.85, -0.25])
-    return reaching_arm(chest, shrug(1.0, 8 - 5 * away), position + rotation.apply(wrist), pole, rotation * palm)
+    arms = {}
+    for side in SIDES:
+        position, rotation = chest = seen_from(side, body.chest())
+        pole = rotation.apply([0.5, -0.85, -0.25])
+        arm = reaching_arm(chest, shrug(1.0, 8 - 5 * away), position + rotation.apply(wrist), pole, rotation * palm)
+        arms[side] = hanging_arm(t).blended(arm, raised)
+    return motion(body, arms, planted_feet(t, width=19, toe_out=9))
 
 
 def hands_on_hips() -> Motion:
@@ -98,22 +95,18 @@ def hands_on_hips() -> Motion:
     shift = 3.2 * eased(t, [1.0, 2.1, 3.4, 4.6], [0, 1, -1, 0])
     body = standing_trunk(t, shift, turned(pitch=2, yaw=-1.2 * shift, roll=0.4 * shift))
     on_hips = held(t, 0.3, 1.35, 4.2, 5.3)
+    palm = hand(fingers=[-0.22, -0.52, 0.82], palm=[-1.0, -0.05, -0.2])
     arms = {}
     for side in SIDES:
-        on_hip = _arm_on_hip(seen_from(side, body.chest()), seen_from(side, body.pelvis()))
-        arms[side] = hanging_arm(t).blended(on_hip, on_hips)
+        chest, (position, rotation) = seen_from(side, body.chest()), seen_from(side, body.pelvis())
+        wrist = position + rotation.apply([16.5, 5.0, -3.0])
+        arm = reaching_arm(chest, shrug(4.0, -4.0), wrist, chest[1].apply([0.9, 0.0, -0.42]), rotation * palm)
+        arms[side] = hanging_arm(t).blended(arm, on_hips)
     return motion(body, arms, planted_feet(t, width=24, toe_out=11))
 
 
-def _arm_on_hip(chest: Place, pelvis: Place) -> Arm:
-    position, rotation = pelvis
-    wrist = position + rotation.apply([16.5, 5.0, -3.0])
-    palm = hand(fingers=[-0.22, -0.52, 0.82], palm=[-1.0, -0.05, -0.2])
-    return reaching_arm(chest, shrug(4.0, -4.0), wrist, chest[1].apply([0.9, 0.0, -0.42]), rotation * palm)
-
-
 def squat() -> Motion:
-    """Two squats with the arms held out for balance."""
+    """Two squats with the arms held out for balance; the knees bend in proportion to `depth`, at 1 thighs are level."""
     t = clock(5.6)
     depth = held(t, 0.4, 1.6, 1.8, 2.75) + held(t, 3.0, 4.2, 4.4, 5.35)
     feet = planted_feet(t, width=30, toe_out=16)
@@ -125,11 +118,7 @@ def squat() -> Motion:
         pronation=8 + 30 * depth,
         wrist=8 - 6 * depth,
     )
-    return motion(_squatting_trunk(t, depth, feet["Left"].ankle), dict.fromkeys(SIDES, arm), feet)
-
-
-def _squatting_trunk(t: Track, depth: Track, ankle: Track) -> Trunk:
-    """A trunk over knees that bend in proportion to `depth`: standing at 0, thighs horizontal at 1."""
+    ankle = feet["Left"].ankle
     knee = np.radians(13 + 97 * depth)
     span = np.sqrt(THIGH**2 + SHANK**2 + 2 * THIGH * SHANK * np.cos(knee))
     pelvis = turned(pitch=3 + 27 * depth)
@@ -138,7 +127,8 @@ def _squatting_trunk(t: Track, depth: Track, ankle: Track) -> Trunk:
     sideways, behind = ankle[:, 0] - hip[:, 0], forward + hip[:, 2] - ankle[:, 2]
     height = ankle[:, 1] + np.sqrt(span**2 - sideways**2 - behind**2) - hip[:, 1]
     bend = turned(pitch=2 + 12 * depth + 0.7 * cosine(t, 3.4))
-    return trunk(columns(0.0, height, forward), pelvis, bend, turned(pitch=2 + 12 * depth))
+    body = trunk(columns(0.0, height, forward), pelvis, bend, turned(pitch=2 + 12 * depth))
+    return motion(body, dict.fromkeys(SIDES, arm), feet)
 
 
 def wave() -> Motion:
@@ -163,7 +153,7 @@ def wave() -> Motion:
 
 
 def turn() -> Motion:
-    """A turn to the left on the spot through 360 degrees, in ten small steps."""
+    """A turn to the left on the spot through 360 degrees at constant speed, in ten small steps."""
     t = clock(5.6)
     start, step, count = 0.45, 0.46, 10
     lifts = start + step * np.arange(count)
@@ -171,7 +161,8 @@ def turn() -> Motion:
     busy = held(t, start - 0.3, start + 0.2, end, end + 0.4)
     weight = sum(bump(t, lift - 0.1, lift + step + 0.1) for lift in lifts[1::2])
     weight = weight - sum(bump(t, lift - 0.1, lift + step + 0.1) for lift in lifts[::2])
-    facing = turned(yaw=_full_turn(t, start + 0.1, end + 0.1))
+    angle = np.cumsum(held(t, start - 0.3, start + 0.5, end - 0.3, end + 0.5))
+    facing = turned(yaw=360 * angle / angle[-1])
     height = STANDING - 0.6 - 1.7 * busy + 0.8 * np.abs(weight)
     body = trunk(
         facing.apply(columns(2.3 * weight, height, -0.5)),
@@ -179,25 +170,23 @@ def turn() -> Motion:
         turned(pitch=2.0, yaw=3 * busy, roll=2.2 * weight),
         facing * turned(pitch=2 + 2 * busy, yaw=11 * busy),
     )
-    arms = {side: _turning_arm(t, SIGN[side] * weight, busy) for side in SIDES}
+    arms = {
+        side: swung_arm(
+            flexion=-3 + 4 * sign * weight,
+            abduction=9 + 4 * busy,
+            elbow=17 + 6 * busy + 2 * sign * weight,
+            roll=18,
+            pronation=8,
+            wrist=8 + cosine(t, 3.4),
+        )
+        for side, sign in SIGN.items()
+    }
     feet = {"Left": _stepping_foot(t, 1, lifts[::2], step), "Right": _stepping_foot(t, -1, lifts[1::2], step)}
     return motion(body, arms, feet)
 
 
-def _full_turn(t: Track, start: float, end: float) -> Track:
-    """From 0 to 360 degrees at constant speed, with a smooth start and end."""
-    fade = 0.4  # [s]
-    angle = np.cumsum(held(t, start - fade, start + fade, end - fade, end + fade))
-    return 360 * angle / angle[-1]
-
-
-def _turning_arm(t: Track, weight: Track, busy: Track) -> Arm:
-    elbow, wrist = 17 + 6 * busy + 2 * weight, 8 + cosine(t, 3.4)
-    return swung_arm(flexion=-3 + 4 * weight, abduction=9 + 4 * busy, elbow=elbow, roll=18, pronation=8, wrist=wrist)
-
-
 def _stepping_foot(t: Track, sign: int, lifts: Sequence[float], step: float) -> Foot:
-    """A foot that steps around the middle of the body, by an equal part of the full turn at each lift."""
+    """A foot that steps around the middle of the body; each lift turns it by the same angle."""
     air = 0.9 * step
     heading = sum(eased(t, [lift + 0.03, lift + air], [0, 360 / len(lifts)]) for lift in lifts)
     lifted = sum(bump(t, lift, lift + air) for lift in lifts)
@@ -214,8 +203,6 @@ CYCLE = 62 / FPS  # [s]
 CYCLES = 4
 TOE_OUT = 5.0  # [degrees]
 FLAT, HEEL_OFF, TOE_OFF = 0.10, 0.33, 0.61  # phases: foot flat on the floor, heel rises, toes leave the floor
-
-Curve = Callable[[Track], Track]
 
 ROLL_OFF = make_interp_spline(
     [HEEL_OFF, 0.43, 0.52, TOE_OFF, 0.69, 0.82, 0.93, 1.0, 1 + FLAT],
@@ -261,7 +248,12 @@ def _walking_foot(t: Track, side: str, ahead: float) -> Foot:
     swings = phase[:, None] > TOE_OFF
     ankle = np.where(swings, _swing_ankle()(np.maximum(phase, TOE_OFF)), _stance_ankle(pitch))
     ankle = ankle + columns(4.6, ANKLE_HEIGHT, (strides - ahead) * STRIDE)
-    return Foot(on_side(side, ankle), turned(-pitch, SIGN[side] * TOE_OUT), _toes(phase, pitch))
+    bent, slope, curve = (-float(ROLL_OFF(TOE_OFF, nu)) for nu in range(3))  # toes, as they leave the floor
+    conditions = [(1, slope), (2, curve)], AT_REST
+    swing = make_interp_spline([TOE_OFF, 0.70, 0.82, 0.92, 1.0], [bent, 52.0, 18.0, 3.0, 0.0], k=5, bc_type=conditions)
+    rising = np.where(phase > FLAT, -pitch, 0.0)  # flat on the floor while the heel rises
+    toes = np.where(phase > TOE_OFF, swing(np.maximum(phase, TOE_OFF)), rising)
+    return Foot(on_side(side, ankle), turned(-pitch, SIGN[side] * TOE_OUT), toes)
 
 
 def _pitch(phase: Track) -> Track:
@@ -275,7 +267,7 @@ def _stance_ankle(pitch: Track) -> Track:
     return turned(yaw=TOE_OUT).apply(rolled_ankle(pitch))
 
 
-def _swing_ankle() -> Curve:
+def _swing_ankle() -> Callable[[Track], Track]:
     """(frames, 3) by phase, the left ankle's path from toe-off to heel strike, which continues the stance smoothly."""
     step = 1e-3
     values, conditions = [], []
@@ -286,19 +278,6 @@ def _swing_ankle() -> Curve:
         conditions.append([(1, (after - before) / (2 * step)), (2, (after - 2 * at + before) / step**2)])
     values.insert(1, np.array([0.8, 9.0, 0.5 * STRIDE - 2.0]))
     return make_interp_spline([TOE_OFF, 0.79, 1.0], values, k=5, bc_type=tuple(conditions))
-
-
-def _toes(phase: Track, pitch: Track) -> Track:
-    """The toes' bend [degrees]: flat on the floor while the heel rises, then from bent up to straight in the swing."""
-    bent, slope, curve = (-float(ROLL_OFF(TOE_OFF, nu)) for nu in range(3))
-    swing = make_interp_spline(
-        [TOE_OFF, 0.70, 0.82, 0.92, 1.0],
-        [bent, 52.0, 18.0, 3.0, 0.0],
-        k=5,
-        bc_type=([(1, slope), (2, curve)], AT_REST),
-    )
-    rising = np.where(phase > FLAT, -pitch, 0.0)
-    return np.where(phase > TOE_OFF, swing(np.maximum(phase, TOE_OFF)), rising)
 
 
 CLIPS: dict[str, Callable[[], Motion]] = {

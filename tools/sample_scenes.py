@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -52,13 +53,9 @@ SEAT = 46.0  # height of the chair's seat [cm]
 TABLE = 92.0  # height of the table [cm]
 
 
-@dataclass(frozen=True)
-class Contact:
-    """Two points that touch from frame `first` to frame `last`, both included.
-
-    Attributes:
-        one, other: the number of a performer or, counted on from these, of a prop, and a joint there; `NEAREST` for
-            the nearest point of a prop.
+class Contact(NamedTuple):
+    """Two points that touch from frame `first` to frame `last`, both included. A point is the number of a performer, or
+    of a prop counted after them, and a joint; `NEAREST` for the nearest point of a prop.
     """
 
     one: tuple[int, str]
@@ -67,24 +64,17 @@ class Contact:
     last: int
 
 
-@dataclass(frozen=True)
-class SampleScene:
-    """Performers, props, and what touches between them."""
+class SampleScene(NamedTuple):
+    """Performers, props, and their contacts."""
 
     performers: Mapping[str, Motion]
     contacts: list[Contact]
     props: tuple[Prop, ...] = ()
 
 
-@dataclass(frozen=True)
-class Reach:
-    """Where a hand goes, in the performer's own world.
-
-    Attributes:
-        wrist: (frames, 3) or (3,), the place of the wrist [cm].
-        hand: the rotation of the hand.
-        weight: (frames,), 1 while the hand is there, 0 while the arm hangs.
-        elbow: (3,), the direction of the elbow.
+class Reach(NamedTuple):
+    """The goal of a hand in the performer's own world: places of the wrist, (frames, 3) or (3,) [cm]; rotation of the
+    hand; weight, (frames,), 0 where the arm hangs; direction of the elbow, (3,).
     """
 
     wrist: ArrayLike
@@ -94,7 +84,7 @@ class Reach:
 
 
 def performer(t: Track, trunk: Trunk, reaches: Mapping[str, Reach], feet: Mapping[str, Foot] | None = None) -> Motion:
-    """A body that stands, with hands that reach, by side."""
+    """A standing body whose hands reach for these goals, by side."""
     arms = {side: hanging_arm(t, 0.2 * number) for number, side in enumerate(SIDES)}
     for side, reach in reaches.items():
         wrist = np.broadcast_to(np.asarray(reach.wrist, float), (len(t), 3))
@@ -104,19 +94,19 @@ def performer(t: Track, trunk: Trunk, reaches: Mapping[str, Reach], feet: Mappin
 
 
 def opposite(points: ArrayLike, gap: float) -> Points:
-    """Points in the world of a performer who stands `gap` [cm] before this one, and faces it."""
+    """Points in the world of a performer who stands `gap` [cm] away, face to face."""
     return np.asarray(points, float) * (-1.0, 1.0, -1.0) + (0.0, 0.0, gap)
 
 
 def facing(source: Motion, gap: float) -> Motion:
-    """The motion of a performer who stands `gap` [cm] before another, and faces it, in the other's world."""
+    """The motion of a performer who stands `gap` [cm] away, face to face, in the world of the other."""
     rotations = np.array(source.rotations)
     rotations[:, 0] = (turned(yaw=180.0) * Rotation.from_quat(rotations[:, 0])).as_quat()
     return replace(source, root_positions=opposite(source.root_positions, gap), rotations=rotations)
 
 
 def on_body(place: Place, offset: ArrayLike, gap: float) -> Points:
-    """(frames, 3), a point of a part of the body, for a performer who stands `gap` [cm] before it, and faces it."""
+    """(frames, 3), a point fixed to a part of the body, in the world of a performer `gap` [cm] away, face to face."""
     position, rotation = place
     return opposite(position + rotation.apply(offset), gap)
 
@@ -153,10 +143,8 @@ def handshake() -> SampleScene:
     wrist = columns(-1.5, 104 + shake, gap / 2 - 7)
     reach = {"Right": Reach(wrist, on_side("Right", POINTING), held(t, 0.15, start, end, 2.5))}
     lead, follower = (performer(t, _standing(t, shift), reach) for shift in (1.0, -1.5))
-    touches = [
-        contact((0, "RightWrist_End"), (1, "RightWrist"), start, end),
-        contact((0, "RightWrist"), (1, "RightWrist_End"), start, end),
-    ]
+    joints = ["RightWrist_End", "RightWrist"]
+    touches = [contact((0, one), (1, other), start, end) for one, other in zip(joints, joints[::-1], strict=True)]
     return SampleScene({"one": lead, "other": facing(follower, gap)}, touches)
 
 
@@ -184,16 +172,16 @@ def waltz() -> SampleScene:
     back = on_body(follower.chest(), [12.0, -6.0, -9.0], gap)
     one = {"Left": Reach(joined, level, 1.0, (0.6, -0.8, -0.2)), "Right": Reach(back, behind, 1.0, (-1.0, -0.1, 0.0))}
     met = opposite(joined + columns(0.0, 0.0, 2.0), gap)
+    top = on_body(lead.chest(), shoulder("Right", [1.0, 4.5, 2.0]), gap)
     other = {
         "Right": Reach(met, on_side("Right", level), 1.0, (-0.6, -0.8, -0.2)),
-        "Left": Reach(on_body(lead.chest(), shoulder("Right", [1.0, 4.5, 2.0]), gap), above, 1.0, (1.0, -0.2, 0.0)),
+        "Left": Reach(top, above, 1.0, (1.0, -0.2, 0.0)),
     }
-    touches = [
-        contact((0, "LeftWrist"), (1, "RightWrist"), 0.0, t[-1]),
-        contact((1, "LeftWrist"), (0, "RightShoulder"), 0.0, t[-1]),
-    ]
-    motions = {"lead": performer(t, lead, one), "follower": facing(performer(t, follower, other), gap)}
-    return SampleScene(motions, touches)
+    ends = ((0, "LeftWrist"), (1, "RightWrist")), ((1, "LeftWrist"), (0, "RightShoulder"))
+    touches = [contact(*pair, 0.0, t[-1]) for pair in ends]
+    return SampleScene(
+        {"lead": performer(t, lead, one), "follower": facing(performer(t, follower, other), gap)}, touches
+    )
 
 
 def lift() -> SampleScene:
@@ -251,9 +239,20 @@ def staff() -> SampleScene:
         side: Reach(middle + turn.apply([sign * GRIP, 0.0, 0.0]), on_side(side, fist), 1.0, (0.8 * sign, -0.8, -0.1))
         for side, sign in SIGN.items()
     }
-    points = np.array([[x, 0.0, 0.0] for x in (-80, -50, -GRIP, GRIP, 50, 80)])
+    along = (0.0, -80.0, -50.0, -GRIP, GRIP, 50.0, 80.0)  # the staff's points, all fixed to the first [cm]
+    skeleton = Skeleton(
+        names=tuple(f"staff{number or ''}" for number in range(len(along))),
+        parents=np.append(-1, np.zeros(len(along) - 1, np.intp)),
+        offsets=np.array([[x, 0.0, 0.0] for x in along]),
+        channels=(POSITION_CHANNELS + ROTATION_CHANNELS, *[()] * (len(along) - 1)),
+        end_sites=np.arange(len(along)) > 0,
+        units="cm",
+        up="Y",
+    )
+    rotations = np.tile([0.0, 0.0, 0.0, 1.0], (len(t), len(along), 1))
+    rotations[:, 0] = turn.as_quat()
     grips = (Grip(0, "LeftWrist"), Grip(0, "RightWrist"))
-    prop = Prop(name="staff", motion=_moving_prop("staff", points, middle, turn), held_by=grips)
+    prop = Prop(name="staff", motion=Motion(skeleton, middle, rotations, FRAME_TIME), held_by=grips)
     touches = [contact((0, grip.joint), (1, NEAREST), 0.0, t[-1]) for grip in grips]
     return SampleScene({"performer": performer(t, _upright(t, 3, 3, 6), reaches)}, touches, (prop,))
 
@@ -308,23 +307,6 @@ def standing_prop(name: str, points: Points) -> Motion:
 def obj_text(points: Points) -> str:
     """The text of an OBJ file with these vertices, (points, 3)."""
     return "".join(f"v {x:.6f} {y:.6f} {z:.6f}\n" for x, y, z in points)
-
-
-def _moving_prop(name: str, points: Points, path: Points, turn: Rotation) -> Motion:
-    """A prop of one joint with points fixed to it, (points, 3) [cm]."""
-    count = len(points)
-    skeleton = Skeleton(
-        names=(name, *(f"{name}{number}" for number in range(1, count + 1))),
-        parents=np.append(-1, np.zeros(count, np.intp)),
-        offsets=np.concatenate([np.zeros((1, 3)), points]),
-        channels=(POSITION_CHANNELS + ROTATION_CHANNELS, *[()] * count),
-        end_sites=np.append(False, np.ones(count, bool)),
-        units="cm",
-        up="Y",
-    )
-    rotations = np.tile([0.0, 0.0, 0.0, 1.0], (len(path), count + 1, 1))
-    rotations[:, 0] = turn.as_quat()
-    return Motion(skeleton, path, rotations, FRAME_TIME)
 
 
 def _grid(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Points:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,14 +24,8 @@ def with_chain(
     end: ArrayLike | None = None,
     channels: tuple[str, ...] | None = None,
 ) -> Skeleton:
-    """The skeleton with a chain of joints below `parent`, each the child of the one before, with its offset (3,).
-
-    Args:
-        skeleton: it has no joints of these names.
-        parent: its number.
-        offsets: by name; may be empty.
-        end: offset of an End Site below the last joint; none by default.
-        channels: of each joint; by default the rotation channels of the root.
+    """The skeleton with a chain of new joints below the joint `parent`, each the child of the one before, with its
+    offset (3,) by name, and perhaps an End Site after the last. By default joints have the root's rotation channels.
     """
     ends = [] if end is None else [end]
     rows = [*offsets.values(), *ends]
@@ -48,9 +42,7 @@ def with_chain(
 
 
 def below_root(skeleton: Skeleton, name: str, place: ArrayLike, channels: tuple[str, ...]) -> Skeleton:
-    """The skeleton below another root, which is at a place (3,) and takes the channels of the old one; the old root has
-    `channels` then.
-    """
+    """The skeleton below a new root at a place (3,), which takes the old root's channels; that one gets `channels`."""
     offsets = np.array(skeleton.offsets)
     offsets[0] -= place
     return replace(
@@ -64,7 +56,7 @@ def below_root(skeleton: Skeleton, name: str, place: ArrayLike, channels: tuple[
 
 
 def only(skeleton: Skeleton, joints: Iterable[int]) -> Skeleton:
-    """The skeleton with these joints only, each below the nearest of them above it."""
+    """The skeleton reduced to these joints, each below its nearest remaining ancestor."""
     kept = sorted(joints)
     number = {joint: place for place, joint in enumerate(kept)}
     return replace(
@@ -82,29 +74,22 @@ def bare(skeleton: Skeleton, joint: int) -> Skeleton:
     return only(skeleton, set(range(len(skeleton))) - set(skeleton.subtree(joint)[1:]))
 
 
-def with_offset(skeleton: Skeleton, joint: int, offset: ArrayLike) -> Skeleton:
-    """The skeleton with another offset of a joint, (3,)."""
-    offsets = np.array(skeleton.offsets)
-    offsets[joint] = offset
-    return skeleton.with_offsets(offsets)
-
-
-def resized(skeleton: Skeleton, joints: Iterable[int], factor: ArrayLike) -> Skeleton:
-    """The skeleton with the offsets of joints multiplied by a number, or by one for each axis, (3,)."""
-    offsets = np.array(skeleton.offsets)
-    offsets[list(joints)] *= np.asarray(factor)
-    return skeleton.with_offsets(offsets)
+def with_offset(skeleton: Skeleton, joints: int | Sequence[int], offsets: ArrayLike) -> Skeleton:
+    """The skeleton with other offsets of one or more joints, (3,) or (joints, 3)."""
+    changed = np.array(skeleton.offsets)
+    changed[joints] = offsets
+    return skeleton.with_offsets(changed)
 
 
 def turned_below(skeleton: Skeleton, joint: int, turn: Rotation) -> Skeleton:
-    """The skeleton with all that is below a joint turned about it."""
+    """The skeleton with everything below a joint turned about it."""
     below = skeleton.subtree(joint)[1:]
     return with_offset(skeleton, below, turn.apply(skeleton.offsets[below]))
 
 
 def along_x(skeleton: Skeleton) -> Skeleton:
-    """The skeleton in the rest pose of LAFAN1's files, not a standing one: every only child lies along +X of its
-    parent, and the offsets of siblings are written in axes that point up, forward and left.
+    """The skeleton in the rest pose of LAFAN1's files, in which nobody can stand: every only child lies along +X of its
+    parent, and the offsets of siblings are in axes that point up, forward and left.
     """
     alone = [joint for joint in range(1, len(skeleton)) if len(skeleton.children[skeleton.parents[joint]]) == 1]
     offsets = np.array(skeleton.offsets)[:, [1, 2, 0]]
@@ -119,6 +104,6 @@ def z_up(skeleton: Skeleton) -> Skeleton:
 
 
 def on_skeleton(motion: Motion, skeleton: Skeleton) -> Motion:
-    """The motion on its skeleton with joints appended, which do not turn against their parents."""
+    """The motion on its skeleton with joints appended; these do not rotate."""
     still = np.tile([0.0, 0.0, 0.0, 1.0], (len(motion), len(skeleton) - len(motion.skeleton), 1))
     return replace(motion, skeleton=skeleton, rotations=np.concatenate([motion.rotations, still], axis=1))

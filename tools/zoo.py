@@ -1,30 +1,23 @@
-"""The zoo: bodies of many shapes, with every trait that rigs of people have been seen to have.
+"""The zoo: bodies of many shapes, with the traits that real rigs of people have.
 
-`member("mouse")` is the skeleton of one body, `MEMBERS` the table of all. Every call gives the same skeleton. All
-bodies are built as adults in T-pose, Y up, facing +Z [cm], and get their traits one after the other.
+`member("mouse")` is the skeleton of one body, `zoo.toml` the table of all. Every body starts as an adult in T-pose,
+Y up, facing +Z [cm], and gets its traits one after the other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from make_rigs import FINGERS, UNREAL, rig
+from numpy.typing import NDArray
+from sample_rigs import rig
 from scipy.spatial.transform import Rotation
-from skeleton_edits import (
-    along_x,
-    bare,
-    below_root,
-    only,
-    places,
-    resized,
-    turned_below,
-    with_chain,
-    with_offset,
-    z_up,
-)
+from skeleton_edits import along_x, bare, below_root, only, places, turned_below, with_chain, with_offset, z_up
 
 from distretarget import Skeleton
 from distretarget.body.anatomy import SIDES
@@ -32,10 +25,12 @@ from distretarget.body.named_anatomy import by_names
 from distretarget.skeleton import POSITION_CHANNELS
 
 INWARDS = {"left": -1.0, "right": 1.0}  # along X
+TABLES: Mapping[str, Any] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
+BUILDS, FINGERS, HANDS, HANDLES = (TABLES[name] for name in ("builds", "fingers", "hands", "handles"))
 
 
 def roles(skeleton: Skeleton) -> Mapping[str, int]:
-    """The joint of each role, such as "leftFoot", found by the names of the joints.
+    """The joint of each role, such as "leftFoot", found by name.
 
     Raises:
         ValueError: the names are not those of a person.
@@ -51,64 +46,52 @@ def roles(skeleton: Skeleton) -> Mapping[str, int]:
 
 @dataclass(frozen=True, kw_only=True)
 class Naming:
-    """How a convention names the joints of limbs and fingers.
-
-    Attributes:
-        part: pattern of the name of a joint of a limb, with {Part} or {part}.
-        finger: pattern of the name of a joint of a finger, with {Finger} or {finger}, and {number}.
-        palm: the same for the bone in the palm.
-        root: the name of a joint above the hips.
+    """The names that a convention gives to the joints of limbs and fingers, to bones in the palm, and to a root above
+    the hips.
     """
 
     part: str = "{Left}{Part}"
-    finger: str = "{Left}Hand{Finger}{number}"
-    palm: str = "{Left}InHand{Finger}"
+    finger: str = "{Left}Hand{Part}{number}"
+    palm: str = "{Left}InHand{Part}"
     root: str = "Reference"
 
-    def of_part(self, side: str, part: str) -> str:
-        """The name of a joint of a limb; `part` is its name without a side, such as "Heel"."""
-        return _named(self.part, side, Part=part, part=part.lower())
+    def name(self, pattern: str, side: str, part: str, number: int = 0) -> str:
+        """A pattern filled in; `part` is the name without a side, such as "Heel" or "Thumb"."""
+        sides = {"Left": side.capitalize(), "L": side[0].upper(), "l": side[0]}
+        return pattern.format(**sides, Part=part, part=part.lower(), number=number)
 
-    def of_finger(self, side: str, finger: str, number: int) -> str:
-        """The name of a joint of a finger; number 0 is the bone in the palm."""
-        pattern = self.finger if number else self.palm
-        return _named(pattern, side, Finger=finger, finger=finger.lower(), number=number)
-
-
-def _named(pattern: str, side: str, **words: str | int) -> str:
-    return pattern.format(Left=side.capitalize(), L=side[0].upper(), l=side[0], **words)
+    def limb(self, side: str, part: str) -> str:
+        return self.name(self.part, side, part)
 
 
-MIXAMO = Naming(**{key: f"mixamorig:{getattr(Naming, key)}" for key in ("part", "finger", "palm")})
-NAMING: Mapping[str, Naming] = dict.fromkeys(("xsens", "lafan1", "cmu"), Naming()) | {
-    "mixamo": MIXAMO,
-    "unreal": Naming(part="{part}_{l}", finger="{finger}_0{number}_{l}", palm="{finger}_metacarpal_{l}", root="root"),
-    "bandai": Naming(part="{Part}_{L}", finger="{Finger}{number}_{L}", palm="InHand{Finger}_{L}", root="joint_Root"),
+NAMING: Mapping[str, Naming] = {
+    **dict.fromkeys(("xsens", "lafan1", "cmu"), Naming()),
+    "mixamo": Naming(**{key: f"mixamorig:{getattr(Naming, key)}" for key in ("part", "finger", "palm")}),
+    "unreal": Naming(part="{part}_{l}", finger="{part}_0{number}_{l}", palm="{part}_metacarpal_{l}", root="root"),
+    "bandai": Naming(part="{Part}_{L}", finger="{Part}{number}_{L}", palm="InHand{Part}_{L}", root="joint_Root"),
 }
-# The names of joints of the LAFAN1 rig in two more conventions.
-BANDAI_LIMBS = {
-    "Shoulder": "Shoulder",
-    "Arm": "UpperArm",
-    "ForeArm": "LowerArm",
-    "Hand": "Hand",
-    "UpLeg": "UpperLeg",
-    "Leg": "LowerLeg",
-    "Foot": "Foot",
-    "Toe": "Toes",
+# The names that two more conventions give to the joints of the LAFAN1 rig; LeftArm becomes UpperArm_L, and so on.
+CMU = {
+    "Spine": "LowerBack",
+    "Spine1": "Spine",
+    "Spine2": "Spine1",
+    "LeftToe": "LeftToeBase",
+    "RightToe": "RightToeBase",
 }
+BANDAI = {"Arm": "UpperArm", "ForeArm": "LowerArm", "UpLeg": "UpperLeg", "Leg": "LowerLeg", "Toe": "Toes"}
+BANDAI |= {name: name for name in ("Shoulder", "Hand", "Foot")}
 RENAMED: Mapping[str, Mapping[str, str]] = {
-    "cmu": {"Spine": "LowerBack", "Spine1": "Spine", "Spine2": "Spine1"}
-    | {f"{side}Toe": f"{side}ToeBase" for side in ("Left", "Right")},
+    "cmu": CMU,
     "bandai": {"Spine2": "Chest"}
-    | {f"{side}{name}": f"{new}_{side[0]}" for side in ("Left", "Right") for name, new in BANDAI_LIMBS.items()},
+    | {f"{side}{name}": f"{new}_{side[0]}" for side in ("Left", "Right") for name, new in BANDAI.items()},
 }
 HAND = 17.5  # from the wrist to the End Site of a hand [cm]
-NO_BODY = ("ik_", "twist")  # in the names of joints of the Unreal rig that are no part of the body
+NO_BODY = ("ik_", "twist")  # in the names of joints of the Unreal rig that are not part of the body
 
 
 def adult(convention: str) -> Skeleton:
-    """The body of an adult, hips as the root, no fingers and no helpers, with the names and the rotation channels of a
-    convention.
+    """An adult with the names and rotation channels of a convention; the hips are the root, and the hands end in End
+    Sites.
     """
     if convention in RENAMED:
         body = _renamed(rig("lafan1", "T"), RENAMED[convention])
@@ -123,61 +106,41 @@ def adult(convention: str) -> Skeleton:
 
 
 def _renamed(skeleton: Skeleton, names: Mapping[str, str]) -> Skeleton:
-    """The skeleton with other names, End Sites named after their parents."""
+    """The skeleton with other names; End Sites are named after their parents."""
     new = {name: names.get(name, name) for name in skeleton.names}
     ends = {f"{name}_End": f"{other}_End" for name, other in new.items()}
     return replace(skeleton, names=tuple(ends.get(name, new[name]) for name in skeleton.names))
 
 
 def _on_hips(skeleton: Skeleton) -> Skeleton:
-    """The Unreal rig, Y up, without its helpers and its root, whose channels and place the pelvis gets."""
+    """The Unreal rig, Y up, without helpers and root; the pelvis takes over the root's channels and place."""
     y_up = replace(skeleton, offsets=skeleton.offsets[:, [0, 2, 1]] * (1, 1, -1), up="Y")
     kept = [joint for joint, name in enumerate(y_up.names) if joint and not any(word in name for word in NO_BODY)]
     body = only(with_offset(y_up, 1, y_up.offsets[0] + y_up.offsets[1]), kept)
     return replace(body, channels=(skeleton.channels[0], *body.channels[1:]))
 
 
-# ---- builds: factors for the offsets of joints by role without side; "" is for the whole body, "crown" for the End
-# Site of the head
-
-BUILDS: Mapping[str, Mapping[str, float | tuple[float, float, float]]] = {
-    "child": {"": 0.55, "crown": 1.5, "LowerLeg": 0.85, "Foot": 0.85, "LowerArm": 0.9, "Hand": 0.9},
-    "giant": {"": 3.0, "LowerLeg": 1.15, "Foot": 1.15, "crown": 0.8},
-    "short arms": {"LowerArm": 0.65, "Hand": 0.65},
-    "short legs": {"LowerLeg": 0.55, "Foot": 0.55},
-    "wide hips": {"UpperLeg": (2.0, 1.0, 1.0)},
-    "big head": {"crown": (1.0, 2.5, 1.0)},
-    "thin": {"UpperLeg": (0.5, 1.0, 1.0), "Shoulder": (0.5, 1.0, 1.0), "UpperArm": (0.6, 1.0, 1.0)},
-}
+# ---- builds
 
 
 def with_build(skeleton: Skeleton, build: str) -> Skeleton:
     """The skeleton with the proportions of one of `BUILDS`."""
     joints = roles(skeleton)
+    special = {"": list(range(len(skeleton))), "crown": skeleton.subtree(joints["head"])[1:]}
     for part, factor in BUILDS[build].items():
-        resizing: Iterable[int] = [joints[side + part] for side in SIDES] if part not in ("", "crown") else []
-        if part == "":
-            resizing = range(len(skeleton))
-        if part == "crown":
-            resizing = skeleton.subtree(joints["head"])[1:]
-        skeleton = resized(skeleton, resizing, factor)
+        scaled = special[part] if part in special else [joints[side + part] for side in SIDES]
+        skeleton = with_offset(skeleton, scaled, skeleton.offsets[scaled] * np.asarray(factor))
     return skeleton
 
 
 # ---- fingers
 
-FOREARM = 26.6  # the forearm for which `FINGERS` are written [cm]
+FOREARM = 26.6  # the forearm that `FINGERS` fit [cm]
 METACARPAL = 0.3  # where the bone in the palm begins between wrist and knuckle [0 to 1]
-HANDS: Mapping[str, tuple[str, ...]] = {
-    "none": (),
-    "three": ("Thumb", "Index", "Ring"),
-    "five": tuple(FINGERS),
-    "metacarpals": tuple(FINGERS),
-}
 
 
 def with_fingers(skeleton: Skeleton, fingers: str, naming: Naming) -> Skeleton:
-    """The body, in T-pose and without fingers, with those of one of `HANDS` on both hands."""
+    """The body, in T-pose and without fingers, with the fingers of one of `HANDS` on both hands."""
     if fingers == "none":
         return skeleton
     for side in SIDES:
@@ -188,15 +151,15 @@ def with_fingers(skeleton: Skeleton, fingers: str, naming: Naming) -> Skeleton:
 
 
 def _with_finger(skeleton: Skeleton, side: str, finger: str, naming: Naming, *, palm: bool) -> Skeleton:
-    """The skeleton with a finger of three bones, and with a bone in the palm before them if `palm`."""
+    """The skeleton with a finger of three bones, and a bone in the palm before them if `palm`."""
     hand = roles(skeleton)[f"{side}Hand"]
     size = skeleton.lengths[hand] / FOREARM * np.array([-INWARDS[side], 1.0, 1.0])
     knuckle, direction, lengths = FINGERS[finger]
     bones = size * np.multiply.outer(lengths, direction)
     first = size * np.array(knuckle)
-    offsets = {naming.of_finger(side, finger, 0): METACARPAL * first} if palm else {}
-    offsets[naming.of_finger(side, finger, 1)] = (1 - METACARPAL) * first if palm else first
-    offsets |= {naming.of_finger(side, finger, number): bones[number - 2] for number in (2, 3)}
+    offsets = {naming.name(naming.palm, side, finger): METACARPAL * first} if palm else {}
+    joints = [(1 - METACARPAL) * first if palm else first, *bones[:2]]
+    offsets |= {naming.name(naming.finger, side, finger, k): offset for k, offset in enumerate(joints, start=1)}
     return with_chain(skeleton, hand, offsets, end=bones[2])
 
 
@@ -210,47 +173,40 @@ SOLE = 0.01  # height of the lowest joint of the feet over the floor [body heigh
 
 def high_ankle(skeleton: Skeleton, side: str, _naming: Naming) -> Skeleton:
     """The foot bone steep and the toes flat, as in a shoe with a high heel."""
-    _, toe = _foot(skeleton, side)
+    toe = roles(skeleton)[f"{side}Toes"]
     return with_offset(skeleton, toe, skeleton.lengths[toe] * np.array([0.0, -np.sin(HIGH), np.cos(HIGH)]))
 
 
 def heel_bone(skeleton: Skeleton, side: str, naming: Naming) -> Skeleton:
     """A joint at the heel, on the floor behind the ankle."""
-    ankle, toe = _foot(skeleton, side)
+    toe = roles(skeleton)[f"{side}Toes"]
     heel = (0.0, skeleton.offsets[toe, 1], HEEL * skeleton.lengths[toe])
-    return with_chain(skeleton, ankle, {naming.of_part(side, "Heel"): heel})
+    return with_chain(skeleton, roles(skeleton)[f"{side}Foot"], {naming.limb(side, "Heel"): heel})
 
 
 def toes_down(skeleton: Skeleton, side: str, _naming: Naming) -> Skeleton:
     """Foot and toes in line with the shin, straight down."""
-    below = skeleton.subtree(_foot(skeleton, side)[0])[1:]
+    below = skeleton.subtree(roles(skeleton)[f"{side}Foot"])[1:]
     return with_offset(skeleton, below, skeleton.lengths[below, None] * np.array([0.0, -1.0, 0.0]))
 
 
 def no_toe(skeleton: Skeleton, side: str, _naming: Naming) -> Skeleton:
-    """The ankle the last joint, with an End Site at the place of the toe."""
-    ankle, toe = _foot(skeleton, side)
-    place = skeleton.offsets[toe]
-    skeleton = bare(skeleton, ankle)
+    """No joint below the ankle; its End Site is at the place of the toe."""
+    place = skeleton.offsets[roles(skeleton)[f"{side}Toes"]]
+    skeleton = bare(skeleton, roles(skeleton)[f"{side}Foot"])
     return with_chain(skeleton, roles(skeleton)[f"{side}Foot"], {}, end=place)
 
 
 def five_toes(skeleton: Skeleton, side: str, naming: Naming) -> Skeleton:
     """Five toes below the ball of the foot."""
-    _, toe = _foot(skeleton, side)
+    toe = roles(skeleton)[f"{side}Toes"]
     length, tip = skeleton.lengths[toe], skeleton.offsets[skeleton.children[toe][0]]
     skeleton = bare(skeleton, toe)
     for number, aside in enumerate(TOES, start=1):
         offset = tip * 0.2 + (INWARDS[side] * aside * length, 0.0, 0.0)
-        name = naming.of_part(side, f"ToePhalanx{number}")
+        name = naming.limb(side, f"ToePhalanx{number}")
         skeleton = with_chain(skeleton, roles(skeleton)[f"{side}Toes"], {name: offset}, end=0.8 * tip)
     return skeleton
-
-
-def _foot(skeleton: Skeleton, side: str) -> tuple[int, int]:
-    """Ankle and toe of a side."""
-    joints = roles(skeleton)
-    return joints[f"{side}Foot"], joints[f"{side}Toes"]
 
 
 FEET: Mapping[str, Callable[[Skeleton, str, Naming], Skeleton]] = {
@@ -284,29 +240,28 @@ def posed(skeleton: Skeleton, pose: str) -> Skeleton:
 
 # ---- roots: the hips themselves, or a joint above them in the tree
 
-OVERHEAD = 1.2  # height of a root over the head [body heights]
+OVERHEAD = np.array([0.0, 1.2, 0.0])  # height of a root over the head [body heights]
 BESIDE = np.array([0.0, 0.03, 0.06])  # a root from its child, the hips [body heights]
 
 
 def floor(skeleton: Skeleton, naming: Naming) -> Skeleton:
-    """A root on the floor, and hips with position channels of their own, as in Bandai Namco's files."""
+    """A root on the floor, and hips with position channels, as in Bandai Namco's files."""
     return below_root(skeleton, naming.root, np.zeros(3), skeleton.channels[0])
 
 
 def above(skeleton: Skeleton, naming: Naming) -> Skeleton:
-    """A root over the head that alone has position channels, like the hand of a puppeteer."""
-    overhead = OVERHEAD * float(places(skeleton)[:, 1].max())
-    return below_root(skeleton, naming.root, [0.0, overhead, 0.0], _rotations(skeleton))
+    """A root over the head, like the hand of a puppeteer; only the root has position channels."""
+    return _fixed_hips(skeleton, naming, OVERHEAD * places(skeleton)[:, 1].max())
 
 
 def offset_child(skeleton: Skeleton, naming: Naming) -> Skeleton:
-    """A root above and before the hips that alone has position channels, like a centre of mass."""
-    place = skeleton.offsets[0] + BESIDE * float(places(skeleton)[:, 1].max())
-    return below_root(skeleton, naming.root, place, _rotations(skeleton))
+    """A root above and before the hips, like a centre of mass; only the root has position channels."""
+    return _fixed_hips(skeleton, naming, skeleton.offsets[0] + BESIDE * places(skeleton)[:, 1].max())
 
 
-def _rotations(skeleton: Skeleton) -> tuple[str, ...]:
-    return tuple(channel for channel in skeleton.channels[0] if channel not in POSITION_CHANNELS)
+def _fixed_hips(skeleton: Skeleton, naming: Naming, place: NDArray[np.float64]) -> Skeleton:
+    rotations = tuple(channel for channel in skeleton.channels[0] if channel not in POSITION_CHANNELS)
+    return below_root(skeleton, naming.root, place, rotations)
 
 
 ROOTS: Mapping[str, Callable[[Skeleton, Naming], Skeleton]] = {
@@ -316,12 +271,10 @@ ROOTS: Mapping[str, Callable[[Skeleton, Naming], Skeleton]] = {
     "offset child": offset_child,
 }
 
-# ---- helpers: joints that are no part of the body
+# ---- helpers: joints that are not part of the body
 
 TWISTED = {"UpperArm": "LowerArm", "LowerArm": "Hand", "UpperLeg": "LowerLeg", "LowerLeg": "Foot"}
 PANELS = 8  # of the skirt
-# The joints of these roles, by the names of the handles' joints in the Unreal rig.
-HANDLED = {"foot_l": "leftFoot", "foot_r": "rightFoot", "hand_l": "leftHand", "hand_r": "rightHand"}
 
 
 def twist(skeleton: Skeleton, naming: Naming) -> Skeleton:
@@ -330,7 +283,7 @@ def twist(skeleton: Skeleton, naming: Naming) -> Skeleton:
         for part, end in TWISTED.items():
             joints = roles(skeleton)
             middle = 0.5 * skeleton.offsets[joints[side + end]]
-            skeleton = with_chain(skeleton, joints[side + part], {naming.of_part(side, f"{part}_Twist"): middle})
+            skeleton = with_chain(skeleton, joints[side + part], {naming.limb(side, f"{part}_Twist"): middle})
     return skeleton
 
 
@@ -339,8 +292,8 @@ def sleeves(skeleton: Skeleton, naming: Naming) -> Skeleton:
     for side in SIDES:
         forearm = roles(skeleton)[f"{side}LowerArm"]
         down = (0.0, -0.4 * skeleton.lengths[forearm], 0.0)
-        names = [naming.of_part(side, f"Sleeve{number}") for number in (1, 2)]
-        skeleton = with_chain(skeleton, forearm, dict.fromkeys(names, down), end=down)
+        offsets = {naming.limb(side, f"Sleeve{number}"): down for number in (1, 2)}
+        skeleton = with_chain(skeleton, forearm, offsets, end=down)
     return skeleton
 
 
@@ -374,13 +327,13 @@ def sword(skeleton: Skeleton, _naming: Naming) -> Skeleton:
 
 
 def ik(skeleton: Skeleton, _naming: Naming) -> Skeleton:
-    """Handles of an engine below the root, at the places of hands and feet."""
-    joints, points = roles(skeleton), places(skeleton)
-    numbers, spots = {"root": 0}, {"root": points[0]}
-    for name, parent, place in UNREAL.handles:
-        spots[name] = points[joints[HANDLED[place]]] if place in HANDLED else spots[place]
-        numbers[name] = len(skeleton)
-        skeleton = with_chain(skeleton, numbers[parent], {name: spots[name] - spots[parent]})
+    """IK handles of an engine below the root, at the places of hands and feet."""
+    joints, points = {"": 0, **roles(skeleton)}, places(skeleton)
+    handles = {"root": (0, points[0])}
+    for name, (parent, role) in HANDLES.items():
+        number, place = handles[parent]
+        handles[name] = len(skeleton), points[joints[role]]
+        skeleton = with_chain(skeleton, number, {name: handles[name][1] - place})
     return skeleton
 
 
@@ -393,67 +346,26 @@ HELPERS: Mapping[str, Callable[[Skeleton, Naming], Skeleton]] = {
 
 @dataclass(frozen=True)
 class Member:
-    """The traits of a body; by default an adult with flat feet, without fingers, hips the root.
-
-    Attributes:
-        convention: one of `NAMING`, which gives the joints their names, and the rotation channels their order.
-        pose: the rest pose, one of `POSES`.
-        builds: the proportions that differ from an adult's, of `BUILDS`.
-        foot, fingers, root: their shapes, of `FEET`, `HANDS` and `ROOTS`.
-        helpers: joints that are no part of the body, of `HELPERS`.
-        up: the axis that points up; a body with "Z" faces -Y.
+    """The traits of a body, as keys of `NAMING`, `POSES`, `BUILDS`, `FEET`, `HANDS`, `ROOTS` and `HELPERS`; with up "Z"
+    it faces -Y.
     """
 
     convention: str
     pose: str = "T"
-    builds: tuple[str, ...] = ()
+    builds: Sequence[str] = ()
     foot: str = "flat"
     fingers: str = "none"
     root: str = "hips"
-    helpers: tuple[str, ...] = ()
+    helpers: Sequence[str] = ()
     up: str = "Y"
 
 
-MEMBERS: Mapping[str, Member] = {
-    "mixamo": Member("mixamo", fingers="five"),
-    "xsens": Member("xsens", "A"),
-    "lafan1": Member("lafan1", "X"),
-    "cmu": Member("cmu"),
-    "bandai": Member("bandai", "A", root="floor"),
-    "unreal": Member("unreal", "A", fingers="metacarpals", root="floor", helpers=("twist", "ik"), up="Z"),
-    "arms_down": Member("xsens", "I"),
-    "heels": Member("xsens", foot="high ankle"),
-    "heel_bones": Member("mixamo", "A", foot="heel bone"),
-    "tiptoe": Member("cmu", foot="toes down"),
-    "no_toes": Member("lafan1", "A", foot="no toe"),
-    "five_toes": Member("unreal", foot="five toes", fingers="five", up="Z"),
-    "three_fingers": Member("cmu", "I", fingers="three"),
-    "twisted": Member("lafan1", helpers=("twist",)),
-    "kimono": Member("bandai", root="floor", helpers=("sleeves", "skirt")),
-    "swordsman": Member("mixamo", "I", fingers="five", helpers=("sword", "hair")),
-    "puppet": Member("lafan1", "A", root="above"),
-    "centre_of_mass": Member("xsens", root="offset child"),
-    "child": Member("mixamo", builds=("child",)),
-    "giant": Member("lafan1", "X", builds=("giant",)),
-    "short_arms": Member("cmu", "A", builds=("short arms",)),
-    "wide_hips": Member("xsens", builds=("wide hips",)),
-    "thin": Member("bandai", "I", builds=("thin",), root="floor"),
-    "mouse": Member("mixamo", builds=("big head", "short legs", "wide hips"), foot="high ankle", fingers="three"),
-    "samurai": Member(
-        "unreal",
-        "A",
-        builds=("giant", "short arms"),
-        fingers="five",
-        root="floor",
-        helpers=("twist", "sleeves", "skirt", "hair", "sword", "ik"),
-        up="Z",
-    ),
-}
+MEMBERS = {name: Member(**traits) for name, traits in TABLES["members"].items()}
 
 
 @cache
 def member(name: str) -> Skeleton:
-    """The skeleton of a member of the zoo [cm]; the root's OFFSET puts its feet on the floor."""
+    """The skeleton of a member of the zoo [cm]; its feet are on the floor, by the root's OFFSET."""
     traits = MEMBERS[name]
     naming = NAMING[traits.convention]
     body = adult(traits.convention)

@@ -2,7 +2,7 @@
 
 Everything that prints, writes or draws figures takes them from `FIGURES`, the entries of `figures.toml`. To add one,
 add its entry there and its track to `metrics.Comparison`, or to `RetargetResult.tracks` if it takes more than source
-and result, and run `tools/make_figures.py` and `tools/make_reference.py`.
+and result, and run `tools/make_docs.py`.
 """
 
 from __future__ import annotations

@@ -1,0 +1,34 @@
+"""The sample rigs, `sample_bvh/rigs`: an adult of about 1.75 m in the naming conventions of four programs.
+
+Segment lengths are near Winter's fractions of body height (Biomechanics and Motor Control of Human Movement, figure
+4.1); each convention splits them in its own way.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from skeleton_edits import along_x
+
+from distretarget import Skeleton, load_target
+
+RIGS = Path(__file__).resolve().parents[1] / "sample_bvh" / "rigs"
+CONVENTIONS = ("mixamo", "xsens", "lafan1", "unreal")
+POSES = ("T", "A")
+
+
+def rig(convention: str, pose: str) -> Skeleton:
+    """The skeleton of a convention in a rest pose [cm]; the root's OFFSET puts its feet on the floor.
+
+    In "T" the arms point sideways, in "A" 45 degrees below the horizontal. "X" is the rest pose of LAFAN1's files, in
+    which nobody can stand: see `along_x`.
+
+    Raises:
+        ValueError: pose "X" of another convention than lafan1.
+    """
+    if pose != "X":
+        return load_target(RIGS / f"{convention}_{pose.lower()}.json").skeleton
+    if convention != "lafan1":
+        raise ValueError(f"only lafan1 has pose X, not {convention}")
+    skeleton = along_x(rig("lafan1", "T"))
+    return skeleton.with_offsets(skeleton.offsets.round(6))
