@@ -360,7 +360,7 @@ def test_a_long_clip_converted_in_pieces_is_the_same(folder):
 
 def test_dask_gives_the_same_results_and_survives_a_dying_worker(work, tmp_path):
     distributed = pytest.importorskip("distributed", reason="needs distributed")
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster:
         options = ("--exclude", "longer.bvh", "--dask", cluster.scheduler_address)
         plain = started(work, tmp_path / "plain", *options)
         assert plain.communicate(timeout=HANGS)[1] == ""
