@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.anatomy import LEG, SIDES, Anatomy
-from distretarget.numerics.vectors import cross, level, normalised
+from distretarget.numerics.vectors import cross, lengths, level, normalised
 from distretarget.skeleton import AXES
 
 Array = NDArray[np.float64]
@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 STRETCHED = 125.0  # least angle between trunk and legs of an upright body, rarely reached on four legs [degrees]
 FOLDED = 45.0  # a rest pose with a smaller angle between trunk and legs does not show how the body stands [degrees]
 SQUARE = np.cos(np.radians(25))  # a direction within this angle of an axis of the file is snapped to it [cosine]
+PARALLEL = 1e-6  # two directions with a smaller angle between them do not span a plane [rad]
 
 
 def axis_vector(axis: str) -> Array:
@@ -38,8 +39,19 @@ def direction(positions: Array, start: int, end: int) -> Array:
 
 
 def axes_of(left: Array, up: Array) -> Array:
-    """Return the rotation matrices, (..., 3, 3), with the columns left, up and forward, for unit vectors (..., 3)."""
-    return np.stack([left, up, cross(left, up)], axis=-1)
+    """Return rotation matrices, (..., 3, 3), with the columns left, up and forward, from unit vectors (..., 3).
+
+    `up` is made perpendicular to `left`. Where the two are parallel or one is zero, up (or else Y) decides, and left is
+    an arbitrary axis across it.
+    """
+    square = normalised(up - (up * left).sum(axis=-1, keepdims=True) * left)
+    lost = ~left.any(axis=-1) | (lengths(cross(left, up)) < PARALLEL)
+    if lost.any():
+        left, square = np.array(left), np.array(square)
+        square[lost] = np.where(up[lost].any(axis=-1, keepdims=True), up[lost], axis_vector("Y"))
+        across = np.eye(3)[np.abs(square[lost]).argmin(axis=-1)]
+        left[lost] = normalised(across - (across * square[lost]).sum(axis=-1, keepdims=True) * square[lost])
+    return np.stack([left, square, cross(left, square)], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +95,7 @@ class Directions:
     @cached_property
     def axes(self) -> Array:
         """(..., 3, 3), the rotation matrix whose columns are the body's left, up and forward."""
-        left = self.left
-        up = self.trunk if self.trunk.any() else self.up
-        return axes_of(left, normalised(up - (up * left).sum(axis=-1, keepdims=True) * left))
+        return axes_of(self.left, self.trunk if self.trunk.any() else self.up)
 
     @cached_property
     def stretch(self) -> Array:

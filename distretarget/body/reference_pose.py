@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import ARM, LEG, SIDES, Anatomy
-from distretarget.body.axes import Directions, axes_of, direction, squared
+from distretarget.body.axes import PARALLEL, Directions, axes_of, direction, squared
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import least
-from distretarget.numerics.vectors import cross, level, normalised
+from distretarget.numerics.vectors import cross, lengths, normalised
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -117,12 +117,14 @@ def synthetic_t_pose(skeleton: Skeleton, rest: Directions) -> Array:
 
 
 def _hip_axes(rest: Directions) -> Array:
-    """(3, 3), the axes of the hips at rest: left across the hip joints, up along the spine's first bone."""
-    across = rest.across("UpperLeg")
-    left = rest.left if across is None else normalised(across)
+    """(3, 3), the axes of the hips at rest: up along the spine's first bone, left across the hip joints, or across the
+    shoulders if the hip joints lie along the spine.
+    """
     bones = [direction(rest.positions, rest.anatomy.roles["hips"], joint) for joint in _spine_to_head(rest.anatomy)]
     up = next((bone for bone in bones if bone.any()), rest.trunk)
-    return squared(axes_of(left, normalised(level(up, left))))
+    lefts = [normalised(width) for width in map(rest.across, ("UpperLeg", "UpperArm")) if width is not None]
+    left = next((left for left in lefts if lengths(cross(left, up)) > PARALLEL), rest.left)
+    return squared(axes_of(left, up))
 
 
 def _spine_to_head(anatomy: Anatomy) -> list[int]:
