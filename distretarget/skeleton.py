@@ -269,6 +269,10 @@ class Skeleton:
         """Return the axes of a joint's rotation channels in file order, such as "ZXY"."""
         return "".join(channel[0] for channel in self.channels[joint] if channel in ROTATION_CHANNELS)
 
+    def moves_freely(self, joint: int) -> bool:
+        """Return whether a joint has all six channels."""
+        return {*POSITION_CHANNELS, *ROTATION_CHANNELS} <= set(self.channels[joint])
+
     @property
     def without_namespaces(self) -> Skeleton:
         """The same skeleton with names from the last colon on: `Hips` for `mixamorig:Hips`.

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.rotation_copy import RootScale
-from distretarget.body.anatomy import moves_freely
 from distretarget.body.body import Body
 from distretarget.errors import MotionError
 from distretarget.matching.matching import Matching
@@ -130,11 +129,11 @@ def _moving(body: Body, handles: Collection[int], roots: Collection[int]) -> tup
     The roots are left out unless each part of the body that hangs from them has all six channels to stay in place.
     """
     skeleton, regions = body.skeleton, body.regions.of_joint
-    moving = {0} if 0 in roots and moves_freely(skeleton, 0) else set()
+    moving = {0} if 0 in roots and skeleton.moves_freely(0) else set()
 
     def stays(joint: int) -> bool:
         carries = bool((regions[skeleton.subtree(joint)] >= 0).any())
-        return carries and joint not in roots and moves_freely(skeleton, joint)
+        return carries and joint not in roots and skeleton.moves_freely(joint)
 
     for joint in range(1, len(skeleton)):
         if joint in handles or (skeleton.parents[joint] in moving and not stays(joint)):

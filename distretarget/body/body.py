@@ -9,10 +9,10 @@ from types import NoneType
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.body.anatomy import SIDES, Anatomy, Regions, find_handles, find_regions
+from distretarget.body.anatomy import SIDES, Anatomy, Regions, find_regions
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, direction, nearest_axis, squared, upright
 from distretarget.body.legs import Legs, find_legs, foot_bone, leg_length, pelvis_joint
-from distretarget.body.named_anatomy import by_names
+from distretarget.body.named_anatomy import by_names, find_handles
 from distretarget.body.reference_pose import bend_axes, standing_frame, stands_at_rest, synthetic_t_pose
 from distretarget.body.shape import by_shape
 from distretarget.checks import check_kind

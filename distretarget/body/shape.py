@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.body.anatomy import SIDES, Anatomy, spine_roles
-from distretarget.body.axes import FOLDED, STRETCHED, Directions, direction
+from distretarget.body.anatomy import SIDES, Anatomy, trunk_roles
+from distretarget.body.axes import FOLDED, STRETCHED, Directions, direction, perpendicular
 from distretarget.body.legs import SHORTEST_LIMB, Leg, are_alike, bends, tree_legs
 from distretarget.numerics.vectors import cross, lengths, normalised
 from distretarget.skeleton import Skeleton
@@ -85,8 +85,7 @@ def by_shape(skeleton: Skeleton, positions: Array | None = None) -> Anatomy | No
         arms, collars = arms[::-1], collars[::-1]
     if not _left_is_first(skeleton, legs, standing, moving):
         legs, arms, collars = legs[::-1], arms[::-1], collars[::-1]
-    roles = {"hips": hips, **spine_roles(spine), "head": head, **dict(zip(["neck"], neck, strict=False))}
-    roles |= _roles(legs, arms)
+    roles = trunk_roles(hips, spine, neck, head) | _roles(legs, arms)
     for side, leg, collar in zip(SIDES, legs, collars, strict=True):
         roles |= {f"{side}Toes": joint for joint in _toes(skeleton, leg)}
         roles |= {f"{side}Shoulder": joint for joint in collar}
@@ -319,7 +318,7 @@ def _feet(skeleton: Skeleton, legs: LimbPair, x: Array) -> Array:
     """(frames, 3), the direction of the feet: from the ankles to the joints below, without the part along the shins."""
     feet = [_middle(x, skeleton.subtree(leg.end)) - x[:, leg.end] for leg in legs]
     shins = [direction(x, leg.end, leg.lower) for leg in legs]
-    return np.asarray(sum(_across(foot, shin) for foot, shin in zip(feet, shins, strict=True)))
+    return np.asarray(sum(perpendicular(foot, shin) for foot, shin in zip(feet, shins, strict=True)))
 
 
 def _knees(legs: LimbPair, x: Array) -> Array:
@@ -339,15 +338,11 @@ def _agreement(forward: Array, legs: LimbPair, way: Directions) -> float:
     """
     x, up = way.positions, -way.legs
     front = normalised(cross(x[:, legs[0].upper] - x[:, legs[1].upper], up))
-    level = lengths(_across(forward, up)).sum()
+    level = lengths(perpendicular(forward, up)).sum()
     slight = SLIGHT * legs[0].length * len(x)
     return float((forward * front).sum() / level) if level > slight else 0.0
 
 
 def _middle(x: Array, joints: list[int]) -> Array:
+    """(frames, 3), the centre of some joints."""
     return np.asarray(x[:, joints].mean(axis=1))
-
-
-def _across(vectors: Array, axes: Array) -> Array:
-    """The parts of vectors that are at right angles to unit vectors."""
-    return np.asarray(vectors - (vectors * axes).sum(axis=-1, keepdims=True) * axes)
