@@ -22,19 +22,19 @@ from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 
-STANDING_ANGLE = 100.0  # a person can stand in a rest pose with a larger angle between trunk and legs [degrees] ...
-RAISED_ARM = np.cos(np.radians(30))  # ... if its arms are farther than this angle from the trunk's direction [cosine]
-FOOT_PITCH = np.radians(25)  # how far feet usually point downwards, as in the synthetic T-pose [rad]
+STANDING_ANGLE = 100.0  # a person can stand with a larger angle than this between trunk and legs [degrees] ...
+RAISED_ARM = np.cos(np.radians(30))  # ... if both arms are at least this angle away from straight up [cosine]
+FOOT_PITCH = np.radians(25)  # usual angle by which feet point downwards, as in the synthetic T-pose [rad]
 OPPOSITE = -0.9  # a bone with a smaller cosine to its goal first turns half round about the sideways axis [cosine]
 
-# The choice of the frame in which the body stands best: weights against those of trunk and legs, which are 1.
+# Weights in the choice of the frame in which the body stands best; the leaning of trunk and legs has weight 1.
 ARM_WEIGHT = 0.25  # of each arm bone's deviation from hanging or pointing sideways
-FOOT_WEIGHT = 5.0  # of an ankle's height over its low place [1 / body unit]
-LOW_ANKLE = 20.0  # the low place of an ankle: this percentile of its heights [%]
+FOOT_WEIGHT = 5.0  # of an ankle's distance from its standing height [1 / body unit]
+LOW_ANKLE = 20.0  # percentile of an ankle's heights that is its standing height [%]
 TWIST_WEIGHT = 5.0  # of the twist between shoulders and hips
-LEANING = 0.8  # a body stands in a motion if in some frame its trunk and legs lean by less [sum of 1 - cosine]
+LEANING = 0.8  # in a frame in which a body stands, trunk and legs lean by less than this [sum of 1 - cosine]
 
-CLEAR_BEND = 0.1  # the axis about which a limb bends is known if its bend is larger than this on average [sine]
+CLEAR_BEND = 0.1  # a limb whose mean bend is larger than this shows its bend axis [sine]
 
 
 def stands_at_rest(rest: Directions) -> bool:
@@ -45,10 +45,8 @@ def stands_at_rest(rest: Directions) -> bool:
 
 
 def standing_frame(moving: Directions, up: Array, unit: float) -> int | None:
-    """Return the frame of a motion that is most like a rest pose: upright, legs straight, feet down, arms hanging or
-    out to the sides; None where the body never stands.
-
-    `up`, (3,), is the unit vector up; `unit` is the body unit [file units].
+    """Return the frame of a motion in which the body stands best: upright, legs straight, feet down, arms hanging or
+    out to the sides; None where it never stands. `up`, (3,), is the unit vector up; `unit` the body unit [file units].
     """
     anatomy, x = moving.anatomy, moving.positions
     lean = (1.0 - moving.trunk @ up) + (1.0 + moving.legs @ up)
@@ -75,11 +73,10 @@ def _twist(moving: Directions) -> Array:
 
 
 def bend_axes(anatomy: Anatomy, motion: Motion, world: Array) -> dict[str, Array]:
-    """Return the axes about which elbows and knees bend in a motion, (3,) unit vectors, by the roles of upper arms and
-    thighs; limbs that hardly bend have none.
+    """Return the axes about which elbows and knees bend in a motion, by the roles of upper arms and thighs: unit
+    vectors (3,) in the pose of the world rotations `world`, (joints, 4). Limbs that hardly bend have none.
 
-    An axis is a mean over the frames in the joint's own frame of reference, carried to the pose of the world rotations
-    `world`, (joints, 4). Like a pole vector it gives a limb its roll.
+    An axis is the mean over the frames in the joint's own coordinates. Like a pole vector it gives a limb its roll.
     """
     axes: dict[str, Array] = {}
     turned = motion.world_rotations
@@ -96,10 +93,10 @@ def bend_axes(anatomy: Anatomy, motion: Motion, world: Array) -> dict[str, Array
 
 
 def synthetic_t_pose(skeleton: Skeleton, rest: Directions) -> Array:
-    """Return the world rotations, (joints, 4), of a T-pose with Y up, facing Z: hips by their own axes, spine upright.
+    """Return the world rotations, (joints, 4), of a T-pose with Y up that faces Z, for a rest pose.
 
-    Each joint turns relative to its parent by the least rotation. Where that is nearly half a turn, it turns about the
-    sideways axis, as knees do.
+    The hips turn by their own axes, every other joint relative to its parent by the least rotation. Where that is
+    nearly half a turn, it is about the sideways axis, as knees turn.
     """
     goals = dict(_goals(rest.anatomy))
     turns: list[Rotation] = []
