@@ -185,9 +185,8 @@ def _unlikeness(upper: float, fore: float, leg: float) -> float:
 
 
 def _like_chains(skeleton: Skeleton, tops: Sequence[int]) -> list[tuple[list[int], list[int]]]:
-    """The pairs of chains, each from one of the joints `tops` down, whose bones have about equal lengths.
-
-    One chain of a pair may be longer, as an arm that holds a sword; the joints that only it has are left out.
+    """The pairs of chains down from the joints `tops` whose bones have about equal lengths. The longer chain of a pair,
+    such as an arm that holds a sword, is cut to the length of the other.
     """
     chains = [_chain(skeleton, top) for top in tops if not skeleton.end_sites[top]]
     pairs = [(a, b) for a, b in combinations(chains, 2) if len(a) == len(b) or min(len(a), len(b)) >= ARM_JOINTS]
@@ -225,8 +224,8 @@ def _toes(skeleton: Skeleton, leg: Limb) -> list[int]:
 
 
 def _collar(skeleton: Skeleton, arms: LimbPair, arm: Limb, posture: Array) -> list[int]:
-    """The joint at the inner end of an arm's collar bone: the only candidate, or the last one that is less than halfway
-    from the body's middle to the shoulder.
+    """The joint at the inner end of an arm's collar bone: the only candidate, or the last one less than halfway out
+    to the shoulder.
     """
     if len(arm.collar) < 2:
         return list(arm.collar)
@@ -286,9 +285,7 @@ def _neck(skeleton: Skeleton, first: int, heights: Array, leg: float) -> list[in
 
 
 def _standing(rest: Directions, moving: Directions) -> Directions | None:
-    """The rest pose or the motion in which the body stands; no frames where neither shows it; None where they show a
-    body on all fours.
-    """
+    """Rest pose or motion, whichever shows the body standing; no frames if neither does; None on all fours."""
     at_rest = float(rest.stretch[0])
     if at_rest > STRETCHED:
         return rest
@@ -305,7 +302,7 @@ def _heights(skeleton: Skeleton, legs: LimbPair, standing: Directions) -> Array:
 
 
 def _left_is_first(skeleton: Skeleton, legs: LimbPair, standing: Directions, moving: Directions) -> bool:
-    """Whether the first leg is the left one; so it is where nothing shows that."""
+    """Whether the first leg is the left one; true where nothing shows it."""
     feet = partial(_feet, skeleton)
     for way, show in ((standing, feet), (moving, feet), (standing, _knees), (moving, _knees), (moving, _travel)):
         cosine = _agreement(show(legs, way.positions), legs, way)
