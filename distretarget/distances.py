@@ -11,16 +11,12 @@ from numpy.typing import NDArray
 from distretarget.numerics.compiled import compiled, inlined
 from distretarget.skeleton import Skeleton
 
-# [body sizes squared] The least squared distance. Two points in one place have a distance without a gradient; so
-# bounded, their pair exerts no force.
-NEAREST = 1e-300
-LANES = 8  # numbers that a vector of a processor holds at most
+NEAREST = 1e-300  # least squared distance, so that coincident points exert no force [body sizes squared]
+LANES = 8  # most numbers in a vector register
 
 
 def filled(columns: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Arrays (..., columns), with columns of zeros behind up to a multiple of `LANES`: what is left over beside vectors
-    would take as long as a vector for each column.
-    """
+    """Arrays (..., columns) padded with columns of zeros to a multiple of `LANES`, so that loops are all vectors."""
     fill = -columns.shape[-1] % LANES
     return np.concatenate([columns, np.zeros((*columns.shape[:-1], fill))], axis=-1)
 
@@ -32,8 +28,8 @@ def stress_and_gradient(
     """sigma(X) = 1/2 sum_{u<v} pi_uv (||x_u - x_v|| - delta_uv)^2, Eq. (2); its gradient is written to `gradient`.
 
     `x` and `gradient` are (3, columns), so that the inner loop runs along memory; `delta` and `pi` are
-    (points, columns), symmetric, with zero diagonals. Columns behind the points (`filled`) count nothing if `pi` is
-    zero there, and nothing is written to theirs.
+    (points, columns), symmetric, with zero diagonals. Padding columns (`filled`) need `pi` = 0; their gradient is not
+    written.
     """
     sigma = 0.0
     points, columns = delta.shape

@@ -68,7 +68,7 @@ class MotionArrays(TypedDict):
 
 @dataclass(frozen=True, eq=False)
 class MovingBones:
-    """The bones that stretch or slide: their translation is not their offset in all frames.
+    """The bones that stretch or slide: in some frame their translation is not their offset.
 
     Attributes:
         joints: (bones,), the joints at their ends, in ascending order; never the root.
@@ -94,10 +94,7 @@ class MovingBones:
     def among(
         cls, skeleton: Skeleton, joints: NDArray[np.intp], translations: NDArray[np.float64]
     ) -> MovingBones | None:
-        """Return the bones that move among those of some joints, or None.
-
-        `translations`, (frames, joints, 3), are those of the joints [file units].
-        """
+        """Return those of the joints whose `translations`, (frames, joints, 3) [file units], move; None if none do."""
         moving = (translations != skeleton.offsets[joints]).any(axis=(0, 2)) & (joints > 0)
         return cls(joints[moving], translations[:, moving]) if moving.any() else None
 
@@ -189,7 +186,7 @@ class Motion:
     @property
     def translations(self) -> NDArray[np.float64]:
         """(frames, joints, 3), each joint's translation from its parent, for the root its position in the world
-        [file units]; made whenever it is asked for.
+        [file units]; not cached.
         """
         return self._translations_in(slice(None))
 
@@ -212,7 +209,7 @@ class Motion:
 
     @property
     def world_rotations(self) -> NDArray[np.float64]:
-        """(frames, joints, 4), each joint's rotation in the world; computed whenever it is asked for."""
+        """(frames, joints, 4), each joint's rotation in the world; not cached."""
         return self.world_rotations_in(slice(None))
 
     def world_rotations_in(self, frames: slice) -> NDArray[np.float64]:
@@ -238,7 +235,7 @@ class Motion:
         return positions
 
     def resampled(self, frame_time_text: str) -> Motion:
-        """Return the motion with another frame time: translations between frames linear, rotations about one axis."""
+        """Return the motion with another frame time, interpolated: translations linearly, rotations by slerp."""
         step = float(frame_time_text)
         if same_time(self.frame_time, step):
             return self
@@ -277,10 +274,8 @@ class Motion:
 
     @cached_property
     def rigid_skeleton(self) -> Skeleton:
-        """The skeleton with rigid bones as the frames show them.
-
-        Bones whose translation is their offset in all frames keep it. The others have the direction of their median
-        translation over the frames, and their median length.
+        """The skeleton with rigid bones: bones that move get the direction of their median translation over the frames
+        and their median length, the others keep their offset.
         """
         if self.moving is None:
             return self.skeleton
@@ -299,9 +294,8 @@ def motion_of_world(
 ) -> Motion:
     """Return a motion on rigid bones from its world rotations.
 
-    `pose` is called for blocks of the frames, from several threads at once. It writes the world rotations of a block,
-    (frames of the block, joints, 4), to its second argument, and returns the root's path there, (frames of the block,
-    3) [file units].
+    `pose(block, world)` is called for blocks of frames, from several threads at once: it writes the block's world
+    rotations to `world`, (frames, joints, 4), and returns the root's path, (frames, 3) [file units].
     """
     joints = len(skeleton)
     path, rotations, positions = (np.empty((frames, *shape)) for shape in ((3,), (joints, 4), (joints, 3)))
@@ -319,10 +313,10 @@ def motion_of_world(
 
 
 def _as_array(name: str, values: NDArray[np.float64], shape: tuple[int | str, ...]) -> NDArray[np.float64]:
-    """The values as an array of numbers.
+    """The values as an array of numbers; "frames" in the shape stands for any number.
 
     Raises:
-        MotionError: they are none, or of another shape; "frames" stands for any number.
+        MotionError: they are not numbers, or of another shape.
     """
     try:
         array = np.asarray(values, np.float64)

@@ -209,8 +209,8 @@ class Skeleton:
         return self.path_counts(np.ones(len(self), bool)) + 1
 
     def path_counts(self, counted: NDArray[np.bool_]) -> NDArray[np.intp]:
-        """Return how many of the bones between two joints count, (joints, joints); `counted`, (joints,), says it of
-        each bone at its lower joint.
+        """Return how many bones between two joints are `counted`, (joints, joints); (joints,) flags, each for the bone
+        that ends at the joint.
         """
         above = counted.astype(np.intp)
         for joint in range(1, len(self)):
@@ -219,7 +219,7 @@ class Skeleton:
 
     @cached_property
     def meets(self) -> NDArray[np.intp]:
-        """(joints, joints), the joint where the lines of two joints to the root meet."""
+        """(joints, joints), the lowest common ancestor of two joints."""
         meets = np.diag(np.arange(len(self)))
         for joint in range(1, len(self)):
             meets[joint, :joint] = meets[:joint, joint] = meets[self.parents[joint], :joint]
@@ -268,6 +268,10 @@ class Skeleton:
     def rotation_axes(self, joint: int) -> str:
         """Return the axes of a joint's rotation channels in file order, such as "ZXY"."""
         return "".join(channel[0] for channel in self.channels[joint] if channel in ROTATION_CHANNELS)
+
+    def moves_freely(self, joint: int) -> bool:
+        """Return whether a joint has all six channels."""
+        return {*POSITION_CHANNELS, *ROTATION_CHANNELS} <= set(self.channels[joint])
 
     @property
     def without_namespaces(self) -> Skeleton:

@@ -10,8 +10,8 @@ from bodies import SAMPLES, WAYS, in_world, person, posed, turned
 from sample_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
-from distretarget import read_bvh, retarget
-from distretarget.body.axes import Directions
+from distretarget import MatchingError, read_bvh, retarget
+from distretarget.body.axes import Directions, axis_vector
 from distretarget.body.body import Body
 from distretarget.body.reference_pose import FOOT_PITCH, bend_axes, standing_frame, synthetic_t_pose
 from distretarget.numerics.vectors import normalised
@@ -71,6 +71,33 @@ def test_a_rest_pose_in_which_a_person_stands_is_its_own_reference(convention, p
 
 def test_a_body_that_is_no_person_keeps_its_rest_pose():
     np.testing.assert_array_equal(Body(person(), None).reference.rotations, person().unturned)
+
+
+@pytest.mark.parametrize("along", [["X"], ["Y"], ["Y", "-Y"], ["Z", "-X"]])
+@pytest.mark.parametrize("seed", range(5))
+def test_a_body_whose_rest_pose_shows_no_left_is_retargeted_all_the_same(along, seed):
+    body = rig("mixamo", "T")
+    bones = np.random.default_rng(seed).choice([axis_vector(axis) for axis in along], len(body))
+    flat = body.with_offsets(body.lengths[:, None] * bones)
+    axes = Directions(Body.of(flat).anatomy, flat.rest_positions).axes
+    np.testing.assert_allclose(Rotation.from_matrix(axes).as_matrix(), axes, atol=1e-12)
+    walk = read_bvh(SAMPLES / "walk.bvh")[:5]
+    if Body.of(flat).on_all_fours:
+        with pytest.raises(MatchingError, match="on all fours"):
+            retarget(walk, flat)
+    else:
+        assert np.isfinite(retarget(walk, flat).motion.positions).all()
+
+
+def test_shoulders_show_left_where_the_hip_joints_lie_along_the_spine():
+    body = rig("lafan1", "X")
+    offsets = np.array(body.offsets)
+    for name, sign in (("LeftUpLeg", 1.0), ("RightUpLeg", -1.0)):
+        offsets[body.index(name)] = sign * body.offsets[body.index("Spine")]
+    flat = Body.of(body.with_offsets(offsets))
+    assert not flat.stands_at_rest
+    width = flat.reference.directions.across("UpperArm")
+    np.testing.assert_allclose(normalised(width), [1.0, 0.0, 0.0], atol=0.01)
 
 
 def test_without_a_motion_bones_along_one_axis_become_a_t_pose():

@@ -22,7 +22,7 @@ from skeleton_edits import only
 
 from distretarget import Body, Motion, RetargetResult, Skeleton
 from distretarget.body.axes import axes_of, axis_vector
-from distretarget.body.joint_names import stem_and_side, words
+from distretarget.body.conventions import stem_and_side, words
 from distretarget.numerics.vectors import level, normalised
 
 COLOURS = {"left": "#2a7f9e", "right": "#e0793a", None: "#3b4252"}  # of the sides of the body, and of the trunk

@@ -25,11 +25,11 @@ SAYING = {"refuse": 1, "error": 0, "fail": 0, "expected": 0}  # methods that rai
 BEFORE = {"refuse": f"found {GAP}, expected ", "expected": "expected "}  # what they put before it
 HEADINGS = {  # the headings, and the beginnings of the paths of files whose messages stand below them
     "Reading and writing files": "io/files.py cli/outputs.py",
-    "BVH files": "io/bvh_parser.py io/bvh.py io/bvh_writer.py",
+    "BVH files": "io/bvh.py io/bvh_writer.py",
     "Skeleton files and maps": "io/json_node.py io/target io/map_json.py io/obj.py target.py matching/pairing.py",
     "Skeletons and motions": "skeleton.py motion.py io/interop.py",
     "Retargeting": "pipeline/ matching/ baseline/ measure/ objectives/",
-    "Scenes": "scene/ report/scene measure/scene synchronise.py",
+    "Scenes": "scene/ report/scene measure/scene",
     "The command line": "cli/ batch/",
     "Arguments of Python functions": "checks.py numerics/",
 }

@@ -1,7 +1,4 @@
-"""The joints of a rig for game engines that are not part of the body: the root on the floor, and IK handles.
-
-They are placed last. The body's own joints keep their positions and rotations in the world.
-"""
+"""The root on the floor and the IK handles of rigs for game engines: placed last, without moving the body's joints."""
 
 from __future__ import annotations
 
@@ -14,7 +11,6 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.rotation_copy import RootScale
-from distretarget.body.anatomy import moves_freely
 from distretarget.body.body import Body
 from distretarget.errors import MotionError
 from distretarget.matching.matching import Matching
@@ -26,10 +22,10 @@ from distretarget.numerics.vectors import level
 Array = NDArray[np.float64]
 RootFollows = Literal["pelvis", "source", "nothing"]
 
-BELOW_HIPS = 0.25  # a root farther than this below the hips in the rest pose stands on the floor [leg lengths]
+BELOW_HIPS = 0.25  # a root at least this far below the hips in the rest pose is on the floor [leg lengths]
 STEADY = 0.02  # a source's root stays on the floor if its height changes by less than this [leg lengths]
 MOVES = 0.01  # a source's root moves if it travels farther than this [leg lengths] or turns by more than this [rad]
-UPSIDE_DOWN = -0.5  # a body has no heading while its up axis has a smaller cosine than this with the world's [cosine]
+UPSIDE_DOWN = -0.5  # a body has no heading while the cosine of its up axis with the world's is below this [cosine]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,11 +34,11 @@ class EngineRoot:
 
     Attributes:
         matching: the matching of source and target.
-        scale: of the root's path.
-        follows: whether the root follows the target's pelvis, the source's root or nothing.
-        handles: the joint whose position and rotation each handle copies, by handle, without those that a map drives.
-        moving: the joints that are placed: the root, if it can move without the body, the handles, and what hangs from
-            both and is not part of the body.
+        scale: the scale of the root's path.
+        follows: what the root follows: the target's pelvis, the source's root or nothing.
+        handles: the joint that each handle copies, by handle, without handles that a map drives.
+        moving: the joints that are placed: the root, if it can move without the body, the handles, and joints below
+            them that are not part of the body.
     """
 
     matching: Matching
@@ -125,16 +121,16 @@ def find_engine_root(matching: Matching, scale: RootScale, follows: RootFollows 
 
 
 def _moving(body: Body, handles: Collection[int], roots: Collection[int]) -> tuple[int, ...]:
-    """The joints that move without the body: handles, `roots`, and what hangs from these and is not part of the body.
+    """The joints that move without the body: handles, `roots`, and joints below them that are not part of the body.
 
-    The roots are left out unless each part of the body that hangs from them has all six channels to stay in place.
+    The roots are left out unless each part of the body below them has all six channels to stay in place.
     """
     skeleton, regions = body.skeleton, body.regions.of_joint
-    moving = {0} if 0 in roots and moves_freely(skeleton, 0) else set()
+    moving = {0} if 0 in roots and skeleton.moves_freely(0) else set()
 
     def stays(joint: int) -> bool:
         carries = bool((regions[skeleton.subtree(joint)] >= 0).any())
-        return carries and joint not in roots and moves_freely(skeleton, joint)
+        return carries and joint not in roots and skeleton.moves_freely(joint)
 
     for joint in range(1, len(skeleton)):
         if joint in handles or (skeleton.parents[joint] in moving and not stays(joint)):
@@ -172,17 +168,16 @@ def _source_root_leads(matching: Matching) -> bool:
 
 
 def _carried_axes(body: Body, motion: Motion, joint: int) -> Rotation:
-    """(frames,), the rotations whose columns are the body's left, up and forward axes as a joint carries them along."""
+    """(frames,), the body's left, up and forward axes as columns, fixed to a joint that moves."""
     reference, axes = Rotation.from_quat(body.reference.rotations[joint]), Rotation.from_matrix(body.reference.axes)
     return Rotation.from_quat(motion.world_rotations_of(joint)) * reference.inv() * axes
 
 
 def _heading(turned: Rotation, up: Array) -> Array:
-    """(frames,), how far rotations turn about the unit vector `up`, without jumps [rad].
+    """(frames,), the angles by which rotations turn about the unit vector `up`, without jumps [rad].
 
-    It is the angle of the twist when each rotation is split into a twist about `up` and the least rotation that tilts
-    `up`. So lying down keeps the heading. Where a body is upside down, which leaves the twist open, the heading goes
-    evenly from that before to that after.
+    Each rotation is split into a twist about `up` and the least rotation that tilts `up` (swing and twist), so lying
+    down keeps the heading. While a body is upside down the twist is undefined, and the heading is interpolated.
     """
     quaternions = turned.as_quat()
     angles = 2 * np.arctan2(quaternions[:, :3] @ up, quaternions[:, 3])

@@ -1,4 +1,4 @@
-"""Alignment of two bodies by their rest poses: the rotations between the joints of one and those of the other."""
+"""Alignment of the rest poses of two bodies: the rotation from each source joint to its target joint."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ SHORT_BONES = ("hips", "head", "Shoulder", "Foot", "Toes")  # roles whose bones 
 
 
 def rest_alignment(matching: Matching) -> Array:
-    """Return A: (target joints, 2, 4), the rotation of each target joint relative to its two rotation sources
-    (`Matching.rotation_sources`): R A is the target's world rotation for the world rotation R of a source joint.
+    """Return A, (target joints, 2, 4): the target joint's world rotation is R A where R is the world rotation of one of
+    its two rotation sources (`Matching.rotation_sources`).
 
-    Arms, legs and fingers are aligned bone by bone, by the least rotation relative to the part above, from which they
-    take their roll. Bones of trunk, palms and feet point differently in every build, so these parts keep the alignment
-    of the part above, which begins with that of the bodies as a whole, axis by axis; soles are aligned with soles.
-    Where a frame of the motion replaces a rest pose, the axes about which elbows and knees bend in it give the roll.
+    The root is aligned like the bodies as a whole, by their axes. Arms, legs and fingers are aligned bone by bone, by
+    the least rotation from the alignment of the part above, from which they take their roll. Trunk, palms and feet keep
+    the alignment of the part above, as their bones point differently in every build; soles are aligned with soles.
+    Where a frame of the motion replaces a rest pose, the bend axes of elbows and knees give the roll.
     """
     bodies = _Bodies(matching)
     source_pose, target_pose = bodies.rotations
@@ -41,11 +41,7 @@ def rest_alignment(matching: Matching) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Bodies:
-    """What is known of two bodies that are to be aligned.
-
-    Attributes:
-        matching: the matching of the two bodies.
-    """
+    """What the alignment needs of two matched bodies."""
 
     matching: Matching
 
@@ -57,12 +53,12 @@ class _Bodies:
 
     @cached_property
     def in_reference(self) -> bool:
-        """Whether the bodies are aligned in their reference poses; else in their rest poses."""
+        """Whether the bodies are aligned in their reference poses, not in their rest poses."""
         return bool(self.roles) and not self.matching.rest_poses_alike
 
     @cached_property
     def poses(self) -> tuple[Pose, Pose]:
-        """The poses of source and target that are aligned with each other."""
+        """The aligned poses of source and target."""
         source, target = self.matching.source, self.matching.target
         return (source.reference, target.reference) if self.in_reference else (source.rest, target.rest)
 
@@ -85,9 +81,8 @@ class _Bodies:
 
     @cached_property
     def outwards(self) -> dict[int, Array]:
-        """For the target's upper arms, the direction (3,) straight out to the source's side.
-
-        Upper arms turn by way of this direction, so that a target in A-pose is aligned like the same target in T-pose.
+        """For the target's upper arms, the direction (3,) straight out to the source's side. They turn by way of it, so
+        that a target in A-pose is aligned like the same target in T-pose.
         """
         left = self.poses[0].axes[:, 0]
         goals = zip((f"{side}UpperArm" for side in SIDES), (left, -left), strict=True)
@@ -95,9 +90,8 @@ class _Bodies:
 
     @cached_property
     def hinges(self) -> dict[int, tuple[str, Array]]:
-        """For the target's upper arms and thighs, their role and the usual axis, (3,), about which elbow or knee bends.
-
-        It is the axis of a body that stands like the source with arms out: forearms bend forwards, shins backwards.
+        """For the target's upper arms and thighs, their role and the usual bend axis of elbow or knee, (3,): that of a
+        body that stands like the source with arms out, whose forearms bend forwards and shins backwards.
         """
         left, up, _ = self.poses[0].axes.T
         usual = {"leftUpperArm": -up, "rightUpperArm": up, "leftUpperLeg": left, "rightUpperLeg": left}
@@ -105,7 +99,7 @@ class _Bodies:
 
     @cached_property
     def ankles(self) -> set[int]:
-        """The target's ankles, which are aligned like the body as a whole, sole onto sole, not like the leg."""
+        """The target's ankles: they are aligned like the body as a whole and sole onto sole, not like the leg."""
         return {joint for role, joint in self.roles.items() if role.endswith("Foot")}
 
     @cached_property
@@ -170,10 +164,9 @@ def _joint_alignments(bodies: _Bodies) -> Array:
 
 
 def _sole_onto_sole(bodies: _Bodies, joint: int, feet: Array, target_feet: Array, turn: Array) -> Array:
-    """(3, 3), the alignment of an ankle: `turn`, that of the body as a whole, and then the target's sole onto the
-    source's.
+    """(3, 3), the alignment of an ankle: `turn`, that of the body as a whole, then the target's sole onto the source's.
 
-    Where the pose of a body may be a frame of its motion, in which its feet may be turned, the feet point the same way:
+    Where the pose of a body may be a frame of its motion, in which feet may be turned, the feet are aligned too:
     `feet` and `target_feet`, (1, 3), are their directions on both bodies, (0, 3) without a foot.
     """
     normal, target_normal = bodies.sole_normals[joint]

@@ -24,10 +24,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RootScale:
-    """How places in the source's world become places in the target's.
+    """The scale from the source's world to the target's.
 
-    Performers of different sizes who share a world share the scale along the floor, so that they meet; each keeps its
-    own scale upwards, so that each stands on the floor.
+    Performers of different sizes in one world share the scale along the floor, so that they meet; each has its own
+    scale upwards, so that each stands on the floor.
 
     Attributes:
         level, height: target units per source unit along the floor, and upwards.
@@ -42,17 +42,15 @@ class RootScale:
         return cls(scale, scale)
 
     def places(self, places: Array, up: Array) -> Array:
-        """Return the places of the target's world for places of the source's, (..., 3); `up` is the unit vector up."""
+        """Return places of the source's world, (..., 3), in the target's; `up` is the unit vector up."""
         if self.level == self.height:
             return np.asarray(self.level * places)
         return np.asarray(self.level * places + (self.height - self.level) * (places @ up)[..., None] * up)
 
 
 def find_root_scale(matching: Matching) -> float:
-    """Return how many target units the root travels for each source unit.
-
-    It is the ratio of leg lengths, which keeps stride and height in proportion to the body; for bodies without legs the
-    ratio of their longest paths.
+    """Return the scale of the root's path, target units per source unit: the ratio of leg lengths, which keeps stride
+    and height in proportion to the body; without legs the ratio of the longest paths.
     """
     if matching.legs:
         from_length, to_length = matching.leg_lengths
@@ -65,11 +63,8 @@ def find_root_scale(matching: Matching) -> float:
 
 
 def root_path(baseline: Motion, matching: Matching, scale: RootScale) -> Array:
-    """Return the root's path, (frames, 3) [target file units], that puts the middle between the hip joints where the
-    source has it, scaled.
-
-    The hip joints decide, not the root, because legs hang from them. `baseline` is the rotation copy; without legs its
-    root path is returned.
+    """Return the root's path, (frames, 3) [target file units], that puts the middle of the hip joints, from which the
+    legs hang, on the scaled path of the source's. `baseline` is the rotation copy; without legs its path is kept.
     """
     if matching.legs is None:
         return np.ascontiguousarray(baseline.root_positions)
@@ -104,8 +99,8 @@ def longest_strides(matching: Matching) -> float:
 
 
 def followed_scale(heights: Sequence[float], longest: Sequence[float]) -> float:
-    """Return the scale along the floor in which all performers of a world can follow: the mean of the scales of their
-    `heights`, or as much less as the legs of all can reach; `longest` is of each, as `longest_strides` says.
+    """Return the scale along the floor that all performers of a world share: the mean of their `heights` scales, or the
+    largest smaller one that the legs of all can reach; `longest` are their `longest_strides`.
     """
     if len(heights) == 1:
         return heights[0]
@@ -116,8 +111,8 @@ def followed_scale(heights: Sequence[float], longest: Sequence[float]) -> float:
 def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
     """Return the motion with the world rotations R_src(t) A, where A is the alignment of the rest poses.
 
-    Joints with two rotation sources blend both; joints without one follow their parents. The pelvis joint (`pelvis` of
-    the matching) takes the path of its driver, scaled.
+    Joints with two rotation sources blend both; joints without one follow their parents. The joint `matching.pelvis`
+    takes the scaled path of its driver.
     """
     source, skeleton, up = matching.source_motion, matching.target.skeleton, matching.source.up_vector
     sources, alignment, blend = _with_followers(matching)

@@ -1,4 +1,4 @@
-"""From the source's world to the target's: which axis points up in each, and what the root's OFFSET means."""
+"""The worlds of source and target: which axis points up in each, and what the OFFSET of the source's root means."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ON_FLOOR = 0.1  # feet nearer than this to height 0 are on the floor [leg length
 
 @dataclass(frozen=True)
 class World:
-    """How the source's world is taken into the target's.
+    """How the source's world becomes the target's.
 
     Attributes:
         source_up, up: which of `AXES` points up in the source's file, and in the target's.

@@ -1,4 +1,4 @@
-"""The anatomy of a body: which joint plays which role, which regions can touch, and which joints are IK handles."""
+"""The anatomy of a body: which joint plays which role, and which regions of the body can touch."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.body.joint_names import Side, stem_and_side, without_digits, words
-from distretarget.skeleton import POSITION_CHANNELS, Skeleton
+from distretarget.skeleton import Skeleton
 
+Side = Literal["left", "right"]
 SIDES = ("left", "right")
 FINGERS = ("Thumb", "Index", "Middle", "Ring", "Little")
+KNUCKLES = tuple(f"{finger}1" for finger in FINGERS)
 ARM = ("Shoulder", "UpperArm", "LowerArm", "Hand")
 LEG = ("UpperLeg", "LowerLeg", "Foot", "Toes")
 
@@ -32,13 +33,6 @@ REGION_OF_PART = {part: region for region, parts in REGION_PARTS.items() for par
 TRUNK_REGIONS = ("trunk", "hips")  # the regions that limbs branch off
 WITHOUT_SIDE = ("head", *TRUNK_REGIONS)
 EXTREMITIES = {"Hand": "LowerArm", "Foot": "LowerLeg"}  # a hand is no longer than its forearm, a foot than its shin
-
-HANDLE_WORDS = frozenset(("ik", "vb"))  # the name of a handle has one of these words; "VB" marks Unreal's virtual bones
-HANDLED_PARTS = ("Hand", "Foot", "Toes")  # the parts that have handles
-
-# Handles that are not named for a joint, with the name of the joint that they follow. Unreal's "ik_hand_gun", the grip
-# of a weapon, is at the right hand.
-NAMED_OTHERWISE: dict[tuple[str, Side | None], tuple[str, Side]] = {("handgun", None): ("hand", "right")}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,16 +58,14 @@ class Anatomy:
     @property
     def knuckles(self) -> frozenset[int]:
         """The joints that the fingers turn about."""
-        names = {f"{side}{finger}1" for side in SIDES for finger in FINGERS}
-        return frozenset(joint for role, joint in self.roles.items() if role in names)
+        return frozenset(joint for role, joint in self.roles.items() if role.endswith(KNUCKLES))
 
     @property
     def mirrored(self) -> Anatomy:
         """The same anatomy with left and right exchanged."""
         other = {"left": "right", "right": "left", "": ""}
         sides_and_parts = map(side_and_part, self.roles)
-        roles = {other[side] + part: self.roles[side + part] for side, part in sides_and_parts}
-        return replace(self, roles=roles)
+        return replace(self, roles={other[side] + part: self.roles[side + part] for side, part in sides_and_parts})
 
 
 def side_and_part(role: str) -> tuple[str, str]:
@@ -82,15 +74,19 @@ def side_and_part(role: str) -> tuple[str, str]:
     return side, role.removeprefix(side)
 
 
-def spine_roles(spine: Sequence[int]) -> dict[str, int]:
-    """Return the joints of the roles in a spine, whose joints are given lowest first.
+def trunk_roles(hips: int, spine: Sequence[int], neck: Sequence[int], head: int | None) -> dict[str, int]:
+    """Return the joints of the roles in a trunk; the joints of spine and neck are given lowest first.
 
-    Three or more joints: the lowest is "spine", the highest "upperChest", the middle one (of two, the lower) "chest".
-    Two joints: "spine" and "chest". One joint: "chest".
+    A spine of one joint is "chest", of two "spine" and "chest"; of a longer one the lowest joint is "spine", the middle
+    one (of two the lower) "chest", and the highest "upperChest".
     """
+    roles = {"hips": hips}
     if len(spine) < 3:
-        return dict(zip(("chest", "spine"), reversed(spine), strict=False))
-    return {"spine": spine[0], "chest": spine[(len(spine) - 1) // 2], "upperChest": spine[-1]}
+        roles |= zip(("chest", "spine"), reversed(spine), strict=False)
+    else:
+        roles |= {"spine": spine[0], "chest": spine[(len(spine) - 1) // 2], "upperChest": spine[-1]}
+    roles |= {"neck": neck[0]} if neck else {}
+    return roles if head is None else roles | {"head": head}
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,11 +94,11 @@ class Regions:
     """The regions of a body.
 
     Attributes:
-        names: of the regions, such as "left hand", those of most interest first; in a body without anatomy the name of
-            the first joint of each limb.
+        names: the names of the regions, such as "left hand", those of most interest first; in a body without anatomy
+            the name of the first joint of each limb.
         of_joint: (joints,), the region of each joint and End Site; -1 for what is not part of the body: joints above
             the hips, handles, props, hair and cloth.
-        neighbours: (regions, regions), whether two regions are the same or joined by a bone; they always touch.
+        neighbours: (regions, regions), whether two regions are the same or share a bone, and so always touch.
     """
 
     names: tuple[str, ...]
@@ -110,7 +106,7 @@ class Regions:
     neighbours: NDArray[np.bool_]
 
     def with_joints(self, skeleton: Skeleton, joints: Iterable[int]) -> Regions:
-        """Return the same regions, extended to joints without one: each is in that of its nearest ancestor with one."""
+        """Return the regions with some more joints, each in the region of its nearest ancestor that has one."""
         of_joint = np.array(self.of_joint)
         for joint in joints:
             of_joint[joint] = next((of_joint[above] for above in skeleton.line(joint) if of_joint[above] >= 0), -1)
@@ -135,7 +131,7 @@ def find_regions(skeleton: Skeleton, anatomy: Anatomy | None, above_hips: tuple[
 
 
 def _by_anatomy(skeleton: Skeleton, anatomy: Anatomy) -> dict[int, str]:
-    """The region of each joint with a role, of joints between them, and of those that end hands, feet and head."""
+    """The region of each joint with a role, of the joints between them, and of the ends of hands, feet and head."""
     labels = dict.fromkeys(anatomy.spine, "trunk") | dict.fromkeys(anatomy.neck, "head")
     for role, joint in anatomy.roles.items():
         side, part = side_and_part(role)
@@ -165,36 +161,3 @@ def _limbs(skeleton: Skeleton) -> dict[int, str]:
         alone = parent >= 0 and len(skeleton.children[parent]) == 1
         labels[joint] = labels[parent] if alone else skeleton.keys[joint]
     return labels
-
-
-def find_handles(skeleton: Skeleton, anatomy: Anatomy | None, regions: Regions) -> dict[int, int]:
-    """Return the joint that each IK handle follows, by handle: the hand, foot or toes with the same name.
-
-    "ik_foot_l" is the handle of "foot_l", and "RightHandIK" of "RightHand". Only joints that move and turn freely and
-    carry no part of the body are handles.
-    """
-    roles = anatomy.roles if anatomy else {}
-    parts = {_meaning(skeleton.names[joint]): joint for role, joint in roles.items() if role.endswith(HANDLED_PARTS)}
-    handles = {}
-    for joint in skeleton.joints:
-        name = skeleton.names[joint]
-        if any(map(_marks_handle, words(name))) and moves_freely(skeleton, joint):
-            meaning = _meaning(name)
-            part = parts.get(NAMED_OTHERWISE.get(meaning, meaning))
-            if part is not None and (regions.of_joint[skeleton.subtree(joint)] < 0).all():
-                handles[joint] = part
-    return handles
-
-
-def moves_freely(skeleton: Skeleton, joint: int) -> bool:
-    """Return whether a joint has all six channels."""
-    return set(POSITION_CHANNELS) <= set(skeleton.channels[joint]) and len(skeleton.rotation_axes(joint)) == 3
-
-
-def _marks_handle(word: str) -> bool:
-    return without_digits(word) in HANDLE_WORDS
-
-
-def _meaning(name: str) -> tuple[str, Side | None]:
-    """The stem and side of a name without namespace and without the words of a handle."""
-    return stem_and_side([word for word in words(name.rpartition(":")[2]) if not _marks_handle(word)])

@@ -1,4 +1,4 @@
-"""Directions of a body in its postures (up the trunk, down the legs, to the left), and the axes of a file."""
+"""Directions of a body in its postures, such as up the trunk and to the left, and the axes of a file."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.anatomy import LEG, SIDES, Anatomy
-from distretarget.numerics.vectors import cross, level, normalised
+from distretarget.numerics.vectors import cross, lengths, level, normalised
 from distretarget.skeleton import AXES
 
 Array = NDArray[np.float64]
 
 STRETCHED = 125.0  # least angle between trunk and legs of an upright body, rarely reached on four legs [degrees]
-FOLDED = 45.0  # a rest pose with a smaller angle between trunk and legs does not show how the body stands [degrees]
+FOLDED = 45.0  # with a smaller angle between trunk and legs, a rest pose does not show how the body stands [degrees]
 SQUARE = np.cos(np.radians(25))  # a direction within this angle of an axis of the file is snapped to it [cosine]
+PARALLEL = 1e-6  # directions are parallel if the angle between them is smaller than this [rad]
 
 
 def axis_vector(axis: str) -> Array:
@@ -37,17 +38,32 @@ def direction(positions: Array, start: int, end: int) -> Array:
     return normalised(positions[..., end, :] - positions[..., start, :])
 
 
+def perpendicular(vectors: Array, axes: Array) -> Array:
+    """Return the components of vectors perpendicular to unit vectors, all (..., 3)."""
+    return np.asarray(vectors - (vectors * axes).sum(axis=-1, keepdims=True) * axes)
+
+
 def axes_of(left: Array, up: Array) -> Array:
-    """Return the rotation matrices, (..., 3, 3), with the columns left, up and forward, for unit vectors (..., 3)."""
+    """Return rotation matrices, (..., 3, 3), with the columns left, up and forward, from unit vectors (..., 3).
+
+    `up` is made perpendicular to `left`. Where the two are parallel or one is zero, up is kept (Y if it is zero), and
+    left is an arbitrary direction perpendicular to it.
+    """
+    lost = lengths(cross(left, up)) < PARALLEL
+    if lost.any():
+        up = np.where(up.any(axis=-1, keepdims=True), up, axis_vector("Y"))
+        arbitrary = perpendicular(np.eye(3)[np.abs(up).argmin(axis=-1)], up)
+        left = np.where(lost[..., None], normalised(arbitrary), left)
+    up = normalised(perpendicular(up, left))
     return np.stack([left, up, cross(left, up)], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
 class Directions:
-    """The directions of a body in one posture or many.
+    """Directions of a body in one posture or many; zero vectors where the body lacks the joints they need.
 
     Attributes:
-        anatomy: which joint plays which part.
+        anatomy: the joint of each role.
         positions: (..., joints, 3), the positions of the joints.
     """
 
@@ -56,36 +72,30 @@ class Directions:
 
     @cached_property
     def trunk(self) -> Array:
-        """(..., 3), unit vectors from the hip joints up to the shoulders, without arms to the top of the spine; zero
-        without either.
-        """
+        """(..., 3), unit vectors from the hip joints up to the shoulders, without arms to the top of the spine."""
         return self._between(self._base, self._top)
 
     @cached_property
     def legs(self) -> Array:
-        """(..., 3), unit vectors from the hip joints down to the ankles, without feet to the knees; zero without
-        either.
-        """
+        """(..., 3), unit vectors from the hip joints down to the ankles, without feet to the knees."""
         return self._between(self._base, self._pair("Foot") or self._pair("LowerLeg"))
 
     @cached_property
     def up(self) -> Array:
-        """(..., 3), the mean of the directions up the trunk and up the legs, or the one that the body has."""
+        """(..., 3), the mean of up the trunk and up the legs; one of them where the body lacks the other."""
         directions = [direction for direction in (self.trunk, -self.legs) if direction.any()]
         return np.asarray(np.mean(directions, axis=0)) if directions else np.zeros_like(self.trunk)
 
     @cached_property
     def left(self) -> Array:
-        """(..., 3), unit vectors to the body's left: from right to left across hip and shoulder joints together."""
+        """(..., 3), unit vectors from right to left across hip joints and shoulders together."""
         across = (self.across(part) for part in ("UpperLeg", "UpperArm"))
         return normalised(sum((width for width in across if width is not None), np.zeros_like(self.trunk)))
 
     @cached_property
     def axes(self) -> Array:
-        """(..., 3, 3), the rotation matrix whose columns are the body's left, up and forward."""
-        left = self.left
-        up = self.trunk if self.trunk.any() else self.up
-        return axes_of(left, normalised(up - (up * left).sum(axis=-1, keepdims=True) * left))
+        """(..., 3, 3), rotation matrices whose columns are the body's left, up and forward."""
+        return axes_of(self.left, self.trunk if self.trunk.any() else self.up)
 
     @cached_property
     def stretch(self) -> Array:
@@ -110,12 +120,12 @@ class Directions:
 
     @property
     def _top(self) -> list[int]:
-        """The joints at the upper end of the trunk: the shoulders, else the topmost joint of spine and neck."""
+        """The upper end of the trunk: the shoulders, else the topmost joint of spine and neck."""
         return self._pair("UpperArm") or [*self.anatomy.spine, *self.anatomy.neck][-1:]
 
     @property
     def _base(self) -> list[int]:
-        """The joints at the lower end of the trunk: the hip joints, else the hips."""
+        """The lower end of the trunk: the hip joints, else the hips."""
         return self._pair("UpperLeg") or self._joints("hips")
 
     def _pair(self, part: str) -> list[int]:
@@ -127,7 +137,7 @@ class Directions:
         return joints if len(joints) == len(roles) else []
 
     def _between(self, start: list[int], end: list[int]) -> Array:
-        """(..., 3), unit vectors from the middle of some joints to that of others; zero where either list is empty."""
+        """(..., 3), unit vectors between the centres of two lists of joints; zero where either list is empty."""
         x = self.positions
         if not start or not end:
             return np.zeros((*x.shape[:-2], 3))

@@ -1,4 +1,4 @@
-"""A body: a skeleton, which joint plays which part, a motion if there is one, and everything derived from them."""
+"""A body: a skeleton with its anatomy and any motion of it, and everything derived from these."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from types import NoneType
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.body.anatomy import SIDES, Anatomy, Regions, find_handles, find_regions
+from distretarget.body.anatomy import SIDES, Anatomy, Regions, find_regions
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, direction, nearest_axis, squared, upright
 from distretarget.body.legs import Legs, find_legs, foot_bone, leg_length, pelvis_joint
-from distretarget.body.named_anatomy import by_names
+from distretarget.body.named_anatomy import by_names, find_handles
 from distretarget.body.reference_pose import bend_axes, standing_frame, stands_at_rest, synthetic_t_pose
 from distretarget.body.shape import by_shape
 from distretarget.checks import check_kind
@@ -22,11 +22,11 @@ from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 
-STANDS_IN_MOTION = 0.7  # a body stands along an axis if the mean cosine between both is larger than this [cosine]
-UP_FROM_MOTION = 0.3  # the same, enough where the rest pose does not show which axis is up [cosine]
-LIES = 0.05  # a body whose lowest joint is nearer than this to height 0 may lie there [leg lengths]
-OFF_FLOOR = 0.25  # a body whose lowest joint is farther than this from height 0 is not on the floor [leg lengths]
-LOWEST_FRAMES = 2.0  # height of the floor under the body: this percentile of the lowest joint's heights [%]
+STANDS_IN_MOTION = 0.7  # the body stands along an axis if their mean cosine is larger than this [cosine] ...
+UP_FROM_MOTION = 0.3  # ... or than this where the rest pose does not show which axis is up [cosine]
+LIES = 0.05  # a body whose lowest joint is nearer to height 0 than this may lie there [leg lengths]
+OFF_FLOOR = 0.25  # a body whose lowest joint is farther from height 0 than this is not on the floor [leg lengths]
+LOWEST_FRAMES = 2.0  # percentile of the lowest joint's heights that is the height of the floor [%]
 CLEAR_FEET = 0.3  # feet show the body's front if their mean cosine with it is larger than this [cosine]
 
 
@@ -35,11 +35,11 @@ class Pose:
     """A pose of a body, with the root at the origin.
 
     Attributes:
-        rotations: (joints, 4), the world rotations of the joints.
-        positions: (joints, 3), the positions of the joints [file units].
+        rotations: (joints, 4), world rotations.
+        positions: (joints, 3) [file units].
         directions: the directions of the body; None without an anatomy.
-        axes: (3, 3), the axes of the body: columns left, up and forward, snapped to near axes of the file; those of the
-            file without an anatomy.
+        axes: (3, 3), the body's left, up and forward as columns, snapped to near axes of the file; the axes of the file
+            without an anatomy.
     """
 
     rotations: Array
@@ -54,9 +54,9 @@ class Body:
 
     Attributes:
         skeleton: the joints, with rigid bones as its motion shows them.
-        anatomy: which joint plays which part; None where no human body is recognised.
+        anatomy: the joint of each role; None where no human body is recognised.
         motion: any motion of the body, with at least one frame; None where there is none.
-        known_up: which of `AXES` points up, where the caller has decided that; else None, and `up` finds it.
+        known_up: which of `AXES` points up, if the caller decides it; None to let `up` find it.
     """
 
     skeleton: Skeleton
@@ -72,7 +72,7 @@ class Body:
     def of(cls, skeleton: Skeleton, motion: Motion | None = None) -> Body:
         """Return the body of a skeleton, recognised by the names of its joints or else by its shape.
 
-        `motion`, any motion of these joints, shows what the rest pose may not: shape, axes and how limbs bend.
+        `motion`, any motion of these joints, shows what the rest pose may not: shape, axes and bends of limbs.
         """
         check_kind("skeleton", skeleton, Skeleton)
         check_kind("motion", motion, Motion, NoneType)
@@ -100,14 +100,12 @@ class Body:
 
     @cached_property
     def unit(self) -> float:
-        """The body unit [file units]: twice the leg length, about a person's height; without legs the longest path."""
+        """The body unit [file units]: twice the leg length, about the height; the longest path without legs."""
         return 2.0 * self.leg_length if self.legs else float(self.skeleton.path_lengths.max())
 
     @cached_property
     def height(self) -> float:
-        """Height of the body in its rest pose [file units], without joints that are not part of the body: its extent
-        along the axis of the legs, without legs its largest one.
-        """
+        """The body's extent in its rest pose along the axis of the legs, without legs the largest one [file units]."""
         rest = self.skeleton.rest_positions[self.regions.of_joint >= 0]
         if self.legs is None:
             return float(np.ptp(rest, axis=0).max())
@@ -120,14 +118,14 @@ class Body:
 
     @cached_property
     def above_hips(self) -> tuple[int, ...]:
-        """The joints above hips and legs: they carry the body and are not part of it, such as a root on the floor."""
+        """The joints above hips and legs, such as a root on the floor: they carry the body and are no part of it."""
         hips = self.anatomy.roles.get("hips") if self.anatomy else None
         tops = [joint for joint in (hips, self.pelvis_joint) if joint is not None]
         return tuple(self.skeleton.line(min(tops))[1:]) if tops else ()
 
     @cached_property
     def regions(self) -> Regions:
-        """The regions that touch each other, and the joints of each."""
+        """The regions of the body."""
         return find_regions(self.skeleton, self.anatomy, self.above_hips)
 
     @cached_property
@@ -161,9 +159,8 @@ class Body:
     def found_up(self) -> str | None:
         """Which of `AXES` points up in the motion; None where neither the motion nor the rest pose shows it.
 
-        Normally that is the axis along which the rest pose stands, also when the body lies down in the motion. If the
-        body stands along another axis in the motion, with its feet at height 0 there, and is off height 0 along the
-        rest pose's, the motion's axis wins.
+        Normally the rest pose decides, so that a body may lie down in the motion. The motion decides if the body stands
+        along another axis in it, with its feet at height 0, and is off height 0 along the rest pose's axis.
         """
         if self.motion is None:
             return None
@@ -181,9 +178,7 @@ class Body:
 
     @cached_property
     def up(self) -> str:
-        """Which of `AXES` points up: `known_up`, else what the file says, else the axis along which the body stands in
-        its motion or its rest pose, else Y.
-        """
+        """Which of `AXES` points up: as the caller says, the file, the motion or the rest pose; else Y."""
         return self.known_up or self.skeleton.up or self.found_up or self.up_at_rest or "Y"
 
     @cached_property
@@ -192,8 +187,8 @@ class Body:
         return axis_vector(self.up)
 
     def lowest(self, up: Array) -> float:
-        """Return the height of the floor under the body along `up`, (3,) [file units]: that of the lowest joint in the
-        lowest frames of the motion; 0 without a motion.
+        """Return the height of the floor along `up`, (3,): that of the lowest joint in the lowest frames of the motion;
+        0 without a motion [file units].
         """
         if self.motion is None:
             return 0.0
@@ -206,10 +201,8 @@ class Body:
 
     @cached_property
     def reference(self) -> Pose:
-        """The standing pose in which the body is aligned with another.
-
-        It is the rest pose if a person can stand in it; else the frame of the motion in which the body stands best;
-        else a synthetic T-pose.
+        """The pose in which the body is aligned with another: the rest pose if a person can stand in it, else the frame
+        of the motion in which the body stands best, else a synthetic T-pose.
         """
         if self.anatomy is None or self.at_rest is None or self.stands_at_rest:
             return self.rest
@@ -228,8 +221,8 @@ class Body:
 
     @cached_property
     def bend_axes(self) -> dict[str, Array]:
-        """The axes about which elbows and knees bend in the motion, (3,) unit vectors in the reference pose, by the
-        roles of upper arms and thighs. Empty where the rest pose is the reference pose, or without a motion.
+        """The axes about which elbows and knees bend in the motion, by the roles of upper arms and thighs: unit vectors
+        (3,) in the reference pose. Empty where that is the rest pose, or without a motion.
         """
         if self.anatomy is None or self.motion is None or self.stands_at_rest:
             return {}
@@ -239,7 +232,7 @@ class Body:
 
     @cached_property
     def left_is_left(self) -> bool | None:
-        """Whether the joints named left are on the body's left, judged by its feet; None where those do not show it."""
+        """Whether the joints named left are on the left of a body whose feet point forward; None if that is unclear."""
         if self.anatomy is None:
             return None
         directions = self.at_rest if self.stands_at_rest else self.moving
@@ -252,7 +245,7 @@ class Body:
 
     @cached_property
     def on_all_fours(self) -> bool:
-        """Whether the body seems to go on all fours: its trunk stays bent against its legs, at rest and in motion."""
+        """Whether the body seems to go on all fours: trunk and legs never stretch out, at rest or in motion."""
         if self.at_rest is None or not self.at_rest.is_whole or self.at_rest.stretch > STRETCHED:
             return False
         if self.moving is None:

@@ -1,4 +1,4 @@
-"""What the names of a skeleton's joints mean, and which naming convention they follow.
+"""What the names of joints mean: their words and sides, and the naming convention that they follow.
 
 `conventions.json` lists the words of many naming conventions. An entry has a readable title; the names of the hips, of
 spine and neck from below, and of the head; those of the four parts of arm and leg (`ARM`, `LEG`) without side; and, if
@@ -8,35 +8,163 @@ the convention has them, the prefix of all names, and other names that may occur
 from __future__ import annotations
 
 import json
+import re
+import unicodedata
 from collections import Counter, defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from importlib.resources import files
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
-from distretarget.body.anatomy import ARM, LEG
-from distretarget.body.joint_names import (
-    JointName,
-    NamedTree,
-    NameWords,
-    joint_names,
-    stem_and_side,
-    without_digits,
-    words,
-)
+from distretarget.body.anatomy import ARM, LEG, Side
 from distretarget.skeleton import Skeleton
 
-RECOGNISED = 0.75  # least fit of a convention that is recognised [0 to 1]
-PREFIX_FIT = 1.0  # what its prefix adds to the fit of a convention
+NameWords = tuple[str, ...]
+"""The words of a joint's name, in lower case."""
 
 Term = tuple[str, bool]
 """The stem of a joint's name, and whether the name has a side."""
 
+# A word of a name: a run of capitals, a lower-case word that may begin with a capital, or a word in another script,
+# each with the digits that follow it; or digits alone.
+NAME_WORD = re.compile(r"[A-Z]+(?![a-z])\d*|[A-Z]?[a-z]+\d*|\d+|[^\W\d_A-Za-z]+\d*")
+
+# Words that mark a side, or the middle (None).
+SIDE_MARKERS: dict[str, Side | None] = dict.fromkeys(("left", "lft", "lt", "l", "左"), "left")
+SIDE_MARKERS |= dict.fromkeys(("right", "rgt", "rt", "r", "右"), "right")
+SIDE_MARKERS |= dict.fromkeys(("c", "m", "x"))
+
+# Markers (left, right) that may be part of a word, as in "lfemur"; valid only if the other side has the matching name.
+ATTACHED_MARKERS = (("left", "right"), ("l", "r"), ("左", "右"))
+
+# Words in the names of helper joints, which are not part of the body, and MakeHuman's prefix of its helper joints.
+HELPER_WORDS = frozenset(
+    ("twist", "roll", "ik", "pole", "target", "effector", "share", "helper", "dummy", "tip", "end", "nub")
+)
+HELPER_PREFIX = "__"
+
+COMMON_SHARE = 0.75  # a first or last word or a final number that this share of the names has means nothing [0 to 1]
+RECOGNISED = 0.75  # least fit of a convention that is recognised [0 to 1]
+PREFIX_FIT = 1.0  # what its prefix adds to the fit of a convention
+
+
+class NamedTree(NamedTuple):
+    """A skeleton without its offsets: all that the meaning of names depends on, equal for all clips of a rig."""
+
+    names: tuple[str, ...]
+    parents: tuple[int, ...]
+    end_sites: tuple[bool, ...]
+
+    @classmethod
+    def of(cls, skeleton: Skeleton) -> NamedTree:
+        """Return the tree of a skeleton."""
+        return cls(tuple(skeleton.names), tuple(skeleton.parents.tolist()), tuple(skeleton.end_sites.tolist()))
+
+
+@dataclass(frozen=True)
+class JointName:
+    """A joint's name, taken apart.
+
+    Attributes:
+        stem: the words in lower case, joined, without prefix and side marker; empty for End Sites and MakeHuman's
+            helper joints.
+        side: the side that the name marks, else that of the nearest ancestor with a side marker.
+        helper: whether the joint is not part of the body: an End Site, or a twist bone, target or tip by its name.
+        prefix: which of the known prefixes the name has; empty without one.
+    """
+
+    stem: str
+    side: Side | None
+    helper: bool
+    prefix: NameWords
+
+    @property
+    def term(self) -> Term:
+        """Stem, and whether there is a side."""
+        return self.stem, self.side is not None
+
+
+@lru_cache(maxsize=4096)
+def words(name: str) -> NameWords:
+    """Return the words of a name in lower case: "mixamorig:LeftForeArm" has four, "upper_arm.L" three."""
+    return tuple(word.lower() for word in NAME_WORD.findall(unicodedata.normalize("NFKC", name)))
+
+
+def stem_and_side(parts: Sequence[str]) -> tuple[str, Side | None]:
+    """Return the words that are not side markers, joined, and the side of the first marker that names one."""
+    side = next((side for side in map(SIDE_MARKERS.get, parts) if side), None)
+    return "".join(part for part in parts if part not in SIDE_MARKERS), side
+
+
+def without_digits(text: str) -> str:
+    """Return the text without the digits at its end."""
+    return text.rstrip("0123456789")
+
+
+def _joint_names(tree: NamedTree, prefixes: Iterable[NameWords]) -> tuple[JointName, ...]:
+    """The joints' names taken apart, without `prefixes`, whether digits follow them or not."""
+    joints = [joint for joint in range(len(tree.names)) if not tree.end_sites[joint]]
+    longest_first = sorted(prefixes, key=len, reverse=True)
+    joint_prefixes = [_prefix(words(tree.names[joint]), longest_first) for joint in joints]
+    full = [words(tree.names[joint].rpartition(":")[2]) for joint in joints]
+    parts: Sequence[NameWords] = [part[len(_prefix(part, longest_first)) :] or part for part in full]
+    parts = _without_numbers(_without_common(_without_common(parts, 0), -1))
+    stems = [stem_and_side(part) for part in parts]
+    unmarked = {stem for stem, side in stems if side is None}
+    names = [JointName("", None, True, ())] * len(tree.names)
+    for joint, part, prefix, (stem, side) in zip(joints, parts, joint_prefixes, stems, strict=True):
+        if side is None:
+            stem, side = _split_marker(stem, unmarked)
+        if side is None and joint:
+            side = names[tree.parents[joint]].side
+        helper = tree.names[joint].startswith(HELPER_PREFIX)
+        is_helper = helper or any(without_digits(word) in HELPER_WORDS for word in part)
+        names[joint] = JointName("" if helper else stem, side, is_helper, prefix)
+    return tuple(names)
+
+
+def _prefix(parts: NameWords, prefixes: Iterable[NameWords]) -> NameWords:
+    """The first of the prefixes that the words begin with; empty without one."""
+    plain = tuple(map(without_digits, parts))
+    return next((prefix for prefix in prefixes if plain[: len(prefix)] == prefix), ())
+
+
+def _without_common(parts: Sequence[NameWords], place: Literal[0, -1]) -> Sequence[NameWords]:
+    """The names without the first (place 0) or last (place -1) words that nearly all share; each keeps one word."""
+    times = Counter(part[place] for part in parts if len(part) > 1 and not SIDE_MARKERS.get(part[place]))
+    word, count = max(times.items(), key=lambda item: item[1], default=("", 0))
+    if not count or count < COMMON_SHARE * len(parts):
+        return parts
+    kept = slice(1, None) if place == 0 else slice(-1)
+    return _without_common([part[kept] if len(part) > 1 and part[place] == word else part for part in parts], place)
+
+
+def _without_numbers(parts: Sequence[NameWords]) -> Sequence[NameWords]:
+    """The names without the numbers at their ends, if nearly all names have one, as in Sketchfab's files."""
+    numbered = [len(part) > 1 and part[-1].isdecimal() for part in parts]
+    if sum(numbered) < COMMON_SHARE * len(parts):
+        return parts
+    return [part[:-1] if number else part for part, number in zip(parts, numbered, strict=True)]
+
+
+def _split_marker(stem: str, unmarked: set[str]) -> tuple[str, Side | None]:
+    """The stem without its attached marker, and the side of that, if `unmarked` has the other side's name."""
+    for left, right in ATTACHED_MARKERS:
+        sides: tuple[tuple[str, str, Side], ...] = ((left, right, "left"), (right, left, "right"))
+        for marker, other, side in sides:
+            rest = stem.removeprefix(marker)
+            if rest and rest != stem and other + rest in unmarked:
+                return rest, side
+            rest = stem.removesuffix(marker)
+            if rest and rest != stem and rest + other in unmarked:
+                return rest, side
+    return stem, None
+
 
 @dataclass(frozen=True)
 class Convention:
-    """A naming convention: which terms mean which part.
+    """A naming convention.
 
     Attributes:
         title: the readable name.
@@ -51,22 +179,21 @@ class Convention:
     also: frozenset[Term]
 
 
-@dataclass(frozen=True)
-class Vocabulary:
-    """All conventions, and the words for fingers.
+class Vocabulary(NamedTuple):
+    """The content of `conventions.json`.
 
     Attributes:
         conventions: all conventions, the preferred one first where names fit several.
         terms: all terms that mean a part in any of them.
-        fingers: per finger, the words for it.
+        fingers: the words for each finger.
         palm: the words for a bone in the palm.
         necks: the words for joints of the neck, without digits at the end.
     """
 
     conventions: tuple[Convention, ...]
     terms: frozenset[Term]
-    fingers: Mapping[str, tuple[str, ...]]
-    palm: tuple[str, ...]
+    fingers: Mapping[str, Sequence[str]]
+    palm: Sequence[str]
     necks: frozenset[str]
 
 
@@ -76,13 +203,8 @@ def vocabulary() -> Vocabulary:
     data = json.loads(files(__package__).joinpath("conventions.json").read_text("utf-8"))
     conventions = tuple(map(_convention, data["conventions"]))
     parts = [item for convention in conventions for item in convention.parts.items()]
-    return Vocabulary(
-        conventions,
-        frozenset(term for term, _ in parts),
-        {finger: tuple(names) for finger, names in data["fingers"].items()},
-        tuple(data["palm"]),
-        frozenset(without_digits(stem) for (stem, _), part in parts if part == "neck"),
-    )
+    necks = frozenset(without_digits(stem) for (stem, _), part in parts if part == "neck")
+    return Vocabulary(conventions, frozenset(term for term, _ in parts), data["fingers"], data["palm"], necks)
 
 
 def _convention(entry: Mapping[str, Any]) -> Convention:
@@ -90,15 +212,11 @@ def _convention(entry: Mapping[str, Any]) -> Convention:
     trunk = [(entry["hips"], "hips"), (entry["head"], "head")]
     trunk += [(name, part) for part in ("spine", "neck") for name in entry[part]]
     limbs = [*zip(entry["arm"], ARM, strict=True), *zip(entry["leg"], LEG, strict=True)]
-    parts = {(_stem(name), False): part for name, part in trunk}
-    parts |= {(_stem(name), True): part for name, part in limbs if name}
+    parts = {(stem_and_side(words(name))[0], False): part for name, part in trunk}
+    parts |= {(stem_and_side(words(name))[0], True): part for name, part in limbs if name}
     others = [stem_and_side(words(name)) for name in entry.get("also", ())]
     also = frozenset((stem, side is not None) for stem, side in others)
     return Convention(entry["title"], words(entry.get("prefix", "")), parts, also)
-
-
-def _stem(name: str) -> str:
-    return stem_and_side(words(name))[0]
 
 
 @dataclass(frozen=True)
@@ -106,9 +224,9 @@ class NameMeanings:
     """What the names of a skeleton's joints mean.
 
     Attributes:
-        names: the name of each joint.
-        readings: per term of the names, the parts that it means, each with the best fit of the conventions in which it
-            does, 0 to 1.
+        names: the name of each joint, taken apart.
+        readings: per term of the names, the parts that it may mean, each with the fit of the convention that fits best
+            among those in which it does, 0 to 1.
         convention: the title of the recognised convention; empty where none is.
     """
 
@@ -118,7 +236,7 @@ class NameMeanings:
 
     def parts(self, joint: int) -> Mapping[str, float]:
         """The parts that the joint's name may mean, with the fit of each."""
-        return self.readings.get(_term(self.names[joint]), {})
+        return self.readings.get(self.names[joint].term, {})
 
     def means(self, joint: int, part: str) -> bool:
         """Whether the joint's name means this part in all conventions that know it."""
@@ -143,14 +261,14 @@ def name_meanings(tree: NamedTree) -> NameMeanings:
     """Return what the names of a tree of joints mean.
 
     The fit of a convention is the number of terms that names and convention share, over the number of terms that either
-    has, leaving out terms that no convention knows and the convention's `also`. Its prefix adds `PREFIX_FIT`. Of equal
-    fits the one with more of the `also` is recognised.
+    has; terms that no convention knows and the convention's `also` do not count. Its prefix adds `PREFIX_FIT`. Of equal
+    fits the one with more of the `also` wins.
     """
     conventions = vocabulary().conventions
-    names = joint_names(tree, {convention.prefix for convention in conventions} - {()})
+    names = _joint_names(tree, {convention.prefix for convention in conventions} - {()})
     prefixes = Counter(name.prefix for name in names if name.stem)
     prefix = max(prefixes, key=prefixes.__getitem__, default=())
-    terms = set(map(_term, names))
+    terms = {name.term for name in names}
     known = terms & vocabulary().terms
     readings: dict[Term, dict[str, float]] = defaultdict(dict)
     fits: list[tuple[float, int]] = []
@@ -164,7 +282,3 @@ def name_meanings(tree: NamedTree) -> NameMeanings:
             readings[term][part] = max(readings[term].get(part, 0.0), min(fit, 1.0))
     best = max(range(len(fits)), key=fits.__getitem__)
     return NameMeanings(names, readings, conventions[best].title if fits[best][0] >= RECOGNISED else "")
-
-
-def _term(name: JointName) -> Term:
-    return name.stem, name.side is not None

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from distretarget.body.anatomy import SIDES, Anatomy
 from distretarget.skeleton import Skeleton
 
-LIKENESS = 0.15  # largest difference between the bone lengths of two like limbs [sum of the lengths of both]
+LIKENESS = 0.15  # two limbs are alike if their bone lengths differ by less than this [sum of the lengths of both]
 SHORTEST_LIMB = 0.4  # least length of a limb [lengths of the longest pair of like limbs; for arms, of a leg]
 JOINT_BEND = np.radians(30)  # the rest pose bends by more than this at most hip joints and ankles [rad]
 SHORTEST_FOOT = 0.3  # the foot's first bone reaches at least this far [length from the ankle to the end of the toes]
@@ -52,15 +52,18 @@ def find_legs(skeleton: Skeleton, anatomy: Anatomy | None) -> Legs | None:
         return tree_legs(skeleton)
     if not {side + part for side in SIDES for part in ("UpperLeg", "Foot")} <= anatomy.roles.keys():
         return None
-    ends = [(anatomy.roles[f"{side}UpperLeg"], anatomy.roles[f"{side}Foot"]) for side in SIDES]
+    hips, ankles = ([anatomy.roles[side + part] for side in SIDES] for part in ("UpperLeg", "Foot"))
     feet = [foot_bone(skeleton, anatomy, side) for side in SIDES]
-    left, right = (Leg(*leg, foot[1] if foot else leg[1]) for leg, foot in zip(ends, feet, strict=True))
+    left, right = (
+        Leg(hip, ankle, foot[1] if foot else ankle) for hip, ankle, foot in zip(hips, ankles, feet, strict=True)
+    )
     return left, right
 
 
 def foot_bone(skeleton: Skeleton, anatomy: Anatomy, side: str) -> tuple[int, int] | None:
-    """Return the ankle, and the joint towards which the foot points from there: the toes, else what reaches
-    farthest from the ankle; None without either. Toes right below the ankle are passed over for what follows.
+    """Return the ankle, and the joint to which the foot points from there; None where there is no foot.
+
+    That joint is the toes, else the joint farthest from the ankle; toes right below the ankle are passed over.
     """
     foot = anatomy.roles.get(f"{side}Foot")
     if foot is None:
@@ -68,18 +71,18 @@ def foot_bone(skeleton: Skeleton, anatomy: Anatomy, side: str) -> tuple[int, int
     toes = anatomy.roles.get(f"{side}Toes")
     chains = [_longest_chain(skeleton, end) for end in (skeleton.children[foot] if toes is None else [toes])]
     chain = max(chains, key=lambda joints: skeleton.path_lengths[foot, joints[-1]], default=[])
-    if not chain or not skeleton.path_lengths[foot, chain[-1]] > 0:
-        return None
     reach = skeleton.path_lengths[foot, chain]
+    if not reach.any():
+        return None
     return foot, chain[int(np.argmax(reach >= SHORTEST_FOOT * reach[-1]))]
 
 
 def tree_legs(skeleton: Skeleton) -> Legs | None:
     """Return the two legs that the tree and its bone lengths show, whatever the names; None where they show none.
 
-    A limb is the longest chain below a child of a joint; limbs below the same joint with about equal bone lengths are a
-    pair. The legs are the pair that branches off nearest to the root, of several there the longest. Pairs much shorter
-    than the longest one (eyes, toes) are left out.
+    A limb is the longest chain below a child of a joint. Two limbs below the same joint are a pair if their bone
+    lengths are about equal. The legs are the pair that branches off nearest to the root, and of several there the
+    longest. Pairs much shorter than the longest one (eyes, toes) do not count.
     """
     pairs: list[tuple[float, list[int], list[int]]] = []
     for children in skeleton.children:
@@ -115,7 +118,7 @@ def _longest_chain(skeleton: Skeleton, top: int) -> list[int]:
 def _leg(skeleton: Skeleton, chain: list[int]) -> Leg:
     """The leg in a chain of joints: from the bend at the hip to the bend at the ankle.
 
-    Where the rest pose does not bend there, it is from the start of the first long bone to the end of the last one.
+    Where the rest pose has no such bend, it begins with the first long bone or ends with the last one.
     """
     lengths = skeleton.lengths[chain]
     along = np.cumsum(lengths) / max(lengths.sum(), 1e-300)

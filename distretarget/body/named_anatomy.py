@@ -1,16 +1,23 @@
-"""The anatomy of a skeleton, recognised by the names and the tree of its joints."""
+"""What the names of the joints and their tree show: the anatomy of a skeleton, and its IK handles."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import NamedTuple
+from operator import itemgetter
 
-from distretarget.body.anatomy import ARM, FINGERS, LEG, SIDES, Anatomy, spine_roles
-from distretarget.body.conventions import NameMeanings, name_meanings, vocabulary
-from distretarget.body.joint_names import NamedTree
+from distretarget.body.anatomy import ARM, FINGERS, LEG, SIDES, Anatomy, Regions, Side, trunk_roles
+from distretarget.body.conventions import (
+    NamedTree,
+    NameMeanings,
+    name_meanings,
+    stem_and_side,
+    vocabulary,
+    without_digits,
+    words,
+)
 from distretarget.skeleton import Skeleton
 
 # Points for each part that a chain of joints has: the bones of a limb count more than collar bone and toes.
@@ -24,6 +31,16 @@ FINGER_NUMBER = re.compile(r"finger(\d)")  # a finger's number in a joint's name
 
 # The hips may have this name only where legs and trunk branch off; a joint above them with it just carries the body.
 CARRIER = "root"
+
+HANDLE_WORDS = frozenset(("ik", "vb"))  # the name of a handle has one of these words; "VB" marks Unreal's virtual bones
+HANDLED_PARTS = ("Hand", "Foot", "Toes")  # the parts that have handles
+
+# Handles that are not named for a joint, with the name of the joint that they follow. Unreal's "ik_hand_gun", the grip
+# of a weapon, is at the right hand.
+NAMED_OTHERWISE: dict[tuple[str, Side | None], tuple[str, Side]] = {("handgun", None): ("hand", "right")}
+
+Trunk = tuple[int, Sequence[int], Sequence[int], int | None]
+"""Hips, spine, neck and head; no head where no joint has a name of the head."""
 
 
 def by_names(skeleton: Skeleton) -> Anatomy | None:
@@ -41,72 +58,48 @@ def _anatomy(tree: NamedTree) -> Anatomy | None:
     return _Rig(tree.parents, name_meanings(tree)).anatomy()
 
 
-class _Chain(NamedTuple):
-    """The joints of parts of a limb, from above, and their points."""
-
-    points: float
-    joints: tuple[tuple[str, int], ...]
-
-
-class _NamedTrunk(NamedTuple):
-    """The joints between the limbs; `head` is None where no joint has a name of the head."""
-
-    hips: int
-    spine: tuple[int, ...]
-    neck: tuple[int, ...]
-    head: int | None
-
-
 @dataclass(frozen=True)
 class _Rig:
-    """A tree of joints with the meanings of their names.
-
-    Attributes:
-        parents: the parent of each joint, -1 for the root.
-        meanings: what the names of the joints mean.
-    """
+    """A tree of joints, given by the parent of each (-1 for the root), and the meanings of their names."""
 
     parents: tuple[int, ...]
     meanings: NameMeanings
 
     def anatomy(self) -> Anatomy | None:
         """The anatomy; None where the names show too little."""
-        arms = {side: self._limb(ARM, side) for side in SIDES}
-        legs = {side: self._limb(LEG, side) for side in SIDES}
-        if not (all(arms.values()) or all(legs.values())):
+        arms, legs = ([self._limb(limb, side) for side in SIDES] for limb in (ARM, LEG))
+        if not (all(arms) or all(legs)):
             return None
-        trunk = self._trunk(_starts(arms), _starts(legs))
+        trunk = self._trunk(*([min(limb.values()) for limb in limbs if limb] for limbs in (arms, legs)))
         if trunk is None:
             return None
-        roles = {"hips": trunk.hips} | spine_roles(trunk.spine)
-        roles |= {"neck": trunk.neck[0]} if trunk.neck else {}
-        roles |= {"head": trunk.head} if trunk.head is not None else {}
-        for side in SIDES:
-            limbs = arms[side] | legs[side]
-            limbs |= self._fingers(limbs["Hand"]) if "Hand" in limbs else {}
-            roles |= {side + part: joint for part, joint in limbs.items()}
-        return Anatomy(
-            roles=roles, spine=trunk.spine, neck=trunk.neck, convention=self.meanings.convention, method="names"
-        )
+        roles = trunk_roles(*trunk)
+        for side, arm, leg in zip(SIDES, arms, legs, strict=True):
+            fingers = self._fingers(arm["Hand"]) if "Hand" in arm else {}
+            roles |= {side + part: joint for part, joint in (arm | leg | fingers).items()}
+        _, spine, neck, _ = trunk
+        convention = self.meanings.convention
+        return Anatomy(roles=roles, spine=tuple(spine), neck=tuple(neck), convention=convention, method="names")
 
     def _limb(self, limb: Sequence[str], side: str) -> dict[str, int]:
         """The joints of the chain on a side with the most points for this limb; empty unless both long bones are named.
 
-        `chains` has, per joint, the best chains that end there or above, by the number of parts they may use; of equal
-        ones those that end higher up.
+        `chains` has, for each joint, the best chains that end there or above, by the number of parts they may use, each
+        with its points. Of chains with equal points the one that ends higher up is better.
         """
-        chains: list[list[_Chain]] = []
+        chains: list[list[tuple[float, dict[str, int]]]] = []
+        points = itemgetter(0)
         for joint, parent in enumerate(self.parents):
-            above = chains[parent] if parent >= 0 else [_Chain(0.0, ())] * (len(limb) + 1)
+            above = chains[parent] if parent >= 0 else [(0.0, {})] * (len(limb) + 1)
             best = list(above)
             fits = self.meanings.parts(joint) if self.meanings.names[joint].side == side else {}
             for rank, part in enumerate(limb):
                 if part in fits:
-                    points = above[rank].points + PART_POINTS[part] + FIT_POINTS * fits[part]
-                    longer = _Chain(points, (*above[rank].joints, (part, joint)))
-                    best[rank + 1 :] = [max(chain, longer, key=_points) for chain in best[rank + 1 :]]
+                    more = PART_POINTS[part] + FIT_POINTS * fits[part]
+                    longer = above[rank][0] + more, above[rank][1] | {part: joint}
+                    best[rank + 1 :] = [max(chain, longer, key=points) for chain in best[rank + 1 :]]
             chains.append(best)
-        joints = dict(max((best[-1] for best in chains), key=_points).joints)
+        _, joints = max((best[-1] for best in chains), key=points)
         return joints if all(part in joints for part in limb if part.startswith(LONG_BONE_WORDS)) else {}
 
     def _fingers(self, hand: int) -> dict[str, int]:
@@ -130,13 +123,15 @@ class _Rig:
             if number <= LAST_BONE
         }
 
-    def _trunk(self, arms: Sequence[int], legs: Sequence[int]) -> _NamedTrunk | None:
+    def _trunk(self, arms: Sequence[int], legs: Sequence[int]) -> Trunk | None:
         """The trunk between the first joints of arms and legs; None where it has no upper end or no hips.
 
         The neck begins with the first joint that has a name of the neck, else where the arms branch off.
         """
-        head = self._head()
-        crown = head if head is not None else self._last_neck()
+        meanings, joints = self.meanings, range(len(self.parents))
+        heads = [joint for joint in joints if meanings.means(joint, "head")]
+        head = max(heads, key=lambda joint: len(self._paths[joint]), default=None)
+        crown = head if head is not None else max(filter(meanings.is_neck, joints), default=None)
         uppers = [*arms] if len(arms) == len(SIDES) or crown is None else [*arms, crown]
         if not uppers:
             return self._hips_alone(legs)
@@ -145,21 +140,21 @@ class _Rig:
         hips = self._hips(center, legs)
         if hips is None:
             return None
-        line = self._path(top)
+        line = self._paths[top]
         spine = line[line.index(hips if hips in line else center) + 1 :]
-        neck = [] if crown is None else [joint for joint in self._path(crown) if joint not in line and joint != head]
-        joints = [joint for joint in spine + neck if not self.meanings.is_helper(joint) and not self._is_hips(joint)]
-        past_top = sum(joint in line for joint in joints)
-        first = next((place for place, joint in enumerate(joints) if self.meanings.is_neck(joint)), past_top)
-        return _NamedTrunk(hips, tuple(joints[:first]), tuple(joints[first:]), head)
+        neck = () if crown is None else [joint for joint in self._paths[crown] if joint not in line and joint != head]
+        chain = [joint for joint in (*spine, *neck) if not meanings.is_helper(joint) and not self._is_hips(joint)]
+        past_top = sum(joint in line for joint in chain)
+        first = next((place for place, joint in enumerate(chain) if meanings.is_neck(joint)), past_top)
+        return hips, chain[:first], chain[first:], head
 
-    def _hips_alone(self, legs: Sequence[int]) -> _NamedTrunk | None:
+    def _hips_alone(self, legs: Sequence[int]) -> Trunk | None:
         """The trunk of a body that has legs only; None if it has more than legs."""
-        above = {joint for leg in legs for joint in self._path(leg)}
+        above = {joint for leg in legs for joint in self._paths[leg]}
         hips = self._hips(self._branching(self.parents[leg] for leg in legs), legs)
-        if hips is None or any(joint not in above and path.isdisjoint(legs) for joint, path in enumerate(self._paths)):
-            return None
-        return _NamedTrunk(hips, (), (), None)
+        others = [joint for joint in range(len(self.parents)) if joint not in above]
+        more = any(set(legs).isdisjoint(self._paths[joint]) for joint in others)
+        return None if hips is None or more else (hips, (), (), None)
 
     def _hips(self, center: int, legs: Sequence[int]) -> int | None:
         """The hips: the joint with their name at or above `center`, where legs and trunk branch off, else between
@@ -169,7 +164,7 @@ class _Rig:
         """
         if center < 0:
             return None
-        others = [*self._path(self._branching(legs))[-1:], *reversed(self._path(center)[:-1])]
+        others = [*self._paths[self._branching(legs)][-1:], *reversed(self._paths[center][:-1])]
         named = [joint for joint in others if self._is_hips(joint) and self.meanings.names[joint].stem != CARRIER]
         if self._is_hips(center) or not named:
             return center if legs or self._is_hips(center) else None
@@ -178,40 +173,18 @@ class _Rig:
     def _is_hips(self, joint: int) -> bool:
         return self.meanings.means(joint, "hips")
 
-    def _head(self) -> int | None:
-        """The joint with a name of the head that is deepest in the tree; None without one."""
-        heads = [joint for joint in range(len(self.parents)) if self.meanings.means(joint, "head")]
-        return max(heads, key=lambda joint: len(self._path(joint)), default=None)
-
-    def _last_neck(self) -> int | None:
-        """The last joint with a name of the neck; None without one."""
-        return max(filter(self.meanings.is_neck, range(len(self.parents))), default=None)
-
     @cached_property
-    def _paths(self) -> list[frozenset[int]]:
-        """For each joint the joints from the root down to it."""
-        paths: list[frozenset[int]] = []
+    def _paths(self) -> list[tuple[int, ...]]:
+        """For each joint the joints from the root down to it; the last entry, for -1, is empty."""
+        paths: list[tuple[int, ...]] = []
         for joint, parent in enumerate(self.parents):
-            paths.append((paths[parent] if parent >= 0 else frozenset()) | {joint})
-        return paths
-
-    def _path(self, joint: int) -> list[int]:
-        """The joints from the root down to this one; empty for -1."""
-        return sorted(self._paths[joint]) if joint >= 0 else []
+            paths.append((*(paths[parent] if parent >= 0 else ()), joint))
+        return [*paths, ()]
 
     def _branching(self, joints: Iterable[int]) -> int:
         """The lowest common ancestor of joints, which may be one of them; -1 where there is none."""
-        paths = [set(self._path(joint)) for joint in joints]
+        paths = [set(self._paths[joint]) for joint in joints]
         return max(set.intersection(*paths), default=-1) if paths else -1
-
-
-def _points(chain: _Chain) -> float:
-    return chain.points
-
-
-def _starts(limbs: Mapping[str, Mapping[str, int]]) -> list[int]:
-    """The first joint of each limb that was found."""
-    return [min(limb.values()) for limb in limbs.values() if limb]
 
 
 def _finger_of(stem: str, from_zero: bool) -> str | None:
@@ -237,3 +210,31 @@ def _first_number(finger: str, stems: Sequence[str]) -> int:
         return 1
     longer = len(stems) > LAST_BONE and not stems[0].endswith("1")
     return 0 if longer or (finger != "Thumb" and _in_palm(stems[0])) else 1
+
+
+def find_handles(skeleton: Skeleton, anatomy: Anatomy | None, regions: Regions) -> dict[int, int]:
+    """Return the joint that each IK handle follows, by handle: the hand, foot or toes with the same name.
+
+    "ik_foot_l" is the handle of "foot_l", and "RightHandIK" of "RightHand". Only joints that move and turn freely and
+    carry no part of the body are handles.
+    """
+    roles = anatomy.roles if anatomy else {}
+    parts = {_meaning(skeleton.names[joint]): joint for role, joint in roles.items() if role.endswith(HANDLED_PARTS)}
+    handles = {}
+    for joint in skeleton.joints:
+        name = skeleton.names[joint]
+        if any(map(_marks_handle, words(name))) and skeleton.moves_freely(joint):
+            meaning = _meaning(name)
+            part = parts.get(NAMED_OTHERWISE.get(meaning, meaning))
+            if part is not None and (regions.of_joint[skeleton.subtree(joint)] < 0).all():
+                handles[joint] = part
+    return handles
+
+
+def _marks_handle(word: str) -> bool:
+    return without_digits(word) in HANDLE_WORDS
+
+
+def _meaning(name: str) -> tuple[str, Side | None]:
+    """The stem and side of a name without namespace and without the words of a handle."""
+    return stem_and_side([word for word in words(name.rpartition(":")[2]) if not _marks_handle(word)])

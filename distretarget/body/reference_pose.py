@@ -14,27 +14,27 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import ARM, LEG, SIDES, Anatomy
-from distretarget.body.axes import Directions, axes_of, direction, squared
+from distretarget.body.axes import PARALLEL, Directions, axes_of, direction, squared
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import least
-from distretarget.numerics.vectors import cross, level, normalised
+from distretarget.numerics.vectors import cross, lengths, normalised
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 
-STANDING_ANGLE = 100.0  # a person can stand in a rest pose with a larger angle between trunk and legs [degrees] ...
-RAISED_ARM = np.cos(np.radians(30))  # ... if its arms are farther than this angle from the trunk's direction [cosine]
-FOOT_PITCH = np.radians(25)  # how far feet usually point downwards, as in the synthetic T-pose [rad]
+STANDING_ANGLE = 100.0  # a person can stand with a larger angle than this between trunk and legs [degrees] ...
+RAISED_ARM = np.cos(np.radians(30))  # ... if both arms are at least this angle away from straight up [cosine]
+FOOT_PITCH = np.radians(25)  # usual angle by which feet point downwards, as in the synthetic T-pose [rad]
 OPPOSITE = -0.9  # a bone with a smaller cosine to its goal first turns half round about the sideways axis [cosine]
 
-# The choice of the frame in which the body stands best: weights against those of trunk and legs, which are 1.
+# Weights in the choice of the frame in which the body stands best; the leaning of trunk and legs has weight 1.
 ARM_WEIGHT = 0.25  # of each arm bone's deviation from hanging or pointing sideways
-FOOT_WEIGHT = 5.0  # of an ankle's height over its low place [1 / body unit]
-LOW_ANKLE = 20.0  # the low place of an ankle: this percentile of its heights [%]
+FOOT_WEIGHT = 5.0  # of an ankle's distance from its standing height [1 / body unit]
+LOW_ANKLE = 20.0  # percentile of an ankle's heights that is its standing height [%]
 TWIST_WEIGHT = 5.0  # of the twist between shoulders and hips
-LEANING = 0.8  # a body stands in a motion if in some frame its trunk and legs lean by less [sum of 1 - cosine]
+LEANING = 0.8  # in a frame in which a body stands, trunk and legs lean by less than this [sum of 1 - cosine]
 
-CLEAR_BEND = 0.1  # the axis about which a limb bends is known if its bend is larger than this on average [sine]
+CLEAR_BEND = 0.1  # a limb whose mean bend is larger than this shows its bend axis [sine]
 
 
 def stands_at_rest(rest: Directions) -> bool:
@@ -45,10 +45,8 @@ def stands_at_rest(rest: Directions) -> bool:
 
 
 def standing_frame(moving: Directions, up: Array, unit: float) -> int | None:
-    """Return the frame of a motion that is most like a rest pose: upright, legs straight, feet down, arms hanging or
-    out to the sides; None where the body never stands.
-
-    `up`, (3,), is the unit vector up; `unit` is the body unit [file units].
+    """Return the frame of a motion in which the body stands best: upright, legs straight, feet down, arms hanging or
+    out to the sides; None where it never stands. `up`, (3,), is the unit vector up; `unit` the body unit [file units].
     """
     anatomy, x = moving.anatomy, moving.positions
     lean = (1.0 - moving.trunk @ up) + (1.0 + moving.legs @ up)
@@ -75,11 +73,10 @@ def _twist(moving: Directions) -> Array:
 
 
 def bend_axes(anatomy: Anatomy, motion: Motion, world: Array) -> dict[str, Array]:
-    """Return the axes about which elbows and knees bend in a motion, (3,) unit vectors, by the roles of upper arms and
-    thighs; limbs that hardly bend have none.
+    """Return the axes about which elbows and knees bend in a motion, by the roles of upper arms and thighs: unit
+    vectors (3,) in the pose of the world rotations `world`, (joints, 4). Limbs that hardly bend have none.
 
-    An axis is a mean over the frames in the joint's own frame of reference, carried to the pose of the world rotations
-    `world`, (joints, 4). Like a pole vector it gives a limb its roll.
+    An axis is the mean over the frames in the joint's own coordinates. Like a pole vector it gives a limb its roll.
     """
     axes: dict[str, Array] = {}
     turned = motion.world_rotations
@@ -96,10 +93,10 @@ def bend_axes(anatomy: Anatomy, motion: Motion, world: Array) -> dict[str, Array
 
 
 def synthetic_t_pose(skeleton: Skeleton, rest: Directions) -> Array:
-    """Return the world rotations, (joints, 4), of a T-pose with Y up, facing Z: hips by their own axes, spine upright.
+    """Return the world rotations, (joints, 4), of a T-pose with Y up that faces Z, for a rest pose.
 
-    Each joint turns relative to its parent by the least rotation. Where that is nearly half a turn, it turns about the
-    sideways axis, as knees do.
+    The hips turn by their own axes, every other joint relative to its parent by the least rotation. Where that is
+    nearly half a turn, it is about the sideways axis, as knees turn.
     """
     goals = dict(_goals(rest.anatomy))
     turns: list[Rotation] = []
@@ -117,12 +114,14 @@ def synthetic_t_pose(skeleton: Skeleton, rest: Directions) -> Array:
 
 
 def _hip_axes(rest: Directions) -> Array:
-    """(3, 3), the axes of the hips at rest: left across the hip joints, up along the spine's first bone."""
-    across = rest.across("UpperLeg")
-    left = rest.left if across is None else normalised(across)
+    """(3, 3), the axes of the hips at rest: up along the spine's first bone, left across the hip joints, or across the
+    shoulders if the hip joints lie along the spine.
+    """
     bones = [direction(rest.positions, rest.anatomy.roles["hips"], joint) for joint in _spine_to_head(rest.anatomy)]
     up = next((bone for bone in bones if bone.any()), rest.trunk)
-    return squared(axes_of(left, normalised(level(up, left))))
+    lefts = [normalised(width) for width in map(rest.across, ("UpperLeg", "UpperArm")) if width is not None]
+    left = next((left for left in lefts if lengths(cross(left, up)) > PARALLEL), rest.left)
+    return squared(axes_of(left, up))
 
 
 def _spine_to_head(anatomy: Anatomy) -> list[int]:

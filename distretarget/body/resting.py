@@ -1,4 +1,4 @@
-"""The frames in which joints rest on the world: on the floor, or on anything else that stands still."""
+"""Frames in which joints rest: on the floor, or on anything else that stands still."""
 
 from __future__ import annotations
 
@@ -17,11 +17,13 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 REST_SPEED = 0.35  # a joint that rests on the floor is slower than this [leg lengths / s]
-REST_HEIGHT = 0.1  # a joint that rests on the floor is no higher than this above the lowest joint [leg lengths]
-STILL_SPEED = 0.1  # a joint that stands still is slower than this [leg lengths / s] ...
-STILL_TIME = 0.3  # ... for at least this long [s],
-TIMES_AS_FAR = 5.0  # while the joint where its limb begins goes this many times as far from its mean place ...
-FARTHER = 0.02  # ... and this much farther [leg lengths]
+REST_HEIGHT = 0.1  # a joint that rests on the floor is at most this far above the lowest joint [leg lengths]
+# A joint that stands still is slower than `STILL_SPEED` for at least `STILL_TIME`, while the base of its limb goes
+# `TIMES_AS_FAR` times as far from its mean place, and `FARTHER` more.
+STILL_SPEED = 0.1  # [leg lengths / s]
+STILL_TIME = 0.3  # [s]
+TIMES_AS_FAR = 5.0
+FARTHER = 0.02  # [leg lengths]
 
 
 def feet_at_rest(
@@ -34,12 +36,11 @@ def feet_at_rest(
     height: float = REST_HEIGHT,
     shots: Shots | None = None,
 ) -> Flags:
-    """Return whether ankle and toe of a leg rest, (frames, 2): each while it is slow and the foot is low, or while it
-    stands still, as on a step.
+    """Return whether ankle and toe of a leg rest, (frames, 2): they are slow and the foot is low, or they stand still,
+    as on a step.
 
-    `up`, (3,), is the unit vector up; `length` is that of the leg [file units]; `speed` and `height` are the limits,
-    in leg lengths per second and leg lengths. Only frames of the same shot decide; without `shots`, (frames,), the
-    motion is one.
+    `up`, (3,), is the unit vector up; `length` the length of the leg [file units]; `speed` [leg lengths / s] and
+    `height` [leg lengths] are the limits. `shots`, (frames,), are judged separately; without them the motion is one.
     """
     shots = np.zeros(len(motion), np.intp) if shots is None else shots
     joints = np.array([leg.ankle, leg.toe])
@@ -51,22 +52,22 @@ def feet_at_rest(
 
 
 def joint_speeds(motion: Motion, joints: NDArray[np.intp], shots: Shots) -> Array:
-    """Return how fast each of the joints is, (frames, len(joints)) [file units / s]; `shots` are those of the clip."""
+    """Return the speeds of some joints, (frames, len(joints)) [file units / s], each shot on its own."""
     return by_shot(partial(speeds_along, frame_time=motion.frame_time, joints=joints), shots, motion.positions)
 
 
 def above_lowest(motion: Motion, joints: NDArray[np.intp] | list[int], up: Array) -> Array:
-    """Return how far each of the joints is above the lowest one of the frame, (frames, len(joints)) [file units]."""
+    """Return the heights of some joints above the lowest joint of the frame, (frames, len(joints)) [file units]."""
     return heights_of(motion.positions, joints, up) - lowest_heights(motion.positions, up)[:, None]
 
 
 def still_joints(
     motion: Motion, joints: NDArray[np.intp], bases: NDArray[np.intp], speeds: Array, length: float, shots: Shots
 ) -> Flags:
-    """Return whether each of the joints stands still in the world while its limb moves, (frames, len(joints)).
+    """Return whether joints stand still in the world while their limbs move, (frames, len(joints)).
 
-    Nothing but something to hold on to keeps the end of a limb in its place while the joint where the limb begins, in
-    `bases`, moves. `speeds` are those of `joint_speeds`, and `length` is that of a leg [file units].
+    The end of a limb holds on to something if it keeps its place while the joint at the limb's base, in `bases`, moves.
+    `speeds` are those of `joint_speeds`; `length` is the length of a leg [file units].
     """
     slow = speeds < STILL_SPEED * length
     holding = np.zeros_like(slow)
@@ -77,8 +78,8 @@ def still_joints(
 
 @compiled()
 def _find_holding(slow, positions, joints, bases, length, least, shots, holding):  # type: ignore[no-untyped-def]
-    """Set `holding`, (frames, len(joints)), in those runs of `slow` frames of a shot, at least so many, in which a
-    joint keeps its place while the base of its limb moves.
+    """Set `holding`, (frames, len(joints)), in runs of at least `least` slow frames of one shot in which a joint keeps
+    its place while the base of its limb moves.
     """
     for k in range(len(joints)):
         first = 0
@@ -93,7 +94,7 @@ def _find_holding(slow, positions, joints, bases, length, least, shots, holding)
 
 @inlined()
 def _reach(positions: Array, joint: int, first: int, end: int) -> float:
-    """How far a joint goes at most from its mean place in some frames."""
+    """The largest distance of a joint from its mean place in the frames from `first` to before `end`."""
     farthest, a, b, c = 0.0, 0.0, 0.0, 0.0
     for frame in range(first, end):
         a += positions[frame, joint, 0] / (end - first)

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.body.anatomy import SIDES, Anatomy, spine_roles
-from distretarget.body.axes import FOLDED, STRETCHED, Directions, direction
+from distretarget.body.anatomy import SIDES, Anatomy, trunk_roles
+from distretarget.body.axes import FOLDED, STRETCHED, Directions, direction, perpendicular
 from distretarget.body.legs import SHORTEST_LIMB, Leg, are_alike, bends, tree_legs
 from distretarget.numerics.vectors import cross, lengths, normalised
 from distretarget.skeleton import Skeleton
@@ -85,8 +85,7 @@ def by_shape(skeleton: Skeleton, positions: Array | None = None) -> Anatomy | No
         arms, collars = arms[::-1], collars[::-1]
     if not _left_is_first(skeleton, legs, standing, moving):
         legs, arms, collars = legs[::-1], arms[::-1], collars[::-1]
-    roles = {"hips": hips, **spine_roles(spine), "head": head, **dict(zip(["neck"], neck, strict=False))}
-    roles |= _roles(legs, arms)
+    roles = trunk_roles(hips, spine, neck, head) | _roles(legs, arms)
     for side, leg, collar in zip(SIDES, legs, collars, strict=True):
         roles |= {f"{side}Toes": joint for joint in _toes(skeleton, leg)}
         roles |= {f"{side}Shoulder": joint for joint in collar}
@@ -186,9 +185,8 @@ def _unlikeness(upper: float, fore: float, leg: float) -> float:
 
 
 def _like_chains(skeleton: Skeleton, tops: Sequence[int]) -> list[tuple[list[int], list[int]]]:
-    """The pairs of chains, each from one of the joints `tops` down, whose bones have about equal lengths.
-
-    One chain of a pair may be longer, as an arm that holds a sword; the joints that only it has are left out.
+    """The pairs of chains down from the joints `tops` whose bones have about equal lengths. The longer chain of a pair,
+    such as an arm that holds a sword, is cut to the length of the other.
     """
     chains = [_chain(skeleton, top) for top in tops if not skeleton.end_sites[top]]
     pairs = [(a, b) for a, b in combinations(chains, 2) if len(a) == len(b) or min(len(a), len(b)) >= ARM_JOINTS]
@@ -226,8 +224,8 @@ def _toes(skeleton: Skeleton, leg: Limb) -> list[int]:
 
 
 def _collar(skeleton: Skeleton, arms: LimbPair, arm: Limb, posture: Array) -> list[int]:
-    """The joint at the inner end of an arm's collar bone: the only candidate, or the last one that is less than halfway
-    from the body's middle to the shoulder.
+    """The joint at the inner end of an arm's collar bone: the only candidate, or the last one less than halfway out
+    to the shoulder.
     """
     if len(arm.collar) < 2:
         return list(arm.collar)
@@ -287,9 +285,7 @@ def _neck(skeleton: Skeleton, first: int, heights: Array, leg: float) -> list[in
 
 
 def _standing(rest: Directions, moving: Directions) -> Directions | None:
-    """The rest pose or the motion in which the body stands; no frames where neither shows it; None where they show a
-    body on all fours.
-    """
+    """Rest pose or motion, whichever shows the body standing; no frames if neither does; None on all fours."""
     at_rest = float(rest.stretch[0])
     if at_rest > STRETCHED:
         return rest
@@ -306,7 +302,7 @@ def _heights(skeleton: Skeleton, legs: LimbPair, standing: Directions) -> Array:
 
 
 def _left_is_first(skeleton: Skeleton, legs: LimbPair, standing: Directions, moving: Directions) -> bool:
-    """Whether the first leg is the left one; so it is where nothing shows that."""
+    """Whether the first leg is the left one; true where nothing shows it."""
     feet = partial(_feet, skeleton)
     for way, show in ((standing, feet), (moving, feet), (standing, _knees), (moving, _knees), (moving, _travel)):
         cosine = _agreement(show(legs, way.positions), legs, way)
@@ -319,7 +315,7 @@ def _feet(skeleton: Skeleton, legs: LimbPair, x: Array) -> Array:
     """(frames, 3), the direction of the feet: from the ankles to the joints below, without the part along the shins."""
     feet = [_middle(x, skeleton.subtree(leg.end)) - x[:, leg.end] for leg in legs]
     shins = [direction(x, leg.end, leg.lower) for leg in legs]
-    return np.asarray(sum(_across(foot, shin) for foot, shin in zip(feet, shins, strict=True)))
+    return np.asarray(sum(perpendicular(foot, shin) for foot, shin in zip(feet, shins, strict=True)))
 
 
 def _knees(legs: LimbPair, x: Array) -> Array:
@@ -339,15 +335,11 @@ def _agreement(forward: Array, legs: LimbPair, way: Directions) -> float:
     """
     x, up = way.positions, -way.legs
     front = normalised(cross(x[:, legs[0].upper] - x[:, legs[1].upper], up))
-    level = lengths(_across(forward, up)).sum()
+    level = lengths(perpendicular(forward, up)).sum()
     slight = SLIGHT * legs[0].length * len(x)
     return float((forward * front).sum() / level) if level > slight else 0.0
 
 
 def _middle(x: Array, joints: list[int]) -> Array:
+    """(frames, 3), the centre of some joints."""
     return np.asarray(x[:, joints].mean(axis=1))
-
-
-def _across(vectors: Array, axes: Array) -> Array:
-    """The parts of vectors that are at right angles to unit vectors."""
-    return np.asarray(vectors - (vectors * axes).sum(axis=-1, keepdims=True) * axes)

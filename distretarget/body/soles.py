@@ -1,4 +1,4 @@
-"""The soles of a body: how each foot is held while it stands flat on the floor."""
+"""The soles of a body: the pose of each foot while it stands flat on the floor."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from distretarget.numerics.vectors import lengths, normalised
 
 Array = NDArray[np.float64]
 
-HANGING = np.cos(np.radians(30))  # a foot that points down more steeply than this does not stand, it hangs [cosine]
+HANGING = np.cos(np.radians(30))  # a foot within this angle of straight down hangs instead of standing [cosine]
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +29,8 @@ class Sole:
     Attributes:
         normal: (3,), the unit vector up from the floor while the foot stands flat, in the axes of the ankle joint.
         joints: (joints,), the ankle, and the joints and End Sites of the foot below it.
-        heights: (joints,), how high these are over the sole [file units].
-        known: whether rest pose or motion show how the foot stands; else that is its usual pitch.
+        heights: (joints,), their heights above the sole [file units].
+        known: whether rest pose or motion show how the foot stands; if not, the usual pitch is assumed.
     """
 
     normal: Array
@@ -45,16 +45,16 @@ class Sole:
 
     @property
     def ankle(self) -> float:
-        """The height of the ankle over the sole [file units]."""
+        """The height of the ankle above the sole [file units]."""
         return float(self.heights[0])
 
 
 def find_soles(body: Body, legs: Legs, normals: tuple[Array, Array] | None = None) -> tuple[Sole, Sole]:
     """Return the soles of both feet, each level with the lowest of the foot's joints and End Sites.
 
-    A foot stands flat in the rest pose, if a person can stand in that and the foot does not hang in it. Else the motion
-    shows how it stands: both feet are pitched as the flatter one is while it rests. Without a motion it stands as in
-    the reference pose, a hanging foot with its usual pitch. `normals` of the soles overrule all that.
+    The rest pose shows how a foot stands if a person can stand in it and the foot does not hang. Otherwise both feet
+    get the pitch of the flatter one while it rests in the motion. Without a motion feet stand as in the reference pose,
+    hanging ones at the usual pitch. `normals` of the soles, if given, overrule all of this.
     """
     feet = [_reference_foot(body, leg) for leg in legs]
     if not all(foot.known for foot in feet):
@@ -69,8 +69,8 @@ def find_soles(body: Body, legs: Legs, normals: tuple[Array, Array] | None = Non
 
 @dataclass(frozen=True, eq=False)
 class _Foot:
-    """How a foot is held, in the axes of its ankle: the `points` of its `joints`, (joints, 3), relative to the ankle
-    [file units], and the unit vector `up`, (3,); `known` if rest pose or motion show that it stands so.
+    """A foot in the axes of its ankle: its `joints`, their `points`, (joints, 3), relative to the ankle [file units],
+    and the unit vector `up`, (3,); `known` if rest pose or motion show that it stands like this.
     """
 
     joints: list[int]
@@ -85,7 +85,7 @@ class _Foot:
 
     @property
     def sole(self) -> Sole:
-        """Its sole."""
+        """The sole of the foot."""
         heights = self.points @ self.up
         return Sole(self.up, np.array(self.joints, np.intp), heights - heights.min(), self.known)
 
@@ -102,7 +102,7 @@ class _Foot:
 
 
 def _reference_foot(body: Body, leg: Leg) -> _Foot:
-    """The foot in the reference pose; one that hangs there is given its usual pitch."""
+    """The foot in the reference pose; a hanging foot gets the usual pitch."""
     stance = body.reference.directions
     up = body.up_vector if stance is None else axis_vector(nearest_axis(stance.up)[0])
     ankle = Rotation.from_quat(body.reference.rotations[leg.ankle]).as_matrix()
@@ -116,7 +116,7 @@ def _reference_foot(body: Body, leg: Leg) -> _Foot:
 
 
 def _resting_foot(body: Body, leg: Leg) -> _Foot | None:
-    """The foot as it usually is while it rests in the motion; None where it never does."""
+    """The foot in the median pose of the frames in which it rests; None where it never rests."""
     motion = body.motion
     if motion is None or len(motion) < 2:
         return None

@@ -1,30 +1,44 @@
-"""Reading BVH files: from degrees and channels to the quaternions and translations of a Motion."""
+"""Reading BVH files: their words, joints and numbers, each checked, become a motion. Errors name the line."""
 
 from __future__ import annotations
 
 import itertools
+import math
+import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.errors import BvhError, SkeletonError
-from distretarget.io.bvh_parser import Words, take_frame_count, take_frames, take_hierarchy, take_motion_keyword
+from distretarget.io.decimals import parse_numbers
 from distretarget.io.files import read_text
-from distretarget.motion import Motion, MovingBones
+from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME, Motion, MovingBones, is_frame_time
 from distretarget.numerics.euler import write_channel_rotations
 from distretarget.numerics.vectors import lengths
-from distretarget.skeleton import POSITION_CHANNELS, Skeleton
+from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
 
 Array = NDArray[np.float64]
 
 NOISE = 0.01  # position channels that stay this close to zero are noise [length of the OFFSET]
+MAX_DEPTH = 400  # joints above a joint; bodies have about 40
+CHANNELS = {name.upper(): name for name in POSITION_CHANNELS + ROTATION_CHANNELS}
+LONGEST_SHOWN = 60  # characters of a word in an error
+KEYWORDS = ("HIERARCHY", "ROOT", "JOINT", "END", "OFFSET", "CHANNELS", "MOTION", "{", "}", "")
+
+WORD = re.compile(r"[{}]|[^\s{}]+", re.ASCII)
+NAME = re.compile(r"[^{}\r\n\0]*")
+LINE_END = re.compile(r"\r\n|\r|\n")
+NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+COUNT = re.compile(r"\d{1,18}", re.ASCII)
+BLANKS = " \t\v\f"
 
 
 def read_bvh(path: str | Path) -> Motion:
-    """The motion of a BVH file; see `parse_bvh`.
+    """Return the motion of a BVH file as `parse_bvh` does.
 
     Raises:
         FileError: the file cannot be read as text.
@@ -34,7 +48,7 @@ def read_bvh(path: str | Path) -> Motion:
 
 
 def parse_bvh(text: str, path: str | Path) -> Motion:
-    """The motion in the text of a BVH file; `path` is for errors.
+    """Return the motion in the text of a BVH file; `path` is for errors.
 
     A position channel replaces its component of the OFFSET, or is added to it; see `add_offsets`. End Sites become
     joints called `<parent>_End`, `<parent>_End2`, ...
@@ -44,38 +58,38 @@ def parse_bvh(text: str, path: str | Path) -> Motion:
     """
     words = Words(path, text)
     skeleton = _take_skeleton(words)
-    if not take_motion_keyword(words):
+    if not _take_motion_keyword(words):
         words.refuse("", "MOTION")
     return _take_motion(words, skeleton)
 
 
 def parse_bvh_skeleton(text: str, path: str | Path) -> Skeleton:
-    """The skeleton in the text of a BVH file, from its HIERARCHY; the MOTION may be missing or broken.
+    """Return the skeleton in the HIERARCHY of a BVH file; the MOTION may be missing or broken.
 
-    Where joints below the root have position channels, their OFFSETs need not be their bones: then the frames are read
-    too, if there are any, and the bones are those of `Motion.rigid_skeleton`.
+    Where joints below the root have position channels, their OFFSETs may not be their bones; then the frames, if there
+    are any, give the bones (`Motion.rigid_skeleton`).
 
     Raises:
         BvhError: it has no whole HIERARCHY, or broken frames where they are needed.
     """
     words = Words(path, text)
     skeleton = _take_skeleton(words)
-    has_motion = take_motion_keyword(words)
+    has_motion = _take_motion_keyword(words)
     return _take_motion(words, skeleton).rigid_skeleton if has_motion and _sliding(skeleton).size else skeleton
 
 
 def declared_frames(text: str) -> int | None:
-    """The number of frames that a text declares, 0 if it ends after its HIERARCHY; None if that is not BVH."""
+    """Return how many frames a BVH text declares, 0 if it ends after its HIERARCHY; None if it is not BVH."""
     words = Words("", text)
     try:
         _take_skeleton(words)
-        return take_frame_count(words) if take_motion_keyword(words) else 0
+        return _take_frame_count(words) if _take_motion_keyword(words) else 0
     except BvhError:
         return None
 
 
 def _take_skeleton(words: Words) -> Skeleton:
-    joints = take_hierarchy(words)
+    joints = _take_hierarchy(words)
     parents = [joint.parent for joint in joints]
     end_sites = [joint.end_site for joint in joints]
     names = joint_names([joint.name for joint in joints], parents, end_sites)
@@ -92,25 +106,19 @@ def _take_skeleton(words: Words) -> Skeleton:
 
 
 def joint_names(names: Sequence[str], parents: Sequence[int], end_sites: Sequence[bool]) -> tuple[str, ...]:
-    """The names of joints, with unique names for End Sites: `<parent>_End`, `<parent>_End2`, ...
-
-    Parents come before children. The given names of End Sites are not used.
+    """Return the names of joints with unique names for End Sites in place of their own: `<parent>_End`,
+    `<parent>_End2`, ... Parents come before children.
     """
     taken = {name for name, end_site in zip(names, end_sites, strict=True) if not end_site}
-    unused: dict[str, Iterator[str]] = {}
+    unused: defaultdict[str, Iterator[str]] = defaultdict(lambda: itertools.chain([""], map(str, itertools.count(2))))
     complete: list[str] = []
     for name, parent, end_site in zip(names, parents, end_sites, strict=True):
         if end_site:
-            made_up = unused.setdefault(complete[parent], _end_names(complete[parent]))
-            complete.append(next(name for name in made_up if name not in taken))
+            numbered = (f"{complete[parent]}_End{number}" for number in unused[complete[parent]])
+            complete.append(next(end for end in numbered if end not in taken))
         else:
             complete.append(name)
     return tuple(complete)
-
-
-def _end_names(parent: str) -> Iterator[str]:
-    yield f"{parent}_End"
-    yield from (f"{parent}_End{number}" for number in itertools.count(2))
 
 
 def _twin(names: Sequence[str], parents: Sequence[int]) -> int:
@@ -125,7 +133,7 @@ def _twin(names: Sequence[str], parents: Sequence[int]) -> int:
 
 
 def _take_motion(words: Words, skeleton: Skeleton) -> Motion:
-    frame_time_text, values = take_frames(words, sum(map(len, skeleton.channels)))
+    frame_time_text, values = _take_frames(words, sum(map(len, skeleton.channels)))
     columns = _columns(skeleton)
     rotations, joints = _rotations(skeleton, columns, values), np.append(0, _sliding(skeleton))
     translations = _translations(skeleton, columns, joints, values)
@@ -145,15 +153,10 @@ def _columns(skeleton: Skeleton) -> list[dict[str, int]]:
     return [{channel: next(column) for channel in channels} for channels in skeleton.channels]
 
 
-def rotation_axes(channels: Sequence[str]) -> str:
-    """The axes of the rotation channels in their order, such as "ZXY"."""
-    return "".join(channel[0] for channel in channels if channel not in POSITION_CHANNELS)
-
-
 def _translations(
     skeleton: Skeleton, columns: Sequence[Mapping[str, int]], joints: NDArray[np.intp], values: Array
 ) -> Array:
-    """(frames, joints, 3) from the frames (frames, channels): the offsets, replaced by position channels."""
+    """(frames, joints, 3), the offsets of joints, replaced by their channels in the `values`, (frames, channels)."""
     translations = np.tile(skeleton.offsets[joints], (len(values), 1, 1))
     for row, joint in enumerate(joints):
         for component, channel in enumerate(POSITION_CHANNELS):
@@ -164,11 +167,11 @@ def _translations(
 
 
 def add_offsets(skeleton: Skeleton, joints: NDArray[np.intp], translations: Array) -> None:
-    """Add OFFSETs to `translations` (frames, joints, 3), which have the position channels, where these hold only noise.
+    """Add the OFFSETs to position channels that hold only noise; `translations` are (frames, joints, 3).
 
-    MakeHuman writes position channels with nothing but rounding noise on all joints; if they replaced the OFFSETs, the
-    body would collapse into one point. So where several joints below the root have position channels, and most of these
-    stay within `NOISE` of zero though their OFFSETs do not, all of them are added.
+    MakeHuman gives all joints position channels with nothing but rounding noise: replacing the OFFSETs by them would
+    collapse the body into one point. So all OFFSETs are added where several joints below the root have position
+    channels, and most of these stay within `NOISE` of zero though their OFFSETs do not.
     """
     sizes = skeleton.lengths[joints]
     slides = [joint > 0 and set(POSITION_CHANNELS) <= set(skeleton.channels[joint]) for joint in joints]
@@ -181,12 +184,210 @@ def add_offsets(skeleton: Skeleton, joints: NDArray[np.intp], translations: Arra
 
 
 def _rotations(skeleton: Skeleton, columns: Sequence[Mapping[str, int]], values: Array) -> Array:
-    """(frames, joints, 4) from the frames (frames, channels), all joints of one rotation order at once."""
+    """(frames, joints, 4), the local rotations in the `values`, (frames, channels)."""
     rotations = np.tile([0.0, 0.0, 0.0, 1.0], (len(values), len(skeleton), 1))
     orders: defaultdict[str, list[int]] = defaultdict(list)
-    for joint, channels in enumerate(skeleton.channels):
-        orders[rotation_axes(channels)].append(joint)
+    for joint in range(len(skeleton)):
+        orders[skeleton.rotation_axes(joint)].append(joint)
     for axes in filter(None, orders):
         chosen = np.array([[columns[joint][f"{axis}rotation"] for axis in axes] for joint in orders[axes]], np.intp)
         write_channel_rotations(values, chosen, axes, np.array(orders[axes], np.intp), rotations)
     return rotations
+
+
+# ---- the text
+
+
+class Words:
+    """Reads a text word by word. A brace is a word of its own; at the end of the text words are empty.
+
+    Attributes: `path`, for errors; `text`; `at`, the position up to which it has been read.
+    """
+
+    def __init__(self, path: str | Path, text: str) -> None:
+        self.path = path
+        self.text = text
+        self.at = 0
+        self._word_at = 0
+
+    def take(self) -> str:
+        """The next word."""
+        found = WORD.search(self.text, self.at)
+        self._word_at, self.at = found.span() if found else (len(self.text), len(self.text))
+        return found.group() if found else ""
+
+    def peek(self) -> str:
+        """The next word, without taking it."""
+        found = WORD.search(self.text, self.at)
+        return found.group() if found else ""
+
+    def keyword(self, *expected: str) -> str:
+        """The next word in upper case, which must be the first word of one of these phrases."""
+        word = self.take()
+        if word.upper() not in [phrase.split()[0].upper() for phrase in expected]:
+            self.refuse(word, " or ".join(expected))
+        return word.upper()
+
+    def label(self, label: str) -> None:
+        """Pass a label such as `Frame Time:`; blanks, line ends and case do not matter."""
+        pattern = r"\s*".join(map(re.escape, ["", *label.split(), ":"]))
+        found = re.compile(pattern, re.ASCII | re.IGNORECASE).match(self.text, self.at)
+        if not found:
+            self.refuse(self.take(), f"{label}:")
+        self.at = found.end()
+
+    def name(self) -> str:
+        """The rest of the line, up to a brace; inner blanks stay."""
+        found = NAME.match(self.text, self.at)
+        self.at = found.end() if found else self.at
+        return found.group().strip(BLANKS) if found else ""
+
+    def number(self, what: str) -> float:
+        """The next word as a number up to `LARGEST`."""
+        word = self.take()
+        if not _is_finite(word) or abs(float(word)) > LARGEST:
+            self.refuse(word, f"{what}, a finite number, at most {LARGEST:g}")
+        return float(word)
+
+    def count(self, what: str) -> int:
+        """The next word as a whole number, 0 or more."""
+        word = self.take()
+        if not COUNT.fullmatch(word):
+            self.refuse(word, f"{what}, a whole number")
+        return int(word)
+
+    def refuse(self, found: str, expected: str) -> NoReturn:
+        """Raise the error for a word that is not what was expected."""
+        shown = found if len(found) <= LONGEST_SHOWN else found[:LONGEST_SHOWN] + "..."
+        what = f"found {shown!r}" if found else "the file ends"
+        raise self.error(f"{what}, expected {expected}")
+
+    def error(self, reason: str, at: int | None = None) -> BvhError:
+        """An error at a position in the text, by default at the last word taken."""
+        return BvhError(self.path, self.line(self._word_at if at is None else at), reason)
+
+    def line(self, at: int) -> int:
+        """The number of the line at a position in the text; at its end, of the last line with words."""
+        before = self.text[:at] if at < len(self.text) else self.text.rstrip()
+        return 1 + len(LINE_END.findall(before))
+
+
+def _is_finite(word: str) -> bool:
+    """Whether a word is a finite number as BVH files write them."""
+    return NUMBER.fullmatch(word) is not None and math.isfinite(float(word))
+
+
+def is_name(word: str) -> bool:
+    """Whether a name written after JOINT is read back the same."""
+    return bool(word) and NAME.fullmatch(word) is not None and word == word.strip(BLANKS)
+
+
+class _JointText(NamedTuple):
+    """A joint or End Site in a HIERARCHY; `parent` counts in the order of the text, and is -1 for the root."""
+
+    name: str
+    parent: int
+    offset: tuple[float, float, float]  # [file units]
+    channels: tuple[str, ...]  # in the usual spelling, `Xposition`
+    end_site: bool
+    at: int  # its position in the text
+
+
+def _take_hierarchy(words: Words) -> list[_JointText]:
+    """The joints and End Sites in the order of the text, up to the root's last brace; BvhError if there is no ROOT."""
+    words.keyword("HIERARCHY")
+    words.keyword("ROOT")
+    joints = [_take_joint(words, -1)]
+    unclosed = [0]
+    while unclosed:
+        parent = unclosed[-1]
+        expected = ("}",) if joints[parent].end_site else ("JOINT", "End Site", "}")
+        keyword = words.keyword(*expected)
+        if keyword == "}":
+            unclosed.pop()
+            continue
+        if len(unclosed) > MAX_DEPTH:
+            raise words.error(f"found a joint inside {len(unclosed)} others, expected {MAX_DEPTH} at most")
+        unclosed.append(len(joints))
+        joints.append(_take_joint(words, parent, end_site=keyword == "END"))
+    return joints
+
+
+def _take_joint(words: Words, parent: int, end_site: bool = False) -> _JointText:
+    """A joint after its keyword, up to its channels."""
+    at = words.at
+    name = words.name()
+    if not name:
+        words.refuse(words.take(), "a name")
+    words.keyword("{")
+    words.keyword("OFFSET")
+    offset = (words.number("the x offset"), words.number("the y offset"), words.number("the z offset"))
+    return _JointText(name, parent, offset, () if end_site else _take_channels(words), end_site, at)
+
+
+def _take_channels(words: Words) -> tuple[str, ...]:
+    if words.peek().upper() != "CHANNELS":
+        return ()
+    words.take()
+    declared = words.count("the number of channels")
+    names: list[str] = []
+    while words.peek().upper() not in KEYWORDS:
+        word = words.take()
+        name = CHANNELS.get(word.upper())
+        if name is None:
+            words.refuse(word, f"a channel, one of {', '.join(CHANNELS.values())}")
+        if name in names:
+            raise words.error(f"found {word!r} twice, expected each channel once in a joint")
+        names.append(name)
+    if len(names) != declared:
+        raise words.error(f"found {len(names)} channel names, expected {declared} as declared")
+    return tuple(names)
+
+
+def _take_motion_keyword(words: Words) -> bool:
+    """Pass MOTION; false where the file ends instead, BvhError where something else follows the hierarchy."""
+    word = words.take()
+    if word.upper() == "ROOT":
+        raise words.error("found a second ROOT, expected MOTION: one skeleton in a file")
+    if word and word.upper() != "MOTION":
+        words.refuse(word, "MOTION")
+    return bool(word)
+
+
+def _take_frame_count(words: Words) -> int:
+    """The declared number of frames, after MOTION."""
+    words.label("Frames")
+    return words.count("the number of frames")
+
+
+def _take_frames(words: Words, channels: int) -> tuple[str, NDArray[np.float64]]:
+    """The frame time as written [s], and the values (frames, channels), from MOTION to the end of the file.
+
+    Raises:
+        BvhError: a word is not a finite number, or there are not as many numbers as declared.
+    """
+    declared, at = _take_frame_count(words), words.at
+    words.label("Frame Time")
+    time = words.take()
+    if not is_frame_time(time):
+        bounds = f"from {SHORTEST_FRAME:g} to {LONGEST_FRAME:g}"
+        words.refuse(time, f"the time between frames in seconds, a number above 0, {bounds}")
+    numbers = parse_numbers(words.text[words.at :].encode("utf-8", "surrogateescape"))
+    values = _take_numbers_singly(words) if numbers is None else numbers
+    if declared and not channels:
+        raise words.error(f"found {declared} frames declared, expected 0 where no joint has channels", at)
+    if values.size != declared * channels:
+        whole, over = divmod(values.size, channels) if channels else (0, values.size)
+        found = f"{whole} whole frames of {channels} numbers" + (f" and {over} numbers over" if over else "")
+        raise words.error(f"found {found}, expected {declared} frames as declared", at)
+    return time, values.reshape(declared, channels)
+
+
+def _take_numbers_singly(words: Words) -> NDArray[np.float64]:
+    """All numbers to the end of the text, slowly, to name the first word that is not a finite number."""
+    numbers: list[float] = []
+    while word := words.take():
+        if not _is_finite(word):
+            words.refuse(word, "a finite number or the end of the file")
+        numbers.append(float(word))
+    return np.array(numbers)

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from distretarget.checks import check_kind
 from distretarget.errors import MotionError, SkeletonError
-from distretarget.io.bvh import rotation_axes
-from distretarget.io.bvh_parser import is_name
+from distretarget.io.bvh import is_name
 from distretarget.io.decimals import rows_text
 from distretarget.io.files import write_whole
 from distretarget.motion import Motion
@@ -63,9 +62,7 @@ def bvh_parts(motion: Motion, mapper: Callable[..., Iterable[str]] = map) -> Ite
 
 def _hierarchy_lines(skeleton: Skeleton) -> Iterator[str]:
     """The HIERARCHY, joints depth first."""
-    depths = np.zeros(len(skeleton), np.intp)
-    for joint, parent in enumerate(skeleton.parents[1:], start=1):
-        depths[joint] = depths[parent] + 1
+    depths = skeleton.path_sizes[0] - 1
     order = skeleton.depth_first
     following = [*depths[list(order[1:])], 0]
     yield "HIERARCHY"
@@ -75,25 +72,17 @@ def _hierarchy_lines(skeleton: Skeleton) -> Iterator[str]:
 
 
 def _joint_lines(skeleton: Skeleton, joint: int) -> Iterator[str]:
-    """A joint up to its children."""
+    """A joint up to its children. The root's offset is zero where a channel replaces it."""
     name, channels = skeleton.names[joint], skeleton.channels[joint]
     if not skeleton.end_sites[joint] and not is_name(name):
         raise SkeletonError(f"BVH cannot hold the joint name {name!r}; rename it")
     yield "End Site" if skeleton.end_sites[joint] else f"{'JOINT' if joint else 'ROOT'} {name}"
     yield "{"
-    yield "  OFFSET " + " ".join(map(_offset_word, _written_offset(skeleton, joint)))
+    replaced = [not joint and channel in channels for channel in POSITION_CHANNELS]
+    offset = np.where(replaced, 0.0, skeleton.offsets[joint]) + 0.0  # no minus zero
+    yield "  OFFSET " + " ".join(np.format_float_positional(value, unique=True, min_digits=6) for value in offset)
     if not skeleton.end_sites[joint]:
         yield "  " + " ".join(["CHANNELS", str(len(channels)), *channels])
-
-
-def _written_offset(skeleton: Skeleton, joint: int) -> Array:
-    """(3,), the joint's offset; for the root, zero where a channel replaces it."""
-    replaced = [not joint and channel in skeleton.channels[joint] for channel in POSITION_CHANNELS]
-    return np.where(replaced, 0.0, skeleton.offsets[joint])
-
-
-def _offset_word(value: float) -> str:
-    return np.format_float_positional(value + 0.0, unique=True, min_digits=6)
 
 
 def _decimals(skeleton: Skeleton) -> list[int]:
@@ -109,7 +98,7 @@ def _channel_values(motion: Motion, decimals: Sequence[int]) -> Array:
     values, columns = np.empty((len(motion), len(decimals))), itertools.count()
     for joint in motion.skeleton.depth_first:
         channels = motion.skeleton.channels[joint]
-        axes = rotation_axes(channels)
+        axes = motion.skeleton.rotation_axes(joint)
         angles = np.degrees(euler_angles(motion.rotations[:, joint], axes))
         places = motion.translations_of(joint)
         for channel in channels:

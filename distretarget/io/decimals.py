@@ -1,4 +1,4 @@
-"""Decimal numbers as text: many read at once by compiled code, and rows written with fixed numbers of decimals."""
+"""Decimal numbers as text, by compiled code: many read at once, and rows written with fixed numbers of decimals."""
 
 from __future__ import annotations
 
@@ -20,10 +20,7 @@ ZERO, NINE, PLUS, MINUS, POINT, SMALL_E, LARGE_E, SPACE, TAB, NEWLINE, RETURN = 
 
 
 def parse_numbers(text: bytes) -> Array | None:
-    """Return all numbers of a text, (numbers,), each the double nearest to its decimals.
-
-    Numbers are separated by blanks. None if a word is not a finite number.
-    """
+    """Return the numbers of a text, separated by blanks, as the nearest doubles; None if one is not finite."""
     numbers = np.empty(len(text) // 2 + 1)
     count, at = _leading_numbers(np.frombuffer(text + b"\n", np.uint8), POWERS, numbers)
     leading, rest = numbers[:count], text[at:]
@@ -42,11 +39,11 @@ def parse_numbers(text: bytes) -> Array | None:
 
 @compiled()
 def _leading_numbers(text: NDArray[np.uint8], powers: Array, numbers: Array) -> tuple[int, int]:
-    """Write the first numbers of a text to `numbers`; return how many there are, and where the rest of the text begins.
+    """Write the first numbers of a text, which ends with a blank, to `numbers`; return their count and where they end.
 
-    The text must end with a blank. The rest begins with the first word that is not a number, or not exactly the product
-    or quotient of two integers that are doubles: the whole number of its digits, and a power of ten. The double nearest
-    to such a product is found by one operation (W. D. Clinger, How to read floating point numbers accurately, 1990).
+    They end at the first word that is not a number or has too many digits. For the others one multiplication or
+    division of two exact doubles, the digits as an integer and a power of ten, gives the nearest double (W. D. Clinger,
+    How to read floating point numbers accurately, 1990).
     """
     count, at = 0, 0
     while True:
@@ -94,7 +91,7 @@ def _is_digit(letter: int) -> bool:
 
 @inlined()
 def _digit(letter: int) -> int:
-    """The number of a digit, in 64 bits: where numba is switched off, bytes would overflow."""
+    """The value of a digit, in 64 bits, since bytes would overflow without numba."""
     return np.int64(letter) - ZERO  # type: ignore[return-value]
 
 
@@ -124,14 +121,14 @@ def rows_text(values: Array, decimals: Sequence[int]) -> str:
 
 
 def _are_short(values: Array, decimals: Sequence[int]) -> bool:
-    """Whether there are values, and all of them without their points are exact as integers."""
+    """Whether there are values, and all of them, scaled to integers, are exact."""
     if not values.size or max(decimals) > MOST_DECIMALS:
         return False
     return bool((np.abs(values) < [LARGEST / 10**places for places in decimals]).all())
 
 
 def _rounded(values: Array, decimals: Sequence[int]) -> NDArray[np.int64]:
-    """The absolute values without their points; `%` rounds those near a half, which scaling may push across it."""
+    """The absolute values scaled to integers; `%` decides values near a half, which scaling may push across it."""
     scaled = np.abs(values) * [float(10**places) for places in decimals]
     rounded = np.rint(scaled)
     for row, column in np.argwhere(np.abs(scaled - rounded) >= 0.5 - DOUBT * scaled):
@@ -143,7 +140,7 @@ def _rounded(values: Array, decimals: Sequence[int]) -> NDArray[np.int64]:
 def _write_rows(
     numbers: NDArray[np.int64], negative: NDArray[np.bool_], decimals: NDArray[np.int64], text: NDArray[np.uint8]
 ) -> int:
-    """Write numbers without their points to the end of `text`, from the last digit on; return where they begin."""
+    """Write scaled integers as decimals to the end of `text`, last digit first; return where the text begins."""
     at, columns = len(text), len(decimals)
     for row in range(len(numbers) - 1, -1, -1):
         for column in range(columns - 1, -1, -1):

@@ -22,7 +22,7 @@ from distretarget.io.bvh import add_offsets, joint_names
 from distretarget.io.files import write_whole
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import RotationKind
-from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
+from distretarget.skeleton import Skeleton
 
 if TYPE_CHECKING:
     import bvhio
@@ -154,19 +154,9 @@ def _skeleton(nodes: list[tuple[bvhio.BvhJoint, int, bool]]) -> Skeleton:
         names=joint_names([joint.Name for joint in joints], parents, end_sites),
         parents=np.array(parents),
         offsets=np.array([joint.EndSite if is_end_site else joint.Offset for joint, _, is_end_site in nodes]),
-        channels=tuple(() if is_end_site else _channels(joint) for joint, _, is_end_site in nodes),
+        channels=tuple(() if is_end_site else tuple(joint.Channels) for joint, _, is_end_site in nodes),
         end_sites=np.array(end_sites),
     )
-
-
-def _channels(joint: bvhio.BvhJoint) -> tuple[str, ...]:
-    """A joint's channels, checked, since bvhio accepts any word."""
-    channels, known = tuple(joint.Channels), POSITION_CHANNELS + ROTATION_CHANNELS
-    if wrong := sorted(set(channels) - set(known)):
-        raise SkeletonError(f"{joint.Name!r} has the channel {quoted(wrong)}, expected some of {', '.join(known)}")
-    if len(set(channels)) < len(channels):
-        raise SkeletonError(f"{joint.Name!r} has a channel twice: {', '.join(channels)}")
-    return channels
 
 
 def _poses(joint: bvhio.BvhJoint, frames: int) -> tuple[Array, Array]:

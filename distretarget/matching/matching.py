@@ -23,9 +23,9 @@ from distretarget.skeleton import JointMap
 
 Array = NDArray[np.float64]
 
-BUILD_ANGLE = np.radians(55)  # rest directions of bones that differ by less show another build, not another pose [rad]
+BUILD_ANGLE = np.radians(55)  # bones at rest that differ by less than this differ in build, not in pose [rad]
 NAMED_SHARE = 0.5  # least share of target joints matched by name if no human body is recognised [0 to 1]
-LANDMARKS = ("hips", "head", "leftHand", "rightHand", "leftFoot", "rightFoot")  # the places of joints count from these
+LANDMARKS = ("hips", "head", "leftHand", "rightHand", "leftFoot", "rightFoot")  # joints are located by these
 CONFIDENCE = {"map": 1.0, "name": 1.0, "names": 0.95, "shape": 0.8, "tip": 0.9, "": 0.0}  # by method [0 to 1]
 LIMB_ROLES = ("leftUpperArm", "rightUpperArm", "leftUpperLeg", "rightUpperLeg")  # two bodies must share one of these
 
@@ -35,10 +35,10 @@ class Matching:
     """Which source joint drives which target joint, and by which method each pair was matched.
 
     Attributes:
-        source, target: the bodies; if the feet of both show which side is left, left and right follow them, not names.
+        source, target: the bodies, whose feet decide which side is left, if the feet of both show it; else the names.
         drivers: (target joints,), the source joint that corresponds to each target joint; -1 for none.
-        rotation_sources: (target joints, 2), the source joints whose rotations each target joint follows: its driver
-            twice, or two neighbours in a spine or neck of another number of joints; -1 where it follows its parent.
+        rotation_sources: (target joints, 2), the source joints whose rotations each target joint blends: its driver
+            twice, or two neighbours if the spines or necks differ in the number of joints; -1 to follow its parent.
         blend: (target joints,), the weight of the second rotation source [0 to 1].
         method: per target joint "map", "name" (equal names), "names" (parts of the body by name), "shape" (parts by
             shape), "tip" (the end of a matched joint), or "" where it has no driver.
@@ -69,8 +69,8 @@ class Matching:
 
     @property
     def confidence(self) -> Array:
-        """(target joints,), how far to trust each pair [0 to 1]: by the method, times how similar the path lengths of
-        both joints to hips, head, hands and feet are.
+        """(target joints,), how far to trust each pair [0 to 1]: the confidence of the method, times the similarity of
+        the path lengths from both joints to hips, head, hands and feet.
         """
         by_method = np.array([CONFIDENCE[method] for method in self.method])
         roles = [body.anatomy.roles if body.anatomy else {} for body in (self.source, self.target)]
@@ -93,16 +93,14 @@ class Matching:
 
     @property
     def followers(self) -> list[str]:
-        """The keys of the joints without driver, except for root and IK handles: they follow their parents."""
+        """The keys of the joints that follow their parents: those without driver, except for root and IK handles."""
         others = {self.target.skeleton.keys[joint] for joint in (0, *self.target.handles)}
         return [key for key in self.without_driver if key not in others]
 
     @cached_property
     def legs(self) -> tuple[Legs, Legs] | None:
-        """The target's legs, and before them the source joints that drive them.
-
-        None unless hip joints and ankles have drivers and the source's legs have a length. A toe without a driver is
-        replaced by its ankle.
+        """The source's legs that drive the target's, and the target's legs; a toe without a driver is replaced by its
+        ankle. None unless hip joints and ankles have drivers and the source's legs have a length.
         """
         if self.target.legs is None:
             return None
@@ -113,12 +111,12 @@ class Matching:
 
     @cached_property
     def leg_lengths(self) -> tuple[float, float]:
-        """The lengths of these legs, thigh and shin, in source and target [file units of each]; 0 without legs."""
+        """The lengths of these legs in source and target, thigh and shin [file units of each]; 0 without legs."""
         return (leg_length(self.source.skeleton, self.legs[0]), self.target.leg_length) if self.legs else (0.0, 0.0)
 
     @cached_property
     def regions(self) -> Regions:
-        """The regions of the target, in which joints that a map drives are part of the region they are attached to."""
+        """The regions of the target, extended to joints that a map drives."""
         mapped = [joint for joint, method in enumerate(self.method) if method == "map"]
         return self.target.regions.with_joints(self.target.skeleton, mapped)
 
@@ -170,10 +168,10 @@ class Matching:
 
     @cached_property
     def soles(self) -> tuple[tuple[Sole, Sole], ...]:
-        """The soles of source and target of each of these legs; empty without legs.
+        """The soles of source and target for each of these legs; empty without legs.
 
-        Where only one of two bodies with like rest poses shows how its feet stand, those of the other stand likewise.
-        Where one of the bodies has no foot, legs end at the ankle on both.
+        Where the rest poses are alike and only one body shows how its feet stand, the other body's feet stand likewise.
+        Where one of the bodies has no foot, the legs of both end at the ankle.
         """
         if self.legs is None:
             return ()
@@ -194,10 +192,10 @@ class Matching:
 
 
 def match(source: Body, target: Body, joint_map: JointMap | None = None) -> Matching:
-    """Match the joints of two bodies as `find_matching` does, and check that this is enough to retarget a motion.
+    """Match the joints of two bodies as `find_matching` does, and check that they suffice to retarget a motion.
 
     Raises:
-        MatchingError: it is not; the message lists joints of both bodies, and the pairs with the closest names.
+        MatchingError: they do not; the message lists joints of both bodies, and the pairs with the closest names.
         MapError: `joint_map` names joints that do not exist.
         SettingsError: an argument is of another kind.
     """
@@ -214,8 +212,8 @@ def match(source: Body, target: Body, joint_map: JointMap | None = None) -> Matc
 def find_matching(source: Body, target: Body, joint_map: JointMap | None = None) -> Matching:
     """Match as many joints of two bodies as possible.
 
-    `joint_map` gives the driver of target joints, source key by target key, with None for joints that nothing drives.
-    The other joints are matched by names or by shape, except IK handles, which go with the joints they are named for.
+    `joint_map` gives drivers explicitly: source keys by target key, None for joints that nothing drives. The other
+    joints are matched by names or by shape, except IK handles, which follow the joints they are named for.
 
     Raises:
         MapError: `joint_map` names joints that do not exist.
@@ -245,7 +243,7 @@ def find_matching(source: Body, target: Body, joint_map: JointMap | None = None)
 
 
 def refusal(matching: Matching) -> str:
-    """Return why a motion cannot be retargeted by this matching; empty where it can."""
+    """Return why this matching does not suffice to retarget a motion; empty if it does."""
     joints = matching.target.skeleton.joints
     named = sum(matching.method[joint] in ("name", "map") for joint in joints)
     if named >= NAMED_SHARE * len(joints) or "map" in matching.method:

@@ -20,12 +20,12 @@ JointPairs = dict[int, tuple[int, str]]
 
 
 def find_pairs(source: Body, target: Body, crossed: bool) -> JointPairs:
-    """Return the pairs that equal names and the parts of the bodies give.
+    """Return the pairs found by equal names and by parts of the body.
 
-    Equal names alone count if a body is not recognised, or if every target joint has the name of a source joint and
-    both follow the same convention. Otherwise parts of the body come first, and equal names pair the rest; if both
-    follow one known convention, equal names come first, except in spine and neck, whose joints may be numbered from
-    below or from above. `crossed` says that left and right are exchanged in the names of one of the bodies.
+    Only equal names count if a body is not recognised, or if both bodies follow the same convention and every target
+    joint has the name of a source joint. Otherwise parts of the body come first, then equal names. If both follow one
+    known convention, equal names come first, except in spine and neck, which may be numbered from below or from above.
+    `crossed`: left and right are exchanged in the names of one of the bodies.
     """
     names = _same_names(source.skeleton, target.skeleton)
     s, t = source.anatomy, target.anatomy
@@ -107,8 +107,8 @@ def _nearest(skeleton: Skeleton, joint: int, known: Collection[int]) -> int:
 
 
 def tips(source: Skeleton, target: Skeleton, pairs: JointPairs) -> JointPairs:
-    """Return the pairs of joints that end matched joints: only children with nothing matched below, else End Sites in
-    order.
+    """Return pairs of joints at the ends of matched ones, with nothing matched below: only children, else End Sites in
+    their order.
     """
     tip_pairs: JointPairs = {}
     source_lines, lines = source.lines(driver for driver, _ in pairs.values() if driver >= 0), target.lines(pairs)
@@ -125,11 +125,11 @@ def tips(source: Skeleton, target: Skeleton, pairs: JointPairs) -> JointPairs:
 
 
 def spine_blend(source: Body, target: Body) -> Iterator[tuple[int, tuple[int, int], float]]:
-    """Yield the blend of each joint in a spine or neck that has more or fewer joints in the target than in the source.
+    """Yield the target joint, the two source joints whose rotations it blends, and the weight of the second [0 to 1],
+    for each joint of a spine or neck that differs between source and target in its number of joints.
 
-    An item is the target joint, the two source joints whose rotations it blends, and the weight of the second [0 to 1].
-    The rotation along the source's chain is known in the middle of each bone and interpolated between the middles; a
-    target joint takes the rotation at the middle of its own bone. Places are shares of the chain's length.
+    The source's rotations hold at the middles of its bones, and are interpolated between these at the middles of the
+    target's bones; both are measured in shares of the chain's length.
     """
     if source.anatomy is None or target.anatomy is None:
         return
@@ -152,9 +152,8 @@ def _chains(anatomy: Anatomy) -> tuple[tuple[tuple[int, ...], int], tuple[tuple[
 
 
 def _middles(skeleton: Skeleton, chain: tuple[int, ...], top: int) -> NDArray[np.float64]:
-    """(joints,), the places of the middles of a chain's bones, from 0 at its lowest joint to 1 at the joint above it.
-
-    In a chain without length all bones count as equally long.
+    """(joints,), the middles of a chain's bones, from 0 at its lowest joint to 1 at the joint above the chain; as if
+    all bones were equally long in a chain without length.
     """
     ends = [*chain, top if top >= 0 else chain[-1]]
     along = skeleton.path_lengths[chain[0], ends]
