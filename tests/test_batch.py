@@ -326,6 +326,28 @@ def test_a_clip_that_would_keep_one_worker_busy_at_the_end_is_split(folder, monk
     assert [Path(job.source.path).name for job in split] == ["c.bvh", "b.bvh"]
 
 
+def test_the_next_clip_waits_at_each_worker(folder, monkeypatch):
+    """So no worker waits for a clip, and not all clips are in memory at once."""
+
+    class Busy(Inline):
+        def submit(self, _, job):
+            future = Future()
+            future.job = job
+            return future
+
+    def finish(running, *_):
+        waiting.append(len(running))
+        for future in running:
+            future.set_result(copied(future.job))
+        return set(running), set()
+
+    waiting, workers = [], Workers(Busy())
+    workers.count = 1
+    monkeypatch.setattr(batch_workers, "wait", finish)
+    assert len(go(folder, workers).of("done")) == 3
+    assert waiting == [2, 1]
+
+
 def test_a_split_clip_whose_workers_died_is_retried_as_a_whole(folder, monkeypatch):
     """By one worker: so a clip that kills its workers is found out, and takes no other with it."""
 

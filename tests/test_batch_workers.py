@@ -1,5 +1,6 @@
 """The conversion of one clip by a worker: its result is that of `retarget`, or says what went wrong."""
 
+import os
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path, PurePath
@@ -64,6 +65,17 @@ def test_a_clip_too_large_for_the_memory_fails_alone(monkeypatch):
 
     monkeypatch.setattr(workers, "parse_bvh", fill)
     assert error_of(job_of("")) == "in.bvh: out of memory"
+
+
+def test_a_worker_starts_with_one_thread_unless_the_user_says_otherwise(monkeypatch):
+    """There is a worker for each core; with more threads they would get in each other's way."""
+    for name in workers.THREAD_VARIABLES:
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("MKL_NUM_THREADS", "3")
+    with workers._worker_environment():
+        threads = {name: os.environ[name] for name in workers.THREAD_VARIABLES}
+    assert threads == {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "3"}
+    assert "OMP_NUM_THREADS" not in os.environ
 
 
 def test_a_worker_of_another_version_refuses(monkeypatch):

@@ -201,6 +201,15 @@ def test_a_source_root_that_leaves_the_floor_does_not_lead(rise, leads):
     np.testing.assert_allclose(along[:, :2], expected[:, :2], atol=LIMIT)
 
 
+@pytest.mark.parametrize(("below", "on_floor"), [(0.2, False), (0.35, True), (1.0, True)])
+def test_a_root_well_below_the_hips_is_one_on_the_floor(below, on_floor):
+    """Even if it is off the floor by the rig's mistake; a root a little below the hips is their own."""
+    offsets, pelvis = np.array(UNREAL.offsets), UNREAL.index("pelvis")
+    offsets[pelvis] *= below * Body.of(UNREAL).leg_length / np.linalg.norm(offsets[pelvis])
+    matching = matched(clip("walk"), UNREAL.with_offsets(offsets))
+    assert (0 in find_engine_root(matching, RootScale.even(1.0)).moving) == on_floor
+
+
 def test_a_clip_of_the_rig_keeps_its_root_on_the_rig():
     motion = onto_unreal("walk").motion
     again = retarget(motion, UNREAL).motion

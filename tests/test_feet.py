@@ -57,6 +57,15 @@ def bent_knees(angle):
     }
 
 
+def test_one_frame_far_below_the_floor_leaves_the_feet_of_all_others_in_stance():
+    """The lowest heights are those of a few frames in a hundred, not that of the very lowest frame."""
+    path = np.where(np.arange(100) == 50, -2.0, 0.0)[:, None] * UP
+    source = standing(frames=100, path=path)
+    stance = find_feet(source, matched(source, source), UP).stance
+    assert stance[:48].all()
+    assert stance[53:].all()
+
+
 def test_hips_are_compared_only_while_the_feet_alone_carry_the_body():
     """Hands, knees or a seat that rest as well ask for another height of the hips than the feet do."""
     source, others_carry = standing(), np.arange(30) < 10

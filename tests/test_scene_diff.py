@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, MotionError, SettingsError, diff, diff_scenes, retarget_scene
 from distretarget.baseline.world import turned
-from distretarget.measure.scene_gaps import TOUCH_DISTANCE
+from distretarget.measure.scene_gaps import TOUCH_DISTANCE, ScenePart, measure_gap
 from distretarget.report.clip_page import run_diff
 from distretarget.scene.scene_file import load_scene
 
@@ -108,6 +108,16 @@ def test_hands_leave_a_table_that_was_lowered():
     assert {gap.regions[1] for gap in found.gaps} == {""}
     assert 0 < found.mean_gaps[2] <= SHIFT / leg
     assert measured([performer], [performer], props=[(table, table)]).mean_gaps[2] == 0
+
+
+def test_gaps_are_in_legs_of_the_mean_length_of_both_performers():
+    apart = np.array([[[0.0, 0.06, 0.0]]])
+    one = ScenePart(a=np.zeros((1, 1, 3)), b=np.zeros((1, 1, 3)), keys=("hand",), leg=0.6)
+    other = ScenePart(a=apart, b=4 * apart, keys=("hand",), leg=1.4)
+    gap = measure_gap((0, 1), one, other, scale=2.0)
+    assert (gap.a, gap.b, gap.error) == pytest.approx((0.06, 0.12, 0.06))
+    prop = ScenePart(a=apart / 2, b=apart, keys=("edge",))
+    assert measure_gap((0, 1), one, prop, scale=2.0).a == pytest.approx(0.03 / 0.6)
 
 
 def test_a_gap_at_a_prop_has_the_scale_of_the_prop():

@@ -8,7 +8,7 @@ from bodies import CORPUS, body_of, needs_corpus, person, posed, turned
 from scipy.spatial.transform import Rotation
 from table_one import table_one
 
-from distretarget import read_bvh
+from distretarget import read_bvh, retarget
 from distretarget.body.body import Body
 from distretarget.body.reference_pose import FOOT_PITCH
 from distretarget.body.soles import find_soles
@@ -66,6 +66,15 @@ def test_a_foot_that_hangs_and_never_stands_has_its_usual_pitch():
     for sole in find_soles(body, body.legs):
         assert not sole.known
         assert sole.ankle == pytest.approx(0.18 * np.sin(FOOT_PITCH))
+
+
+@pytest.mark.parametrize("pitch", [0.0, 0.4])
+def test_a_foot_that_hangs_in_the_rest_pose_of_a_target_stands_on_its_sole_in_the_result(pitch):
+    """Soles are aligned with soles: a rig whose feet hang in the rest pose does not walk on the tips of its toes."""
+    source, target = posed(with_feet(pitch), {}, np.tile([0, 1.0, 0], (30, 1))), with_feet(np.pi / 2)
+    positions = retarget(source, target).motion.positions
+    foot = positions[:, target.index("LeftToe")] - positions[:, target.index("LeftAnkle")]
+    np.testing.assert_allclose(foot @ UP, -0.12 * np.sin(FOOT_PITCH), atol=1e-6)
 
 
 def test_a_leg_without_a_foot_has_a_sole_at_the_ankle():

@@ -183,6 +183,15 @@ def test_an_offset_with_the_feet_far_from_the_floor_either_way_is_replaced():
         assert find_root_offset(Body.of_motion(with_offset(high, rise, added=False)), Y) == "replaced"
 
 
+@pytest.mark.parametrize(("height", "added"), [(0.05, True), (0.15, False)])
+def test_feet_are_on_the_floor_up_to_a_tenth_of_a_leg_above_it(height, added):
+    """A thick sole or a toe without an End Site is no flight; `height` is in leg lengths."""
+    leg = Body.of_motion(walk()).leg_length
+    raised = moved(walk(), Rotation.identity(), (0, height * leg, 0))
+    found = find_root_offset(Body.of_motion(with_offset(raised, 92.0, added=True)), Y)
+    assert found == ("added" if added else "replaced")
+
+
 def test_a_small_offset_with_the_feet_on_the_floor_either_way_is_replaced():
     """As the format has it: nothing speaks for the other reading, since replacing leaves the feet on the floor."""
     assert find_root_offset(Body.of_motion(with_offset(walk(), 4.0, added=False)), Y) == "replaced"
