@@ -117,13 +117,11 @@ def start_lines(corpus: Path, folder: Path, rounds: int) -> Iterator[Line]:
     yield _line("`--version` over `import numpy`, processor time", times[:, 0] / times[:, 1])
     yield _line("524 frames over `import numba, scipy.spatial.transform`, processor time", times[:, 2] / times[:, 3])
 
-    def first_run(threads: str) -> None:
+    def first_run() -> None:
         with tempfile.TemporaryDirectory(dir=folder) as code:
-            _run(convert, NUMBA_CACHE_DIR=code, OMP_NUM_THREADS=threads)
+            _run(convert, NUMBA_CACHE_DIR=code)
 
-    firsts = alternating([partial(first_run, "1"), partial(first_run, "2")], FIRST_RUNS, time.perf_counter)
-    yield _line("first run, which compiles, one core [s]", firsts[:, 0])
-    yield _line("first run, which compiles, two cores [s]", firsts[:, 1])
+    yield _line("first run, which compiles [s]", alternating([first_run], FIRST_RUNS, time.perf_counter)[:, 0])
 
 
 def memory_line(corpus: Path, folder: Path) -> Line:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -155,27 +156,42 @@ def posture_stress(
     `source`, (frames, source joints, 3) [source file units], gives the distances D; `result`, (frames, target joints,
     3) [target file units], are the postures.
     """
-    sources, targets, size = problem.sources, problem.targets, problem.body_size
-    scratch, sigma = np.empty((2, 3, len(sources))), np.empty(len(result))
-    _write_stresses(source, sources, result, targets, size, problem.ratio, problem.priorities, scratch, sigma)
-    return sigma
+    per_unit = np.full_like(problem.ratio, 1.0 / problem.body_size)
+    x, y = (source, problem.sources, problem.ratio), (result, problem.targets, per_unit)
+    return 0.5 * differences_of_distances(x, y, problem.priorities, 2)
+
+
+def differences_of_distances(
+    x: tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]],
+    y: tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]],
+    weights: NDArray[np.float64],
+    power: Literal[1, 2],
+) -> NDArray[np.float64]:
+    """(frames,), the sum over all pairs u < v of weights_uv |scale_uv ||x_u - x_v|| - scale'_uv ||y_u - y_v|| |^power.
+
+    `x` and `y` are each positions, (frames, joints, 3), the joint at each point, (points,), and the scale of each
+    distance, (points, points); `weights` is (points, points).
+    """
+    scratch, sums = np.empty((2, 3, len(weights))), np.empty(len(y[0]))
+    _write_differences(*x, *y, weights, power, scratch, sums)
+    return sums
 
 
 @compiled(fastmath=True)
-def _write_stresses(source, sources, result, targets, size, ratio, pi, scratch, sigma):  # type: ignore[no-untyped-def]
-    points, s, x = len(sources), scratch[0], scratch[1]
-    for frame in range(len(result)):
+def _write_differences(x, of_x, scale_x, y, of_y, scale_y, weights, power, scratch, sums):  # type: ignore[no-untyped-def]
+    points, p, q = len(of_x), scratch[0], scratch[1]
+    for frame in range(len(sums)):
         for point in range(points):
             for i in range(3):
-                s[i, point] = source[frame, sources[point], i]
-                x[i, point] = (result[frame, targets[point], i] - result[frame, 0, i]) / size
+                p[i, point], q[i, point] = x[frame, of_x[point], i], y[frame, of_y[point], i]
         total = 0.0
         for u in range(points):
             for v in range(u):
-                squared = (s[0, u] - s[0, v]) ** 2 + (s[1, u] - s[1, v]) ** 2 + (s[2, u] - s[2, v]) ** 2
-                square = (x[0, u] - x[0, v]) ** 2 + (x[1, u] - x[1, v]) ** 2 + (x[2, u] - x[2, v]) ** 2
-                total += pi[u, v] * (np.sqrt(square) - ratio[u, v] * np.sqrt(squared)) ** 2
-        sigma[frame] = 0.5 * total
+                one = np.sqrt((p[0, u] - p[0, v]) ** 2 + (p[1, u] - p[1, v]) ** 2 + (p[2, u] - p[2, v]) ** 2)
+                other = np.sqrt((q[0, u] - q[0, v]) ** 2 + (q[1, u] - q[1, v]) ** 2 + (q[2, u] - q[2, v]) ** 2)
+                difference = abs(scale_x[u, v] * one - scale_y[u, v] * other)
+                total += weights[u, v] * (difference if power == 1 else difference * difference)
+        sums[frame] = total
 
 
 def columns(positions: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,6 +1,5 @@
 """Warming up compiles everything that clips need; nothing is compiled after it."""
 
-import os
 import subprocess
 import sys
 
@@ -10,7 +9,6 @@ from bodies import SAMPLES, other_lengths, person, swaying
 
 from distretarget import Options, load_target, read_bvh, retarget
 from distretarget.batch.compile_ahead import warm
-from distretarget.objectives.contact import compile_solver
 
 WATCHED = """
 import sys
@@ -38,27 +36,6 @@ print(late)
 """
 
 
-RUN = """
-import hashlib, sys
-from distretarget import load_target, read_bvh, retarget
-
-result = retarget(read_bvh(sys.argv[1]), load_target(sys.argv[2]))
-print(hashlib.sha256(result.motion.rotations.tobytes()).hexdigest())
-print("numba.np.linalg" in sys.modules)
-"""
-
-
-def test_the_process_that_compiles_gets_the_bytes_of_those_that_load(tmp_path):
-    """The cache of compiled code is empty in the first run, and full in the second, which waits for no compiler."""
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    command = [sys.executable, "-c", RUN, SAMPLES / "squat.bvh", SAMPLES / "rigs" / "lafan1_a.json"]
-    runs = [subprocess.run(command, env=environment, capture_output=True, text=True) for _ in range(2)]
-    (compiled, first), (loaded, second) = (run.stdout.split() for run in runs)
-    assert len(compiled) == 64
-    assert compiled == loaded
-    assert (first, second) == ("True", "False")
-
-
 @pytest.mark.parametrize("objective", ["contact", "paper"])
 def test_nothing_is_compiled_after_warming_up(objective):
     files = [SAMPLES / name for name in ("long_arms.json", "rigs/mixamo_t.json", "clap.bvh", "walk.bvh")]
@@ -74,7 +51,6 @@ def test_the_solver_is_compiled_for_one_layout_of_arrays(monkeypatch):
         seen.add(tuple(str(numba.typeof(argument)) for argument in arguments))
 
     monkeypatch.setattr("distretarget.objectives.contact._solve", note)
-    compile_solver()
     warm("contact")
     for supports in ("hold", "free"):
         retarget(swaying(person(), frames=3), other_lengths(person()), Options(supports=supports))

@@ -6,13 +6,10 @@ from spring_case import Case, at
 
 from distretarget.ik import curvature as solver
 from distretarget.ik import springs as springs_below
-from distretarget.ik.curvature import Curvature
+from distretarget.ik.curvature import Curvature, write_curvature
 from distretarget.numerics.compiled import compiled
 
-are_first, write_curvature, write_way = (
-    compiled(fastmath=True)(function)
-    for function in (solver.are_first, solver.write_curvature, springs_below.write_way)
-)
+are_first, write_way = (compiled(fastmath=True)(function) for function in (solver.are_first, springs_below.write_way))
 
 
 def curvature_at(case, v):

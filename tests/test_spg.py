@@ -55,12 +55,16 @@ def steepest_in_metric(_x, gradient, step, problem, d):
 
 def solver(objective, direction, adaptive=False):
     """The compiled method, which takes x, the problem, the tolerance and the limit."""
-    minimise = njit(spectral_gradient(objective, direction, adaptive=adaptive))
+    minimise = spectral_gradient(objective, direction, adaptive=adaptive)
+
+    @njit
+    def descend(x, value, gradient, problem, tolerance, limit, scratch):
+        return minimise(x, value, gradient, problem, tolerance, limit, scratch)
 
     def solve(x, problem, tolerance, limit):
         gradient = np.empty(x.shape)
         value = objective(x, problem, gradient)
-        return minimise(x, value, gradient, problem, tolerance, limit, scratch_for(x.shape))
+        return descend(x, value, gradient, problem, tolerance, limit, scratch_for(x.shape))
 
     return solve
 

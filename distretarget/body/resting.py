@@ -88,7 +88,8 @@ def _find_holding(slow, positions, joints, bases, length, least, shots, holding)
                 if slow[first, k] and frame - first >= least:
                     moves = _reach(positions, bases[k], first, frame)
                     if moves > TIMES_AS_FAR * _reach(positions, joints[k], first, frame) + FARTHER * length:
-                        holding[first:frame, k] = True
+                        for held in range(first, frame):
+                            holding[held, k] = True
                 first = frame
 
 
@@ -102,5 +103,7 @@ def _reach(positions: Array, joint: int, first: int, end: int) -> float:
         c += positions[frame, joint, 2] / (end - first)
     for frame in range(first, end):
         x, y, z = positions[frame, joint, 0], positions[frame, joint, 1], positions[frame, joint, 2]
-        farthest = max(farthest, (x - a) ** 2 + (y - b) ** 2 + (z - c) ** 2)
+        square = (x - a) * (x - a) + (y - b) * (y - b) + (z - c) * (z - c)
+        if square > farthest:
+            farthest = square
     return float(np.sqrt(farthest))

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import inlined, read_only
-from distretarget.numerics.loops import clear
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -68,7 +67,7 @@ class Scratch(NamedTuple):
 
 @inlined(fastmath=True)
 def pose_body(v: Array, body: Articulation, bones: Array, root: Array, scratch: Scratch) -> None:
-    """Write the positions and posed bones of the pose `v` to `scratch`.
+    """Write the positions and posed bones of the pose `v` to `scratch`, and zeros to its gradient.
 
     `bones`, (joints, 3), are the rotation copy's in this frame, from each joint's parent to it; `root`, (3,), is its
     root.
@@ -78,6 +77,7 @@ def pose_body(v: Array, body: Articulation, bones: Array, root: Array, scratch: 
         _exp(v[part, 0], v[part, 1], v[part, 2], scratch.rotations[part], scratch.series[part])
     for i in range(3):
         scratch.x[0, i] = root[i] + v[parts, i]
+        scratch.gradient[0, i] = 0.0
     for joint in range(1, len(body.parents)):
         parent = body.parents[joint]
         E = scratch.rotations[body.parts[parent]]
@@ -85,6 +85,7 @@ def pose_body(v: Array, body: Articulation, bones: Array, root: Array, scratch: 
         for i in range(3):
             scratch.bones[joint, i] = E[3 * i] * bx + E[3 * i + 1] * by + E[3 * i + 2] * bz
             scratch.x[joint, i] = scratch.x[parent, i] + scratch.bones[joint, i]
+            scratch.gradient[joint, i] = 0.0
 
 
 @inlined(fastmath=True)
@@ -122,7 +123,8 @@ def pose_gradient(v: Array, body: Articulation, scratch: Scratch, gradient: Arra
     the gradient is J^T times the torque.
     """
     parts = len(scratch.rotations)
-    clear(gradient)
+    for part in range(parts):
+        gradient[part, 0], gradient[part, 1], gradient[part, 2] = 0.0, 0.0, 0.0
     for joint in range(len(body.parents) - 1, 0, -1):
         parent = body.parents[joint]
         part = body.parts[parent]

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from distretarget.ik.articulation import Articulation, Scratch, to_rotation_vector
 from distretarget.ik.springs import Below, Springs, couples, write_nodes, write_stiffness_below
-from distretarget.numerics.compiled import inlined
-from distretarget.numerics.loops import clear, indices
+from distretarget.numerics.compiled import inlined, merged
+from distretarget.numerics.loops import indices
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
@@ -42,7 +42,7 @@ def factorise(H: Array, size: int) -> None:
             H[i, i] = factor
 
 
-@inlined()
+@inlined(fastmath=True)
 def _is_zero(H: Array, row: int, column: int) -> bool:
     """Whether the block of H at a row and a column is zero."""
     for i in range(row, row + 3):
@@ -67,8 +67,9 @@ def solve_factored(U: Array, active: Numbers, gradient: Array, d: Array, flat: A
     `flat`, (all rows of U,), is scratch.
     """
     size = 3 * len(active)
-    for i in range(size):
-        flat[i] = gradient[active[i // 3], i % 3]
+    for n in range(len(active)):
+        for k in range(3):
+            flat[3 * n + k] = gradient[active[n], k]
     for i in range(0, size, 3):
         x = flat[i] * U[i, i]
         y = (flat[i + 1] - U[i, i + 1] * x) * U[i + 1, i + 1]
@@ -76,8 +77,10 @@ def solve_factored(U: Array, active: Numbers, gradient: Array, d: Array, flat: A
         flat[i], flat[i + 1], flat[i + 2] = x, y, z
         for j in indices(i + 3, size):
             flat[j] -= x * U[i, j] + y * U[i + 1, j] + z * U[i + 2, j]
-    clear(d)
-    for i in range(size - 3, -1, -3):
+    for part in range(len(d)):
+        d[part, 0], d[part, 1], d[part, 2] = 0.0, 0.0, 0.0
+    for n in range(len(active) - 1, -1, -1):
+        i = 3 * n
         x, y, z = 0.0, 0.0, 0.0
         for j in indices(i + 3, size):
             x += U[i, j] * flat[j]
@@ -87,7 +90,7 @@ def solve_factored(U: Array, active: Numbers, gradient: Array, d: Array, flat: A
         y = (flat[i + 1] - y - U[i + 1, i + 2] * z) * U[i + 1, i + 1]
         x = (flat[i] - x - U[i, i + 1] * y - U[i, i + 2] * z) * U[i, i]
         flat[i], flat[i + 1], flat[i + 2] = x, y, z
-        part = active[i // 3]
+        part = active[n]
         d[part, 0], d[part, 1], d[part, 2] = x, y, z
 
 
@@ -102,7 +105,7 @@ class Curvature(NamedTuple):
         active: (parts + 1,), their numbers.
         place: (parts + 1,), where each part is in `active`; -1 if it is not active.
         rows: (joints,), the same for the part that carries each bone of `below.way`.
-        M: (joints, 3, 3), the moment matrix of each bone of `below.way`.
+        M: (joints, 3, 3), the moment matrix of each bone of `below.way`, transposed.
         bones: (joints,), the way that H is for, then -1.
         below: what is below bones.
         flat: (3 parts + 3,), scratch for what is solved.
@@ -126,7 +129,7 @@ class Curvature(NamedTuple):
         return cls(H, active, place, rows, M, bones, below, np.zeros(size))
 
 
-@inlined()
+@inlined(fastmath=True)
 def are_first(bones: Numbers, way: Numbers, count: int) -> bool:
     """Whether `bones` consists of the first `count` bones of `way`, followed by -1."""
     for i in range(count):
@@ -135,7 +138,7 @@ def are_first(bones: Numbers, way: Numbers, count: int) -> bool:
     return count == len(bones) or bones[count] < 0
 
 
-@inlined(fastmath=True)
+@merged
 def write_curvature(
     bones: int, v: Array, body: Articulation, scratch: Scratch, springs: Springs, count: int, curvature: Curvature
 ) -> int:
@@ -147,17 +150,19 @@ def write_curvature(
     rotation copy's rotation and are no unknowns. Parts farthest from the root come first, which keeps the Cholesky
     factor sparse.
     """
-    H, below = curvature.H, curvature.below
-    way = below.way[:bones]
+    H, below, way = curvature.H, curvature.below, curvature.below.way
     for i in range(len(curvature.bones)):
         curvature.bones[i] = way[i] if i < bones else -1
-    nodes = write_nodes(way, body.parents, below)
-    write_stiffness_below(springs, count, way, nodes, body.parents, below)
-    _write_moment_matrices(way, v, body, scratch, curvature.M)
-    parts = _write_active(way, body, scratch.bones, curvature)
-    for r in range(3 * parts):
-        clear(H[r, 3 * (r // 3) : 3 * parts])
-        H[r, r] = max(body.stiffness[curvature.active[r // 3]], LEAST_CURVATURE)
+    nodes = write_nodes(bones, body.parents, below)
+    write_stiffness_below(springs, count, nodes, body.parents, below)
+    _write_moment_matrices(bones, way, v, body, scratch, curvature.M)
+    parts = _write_active(bones, way, body, scratch.bones, curvature)
+    for part in range(parts):
+        stiffness = body.stiffness[curvature.active[part]]
+        for r in range(3 * part, 3 * part + 3):
+            for column in range(3 * part, 3 * parts):
+                H[r, column] = 0.0
+            H[r, r] = stiffness if stiffness > LEAST_CURVATURE else LEAST_CURVATURE
     for m in range(nodes):
         for n in range(m, nodes):
             if couples(below.G[m, n]):
@@ -165,83 +170,72 @@ def write_curvature(
     return parts
 
 
-@inlined()
-def _write_active(way: Numbers, body: Articulation, bones: Array, curvature: Curvature) -> int:
-    """Write the active parts: those that carry a bone of `way`, in descending order, and the root's position if `way`
-    has the root. Write their places and the rows of bones too, and return their number.
+@inlined(fastmath=True)
+def _write_active(count: int, way: Numbers, body: Articulation, bones: Array, curvature: Curvature) -> int:
+    """Write the active parts: those that carry one of the first `count` bones of `way`, in descending order, and the
+    root's position if the root is among them. Write their places and the rows of bones too, and return their number.
     """
     active, place, rows = curvature.active, curvature.place, curvature.rows
     for part in range(len(place)):
         place[part] = -1
-    for joint in way:
-        if joint == 0 or _has_length(bones[joint]):
-            place[_part_of(joint, body)] = 0
-    count, parts = 0, len(place) - 1
-    for part in range(parts, -1, -1):
-        if part < parts and place[part] == 0:
-            active[count], place[part] = part, count
-            count += 1
-    if place[parts] == 0:
-        active[count], place[parts] = parts, count
-        count += 1
-    for i, joint in enumerate(way):
-        rows[i] = place[_part_of(joint, body)]
-    return count
-
-
-@inlined()
-def _part_of(joint: int, body: Articulation) -> int:
-    """The part that carries the bone to a joint; for the root joint, the part that stands for the root's position."""
-    return body.parts[body.parents[joint]] if joint > 0 else len(body.stiffness) - 1
-
-
-@inlined()
-def _has_length(bone: Array) -> bool:
-    return bool(bone[0] != 0.0 or bone[1] != 0.0 or bone[2] != 0.0)
+    for i in range(count):
+        joint = way[i]
+        rows[i] = body.parts[body.parents[joint]] if joint > 0 else len(place) - 1
+        if joint == 0 or bones[joint, 0] != 0.0 or bones[joint, 1] != 0.0 or bones[joint, 2] != 0.0:
+            place[rows[i]] = 0
+    parts, last = 0, len(place) - 1
+    for i in range(len(place)):
+        part = last - 1 - i if i < last else last
+        if place[part] == 0:
+            active[parts], place[part] = part, parts
+            parts += 1
+    for i in range(count):
+        rows[i] = place[rows[i]]
+    return parts
 
 
 @inlined(fastmath=True)
-def _write_moment_matrices(way: Numbers, v: Array, body: Articulation, scratch: Scratch, M: Array) -> None:
-    """Write M, (joints, 3, 3): the torque J^T (bone x force) that a force on the subtree of each bone exerts on the
-    rotation vector of the bone's part, with the left Jacobian J of the exponential map, as in
-    `articulation.pose_gradient`; the identity for the root's position.
+def _write_moment_matrices(bones: int, way: Numbers, v: Array, body: Articulation, scratch: Scratch, M: Array) -> None:
+    """Write M, (joints, 3, 3), for the first `bones` bones of `way`. Row k is the torque J^T (bone x force) that the
+    k-th unit force on the subtree of a bone exerts on the rotation vector of the bone's part, with the left Jacobian J
+    of the exponential map, as in `articulation.pose_gradient`; the identity for the root's position.
     """
-    for i, joint in enumerate(way):
-        clear(M[i])
+    for i in range(bones):
+        joint, moments = way[i], M[i]
         if joint == 0:
-            for k in range(3):
-                M[i, k, k] = 1.0
+            for j in range(3):
+                for k in range(3):
+                    moments[j, k] = 1.0 if j == k else 0.0
             continue
         x, y, z = scratch.bones[joint, 0], scratch.bones[joint, 1], scratch.bones[joint, 2]
-        of_force = M[i].T
-        of_force[0, 1], of_force[0, 2] = z, -y  # bone x (1, 0, 0)
-        of_force[1, 0], of_force[1, 2] = -z, x
-        of_force[2, 0], of_force[2, 1] = y, -x
-        part = _part_of(joint, body)
+        moments[0, 0], moments[0, 1], moments[0, 2] = 0.0, z, -y  # bone x (1, 0, 0)
+        moments[1, 0], moments[1, 1], moments[1, 2] = -z, 0.0, x
+        moments[2, 0], moments[2, 1], moments[2, 2] = y, -x, 0.0
+        part = body.parts[body.parents[joint]]
         for k in range(3):
-            to_rotation_vector(v[part], scratch.series[part], of_force[k])
+            to_rotation_vector(v[part], scratch.series[part], moments[k])
 
 
 @inlined(fastmath=True)
 def _add_nodes(m: int, n: int, first: Numbers, G: Array, M: Array, rows: Numbers, H: Array) -> None:
     """Add the curvature between the bones of two nodes, with the stiffness G, (3, 3), to the upper triangle of H."""
     for i in range(first[m], first[m + 1]):
-        for j in range(max(first[n], i), first[n + 1]):
+        for j in range(i if m == n else first[n], first[n + 1]):
             if rows[i] >= 0 and rows[j] >= 0:
                 _add_bones(M[i], G, M[j], rows[i], rows[j], i == j, H)
 
 
 @inlined(fastmath=True)
 def _add_bones(M, G, N, row, column, once, H):  # type: ignore[no-untyped-def]
-    """Add M G N^T, (3, 3), to block (`row`, `column`) of the upper triangle of H, or its transpose to block (`column`,
+    """Add M^T G N, (3, 3), to block (`row`, `column`) of the upper triangle of H, or its transpose to block (`column`,
     `row`); on the diagonal add both, unless both bones are the same.
     """
     for i in range(3):
-        x = M[i, 0] * G[0, 0] + M[i, 1] * G[1, 0] + M[i, 2] * G[2, 0]
-        y = M[i, 0] * G[0, 1] + M[i, 1] * G[1, 1] + M[i, 2] * G[2, 1]
-        z = M[i, 0] * G[0, 2] + M[i, 1] * G[1, 2] + M[i, 2] * G[2, 2]
+        x = M[0, i] * G[0, 0] + M[1, i] * G[1, 0] + M[2, i] * G[2, 0]
+        y = M[0, i] * G[0, 1] + M[1, i] * G[1, 1] + M[2, i] * G[2, 1]
+        z = M[0, i] * G[0, 2] + M[1, i] * G[1, 2] + M[2, i] * G[2, 2]
         for j in range(3):
-            value = x * N[j, 0] + y * N[j, 1] + z * N[j, 2]
+            value = x * N[0, j] + y * N[1, j] + z * N[2, j]
             if row <= column:
                 H[3 * row + i, 3 * column + j] += value
             if row >= column and not once:

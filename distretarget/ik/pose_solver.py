@@ -24,7 +24,7 @@ from distretarget.ik.articulation import (
 from distretarget.ik.curvature import Curvature, Numbers, are_first, factorise, solve_factored, write_curvature
 from distretarget.ik.spg import Minimum, Reason, inner, record, scratch_for, spectral_gradient
 from distretarget.ik.springs import write_way
-from distretarget.numerics.compiled import compiled, inlined
+from distretarget.numerics.compiled import inlined, merged
 from distretarget.numerics.loops import clear, copy_to
 
 Array = NDArray[np.float64]
@@ -94,10 +94,10 @@ class _Problem(NamedTuple):
     flat: Array
 
 
-def compile_pose_solver(
+def pose_solver(
     terms_of: Callable[..., Any], energy: Callable[..., Any], like_springs: Callable[..., Any]
 ) -> Callable[..., Any]:
-    """Compile the solver of one kind of objective, given as three compiled functions.
+    """Return the solver of one kind of objective, given as three `inlined` functions.
 
     terms_of(given, frame, start) -> terms: the terms of a frame; it may overwrite `start`, which is zero, the rotation
         copy, with another start pose.
@@ -105,48 +105,44 @@ def compile_pose_solver(
     like_springs(scratch, terms) -> (Springs, int): springs, and how many of them count, that have the same Gauss-Newton
         curvature at `scratch.x`.
 
-    Returns a compiled solve(body, copy, given, tolerance, v, first, log, work). It solves the frames of `copy`, the
+    Returns a `merged` solve(body, copy, given, tolerance, v, first, log, work). It solves the frames of `copy`, the
     first of which is frame `first` of `v` and `log`, and writes their poses and efforts there. A frame starts from the
     best of three poses: that of `terms_of`, the previous frame's, and the linear extrapolation of the previous two. It
     stops when the norm of the search direction, in the metric of the curvature, is at most `tolerance` [square root of
     the objective].
     """
 
-    @inlined(fastmath=True)
-    def potential_of(v, body, bones, root, scratch, terms):  # type: ignore[no-untyped-def]
-        """Pose the body, and return what `energy` does."""
-        pose_body(v, body, bones, root, scratch)
-        clear(scratch.gradient)
-        return energy(scratch, terms)
-
-    @inlined(fastmath=True)
+    @merged
     def objective(v, problem, gradient):  # type: ignore[no-untyped-def]
         body, scratch = problem.body, problem.scratch
-        potential = potential_of(v, body, problem.bones, problem.root, scratch, problem.terms)
+        pose_body(v, body, problem.bones, problem.root, scratch)
+        potential = energy(scratch, problem.terms)
         pose_gradient(v, body, scratch, gradient)
         return potential + stiffness_energy(v, body)
 
-    @inlined()
-    def pose_best(starts, count, body, bones, root, terms, scratch, pose):  # type: ignore[no-untyped-def]
-        """Write the best of the first `count` starts to `pose`, and pose the body in it. Return its potential, and the
-        number of evaluations.
+    @merged
+    def pose_best(starts, count, body, bones, root, terms, scratch, pose, gradient):  # type: ignore[no-untyped-def]
+        """Write the best of the first `count` starts to `pose`, and pose the body in it. Return the objective there,
+        with its `gradient`, and the number of evaluations.
         """
-        best, least, potential, tried = 0, np.inf, 0.0, 0
+        best, least, sigma, tried = 0, 0.0, 0.0, 0
         for trial in range(count + 1):
             if trial == count and best == count - 1:
                 break  # the body is in the best one
             start = starts[trial if trial < count else best]
-            potential = potential_of(start, body, bones, root, scratch, terms)
+            pose_body(start, body, bones, root, scratch)
+            potential = energy(scratch, terms)
             sigma = potential + stiffness_energy(start, body)
             tried += 1
-            if sigma < least:
+            if trial == 0 or sigma < least:
                 least, best = sigma, trial
         copy_to(pose, starts[best])
-        return potential, tried
+        pose_gradient(pose, body, scratch, gradient)
+        return sigma, tried
 
     minimise = spectral_gradient(objective, _steepest_in_metric, adaptive=False)
 
-    @compiled()
+    @merged
     def solve(body, copy, given, tolerance, v, first, log, work):  # type: ignore[no-untyped-def]
         scratch, curvature = work.scratch, work.curvature
         parts = 0
@@ -157,7 +153,7 @@ def compile_pose_solver(
             pose, count = v[first + frame], _warm_starts(v, first + frame, work.starts)
             iterations, evaluations = 0, 0
             for _ in range(ROUNDS):
-                potential, tried = pose_best(work.starts, count, body, bones, root, terms, scratch, pose)
+                sigma, tried = pose_best(work.starts, count, body, bones, root, terms, scratch, pose, work.gradient)
                 evaluations += tried
                 springs, acting = like_springs(scratch, terms)
                 moved = write_way(springs, acting, body, curvature.below)
@@ -169,8 +165,6 @@ def compile_pose_solver(
                     copy_to(work.starts[0], pose)
                     count = 1
                     continue
-                sigma = potential + stiffness_energy(pose, body)
-                pose_gradient(pose, body, scratch, work.gradient)
                 active = curvature.active[:parts]
                 problem = _Problem(body, terms, bones, root, scratch, curvature.H, active, curvature.flat)
                 minimum = minimise(pose, sigma, work.gradient, problem, tolerance, ROUND_ITERATIONS, work.descent)
@@ -180,7 +174,7 @@ def compile_pose_solver(
                 few = converged and minimum.iterations <= FEW_ITERATIONS
                 calm = calm + 1 if few else 0
                 if kept:
-                    wait = 1 if few else min(2 * wait, LONGEST_WAIT)
+                    wait = 1 if few else 2 * wait if 2 * wait < LONGEST_WAIT else LONGEST_WAIT
                 if converged:
                     break
                 copy_to(work.starts[0], pose)
@@ -190,13 +184,13 @@ def compile_pose_solver(
     return solve
 
 
-@inlined(fastmath=True)
+@merged
 def _steepest_in_metric(v, gradient, step, problem, d):  # type: ignore[no-untyped-def] # noqa: ARG001
     """Write the direction of steepest descent in the metric H = U^T U, d = -step H^-1 gradient; return d^T H d."""
     solve_factored(problem.U, problem.active, gradient, d, problem.flat)
-    flat = d.flat
-    for i in range(d.size):
-        flat[i] *= -step
+    for part in range(len(d)):
+        for i in range(3):
+            d[part, i] *= -step
     return -step * inner(gradient, d)
 
 
@@ -222,4 +216,4 @@ def _warm_starts(v: Array, frame: int, starts: Array) -> int:
         for part in range(v.shape[1]):
             for i in range(3):
                 starts[2, part, i] = 2.0 * v[frame - 1, part, i] - v[frame - 2, part, i]
-    return min(frame, 2) + 1
+    return (frame if frame < 2 else 2) + 1

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.numerics.compiled import inlined
+from distretarget.numerics.compiled import inlined, merged
 from distretarget.numerics.loops import copy_to
 
 ETA = 0.99  # how slowly the line search forgets old values; 0 makes it monotone
@@ -139,7 +139,7 @@ def scratch_for(shape: tuple[int, ...]) -> NDArray[np.float64]:
 def spectral_gradient(
     objective: Callable[..., Any], direction: Callable[..., Any], *, adaptive: bool
 ) -> Callable[..., Any]:
-    """Compile the method for one kind of problem, given as two compiled functions.
+    """Return the method for one kind of problem, given as two compiled functions.
 
     objective(x, problem, gradient) -> float: returns the value at `x` and writes the gradient.
     direction(x, gradient, step, problem, d) -> float: writes d = P(x - step gradient) - x, where P projects onto the
@@ -147,13 +147,13 @@ def spectral_gradient(
     adaptive: whether to take the shorter step of Barzilai and Borwein where their two steps differ much; only for
         problems without a metric of their own.
 
-    Returns a compiled minimise(x, f, g, problem, tolerance, limit, scratch) -> Minimum, which overwrites `x`, an array
+    Returns a `merged` minimise(x, f, g, problem, tolerance, limit, scratch) -> Minimum, which overwrites `x`, an array
     with rows and columns, with the best iterate. `f` is the objective at `x` and `g` its gradient, which is overwritten
     too; `scratch` is `scratch_for(x.shape)`. It stops when the norm |d| of the search direction is at most `tolerance`,
     after `limit` iterations, or when no step of at least 1e-12 of the direction lowers the objective enough.
     """
 
-    @inlined()
+    @merged
     def minimise(x, f, g, problem, tolerance, limit, scratch):  # type: ignore[no-untyped-def]
         d, g_new, x_new, x_best = scratch[0], scratch[1], scratch[2], scratch[3]
         copy_to(x_best, x)

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from distretarget.ik.articulation import Articulation, Scratch
 from distretarget.numerics.compiled import inlined
-from distretarget.numerics.loops import clear
 
 Array = NDArray[np.float64]
 
@@ -125,7 +124,7 @@ class Below(NamedTuple):
         return cls(way, first, np.zeros((joints, joints, 3, 3)), ends, np.zeros(joints, np.bool_), children, node)
 
 
-@inlined()
+@inlined(fastmath=True)
 def write_way(springs: Springs, count: int, body: Articulation, below: Below) -> int:
     """Write the moving bones to `below.way`, and return their number: the bones whose rotation changes one of the first
     `count` springs. A bone is given by its lower joint, in descending order; the root, 0, follows if a spring is tied
@@ -134,8 +133,8 @@ def write_way(springs: Springs, count: int, body: Articulation, below: Below) ->
     A spring between two joints depends on the bones on the path between them.
     """
     ends, is_end = below.ends, below.is_end
-    clear(ends)
-    clear(is_end)
+    for joint in range(len(ends)):
+        ends[joint], is_end[joint] = 0, False
     for s in range(count):
         if is_negligible(springs.A, s):
             continue
@@ -156,42 +155,43 @@ def write_way(springs: Springs, count: int, body: Articulation, below: Below) ->
     return bones
 
 
-@inlined()
-def write_nodes(way: Numbers, parents: Numbers, below: Below) -> int:
-    """Write the index in `way` where each node begins, and where the last one ends, to `below.first`; return the number
-    of nodes.
-
+@inlined(fastmath=True)
+def write_nodes(bones: int, parents: Numbers, below: Below) -> int:
+    """Write the index where each node begins among the first `bones` bones of `below.way`, and where the last one ends,
+    to `below.first`; return the number of nodes.
     A node is a chain of bones without a branch and without the end of a spring inside.
     """
-    children, count = below.children, 0
-    clear(children)
-    for joint in way:
-        if joint > 0:
-            children[parents[joint]] += 1
-    for i, joint in enumerate(way):
+    way, children, count = below.way, below.children, 0
+    for joint in range(len(children)):
+        children[joint] = 0
+    for i in range(bones):
+        if way[i] > 0:
+            children[parents[way[i]]] += 1
+    for i in range(bones):
+        joint = way[i]
         if i == 0 or parents[way[i - 1]] != joint or children[joint] > 1 or below.is_end[joint]:
             below.first[count] = i
             count += 1
-    below.first[count] = len(way)
+    below.first[count] = bones
     return count
 
 
 @inlined(fastmath=True)
-def write_stiffness_below(
-    springs: Springs, count: int, way: Numbers, nodes: int, parents: Numbers, below: Below
-) -> None:
+def write_stiffness_below(springs: Springs, count: int, nodes: int, parents: Numbers, below: Below) -> None:
     """Write the stiffness between subtrees to the upper triangle of `below.G[:nodes, :nodes]`: the force on the subtree
     of one node per displacement of the subtree of another.
-
     Bones that do not move change no spring, and add nothing.
     """
-    first, node, G = below.first, below.node, below.G
+    way, first, node, G = below.way, below.first, below.node, below.G
     for joint in range(len(node)):
         node[joint] = -1
     for n in range(nodes):
         for i in range(first[n], first[n + 1]):
             node[way[i]] = n
-        clear(G[n, n:nodes])
+        for m in range(n, nodes):
+            for i in range(3):
+                for j in range(3):
+                    G[n, m, i, j] = 0.0
     _add_ends(springs, count, node, G)
     for n in range(nodes):
         top = way[first[n + 1] - 1]
@@ -213,7 +213,7 @@ def _add_ends(springs: Springs, count: int, node: Numbers, G: Array) -> None:
         if b >= 0:
             _add(A[s], 1.0, G[b, b])
         if a >= 0 and b >= 0:
-            _add(A[s], -1.0, G[min(a, b), max(a, b)])
+            _add(A[s], -1.0, G[a, b] if a < b else G[b, a])
 
 
 @inlined(fastmath=True)
@@ -221,13 +221,13 @@ def _add_to_above(G: Array, n: int, above: int, nodes: int) -> None:
     """Add row and column of node n to those of the node above it, whose subtree contains that of n."""
     for other in range(n):
         _add(G[other, n], 1.0, G[other, above])
-    for other in range(n + 1, above):
-        _add(G[n, other].T, 1.0, G[other, above])
+    for other in range(n + 1, above + 1):
+        _add_transposed(G[n, other], G[other, above])
     _add(G[n, above], 1.0, G[above, above])
-    _add(G[n, above].T, 1.0, G[above, above])
     _add(G[n, n], 1.0, G[above, above])
     _add(G[n, n], 1.0, G[n, above])
-    _add_all(G[n, above + 1 : nodes], G[above, above + 1 : nodes])
+    for other in range(above + 1, nodes):
+        _add(G[n, other], 1.0, G[above, other])
 
 
 @inlined(fastmath=True)
@@ -244,7 +244,7 @@ def _add(block: Array, sign: float, to: Array) -> None:
 
 
 @inlined(fastmath=True)
-def _add_all(values: Array, to: Array) -> None:
-    flat_values, flat_to = values.flat, to.flat
-    for i in range(values.size):
-        flat_to[i] += flat_values[i]
+def _add_transposed(block: Array, to: Array) -> None:
+    for i in range(3):
+        for j in range(3):
+            to[i, j] += block[j, i]

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.body import Body
+from distretarget.distances import differences_of_distances
 from distretarget.matching.matching import Matching
 from distretarget.measure.contacts import Contacts, find_contacts
 from distretarget.measure.directions import direction_error, expected_directions, shared_bones
@@ -15,7 +16,6 @@ from distretarget.measure.feet import Feet, find_feet
 from distretarget.measure.figures import Track, Tracks
 from distretarget.measure.supports import SupportsMeasured, find_supports
 from distretarget.motion import Motion
-from distretarget.numerics.compiled import compiled
 from distretarget.numerics.kinematics import steps_along
 from distretarget.numerics.parallel import in_blocks
 from distretarget.numerics.time_series import find_shots
@@ -144,31 +144,9 @@ class Reference:
         tau_source = self.source.rigid_skeleton.path_lengths[np.ix_(drivers, drivers)]
         share = ((tau > 0) & (tau_source > 0)).astype(np.float64)
         share /= max(np.triu(share, 1).sum(), 1.0)
-        of_source = self.source.positions, drivers, np.where(share > 0, tau_source, 1.0)
-        of_result = result.positions, points, np.where(share > 0, tau, 1.0)
-        scratch, means = np.empty((2, 3, len(points))), np.empty(len(result))
-        _write_mean_difference(*of_source, *of_result, share, scratch, means)
-        return means
-
-
-@compiled(fastmath=True)
-def _write_mean_difference(x, of_x, tau_x, y, of_y, tau_y, share, scratch, means):  # type: ignore[no-untyped-def]
-    """Write the means, (frames,), over all pairs of points of the differences of their distances in x over tau_x, and
-    in y over tau_y, (points, points); `of_x` and `of_y`, (points,), are the joints of x and y at the points, and
-    `share`, (points, points), is the weight of each pair in the mean.
-    """
-    points, p, q = len(of_x), scratch[0], scratch[1]
-    for frame in range(len(x)):
-        for point in range(points):
-            for i in range(3):
-                p[i, point], q[i, point] = x[frame, of_x[point], i], y[frame, of_y[point], i]
-        total = 0.0
-        for u in range(points):
-            for v in range(u):
-                one = np.sqrt((p[0, u] - p[0, v]) ** 2 + (p[1, u] - p[1, v]) ** 2 + (p[2, u] - p[2, v]) ** 2)
-                other = np.sqrt((q[0, u] - q[0, v]) ** 2 + (q[1, u] - q[1, v]) ** 2 + (q[2, u] - q[2, v]) ** 2)
-                total += share[u, v] * abs(one / tau_x[u, v] - other / tau_y[u, v])
-        means[frame] = total
+        of_source = self.source.positions, drivers, 1.0 / np.where(share > 0, tau_source, 1.0)
+        of_result = result.positions, points, 1.0 / np.where(share > 0, tau, 1.0)
+        return differences_of_distances(of_source, of_result, share, 1)
 
 
 def find_snaps(copy: Motion, result: Motion, body: Body) -> Array:

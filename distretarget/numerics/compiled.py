@@ -1,26 +1,33 @@
-"""Functions compiled by numba: those that Python calls, and those that become parts of them."""
+"""Functions compiled by numba, and the folder that keeps their code between runs."""
 
 from __future__ import annotations
 
-import gc
+import hashlib
+import platform
+import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+import numba
 import numpy as np
 from numba import njit
-from numba.core import config, event
+from numba.core import config as numba_config
+from numba.core import event
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
-from distretarget.numerics.code_cache import WAITING, CodeCache
-from distretarget.numerics.code_folder import code_folder
-from distretarget.numerics.inlining import InlinedCompiler
+PACKAGE = Path(__file__).parent.parent
+MARK = b"distretarget.numerics.compiled import"  # in all files with functions to compile
 
 # Compiled functions allocate no arrays: their callers give those that they write to. So numba need not count references
-# to arrays, and the functions compile and run faster.
+# to arrays (`_nrt`, see `numba.extending.register_jitable`), and the functions compile and run faster. Nor are they
+# passed to other functions as values, for which numba would make another entry point (`no_cfunc_wrapper`).
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False}
+
+config: Any = numba_config  # whose settings have no types
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 Value = TypeVar("Value", bound=np.generic)
@@ -30,70 +37,19 @@ def compiled(*, fastmath: bool = False) -> Callable[[Function], Function]:
     """Decorate a function that Python calls. It is compiled at its first call, and its code is kept for later runs.
 
     Several threads may run it at the same time. It is compiled for each kind of arrays (read-only or not, contiguous or
-    not), and with `fastmath` the last bits of what these make may differ: then all callers pass arrays of one kind.
+    not), and with `fastmath` the last bits of what these make may differ: then all callers pass arrays of one kind. It
+    stands in a module: of a function within a function numba does not always find the kept code.
     """
 
     def decorate(function: Function) -> Function:
-        code: Any = njit(fastmath=fastmath, nogil=True, **_OPTIONS)(function)
-        if folder := code_folder():
-            with _caching_in(folder):
-                code._cache = CodeCache(function)
-        return cast(Function, code)
+        folder, before = code_folder(), config.CACHE_DIR
+        config.CACHE_DIR = str(folder)
+        try:
+            return cast(Function, njit(fastmath=fastmath, nogil=True, cache=bool(folder), **_OPTIONS)(function))
+        finally:
+            config.CACHE_DIR = before
 
     return decorate
-
-
-@contextmanager
-def _caching_in(folder: Path) -> Iterator[None]:
-    """Let numba keep code in a folder, in the functions for which caching is enabled meanwhile."""
-    settings: Any = config
-    before, settings.CACHE_DIR = settings.CACHE_DIR, str(folder)
-    try:
-        yield
-    finally:
-        settings.CACHE_DIR = before
-
-
-class _CollectionPaused(event.Listener):
-    """Pauses Python's garbage collection while a function of this package is compiled, which takes a tenth of it."""
-
-    def __init__(self) -> None:
-        self._depth = 0
-        self._was_on = False
-
-    def on_start(self, event: event.Event) -> None:
-        if _is_of_package(event):
-            if not self._depth:
-                self._was_on = gc.isenabled()
-                gc.disable()
-            self._depth += 1
-
-    def on_end(self, event: event.Event) -> None:
-        if _is_of_package(event):
-            self._depth -= 1
-            if not self._depth and self._was_on:
-                gc.enable()
-
-
-def _is_of_package(compilation: event.Event) -> bool:
-    function = compilation.data["dispatcher"].py_func
-    return str(function.__module__).partition(".")[0] == __name__.partition(".")[0]
-
-
-event.register("numba:compile", _CollectionPaused())
-
-
-def is_to_be_compiled(function: Callable[..., Any]) -> bool:
-    """Return whether no code of a compiled function is kept yet, but will be."""
-    cache = getattr(function, "_cache", None)
-    return not getattr(config, "DISABLE_JIT", 0) and isinstance(cache, CodeCache) and not cache.is_filled
-
-
-def read_only(array: NDArray[Value]) -> NDArray[Value]:
-    """Return a view that cannot be written to, so that a function is compiled once for arrays that can and cannot."""
-    view = array.view()
-    view.flags.writeable = False
-    return view
 
 
 def inlined(*, fastmath: bool = False) -> Callable[[Function], Function]:
@@ -103,17 +59,55 @@ def inlined(*, fastmath: bool = False) -> Callable[[Function], Function]:
     If its code did not become a part of theirs, a process that compiles would run another copy of it than a process
     that loads its callers from the folder of compiled code, and results could differ in their last bits.
     """
-    options = {"forceinline": True, "no_cpython_wrapper": True, "pipeline_class": InlinedCompiler}
-    return register_jitable(fastmath=fastmath, **options, **_OPTIONS)
+    return register_jitable(fastmath=fastmath, forceinline=True, **_OPTIONS)
+
+
+def merged(function: Function) -> Function:
+    """Decorate a function that one compiled function calls. Its source becomes a part of that one's, with the same
+    options, and is compiled there alone; Python that calls it compiles it anew in every run.
+
+    An `inlined` function is compiled by itself first, which a large one takes long for.
+    """
+    return cast(Function, njit(inline="always", **_OPTIONS)(function))
+
+
+def read_only(array: NDArray[Value]) -> NDArray[Value]:
+    """Return a view that cannot be written to, so that a function is compiled once for arrays that can and cannot."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+@cache
+def code_folder() -> Path | None:
+    """Return the folder for the compiled code of this version of the sources; None if no folder can be written to.
+
+    It is in the first of these that can be written to: the folder in the environment variable NUMBA_CACHE_DIR, the
+    folder of the package, and the cache of the user. numba would take code for up to date when only a function that
+    becomes a part of it has changed, in another file.
+    """
+    for place in (config.CACHE_DIR, PACKAGE / "__pycache__", "~/.cache/distretarget"):
+        with suppress(OSError, RuntimeError):  # RuntimeError: the user has no home
+            if place:
+                folder = Path(place).expanduser() / f"compiled-{_version()}"
+                folder.mkdir(parents=True, exist_ok=True)
+                tempfile.TemporaryFile(dir=folder).close()
+                return folder
+    return None
+
+
+def _version() -> str:
+    """A hash of all files with functions to compile, and of the versions of Python and numba."""
+    contents = (path.read_bytes() for path in sorted(PACKAGE.rglob("*.py")))
+    versions = platform.python_version() + numba.__version__
+    sources = b"".join(content for content in contents if MARK in content)
+    return hashlib.sha256(versions.encode() + sources).hexdigest()[:16]
 
 
 @contextmanager
 def announced_compilation(tell: Callable[[str], object]) -> Iterator[None]:
-    """Call `tell` with a line for the user before the first function is compiled, by this process or by another that it
-    waits for, if any is.
-    """
-    announcer = _Announcer(tell)
-    with event.install_listener("numba:compile", announcer), event.install_listener(WAITING, announcer):
+    """Call `tell` with a line for the user before the first function is compiled, if any is."""
+    with event.install_listener("numba:compile", _Announcer(tell)):
         yield
 
 
@@ -135,8 +129,8 @@ class _Announcer(event.Listener):
 
 def _announcement() -> str:
     if folder := code_folder():
-        return f"compiling for the first run, which takes about 10 s; later runs find the code in {folder}"
+        return f"compiling for the first run, which takes about 14 s; later runs find the code in {folder}"
     return (
-        "compiling, which takes about 10 s in every run, as there is no folder to keep the code in; "
+        "compiling, which takes about 14 s in every run, as there is no folder to keep the code in; "
         "set NUMBA_CACHE_DIR to a folder that can be written to"
     )

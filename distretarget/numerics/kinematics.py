@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from distretarget.errors import SettingsError
 from distretarget.numerics.compiled import compiled, inlined, read_only
-from distretarget.numerics.loops import clear
 from distretarget.numerics.parallel import over_blocks
 
 Array = NDArray[np.float64]
@@ -114,8 +113,8 @@ def _products(first: Array, of_first: NDArray[np.intp], second: Array, product: 
                 p = first[frame, of_first[joint]]
                 _multiply(p[0], p[1], p[2], p[3], second[joint], product[frame, joint])
             else:
-                clear(product[frame, joint])
-                product[frame, joint, 3] = 1.0
+                for i in range(4):
+                    product[frame, joint, i] = 1.0 if i == 3 else 0.0
 
 
 @compiled()
@@ -152,7 +151,7 @@ def _positions(parents: Parents, root_positions: Array, bones: Array, world: Arr
             positions[frame, 0, i] = root_positions[frame, i]
         for joint in range(1, len(parents)):
             parent = parents[joint]
-            q, v = world[frame, parent], bones[min(frame, len(bones) - 1), joint]
+            q, v = world[frame, parent], bones[frame if frame < len(bones) else 0, joint]
             x, y, z, w = q[0], q[1], q[2], q[3]
             a, b, c = v[0], v[1], v[2]
             # v + 2 w (q x v) + 2 q x (q x v), q the vector part
@@ -175,8 +174,8 @@ def heights_of(positions: Array, joints: NDArray[np.intp] | list[int], up: Array
 def _write_heights(positions: Array, joints: NDArray[np.intp], up: Array, heights: Array) -> None:
     for frame in range(len(positions)):
         for n in range(len(joints)):
-            x, y, z = positions[frame, joints[n]]
-            heights[frame, n] = up[0] * x + up[1] * y + up[2] * z
+            x = positions[frame, joints[n]]
+            heights[frame, n] = up[0] * x[0] + up[1] * x[1] + up[2] * x[2]
 
 
 def lowest_heights(positions: Array, up: Array) -> Array:
@@ -194,8 +193,10 @@ def _write_lowest(positions: Array, up: Array, lowest: Array) -> None:
     for frame in range(len(positions)):
         lowest[frame] = np.inf
         for joint in range(positions.shape[1]):
-            x, y, z = positions[frame, joint]
-            lowest[frame] = min(lowest[frame], up[0] * x + up[1] * y + up[2] * z)
+            x = positions[frame, joint]
+            height = up[0] * x[0] + up[1] * x[1] + up[2] * x[2]
+            if height < lowest[frame]:
+                lowest[frame] = height
 
 
 def steps_along(paths: Array, joints: NDArray[np.intp] | None = None, lag: int = 1) -> Array:

@@ -23,8 +23,8 @@ def first_not_unit(quaternions: NDArray[np.float64], error: float) -> int:
 @compiled()
 def _first_not_unit(quaternions, error):  # type: ignore[no-untyped-def]
     for n in range(len(quaternions)):
-        x, y, z, w = quaternions[n]
-        if not abs(np.sqrt(x * x + y * y + z * z + w * w) - 1.0) < error:
+        q = quaternions[n]
+        if not abs(np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]) - 1.0) < error:
             return n
     return -1
 
@@ -63,23 +63,23 @@ def least_rotation(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np
 @compiled()
 def _write_least(a, b, quaternions):  # type: ignore[no-untyped-def]
     for n in range(len(a)):
-        (x, y, z), (u, v, w) = a[n], b[n]
+        x, y, z = a[n, 0], a[n, 1], a[n, 2]
+        u, v, w = b[n, 0], b[n, 1], b[n, 2]
         scale = np.sqrt(x * x + y * y + z * z) * np.sqrt(u * u + v * v + w * w)
         cosine = x * u + y * v + z * w
         i, j, k, r = y * w - z * v, z * u - x * w, x * v - y * u, scale + cosine
         if scale + cosine <= 1e-12 * scale:
-            smallest = min(abs(x), abs(y), abs(z))
-            if abs(x) == smallest:
+            if abs(x) <= abs(y) and abs(x) <= abs(z):
                 i, j, k, r = 0.0, z, -y, 0.0
-            elif abs(y) == smallest:
+            elif abs(y) <= abs(z):
                 i, j, k, r = -z, 0.0, x, 0.0
             else:
                 i, j, k, r = y, -x, 0.0, 0.0
         if scale == 0.0:
             i, j, k, r = 0.0, 0.0, 0.0, 1.0
         size = np.sqrt(i * i + j * j + k * k + r * r)
-        quaternion = quaternions[n]
-        quaternion[0], quaternion[1], quaternion[2], quaternion[3] = i / size, j / size, k / size, r / size
+        quaternions[n, 0], quaternions[n, 1], quaternions[n, 2] = i / size, j / size, k / size
+        quaternions[n, 3] = r / size
 
 
 def least(a: NDArray[np.float64], b: NDArray[np.float64]) -> Rotation:

@@ -23,11 +23,11 @@ from numpy.typing import NDArray
 
 from distretarget.body.legs import pelvis_joint
 from distretarget.ik.articulation import Articulation, Scratch
-from distretarget.ik.pose_solver import CopiedBones, Workspace, compile_pose_solver
+from distretarget.ik.pose_solver import CopiedBones, Workspace, pose_solver
 from distretarget.ik.poses import Mapper, Poses, Progress, ignore_progress, solve_in_chunks
 from distretarget.ik.rigid_parts import subtree_lengths
-from distretarget.ik.springs import NEGLIGIBLE, Springs, is_negligible, joined, no_springs, room_for, spring_energy
-from distretarget.numerics.compiled import inlined, is_to_be_compiled, read_only
+from distretarget.ik.springs import NEGLIGIBLE, Springs, is_negligible, joined, room_for, spring_energy
+from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.parallel import blocks_of
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact_pairs import (
@@ -35,11 +35,10 @@ from distretarget.objectives.contact_pairs import (
     activation_window,
     candidate_pairs,
     near_pairs,
-    no_pairs,
     write_pair_spring,
 )
 from distretarget.objectives.discontinuities import smooth_flips, smooth_landings
-from distretarget.objectives.floor import Floor, add_floor, floor_energy, no_floor
+from distretarget.objectives.floor import Floor, add_floor, floor_energy
 from distretarget.objectives.settings import ContactSettings
 from distretarget.objectives.supports import STIFFNESS as SUPPORT_STIFFNESS
 from distretarget.objectives.supports import Supports, support_springs
@@ -165,14 +164,14 @@ def _like_springs(scratch: Scratch, terms: Terms) -> tuple[Springs, int]:
     return terms.springs, add_floor(scratch, terms.floor, terms.springs, terms.acting)
 
 
-@inlined()
+@inlined(fastmath=True)
 def _terms_of(given: Given, frame: int, start: Array) -> Terms:  # noqa: ARG001
     floor = given.floor
     of_frame = Floor(floor.joints, floor.heights[frame], floor.stiffness[frame], floor.up)
     return Terms(given.room, _write_springs(given.near, given.springs, frame, given.room), of_frame)
 
 
-@inlined()
+@inlined(fastmath=True)
 def _write_springs(near: NearPairs, springs: Springs, frame: int, room: Springs) -> int:
     """Write the springs that act in a frame to `room`; return how many they are."""
     count = 0
@@ -192,17 +191,9 @@ def _write_springs(near: NearPairs, springs: Springs, frame: int, room: Springs)
     return count
 
 
-_solve = compile_pose_solver(_terms_of, _energy, _like_springs)
+_solve_poses = pose_solver(_terms_of, _energy, _like_springs)
 
 
-def solver_lacks_code() -> bool:
-    """Return whether the solver has yet to be compiled."""
-    return is_to_be_compiled(_solve)
-
-
-def compile_solver() -> None:
-    """Compile the solver, or load its code from the cache, by solving zero frames of a body of two joints."""
-    body = Articulation(read_only(np.array([-1, 0])), np.zeros(2, np.intp), np.zeros(2), np.zeros((2, 2), np.intp))
-    bones = CopiedBones(np.zeros((0, 2, 3)), np.zeros((0, 3)))
-    given = Given(no_pairs(0), no_springs(0), no_floor(0), room_for(0))
-    _solve(body, bones, given, 0.0, np.zeros((0, 2, 3)), 0, np.zeros((4, 0)), Workspace.of(body))
+@compiled()
+def _solve(body, copy, given, tolerance, v, first, log, work):  # type: ignore[no-untyped-def]
+    _solve_poses(body, copy, given, tolerance, v, first, log, work)

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.distances import DistanceProblem, columns, filled, stress_and_gradient, target_distances
 from distretarget.ik.articulation import Articulation, Scratch
-from distretarget.ik.pose_solver import CopiedBones, Workspace, compile_pose_solver
+from distretarget.ik.pose_solver import CopiedBones, Workspace, pose_solver
 from distretarget.ik.poses import Poses, Progress, ignore_progress
 from distretarget.ik.rigid_parts import fit_rotations
 from distretarget.ik.spg import Effort, record, scratch_for, spectral_gradient, steepest
@@ -254,4 +254,9 @@ def _terms_of(given: Given, frame: int, start: Array) -> Terms:
     return given.terms
 
 
-_solve_poses = compile_pose_solver(_terms_of, _stress, _pair_springs)
+_pose_solver = pose_solver(_terms_of, _stress, _pair_springs)
+
+
+@compiled()
+def _solve_poses(body, copy, given, tolerance, v, first, log, work):  # type: ignore[no-untyped-def]
+    _pose_solver(body, copy, given, tolerance, v, first, log, work)

@@ -96,7 +96,7 @@ def _write_springs(weights, joints, regions, feet, body, bones, stiffness, A, sc
             if s <= LEAST_WEIGHT:
                 continue
             resting = _resting_in_region(weights[frame], regions, support)
-            n = max(resting / FIRM, 1.0)
+            n = resting / FIRM if resting > FIRM else 1.0
             m = n if support < feet else resting
             if s < 1.0:
                 write_compliance(body, bones[frame], joints[support], arms, M)

@@ -1,0 +1,143 @@
+"""Compiled code is kept where it can be, is never out of date, and gives the same bytes in all runs."""
+
+import os
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from bodies import SAMPLES
+
+from distretarget.numerics import compiled as module
+from distretarget.numerics.compiled import PACKAGE, announced_compilation, compiled, inlined, merged
+
+RUN = """
+import hashlib, sys
+from distretarget import load_target, read_bvh, retarget
+from distretarget.numerics.compiled import announced_compilation
+
+with announced_compilation(lambda line: print(line.partition(",")[0])):
+    result = retarget(read_bvh(sys.argv[1]), load_target(sys.argv[2]))
+print(hashlib.sha256(result.motion.rotations.tobytes()).hexdigest())
+"""
+COMMAND = [sys.executable, "-c", RUN, SAMPLES / "squat.bvh", SAMPLES / "rigs" / "lafan1_a.json"]
+FIRST = "compiling for the first run"
+
+
+@inlined()
+def squared(x):
+    return x * x
+
+
+@merged
+def sum_of_squares(values):
+    total = 0.0
+    for value in values:
+        total += squared(value)
+    return total
+
+
+def length(values):
+    return np.sqrt(sum_of_squares(values))
+
+
+def start(folder, **changes):
+    """Retarget a clip in another process, which says when it compiles, and then the hash of the result."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(folder)} | changes
+    pipe = subprocess.PIPE
+    return subprocess.Popen(COMMAND, env=environment, stdout=pipe, stderr=pipe, text=True)
+
+
+def end(process):
+    output, errors = process.communicate()
+    assert (process.returncode, errors) == (0, "")
+    return output.split("\n")[:-1]
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    """A folder that two processes have filled side by side, and what they said."""
+    folder = tmp_path_factory.mktemp("code")
+    running = [start(folder), start(folder, OMP_NUM_THREADS="1", PYTHONDONTWRITEBYTECODE="1")]
+    return folder, [end(process) for process in running]
+
+
+def test_processes_that_compile_side_by_side_get_the_same_bytes(kept):
+    _, (one, other) = kept
+    assert one == other
+    assert one[0] == FIRST
+    assert len(one[1]) == 64
+
+
+def test_later_runs_compile_nothing_and_get_the_bytes_of_the_first(kept):
+    folder, ((_, first), _) = kept
+    assert end(start(folder)) == [first]
+
+
+@pytest.fixture
+def places(tmp_path, monkeypatch):
+    """The three places to keep code in, in order; a place that is made a file cannot be used."""
+    monkeypatch.setattr(module.config, "CACHE_DIR", str(tmp_path / "chosen"))
+    monkeypatch.setattr(module, "PACKAGE", tmp_path / "package")
+    for name in ("HOME", "USERPROFILE"):
+        monkeypatch.setenv(name, str(tmp_path / "home"))
+    return [tmp_path / "chosen", tmp_path / "package", tmp_path / "home"]
+
+
+def chosen():
+    return module.code_folder.__wrapped__()
+
+
+def test_code_is_kept_in_the_first_place_that_can_be_written_to(places):
+    for place in places:
+        assert chosen().is_relative_to(place)
+        shutil.rmtree(place)
+        place.touch()
+    assert chosen() is None
+
+
+def test_functions_are_compiled_also_where_no_code_can_be_kept(monkeypatch):
+    lines = []
+    monkeypatch.setattr(module, "code_folder", lambda: None)
+    with announced_compilation(lines.append):
+        assert compiled()(length)(np.array([3.0, 4.0])) == 5.0
+    assert len(lines) == 1
+    assert "in every run" in lines[0]
+
+
+def test_code_of_two_kinds_of_arrays_is_loaded_by_another_function_of_the_same_source(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "code_folder", lambda: tmp_path)
+    first, second = compiled()(length), compiled()(length)
+    assert first(np.array([3.0, 4.0])) == second(np.array([3.0, 4.0])) == 5.0
+    assert first(np.array([3, 4, 12])) == second(np.array([3, 4, 12])) == 13.0
+    assert sum(first.stats.cache_misses.values()) == 2
+    assert sum(second.stats.cache_hits.values()) == 2
+    assert str(tmp_path) != module.config.CACHE_DIR, "the folder is that of the package's own functions alone"
+
+
+@pytest.mark.usefixtures("places")
+def test_a_changed_source_has_its_own_folder(tmp_path):
+    (tmp_path / "package").mkdir()
+    source = tmp_path / "package" / "solver.py"
+    folders = set()
+    for line in ("a", "b"):
+        source.write_text(f"from distretarget.numerics.compiled import compiled  # {line}")
+        folders.add(chosen())
+    assert len(folders) == 2
+
+
+def test_the_program_runs_in_an_installation_that_nobody_can_write_to(tmp_path):
+    """A file stands wherever a folder would have to be made."""
+    copy = tmp_path / "site"
+    shutil.copytree(PACKAGE, copy / "distretarget", ignore=shutil.ignore_patterns("__pycache__"))
+    for place in ("site/distretarget/__pycache__", "home"):
+        (tmp_path / place).touch()
+    home = {"HOME": str(tmp_path / "home"), "USERPROFILE": str(tmp_path / "home"), "NUMBA_CACHE_DIR": ""}
+    environment = os.environ | home | {"PYTHONPATH": str(copy), "PYTHONSAFEPATH": "1"}
+    command = [sys.executable, "-m", "distretarget", "skeleton", "show", SAMPLES / "rigs" / "unreal_a.json"]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0
+    assert done.stdout.startswith("68 joints, ")
+    assert done.stderr.count("\n") == 1
+    assert "no folder to keep the code in" in done.stderr
