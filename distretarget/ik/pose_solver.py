@@ -184,7 +184,7 @@ def pose_solver(
     return solve
 
 
-@merged
+@inlined(fastmath=True)
 def _steepest_in_metric(v, gradient, step, problem, d):  # type: ignore[no-untyped-def] # noqa: ARG001
     """Write the direction of steepest descent in the metric H = U^T U, d = -step H^-1 gradient; return d^T H d."""
     solve_factored(problem.U, problem.active, gradient, d, problem.flat)
