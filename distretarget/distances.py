@@ -156,8 +156,8 @@ def posture_stress(
     `source`, (frames, source joints, 3) [source file units], gives the distances D; `result`, (frames, target joints,
     3) [target file units], are the postures.
     """
-    per_unit = np.full_like(problem.ratio, 1.0 / problem.body_size)
-    x, y = (source, problem.sources, problem.ratio), (result, problem.targets, per_unit)
+    tau = 1.0 / np.where(problem.ratio > 0, problem.ratio, 1.0)  # where the ratio is 0, so is the priority
+    x, y = (source, problem.sources, tau), (result, problem.targets, np.full_like(tau, problem.body_size))
     return 0.5 * differences_of_distances(x, y, problem.priorities, 2)
 
 
@@ -167,10 +167,10 @@ def differences_of_distances(
     weights: NDArray[np.float64],
     power: Literal[1, 2],
 ) -> NDArray[np.float64]:
-    """(frames,), the sum over all pairs u < v of weights_uv |scale_uv ||x_u - x_v|| - scale'_uv ||y_u - y_v|| |^power.
+    """(frames,), the sum over all pairs u < v of weights_uv | ||x_u - x_v|| / tau_uv - ||y_u - y_v|| / tau'_uv |^power.
 
-    `x` and `y` are each positions, (frames, joints, 3), the joint at each point, (points,), and the scale of each
-    distance, (points, points); `weights` is (points, points).
+    `x` and `y` are each positions, (frames, joints, 3), the joint at each point, (points,), and the length tau that
+    each distance is divided by, (points, points); `weights` is (points, points). For equal x and y the sum is exactly 0.
     """
     scratch, sums = np.empty((2, 3, len(weights))), np.empty(len(y[0]))
     _write_differences(*x, *y, weights, power, scratch, sums)
@@ -178,7 +178,7 @@ def differences_of_distances(
 
 
 @compiled(fastmath=True)
-def _write_differences(x, of_x, scale_x, y, of_y, scale_y, weights, power, scratch, sums):  # type: ignore[no-untyped-def]
+def _write_differences(x, of_x, tau_x, y, of_y, tau_y, weights, power, scratch, sums):  # type: ignore[no-untyped-def]
     points, p, q = len(of_x), scratch[0], scratch[1]
     for frame in range(len(sums)):
         for point in range(points):
@@ -189,7 +189,7 @@ def _write_differences(x, of_x, scale_x, y, of_y, scale_y, weights, power, scrat
             for v in range(u):
                 one = np.sqrt((p[0, u] - p[0, v]) ** 2 + (p[1, u] - p[1, v]) ** 2 + (p[2, u] - p[2, v]) ** 2)
                 other = np.sqrt((q[0, u] - q[0, v]) ** 2 + (q[1, u] - q[1, v]) ** 2 + (q[2, u] - q[2, v]) ** 2)
-                difference = abs(scale_x[u, v] * one - scale_y[u, v] * other)
+                difference = abs(one / tau_x[u, v] - other / tau_y[u, v])
                 total += weights[u, v] * (difference if power == 1 else difference * difference)
         sums[frame] = total
 

@@ -144,8 +144,8 @@ class Reference:
         tau_source = self.source.rigid_skeleton.path_lengths[np.ix_(drivers, drivers)]
         share = ((tau > 0) & (tau_source > 0)).astype(np.float64)
         share /= max(np.triu(share, 1).sum(), 1.0)
-        of_source = self.source.positions, drivers, 1.0 / np.where(share > 0, tau_source, 1.0)
-        of_result = result.positions, points, 1.0 / np.where(share > 0, tau, 1.0)
+        of_source = self.source.positions, drivers, np.where(share > 0, tau_source, 1.0)
+        of_result = result.positions, points, np.where(share > 0, tau, 1.0)
         return differences_of_distances(of_source, of_result, share, 1)
 
 
