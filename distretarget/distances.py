@@ -170,7 +170,7 @@ def differences_of_distances(
     """(frames,), the sum over all pairs u < v of weights_uv | ||x_u - x_v|| / tau_uv - ||y_u - y_v|| / tau'_uv |^power.
 
     `x` and `y` are each positions, (frames, joints, 3), the joint at each point, (points,), and the length tau that
-    each distance is divided by, (points, points); `weights` is (points, points). For equal x and y the sum is exactly 0.
+    each distance is divided by, (points, points); `weights` is (points, points). It is exactly 0 for equal x and y.
     """
     scratch, sums = np.empty((2, 3, len(weights))), np.empty(len(y[0]))
     _write_differences(*x, *y, weights, power, scratch, sums)
