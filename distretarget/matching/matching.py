@@ -1,4 +1,4 @@
-"""Which source joint drives which target joint: by an explicit map, equal names, or the parts of the body."""
+"""Which source joint drives which target joint: by a joint map, equal names, or body parts."""
 
 from __future__ import annotations
 
@@ -23,25 +23,26 @@ from distretarget.skeleton import JointMap
 
 Array = NDArray[np.float64]
 
-BUILD_ANGLE = np.radians(55)  # rest directions of bones that differ by less show another build, not another pose [rad]
+BUILD_ANGLE = np.radians(55)  # bones whose rest directions differ by less differ in build, not in pose [rad]
 NAMED_SHARE = 0.5  # least share of target joints matched by name if no human body is recognised [0 to 1]
-LANDMARKS = ("hips", "head", "leftHand", "rightHand", "leftFoot", "rightFoot")  # the places of joints count from these
+LANDMARKS = ("hips", "head", "leftHand", "rightHand", "leftFoot", "rightFoot")  # for comparing joint locations
 CONFIDENCE = {"map": 1.0, "name": 1.0, "names": 0.95, "shape": 0.8, "tip": 0.9, "": 0.0}  # by method [0 to 1]
 LIMB_ROLES = ("leftUpperArm", "rightUpperArm", "leftUpperLeg", "rightUpperLeg")  # two bodies must share one of these
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Matching:
-    """Which source joint drives which target joint, and by which method each pair was matched.
+    """Which source joint drives which target joint, and how each pair was found.
 
     Attributes:
-        source, target: the bodies; if the feet of both show which side is left, left and right follow them, not names.
-        drivers: (target joints,), the source joint that corresponds to each target joint; -1 for none.
-        rotation_sources: (target joints, 2), the source joints whose rotations each target joint follows: its driver
-            twice, or two neighbours in a spine or neck of another number of joints; -1 where it follows its parent.
+        source, target: the bodies; if the feet of both show the left side, left and right are as the feet show, not
+            as the names say.
+        drivers: (target joints,), the source joint that drives each target joint; -1 for none.
+        rotation_sources: (target joints, 2), the source joints whose rotations each target joint blends: its driver
+            twice, or two neighbours in a spine or neck with another number of joints; -1 to follow the parent.
         blend: (target joints,), the weight of the second rotation source [0 to 1].
-        method: per target joint "map", "name" (equal names), "names" (parts of the body by name), "shape" (parts by
-            shape), "tip" (the end of a matched joint), or "" where it has no driver.
+        method: how each target joint was matched: "map", "name" (equal names), "names" (body parts by name), "shape"
+            (body parts by shape), "tip" (child of a matched joint), or "" without a driver.
     """
 
     source: Body
@@ -69,40 +70,40 @@ class Matching:
 
     @property
     def confidence(self) -> Array:
-        """(target joints,), how far to trust each pair [0 to 1]: by the method, times how similar the path lengths of
-        both joints to hips, head, hands and feet are.
+        """(target joints,), confidence in each pair [0 to 1]: that of the method, times the similarity of the relative
+        path lengths from both joints to hips, head, hands and feet.
         """
         by_method = np.array([CONFIDENCE[method] for method in self.method])
         roles = [body.anatomy.roles if body.anatomy else {} for body in (self.source, self.target)]
         marks = [mark for mark in LANDMARKS if mark in roles[0] and mark in roles[1]]
         if not marks:
             return by_method
-        places = []
+        distances = []  # from all joints to the landmarks, relative to the largest between landmarks
         for body, own in zip((self.source, self.target), roles, strict=True):
             joints = [own[mark] for mark in marks]
             tau = body.skeleton.path_lengths[:, joints]
-            places.append(tau / (tau[joints].max() or 1.0))
-        unlike = np.abs(places[0][self.drivers] - places[1]).mean(axis=1)
-        return np.asarray(by_method * np.clip(1.0 - unlike, 0.0, 1.0))
+            distances.append(tau / (tau[joints].max() or 1.0))
+        difference = np.abs(distances[0][self.drivers] - distances[1]).mean(axis=1)
+        return np.asarray(by_method * np.clip(1.0 - difference, 0.0, 1.0))
 
     @property
     def without_driver(self) -> list[str]:
-        """The keys of the target's joints that no joint of the source drives, without End Sites."""
+        """The keys of the target joints, except End Sites, that no source joint drives."""
         alone = (self.rotation_sources[:, 0] < 0) & (self.drivers < 0)
         return [self.target.skeleton.keys[joint] for joint in self.target.skeleton.joints if alone[joint]]
 
     @property
     def followers(self) -> list[str]:
-        """The keys of the joints without driver, except for root and IK handles: they follow their parents."""
+        """The keys of the joints that follow their parents: those without driver, except the root and IK handles."""
         others = {self.target.skeleton.keys[joint] for joint in (0, *self.target.handles)}
         return [key for key in self.without_driver if key not in others]
 
     @cached_property
     def legs(self) -> tuple[Legs, Legs] | None:
-        """The target's legs, and before them the source joints that drive them.
+        """The source joints that drive the target's legs, and the target's legs.
 
-        None unless hip joints and ankles have drivers and the source's legs have a length. A toe without a driver is
-        replaced by its ankle.
+        None unless hip joints and ankles have drivers and the source's legs have a length. The ankle replaces a toe
+        without a driver.
         """
         if self.target.legs is None:
             return None
@@ -113,28 +114,28 @@ class Matching:
 
     @cached_property
     def leg_lengths(self) -> tuple[float, float]:
-        """The lengths of these legs, thigh and shin, in source and target [file units of each]; 0 without legs."""
+        """The lengths of these legs, thigh plus shin, in source and target [file units of each]; 0 without legs."""
         return (leg_length(self.source.skeleton, self.legs[0]), self.target.leg_length) if self.legs else (0.0, 0.0)
 
     @cached_property
     def regions(self) -> Regions:
-        """The regions of the target, in which joints that a map drives are part of the region they are attached to."""
+        """The regions of the target; joints that a map drives belong to the region they are attached to."""
         mapped = [joint for joint, method in enumerate(self.method) if method == "map"]
         return self.target.regions.with_joints(self.target.skeleton, mapped)
 
     @cached_property
     def body_joints(self) -> NDArray[np.intp]:
-        """The target's joints that are part of its body and have drivers."""
+        """The joints of the target's body that have drivers."""
         return np.flatnonzero((self.drivers >= 0) & (self.regions.of_joint >= 0))
 
     @cached_property
     def joints_but_feet(self) -> NDArray[np.intp]:
-        """The `body_joints` without those of the feet; none without legs."""
+        """The `body_joints` except those of the feet; none without legs."""
         return self._but_feet(self.drivers >= 0)
 
     @cached_property
     def followers_but_feet(self) -> NDArray[np.intp]:
-        """The joints of the target's body without driver, and not of the feet; none without legs."""
+        """The joints of the target's body without driver, except those of the feet; none without legs."""
         return self._but_feet(self.drivers < 0)
 
     def _but_feet(self, wanted: NDArray[np.bool_]) -> NDArray[np.intp]:
@@ -144,20 +145,20 @@ class Matching:
 
     @cached_property
     def rest_poses_alike(self) -> bool:
-        """Whether all bones of both rest poses point about the same way, so that they can be compared."""
+        """Whether every bone points about the same way in both rest poses, so that these are the same pose."""
         _, a, b = self.shared_bones(self.source.skeleton.rest_positions, self.target.skeleton.rest_positions)
         return bool(((a * b).sum(axis=1) >= np.cos(BUILD_ANGLE)).all())
 
     def shared_bones(self, x: Array, y: Array) -> tuple[NDArray[np.intp], Array, Array]:
-        """Return the bones that both bodies have: the target joint at the upper end of each, (bones,), in ascending
-        order, and their directions, (bones, 3), on the source with its joints at `x` and on the target with its at `y`.
+        """Return the bones that both bodies share: the target joint at the upper end of each, (bones,), ascending, and
+        the unit directions of the bones on source and target, (bones, 3), for joint positions `x` and `y`.
 
-        A bone goes from a joint with a driver, the hips or lower, to the nearest ones below, on neither body with
-        length 0.
+        A shared bone joins a driven joint, from the hips down, to the nearest driven joint above it; bones of length 0
+        on either body are left out.
         """
         driven = (self.drivers >= 0) & ~np.isin(self.drivers, self.source.above_hips)
         driven[[*self.target.above_hips]] = False
-        nearest: list[int] = []  # the joint with a driver that is nearest above each joint
+        nearest: list[int] = []  # the nearest driven ancestor of each joint
         for parent in self.target.skeleton.parents.tolist():
             nearest.append(parent if parent < 0 or driven[parent] else nearest[parent])
         above = np.array(nearest)
@@ -170,10 +171,10 @@ class Matching:
 
     @cached_property
     def soles(self) -> tuple[tuple[Sole, Sole], ...]:
-        """The soles of source and target of each of these legs; empty without legs.
+        """For each of these legs the soles of source and target; empty without legs.
 
-        Where only one of two bodies with like rest poses shows how its feet stand, those of the other stand likewise.
-        Where one of the bodies has no foot, legs end at the ankle on both.
+        If only one of two bodies with the same rest pose shows how its soles lie, the other's lie the same way. If one
+        of the bodies has no foot, the legs of both end at the ankle.
         """
         if self.legs is None:
             return ()
@@ -187,19 +188,19 @@ class Matching:
 
     @cached_property
     def pelvis(self) -> int:
-        """The target joint where its legs branch off, if it has a driver; else the first joint that has one."""
+        """The target joint where the legs branch off, if it has a driver; else the first joint with a driver."""
         first = int(np.argmax(self.drivers >= 0))
         joint = self.target.pelvis_joint if self.legs else None
         return first if joint is None or self.drivers[joint] < 0 else joint
 
 
 def match(source: Body, target: Body, joint_map: JointMap | None = None) -> Matching:
-    """Match the joints of two bodies as `find_matching` does, and check that this is enough to retarget a motion.
+    """Match the joints of two bodies as `find_matching` does, and check that a motion can be retargeted by it.
 
     Raises:
-        MatchingError: it is not; the message lists joints of both bodies, and the pairs with the closest names.
+        MatchingError: it cannot; the message lists joints of both bodies and the pairs with the closest names.
         MapError: `joint_map` names joints that do not exist.
-        SettingsError: an argument is of another kind.
+        SettingsError: an argument is of another type.
     """
     check_kind("source", source, Body)
     check_kind("target", target, Body)
@@ -214,13 +215,13 @@ def match(source: Body, target: Body, joint_map: JointMap | None = None) -> Matc
 def find_matching(source: Body, target: Body, joint_map: JointMap | None = None) -> Matching:
     """Match as many joints of two bodies as possible.
 
-    `joint_map` gives the driver of target joints, source key by target key, with None for joints that nothing drives.
-    The other joints are matched by names or by shape, except IK handles, which go with the joints they are named for.
+    `joint_map` takes precedence. The other joints are matched by names or by shape, except IK handles, which copy the
+    joints they are named after.
 
     Raises:
         MapError: `joint_map` names joints that do not exist.
     """
-    crossed = False
+    crossed = False  # whether left and right are swapped in the names of one body
     if source.left_is_left is not None and target.left_is_left is not None:
         crossed = source.left_is_left != target.left_is_left
         source, target = (body if body.left_is_left else body.mirrored for body in (source, target))
@@ -245,7 +246,7 @@ def find_matching(source: Body, target: Body, joint_map: JointMap | None = None)
 
 
 def refusal(matching: Matching) -> str:
-    """Return why a motion cannot be retargeted by this matching; empty where it can."""
+    """Return why a motion cannot be retargeted by this matching; empty if it can."""
     joints = matching.target.skeleton.joints
     named = sum(matching.method[joint] in ("name", "map") for joint in joints)
     if named >= NAMED_SHARE * len(joints) or "map" in matching.method:
@@ -253,10 +254,8 @@ def refusal(matching: Matching) -> str:
     s, t = matching.source.anatomy, matching.target.anatomy
     if not (s and t):
         body = "the source" if t else "the target" if s else "either of them"
-        return (
-            f"only {named} of {len(joints)} joints of the target have a driver by name, and no human body is "
-            f"recognised in {body}"
-        )
+        few = f"only {named} of {len(joints)} joints of the target have a driver by name"
+        return f"{few}, and no human body is recognised in {body}"
     for name, side in (("source", matching.source), ("target", matching.target)):
         if side.on_all_fours:
             return f"the {name} seems to go on all fours: its trunk lies across its legs"
