@@ -14,7 +14,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import shortest_path
 
 from distretarget.errors import SkeletonError, closest, quoted
-from distretarget.numerics.kinematics import forward_kinematics
+from distretarget.numerics.kinematics import joint_positions
 
 POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
 ROTATION_CHANNELS = ("Xrotation", "Yrotation", "Zrotation")
@@ -162,10 +162,7 @@ class Skeleton:
     @cached_property
     def children(self) -> tuple[tuple[int, ...], ...]:
         """The children of each joint, in file order."""
-        below: list[list[int]] = [[] for _ in self.names]
-        for child, parent in enumerate(self.parents[1:], start=1):
-            below[parent].append(child)
-        return tuple(map(tuple, below))
+        return tuple(tuple(np.flatnonzero(self.parents == joint).tolist()) for joint in range(len(self)))
 
     @cached_property
     def joints(self) -> tuple[int, ...]:
@@ -185,9 +182,7 @@ class Skeleton:
     @cached_property
     def lengths(self) -> NDArray[np.float64]:
         """(joints,), the length of the bone from the parent to each joint; 0 for the root [file units]."""
-        lengths = np.asarray(np.linalg.norm(self.offsets, axis=1))
-        lengths[0] = 0.0
-        return lengths
+        return np.linalg.norm(self.offsets, axis=1) * (self.parents >= 0)
 
     @cached_property
     def path_lengths(self) -> NDArray[np.float64]:
@@ -231,9 +226,7 @@ class Skeleton:
 
     def posed(self, world: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return joint positions, (joints, 3), for world rotations (joints, 4), the root at the origin [file units]."""
-        translations = self.offsets.copy()
-        translations[0] = 0.0
-        return np.asarray(forward_kinematics(self.parents, translations[None], world[None])[0])
+        return np.asarray(joint_positions(self.parents, np.zeros((1, 3)), self.offsets[None], world[None])[0])
 
     def line(self, joint: int) -> list[int]:
         """Return the joints from `joint` up to the root, both included."""

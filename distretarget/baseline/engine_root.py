@@ -85,7 +85,8 @@ class EngineRoot:
         raised = least(body.reference.axes[None, :, 1], up[None])
         path, heading = np.zeros((len(motion), 3)), np.zeros(len(motion))
         if self.follows == "pelvis":
-            path, axes = level(motion.positions[:, _pelvis(body)], up), _carried_axes(body, motion, _pelvis(body))
+            pelvis = body.pelvis_joint or 0
+            path, axes = level(motion.positions[:, pelvis], up), _carried_axes(body, motion, pelvis)
         elif self.follows == "source":
             leader, joint = self.matching.source_motion, _roots_on_floor(source)[-1]
             path = self.scale.places(leader.positions[:, joint], source.up_vector)
@@ -135,17 +136,12 @@ def _moving(body: Body, handles: Collection[int], roots: Collection[int]) -> tup
     return tuple(sorted(moving))
 
 
-def _pelvis(body: Body) -> int:
-    """The joint where the legs branch off, or the root of a body without legs."""
-    return body.pelvis_joint or 0
-
-
 def _roots_on_floor(body: Body) -> list[int]:
     """The joints above the hips that are on the floor in the reference pose, from the root down."""
     if body.anatomy is None or body.legs is None or not body.above_hips:
         return []
     heights = body.reference.positions @ body.reference.axes[:, 1]
-    limit = heights[_pelvis(body)] - BELOW_HIPS * body.leg_length
+    limit = heights[body.pelvis_joint or 0] - BELOW_HIPS * body.leg_length
     return [joint for joint in reversed(body.above_hips) if heights[joint] < limit]
 
 

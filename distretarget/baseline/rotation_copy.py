@@ -1,7 +1,4 @@
-"""The rotation copy: the source's rotations on the target's bones, and the scale of the root's path.
-
-It is the baseline, and the start of all solving.
-"""
+"""The rotation copy: the source's rotations on the target's bones, with a scaled root path; solving starts from it."""
 
 from __future__ import annotations
 
@@ -21,13 +18,16 @@ from distretarget.numerics.vectors import lengths, level
 
 Array = NDArray[np.float64]
 
+SINK = 0.1  # how much lower than in the source hips may be in a stride [leg lengths]
+MOST_FRAMES = 95.0  # share of the frames of resting feet in which strides must be within reach [%]
+
 
 @dataclass(frozen=True)
 class RootScale:
-    """How places in the source's world become places in the target's.
+    """The scale from positions in the source's world to positions in the target's.
 
-    Performers of different sizes who share a world share the scale along the floor, so that they meet; each keeps its
-    own scale upwards, so that each stands on the floor.
+    Performers who share a world share the scale along the floor, so that they meet, and have their own scales upwards,
+    so that each stands on the floor.
 
     Attributes:
         level, height: target units per source unit along the floor, and upwards.
@@ -38,21 +38,19 @@ class RootScale:
 
     @classmethod
     def even(cls, scale: float) -> RootScale:
-        """The same scale in all directions."""
+        """Return the same scale in all directions."""
         return cls(scale, scale)
 
     def places(self, places: Array, up: Array) -> Array:
-        """Return the places of the target's world for places of the source's, (..., 3); `up` is the unit vector up."""
+        """Return positions in the source's world, (..., 3), scaled to the target's; `up` is the unit vector up."""
         if self.level == self.height:
             return np.asarray(self.level * places)
         return np.asarray(self.level * places + (self.height - self.level) * (places @ up)[..., None] * up)
 
 
 def find_root_scale(matching: Matching) -> float:
-    """Return how many target units the root travels for each source unit.
-
-    It is the ratio of leg lengths, which keeps stride and height in proportion to the body; for bodies without legs the
-    ratio of their longest paths.
+    """Return how many target units the root travels per source unit: the ratio of leg lengths, which keeps strides and
+    heights in proportion to the body, or without legs the ratio of the longest paths.
     """
     if matching.legs:
         from_length, to_length = matching.leg_lengths
@@ -65,11 +63,8 @@ def find_root_scale(matching: Matching) -> float:
 
 
 def root_path(baseline: Motion, matching: Matching, scale: RootScale) -> Array:
-    """Return the root's path, (frames, 3) [target file units], that puts the middle between the hip joints where the
-    source has it, scaled.
-
-    The hip joints decide, not the root, because legs hang from them. `baseline` is the rotation copy; without legs its
-    root path is returned.
+    """Return the root's path, (frames, 3) [target file units], that moves the midpoint of the hip joints along the
+    source's scaled path; without legs, the root's path in the rotation copy `baseline`.
     """
     if matching.legs is None:
         return np.ascontiguousarray(baseline.root_positions)
@@ -80,15 +75,11 @@ def root_path(baseline: Motion, matching: Matching, scale: RootScale) -> Array:
     return np.ascontiguousarray(scale.places(source_hips, matching.source.up_vector) - hips + baseline.root_positions)
 
 
-SINK = 0.1  # how much lower than in the source hips may be in a stride [leg lengths]
-MOST_FRAMES = 95.0  # strides are within reach in this share of the resting feet's frames [%]
-
-
 def longest_strides(matching: Matching) -> float:
-    """Return how many times as long, against the legs, the strides may be along the floor; infinite without legs.
+    """Return the largest factor of the strides, relative to leg length, that the legs can reach; infinite without legs.
 
-    A foot that rests at the distance d along the floor from its hip joint, which is h above it, can be s d away where
-    (s d)^2 + (h - sink)^2 is the square of the leg's length.
+    A foot that rests at the distance d along the floor from its hip joint, at the height h below it, reaches s d with
+    (s d)^2 + (h - sink)^2 = (leg length)^2.
     """
     if matching.legs is None:
         return float("inf")
@@ -96,31 +87,33 @@ def longest_strides(matching: Matching) -> float:
     factors = []
     for leg in matching.legs[0]:
         rests = feet_at_rest(motion, leg, up, leg_length).any(axis=1)
-        way = motion.positions[rests, leg.hip] - motion.positions[rests, leg.ankle]
-        reach = np.sqrt(np.maximum(leg_length**2 - (way @ up - SINK * leg_length) ** 2, 0.0))
-        factors.append(reach / np.maximum(lengths(level(way, up)), 1e-9 * leg_length))
+        to_hip = motion.positions[rests, leg.hip] - motion.positions[rests, leg.ankle]
+        reach = np.sqrt(np.maximum(leg_length**2 - (to_hip @ up - SINK * leg_length) ** 2, 0.0))
+        factors.append(reach / np.maximum(lengths(level(to_hip, up)), 1e-9 * leg_length))
     known = np.concatenate(factors)
     return float(np.percentile(known, 100.0 - MOST_FRAMES)) if len(known) else float("inf")
 
 
 def followed_scale(heights: Sequence[float], longest: Sequence[float]) -> float:
-    """Return the scale along the floor in which all performers of a world can follow: the mean of the scales of their
-    `heights`, or as much less as the legs of all can reach; `longest` is of each, as `longest_strides` says.
+    """Return the scale along the floor for all performers of a world: the mean of their scales upwards, `heights`, or
+    less if the legs of one cannot reach that; `longest` has the `longest_strides` of each.
     """
     if len(heights) == 1:
         return heights[0]
-    followed = [height * most for height, most in zip(heights, longest, strict=True)]
-    return min(float(np.mean(heights)), *followed)
+    return float(min(np.mean(heights), *np.multiply(heights, longest)))
 
 
 def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
     """Return the motion with the world rotations R_src(t) A, where A is the alignment of the rest poses.
 
-    Joints with two rotation sources blend both; joints without one follow their parents. The pelvis joint (`pelvis` of
-    the matching) takes the path of its driver, scaled.
+    Joints with two rotation sources blend both; joints without one follow their parents. The matching's `pelvis` takes
+    the scaled path of its driver.
     """
     source, skeleton, up = matching.source_motion, matching.target.skeleton, matching.source.up_vector
-    sources, alignment, blend = _with_followers(matching)
+    sources, alignment, blend = matching.rotation_sources.copy(), rest_alignment(matching), matching.blend.copy()
+    for joint, parent in enumerate(skeleton.parents):
+        if joint and sources[joint, 0] < 0:
+            sources[joint], alignment[joint], blend[joint] = sources[parent], alignment[parent], blend[parent]
     between = np.flatnonzero(blend > 0)
     of_all, of_first, of_second = (
         (np.ascontiguousarray(sources[joints, k]), np.ascontiguousarray(alignment[joints, k]))
@@ -141,14 +134,3 @@ def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
         return path
 
     return motion_of_world(skeleton, len(source), source.frame_time_text, pose)
-
-
-def _with_followers(matching: Matching) -> tuple[NDArray[np.intp], Array, Array]:
-    """The rotation sources of target joints, (joints, 2), with their alignment, (joints, 2, 4), and blend, (joints,);
-    joints without a source have what their parents have.
-    """
-    sources, alignment, blend = np.array(matching.rotation_sources), rest_alignment(matching), np.array(matching.blend)
-    for joint, parent in enumerate(matching.target.skeleton.parents):
-        if joint and sources[joint, 0] < 0:
-            sources[joint], alignment[joint], blend[joint] = sources[parent], alignment[parent], blend[parent]
-    return sources, alignment, blend
