@@ -11,20 +11,20 @@ from numpy.typing import NDArray
 from distretarget.numerics.compiled import compiled, inlined
 from distretarget.skeleton import Skeleton
 
+Array = NDArray[np.float64]
+
 NEAREST = 1e-300  # least squared distance, so that coincident points exert no force [body sizes squared]
 LANES = 8  # most numbers in a SIMD register
 
 
-def filled(columns: NDArray[np.float64]) -> NDArray[np.float64]:
+def filled(columns: Array) -> Array:
     """Pad an array (..., columns) with zeros to a multiple of `LANES` columns, so that SIMD loops have no remainder."""
     fill = -columns.shape[-1] % LANES
     return np.concatenate([columns, np.zeros((*columns.shape[:-1], fill))], axis=-1)
 
 
 @inlined(fastmath=True)
-def stress_and_gradient(
-    x: NDArray[np.float64], delta: NDArray[np.float64], pi: NDArray[np.float64], gradient: NDArray[np.float64]
-) -> float:
+def stress_and_gradient(x: Array, delta: Array, pi: Array, gradient: Array) -> float:
     """Return sigma(X) = 1/2 sum_{u<v} pi_uv (||x_u - x_v|| - delta_uv)^2, Eq. (2), and write its gradient.
 
     `x` and `gradient` are (3, columns), so that the inner loop runs along memory; `delta` and `pi` are
@@ -49,7 +49,7 @@ def stress_and_gradient(
 
 
 @inlined(fastmath=True)
-def target_distances(x: NDArray[np.float64], ratio: NDArray[np.float64], delta: NDArray[np.float64]) -> None:
+def target_distances(x: Array, ratio: Array, delta: Array) -> None:
     """Write delta_uv = tau2_uv D_uv = (tau2_uv / tau1_uv) ||x_u - x_v||, Eq. (1).
 
     `x`, (3, columns), is the source's posture; `ratio`, (points, columns), is tau2 / tau1.
@@ -80,8 +80,8 @@ class DistanceProblem:
 
     sources: NDArray[np.intp]
     targets: NDArray[np.intp]
-    tau1: NDArray[np.float64]
-    tau2: NDArray[np.float64]
+    tau1: Array
+    tau2: Array
     sizes: NDArray[np.intp]
     body_size: float
 
@@ -92,13 +92,12 @@ class DistanceProblem:
         return f"<DistanceProblem of {len(self)} points, body size {self.body_size:g}>"
 
     @cached_property
-    def ratio(self) -> NDArray[np.float64]:
+    def ratio(self) -> Array:
         """tau2 / tau1, (points, points) [body sizes per source file unit]; 0 where tau1 is 0."""
-        zeros = np.zeros_like(self.tau1)
-        return np.divide(self.tau2 / self.body_size, self.tau1, out=zeros, where=self.tau1 > 0)
+        return np.divide(self.tau2 / self.body_size, self.tau1, out=np.zeros_like(self.tau1), where=self.tau1 > 0)
 
     @cached_property
-    def priorities(self) -> NDArray[np.float64]:
+    def priorities(self) -> Array:
         """pi_uv = (|Pmax| - |P_uv| + 2) / |Pmax|, (points, points); 0 where tau1 is 0: the source shows no distance."""
         largest = self.sizes.max()
         return np.where(self.tau1 > 0, (largest - self.sizes + 2.0) / largest, 0.0)

@@ -21,6 +21,8 @@ from distretarget.numerics.rotations import RotationKind, first_not_unit, repres
 from distretarget.numerics.vectors import lengths
 from distretarget.skeleton import Skeleton
 
+Array = NDArray[np.float64]
+
 SHORTEST_FRAME, LONGEST_FRAME = 1e-5, 1e3  # bounds of the frame time [s]
 UNIT_ERROR = 1e-6  # tolerance of the length of a unit quaternion
 SAME_TIME = 1e-6  # tolerance within which two frame times are the same [of the frame time]
@@ -45,25 +47,22 @@ class MotionArrays(TypedDict):
 
     Attributes:
         names: (joints,), unique joint names (`Skeleton.keys`).
-        parents: (joints,), parent indices, -1 for the root.
-        offsets: (joints, 3), translations from the parent in the rest pose [file units].
-        end_sites: (joints,), true for End Sites.
+        parents, offsets, end_sites: as in `Skeleton`.
         frame_time: time between frames [s].
-        root_path: (frames, 3), world positions of the root [file units].
-        positions: (frames, joints, 3), world positions of the joints [file units].
+        root_path, positions: (frames, 3) and (frames, joints, 3), of root and joints in the world [file units].
         local_rotations, world_rotations: relative to the parent and in the world, (frames, joints, 4),
             (frames, joints, 3, 3) or (frames, joints, 6).
     """
 
     names: NDArray[np.str_]
     parents: NDArray[np.intp]
-    offsets: NDArray[np.float64]
+    offsets: Array
     end_sites: NDArray[np.bool_]
     frame_time: float
-    root_path: NDArray[np.float64]
-    positions: NDArray[np.float64]
-    local_rotations: NDArray[np.float64]
-    world_rotations: NDArray[np.float64]
+    root_path: Array
+    positions: Array
+    local_rotations: Array
+    world_rotations: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +78,7 @@ class MovingBones:
     """
 
     joints: NDArray[np.intp]
-    translations: NDArray[np.float64]
+    translations: Array
 
     def __post_init__(self) -> None:
         joints = np.asarray(self.joints)
@@ -91,13 +90,8 @@ class MovingBones:
         object.__setattr__(self, "translations", read_only(exact))
 
     @classmethod
-    def among(
-        cls, skeleton: Skeleton, joints: NDArray[np.intp], translations: NDArray[np.float64]
-    ) -> MovingBones | None:
-        """Return the moving bones among those of some joints, or None if none moves.
-
-        `translations`, (frames, joints, 3), are the translations of these joints [file units].
-        """
+    def among(cls, skeleton: Skeleton, joints: NDArray[np.intp], translations: Array) -> MovingBones | None:
+        """Return the moving ones among the bones of some joints with `translations`, (frames, joints, 3), or None."""
         moving = (translations != skeleton.offsets[joints]).any(axis=(0, 2)) & (joints > 0)
         return cls(joints[moving], translations[:, moving]) if moving.any() else None
 
@@ -123,8 +117,8 @@ class Motion:
     """
 
     skeleton: Skeleton
-    root_positions: NDArray[np.float64]
-    rotations: NDArray[np.float64]
+    root_positions: Array
+    rotations: Array
     frame_time_text: str
     moving: MovingBones | None = None
 
@@ -150,13 +144,8 @@ class Motion:
             raise MotionError(f"frame_time_text is {self.frame_time_text!r}; expected {wanted}")
 
     @classmethod
-    def of_translations(
-        cls, skeleton: Skeleton, translations: NDArray[np.float64], rotations: NDArray[np.float64], frame_time_text: str
-    ) -> Motion:
-        """Return the motion with the given `translations` of all joints, as in the property of that name.
-
-        For the other arguments and the errors see `Motion`.
-        """
+    def of_translations(cls, skeleton: Skeleton, translations: Array, rotations: Array, frame_time_text: str) -> Motion:
+        """Return the motion with these `translations` (see the property); other arguments and errors as in `Motion`."""
         check_kind("skeleton", skeleton, Skeleton)
         exact = _as_array("translations", translations, ("frames", len(skeleton), 3))
         moving = MovingBones.among(skeleton, np.arange(len(skeleton)), exact)
@@ -182,11 +171,11 @@ class Motion:
         return float(self.frame_time_text)
 
     @property
-    def translations(self) -> NDArray[np.float64]:
+    def translations(self) -> Array:
         """(frames, joints, 3), translations from the parent, for the root from the origin [file units]; not cached."""
         return self._translations_in(slice(None))
 
-    def _translations_in(self, frames: slice) -> NDArray[np.float64]:
+    def _translations_in(self, frames: slice) -> Array:
         path = self.root_positions[frames]
         translations = np.tile(self.skeleton.offsets, (len(path), 1, 1))
         translations[:, 0] = path
@@ -194,7 +183,7 @@ class Motion:
             translations[:, self.moving.joints] = self.moving.translations[frames]
         return translations
 
-    def translations_of(self, joint: int) -> NDArray[np.float64]:
+    def translations_of(self, joint: int) -> Array:
         """(frames, 3), the `translations` of one joint."""
         if joint == 0:
             return self.root_positions
@@ -203,21 +192,21 @@ class Motion:
         return np.broadcast_to(self.skeleton.offsets[joint], (len(self), 3))
 
     @property
-    def world_rotations(self) -> NDArray[np.float64]:
+    def world_rotations(self) -> Array:
         """(frames, joints, 4), the rotation of each joint in the world; not cached."""
         return self.world_rotations_in(slice(None))
 
-    def world_rotations_in(self, frames: slice) -> NDArray[np.float64]:
+    def world_rotations_in(self, frames: slice) -> Array:
         """(frames, joints, 4), the world rotations in some frames."""
         return world_rotations(self.skeleton.parents, self.rotations[frames])
 
-    def world_rotations_of(self, joint: int) -> NDArray[np.float64]:
+    def world_rotations_of(self, joint: int) -> Array:
         """(frames, 4), the world rotations of one joint."""
         line = self.skeleton.line(joint)[::-1]
         return world_rotations(np.arange(len(line)) - 1, np.take(self.rotations, line, axis=1))[:, -1]
 
     @cached_property
-    def positions(self) -> NDArray[np.float64]:
+    def positions(self) -> Array:
         """(frames, joints, 3), the world positions of the joints, by forward kinematics [file units]."""
         skeleton, positions = self.skeleton, np.empty((len(self), len(self.skeleton), 3))
 
@@ -281,10 +270,7 @@ class Motion:
 
 
 def motion_of_world(
-    skeleton: Skeleton,
-    frames: int,
-    frame_time_text: str,
-    pose: Callable[[slice, NDArray[np.float64]], NDArray[np.float64]],
+    skeleton: Skeleton, frames: int, frame_time_text: str, pose: Callable[[slice, Array], Array]
 ) -> Motion:
     """Return a motion on rigid bones, posed by world rotations.
 
@@ -306,12 +292,8 @@ def motion_of_world(
     return motion
 
 
-def _as_array(name: str, values: NDArray[np.float64], shape: tuple[int | str, ...]) -> NDArray[np.float64]:
-    """Return the values as an array of this shape, in which "frames" stands for any number.
-
-    Raises:
-        MotionError: the values are not numbers, or of another shape.
-    """
+def _as_array(name: str, values: Array, shape: tuple[int | str, ...]) -> Array:
+    """Return the values as an array of this shape, "frames" being any number, or raise a MotionError."""
     try:
         array = np.asarray(values, np.float64)
     except (TypeError, ValueError) as error:

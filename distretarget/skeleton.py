@@ -182,7 +182,7 @@ class Skeleton:
     @cached_property
     def lengths(self) -> NDArray[np.float64]:
         """(joints,), the length of the bone from the parent to each joint; 0 for the root [file units]."""
-        return np.linalg.norm(self.offsets, axis=1) * (self.parents >= 0)
+        return np.asarray(np.linalg.norm(self.offsets, axis=1) * (self.parents >= 0))
 
     @cached_property
     def path_lengths(self) -> NDArray[np.float64]:
@@ -201,9 +201,7 @@ class Skeleton:
 
         `counted`, (joints,), says for each joint whether the bone to its parent counts.
         """
-        above = counted.astype(np.intp)
-        for joint in range(1, len(self)):
-            above[joint] += above[self.parents[joint]]
+        above = np.array([counted[self.line(joint)].sum() for joint in range(len(self))])
         return np.asarray(above[:, None] + above - 2 * above[self.meets])
 
     @cached_property

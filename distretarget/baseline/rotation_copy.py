@@ -43,8 +43,6 @@ class RootScale:
 
     def places(self, places: Array, up: Array) -> Array:
         """Return positions in the source's world, (..., 3), scaled to the target's; `up` is the unit vector up."""
-        if self.level == self.height:
-            return np.asarray(self.level * places)
         return np.asarray(self.level * places + (self.height - self.level) * (places @ up)[..., None] * up)
 
 

@@ -16,7 +16,7 @@ from distretarget.body.legs import Leg, Legs, leg_length
 from distretarget.body.soles import Sole, find_soles
 from distretarget.checks import check_kind
 from distretarget.errors import MatchingError, MotionError
-from distretarget.matching.pairing import find_pairs, pairs_of_map, spine_blend, tips
+from distretarget.matching.pairing import find_pairs, pairs_of_map, spine_blend, with_tips
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import normalised
 from distretarget.skeleton import JointMap
@@ -227,8 +227,7 @@ def find_matching(source: Body, target: Body, joint_map: JointMap | None = None)
         source, target = (body if body.left_is_left else body.mirrored for body in (source, target))
     found_pairs = find_pairs(source, target, crossed)
     map_pairs = pairs_of_map(source.skeleton, target.skeleton, joint_map or {})
-    pairs = found_pairs | map_pairs
-    pairs |= tips(source.skeleton, target.skeleton, pairs)
+    pairs = with_tips(source.skeleton, target.skeleton, found_pairs | map_pairs)
     for joint in pairs.keys() - map_pairs.keys():
         if joint in target.handles or pairs[joint][0] in source.handles:
             del pairs[joint]

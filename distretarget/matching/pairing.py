@@ -106,23 +106,19 @@ def _nearest(skeleton: Skeleton, joint: int, known: Collection[int]) -> int:
     return next((above for above in skeleton.line(joint)[1:] if above in known), -1)
 
 
-def tips(source: Skeleton, target: Skeleton, pairs: JointPairs) -> JointPairs:
-    """Pair the unmatched ends of matched joints: their only children, or else their End Sites in order.
-
-    Children with a matched joint below them are not ends.
-    """
-    tip_pairs: JointPairs = {}
+def with_tips(source: Skeleton, target: Skeleton, pairs: JointPairs) -> JointPairs:
+    """Add pairs of unmatched ends of matched joints: their only children, or else their End Sites in order."""
+    known = dict(pairs)
     source_lines, lines = source.lines(driver for driver, _ in pairs.values() if driver >= 0), target.lines(pairs)
     for joint in range(len(target)):
-        driver = (pairs | tip_pairs).get(joint, (-1, ""))[0]
-        if driver < 0:
-            continue
-        ends, children = source.children[driver], target.children[joint]
-        chain = len(ends) == len(children) == 1
-        free_ends = [end for end in ends if end not in source_lines and (chain or source.end_sites[end])]
-        free = [child for child in children if child not in lines and (chain or target.end_sites[child])]
-        tip_pairs |= {child: (end, "tip") for end, child in zip(free_ends, free, strict=False)}
-    return tip_pairs
+        driver = known.get(joint, (-1, ""))[0]
+        if driver >= 0:
+            ends, children = source.children[driver], target.children[joint]
+            chain = len(ends) == len(children) == 1
+            free_ends = [end for end in ends if end not in source_lines and (chain or source.end_sites[end])]
+            free = [child for child in children if child not in lines and (chain or target.end_sites[child])]
+            known |= {child: (end, "tip") for end, child in zip(free_ends, free, strict=False)}
+    return known
 
 
 def spine_blend(source: Body, target: Body) -> Iterator[tuple[int, tuple[int, int], float]]:
