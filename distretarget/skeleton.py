@@ -61,14 +61,12 @@ class Skeleton:
         self._check_names()
         self._check_arrays()
         self._check_tree()
-        self._check_channels()
         for name, value, known in (("units", self.units, UNITS), ("up", self.up, AXES)):
             if value is not None and value not in known:
                 raise SkeletonError(f"{name} is {value!r}; expected one of {quoted(known)} or None")
         if wrong := [self.names[joint] for joint in np.flatnonzero(~(np.abs(self.offsets) <= LARGEST).all(axis=1))]:
             raise SkeletonError(f"the offset of {quoted(wrong)} is not finite, or beyond {LARGEST:g}")
-        twins = [key for key, times in Counter(self.keys).items() if times > 1]
-        if twins:
+        if twins := [key for key, times in Counter(self.keys).items() if times > 1]:
             raise SkeletonError(f"joints that cannot be told apart: {quoted(twins)}; rename all but one of each")
 
     def _check_names(self) -> None:
@@ -82,6 +80,13 @@ class Skeleton:
             raise SkeletonError(f"{wrong[0]!r} is not a name; expected a text")
         if len(self.channels) != len(self.names):
             raise SkeletonError(f"channels are given for {len(self.channels)} of {len(self.names)} joints")
+        known = POSITION_CHANNELS + ROTATION_CHANNELS
+        for name, channels in zip(self.names, self.channels, strict=True):
+            if unknown := [channel for channel in channels if channel not in known]:
+                near = closest(str(unknown[0]), known)
+                raise SkeletonError(f"{name!r} has the unknown channel {unknown[0]!r}; {near}")
+            if len(set(channels)) < len(channels):
+                raise SkeletonError(f"{name!r} has a channel twice: {quoted(channels)}")
 
     def _check_arrays(self) -> None:
         """Check types and shapes of the arrays, and store read-only copies."""
@@ -117,16 +122,6 @@ class Skeleton:
             if not joint or inner[joint] or self.channels[joint]:
                 name = self.names[joint]
                 raise SkeletonError(f"{name!r} is an End Site, but it is the root, or has channels or children")
-
-    def _check_channels(self) -> None:
-        """Check that the channels of each joint are known and distinct."""
-        known = POSITION_CHANNELS + ROTATION_CHANNELS
-        for name, channels in zip(self.names, self.channels, strict=True):
-            if unknown := [channel for channel in channels if channel not in known]:
-                near = closest(str(unknown[0]), known)
-                raise SkeletonError(f"{name!r} has the unknown channel {unknown[0]!r}; {near}")
-            if len(set(channels)) < len(channels):
-                raise SkeletonError(f"{name!r} has a channel twice: {quoted(channels)}")
 
     def __len__(self) -> int:
         return len(self.names)
@@ -172,12 +167,7 @@ class Skeleton:
     @cached_property
     def depth_first(self) -> tuple[int, ...]:
         """The joints in the order of a BVH file: depth first, children in file order."""
-        order: list[int] = []
-        stack = [0]
-        while stack:
-            order.append(joint := stack.pop())
-            stack.extend(reversed(self.children[joint]))
-        return tuple(order)
+        return tuple(sorted(range(len(self)), key=lambda joint: self.line(joint)[::-1]))
 
     @cached_property
     def lengths(self) -> NDArray[np.float64]:

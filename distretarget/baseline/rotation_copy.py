@@ -113,16 +113,15 @@ def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
         if joint and sources[joint, 0] < 0:
             sources[joint], alignment[joint], blend[joint] = sources[parent], alignment[parent], blend[parent]
     between = np.flatnonzero(blend > 0)
-    of_all, of_first, of_second = (
-        (np.ascontiguousarray(sources[joints, k]), np.ascontiguousarray(alignment[joints, k]))
-        for joints, k in ((slice(None), 0), (between, 0), (between, 1))
-    )
+
+    def aligned(turned: Array, joints: NDArray[np.intp], k: int) -> Array:
+        return rotation_products(turned, sources[joints, k], alignment[joints, k])
 
     def pose(block: slice, world: Array) -> Array:
         turned = source.world_rotations_in(block)
-        world[:] = rotation_products(turned, *of_all)
+        world[:] = aligned(turned, np.arange(len(skeleton)), 0)
         if len(between):
-            first, second = (Rotation.from_quat(rotation_products(turned, *ends)) for ends in (of_first, of_second))
+            first, second = (Rotation.from_quat(aligned(turned, between, k)) for k in (0, 1))
             steps = (first.inv() * second).as_rotvec() * blend[between, None]
             world[:, between] = (first * Rotation.from_rotvec(steps)).as_quat()
         path = scale.places(source.positions[block, matching.drivers[matching.pelvis]], up)

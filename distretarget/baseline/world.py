@@ -47,11 +47,9 @@ class World:
 
     def to_target_axes(self, source: Body) -> Body:
         """Return the source in the target's world."""
-        motion = source.motion
-        if motion is None:
+        if source.motion is None:
             return source.with_up(self.up)
-        if self.root_offset == "added":
-            motion = with_root_offset(motion)
+        motion = with_root_offset(source.motion) if self.root_offset == "added" else source.motion
         return source.with_motion(turned(motion, self.source_up, self.up), self.up)
 
 
@@ -82,9 +80,8 @@ def find_world(
 
 
 def turned(motion: Motion, up: str, onto: str) -> Motion:
-    """Return the motion with the up axis `onto` instead of `up`.
-
-    The least rotation is used: a body that faces Z with Y up faces -Y with Z up.
+    """Return the motion with the up axis `onto`, not `up`, by the least rotation: facing Z with Y up becomes facing -Y
+    with Z up.
     """
     if up == onto:
         return motion

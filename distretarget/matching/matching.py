@@ -89,8 +89,8 @@ class Matching:
     @property
     def without_driver(self) -> list[str]:
         """The keys of the target joints, except End Sites, that no source joint drives."""
-        alone = (self.rotation_sources[:, 0] < 0) & (self.drivers < 0)
-        return [self.target.skeleton.keys[joint] for joint in self.target.skeleton.joints if alone[joint]]
+        skeleton, alone = self.target.skeleton, (self.rotation_sources[:, 0] < 0) & (self.drivers < 0)
+        return [skeleton.keys[joint] for joint in skeleton.joints if alone[joint]]
 
     @property
     def followers(self) -> list[str]:
@@ -231,9 +231,9 @@ def find_matching(source: Body, target: Body, joint_map: JointMap | None = None)
     for joint in pairs.keys() - map_pairs.keys():
         if joint in target.handles or pairs[joint][0] in source.handles:
             del pairs[joint]
-    joints = range(len(target.skeleton))
-    drivers = np.array([pairs.get(joint, (-1, ""))[0] for joint in joints], np.intp)
-    method = tuple(pairs[joint][1] if drivers[joint] >= 0 else "" for joint in joints)
+    found = [pairs.get(joint, (-1, "")) for joint in range(len(target.skeleton))]
+    drivers = np.array([driver for driver, _ in found], np.intp)
+    method = tuple(method if driver >= 0 else "" for driver, method in found)
     overruled = {joint for joint in map_pairs if map_pairs[joint][0] != found_pairs.get(joint, (None, ""))[0]}
     rotation_sources, blend = np.stack([drivers, drivers], axis=1), np.zeros(len(drivers))
     for joint, neighbours, weight in spine_blend(source, target):
