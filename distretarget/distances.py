@@ -50,9 +50,8 @@ def stress_and_gradient(x: Array, delta: Array, pi: Array, gradient: Array) -> f
 
 @inlined(fastmath=True)
 def target_distances(x: Array, ratio: Array, delta: Array) -> None:
-    """Write delta_uv = tau2_uv D_uv = (tau2_uv / tau1_uv) ||x_u - x_v||, Eq. (1).
-
-    `x`, (3, columns), is the source's posture; `ratio`, (points, columns), is tau2 / tau1.
+    """Write delta_uv = tau2_uv D_uv = (tau2_uv / tau1_uv) ||x_u - x_v||, Eq. (1), for the source's posture `x`, (3,
+    columns); `ratio`, (points, columns), is tau2 / tau1.
     """
     points, columns = ratio.shape
     for u in range(points):

@@ -19,11 +19,10 @@ class DistretargetError(Exception):
         path: the file at fault, or None.
     """
 
-    path: Path | None = None
-    _within = ""  # the place in the file, as it follows the path in a message
-
-    def __init__(self, reason: str) -> None:
+    def __init__(self, reason: str, path: str | Path | None = None, within: str = "") -> None:
         self.reason = reason  # not passed to Exception: `args` must stay those of the subclass, for pickling
+        self.path = None if path is None else Path(path)
+        self._within = within  # the place in the file, as it follows the path in the message
 
     def __str__(self) -> str:
         return f"{self.location}: {self.reason}" if self.location else self.reason
@@ -43,26 +42,23 @@ class FileError(DistretargetError):
     """A file or folder that cannot be read or written."""
 
     def __init__(self, path: str | Path, reason: str) -> None:
-        super().__init__(reason)
-        self.path = Path(path)
+        super().__init__(reason, path)
 
 
 class BvhError(DistretargetError):
     """An invalid BVH file; `line` counts from 1, or is 0 for the whole file."""
 
     def __init__(self, path: str | Path, line: int, reason: str) -> None:
-        super().__init__(reason)
-        self.path, self.line = Path(path), line
-        self._within = f":{line}" if line else ""
+        super().__init__(reason, path, f":{line}" if line else "")
+        self.line = line
 
 
 class SkeletonFileError(DistretargetError):
     """An invalid JSON file; `place` is such as `joints[3].offset[2]`, or empty for the whole file."""
 
     def __init__(self, path: str | Path, place: str, reason: str) -> None:
-        super().__init__(reason)
-        self.path, self.place = Path(path), place
-        self._within = f": {place}" if place else ""
+        super().__init__(reason, path, f": {place}" if place else "")
+        self.place = place
 
 
 class SkeletonError(DistretargetError):

@@ -235,8 +235,7 @@ class Motion:
         return Motion.of_translations(self.skeleton, translations, rotations, frame_time_text)
 
     def to_dict(self, rotations: RotationKind = "quaternion") -> MotionArrays:
-        """Return the motion as arrays, with rotations as "quaternion" (x y z w), "matrix", or "6d" (the first two
-        columns of the matrix).
+        """Return the motion as arrays; rotations as "quaternion" (x y z w), "matrix", or "6d" (its first two columns).
 
         Raises:
             MotionError: `rotations` is none of these.
@@ -272,10 +271,8 @@ class Motion:
 def motion_of_world(
     skeleton: Skeleton, frames: int, frame_time_text: str, pose: Callable[[slice, Array], Array]
 ) -> Motion:
-    """Return a motion on rigid bones, posed by world rotations.
-
-    `pose(block, world)` is called for blocks of frames, from several threads at once. It writes the world rotations of
-    the block to `world`, (frames, joints, 4), and returns the root positions, (frames, 3) [file units].
+    """Return a motion on rigid bones. `pose(block, world)` writes the world rotations of a block of frames to `world`,
+    (frames, joints, 4), and returns the root positions, (frames, 3) [file units]; several threads call it at once.
     """
     joints = len(skeleton)
     path, rotations, positions = (np.empty((frames, *shape)) for shape in ((3,), (joints, 4), (joints, 3)))

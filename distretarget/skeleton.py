@@ -91,16 +91,17 @@ class Skeleton:
     def _check_arrays(self) -> None:
         """Check types and shapes of the arrays, and store read-only copies."""
         count = len(self.names)
-        for name, dtype, shape in (
-            ("parents", np.intp, (count,)),
-            ("offsets", np.float64, (count, 3)),
-            ("end_sites", np.bool_, (count,)),
-        ):
+        layout = {
+            "parents": (np.intp, (count,)),
+            "offsets": (np.float64, (count, 3)),
+            "end_sites": (np.bool_, (count,)),
+        }
+        for name, (dtype, shape) in layout.items():
             try:
                 array = np.array(getattr(self, name))
                 if array.dtype.kind not in "biuf":
                     raise ValueError(f"found {array.dtype} values")
-                exact = array.astype(dtype)
+                exact: NDArray[np.generic] = array.astype(dtype)
                 if (exact != array).any() and np.isfinite(array).all():
                     raise ValueError("found fractions")
             except (TypeError, ValueError) as error:
@@ -144,11 +145,7 @@ class Skeleton:
                 tops[j] = self.parents.item(tops[j])
 
     def index(self, key: str) -> int:
-        """Return the index of the joint with this key.
-
-        Raises:
-            SkeletonError: there is none; the message lists the closest keys.
-        """
+        """Return the index of the joint with this key, or raise a SkeletonError with the closest keys."""
         try:
             return self.keys.index(key)
         except ValueError:
@@ -187,10 +184,7 @@ class Skeleton:
         return self.path_counts(np.ones(len(self), bool)) + 1
 
     def path_counts(self, counted: NDArray[np.bool_]) -> NDArray[np.intp]:
-        """Return how many counted bones lie between two joints, (joints, joints).
-
-        `counted`, (joints,), says for each joint whether the bone to its parent counts.
-        """
+        """Return how many bones of each path are counted, (joints, joints); `counted`, (joints,), is by lower joint."""
         above = np.array([counted[self.line(joint)].sum() for joint in range(len(self))])
         return np.asarray(above[:, None] + above - 2 * above[self.meets])
 
@@ -240,19 +234,11 @@ class Skeleton:
 
     @property
     def without_namespaces(self) -> Skeleton:
-        """The same skeleton without namespaces: `Hips` for `mixamorig:Hips`.
-
-        Raises:
-            SkeletonError: two joints then have the same key.
-        """
+        """The same skeleton without namespaces, `Hips` for `mixamorig:Hips`; a SkeletonError if keys become equal."""
         return replace(self, names=tuple(name.rpartition(":")[2].strip() or name for name in self.names))
 
     def with_offsets(self, offsets: ArrayLike) -> Skeleton:
-        """Return the same tree with other offsets, (joints, 3).
-
-        Raises:
-            SkeletonError: they are not such an array, or not finite.
-        """
+        """Return the same tree with other offsets, (joints, 3) [file units]; errors as in `Skeleton`."""
         return replace(self, offsets=cast(NDArray[np.float64], offsets))  # checked by the constructor
 
     def with_lengths(self, lengths: ArrayLike) -> Skeleton:

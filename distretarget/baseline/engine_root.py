@@ -1,7 +1,4 @@
-"""Game-engine joints outside the body: the root on the floor, and IK handles.
-
-They are placed last; the joints of the body keep their world positions and rotations.
-"""
+"""Game-engine joints outside the body, placed after solving: the root on the floor, and IK handles."""
 
 from __future__ import annotations
 
@@ -52,7 +49,7 @@ class EngineRoot:
     moving: tuple[int, ...]
 
     def placed(self, motion: Motion) -> Motion:
-        """Return a motion of the target with root and handles placed."""
+        """Return a motion of the target with root and handles placed; the body keeps its pose in the world."""
         if not self.moving:
             return motion
         skeleton, translations = motion.skeleton, motion.translations
@@ -116,8 +113,7 @@ def find_engine_root(matching: Matching, scale: RootScale, follows: RootFollows 
 
 
 def _moving(body: Body, handles: Collection[int], roots: Collection[int]) -> tuple[int, ...]:
-    """The joints that move without the body: IK handles, the root if on the floor, and their descendants outside the
-    body.
+    """The joints that move without the body: handles, the root if on the floor, and their descendants outside the body.
 
     The root is left out unless each part of the body below it has all six channels, with which it can stay in place.
     """
@@ -165,10 +161,8 @@ def _carried_axes(body: Body, motion: Motion, joint: int) -> Rotation:
 
 
 def _heading(turned: Rotation, up: Array) -> Array:
-    """(frames,), the heading of rotations, unwrapped [rad]: the angle of their twist about the unit vector `up`.
-
-    Swing-twist decomposition keeps the heading of a body that lies down. The twist of a body upside down is undefined;
-    there the heading is interpolated.
+    """(frames,), the heading of rotations, unwrapped [rad]: the twist about the unit vector `up`, by swing-twist
+    decomposition, so that lying down keeps the heading. It is interpolated while the body is upside down.
     """
     quaternions = turned.as_quat()
     angles = 2 * np.arctan2(quaternions[:, :3] @ up, quaternions[:, 3])

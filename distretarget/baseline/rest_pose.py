@@ -88,9 +88,8 @@ class _Bodies:
 
     @cached_property
     def built_differently(self) -> set[int]:
-        """The target's joints of trunk, shoulders, palms and feet, whose bones point differently in every build.
-
-        Spine and hands are left out if a frame of a motion replaces a rest pose, as they may be bent in it.
+        """The target's joints of trunk, shoulders, palms and feet, whose bones point differently in every build. Spine
+        and hands are left out where a frame of a motion, in which they may be bent, replaces a rest pose.
         """
         target = self.matching.target
         if not self.roles or target.anatomy is None:
@@ -137,7 +136,6 @@ def _joint_alignments(bodies: _Bodies) -> Array:
 
 def _sole_onto_sole(bodies: _Bodies, joint: int, feet: Array, target_feet: Array, turn: Array) -> Array:
     """(3, 3), the alignment `turn` of an ankle, followed by the least rotation of the target's sole onto the source's.
-
     Where a frame of a motion may have turned the feet, they are also made to point the same way: `feet` and
     `target_feet`, (1, 3), are their directions on both bodies, (0, 3) without a foot.
     """
@@ -149,10 +147,8 @@ def _sole_onto_sole(bodies: _Bodies, joint: int, feet: Array, target_feet: Array
 
 
 def _roll(bodies: _Bodies, role: str, bone: Array, onto: Array, turn: Array) -> Array:
-    """(3, 3), the rotation about a bone, (3,), that takes the target's bend axis, turned by `onto @ turn`, to the
-    source's; no rotation unless elbow or knee is at the end of this bone.
-
-    Where a pose shows no bend, forearms bend forwards and shins backwards.
+    """(3, 3), the rotation about an upper arm or thigh, (3,), from the target's bend axis, turned by `onto @ turn`, to
+    the source's; the identity for other bones. By default forearms bend forwards and shins backwards.
     """
     left, up, _ = bodies.poses[0].axes.T
     usual = {"leftUpperArm": -up, "rightUpperArm": up, "leftUpperLeg": left, "rightUpperLeg": left}

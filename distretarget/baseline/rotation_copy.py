@@ -24,10 +24,8 @@ MOST_FRAMES = 95.0  # share of the frames of resting feet in which strides must 
 
 @dataclass(frozen=True)
 class RootScale:
-    """The scale from positions in the source's world to positions in the target's.
-
-    Performers who share a world share the scale along the floor, so that they meet, and have their own scales upwards,
-    so that each stands on the floor.
+    """The scale from positions in the source's world to positions in the target's. Performers who share a world share
+    the scale along the floor, so that they meet, but not the scale upwards, so that each stands on the floor.
 
     Attributes:
         level, height: target units per source unit along the floor, and upwards.
@@ -75,7 +73,6 @@ def root_path(baseline: Motion, matching: Matching, scale: RootScale) -> Array:
 
 def longest_strides(matching: Matching) -> float:
     """Return the largest factor of the strides, relative to leg length, that the legs can reach; infinite without legs.
-
     A foot that rests at the distance d along the floor from its hip joint, at the height h below it, reaches s d with
     (s d)^2 + (h - sink)^2 = (leg length)^2.
     """
@@ -104,8 +101,8 @@ def followed_scale(heights: Sequence[float], longest: Sequence[float]) -> float:
 def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
     """Return the motion with the world rotations R_src(t) A, where A is the alignment of the rest poses.
 
-    Joints with two rotation sources blend both; joints without one follow their parents. The matching's `pelvis` takes
-    the scaled path of its driver.
+    Joints with two rotation sources blend both, joints without one follow their parents, and the matching's `pelvis`
+    takes the scaled path of its driver.
     """
     source, skeleton, up = matching.source_motion, matching.target.skeleton, matching.source.up_vector
     sources, alignment, blend = matching.rotation_sources.copy(), rest_alignment(matching), matching.blend.copy()

@@ -63,14 +63,12 @@ def find_world(
 ) -> World:
     """Return the worlds of source and target; the given arguments override what the files show.
 
-    The source's up axis is that of its motion. The target's is the first of these that is known:
+    The source's up axis is `Body.up`. The target's is the first of these that is known:
 
     - the axis stated in its file;
     - the axis of its motion, unless a human body is recognised in the source only;
     - the source's axis, if both rest poses stand along the same axis or the target's stands along none;
     - the axis along which its rest pose stands.
-
-    Y is up where nothing shows an axis.
     """
     source_up = source_up or source.up
     motion_counts = target.anatomy is not None or source.anatomy is None
@@ -92,10 +90,8 @@ def turned(motion: Motion, up: str, onto: str) -> Motion:
 
 
 def find_root_offset(body: Body, up: Array) -> RootOffset:
-    """Return whether the root's position channels replace its OFFSET or are added to it, which no file states.
-
-    They are added if this puts the feet on the floor, at height 0, and replacing leaves them clearly off it. `up`
-    is the unit vector up.
+    """Return whether the root's position channels replace its OFFSET or are added to it: added if this puts the feet on
+    the floor, at height 0, and replacing leaves them clearly off it. `up` is the unit vector up.
     """
     motion, length = body.motion, body.leg_length
     if motion is None or not length or not set(POSITION_CHANNELS) <= set(motion.skeleton.channels[0]):

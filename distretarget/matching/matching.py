@@ -59,11 +59,7 @@ class Matching:
 
     @property
     def source_motion(self) -> Motion:
-        """The motion of the source.
-
-        Raises:
-            MotionError: the source has no motion.
-        """
+        """The motion of the source; a MotionError if it has none."""
         if self.source.motion is None:
             raise MotionError("the source has no frames; there is nothing to retarget")
         return self.source.motion
@@ -100,10 +96,8 @@ class Matching:
 
     @cached_property
     def legs(self) -> tuple[Legs, Legs] | None:
-        """The source joints that drive the target's legs, and the target's legs.
-
-        None unless hip joints and ankles have drivers and the source's legs have a length. The ankle replaces a toe
-        without a driver.
+        """The source joints that drive the target's legs, and these legs. The ankle replaces a toe without a driver.
+        None unless hip joints and ankles have drivers and the source's legs have a length.
         """
         if self.target.legs is None:
             return None
@@ -152,7 +146,6 @@ class Matching:
     def shared_bones(self, x: Array, y: Array) -> tuple[NDArray[np.intp], Array, Array]:
         """Return the bones that both bodies share: the target joint at the upper end of each, (bones,), ascending, and
         the unit directions of the bones on source and target, (bones, 3), for joint positions `x` and `y`.
-
         A shared bone joins a driven joint, from the hips down, to the nearest driven joint above it; bones of length 0
         on either body are left out.
         """
@@ -171,10 +164,10 @@ class Matching:
 
     @cached_property
     def soles(self) -> tuple[tuple[Sole, Sole], ...]:
-        """For each of these legs the soles of source and target; empty without legs.
+        """The soles of source and target for each of these legs; empty without legs.
 
         If only one of two bodies with the same rest pose shows how its soles lie, the other's lie the same way. If one
-        of the bodies has no foot, the legs of both end at the ankle.
+        body has no foot, the legs of both end at the ankle.
         """
         if self.legs is None:
             return ()
@@ -213,10 +206,8 @@ def match(source: Body, target: Body, joint_map: JointMap | None = None) -> Matc
 
 
 def find_matching(source: Body, target: Body, joint_map: JointMap | None = None) -> Matching:
-    """Match as many joints of two bodies as possible.
-
-    `joint_map` takes precedence. The other joints are matched by names or by shape, except IK handles, which copy the
-    joints they are named after.
+    """Match as many joints of two bodies as possible: those in `joint_map` by it, the others by names or by shape, but
+    not IK handles, which copy the joints they are named after.
 
     Raises:
         MapError: `joint_map` names joints that do not exist.

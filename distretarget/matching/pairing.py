@@ -20,12 +20,11 @@ JointPairs = dict[int, tuple[int, str]]
 
 
 def find_pairs(source: Body, target: Body, crossed: bool) -> JointPairs:
-    """Pair joints by equal names and by body parts.
+    """Pair joints by equal names and by body parts; `crossed` says that the names of one body swap left and right.
 
     Only equal names count if a body is not recognised, or if both follow the same convention and every target joint
     has the name of a source joint. Otherwise body parts come first and equal names pair the rest; if both follow one
     known convention, equal names come first, except in spine and neck, which may be numbered upwards or downwards.
-    `crossed` says that left and right are swapped in the names of one body.
     """
     names = _same_names(source.skeleton, target.skeleton)
     s, t = source.anatomy, target.anatomy
@@ -77,10 +76,9 @@ def _plain_names(skeleton: Skeleton) -> dict[str, int]:
 
 
 def _same_parts(s: Anatomy, t: Anatomy) -> JointPairs:
-    """Joints with equal roles; spines and necks with equal numbers of joints pair joint by joint.
-
-    The fingers of a hand pair if the source has all of the target's, or at least `SHARED_FINGERS` of them: a single
-    finger that stands for all four (CMU) would move one finger of five.
+    """Joints with equal roles; spines and necks with equal numbers of joints pair joint by joint. The fingers of a hand
+    pair if the source has all of the target's, or at least `SHARED_FINGERS`: a single finger that stands for all four
+    (CMU) would move one finger of five.
     """
     method = "names" if s.method == t.method == "names" else "shape"
     shared = [role for role in t.roles if role in s.roles]
@@ -137,8 +135,7 @@ def spine_blend(source: Body, target: Body) -> Iterator[tuple[int, tuple[int, in
         middles = _middles(source.skeleton, source_chain, source_top)
         places = np.interp(_middles(target.skeleton, target_chain, target_top), middles, np.arange(len(middles)))
         for joint, place in zip(target_chain, places, strict=True):
-            first = min(int(place), len(source_chain) - 1)
-            second = min(first + 1, len(source_chain) - 1)
+            first, second = int(place), min(int(place) + 1, len(source_chain) - 1)
             yield joint, (source_chain[first], source_chain[second]), place - first
 
 
@@ -149,9 +146,8 @@ def _chains(anatomy: Anatomy) -> tuple[tuple[tuple[int, ...], int], tuple[tuple[
 
 
 def _middles(skeleton: Skeleton, chain: tuple[int, ...], top: int) -> NDArray[np.float64]:
-    """(joints,), the midpoints of a chain's bones, from 0 at its lowest joint to 1 at `top`, the joint that follows it.
-
-    All bones of a chain without length count as equally long.
+    """(joints,), the midpoints of a chain's bones, from 0 at its lowest joint to 1 at `top`, the joint that follows it;
+    evenly spaced in a chain without length.
     """
     ends = [*chain, top if top >= 0 else chain[-1]]
     along = skeleton.path_lengths[chain[0], ends]
