@@ -14,11 +14,12 @@ if TYPE_CHECKING:
 else:
 
     def __getattr__(name):
-        """Import all public names when the first is used, and return it: `distretarget --help` uses none."""
-        public = import_module("distretarget.public")
-        if not hasattr(public, name):
+        """Import all public names when the first one is used: `distretarget --help` uses none."""
+        public = vars(import_module("distretarget.public"))
+        names = [each for each in public if not each.startswith("_")]
+        if name not in (*names, "__all__"):
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        return getattr(public, name)
+        return names if name == "__all__" else public[name]
 
     def __dir__():
         return [*globals(), *__getattr__("__all__")]

@@ -12,25 +12,25 @@ from numpy.typing import NDArray
 from distretarget.numerics.compiled import compiled, inlined
 from distretarget.skeleton import Skeleton
 
+Array = NDArray[np.float64]
+
 NEAREST = 1e-300  # least squared distance, so that coincident points exert no force [body sizes squared]
-LANES = 8  # most numbers in a vector register
+LANES = 8  # most numbers in a SIMD register
 
 
-def filled(columns: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Arrays (..., columns) padded with columns of zeros to a multiple of `LANES`, so that loops are all vectors."""
+def filled(columns: Array) -> Array:
+    """Pad an array (..., columns) with zeros to a multiple of `LANES` columns, so that SIMD loops have no remainder."""
     fill = -columns.shape[-1] % LANES
     return np.concatenate([columns, np.zeros((*columns.shape[:-1], fill))], axis=-1)
 
 
 @inlined(fastmath=True)
-def stress_and_gradient(
-    x: NDArray[np.float64], delta: NDArray[np.float64], pi: NDArray[np.float64], gradient: NDArray[np.float64]
-) -> float:
-    """sigma(X) = 1/2 sum_{u<v} pi_uv (||x_u - x_v|| - delta_uv)^2, Eq. (2); its gradient is written to `gradient`.
+def stress_and_gradient(x: Array, delta: Array, pi: Array, gradient: Array) -> float:
+    """Return sigma(X) = 1/2 sum_{u<v} pi_uv (||x_u - x_v|| - delta_uv)^2, Eq. (2), and write its gradient.
 
     `x` and `gradient` are (3, columns), so that the inner loop runs along memory; `delta` and `pi` are
-    (points, columns), symmetric, with zero diagonals. Padding columns (`filled`) need `pi` = 0; their gradient is not
-    written.
+    (points, columns), symmetric, with zero diagonals. Padding columns (`filled`) need zeros in `pi`; their gradient is
+    not written.
     """
     sigma = 0.0
     points, columns = delta.shape
@@ -50,10 +50,9 @@ def stress_and_gradient(
 
 
 @inlined(fastmath=True)
-def target_distances(x: NDArray[np.float64], ratio: NDArray[np.float64], delta: NDArray[np.float64]) -> None:
-    """Write delta_uv = tau2_uv D_uv = (tau2_uv / tau1_uv) ||x_u - x_v||, Eq. (1).
-
-    `x` is the source's posture, (3, columns); `ratio` is tau2 / tau1, (points, columns).
+def target_distances(x: Array, ratio: Array, delta: Array) -> None:
+    """Write delta_uv = tau2_uv D_uv = (tau2_uv / tau1_uv) ||x_u - x_v||, Eq. (1), for the source's posture `x`, (3,
+    columns); `ratio`, (points, columns), is tau2 / tau1.
     """
     points, columns = ratio.shape
     for u in range(points):
@@ -65,25 +64,24 @@ def target_distances(x: NDArray[np.float64], ratio: NDArray[np.float64], delta: 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DistanceProblem:
-    """The part of the problem that all frames share.
+    """The part of the distance problem that all frames share.
 
         minimise sigma(X) = 1/2 sum_{u<v} pi_uv (||x_u - x_v|| - delta_uv)^2,   delta = tau2 D    Eq. (2)
 
-    A point is a joint or End Site that source and target share; joints that coincide on both skeletons are one point.
-    Solvers take lengths in body sizes.
+    A point is a joint or End Site with a driver; joints that coincide on both skeletons are one point. Solvers use body
+    sizes as the unit of length.
 
     Attributes:
-        sources: (points,), the source joint at each point.
-        targets: (points,), the target joint at each point.
-        tau1, tau2: (points, points), path lengths on the source and on the target [file units].
-        sizes: |P|, (points, points), the number of points on the path between two points, the larger of both bodies'.
+        sources, targets: (points,), the source joint and the target joint at each point.
+        tau1, tau2: (points, points), path lengths on source and target [file units of each].
+        sizes: |P|, (points, points), the number of points on the path between two points; the larger of both bodies.
         body_size: the largest path length of the target [target file units].
     """
 
     sources: NDArray[np.intp]
     targets: NDArray[np.intp]
-    tau1: NDArray[np.float64]
-    tau2: NDArray[np.float64]
+    tau1: Array
+    tau2: Array
     sizes: NDArray[np.intp]
     body_size: float
 
@@ -94,45 +92,36 @@ class DistanceProblem:
         return f"<DistanceProblem of {len(self)} points, body size {self.body_size:g}>"
 
     @cached_property
-    def ratio(self) -> NDArray[np.float64]:
-        """tau2 / tau1, (points, points) [body sizes / source file unit]; 0 where tau1 is 0."""
-        zeros = np.zeros_like(self.tau1)
-        return np.divide(self.tau2 / self.body_size, self.tau1, out=zeros, where=self.tau1 > 0)
+    def ratio(self) -> Array:
+        """tau2 / tau1, (points, points) [body sizes per source file unit]; 0 where tau1 is 0."""
+        return np.divide(self.tau2 / self.body_size, self.tau1, out=np.zeros_like(self.tau1), where=self.tau1 > 0)
 
     @cached_property
-    def priorities(self) -> NDArray[np.float64]:
-        """pi_uv = (|Pmax| - |P_uv| + 2) / |Pmax|, (points, points).
-
-        It is 0 on the diagonal and where tau1 is 0, since there the source gives no distance.
-        """
+    def priorities(self) -> Array:
+        """pi_uv = (|Pmax| - |P_uv| + 2) / |Pmax|, (points, points); 0 where tau1 is 0: the source shows no distance."""
         largest = self.sizes.max()
         return np.where(self.tau1 > 0, (largest - self.sizes + 2.0) / largest, 0.0)
 
 
 def distance_problem(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]) -> DistanceProblem:
-    """The problem of a pair of skeletons.
-
-    `drivers`, (target joints,), is the source joint that drives each target joint, -1 for none.
-    """
+    """Return the problem of two skeletons; `drivers`, (target joints,), are the source joints, -1 for none."""
     points = point_of_joint(source, target, drivers)
     targets = np.unique(points[points >= 0])
     sources = drivers[targets]
     source_pairs, target_pairs = np.ix_(sources, sources), np.ix_(targets, targets)
-    source_sizes = _point_path_sizes(source, sources)[source_pairs]
-    target_sizes = _point_path_sizes(target, targets)[target_pairs]
     return DistanceProblem(
         sources=sources,
         targets=targets,
         tau1=source.path_lengths[source_pairs],
         tau2=target.path_lengths[target_pairs],
-        sizes=np.maximum(source_sizes, target_sizes),
+        sizes=np.maximum(_path_sizes(source, sources)[source_pairs], _path_sizes(target, targets)[target_pairs]),
         body_size=float(target.path_lengths.max()),
     )
 
 
 def point_of_joint(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]) -> NDArray[np.intp]:
-    """(target joints,), the target joint whose point each joint is: itself, or the ancestor with which it coincides on
-    both skeletons; -1 for joints without a driver, which are not points.
+    """(target joints,), the joint whose point each target joint shares: itself, or the ancestor with which it coincides
+    on both skeletons; -1 without a driver.
     """
     points = np.where(drivers >= 0, np.arange(len(target)), -1)
     coincide = (target.lengths == 0.0) & (source.lengths[drivers] == 0.0)
@@ -143,18 +132,17 @@ def point_of_joint(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]
     return points
 
 
-def _point_path_sizes(skeleton: Skeleton, points: NDArray[np.intp]) -> NDArray[np.intp]:
-    """|P| along the tree of a skeleton, (joints, joints), counting the given joints only."""
+def _path_sizes(skeleton: Skeleton, points: NDArray[np.intp]) -> NDArray[np.intp]:
+    """|P|, (joints, joints), counting only the joints among the points."""
     return skeleton.path_counts(np.isin(np.arange(len(skeleton)), points)) + 1
 
 
 def posture_stress(
     problem: DistanceProblem, source: NDArray[np.float64], result: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(frames,), the stress sigma of postures, Eq. (2) [body sizes squared].
+    """(frames,), the stress sigma of the postures `result`, Eq. (2) [body sizes squared].
 
-    `source`, (frames, source joints, 3) [source file units], gives the distances D; `result`, (frames, target joints,
-    3) [target file units], are the postures.
+    `source`, (frames, source joints, 3), and `result`, (frames, target joints, 3), are positions [file units of each].
     """
     tau = 1.0 / np.where(problem.ratio > 0, problem.ratio, 1.0)  # where the ratio is 0, so is the priority
     x, y = (source, problem.sources, tau), (result, problem.targets, np.full_like(tau, problem.body_size))
@@ -195,5 +183,5 @@ def _write_differences(x, of_x, tau_x, y, of_y, tau_y, weights, power, scratch, 
 
 
 def columns(positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Positions (frames, points, 3) as a contiguous array (frames, 3, points)."""
+    """Return positions (frames, points, 3) as a contiguous array (frames, 3, points)."""
     return np.ascontiguousarray(positions.transpose(0, 2, 1))

@@ -1,4 +1,4 @@
-"""The errors of this package: each is one line that names the place of the fault and what would have worked."""
+"""The errors of this package. Each message is one line: where the fault is, what it is, and what would have worked."""
 
 from __future__ import annotations
 
@@ -14,21 +14,23 @@ SAY_IN_A_MAP = "say in a map which source joint drives which target joint"
 class DistretargetError(Exception):
     """Base of all errors of this package; `str(error)` is one line for the user.
 
-    Attributes: `reason`, what is wrong without the place, and `path`, the file at fault, None if it is not a file.
+    Attributes:
+        reason: the message without the place.
+        path: the file at fault, or None.
     """
 
-    path: Path | None = None
-
-    def __init__(self, reason: str) -> None:
-        self.reason = reason  # `args`, by which errors are pickled, keeps the arguments of the subclass
+    def __init__(self, reason: str, path: str | Path | None = None, within: str = "") -> None:
+        self.reason = reason  # not passed to Exception: `args` must stay those of the subclass, for pickling
+        self.path = None if path is None else Path(path)
+        self._within = within  # the place in the file, as it follows the path in the message
 
     def __str__(self) -> str:
         return f"{self.location}: {self.reason}" if self.location else self.reason
 
     @property
     def location(self) -> str:
-        """The file at fault and, where known, the place in it; empty without a file."""
-        return str(self.path) if self.path else ""
+        """The file at fault and, if known, the place in it; empty without a file."""
+        return f"{self.path}{self._within}" if self.path else ""
 
     def in_file(self, path: str | Path) -> Self:
         """Set the file at fault, and return this error."""
@@ -40,42 +42,31 @@ class FileError(DistretargetError):
     """A file or folder that cannot be read or written."""
 
     def __init__(self, path: str | Path, reason: str) -> None:
-        super().__init__(reason)
-        self.path = Path(path)
+        super().__init__(reason, path)
 
 
 class BvhError(DistretargetError):
-    """A BVH file that is not valid; `line` counts from 1, 0 is the whole file."""
+    """An invalid BVH file; `line` counts from 1, or is 0 for the whole file."""
 
     def __init__(self, path: str | Path, line: int, reason: str) -> None:
-        super().__init__(reason)
-        self.path, self.line = Path(path), line
-
-    @property
-    def location(self) -> str:
-        """The file and, unless the whole file is at fault, the line."""
-        return f"{self.path}:{self.line}" if self.line else str(self.path)
+        super().__init__(reason, path, f":{line}" if line else "")
+        self.line = line
 
 
 class SkeletonFileError(DistretargetError):
-    """A JSON file that breaks its format; `place` is such as `joints[3].offset[2]`, empty for the whole file."""
+    """An invalid JSON file; `place` is such as `joints[3].offset[2]`, or empty for the whole file."""
 
     def __init__(self, path: str | Path, place: str, reason: str) -> None:
-        super().__init__(reason)
-        self.path, self.place = Path(path), place
-
-    @property
-    def location(self) -> str:
-        """The file and, unless the whole file is at fault, the place in it."""
-        return f"{self.path}: {self.place}" if self.place else str(self.path)
+        super().__init__(reason, path, f": {place}" if place else "")
+        self.place = place
 
 
 class SkeletonError(DistretargetError):
-    """A skeleton that is not a tree of joints that can be told apart, or that lacks a joint asked for."""
+    """A skeleton that is not a tree, has two joints with the same key, or lacks a requested joint."""
 
 
 class MotionError(DistretargetError):
-    """A motion that cannot be made or retargeted, for example one without frames."""
+    """A motion that cannot be constructed or retargeted, for example one without frames."""
 
 
 class SettingsError(DistretargetError):
@@ -83,11 +74,11 @@ class SettingsError(DistretargetError):
 
 
 class MatchingError(DistretargetError):
-    """Joints of two skeletons that cannot be matched.
+    """Two skeletons whose joints cannot be matched.
 
     Attributes:
-        fault: why they cannot be matched; `reason` also has the names of both and the closest pairs.
-        source, target: the names of the joints of each skeleton.
+        fault: why not; `reason` adds the joints of both skeletons and the pairs with the closest names.
+        source, target: the joint names of each skeleton.
     """
 
     def __init__(self, fault: str, source: Sequence[str], target: Sequence[str], advice: str = SAY_IN_A_MAP) -> None:
@@ -104,7 +95,7 @@ class MatchingError(DistretargetError):
 
 
 class MapError(DistretargetError):
-    """A joint map that names a joint that does not exist: `fault` is what is wrong with the entry at `key`."""
+    """A joint map that names a missing joint; `fault` says what is wrong with the entry at `key`."""
 
     def __init__(self, key: str, fault: str) -> None:
         super().__init__(f"map[{key!r}]: {fault}")
@@ -112,7 +103,7 @@ class MapError(DistretargetError):
 
 
 class MissingPackageError(DistretargetError):
-    """An optional package that this call needs, and that is not installed."""
+    """A missing optional package that this call needs."""
 
 
 class BatchError(DistretargetError):
@@ -120,7 +111,7 @@ class BatchError(DistretargetError):
 
 
 def quoted(names: Iterable[str], most: int = 6) -> str:
-    """Return up to `most` names in quotes, separated by commas, and how many more there are."""
+    """Return up to `most` names in quotes, separated by commas, and the number of the others."""
     names = list(names)
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(repr(name) for name in names[:most]) + more
@@ -132,11 +123,11 @@ def counted(number: int, what: str) -> str:
 
 
 def closest(name: str, available: Sequence[str]) -> str:
-    """Return the names close to `name`, or else all available names, as a clause for an error message."""
+    """Return a clause for an error message: the available names close to `name`, or else the first dozen."""
     near = difflib.get_close_matches(name, available, n=3, cutoff=0.6)
     return f"did you mean {quoted(near)}?" if near else f"it has {quoted(available, 12)}"
 
 
 def entry_place(place: str, key: str) -> str:
-    """Return the place of an entry whose key the user chose, in printable characters."""
+    """Return the place of the entry `key` in a file, such as `map["Hips"]`, with unprintable characters escaped."""
     return f"{place}[{json.dumps(key, ensure_ascii=not key.isprintable())}]"

@@ -21,14 +21,16 @@ from distretarget.numerics.rotations import RotationKind, first_not_unit, repres
 from distretarget.numerics.vectors import lengths
 from distretarget.skeleton import Skeleton
 
-SHORTEST_FRAME, LONGEST_FRAME = 1e-5, 1e3  # the times between frames that a recording may have [s]
-UNIT_ERROR = 1e-6  # how far the length of a unit quaternion may be off
-SAME_TIME = 1e-6  # largest difference between two frame times that are the same [of the frame time]
+Array = NDArray[np.float64]
+
+SHORTEST_FRAME, LONGEST_FRAME = 1e-5, 1e3  # bounds of the frame time [s]
+UNIT_ERROR = 1e-6  # tolerance of the length of a unit quaternion
+SAME_TIME = 1e-6  # tolerance within which two frame times are the same [of the frame time]
 NUMERALS = frozenset("0123456789.+-eE")
 
 
 def is_frame_time(text: str) -> bool:
-    """Return whether a text is a time between frames: a decimal number from 1e-5 to 1e3 [s]."""
+    """Return whether a text is a valid frame time: a decimal number from 1e-5 to 1e3 [s]."""
     try:
         return NUMERALS.issuperset(text) and SHORTEST_FRAME <= float(text) <= LONGEST_FRAME
     except ValueError:
@@ -36,7 +38,7 @@ def is_frame_time(text: str) -> bool:
 
 
 def same_time(one: float, other: float) -> bool:
-    """Return whether two frame times [s] are the same but for their last digits."""
+    """Return whether two frame times [s] differ in their last digits at most."""
     return abs(one - other) <= SAME_TIME * one
 
 
@@ -44,42 +46,39 @@ class MotionArrays(TypedDict):
     """A motion as arrays that numpy stores and loads without pickle.
 
     Attributes:
-        names: (joints,), the unique names of the joints (`Skeleton.keys`).
-        parents: (joints,), the number of each joint's parent, -1 for the root.
-        offsets: (joints, 3), each joint's translation from its parent in the rest pose [file units].
-        end_sites: (joints,), true for End Sites.
-        frame_time: the time between frames [s].
-        root_path: (frames, 3), the positions of the root in the world [file units].
-        positions: (frames, joints, 3), the positions of the joints in the world [file units].
-        local_rotations, world_rotations: rotations relative to the parent and in the world, (frames, joints, 4),
+        names: (joints,), unique joint names (`Skeleton.keys`).
+        parents, offsets, end_sites: as in `Skeleton`.
+        frame_time: time between frames [s].
+        root_path, positions: (frames, 3) and (frames, joints, 3), of root and joints in the world [file units].
+        local_rotations, world_rotations: relative to the parent and in the world, (frames, joints, 4),
             (frames, joints, 3, 3) or (frames, joints, 6).
     """
 
     names: NDArray[np.str_]
     parents: NDArray[np.intp]
-    offsets: NDArray[np.float64]
+    offsets: Array
     end_sites: NDArray[np.bool_]
     frame_time: float
-    root_path: NDArray[np.float64]
-    positions: NDArray[np.float64]
-    local_rotations: NDArray[np.float64]
-    world_rotations: NDArray[np.float64]
+    root_path: Array
+    positions: Array
+    local_rotations: Array
+    world_rotations: Array
 
 
 @dataclass(frozen=True, eq=False)
 class MovingBones:
-    """The bones that stretch or slide: in some frame their translation is not their offset.
+    """Bones that stretch or slide: in some frame their translation differs from their offset.
 
     Attributes:
-        joints: (bones,), the joints at their ends, in ascending order; never the root.
+        joints: (bones,), the lower joint of each bone, in ascending order; never the root.
         translations: (frames, bones, 3), each joint's translation from its parent [file units].
 
     Raises:
-        MotionError: the arrays do not fit each other, or the joints are not in order.
+        MotionError: the shapes do not match, or the joints are not in order.
     """
 
     joints: NDArray[np.intp]
-    translations: NDArray[np.float64]
+    translations: Array
 
     def __post_init__(self) -> None:
         joints = np.asarray(self.joints)
@@ -91,10 +90,8 @@ class MovingBones:
         object.__setattr__(self, "translations", read_only(exact))
 
     @classmethod
-    def among(
-        cls, skeleton: Skeleton, joints: NDArray[np.intp], translations: NDArray[np.float64]
-    ) -> MovingBones | None:
-        """Return those of the joints whose `translations`, (frames, joints, 3) [file units], move; None if none do."""
+    def among(cls, skeleton: Skeleton, joints: NDArray[np.intp], translations: Array) -> MovingBones | None:
+        """Return the moving ones among the bones of some joints with `translations`, (frames, joints, 3), or None."""
         moving = (translations != skeleton.offsets[joints]).any(axis=(0, 2)) & (joints > 0)
         return cls(joints[moving], translations[:, moving]) if moving.any() else None
 
@@ -108,20 +105,20 @@ class Motion:
 
     Attributes:
         skeleton: the skeleton.
-        root_positions: (frames, 3), the root's path in the world [file units].
+        root_positions: (frames, 3), world positions of the root [file units].
         rotations: (frames, joints, 4), rotations relative to the parent, as unit quaternions.
-        frame_time_text: the time between frames [s] as the file spells it, digit for digit.
+        frame_time_text: the time between frames [s], with the digits of the file.
         moving: the bones that stretch or slide; None if all keep their offset.
 
     Raises:
-        MotionError: the shapes of the arrays do not fit the skeleton or each other, a rotation is not a unit
-            quaternion, or the frame time is not a number from 1e-5 to 1e3.
-        SettingsError: `skeleton` is something else.
+        MotionError: shapes do not match the skeleton or each other, a rotation is not a unit quaternion, or the frame
+            time is not a number from 1e-5 to 1e3.
+        SettingsError: `skeleton` or `moving` is of another type.
     """
 
     skeleton: Skeleton
-    root_positions: NDArray[np.float64]
-    rotations: NDArray[np.float64]
+    root_positions: Array
+    rotations: Array
     frame_time_text: str
     moving: MovingBones | None = None
 
@@ -147,16 +144,8 @@ class Motion:
             raise MotionError(f"frame_time_text is {self.frame_time_text!r}; expected {wanted}")
 
     @classmethod
-    def of_translations(
-        cls,
-        skeleton: Skeleton,
-        translations: NDArray[np.float64],
-        rotations: NDArray[np.float64],
-        frame_time_text: str,
-    ) -> Motion:
-        """Return the motion with the translations of all joints, (frames, joints, 3): from its parent, for the root its
-        position in the world [file units]. For the other arguments and errors see `Motion`.
-        """
+    def of_translations(cls, skeleton: Skeleton, translations: Array, rotations: Array, frame_time_text: str) -> Motion:
+        """Return the motion with these `translations` (see the property); other arguments and errors as in `Motion`."""
         check_kind("skeleton", skeleton, Skeleton)
         exact = _as_array("translations", translations, ("frames", len(skeleton), 3))
         moving = MovingBones.among(skeleton, np.arange(len(skeleton)), exact)
@@ -166,11 +155,9 @@ class Motion:
         return len(self.rotations)
 
     def __getitem__(self, frames: slice | NDArray[np.intp]) -> Motion:
-        """Return the motion of some frames, by a slice or an array of their numbers, at the same frame time."""
-        moving = None if self.moving is None else self.moving[frames]
-        part = replace(
-            self, root_positions=self.root_positions[frames], rotations=self.rotations[frames], moving=moving
-        )
+        """Return the frames of a slice or of an array of frame numbers, with the same frame time."""
+        path, moving = self.root_positions[frames], None if self.moving is None else self.moving[frames]
+        part = replace(self, root_positions=path, rotations=self.rotations[frames], moving=moving)
         if "positions" in vars(self):
             vars(part)["positions"] = self.positions[frames]
         return part
@@ -184,23 +171,20 @@ class Motion:
         return float(self.frame_time_text)
 
     @property
-    def translations(self) -> NDArray[np.float64]:
-        """(frames, joints, 3), each joint's translation from its parent, for the root its position in the world
-        [file units]; not cached.
-        """
+    def translations(self) -> Array:
+        """(frames, joints, 3), translations from the parent, for the root from the origin [file units]; not cached."""
         return self._translations_in(slice(None))
 
-    def _translations_in(self, frames: slice) -> NDArray[np.float64]:
-        """(frames, joints, 3), the same in some frames."""
-        path, offsets = self.root_positions[frames], self.skeleton.offsets
-        translations = np.tile(offsets, (len(path), 1, 1))
+    def _translations_in(self, frames: slice) -> Array:
+        path = self.root_positions[frames]
+        translations = np.tile(self.skeleton.offsets, (len(path), 1, 1))
         translations[:, 0] = path
         if self.moving is not None:
             translations[:, self.moving.joints] = self.moving.translations[frames]
         return translations
 
-    def translations_of(self, joint: int) -> NDArray[np.float64]:
-        """(frames, 3), the translations of one joint, as in `translations`."""
+    def translations_of(self, joint: int) -> Array:
+        """(frames, 3), the `translations` of one joint."""
         if joint == 0:
             return self.root_positions
         if self.moving is not None and joint in self.moving.joints:
@@ -208,39 +192,39 @@ class Motion:
         return np.broadcast_to(self.skeleton.offsets[joint], (len(self), 3))
 
     @property
-    def world_rotations(self) -> NDArray[np.float64]:
-        """(frames, joints, 4), each joint's rotation in the world; not cached."""
+    def world_rotations(self) -> Array:
+        """(frames, joints, 4), the rotation of each joint in the world; not cached."""
         return self.world_rotations_in(slice(None))
 
-    def world_rotations_in(self, frames: slice) -> NDArray[np.float64]:
-        """(frames, joints, 4), the same in some frames."""
+    def world_rotations_in(self, frames: slice) -> Array:
+        """(frames, joints, 4), the world rotations in some frames."""
         return world_rotations(self.skeleton.parents, self.rotations[frames])
 
-    def world_rotations_of(self, joint: int) -> NDArray[np.float64]:
-        """(frames, 4), the rotation of one joint in the world."""
+    def world_rotations_of(self, joint: int) -> Array:
+        """(frames, 4), the world rotations of one joint."""
         line = self.skeleton.line(joint)[::-1]
         return world_rotations(np.arange(len(line)) - 1, np.take(self.rotations, line, axis=1))[:, -1]
 
     @cached_property
-    def positions(self) -> NDArray[np.float64]:
-        """(frames, joints, 3), each joint's position in the world, by forward kinematics [file units]."""
+    def positions(self) -> Array:
+        """(frames, joints, 3), the world positions of the joints, by forward kinematics [file units]."""
         skeleton, positions = self.skeleton, np.empty((len(self), len(self.skeleton), 3))
 
         def place(block: slice) -> None:
             bones = skeleton.offsets[None] if self.moving is None else self._translations_in(block)
-            turned = self.world_rotations_in(block)
-            positions[block] = joint_positions(skeleton.parents, self.root_positions[block], bones, turned)
+            path, world = self.root_positions[block], self.world_rotations_in(block)
+            positions[block] = joint_positions(skeleton.parents, path, bones, world)
 
         over_blocks(place, *positions.shape[:2])
         return positions
 
     def resampled(self, frame_time_text: str) -> Motion:
-        """Return the motion with another frame time, interpolated: translations linearly, rotations by slerp."""
+        """Return the motion at another frame time: translations interpolated linearly, rotations spherically."""
         step = float(frame_time_text)
         if same_time(self.frame_time, step):
             return self
         last = len(self) - 1
-        times = np.arange(int(last * self.frame_time / step + SAME_TIME) + 1) * step / self.frame_time
+        times = np.arange(int(last * self.frame_time / step + SAME_TIME) + 1) * step / self.frame_time  # [frames]
         before = np.minimum(times.astype(int), last)
         after, share = np.minimum(before + 1, last), (times - before)[:, None, None]
         start, end = (Rotation.from_quat(self.rotations[frames]) for frames in (before, after))
@@ -251,9 +235,7 @@ class Motion:
         return Motion.of_translations(self.skeleton, translations, rotations, frame_time_text)
 
     def to_dict(self, rotations: RotationKind = "quaternion") -> MotionArrays:
-        """Return the motion as arrays.
-
-        Rotations are given as "quaternion" (x y z w), "matrix", or "6d" (the first two columns of the matrix).
+        """Return the motion as arrays; rotations as "quaternion" (x y z w), "matrix", or "6d" (its first two columns).
 
         Raises:
             MotionError: `rotations` is none of these.
@@ -274,8 +256,8 @@ class Motion:
 
     @cached_property
     def rigid_skeleton(self) -> Skeleton:
-        """The skeleton with rigid bones: bones that move get the direction of their median translation over the frames
-        and their median length, the others keep their offset.
+        """The skeleton with rigid bones: moving bones get the direction of their median translation and their median
+        length over all frames; the others keep their offset.
         """
         if self.moving is None:
             return self.skeleton
@@ -287,15 +269,10 @@ class Motion:
 
 
 def motion_of_world(
-    skeleton: Skeleton,
-    frames: int,
-    frame_time_text: str,
-    pose: Callable[[slice, NDArray[np.float64]], NDArray[np.float64]],
+    skeleton: Skeleton, frames: int, frame_time_text: str, pose: Callable[[slice, Array], Array]
 ) -> Motion:
-    """Return a motion on rigid bones from its world rotations.
-
-    `pose(block, world)` is called for blocks of frames, from several threads at once: it writes the block's world
-    rotations to `world`, (frames, joints, 4), and returns the root's path, (frames, 3) [file units].
+    """Return a motion on rigid bones. `pose(block, world)` writes the world rotations of a block of frames to `world`,
+    (frames, joints, 4), and returns the root positions, (frames, 3) [file units]; several threads call it at once.
     """
     joints = len(skeleton)
     path, rotations, positions = (np.empty((frames, *shape)) for shape in ((3,), (joints, 4), (joints, 3)))
@@ -308,16 +285,12 @@ def motion_of_world(
 
     over_blocks(make, frames, joints)
     motion = Motion(skeleton, path, rotations, frame_time_text)
-    vars(motion)["positions"] = positions  # what it would compute, by way of world rotations
+    vars(motion)["positions"] = positions  # fill the cached property
     return motion
 
 
-def _as_array(name: str, values: NDArray[np.float64], shape: tuple[int | str, ...]) -> NDArray[np.float64]:
-    """The values as an array of numbers; "frames" in the shape stands for any number.
-
-    Raises:
-        MotionError: they are not numbers, or of another shape.
-    """
+def _as_array(name: str, values: Array, shape: tuple[int | str, ...]) -> Array:
+    """Return the values as an array of this shape, "frames" being any number, or raise a MotionError."""
     try:
         array = np.asarray(values, np.float64)
     except (TypeError, ValueError) as error:

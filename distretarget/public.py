@@ -1,107 +1,60 @@
-"""The public names of the package, which `distretarget` offers as its own."""
+"""The public names, which `distretarget` offers as its own; `as` re-exports each to type checkers."""
 
-from distretarget.baseline.world import World
-from distretarget.batch.batch import convert_folder
-from distretarget.batch.manifest import ManifestRecord, Tally
-from distretarget.body.anatomy import Anatomy
-from distretarget.body.body import Body
-from distretarget.errors import (
-    BatchError,
-    BvhError,
-    DistretargetError,
-    FileError,
-    MapError,
-    MatchingError,
-    MissingPackageError,
-    MotionError,
-    SettingsError,
-    SkeletonError,
-    SkeletonFileError,
-)
-from distretarget.ik.spg import Effort
-from distretarget.io.bvh import read_bvh
-from distretarget.io.bvh_writer import write_bvh
-from distretarget.io.interop import from_bvhio, to_bvhio, write_npz
-from distretarget.io.target_file import load_target
-from distretarget.matching.matching import Matching, match
-from distretarget.measure.diff import Diff, diff
-from distretarget.measure.figures import FIGURES, Figure
-from distretarget.measure.metrics import Comparison
-from distretarget.measure.scene_gaps import Gap, SceneDiff, diff_scenes
-from distretarget.motion import Motion, MotionArrays, MovingBones
-from distretarget.numerics.kinematics import forward_kinematics
-from distretarget.objectives.settings import ContactSettings
-from distretarget.objectives.supports import Supports
-from distretarget.pipeline.options import Options
-from distretarget.pipeline.result import RetargetResult
-from distretarget.pipeline.retargeting import retarget
-from distretarget.report.clip_page import write_report
-from distretarget.report.diff_document import DiffDocument
-from distretarget.report.run_summary import RunFiguresDocument
-from distretarget.report.scene_page import write_scene_report
-from distretarget.scene.props import Grip, Prop, PropResult, prop_of
-from distretarget.scene.retargeting import SceneResult, retarget_scene
-from distretarget.scene.scene_file import SceneSetup, load_scene
-from distretarget.skeleton import Skeleton
-from distretarget.target import SkeletonEdit, Target
-
-__all__ = [
-    "FIGURES",
-    "Anatomy",
-    "BatchError",
-    "Body",
-    "BvhError",
-    "Comparison",
-    "ContactSettings",
-    "Diff",
-    "DiffDocument",
-    "DistretargetError",
-    "Effort",
-    "Figure",
-    "FileError",
-    "Gap",
-    "Grip",
-    "ManifestRecord",
-    "MapError",
-    "Matching",
-    "MatchingError",
-    "MissingPackageError",
-    "Motion",
-    "MotionArrays",
-    "MotionError",
-    "MovingBones",
-    "Options",
-    "Prop",
-    "PropResult",
-    "RetargetResult",
-    "RunFiguresDocument",
-    "SceneDiff",
-    "SceneResult",
-    "SceneSetup",
-    "SettingsError",
-    "Skeleton",
-    "SkeletonEdit",
-    "SkeletonError",
-    "SkeletonFileError",
-    "Supports",
-    "Tally",
-    "Target",
-    "World",
-    "convert_folder",
-    "diff",
-    "diff_scenes",
-    "forward_kinematics",
-    "from_bvhio",
-    "load_scene",
-    "load_target",
-    "match",
-    "prop_of",
-    "read_bvh",
-    "retarget",
-    "retarget_scene",
-    "to_bvhio",
-    "write_bvh",
-    "write_npz",
-    "write_report",
-    "write_scene_report",
-]
+from distretarget.baseline.world import World as World
+from distretarget.batch.batch import convert_folder as convert_folder
+from distretarget.batch.manifest import ManifestRecord as ManifestRecord
+from distretarget.batch.manifest import Tally as Tally
+from distretarget.body.anatomy import Anatomy as Anatomy
+from distretarget.body.body import Body as Body
+from distretarget.errors import BatchError as BatchError
+from distretarget.errors import BvhError as BvhError
+from distretarget.errors import DistretargetError as DistretargetError
+from distretarget.errors import FileError as FileError
+from distretarget.errors import MapError as MapError
+from distretarget.errors import MatchingError as MatchingError
+from distretarget.errors import MissingPackageError as MissingPackageError
+from distretarget.errors import MotionError as MotionError
+from distretarget.errors import SettingsError as SettingsError
+from distretarget.errors import SkeletonError as SkeletonError
+from distretarget.errors import SkeletonFileError as SkeletonFileError
+from distretarget.ik.spg import Effort as Effort
+from distretarget.io.bvh import read_bvh as read_bvh
+from distretarget.io.bvh_writer import write_bvh as write_bvh
+from distretarget.io.interop import from_bvhio as from_bvhio
+from distretarget.io.interop import to_bvhio as to_bvhio
+from distretarget.io.interop import write_npz as write_npz
+from distretarget.io.target_file import load_target as load_target
+from distretarget.matching.matching import Matching as Matching
+from distretarget.matching.matching import match as match
+from distretarget.measure.diff import Diff as Diff
+from distretarget.measure.diff import diff as diff
+from distretarget.measure.figures import FIGURES as FIGURES
+from distretarget.measure.figures import Figure as Figure
+from distretarget.measure.metrics import Comparison as Comparison
+from distretarget.measure.scene_gaps import Gap as Gap
+from distretarget.measure.scene_gaps import SceneDiff as SceneDiff
+from distretarget.measure.scene_gaps import diff_scenes as diff_scenes
+from distretarget.motion import Motion as Motion
+from distretarget.motion import MotionArrays as MotionArrays
+from distretarget.motion import MovingBones as MovingBones
+from distretarget.numerics.kinematics import forward_kinematics as forward_kinematics
+from distretarget.objectives.settings import ContactSettings as ContactSettings
+from distretarget.objectives.supports import Supports as Supports
+from distretarget.pipeline.options import Options as Options
+from distretarget.pipeline.result import RetargetResult as RetargetResult
+from distretarget.pipeline.retargeting import retarget as retarget
+from distretarget.report.clip_page import write_report as write_report
+from distretarget.report.diff_document import DiffDocument as DiffDocument
+from distretarget.report.run_summary import RunFiguresDocument as RunFiguresDocument
+from distretarget.report.scene_page import write_scene_report as write_scene_report
+from distretarget.scene.props import Grip as Grip
+from distretarget.scene.props import Prop as Prop
+from distretarget.scene.props import PropResult as PropResult
+from distretarget.scene.props import prop_of as prop_of
+from distretarget.scene.retargeting import SceneResult as SceneResult
+from distretarget.scene.retargeting import retarget_scene as retarget_scene
+from distretarget.scene.scene_file import SceneSetup as SceneSetup
+from distretarget.scene.scene_file import load_scene as load_scene
+from distretarget.skeleton import Skeleton as Skeleton
+from distretarget.target import SkeletonEdit as SkeletonEdit
+from distretarget.target import Target as Target

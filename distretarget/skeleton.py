@@ -14,41 +14,39 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import shortest_path
 
 from distretarget.errors import SkeletonError, closest, quoted
-from distretarget.numerics.kinematics import forward_kinematics
+from distretarget.numerics.kinematics import joint_positions
 
 POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
 ROTATION_CHANNELS = ("Xrotation", "Yrotation", "Zrotation")
-AXES = ("X", "Y", "Z", "-X", "-Y", "-Z")  # that may point up in a file
-UNITS = ("mm", "cm", "m", "dm", "in", "ft")  # of the lengths in a file
+AXES = ("X", "Y", "Z", "-X", "-Y", "-Z")  # possible up axes of a file
+UNITS = ("mm", "cm", "m", "dm", "in", "ft")  # length units a file may state
 # Bounds within which all computations stay finite and exact to a few digits [file units].
-LARGEST = 1e12  # largest coordinate of an offset or a position; also the largest scale
-SMALLEST = 1e-12  # least length of a body's longest bone; also the least scale
-
+LARGEST = 1e12  # largest coordinate of an offset or position; also the largest scale
+SMALLEST = 1e-12  # least length of the longest bone; also the least scale
 
 JointMap = Mapping[str, str | None]
-"""For keys of target joints, the key of the source joint that drives each; None where nothing does."""
+"""Target joint key to the key of the source joint that drives it, or to None if nothing drives it."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Skeleton:
     """A tree of joints with the offsets of its rest pose.
 
-    Joints are numbered so that parents come before children; joint 0 is the root. End Sites are joints
-    without channels or children, marked in `end_sites`.
+    Parents come before children; joint 0 is the root. End Sites are joints without channels or children.
 
     Attributes:
-        names: the names of the joints, as in the file; not always unique, see `keys`.
-        parents: (joints,), the number of each joint's parent, -1 for the root.
-        offsets: (joints, 3), each joint's translation from its parent in the rest pose [file units].
+        names: joint names as in the file; not always unique, see `keys`.
+        parents: (joints,), parent indices, -1 for the root.
+        offsets: (joints, 3), translations from the parent in the rest pose [file units].
         channels: the BVH channels of each joint, in file order.
         end_sites: (joints,), true for End Sites.
-        units: the unit of the offsets, one of `UNITS`; None where the file does not state it.
-        up: the axis that points up, one of `AXES`; None where the file does not state it.
+        units: unit of the offsets, one of `UNITS`; None if the file does not state it.
+        up: up axis, one of `AXES`; None if the file does not state it.
 
     Raises:
-        SkeletonError: the arrays are not a tree in that order or hold no numbers, a name is not text, a channel is
-            unknown or occurs twice in a joint, an End Site has channels or children, unit or axis are unknown, or two
-            joints cannot be told apart.
+        SkeletonError: the arrays are not numbers or not such a tree, a name is not text, a channel is unknown or
+            repeated in a joint, an End Site has channels or children, the unit or axis is unknown, or two joints have
+            the same key.
     """
 
     names: tuple[str, ...]
@@ -63,19 +61,16 @@ class Skeleton:
         self._check_names()
         self._check_arrays()
         self._check_tree()
-        self._check_channels()
         for name, value, known in (("units", self.units, UNITS), ("up", self.up, AXES)):
             if value is not None and value not in known:
                 raise SkeletonError(f"{name} is {value!r}; expected one of {quoted(known)} or None")
-        valid = np.abs(self.offsets) <= LARGEST
-        if not np.all(valid):
-            raise SkeletonError(f"the offset of {quoted(self._where(~valid))} is not finite, or beyond {LARGEST:g}")
-        twins = [key for key, times in Counter(self.keys).items() if times > 1]
-        if twins:
+        if wrong := [self.names[joint] for joint in np.flatnonzero(~(np.abs(self.offsets) <= LARGEST).all(axis=1))]:
+            raise SkeletonError(f"the offset of {quoted(wrong)} is not finite, or beyond {LARGEST:g}")
+        if twins := [key for key, times in Counter(self.keys).items() if times > 1]:
             raise SkeletonError(f"joints that cannot be told apart: {quoted(twins)}; rename all but one of each")
 
     def _check_names(self) -> None:
-        """Check that names and channels are texts for each joint, and keep them as tuples."""
+        """Check names and channels, and store them as tuples."""
         try:
             object.__setattr__(self, "names", tuple(self.names))
             object.__setattr__(self, "channels", tuple(map(tuple, self.channels)))
@@ -85,20 +80,28 @@ class Skeleton:
             raise SkeletonError(f"{wrong[0]!r} is not a name; expected a text")
         if len(self.channels) != len(self.names):
             raise SkeletonError(f"channels are given for {len(self.channels)} of {len(self.names)} joints")
+        known = POSITION_CHANNELS + ROTATION_CHANNELS
+        for name, channels in zip(self.names, self.channels, strict=True):
+            if unknown := [channel for channel in channels if channel not in known]:
+                near = closest(str(unknown[0]), known)
+                raise SkeletonError(f"{name!r} has the unknown channel {unknown[0]!r}; {near}")
+            if len(set(channels)) < len(channels):
+                raise SkeletonError(f"{name!r} has a channel twice: {quoted(channels)}")
 
     def _check_arrays(self) -> None:
-        """Check the shapes of the arrays, and keep them read-only."""
+        """Check types and shapes of the arrays, and store read-only copies."""
         count = len(self.names)
-        for name, dtype, shape in (
-            ("parents", np.intp, (count,)),
-            ("offsets", np.float64, (count, 3)),
-            ("end_sites", np.bool_, (count,)),
-        ):
+        layout = {
+            "parents": (np.intp, (count,)),
+            "offsets": (np.float64, (count, 3)),
+            "end_sites": (np.bool_, (count,)),
+        }
+        for name, (dtype, shape) in layout.items():
             try:
                 array = np.array(getattr(self, name))
                 if array.dtype.kind not in "biuf":
                     raise ValueError(f"found {array.dtype} values")
-                exact = array.astype(dtype)
+                exact: NDArray[np.generic] = array.astype(dtype)
                 if (exact != array).any() and np.isfinite(array).all():
                     raise ValueError("found fractions")
             except (TypeError, ValueError) as error:
@@ -109,7 +112,7 @@ class Skeleton:
             object.__setattr__(self, name, exact)
 
     def _check_tree(self) -> None:
-        """Check that the root is the first joint, that parents come before children, and that End Sites are leaves."""
+        """Check that the root is first, parents come before children, and End Sites are leaves."""
         count = len(self.names)
         if not count or self.parents[0] != -1:
             raise SkeletonError("a skeleton needs a root as its first joint")
@@ -118,22 +121,8 @@ class Skeleton:
         inner = np.isin(np.arange(count), self.parents)
         for joint in np.flatnonzero(self.end_sites):
             if not joint or inner[joint] or self.channels[joint]:
-                raise SkeletonError(
-                    f"{self.names[joint]!r} is an End Site, but it is the root, or has channels or children"
-                )
-
-    def _check_channels(self) -> None:
-        """Check that the channels of each joint are known, and different."""
-        for name, channels in zip(self.names, self.channels, strict=True):
-            if unknown := [channel for channel in channels if channel not in POSITION_CHANNELS + ROTATION_CHANNELS]:
-                known = closest(str(unknown[0]), POSITION_CHANNELS + ROTATION_CHANNELS)
-                raise SkeletonError(f"{name!r} has the unknown channel {unknown[0]!r}; {known}")
-            if len(set(channels)) < len(channels):
-                raise SkeletonError(f"{name!r} has a channel twice: {quoted(channels)}")
-
-    def _where(self, mask: NDArray[np.bool_]) -> list[str]:
-        """The names of the joints that a mask (joints, ...) marks."""
-        return [name for name, hit in zip(self.names, mask, strict=True) if hit.any()]
+                name = self.names[joint]
+                raise SkeletonError(f"{name!r} is an End Site, but it is the root, or has channels or children")
 
     def __len__(self) -> int:
         return len(self.names)
@@ -143,9 +132,9 @@ class Skeleton:
 
     @cached_property
     def keys(self) -> tuple[str, ...]:
-        """The unique names of the joints: `name` where it is unique, else `parent/name`, and so on up the tree."""
+        """Unique joint names: `name` if it is unique, else `parent/name`, and so on up the tree."""
         keys = list(self.names)
-        tops = [int(parent) for parent in self.parents]
+        tops = self.parents.tolist()
         while True:
             times = Counter(keys)
             again = [j for j, key in enumerate(keys) if times[key] > 1 and tops[j] >= 0]
@@ -153,14 +142,10 @@ class Skeleton:
                 return tuple(keys)
             for j in again:
                 keys[j] = f"{self.names[tops[j]]}/{keys[j]}"
-                tops[j] = int(self.parents[tops[j]])
+                tops[j] = self.parents.item(tops[j])
 
     def index(self, key: str) -> int:
-        """Return the number of the joint with this key.
-
-        Raises:
-            SkeletonError: no joint has this key; the message lists the closest ones.
-        """
+        """Return the index of the joint with this key, or raise a SkeletonError with the closest keys."""
         try:
             return self.keys.index(key)
         except ValueError:
@@ -168,53 +153,39 @@ class Skeleton:
 
     @cached_property
     def children(self) -> tuple[tuple[int, ...], ...]:
-        """The numbers of each joint's children, in file order."""
-        below: list[list[int]] = [[] for _ in self.names]
-        for child, parent in enumerate(self.parents[1:], start=1):
-            below[parent].append(child)
-        return tuple(map(tuple, below))
+        """The children of each joint, in file order."""
+        return tuple(tuple(np.flatnonzero(self.parents == joint).tolist()) for joint in range(len(self)))
 
     @cached_property
     def joints(self) -> tuple[int, ...]:
-        """The numbers of the joints without End Sites."""
+        """All joints except End Sites."""
         return tuple(np.flatnonzero(~self.end_sites).tolist())
 
     @cached_property
     def depth_first(self) -> tuple[int, ...]:
-        """The joints in the order in which a BVH file lists them: each before its children, children in file order."""
-        order: list[int] = []
-        stack = [0]
-        while stack:
-            order.append(joint := stack.pop())
-            stack.extend(reversed(self.children[joint]))
-        return tuple(order)
+        """The joints in the order of a BVH file: depth first, children in file order."""
+        return tuple(sorted(range(len(self)), key=lambda joint: self.line(joint)[::-1]))
 
     @cached_property
     def lengths(self) -> NDArray[np.float64]:
-        """(joints,), the length of the bone from each joint's parent to the joint; 0 for the root [file units]."""
-        lengths = np.asarray(np.linalg.norm(self.offsets, axis=1))
-        lengths[0] = 0.0
-        return lengths
+        """(joints,), the length of the bone from the parent to each joint; 0 for the root [file units]."""
+        return np.asarray(np.linalg.norm(self.offsets, axis=1) * (self.parents >= 0))
 
     @cached_property
     def path_lengths(self) -> NDArray[np.float64]:
-        """tau: (joints, joints), the sum of the bone lengths on the path between two joints [file units]."""
+        """tau: (joints, joints), the length of the tree path between two joints [file units]."""
         edges = (self.lengths[1:], (np.arange(1, len(self)), self.parents[1:]))
         graph = coo_array(edges, shape=(len(self), len(self))).tocsr()
         return np.asarray(shortest_path(graph, method="D", directed=False))
 
     @cached_property
     def path_sizes(self) -> NDArray[np.intp]:
-        """|P|: (joints, joints), the number of joints on the path between two joints, both ends included."""
+        """|P|: (joints, joints), the number of joints on the path between two joints, ends included."""
         return self.path_counts(np.ones(len(self), bool)) + 1
 
     def path_counts(self, counted: NDArray[np.bool_]) -> NDArray[np.intp]:
-        """Return how many bones between two joints are `counted`, (joints, joints); (joints,) flags, each for the bone
-        that ends at the joint.
-        """
-        above = counted.astype(np.intp)
-        for joint in range(1, len(self)):
-            above[joint] += above[self.parents[joint]]
+        """Return how many bones of each path are counted, (joints, joints); `counted`, (joints,), is by lower joint."""
+        above = np.array([counted[self.line(joint)].sum() for joint in range(len(self))])
         return np.asarray(above[:, None] + above - 2 * above[self.meets])
 
     @cached_property
@@ -227,46 +198,38 @@ class Skeleton:
 
     @cached_property
     def rest_positions(self) -> NDArray[np.float64]:
-        """(joints, 3), the positions of the joints in the rest pose, with the root at the origin [file units]."""
+        """(joints, 3), joint positions in the rest pose with the root at the origin [file units]."""
         return self.posed(self.unturned)
 
     @property
     def unturned(self) -> NDArray[np.float64]:
-        """(joints, 4), the world rotations of the rest pose: the identity for every joint."""
+        """(joints, 4), the world rotations of the rest pose: the identity."""
         return np.tile([0.0, 0.0, 0.0, 1.0], (len(self), 1))
 
     def posed(self, world: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the positions of the joints, (joints, 3), for world rotations (joints, 4), with the root at the origin
-        [file units].
-        """
-        translations = np.array(self.offsets)
-        translations[0] = 0.0
-        return np.asarray(forward_kinematics(self.parents, translations[None], world[None])[0])
+        """Return joint positions, (joints, 3), for world rotations (joints, 4), the root at the origin [file units]."""
+        return np.asarray(joint_positions(self.parents, np.zeros((1, 3)), self.offsets[None], world[None])[0])
 
     def line(self, joint: int) -> list[int]:
-        """Return the joints from a joint up to the root, both included."""
+        """Return the joints from `joint` up to the root, both included."""
         up = [joint]
         while up[-1]:
-            up.append(self._parents[up[-1]])
+            up.append(self.parents.item(up[-1]))
         return up
 
     def lines(self, joints: Iterable[int]) -> set[int]:
-        """Return all joints on the lines from some joints up to the root."""
+        """Return these joints and all their ancestors."""
         return {above for joint in joints for above in self.line(int(joint))}
 
-    @cached_property
-    def _parents(self) -> tuple[int, ...]:
-        return tuple(map(int, self.parents))
-
     def subtree(self, joint: int) -> list[int]:
-        """Return a joint and all joints below it."""
+        """Return `joint` and all its descendants."""
         below = [joint]
         for upper in below:
             below.extend(self.children[upper])
         return below
 
     def rotation_axes(self, joint: int) -> str:
-        """Return the axes of a joint's rotation channels in file order, such as "ZXY"."""
+        """Return the Euler order of a joint's rotation channels, such as "ZXY"."""
         return "".join(channel[0] for channel in self.channels[joint] if channel in ROTATION_CHANNELS)
 
     def moves_freely(self, joint: int) -> bool:
@@ -275,23 +238,15 @@ class Skeleton:
 
     @property
     def without_namespaces(self) -> Skeleton:
-        """The same skeleton with names from the last colon on: `Hips` for `mixamorig:Hips`.
-
-        Raises:
-            SkeletonError: joints cannot be told apart without their namespaces.
-        """
+        """The same skeleton without namespaces, `Hips` for `mixamorig:Hips`; a SkeletonError if keys become equal."""
         return replace(self, names=tuple(name.rpartition(":")[2].strip() or name for name in self.names))
 
     def with_offsets(self, offsets: ArrayLike) -> Skeleton:
-        """Return the same tree with other offsets, (joints, 3).
-
-        Raises:
-            SkeletonError: they are not such an array, or not finite.
-        """
-        return replace(self, offsets=cast(NDArray[np.float64], offsets))  # checked as it is made
+        """Return the same tree with other offsets, (joints, 3) [file units]; errors as in `Skeleton`."""
+        return replace(self, offsets=cast(NDArray[np.float64], offsets))  # checked by the constructor
 
     def with_lengths(self, lengths: ArrayLike) -> Skeleton:
-        """Return the same tree and rest directions with other bone lengths, (joints,); bones of length 0 stay so.
+        """Return the same tree and bone directions with other bone lengths, (joints,); bones of length 0 keep it.
 
         Raises:
             SkeletonError: they are not such an array, or one is negative or not finite.

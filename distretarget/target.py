@@ -1,4 +1,4 @@
-"""Targets: a whole skeleton, or other bone lengths for the source's skeleton."""
+"""Targets: a whole skeleton, or the source's skeleton with edited bone lengths."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ class Target:
 
     Attributes:
         skeleton: the skeleton, with rigid bones.
-        map: the map in the file, source key by target key; empty where the file has none.
-        name: the name of the skeleton in the file; empty where it has none.
-        motion: the motion of a BVH file, if it has a valid one; it can show what the rest pose does not.
+        map: the joint map in the file; empty if it has none.
+        name: the skeleton's name in the file; empty if it has none.
+        motion: the motion of a BVH file, if it has a valid one; it may show axes that the rest pose does not.
     """
 
     skeleton: Skeleton
@@ -35,19 +35,19 @@ class Target:
         check_kind("motion", self.motion, Motion, NoneType)
 
     def for_source(self, source: Skeleton) -> Target:  # noqa: ARG002
-        """Return the target itself, since it is the same for every source."""
+        """Return the target itself: it is the same for every source."""
         return self
 
 
 @dataclass(frozen=True)
 class SkeletonEdit:
-    """Other bone lengths for the skeleton of a source.
+    """Changes of the bone lengths of a source's skeleton; each bone is named by the key of its lower joint.
 
     Attributes:
-        scale: the factor for all bone lengths and the root's offset.
-        lengths: by the key of a bone's lower joint, the bone's final length, whatever the scale [file units].
-        factors: by the key of a bone's lower joint, an additional factor for the bone's length.
-        path: the path of the file, for errors.
+        scale: factor of all bone lengths and of the root's offset.
+        lengths: final length of single bones, regardless of the scale [file units].
+        factors: additional factor of single bones.
+        path: path of the file, for error messages.
 
     Raises:
         SettingsError: a number is not above 0.
@@ -66,15 +66,15 @@ class SkeletonEdit:
                 check_number(entry_place(field, str(key)), number, SMALLEST, LARGEST)
 
     def for_source(self, source: Skeleton) -> Target:
-        """Return the source's skeleton with these lengths as a target; errors as in `apply`."""
+        """Return the edited skeleton as a target; errors as in `apply`."""
         return Target(self.apply(source), {}, "")
 
     def apply(self, source: Skeleton) -> Skeleton:
-        """Return the source's skeleton with these bone lengths and its own rest directions.
+        """Return the source's skeleton with these bone lengths and unchanged bone directions.
 
         Raises:
             SkeletonFileError: a key is not a joint of the source, has a bone of length 0, or is in both `lengths` and
-                `factors`; or all bones have length 0, or one becomes too long.
+                `factors`; or all bones get length 0, or one gets too long.
         """
         check_kind("source", source, Skeleton)
         lengths = self.scale * source.lengths
@@ -92,7 +92,7 @@ class SkeletonEdit:
             raise SkeletonFileError(self.path, "", str(error)) from error
 
     def _bone(self, field: str, key: str, source: Skeleton) -> int:
-        """The joint with this key, which must have a bone to change."""
+        """The joint with this key; an error if it has no bone to change."""
         place = entry_place(field, key)
         if key not in source.keys:
             raise SkeletonFileError(self.path, place, f"no such joint; {closest(key, source.keys)}")
@@ -105,7 +105,7 @@ class SkeletonEdit:
 
 
 def with_bones(skeleton: Skeleton, path: str | Path, place: str = "") -> Skeleton:
-    """Return the skeleton; raise a SkeletonFileError if no bone has a length."""
+    """Return the skeleton, or raise a SkeletonFileError if no bone has a length."""
     if not skeleton.lengths.max() >= SMALLEST:
         fault = f"all bones have length 0, or are shorter than {SMALLEST:g}"
         raise SkeletonFileError(path, place, f"{fault}; expected at least one longer bone")

@@ -1,4 +1,4 @@
-"""The root on the floor and the IK handles of rigs for game engines: placed last, without moving the body's joints."""
+"""Game-engine joints outside the body, placed after solving: the root on the floor, and IK handles."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ Array = NDArray[np.float64]
 RootFollows = Literal["pelvis", "source", "nothing"]
 
 BELOW_HIPS = 0.25  # a root at least this far below the hips in the rest pose is on the floor [leg lengths]
-STEADY = 0.02  # a source's root stays on the floor if its height changes by less than this [leg lengths]
-MOVES = 0.01  # a source's root moves if it travels farther than this [leg lengths] or turns by more than this [rad]
-UPSIDE_DOWN = -0.5  # a body has no heading while the cosine of its up axis with the world's is below this [cosine]
+STEADY = 0.02  # a source's root stays on the floor if its height changes by less [leg lengths]
+MOVES = 0.01  # a source's root moves if it travels farther [leg lengths] or turns more [rad] than this
+UPSIDE_DOWN = -0.5  # a body has no heading while the cosine between its up axis and the world's is smaller
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +34,11 @@ class EngineRoot:
 
     Attributes:
         matching: the matching of source and target.
-        scale: the scale of the root's path.
-        follows: what the root follows: the target's pelvis, the source's root or nothing.
-        handles: the joint that each handle copies, by handle, without handles that a map drives.
-        moving: the joints that are placed: the root, if it can move without the body, the handles, and joints below
-            them that are not part of the body.
+        scale: scale of the root's path.
+        follows: whether the root follows the target's pelvis, the source's root or nothing.
+        handles: the joint that each IK handle copies, by handle; without handles that a map drives.
+        moving: the joints to place: the root if it can move without the body, the handles, and their descendants
+            outside the body.
     """
 
     matching: Matching
@@ -48,22 +48,21 @@ class EngineRoot:
     moving: tuple[int, ...]
 
     def placed(self, motion: Motion) -> Motion:
-        """Return a motion of the target with root and handles placed."""
+        """Return a motion of the target with root and handles placed; the body keeps its pose in the world."""
         if not self.moving:
             return motion
-        skeleton = motion.skeleton
+        skeleton, translations = motion.skeleton, motion.translations
         world, positions = motion.world_rotations, np.array(motion.positions)
         for joint in self.moving:
             parent = skeleton.parents[joint]
             if not joint:
-                positions[:, 0], world[:, 0] = self._path(motion), self._rotations(motion)
+                positions[:, 0], world[:, 0] = self._root(motion)
             elif joint in self.handles:
                 positions[:, joint], world[:, joint] = (x[:, self.handles[joint]] for x in (positions, world))
             else:
                 turn = Rotation.from_quat(world[:, parent])
-                positions[:, joint] = positions[:, parent] + turn.apply(np.array(motion.translations_of(joint)))
+                positions[:, joint] = positions[:, parent] + turn.apply(translations[:, joint])
                 world[:, joint] = (turn * Rotation.from_quat(motion.rotations[:, joint])).as_quat()
-        translations = motion.translations
         translations[:, 0] = positions[:, 0]
         for joint in range(1, len(skeleton)):
             parent = skeleton.parents[joint]
@@ -73,43 +72,35 @@ class EngineRoot:
         make_local(skeleton.parents, world)
         return Motion.of_translations(skeleton, translations, world, motion.frame_time_text)
 
-    def _path(self, motion: Motion) -> Array:
-        """(frames, 3), the root's path [target file units]."""
-        body, up = self.matching.target, self.matching.target.up_vector
-        match self.follows:
-            case "pelvis":
-                return level(motion.positions[:, _pelvis(body)], up)
-            case "source":
-                root = _roots_on_floor(self.matching.source)[-1]
-                path = self.matching.source_motion.positions[:, root]
-                return self.scale.places(path, self.matching.source.up_vector)
-            case "nothing":
-                return np.zeros((len(motion), 3))
-
-    def _rotations(self, motion: Motion) -> Array:
-        """(frames, 4), the root's rotations: upright, with the heading of what the root follows."""
+    def _root(self, motion: Motion) -> tuple[Array, Array]:
+        """The root's path, (frames, 3) [target file units], and its rotations, (frames, 4): upright, with the heading
+        of what it follows.
+        """
         source, body, up = self.matching.source, self.matching.target, self.matching.target.up_vector
+        rest_axes = Rotation.from_matrix(body.reference.axes)
         raised = least(body.reference.axes[None, :, 1], up[None])
-        match self.follows:
-            case "pelvis":
-                axes = _carried_axes(body, motion, _pelvis(body))
-            case "source":
-                axes = _carried_axes(source, self.matching.source_motion, _roots_on_floor(source)[-1])
-            case "nothing":
-                axes = raised * Rotation.from_matrix(np.broadcast_to(body.reference.axes, (len(motion), 3, 3)))
-        heading = _heading(axes * Rotation.from_matrix(body.reference.axes).inv() * raised.inv(), up)
-        at_rest = raised * Rotation.from_quat(body.reference.rotations[0])
-        return (Rotation.from_rotvec(heading[:, None] * up) * at_rest).as_quat()
+        path, heading = np.zeros((len(motion), 3)), np.zeros(len(motion))
+        if self.follows == "pelvis":
+            pelvis = body.pelvis_joint or 0
+            path, axes = level(motion.positions[:, pelvis], up), _carried_axes(body, motion, pelvis)
+        elif self.follows == "source":
+            leader, joint = self.matching.source_motion, _roots_on_floor(source)[-1]
+            path = self.scale.places(leader.positions[:, joint], source.up_vector)
+            axes = _carried_axes(source, leader, joint)
+        if self.follows != "nothing":
+            heading = _heading(axes * rest_axes.inv() * raised.inv(), up)
+        upright = raised * Rotation.from_quat(body.reference.rotations[0])
+        return path, (Rotation.from_rotvec(heading[:, None] * up) * upright).as_quat()
 
 
 def find_engine_root(matching: Matching, scale: RootScale, follows: RootFollows | None = None) -> EngineRoot:
     """Return which joints of the target are placed last, and how.
 
-    Without `follows` the root follows the source's root if that stays on the floor, and moves or drives the target's
-    root; else the target's pelvis.
+    By default the root follows the source's root if that stays on the floor and moves or drives the target's root, and
+    else the target's pelvis.
 
     Raises:
-        MotionError: the root is to follow the source's root, and the source has none on the floor.
+        MotionError: the root shall follow the source's root, but the source has none on the floor.
     """
     body = matching.target
     handles = {handle: joint for handle, joint in body.handles.items() if matching.drivers[handle] < 0}
@@ -121,9 +112,9 @@ def find_engine_root(matching: Matching, scale: RootScale, follows: RootFollows 
 
 
 def _moving(body: Body, handles: Collection[int], roots: Collection[int]) -> tuple[int, ...]:
-    """The joints that move without the body: handles, `roots`, and joints below them that are not part of the body.
+    """The joints that move without the body: handles, the root if on the floor, and their descendants outside the body.
 
-    The roots are left out unless each part of the body below them has all six channels to stay in place.
+    The root is left out unless each part of the body below it has all six channels, with which it can stay in place.
     """
     skeleton, regions = body.skeleton, body.regions.of_joint
     moving = {0} if 0 in roots and skeleton.moves_freely(0) else set()
@@ -140,22 +131,17 @@ def _moving(body: Body, handles: Collection[int], roots: Collection[int]) -> tup
     return tuple(sorted(moving))
 
 
-def _pelvis(body: Body) -> int:
-    """The joint where the legs branch off; the root of a body without legs."""
-    return body.pelvis_joint or 0
-
-
 def _roots_on_floor(body: Body) -> list[int]:
-    """The joints above the hips that stand on the floor in the reference pose, from the topmost down."""
+    """The joints above the hips that are on the floor in the reference pose, from the root down."""
     if body.anatomy is None or body.legs is None or not body.above_hips:
         return []
     heights = body.reference.positions @ body.reference.axes[:, 1]
-    limit = heights[_pelvis(body)] - BELOW_HIPS * body.leg_length
+    limit = heights[body.pelvis_joint or 0] - BELOW_HIPS * body.leg_length
     return [joint for joint in reversed(body.above_hips) if heights[joint] < limit]
 
 
 def _source_root_leads(matching: Matching) -> bool:
-    """Whether the source has a root that stays on the floor, and that moves or drives the target's root."""
+    """Whether the source's root stays on the floor, and moves or drives the target's root."""
     source, roots = matching.source, _roots_on_floor(matching.source)
     if not roots:
         return False
@@ -168,16 +154,14 @@ def _source_root_leads(matching: Matching) -> bool:
 
 
 def _carried_axes(body: Body, motion: Motion, joint: int) -> Rotation:
-    """(frames,), the body's left, up and forward axes as columns, fixed to a joint that moves."""
+    """(frames,), the body's axes (columns left, up, forward) as they rotate with a joint."""
     reference, axes = Rotation.from_quat(body.reference.rotations[joint]), Rotation.from_matrix(body.reference.axes)
     return Rotation.from_quat(motion.world_rotations_of(joint)) * reference.inv() * axes
 
 
 def _heading(turned: Rotation, up: Array) -> Array:
-    """(frames,), the angles by which rotations turn about the unit vector `up`, without jumps [rad].
-
-    Each rotation is split into a twist about `up` and the least rotation that tilts `up` (swing and twist), so lying
-    down keeps the heading. While a body is upside down the twist is undefined, and the heading is interpolated.
+    """(frames,), the heading of rotations, unwrapped [rad]: the twist about the unit vector `up`, by swing-twist
+    decomposition, so that lying down keeps the heading. It is interpolated while the body is upside down.
     """
     quaternions = turned.as_quat()
     angles = 2 * np.arctan2(quaternions[:, :3] @ up, quaternions[:, 3])

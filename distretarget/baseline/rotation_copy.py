@@ -1,7 +1,4 @@
-"""The rotation copy: the source's rotations on the target's bones, and the scale of the root's path.
-
-It is the baseline, and the start of all solving.
-"""
+"""The rotation copy: the source's rotations on the target's bones, with a scaled root path; solving starts from it."""
 
 from __future__ import annotations
 
@@ -21,13 +18,14 @@ from distretarget.numerics.vectors import lengths, level
 
 Array = NDArray[np.float64]
 
+SINK = 0.1  # how much lower than in the source hips may be in a stride [leg lengths]
+MOST_FRAMES = 95.0  # share of the frames of resting feet in which strides must be within reach [%]
+
 
 @dataclass(frozen=True)
 class RootScale:
-    """The scale from the source's world to the target's.
-
-    Performers of different sizes in one world share the scale along the floor, so that they meet; each has its own
-    scale upwards, so that each stands on the floor.
+    """The scale from positions in the source's world to positions in the target's. Performers who share a world share
+    the scale along the floor, so that they meet, but not the scale upwards, so that each stands on the floor.
 
     Attributes:
         level, height: target units per source unit along the floor, and upwards.
@@ -38,19 +36,17 @@ class RootScale:
 
     @classmethod
     def even(cls, scale: float) -> RootScale:
-        """The same scale in all directions."""
+        """Return the same scale in all directions."""
         return cls(scale, scale)
 
     def places(self, places: Array, up: Array) -> Array:
-        """Return places of the source's world, (..., 3), in the target's; `up` is the unit vector up."""
-        if self.level == self.height:
-            return np.asarray(self.level * places)
+        """Return positions in the source's world, (..., 3), scaled to the target's; `up` is the unit vector up."""
         return np.asarray(self.level * places + (self.height - self.level) * (places @ up)[..., None] * up)
 
 
 def find_root_scale(matching: Matching) -> float:
-    """Return the scale of the root's path, target units per source unit: the ratio of leg lengths, which keeps stride
-    and height in proportion to the body; without legs the ratio of the longest paths.
+    """Return how many target units the root travels per source unit: the ratio of leg lengths, which keeps strides and
+    heights in proportion to the body, or without legs the ratio of the longest paths.
     """
     if matching.legs:
         from_length, to_length = matching.leg_lengths
@@ -63,8 +59,8 @@ def find_root_scale(matching: Matching) -> float:
 
 
 def root_path(baseline: Motion, matching: Matching, scale: RootScale) -> Array:
-    """Return the root's path, (frames, 3) [target file units], that puts the middle of the hip joints, from which the
-    legs hang, on the scaled path of the source's. `baseline` is the rotation copy; without legs its path is kept.
+    """Return the root's path, (frames, 3) [target file units], that moves the midpoint of the hip joints along the
+    source's scaled path; without legs, the root's path in the rotation copy `baseline`.
     """
     if matching.legs is None:
         return np.ascontiguousarray(baseline.root_positions)
@@ -75,15 +71,10 @@ def root_path(baseline: Motion, matching: Matching, scale: RootScale) -> Array:
     return np.ascontiguousarray(scale.places(source_hips, matching.source.up_vector) - hips + baseline.root_positions)
 
 
-SINK = 0.1  # how much lower than in the source hips may be in a stride [leg lengths]
-MOST_FRAMES = 95.0  # strides are within reach in this share of the resting feet's frames [%]
-
-
 def longest_strides(matching: Matching) -> float:
-    """Return how many times as long, against the legs, the strides may be along the floor; infinite without legs.
-
-    A foot that rests at the distance d along the floor from its hip joint, which is h above it, can be s d away where
-    (s d)^2 + (h - sink)^2 is the square of the leg's length.
+    """Return the largest factor of the strides, relative to leg length, that the legs can reach; infinite without legs.
+    A foot that rests at the distance d along the floor from its hip joint, at the height h below it, reaches s d with
+    (s d)^2 + (h - sink)^2 = (leg length)^2.
     """
     if matching.legs is None:
         return float("inf")
@@ -91,42 +82,43 @@ def longest_strides(matching: Matching) -> float:
     factors = []
     for leg in matching.legs[0]:
         rests = feet_at_rest(motion, leg, up, leg_length).any(axis=1)
-        way = motion.positions[rests, leg.hip] - motion.positions[rests, leg.ankle]
-        reach = np.sqrt(np.maximum(leg_length**2 - (way @ up - SINK * leg_length) ** 2, 0.0))
-        factors.append(reach / np.maximum(lengths(level(way, up)), 1e-9 * leg_length))
+        to_hip = motion.positions[rests, leg.hip] - motion.positions[rests, leg.ankle]
+        reach = np.sqrt(np.maximum(leg_length**2 - (to_hip @ up - SINK * leg_length) ** 2, 0.0))
+        factors.append(reach / np.maximum(lengths(level(to_hip, up)), 1e-9 * leg_length))
     known = np.concatenate(factors)
     return float(np.percentile(known, 100.0 - MOST_FRAMES)) if len(known) else float("inf")
 
 
 def followed_scale(heights: Sequence[float], longest: Sequence[float]) -> float:
-    """Return the scale along the floor that all performers of a world share: the mean of their `heights` scales, or the
-    largest smaller one that the legs of all can reach; `longest` are their `longest_strides`.
+    """Return the scale along the floor for all performers of a world: the mean of their scales upwards, `heights`, or
+    less if the legs of one cannot reach that; `longest` has the `longest_strides` of each.
     """
     if len(heights) == 1:
         return heights[0]
-    followed = [height * most for height, most in zip(heights, longest, strict=True)]
-    return min(float(np.mean(heights)), *followed)
+    return float(min(np.mean(heights), *np.multiply(heights, longest)))
 
 
 def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
     """Return the motion with the world rotations R_src(t) A, where A is the alignment of the rest poses.
 
-    Joints with two rotation sources blend both; joints without one follow their parents. The joint `matching.pelvis`
+    Joints with two rotation sources blend both, joints without one follow their parents, and the matching's `pelvis`
     takes the scaled path of its driver.
     """
     source, skeleton, up = matching.source_motion, matching.target.skeleton, matching.source.up_vector
-    sources, alignment, blend = _with_followers(matching)
+    sources, alignment, blend = matching.rotation_sources.copy(), rest_alignment(matching), matching.blend.copy()
+    for joint, parent in enumerate(skeleton.parents):
+        if joint and sources[joint, 0] < 0:
+            sources[joint], alignment[joint], blend[joint] = sources[parent], alignment[parent], blend[parent]
     between = np.flatnonzero(blend > 0)
-    of_all, of_first, of_second = (
-        (np.ascontiguousarray(sources[joints, k]), np.ascontiguousarray(alignment[joints, k]))
-        for joints, k in ((slice(None), 0), (between, 0), (between, 1))
-    )
+
+    def aligned(turned: Array, joints: NDArray[np.intp], k: int) -> Array:
+        return rotation_products(turned, sources[joints, k], alignment[joints, k])
 
     def pose(block: slice, world: Array) -> Array:
         turned = source.world_rotations_in(block)
-        world[:] = rotation_products(turned, *of_all)
+        world[:] = aligned(turned, np.arange(len(skeleton)), 0)
         if len(between):
-            first, second = (Rotation.from_quat(rotation_products(turned, *ends)) for ends in (of_first, of_second))
+            first, second = (Rotation.from_quat(aligned(turned, between, k)) for k in (0, 1))
             steps = (first.inv() * second).as_rotvec() * blend[between, None]
             world[:, between] = (first * Rotation.from_rotvec(steps)).as_quat()
         path = scale.places(source.positions[block, matching.drivers[matching.pelvis]], up)
@@ -136,14 +128,3 @@ def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
         return path
 
     return motion_of_world(skeleton, len(source), source.frame_time_text, pose)
-
-
-def _with_followers(matching: Matching) -> tuple[NDArray[np.intp], Array, Array]:
-    """The rotation sources of target joints, (joints, 2), with their alignment, (joints, 2, 4), and blend, (joints,);
-    joints without a source have what their parents have.
-    """
-    sources, alignment, blend = np.array(matching.rotation_sources), rest_alignment(matching), np.array(matching.blend)
-    for joint, parent in enumerate(matching.target.skeleton.parents):
-        if joint and sources[joint, 0] < 0:
-            sources[joint], alignment[joint], blend[joint] = sources[parent], alignment[parent], blend[parent]
-    return sources, alignment, blend

@@ -1,4 +1,4 @@
-"""The worlds of source and target: which axis points up in each, and what the OFFSET of the source's root means."""
+"""The worlds of source and target: the up axis of each, and the meaning of the root's OFFSET."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from distretarget.skeleton import AXES, POSITION_CHANNELS
 Array = NDArray[np.float64]
 RootOffset = Literal["replaced", "added"]
 
-ON_FLOOR = 0.1  # feet nearer than this to height 0 are on the floor [leg lengths]
+ON_FLOOR = 0.1  # largest height of feet on the floor [leg lengths]
 
 
 @dataclass(frozen=True)
 class World:
-    """How the source's world becomes the target's.
+    """How the source's world maps to the target's.
 
     Attributes:
-        source_up, up: which of `AXES` points up in the source's file, and in the target's.
-        root_offset: whether the OFFSET of the source's root is replaced by its position channels, or added to them.
+        source_up, up: the up axis in the source's file and in the target's, one of `AXES`.
+        root_offset: whether the position channels of the source's root replace its OFFSET, or are added to it.
     """
 
     source_up: str
@@ -46,12 +46,10 @@ class World:
         return axis_vector(self.up)
 
     def to_target_axes(self, source: Body) -> Body:
-        """Return the source's body in the target's world."""
-        motion = source.motion
-        if motion is None:
+        """Return the source in the target's world."""
+        if source.motion is None:
             return source.with_up(self.up)
-        if self.root_offset == "added":
-            motion = with_root_offset(motion)
+        motion = with_root_offset(source.motion) if self.root_offset == "added" else source.motion
         return source.with_motion(turned(motion, self.source_up, self.up), self.up)
 
 
@@ -63,16 +61,14 @@ def find_world(
     target_up: str | None = None,
     root_offset: RootOffset | None = None,
 ) -> World:
-    """Return the worlds of source and target; arguments that are given overrule what the files show.
+    """Return the worlds of source and target; the given arguments override what the files show.
 
-    Up in the source is the axis that its motion shows. Up in the target is the first of these that is known:
+    The source's up axis is `Body.up`. The target's is the first of these that is known:
 
-    - the axis that the target's file states;
-    - the axis that its motion shows, unless a human body is recognised in the source only;
-    - the source's axis, if both rest poses stand along the same axis, or the target's shows none;
-    - the axis along which the target's rest pose stands.
-
-    Where nothing shows an axis, Y is up.
+    - the axis stated in its file;
+    - the axis of its motion, unless a human body is recognised in the source only;
+    - the source's axis, if both rest poses stand along the same axis or the target's stands along none;
+    - the axis along which its rest pose stands.
     """
     source_up = source_up or source.up
     motion_counts = target.anatomy is not None or source.anatomy is None
@@ -82,9 +78,8 @@ def find_world(
 
 
 def turned(motion: Motion, up: str, onto: str) -> Motion:
-    """Return the motion in a world where the axis `onto` points up instead of `up`.
-
-    The world turns by the least rotation: a body that faces Z with Y up faces -Y with Z up.
+    """Return the motion with the up axis `onto`, not `up`, by the least rotation: facing Z with Y up becomes facing -Y
+    with Z up.
     """
     if up == onto:
         return motion
@@ -95,10 +90,8 @@ def turned(motion: Motion, up: str, onto: str) -> Motion:
 
 
 def find_root_offset(body: Body, up: Array) -> RootOffset:
-    """Return whether the root's position channels replace its OFFSET or are added to it; a file does not say which.
-
-    They are added if adding puts the feet on the floor, at height 0, and replacing leaves them clearly off it. `up`,
-    (3,), is the unit vector up.
+    """Return whether the root's position channels replace its OFFSET or are added to it: added if this puts the feet on
+    the floor, at height 0, and replacing leaves them clearly off it. `up` is the unit vector up.
     """
     motion, length = body.motion, body.leg_length
     if motion is None or not length or not set(POSITION_CHANNELS) <= set(motion.skeleton.channels[0]):
@@ -109,5 +102,5 @@ def find_root_offset(body: Body, up: Array) -> RootOffset:
 
 
 def with_root_offset(motion: Motion) -> Motion:
-    """Return the motion with the root's OFFSET added to the root's positions."""
+    """Return the motion with the root's OFFSET added to its positions."""
     return replace(motion, root_positions=motion.root_positions + motion.skeleton.offsets[0])

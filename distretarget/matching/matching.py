@@ -1,4 +1,4 @@
-"""Which source joint drives which target joint: by an explicit map, equal names, or the parts of the body."""
+"""Which source joint drives which target joint: by a joint map, equal names, or body parts."""
 
 from __future__ import annotations
 
@@ -16,32 +16,33 @@ from distretarget.body.legs import Leg, Legs, leg_length
 from distretarget.body.soles import Sole, find_soles
 from distretarget.checks import check_kind
 from distretarget.errors import MatchingError, MotionError
-from distretarget.matching.pairing import find_pairs, pairs_of_map, spine_blend, tips
+from distretarget.matching.pairing import find_pairs, pairs_of_map, spine_blend, with_tips
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import normalised
 from distretarget.skeleton import JointMap
 
 Array = NDArray[np.float64]
 
-BUILD_ANGLE = np.radians(55)  # bones at rest that differ by less than this differ in build, not in pose [rad]
+BUILD_ANGLE = np.radians(55)  # bones whose rest directions differ by less differ in build, not in pose [rad]
 NAMED_SHARE = 0.5  # least share of target joints matched by name if no human body is recognised [0 to 1]
-LANDMARKS = ("hips", "head", "leftHand", "rightHand", "leftFoot", "rightFoot")  # joints are located by these
+LANDMARKS = ("hips", "head", "leftHand", "rightHand", "leftFoot", "rightFoot")  # for comparing joint locations
 CONFIDENCE = {"map": 1.0, "name": 1.0, "names": 0.95, "shape": 0.8, "tip": 0.9, "": 0.0}  # by method [0 to 1]
 LIMB_ROLES = ("leftUpperArm", "rightUpperArm", "leftUpperLeg", "rightUpperLeg")  # two bodies must share one of these
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Matching:
-    """Which source joint drives which target joint, and by which method each pair was matched.
+    """Which source joint drives which target joint, and how each pair was found.
 
     Attributes:
-        source, target: the bodies, whose feet decide which side is left, if the feet of both show it; else the names.
-        drivers: (target joints,), the source joint that corresponds to each target joint; -1 for none.
+        source, target: the bodies; if the feet of both show the left side, left and right are as the feet show, not
+            as the names say.
+        drivers: (target joints,), the source joint that drives each target joint; -1 for none.
         rotation_sources: (target joints, 2), the source joints whose rotations each target joint blends: its driver
-            twice, or two neighbours if the spines or necks differ in the number of joints; -1 to follow its parent.
+            twice, or two neighbours in a spine or neck with another number of joints; -1 to follow the parent.
         blend: (target joints,), the weight of the second rotation source [0 to 1].
-        method: per target joint "map", "name" (equal names), "names" (parts of the body by name), "shape" (parts by
-            shape), "tip" (the end of a matched joint), or "" where it has no driver.
+        method: how each target joint was matched: "map", "name" (equal names), "names" (body parts by name), "shape"
+            (body parts by shape), "tip" (child of a matched joint), or "" without a driver.
     """
 
     source: Body
@@ -58,49 +59,45 @@ class Matching:
 
     @property
     def source_motion(self) -> Motion:
-        """The motion of the source.
-
-        Raises:
-            MotionError: the source has no motion.
-        """
+        """The motion of the source; a MotionError if it has none."""
         if self.source.motion is None:
             raise MotionError("the source has no frames; there is nothing to retarget")
         return self.source.motion
 
     @property
     def confidence(self) -> Array:
-        """(target joints,), how far to trust each pair [0 to 1]: the confidence of the method, times the similarity of
-        the path lengths from both joints to hips, head, hands and feet.
+        """(target joints,), confidence in each pair [0 to 1]: that of the method, times the similarity of the relative
+        path lengths from both joints to hips, head, hands and feet.
         """
         by_method = np.array([CONFIDENCE[method] for method in self.method])
         roles = [body.anatomy.roles if body.anatomy else {} for body in (self.source, self.target)]
         marks = [mark for mark in LANDMARKS if mark in roles[0] and mark in roles[1]]
         if not marks:
             return by_method
-        places = []
+        distances = []  # from all joints to the landmarks, relative to the largest between landmarks
         for body, own in zip((self.source, self.target), roles, strict=True):
             joints = [own[mark] for mark in marks]
             tau = body.skeleton.path_lengths[:, joints]
-            places.append(tau / (tau[joints].max() or 1.0))
-        unlike = np.abs(places[0][self.drivers] - places[1]).mean(axis=1)
-        return np.asarray(by_method * np.clip(1.0 - unlike, 0.0, 1.0))
+            distances.append(tau / (tau[joints].max() or 1.0))
+        difference = np.abs(distances[0][self.drivers] - distances[1]).mean(axis=1)
+        return np.asarray(by_method * np.clip(1.0 - difference, 0.0, 1.0))
 
     @property
     def without_driver(self) -> list[str]:
-        """The keys of the target's joints that no joint of the source drives, without End Sites."""
-        alone = (self.rotation_sources[:, 0] < 0) & (self.drivers < 0)
-        return [self.target.skeleton.keys[joint] for joint in self.target.skeleton.joints if alone[joint]]
+        """The keys of the target joints, except End Sites, that no source joint drives."""
+        skeleton, alone = self.target.skeleton, (self.rotation_sources[:, 0] < 0) & (self.drivers < 0)
+        return [skeleton.keys[joint] for joint in skeleton.joints if alone[joint]]
 
     @property
     def followers(self) -> list[str]:
-        """The keys of the joints that follow their parents: those without driver, except for root and IK handles."""
+        """The keys of the joints that follow their parents: those without driver, except the root and IK handles."""
         others = {self.target.skeleton.keys[joint] for joint in (0, *self.target.handles)}
         return [key for key in self.without_driver if key not in others]
 
     @cached_property
     def legs(self) -> tuple[Legs, Legs] | None:
-        """The source's legs that drive the target's, and the target's legs; a toe without a driver is replaced by its
-        ankle. None unless hip joints and ankles have drivers and the source's legs have a length.
+        """The source joints that drive the target's legs, and these legs. The ankle replaces a toe without a driver.
+        None unless hip joints and ankles have drivers and the source's legs have a length.
         """
         if self.target.legs is None:
             return None
@@ -111,28 +108,28 @@ class Matching:
 
     @cached_property
     def leg_lengths(self) -> tuple[float, float]:
-        """The lengths of these legs in source and target, thigh and shin [file units of each]; 0 without legs."""
+        """The lengths of these legs, thigh plus shin, in source and target [file units of each]; 0 without legs."""
         return (leg_length(self.source.skeleton, self.legs[0]), self.target.leg_length) if self.legs else (0.0, 0.0)
 
     @cached_property
     def regions(self) -> Regions:
-        """The regions of the target, extended to joints that a map drives."""
+        """The regions of the target; joints that a map drives belong to the region they are attached to."""
         mapped = [joint for joint, method in enumerate(self.method) if method == "map"]
         return self.target.regions.with_joints(self.target.skeleton, mapped)
 
     @cached_property
     def body_joints(self) -> NDArray[np.intp]:
-        """The target's joints that are part of its body and have drivers."""
+        """The joints of the target's body that have drivers."""
         return np.flatnonzero((self.drivers >= 0) & (self.regions.of_joint >= 0))
 
     @cached_property
     def joints_but_feet(self) -> NDArray[np.intp]:
-        """The `body_joints` without those of the feet; none without legs."""
+        """The `body_joints` except those of the feet; none without legs."""
         return self._but_feet(self.drivers >= 0)
 
     @cached_property
     def followers_but_feet(self) -> NDArray[np.intp]:
-        """The joints of the target's body without driver, and not of the feet; none without legs."""
+        """The joints of the target's body without driver, except those of the feet; none without legs."""
         return self._but_feet(self.drivers < 0)
 
     def _but_feet(self, wanted: NDArray[np.bool_]) -> NDArray[np.intp]:
@@ -142,20 +139,19 @@ class Matching:
 
     @cached_property
     def rest_poses_alike(self) -> bool:
-        """Whether all bones of both rest poses point about the same way, so that they can be compared."""
+        """Whether every bone points about the same way in both rest poses, so that these are the same pose."""
         _, a, b = self.shared_bones(self.source.skeleton.rest_positions, self.target.skeleton.rest_positions)
         return bool(((a * b).sum(axis=1) >= np.cos(BUILD_ANGLE)).all())
 
     def shared_bones(self, x: Array, y: Array) -> tuple[NDArray[np.intp], Array, Array]:
-        """Return the bones that both bodies have: the target joint at the upper end of each, (bones,), in ascending
-        order, and their directions, (bones, 3), on the source with its joints at `x` and on the target with its at `y`.
-
-        A bone goes from a joint with a driver, the hips or lower, to the nearest ones below, on neither body with
-        length 0.
+        """Return the bones that both bodies share: the target joint at the upper end of each, (bones,), ascending, and
+        the unit directions of the bones on source and target, (bones, 3), for joint positions `x` and `y`.
+        A shared bone joins a driven joint, from the hips down, to the nearest driven joint above it; bones of length 0
+        on either body are left out.
         """
         driven = (self.drivers >= 0) & ~np.isin(self.drivers, self.source.above_hips)
         driven[[*self.target.above_hips]] = False
-        nearest: list[int] = []  # the joint with a driver that is nearest above each joint
+        nearest: list[int] = []  # the nearest driven ancestor of each joint
         for parent in self.target.skeleton.parents.tolist():
             nearest.append(parent if parent < 0 or driven[parent] else nearest[parent])
         above = np.array(nearest)
@@ -170,8 +166,8 @@ class Matching:
     def soles(self) -> tuple[tuple[Sole, Sole], ...]:
         """The soles of source and target for each of these legs; empty without legs.
 
-        Where the rest poses are alike and only one body shows how its feet stand, the other body's feet stand likewise.
-        Where one of the bodies has no foot, the legs of both end at the ankle.
+        If only one of two bodies with the same rest pose shows how its soles lie, the other's lie the same way. If one
+        body has no foot, the legs of both end at the ankle.
         """
         if self.legs is None:
             return ()
@@ -185,19 +181,19 @@ class Matching:
 
     @cached_property
     def pelvis(self) -> int:
-        """The target joint where its legs branch off, if it has a driver; else the first joint that has one."""
+        """The target joint where the legs branch off, if it has a driver; else the first joint with a driver."""
         first = int(np.argmax(self.drivers >= 0))
         joint = self.target.pelvis_joint if self.legs else None
         return first if joint is None or self.drivers[joint] < 0 else joint
 
 
 def match(source: Body, target: Body, joint_map: JointMap | None = None) -> Matching:
-    """Match the joints of two bodies as `find_matching` does, and check that they suffice to retarget a motion.
+    """Match the joints of two bodies as `find_matching` does, and check that a motion can be retargeted by it.
 
     Raises:
-        MatchingError: they do not; the message lists joints of both bodies, and the pairs with the closest names.
+        MatchingError: it cannot; the message lists joints of both bodies and the pairs with the closest names.
         MapError: `joint_map` names joints that do not exist.
-        SettingsError: an argument is of another kind.
+        SettingsError: an argument is of another type.
     """
     check_kind("source", source, Body)
     check_kind("target", target, Body)
@@ -210,28 +206,25 @@ def match(source: Body, target: Body, joint_map: JointMap | None = None) -> Matc
 
 
 def find_matching(source: Body, target: Body, joint_map: JointMap | None = None) -> Matching:
-    """Match as many joints of two bodies as possible.
-
-    `joint_map` gives drivers explicitly: source keys by target key, None for joints that nothing drives. The other
-    joints are matched by names or by shape, except IK handles, which follow the joints they are named for.
+    """Match as many joints of two bodies as possible: those in `joint_map` by it, the others by names or by shape, but
+    not IK handles, which copy the joints they are named after.
 
     Raises:
         MapError: `joint_map` names joints that do not exist.
     """
-    crossed = False
+    crossed = False  # whether left and right are swapped in the names of one body
     if source.left_is_left is not None and target.left_is_left is not None:
         crossed = source.left_is_left != target.left_is_left
         source, target = (body if body.left_is_left else body.mirrored for body in (source, target))
     found_pairs = find_pairs(source, target, crossed)
     map_pairs = pairs_of_map(source.skeleton, target.skeleton, joint_map or {})
-    pairs = found_pairs | map_pairs
-    pairs |= tips(source.skeleton, target.skeleton, pairs)
+    pairs = with_tips(source.skeleton, target.skeleton, found_pairs | map_pairs)
     for joint in pairs.keys() - map_pairs.keys():
         if joint in target.handles or pairs[joint][0] in source.handles:
             del pairs[joint]
-    joints = range(len(target.skeleton))
-    drivers = np.array([pairs.get(joint, (-1, ""))[0] for joint in joints], np.intp)
-    method = tuple(pairs[joint][1] if drivers[joint] >= 0 else "" for joint in joints)
+    found = [pairs.get(joint, (-1, "")) for joint in range(len(target.skeleton))]
+    drivers = np.array([driver for driver, _ in found], np.intp)
+    method = tuple(method if driver >= 0 else "" for driver, method in found)
     overruled = {joint for joint in map_pairs if map_pairs[joint][0] != found_pairs.get(joint, (None, ""))[0]}
     rotation_sources, blend = np.stack([drivers, drivers], axis=1), np.zeros(len(drivers))
     for joint, neighbours, weight in spine_blend(source, target):
@@ -243,7 +236,7 @@ def find_matching(source: Body, target: Body, joint_map: JointMap | None = None)
 
 
 def refusal(matching: Matching) -> str:
-    """Return why this matching does not suffice to retarget a motion; empty if it does."""
+    """Return why a motion cannot be retargeted by this matching; empty if it can."""
     joints = matching.target.skeleton.joints
     named = sum(matching.method[joint] in ("name", "map") for joint in joints)
     if named >= NAMED_SHARE * len(joints) or "map" in matching.method:
@@ -251,10 +244,8 @@ def refusal(matching: Matching) -> str:
     s, t = matching.source.anatomy, matching.target.anatomy
     if not (s and t):
         body = "the source" if t else "the target" if s else "either of them"
-        return (
-            f"only {named} of {len(joints)} joints of the target have a driver by name, and no human body is "
-            f"recognised in {body}"
-        )
+        few = f"only {named} of {len(joints)} joints of the target have a driver by name"
+        return f"{few}, and no human body is recognised in {body}"
     for name, side in (("source", matching.source), ("target", matching.target)):
         if side.on_all_fours:
             return f"the {name} seems to go on all fours: its trunk lies across its legs"

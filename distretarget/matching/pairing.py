@@ -1,4 +1,4 @@
-"""The ways to pair the joints of two skeletons: by a map, by names, by parts of the body, by position in the tree."""
+"""Pair the joints of two skeletons: by a map, by names, by body parts, or by their place in the tree."""
 
 from __future__ import annotations
 
@@ -13,19 +13,18 @@ from distretarget.body.body import Body
 from distretarget.errors import MapError, closest
 from distretarget.skeleton import JointMap, Skeleton
 
-SHARED_FINGERS = 3  # least number of fingers that two hands must share if the source lacks some of the target's
+SHARED_FINGERS = 3  # fingers that two hands must share if the source lacks one of the target's
 
 JointPairs = dict[int, tuple[int, str]]
-"""For target joints, the source joint that drives each, and the method by which it was matched."""
+"""Target joint to the source joint that drives it and the method by which they were matched."""
 
 
 def find_pairs(source: Body, target: Body, crossed: bool) -> JointPairs:
-    """Return the pairs found by equal names and by parts of the body.
+    """Pair joints by equal names and by body parts; `crossed` says that the names of one body swap left and right.
 
-    Only equal names count if a body is not recognised, or if both bodies follow the same convention and every target
-    joint has the name of a source joint. Otherwise parts of the body come first, then equal names. If both follow one
-    known convention, equal names come first, except in spine and neck, which may be numbered from below or from above.
-    `crossed`: left and right are exchanged in the names of one of the bodies.
+    Only equal names count if a body is not recognised, or if both follow the same convention and every target joint
+    has the name of a source joint. Otherwise body parts come first and equal names pair the rest; if both follow one
+    known convention, equal names come first, except in spine and neck, which may be numbered upwards or downwards.
     """
     names = _same_names(source.skeleton, target.skeleton)
     s, t = source.anatomy, target.anatomy
@@ -45,7 +44,7 @@ def find_pairs(source: Body, target: Body, crossed: bool) -> JointPairs:
 
 
 def pairs_of_map(source: Skeleton, target: Skeleton, joint_map: JointMap) -> JointPairs:
-    """Return the pairs of a map, with the driver -1 for joints that nothing drives.
+    """Pair joints by a map; joints that nothing drives get the driver -1.
 
     Raises:
         MapError: the map names a joint that does not exist.
@@ -61,26 +60,25 @@ def pairs_of_map(source: Skeleton, target: Skeleton, joint_map: JointMap) -> Joi
 
 
 def _same_names(source: Skeleton, target: Skeleton) -> JointPairs:
-    """The joints with equal keys, then those with names equal up to namespace and case, without End Sites."""
-    exact = {source.keys[joint]: joint for joint in source.joints}
-    pairs = {joint: (exact[target.keys[joint]], "name") for joint in target.joints if target.keys[joint] in exact}
-    plain, target_plain = _plain_names(source), _plain_names(target)
-    others = {joint: (plain[name], "name") for name, joint in target_plain.items() if name in plain}
-    return pairs | _unused(others, pairs)
+    """Joints with equal keys, then joints whose names are equal without namespace and case; no End Sites."""
+    pairs: JointPairs = {}
+    exact = [{skeleton.keys[joint]: joint for joint in skeleton.joints} for skeleton in (source, target)]
+    for drivers, joints in (exact, [_plain_names(source), _plain_names(target)]):
+        pairs |= _unused({joints[name]: (drivers[name], "name") for name in joints if name in drivers}, pairs)
+    return pairs
 
 
 def _plain_names(skeleton: Skeleton) -> dict[str, int]:
-    """The joint of each name in lower case without namespace, where that is still unique."""
+    """Names in lower case without namespace, where unique, to their joints."""
     names = {joint: skeleton.names[joint].rpartition(":")[2].lower() for joint in skeleton.joints}
     times = Counter(names.values())
     return {name: joint for joint, name in names.items() if times[name] == 1}
 
 
 def _same_parts(s: Anatomy, t: Anatomy) -> JointPairs:
-    """The joints that play the same part; spines and necks with equal numbers of joints pair joint by joint.
-
-    The fingers of a hand pair if the source has all fingers of the target, or at least `SHARED_FINGERS` of them: a
-    single finger that represents all four (CMU) would move one finger of five.
+    """Joints with equal roles; spines and necks with equal numbers of joints pair joint by joint. The fingers of a hand
+    pair if the source has all of the target's, or at least `SHARED_FINGERS`: a single finger that stands for all four
+    (CMU) would move one finger of five.
     """
     method = "names" if s.method == t.method == "names" else "shape"
     shared = [role for role in t.roles if role in s.roles]
@@ -96,7 +94,7 @@ def _same_parts(s: Anatomy, t: Anatomy) -> JointPairs:
 
 
 def _unused(pairs: JointPairs, known: JointPairs) -> JointPairs:
-    """The pairs of joints that are in no known pair."""
+    """The pairs of which no joint is in a known pair."""
     drivers = {driver for driver, _ in known.values()}
     return {joint: pair for joint, pair in pairs.items() if joint not in known and pair[0] not in drivers}
 
@@ -106,30 +104,27 @@ def _nearest(skeleton: Skeleton, joint: int, known: Collection[int]) -> int:
     return next((above for above in skeleton.line(joint)[1:] if above in known), -1)
 
 
-def tips(source: Skeleton, target: Skeleton, pairs: JointPairs) -> JointPairs:
-    """Return pairs of joints at the ends of matched ones, with nothing matched below: only children, else End Sites in
-    their order.
-    """
-    tip_pairs: JointPairs = {}
+def with_tips(source: Skeleton, target: Skeleton, pairs: JointPairs) -> JointPairs:
+    """Add pairs of unmatched ends of matched joints: their only children, or else their End Sites in order."""
+    known = dict(pairs)
     source_lines, lines = source.lines(driver for driver, _ in pairs.values() if driver >= 0), target.lines(pairs)
     for joint in range(len(target)):
-        driver = (pairs | tip_pairs).get(joint, (-1, ""))[0]
-        if driver < 0:
-            continue
-        ends, children = source.children[driver], target.children[joint]
-        chain = len(ends) == len(children) == 1
-        free_ends = [end for end in ends if end not in source_lines and (chain or source.end_sites[end])]
-        free = [child for child in children if child not in lines and (chain or target.end_sites[child])]
-        tip_pairs |= {child: (end, "tip") for end, child in zip(free_ends, free, strict=False)}
-    return tip_pairs
+        driver = known.get(joint, (-1, ""))[0]
+        if driver >= 0:
+            ends, children = source.children[driver], target.children[joint]
+            chain = len(ends) == len(children) == 1
+            free_ends = [end for end in ends if end not in source_lines and (chain or source.end_sites[end])]
+            free = [child for child in children if child not in lines and (chain or target.end_sites[child])]
+            known |= {child: (end, "tip") for end, child in zip(free_ends, free, strict=False)}
+    return known
 
 
 def spine_blend(source: Body, target: Body) -> Iterator[tuple[int, tuple[int, int], float]]:
-    """Yield the target joint, the two source joints whose rotations it blends, and the weight of the second [0 to 1],
-    for each joint of a spine or neck that differs between source and target in its number of joints.
+    """Yield target joint, two source joints to blend, and the weight of the second [0 to 1], for each joint of a spine
+    or neck with another number of joints in the source.
 
-    The source's rotations hold at the middles of its bones, and are interpolated between these at the middles of the
-    target's bones; both are measured in shares of the chain's length.
+    The rotation along the source's chain is interpolated between the midpoints of its bones, and a target joint takes
+    the rotation at the midpoint of its own bone, as shares of the chain's length.
     """
     if source.anatomy is None or target.anatomy is None:
         return
@@ -140,20 +135,19 @@ def spine_blend(source: Body, target: Body) -> Iterator[tuple[int, tuple[int, in
         middles = _middles(source.skeleton, source_chain, source_top)
         places = np.interp(_middles(target.skeleton, target_chain, target_top), middles, np.arange(len(middles)))
         for joint, place in zip(target_chain, places, strict=True):
-            first = min(int(place), len(source_chain) - 1)
-            second = min(first + 1, len(source_chain) - 1)
+            first, second = int(place), min(int(place) + 1, len(source_chain) - 1)
             yield joint, (source_chain[first], source_chain[second]), place - first
 
 
 def _chains(anatomy: Anatomy) -> tuple[tuple[tuple[int, ...], int], tuple[tuple[int, ...], int]]:
-    """Spine and neck, each with the joint above its last one; -1 where there is none."""
+    """Spine and neck, each with the joint that follows it, or -1."""
     head = anatomy.roles.get("head", -1)
     return (anatomy.spine, next(iter(anatomy.neck), head)), (anatomy.neck, head)
 
 
 def _middles(skeleton: Skeleton, chain: tuple[int, ...], top: int) -> NDArray[np.float64]:
-    """(joints,), the middles of a chain's bones, from 0 at its lowest joint to 1 at the joint above the chain; as if
-    all bones were equally long in a chain without length.
+    """(joints,), the midpoints of a chain's bones, from 0 at its lowest joint to 1 at `top`, the joint that follows it;
+    evenly spaced in a chain without length.
     """
     ends = [*chain, top if top >= 0 else chain[-1]]
     along = skeleton.path_lengths[chain[0], ends]
