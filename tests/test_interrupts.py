@@ -90,3 +90,20 @@ def test_an_interruption_elsewhere_comes_at_once():
 def test_other_errors_of_callbacks_are_none_of_its_business():
     with interrupts_kept():
         called_back(ValueError("left to Python"))
+
+
+STUCK = """
+import threading
+from multiprocessing.util import get_temp_dir
+from distretarget import cli
+get_temp_dir()
+threading.Thread(target=threading.Event().wait).start()
+cli.THREAD_TIMEOUT = 0.1
+cli._leave(3)
+"""
+
+
+def test_a_program_with_a_thread_that_never_ends_leaves_with_its_status_and_no_temporary_files(tmp_path):
+    places = {**os.environ, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(tmp_path))}
+    assert subprocess.run([sys.executable, "-c", STUCK], env=places, timeout=60).returncode == 3
+    assert not list(tmp_path.iterdir())

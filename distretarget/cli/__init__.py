@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import gc
 import io
 import os
@@ -162,6 +163,7 @@ def _leave(status: int) -> NoReturn:
     for thread in others:
         thread.join(THREAD_TIMEOUT)
     if any(thread.is_alive() for thread in others):
+        atexit._run_exitfuncs()  # which remove temporary files
         os._exit(status)
     sys.exit(status)
 
