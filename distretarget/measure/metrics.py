@@ -121,6 +121,7 @@ class Reference:
         """Measure a result with the same number of frames."""
         supports = self._supports.in_result(result)
         further = np.degrees(_turns(result, self._turned) - self._turns)
+        further *= INSTANT / result.frame_time
         return Comparison(
             contacts=self._contacts.in_result(result),
             feet=self._feet.in_result(result, supports.carry(result.frame_time)),
@@ -133,7 +134,7 @@ class Reference:
             jerk_source=self._jerk,
             jerk=_jerk(result, self.matching.target),
             turned=self._turned,
-            turn=further * INSTANT / result.frame_time,
+            turn=further,
         )
 
     def _distance_error(self, result: Motion) -> Array:
