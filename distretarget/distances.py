@@ -70,20 +70,15 @@ class DistanceProblem:
 
     A point is a joint or End Site with a driver; joints that coincide on both skeletons are one point. Solvers use body
     sizes as the unit of length.
-
-    Attributes:
-        sources, targets: (points,), the source joint and the target joint at each point.
-        tau1, tau2: (points, points), path lengths on source and target [file units of each].
-        sizes: |P|, (points, points), the number of points on the path between two points; the larger of both bodies.
-        body_size: the largest path length of the target [target file units].
     """
 
-    sources: NDArray[np.intp]
-    targets: NDArray[np.intp]
-    tau1: Array
-    tau2: Array
+    sources: NDArray[np.intp]  # (points,), the source joint at each point
+    targets: NDArray[np.intp]  # (points,), the target joint at each point
+    tau1: Array  # (points, points), path lengths on the source [source file units]
+    tau2: Array  # (points, points), path lengths on the target [target file units]
+    # |P|, (points, points), the number of points on the path between two points; the larger of both bodies
     sizes: NDArray[np.intp]
-    body_size: float
+    body_size: float  # the largest path length of the target [target file units]
 
     def __len__(self) -> int:
         return len(self.targets)

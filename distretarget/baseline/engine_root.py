@@ -30,21 +30,13 @@ UPSIDE_DOWN = -0.5  # a body has no heading while the cosine between its up axis
 
 @dataclass(frozen=True, eq=False)
 class EngineRoot:
-    """Which joints of the target are placed last, and how.
+    """Which joints of the target are placed last, and how."""
 
-    Attributes:
-        matching: the matching of source and target.
-        scale: scale of the root's path.
-        follows: whether the root follows the target's pelvis, the source's root or nothing.
-        handles: the joint that each IK handle copies, by handle; without handles that a map drives.
-        moving: the joints to place: the root if it can move without the body, the handles, and their descendants
-            outside the body.
-    """
-
-    matching: Matching
-    scale: RootScale
-    follows: RootFollows
-    handles: Mapping[int, int]
+    matching: Matching  # the matching of source and target
+    scale: RootScale  # scale of the root's path
+    follows: RootFollows  # whether the root follows the target's pelvis, the source's root or nothing
+    handles: Mapping[int, int]  # the joint that each IK handle copies, by handle; without handles that a map drives
+    # the joints to place: the root if it can move without the body, the handles, and their descendants outside the body
     moving: tuple[int, ...]
 
     def placed(self, motion: Motion) -> Motion:

@@ -26,13 +26,10 @@ MOST_FRAMES = 95.0  # share of the frames of resting feet in which strides must 
 class RootScale:
     """The scale from positions in the source's world to positions in the target's. Performers who share a world share
     the scale along the floor, so that they meet, but not the scale upwards, so that each stands on the floor.
-
-    Attributes:
-        level, height: target units per source unit along the floor, and upwards.
     """
 
-    level: float
-    height: float
+    level: float  # along the floor [target units per source unit]
+    height: float  # upwards [target units per source unit]
 
     @classmethod
     def even(cls, scale: float) -> RootScale:

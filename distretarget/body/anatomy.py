@@ -91,18 +91,15 @@ def trunk_roles(hips: int, spine: Sequence[int], neck: Sequence[int], head: int 
 
 @dataclass(frozen=True, eq=False)
 class Regions:
-    """The regions of a body.
+    """The regions of a body."""
 
-    Attributes:
-        names: the names of the regions, such as "left hand", those of most interest first; in a body without anatomy
-            the name of the first joint of each limb.
-        of_joint: (joints,), the region of each joint and End Site; -1 for what is not part of the body: joints above
-            the hips, handles, props, hair and cloth.
-        neighbours: (regions, regions), whether two regions are the same or share a bone, and so always touch.
-    """
-
+    # the names of the regions, such as "left hand", those of most interest first; in a body without anatomy the name of
+    # the first joint of each limb
     names: tuple[str, ...]
+    # (joints,), the region of each joint and End Site; -1 for what is not part of the body: joints above the hips,
+    # handles, props, hair and cloth
     of_joint: NDArray[np.intp]
+    # (regions, regions), whether two regions are the same or share a bone, and so always touch
     neighbours: NDArray[np.bool_]
 
     def with_joints(self, skeleton: Skeleton, joints: Iterable[int]) -> Regions:

@@ -60,15 +60,10 @@ def axes_of(left: Array, up: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Directions:
-    """Directions of a body in one posture or many; zero vectors where the body lacks the joints they need.
+    """Directions of a body in one posture or many; zero vectors where the body lacks the joints they need."""
 
-    Attributes:
-        anatomy: the joint of each role.
-        positions: (..., joints, 3), the positions of the joints.
-    """
-
-    anatomy: Anatomy
-    positions: Array
+    anatomy: Anatomy  # the joint of each role
+    positions: Array  # (..., joints, 3), the positions of the joints
 
     @cached_property
     def trunk(self) -> Array:

@@ -32,19 +32,13 @@ CLEAR_FEET = 0.3  # feet show the body's front if their mean cosine with it is l
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """A pose of a body, with the root at the origin.
+    """A pose of a body, with the root at the origin."""
 
-    Attributes:
-        rotations: (joints, 4), world rotations.
-        positions: (joints, 3) [file units].
-        directions: the directions of the body; None without an anatomy.
-        axes: (3, 3), the body's left, up and forward as columns, snapped to near axes of the file; the axes of the file
-            without an anatomy.
-    """
-
-    rotations: Array
-    positions: Array
-    directions: Directions | None
+    rotations: Array  # (joints, 4), world rotations
+    positions: Array  # (joints, 3) [file units]
+    directions: Directions | None  # the directions of the body; None without an anatomy
+    # (3, 3), the body's left, up and forward as columns, snapped to near axes of the file; the axes of the file without
+    # an anatomy
     axes: Array
 
 

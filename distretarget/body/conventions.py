@@ -64,20 +64,13 @@ class NamedTree(NamedTuple):
 
 @dataclass(frozen=True)
 class JointName:
-    """A joint's name, taken apart.
+    """A joint's name, taken apart."""
 
-    Attributes:
-        stem: the words in lower case, joined, without prefix and side marker; empty for End Sites and MakeHuman's
-            helper joints.
-        side: the side that the name marks, else that of the nearest ancestor with a side marker.
-        helper: whether the joint is not part of the body: an End Site, or a twist bone, target or tip by its name.
-        prefix: which of the known prefixes the name has; empty without one.
-    """
-
+    # the words in lower case, joined, without prefix and side marker; empty for End Sites and MakeHuman's helper joints
     stem: str
-    side: Side | None
-    helper: bool
-    prefix: NameWords
+    side: Side | None  # the side that the name marks, else that of the nearest ancestor with a side marker
+    helper: bool  # whether the joint is not part of the body: an End Site, or a twist bone, target or tip by its name
+    prefix: NameWords  # which of the known prefixes the name has; empty without one
 
     @property
     def term(self) -> Term:
@@ -164,37 +157,22 @@ def _split_marker(stem: str, unmarked: set[str]) -> tuple[str, Side | None]:
 
 @dataclass(frozen=True)
 class Convention:
-    """A naming convention.
+    """A naming convention."""
 
-    Attributes:
-        title: the readable name.
-        prefix: the words with which all names begin; empty for most conventions.
-        parts: the part that each term means.
-        also: other terms that may occur.
-    """
-
-    title: str
-    prefix: NameWords
-    parts: Mapping[Term, str]
-    also: frozenset[Term]
+    title: str  # the readable name
+    prefix: NameWords  # the words with which all names begin; empty for most conventions
+    parts: Mapping[Term, str]  # the part that each term means
+    also: frozenset[Term]  # other terms that may occur
 
 
 class Vocabulary(NamedTuple):
-    """The content of `conventions.json`.
+    """The content of `conventions.json`."""
 
-    Attributes:
-        conventions: all conventions, the preferred one first where names fit several.
-        terms: all terms that mean a part in any of them.
-        fingers: the words for each finger.
-        palm: the words for a bone in the palm.
-        necks: the words for joints of the neck, without digits at the end.
-    """
-
-    conventions: tuple[Convention, ...]
-    terms: frozenset[Term]
-    fingers: Mapping[str, Sequence[str]]
-    palm: Sequence[str]
-    necks: frozenset[str]
+    conventions: tuple[Convention, ...]  # all conventions, the preferred one first where names fit several
+    terms: frozenset[Term]  # all terms that mean a part in any of them
+    fingers: Mapping[str, Sequence[str]]  # the words for each finger
+    palm: Sequence[str]  # the words for a bone in the palm
+    necks: frozenset[str]  # the words for joints of the neck, without digits at the end
 
 
 @cache
@@ -221,18 +199,13 @@ def _convention(entry: Mapping[str, Any]) -> Convention:
 
 @dataclass(frozen=True)
 class NameMeanings:
-    """What the names of a skeleton's joints mean.
+    """What the names of a skeleton's joints mean."""
 
-    Attributes:
-        names: the name of each joint, taken apart.
-        readings: per term of the names, the parts that it may mean, each with the fit of the convention that fits best
-            among those in which it does, 0 to 1.
-        convention: the title of the recognised convention; empty where none is.
-    """
-
-    names: tuple[JointName, ...]
+    names: tuple[JointName, ...]  # the name of each joint, taken apart
+    # per term of the names, the parts that it may mean, each with the fit of the convention that fits best among those
+    # in which it does, 0 to 1
     readings: Mapping[Term, Mapping[str, float]]
-    convention: str
+    convention: str  # the title of the recognised convention; empty where none is
 
     def parts(self, joint: int) -> Mapping[str, float]:
         """The parts that the joint's name may mean, with the fit of each."""

@@ -22,17 +22,11 @@ HIGHEST_ANKLE = 0.6  # the ankle is below this place [length of the leg's chain,
 
 @dataclass(frozen=True)
 class Leg:
-    """The joints of a leg.
+    """The joints of a leg."""
 
-    Attributes:
-        hip: the upper end of the thigh.
-        ankle: the lower end of the shin.
-        toe: the end of the foot's first bone; the ankle where there is no foot.
-    """
-
-    hip: int
-    ankle: int
-    toe: int
+    hip: int  # the upper end of the thigh
+    ankle: int  # the lower end of the shin
+    toe: int  # the end of the foot's first bone; the ankle where there is no foot
 
     @property
     def joints(self) -> tuple[int, int, int]:

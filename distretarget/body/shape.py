@@ -41,21 +41,13 @@ SLIGHT = 0.05  # directions shorter than this on average show nothing [leg lengt
 
 
 class Limb(NamedTuple):
-    """The joints of an arm or a leg.
+    """The joints of an arm or a leg."""
 
-    Attributes:
-        collar: the joints between trunk and upper arm, from the trunk outwards; empty for a leg.
-        upper: the upper end of the upper arm or thigh.
-        lower: the elbow or knee.
-        end: the wrist or ankle.
-        length: length from `upper` to `end` [file units].
-    """
-
-    collar: tuple[int, ...]
-    upper: int
-    lower: int
-    end: int
-    length: float
+    collar: tuple[int, ...]  # the joints between trunk and upper arm, from the trunk outwards; empty for a leg
+    upper: int  # the upper end of the upper arm or thigh
+    lower: int  # the elbow or knee
+    end: int  # the wrist or ankle
+    length: float  # length from `upper` to `end` [file units]
 
 
 LimbPair = tuple[Limb, Limb]

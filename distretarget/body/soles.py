@@ -24,19 +24,12 @@ HANGING = np.cos(np.radians(30))  # a foot within this angle of straight down ha
 
 @dataclass(frozen=True, eq=False)
 class Sole:
-    """The sole of a foot.
+    """The sole of a foot."""
 
-    Attributes:
-        normal: (3,), the unit vector up from the floor while the foot stands flat, in the axes of the ankle joint.
-        joints: (joints,), the ankle, and the joints and End Sites of the foot below it.
-        heights: (joints,), their heights above the sole [file units].
-        known: whether rest pose or motion show how the foot stands; if not, the usual pitch is assumed.
-    """
-
-    normal: Array
-    joints: NDArray[np.intp]
-    heights: Array
-    known: bool
+    normal: Array  # (3,), the unit vector up from the floor while the foot stands flat, in the axes of the ankle joint
+    joints: NDArray[np.intp]  # (joints,), the ankle, and the joints and End Sites of the foot below it
+    heights: Array  # (joints,), their heights above the sole [file units]
+    known: bool  # whether rest pose or motion show how the foot stands; if not, the usual pitch is assumed
 
     @property
     def at_ankle(self) -> Sole:

@@ -21,19 +21,12 @@ SMALL = 1e-8  # [rad^2] below this squared angle, Taylor series replace sine and
 
 
 class Articulation(NamedTuple):
-    """The joints and rigid parts of a body, for the compiled functions. Lengths are in units of the solver.
+    """The joints and rigid parts of a body, for the compiled functions. Lengths are in units of the solver."""
 
-    Attributes:
-        parents: (joints,), -1 for the root.
-        parts: (joints,), the part that carries the bones below each joint.
-        stiffness: (parts + 1,), h, of each part's rotation against the rotation copy; last, of the root's path.
-        meets: (joints, joints), the lowest common ancestor of two joints.
-    """
-
-    parents: NDArray[np.intp]
-    parts: NDArray[np.intp]
-    stiffness: Array
-    meets: NDArray[np.intp]
+    parents: NDArray[np.intp]  # (joints,), -1 for the root
+    parts: NDArray[np.intp]  # (joints,), the part that carries the bones below each joint
+    stiffness: Array  # (parts + 1,), h, of each part's rotation against the rotation copy; last, of the root's path
+    meets: NDArray[np.intp]  # (joints, joints), the lowest common ancestor of two joints
 
     @classmethod
     def of(cls, skeleton: Skeleton, parts: NDArray[np.intp], stiffness: Array) -> Articulation:
@@ -42,20 +35,13 @@ class Articulation(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Arrays that the compiled functions write to, for one body.
+    """Arrays that the compiled functions write to, for one body."""
 
-    Attributes:
-        x: (joints, 3), positions.
-        bones: (joints, 3), the posed bone from the parent to each joint.
-        rotations: (parts, 9), exp(v) of each part, row by row.
-        series: (parts, 2), (1 - cos t) / t^2 and (t - sin t) / t^3 of the angle t = |v| of each part.
-        gradient: (joints, 3), the gradient with respect to the positions; `pose_gradient` accumulates it to the root.
-    """
-
-    x: Array
-    bones: Array
-    rotations: Array
-    series: Array
+    x: Array  # (joints, 3), positions
+    bones: Array  # (joints, 3), the posed bone from the parent to each joint
+    rotations: Array  # (parts, 9), exp(v) of each part, row by row
+    series: Array  # (parts, 2), (1 - cos t) / t^2 and (t - sin t) / t^3 of the angle t = |v| of each part
+    # (joints, 3), the gradient with respect to the positions; `pose_gradient` accumulates it to the root
     gradient: Array
 
     @classmethod

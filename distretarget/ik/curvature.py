@@ -98,27 +98,16 @@ LEAST_CURVATURE = 0.01  # of any direction, in the metric alone: so no step turn
 
 
 class Curvature(NamedTuple):
-    """Work arrays for the curvature, each long enough for all parts of a body.
+    """Work arrays for the curvature, each long enough for all parts of a body."""
 
-    Attributes:
-        H: (3 parts + 3, 3 parts + 3), the curvature of the active parts.
-        active: (parts + 1,), their numbers.
-        place: (parts + 1,), where each part is in `active`; -1 if it is not active.
-        rows: (joints,), the same for the part that carries each bone of `below.way`.
-        M: (joints, 3, 3), the moment matrix of each bone of `below.way`, transposed.
-        bones: (joints,), the way that H is for, then -1.
-        below: what is below bones.
-        flat: (3 parts + 3,), scratch for what is solved.
-    """
-
-    H: Array
-    active: Numbers
-    place: Numbers
-    rows: Numbers
-    M: Array
-    bones: Numbers
-    below: Below
-    flat: Array
+    H: Array  # (3 parts + 3, 3 parts + 3), the curvature of the active parts
+    active: Numbers  # (parts + 1,), their numbers
+    place: Numbers  # (parts + 1,), where each part is in `active`; -1 if it is not active
+    rows: Numbers  # (joints,), the same for the part that carries each bone of `below.way`
+    M: Array  # (joints, 3, 3), the moment matrix of each bone of `below.way`, transposed
+    bones: Numbers  # (joints,), the way that H is for, then -1
+    below: Below  # what is below bones
+    flat: Array  # (3 parts + 3,), scratch for what is solved
 
     @classmethod
     def of(cls, body: Articulation) -> Curvature:

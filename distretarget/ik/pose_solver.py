@@ -37,33 +37,20 @@ CONVERGED = Reason.CONVERGED.value
 
 
 class CopiedBones(NamedTuple):
-    """The rotation copy of a block of frames.
+    """The rotation copy of a block of frames."""
 
-    Attributes:
-        bones: (frames, joints, 3), from each joint's parent to it [solver units].
-        root: (frames, 3), the root's path [solver units].
-    """
-
-    bones: Array
-    root: Array
+    bones: Array  # (frames, joints, 3), from each joint's parent to it [solver units]
+    root: Array  # (frames, 3), the root's path [solver units]
 
 
 class Workspace(NamedTuple):
-    """The work arrays of the solver, for one body.
+    """The work arrays of the solver, for one body."""
 
-    Attributes:
-        scratch: the posed body.
-        curvature: its curvature.
-        gradient: (parts + 1, 3), the gradient at the start of a round.
-        descent: scratch of the spectral gradient method.
-        starts: (3, parts + 1, 3), the start poses.
-    """
-
-    scratch: Scratch
-    curvature: Curvature
-    gradient: Array
-    descent: Array
-    starts: Array
+    scratch: Scratch  # the posed body
+    curvature: Curvature  # its curvature
+    gradient: Array  # (parts + 1, 3), the gradient at the start of a round
+    descent: Array  # scratch of the spectral gradient method
+    starts: Array  # (3, parts + 1, 3), the start poses
 
     @classmethod
     def of(cls, body: Articulation) -> Workspace:
@@ -73,25 +60,16 @@ class Workspace(NamedTuple):
 
 
 class _Problem(NamedTuple):
-    """The problem of one frame for the spectral gradient method: the pose of a body, by its active parts.
+    """The problem of one frame for the spectral gradient method: the pose of a body, by its active parts."""
 
-    Attributes:
-        body, terms: the body, and the terms of the objective.
-        bones, root: of the rotation copy in the frame.
-        scratch: of the body.
-        U: the factor of the curvature.
-        active: (active parts,), their numbers.
-        flat: scratch for the linear system.
-    """
-
-    body: Articulation
-    terms: Any
-    bones: Array
-    root: Array
-    scratch: Scratch
-    U: Array
-    active: Numbers
-    flat: Array
+    body: Articulation  # the body
+    terms: Any  # the terms of the objective
+    bones: Array  # the rotation copy's bones in the frame
+    root: Array  # the rotation copy's root in the frame
+    scratch: Scratch  # of the body
+    U: Array  # the factor of the curvature
+    active: Numbers  # (active parts,), their numbers
+    flat: Array  # scratch for the linear system
 
 
 def pose_solver(

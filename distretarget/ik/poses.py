@@ -29,16 +29,12 @@ def ignore_progress(_frames: int) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """The solved poses of a clip.
+    """The solved poses of a clip."""
 
-    Attributes:
-        v: (frames, parts + 1, 3), the deviation of each part from the rotation copy [rad]; last, the displacement of
-            the root from its path [target file units].
-        log: (4, frames), objective value, iterations, evaluations and reason to stop, see `spg.record`.
-    """
-
+    # (frames, parts + 1, 3), the deviation of each part from the rotation copy [rad]; last, the displacement of the
+    # root from its path [target file units]
     v: Array
-    log: Array
+    log: Array  # (4, frames), objective value, iterations, evaluations and reason to stop, see `spg.record`
 
     @property
     def effort(self) -> Effort:
@@ -48,19 +44,12 @@ class Poses:
 
 @dataclass(frozen=True)
 class Chunk:
-    """Frames of a clip that are solved together.
+    """Frames of a clip that are solved together."""
 
-    Attributes:
-        frames: the frames whose poses are kept.
-        context: the frames that the solved ones depend on.
-        solve: the frames to solve, relative to `context`.
-        keep: the frames whose poses are kept, relative to `solve`.
-    """
-
-    frames: slice
-    context: slice
-    solve: slice
-    keep: slice
+    frames: slice  # the frames whose poses are kept
+    context: slice  # the frames that the solved ones depend on
+    solve: slice  # the frames to solve, relative to `context`
+    keep: slice  # the frames whose poses are kept, relative to `solve`
 
 
 def chunks_of(frames: int, margin: int, lead_in: int = LEAD_IN) -> list[Chunk]:

@@ -36,19 +36,12 @@ class Reason(IntEnum):
 
 
 class Minimum(NamedTuple):
-    """The result of the solver; the best iterate itself is in the array of variables that it was given.
+    """The result of the solver; the best iterate itself is in the array of variables that it was given."""
 
-    Attributes:
-        value: the objective at the best iterate.
-        iterations: the number of steps.
-        evaluations: the number of evaluations of objective and gradient, with that of the start.
-        reason: why the solver stopped, a `Reason`.
-    """
-
-    value: float
-    iterations: int
-    evaluations: int
-    reason: int
+    value: float  # the objective at the best iterate
+    iterations: int  # the number of steps
+    evaluations: int  # the number of evaluations of objective and gradient, with that of the start
+    reason: int  # why the solver stopped, a `Reason`
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,17 +24,12 @@ class Springs(NamedTuple):
     """Springs that pull two joints to a given difference, or one joint to a place in the world.
 
     Spring s has the energy 1/2 r^T A[s] r, r = x[a[s]] - x[b[s]] - rest[s], or r = x[a[s]] - rest[s] where b[s] is -1.
-
-    Attributes:
-        a, b: (springs,), joints; b is -1 where the spring is tied to the world.
-        rest: (springs, 3).
-        A: (springs, 3, 3), symmetric, the stiffness in each direction.
     """
 
-    a: NDArray[np.intp]
-    b: NDArray[np.intp]
-    rest: Array
-    A: Array
+    a: NDArray[np.intp]  # (springs,), joints
+    b: NDArray[np.intp]  # (springs,), joints; -1 where the spring is tied to the world
+    rest: Array  # (springs, 3)
+    A: Array  # (springs, 3, 3), symmetric, the stiffness in each direction
 
     def of_frames(self, frames: slice) -> Springs:
         """The springs of some frames, if frames are the first axis of `rest` and `A`."""
@@ -96,25 +91,15 @@ Numbers = NDArray[np.intp]
 
 
 class Below(NamedTuple):
-    """Work arrays for sums over subtrees, each long enough for all joints of a body.
+    """Work arrays for sums over subtrees, each long enough for all joints of a body."""
 
-    Attributes:
-        way: (joints,), the moving bones, see `write_way`.
-        first: (joints + 1,), the index in `way` where each node begins, see `write_nodes`.
-        G: (joints, joints, 3, 3), the stiffness between nodes, see `write_stiffness_below`.
-        ends: (joints,), the number of springs with exactly one end at or below each joint.
-        is_end: (joints,), whether each joint is an end of a spring.
-        children: (joints,), the number of moving bones below each joint.
-        node: (joints,), the node of the bone to each joint; -1 if it does not move.
-    """
-
-    way: Numbers
-    first: Numbers
-    G: Array
-    ends: Numbers
-    is_end: NDArray[np.bool_]
-    children: Numbers
-    node: Numbers
+    way: Numbers  # (joints,), the moving bones, see `write_way`
+    first: Numbers  # (joints + 1,), the index in `way` where each node begins, see `write_nodes`
+    G: Array  # (joints, joints, 3, 3), the stiffness between nodes, see `write_stiffness_below`
+    ends: Numbers  # (joints,), the number of springs with exactly one end at or below each joint
+    is_end: NDArray[np.bool_]  # (joints,), whether each joint is an end of a spring
+    children: Numbers  # (joints,), the number of moving bones below each joint
+    node: Numbers  # (joints,), the node of the bone to each joint; -1 if it does not move
 
     @classmethod
     def of(cls, body: Articulation) -> Below:

@@ -36,49 +36,27 @@ class LegPair:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Clip:
-    """A source motion, its rotation copy on the target, and how the two bodies correspond. Slicing selects frames.
+    """A source motion, its rotation copy on the target, and how the two bodies correspond. Slicing selects frames."""
 
-    Attributes:
-        source: in the target's axes [source file units].
-        copy: the rotation copy [target file units].
-        root: (frames, 3), the path that the root follows [target file units].
-        shots: (frames,), the number of each frame's shot; shots are separated by cuts.
-        scale: from the source's world to the target's.
-        up: (3,), the unit vector up in both.
-        unit: the target's body unit, twice its leg length [target file units].
-        leg_lengths: of source and target [file units of each]; 0 without legs.
-        legs: both legs; none unless source and target have them.
-        target_legs: the target's own legs, driven or not; None where it has none.
-        source_skeleton: the source's joints with rigid bones.
-        pelvis: the target's joint where its legs branch off, if it has a driver; else the first that has one.
-        drivers: (joints,), the source joint that drives each target joint; -1 for none.
-        regions: the target's body regions between which self-contacts are looked for.
-        limb_joints: driven joints of the target's body, without the feet's; none without legs.
-        undriven_joints: undriven joints of the target's body, without the feet's; none without legs.
-        distances: the points that source and target share, with their path lengths.
-        roots: (joints,), the topmost joint of the rigid part that each joint belongs to.
-        parts: (joints,), the rigid part that carries the bones below each joint.
-    """
-
-    source: Motion
-    copy: Motion
-    root: Array
-    shots: Shots
-    scale: RootScale
-    up: Array
-    unit: float
-    leg_lengths: tuple[float, float]
-    legs: tuple[LegPair, ...]
-    target_legs: Legs | None
-    source_skeleton: Skeleton
-    pelvis: int
-    drivers: Joints
-    regions: Regions
-    limb_joints: Joints
-    undriven_joints: Joints
-    distances: DistanceProblem
-    roots: Joints
-    parts: Joints
+    source: Motion  # in the target's axes [source file units]
+    copy: Motion  # the rotation copy [target file units]
+    root: Array  # (frames, 3), the path that the root follows [target file units]
+    shots: Shots  # (frames,), the number of each frame's shot; shots are separated by cuts
+    scale: RootScale  # from the source's world to the target's
+    up: Array  # (3,), the unit vector up in both
+    unit: float  # the target's body unit, twice its leg length [target file units]
+    leg_lengths: tuple[float, float]  # of source and target [file units of each]; 0 without legs
+    legs: tuple[LegPair, ...]  # both legs; none unless source and target have them
+    target_legs: Legs | None  # the target's own legs, driven or not; None where it has none
+    source_skeleton: Skeleton  # the source's joints with rigid bones
+    pelvis: int  # the target's joint where its legs branch off, if it has a driver; else the first that has one
+    drivers: Joints  # (joints,), the source joint that drives each target joint; -1 for none
+    regions: Regions  # the target's body regions between which self-contacts are looked for
+    limb_joints: Joints  # driven joints of the target's body, without the feet's; none without legs
+    undriven_joints: Joints  # undriven joints of the target's body, without the feet's; none without legs
+    distances: DistanceProblem  # the points that source and target share, with their path lengths
+    roots: Joints  # (joints,), the topmost joint of the rigid part that each joint belongs to
+    parts: Joints  # (joints,), the rigid part that carries the bones below each joint
 
     @classmethod
     def of(cls, matching: Matching, scale: RootScale) -> Clip:

@@ -127,31 +127,20 @@ def _solve_frames(clip: Clip, supports: Supports, frames: slice, settings: Conta
 
 
 class Given(NamedTuple):
-    """The terms of a block of frames.
+    """The terms of a block of frames."""
 
-    Attributes:
-        near, springs, floor: of all frames of the block.
-        room: scratch for the springs of one frame.
-    """
-
-    near: NearPairs
-    springs: Springs
-    floor: Floor
-    room: Springs
+    near: NearPairs  # contacts in all frames of the block
+    springs: Springs  # those of supports and scene contacts in all frames of the block
+    floor: Floor  # the floor in all frames of the block
+    room: Springs  # scratch for the springs of one frame
 
 
 class Terms(NamedTuple):
-    """The terms of one frame.
+    """The terms of one frame."""
 
-    Attributes:
-        springs: those of contacts and supports, then room for a spring per joint that the floor pushes up.
-        acting: the number of springs in use.
-        floor: the floor in this frame.
-    """
-
-    springs: Springs
-    acting: int
-    floor: Floor
+    springs: Springs  # those of contacts and supports, then room for a spring per joint that the floor pushes up
+    acting: int  # the number of springs in use
+    floor: Floor  # the floor in this frame
 
 
 @inlined(fastmath=True)

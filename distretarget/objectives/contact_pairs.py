@@ -33,25 +33,17 @@ DIRECTION_RANGE = 0.08  # pairs closer than about this keep their direction as w
 
 @dataclass(frozen=True, eq=False)
 class CandidatePairs:
-    """The pairs of points that count as a self-contact when they come close, being far apart along the tree.
+    """The pairs of points that count as a self-contact when they come close, being far apart along the tree."""
 
-    Attributes:
-        u, v: (pairs,), points.
-        a, b: (pairs,), the target's joints at these.
-        tau1: (pairs,), path lengths on the source [source file units].
-        ratio: (pairs,), tau2 / tau1 [body units / source file unit].
-        feet: (pairs,), whether the pair joins the two feet, which are close without a contact while the body stands.
-        points: the number of points.
-    """
-
-    u: Joints
-    v: Joints
-    a: Joints
-    b: Joints
-    tau1: Array
-    ratio: Array
+    u: Joints  # (pairs,), the first point
+    v: Joints  # (pairs,), the second point
+    a: Joints  # (pairs,), the target's joint at u
+    b: Joints  # (pairs,), the target's joint at v
+    tau1: Array  # (pairs,), path lengths on the source [source file units]
+    ratio: Array  # (pairs,), tau2 / tau1 [body units / source file unit]
+    # (pairs,), whether the pair joins the two feet, which are close without a contact while the body stands
     feet: NDArray[np.bool_]
-    points: int
+    points: int  # the number of points
 
 
 def candidate_pairs(distances: DistanceProblem, regions: Regions, legs: Legs | None, unit: float) -> CandidatePairs:
@@ -109,25 +101,17 @@ def activation_window(lead: float) -> int:
 
 
 class NearPairs(NamedTuple):
-    """The contact pairs of a block of frames; `write_pair_spring` makes their springs.
+    """The contact pairs of a block of frames; `write_pair_spring` makes their springs."""
 
-    Attributes:
-        a, b: (pairs,), joints of the target.
-        u, v: (pairs,), points.
-        ratio: (pairs,), tau2 / tau1 [body units / file unit].
-        source, copy: (frames, points, 3), the points of source and rotation copy [file units, body units].
-        f, w: (frames, pairs), activation and stiffness.
-    """
-
-    a: Joints
-    b: Joints
-    u: Joints
-    v: Joints
-    ratio: Array
-    source: Array
-    copy: Array
-    f: Array
-    w: Array
+    a: Joints  # (pairs,), the target's joint at u
+    b: Joints  # (pairs,), the target's joint at v
+    u: Joints  # (pairs,), the first point
+    v: Joints  # (pairs,), the second point
+    ratio: Array  # (pairs,), tau2 / tau1 [body units / file unit]
+    source: Array  # (frames, points, 3), the points of the source [file units]
+    copy: Array  # (frames, points, 3), the points of the rotation copy [body units]
+    f: Array  # (frames, pairs), activation
+    w: Array  # (frames, pairs), stiffness
 
 
 def near_pairs(

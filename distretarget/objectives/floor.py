@@ -28,19 +28,12 @@ STEADY = 0.16  # the floor of a frame is the lowest within this time before and 
 
 
 class Floor(NamedTuple):
-    """The heights that joints stay above. `heights` and `stiffness` of several frames have the frames as first axis.
+    """The heights that joints stay above. `heights` and `stiffness` of several frames have the frames as first axis."""
 
-    Attributes:
-        joints: (joints,), joints of the target.
-        heights: (joints,), h [body units].
-        stiffness: (joints,), k.
-        up: (3,), the unit vector up.
-    """
-
-    joints: NDArray[np.intp]
-    heights: Array
-    stiffness: Array
-    up: Array
+    joints: NDArray[np.intp]  # (joints,), joints of the target
+    heights: Array  # (joints,), h [body units]
+    stiffness: Array  # (joints,), k
+    up: Array  # (3,), the unit vector up
 
     def of_frames(self, frames: slice) -> Floor:
         """Return the floor of some of the frames."""

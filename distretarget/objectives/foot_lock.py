@@ -89,17 +89,11 @@ def hips_rise(clip: Clip, feet: Supports) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Foot:
-    """A foot over the frames of a motion.
+    """A foot over the frames of a motion."""
 
-    Attributes:
-        toe: (frames, 3), its places [file units].
-        bone: (frames, 3), from toe to ankle [file units].
-        below: (frames,), how far the lowest point of the sole is below the toe; it rolls smoothly from heel to toe
-            [file units].
-    """
-
-    toe: Array
-    bone: Array
+    toe: Array  # (frames, 3), its places [file units]
+    bone: Array  # (frames, 3), from toe to ankle [file units]
+    # (frames,), how far the lowest point of the sole is below the toe; it rolls smoothly from heel to toe [file units]
     below: Array
 
     @classmethod

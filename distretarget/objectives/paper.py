@@ -41,17 +41,11 @@ POSE_TOLERANCE = 1e-5  # a frame is solved when the search direction is shorter,
 
 @dataclass(frozen=True, eq=False)
 class Postures:
-    """The solved points of every frame, with their stress and the solver's effort.
+    """The solved points of every frame, with their stress and the solver's effort."""
 
-    Attributes:
-        positions: (frames, points, 3), aligned to the rotation copy by rotation and centroid [target file units].
-        stress: (frames,), sigma [body sizes squared].
-        effort: iterations, evaluations and reason to stop.
-    """
-
-    positions: Array
-    stress: Array
-    effort: Effort
+    positions: Array  # (frames, points, 3), aligned to the rotation copy by rotation and centroid [target file units]
+    stress: Array  # (frames,), sigma [body sizes squared]
+    effort: Effort  # iterations, evaluations and reason to stop
 
 
 def solve_paper(clip: Clip, progress: Progress = ignore_progress) -> tuple[Poses, Postures]:
@@ -152,39 +146,24 @@ def aligned(x: Array, onto: Array) -> Array:
 
 
 class Terms(NamedTuple):
-    """The stress of one frame.
+    """The stress of one frame."""
 
-    Attributes:
-        points: (points,), the joint at each point.
-        delta, pi: (points, points), target distances [body sizes] and priorities.
-        x, gradient: (3, points), scratch.
-        priorities: (springs,), pi of each pair whose pi is not 0.
-        springs: one for each of these pairs, scratch for the curvature.
-    """
-
-    points: NDArray[np.intp]
-    delta: Array
-    pi: Array
-    x: Array
-    gradient: Array
-    priorities: Array
-    springs: Springs
+    points: NDArray[np.intp]  # (points,), the joint at each point
+    delta: Array  # (points, points), target distances [body sizes]
+    pi: Array  # (points, points), priorities
+    x: Array  # (3, points), scratch
+    gradient: Array  # (3, points), scratch
+    priorities: Array  # (springs,), pi of each pair whose pi is not 0
+    springs: Springs  # one for each of these pairs, scratch for the curvature
 
 
 class Given(NamedTuple):
-    """A block of frames.
+    """A block of frames."""
 
-    Attributes:
-        source: (frames, 3, points), the source's points [source file units].
-        guess: (frames, parts + 1, 3), the start pose of each frame.
-        ratio: (points, points), tau2 / tau1 [body sizes / source file unit].
-        terms: those of one frame, scratch.
-    """
-
-    source: Array
-    guess: Array
-    ratio: Array
-    terms: Terms
+    source: Array  # (frames, 3, points), the source's points [source file units]
+    guess: Array  # (frames, parts + 1, 3), the start pose of each frame
+    ratio: Array  # (points, points), tau2 / tau1 [body sizes / source file unit]
+    terms: Terms  # those of one frame, scratch
 
 
 def solve_poses(clip: Clip, guess: Array, progress: Progress = ignore_progress) -> Poses:

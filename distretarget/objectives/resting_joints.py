@@ -44,21 +44,13 @@ FEWEST = 5  # frames that a smoothing spline needs
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RestingJoints:
-    """Joints other than the feet's that rest on the world.
+    """Joints other than the feet's that rest on the world."""
 
-    Attributes:
-        joints: (joints,), of the target.
-        regions: (joints,), the body region of each.
-        in_trunk: (joints,), whether each belongs to the trunk.
-        rests: (frames, joints), whether each rests.
-        places: (frames, joints, 3), the place of each while it rests [target file units].
-    """
-
-    joints: Joints
-    regions: Joints
-    in_trunk: Flags
-    rests: Flags
-    places: Array
+    joints: Joints  # (joints,), of the target
+    regions: Joints  # (joints,), the body region of each
+    in_trunk: Flags  # (joints,), whether each belongs to the trunk
+    rests: Flags  # (frames, joints), whether each rests
+    places: Array  # (frames, joints, 3), the place of each while it rests [target file units]
 
 
 def find_resting_joints(clip: Clip, feet: Supports, environment: Environment) -> RestingJoints | None:

@@ -33,15 +33,10 @@ from distretarget.target import SkeletonEdit, Target
 
 @dataclass(frozen=True, eq=False)
 class Match:
-    """A source matched to its target.
+    """A source matched to its target."""
 
-    Attributes:
-        world: from the source's world to the target's.
-        matching: which source joint drives which target joint.
-    """
-
-    world: World
-    matching: Matching
+    world: World  # from the source's world to the target's
+    matching: Matching  # which source joint drives which target joint
 
     def performer(self, scale: RootScale, options: Options = DEFAULT_OPTIONS) -> Performer:
         """Return the performer at a scale, without supports.
@@ -73,21 +68,13 @@ def match_performer(
 
 @dataclass(frozen=True, eq=False)
 class Performer:
-    """A matched source and target with everything that the solvers need, and that turns their poses into a result.
+    """A matched source and target with everything that the solvers need, and that turns their poses into a result."""
 
-    Attributes:
-        match: source and target.
-        engine_root: the target's root on the floor, if it has one.
-        clip: the clip as the solvers take it.
-        supports: the joints that rest on the world.
-        settings: of the contact objective.
-    """
-
-    match: Match
-    engine_root: EngineRoot
-    clip: Clip
-    supports: Supports
-    settings: ContactSettings
+    match: Match  # source and target
+    engine_root: EngineRoot  # the target's root on the floor, if it has one
+    clip: Clip  # the clip as the solvers take it
+    supports: Supports  # the joints that rest on the world
+    settings: ContactSettings  # of the contact objective
 
     def with_supports(self, options: Options, settings: ContactSettings) -> Performer:
         """Return the performer with the supports found in the source, and with its root moved to suit them."""
