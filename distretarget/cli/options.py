@@ -107,8 +107,7 @@ OPTIONS = (
     ),
     _choice("source_up", "The axis that points up in SOURCE. Default: detected."),
     _choice(
-        "target_up",
-        "The axis that points up in TARGET and in the output. Default: what TARGET says, else detected.",
+        "target_up", "The axis that points up in TARGET and in the output. Default: what TARGET says, else detected."
     ),
     _choice(
         "root_offset",

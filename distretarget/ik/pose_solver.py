@@ -14,13 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.ik.articulation import (
-    Articulation,
-    Scratch,
-    pose_body,
-    pose_gradient,
-    stiffness_energy,
-)
+from distretarget.ik.articulation import Articulation, Scratch, pose_body, pose_gradient, stiffness_energy
 from distretarget.ik.curvature import Curvature, Numbers, are_first, factorise, solve_factored, write_curvature
 from distretarget.ik.spg import Minimum, Reason, inner, record, scratch_for, spectral_gradient
 from distretarget.ik.springs import write_way

@@ -94,10 +94,7 @@ def _solve_points(source, starts, ratio, problem, solved, first, log, gradient, 
 
 
 def solve_postures(
-    problem: DistanceProblem,
-    source: Array,
-    copy: Array,
-    progress: Progress = ignore_progress,
+    problem: DistanceProblem, source: Array, copy: Array, progress: Progress = ignore_progress
 ) -> Postures:
     """Minimise Eq. (2) in every frame.
 

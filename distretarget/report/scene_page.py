@@ -153,10 +153,7 @@ def _player_page(
             {
                 "name": body.name,
                 "prop": body.prop,
-                "sides": [
-                    _drawing(body.left, up, 2.0 * leg, step),
-                    _drawing(body.right, up, 2.0 * leg * scale, step),
-                ],
+                "sides": [_drawing(body.left, up, 2.0 * leg, step), _drawing(body.right, up, 2.0 * leg * scale, step)],
             }
             for body in bodies
         ],
