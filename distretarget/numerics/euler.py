@@ -16,21 +16,16 @@ Array = NDArray[np.float64]
 
 DEGREE = np.pi / 180.0  # [rad]
 
-LOCKED = 1e-13
-"""Below it the sine that separates the first angle from the last is rounding noise."""
-
-NEARLY_LOCKED = 1e-4
-"""Below it that noise would reach angles whose last one is dropped."""
+LOCKED = 1e-13  # below this the sine that separates the first angle from the last is rounding noise
+NEARLY_LOCKED = 1e-4  # below this the noise would reach the first two angles where the last is dropped
 
 
 def euler_angles(rotations: Array, axes: str) -> Array:
-    """The angles whose rotations multiply to the given ones: R = R_axes[0] R_axes[1] R_axes[2].
+    """Return the intrinsic Euler angles of rotations: R = R_axes[0] R_axes[1] R_axes[2].
 
-    Of the angles that give the same rotation each frame takes those nearest to the previous frame's; the
-    first takes the smallest. At gimbal lock the first angle carries on from the previous frame.
-
-    Two axes give the first two of three angles, which leave the missing axis where the rotation takes it;
-    one axis gives the twist, the nearest rotation about it.
+    Of all angles of a rotation, each frame takes those nearest to the previous frame's, and the first frame the
+    smallest. At gimbal lock the first angle keeps its value. Two axes give the first two of three angles, which point
+    the third axis as the rotation does; one axis gives the twist about it.
 
     Args:
         rotations: (frames, 4), unit quaternions x y z w.
@@ -52,9 +47,9 @@ def euler_angles(rotations: Array, axes: str) -> Array:
 
 
 def from_euler_angles(angles: Array, axes: str) -> Array:
-    """The rotations R_axes[0] R_axes[1] R_axes[2] of angles (..., len(axes)) [rad]; (..., 4), x y z w.
+    """Return the rotations R_axes[0] R_axes[1] R_axes[2], (..., 4), of angles (..., len(axes)) [rad].
 
-    It is `Rotation.from_euler` of scipy for arrays with any number of dimensions, and several times as fast.
+    Like scipy's `Rotation.from_euler`, for any number of dimensions and several times as fast.
     """
     rotations = np.empty((*angles.shape[:-1], 4))
     rows = rotations.reshape(-1, 1, 4)
@@ -92,26 +87,26 @@ def _write_rotations(values, columns, unit, order, parity, joints, rotations, co
 
 
 def _no_turns() -> tuple[Array, Array]:
-    """The cosines and sines of three angles of 0, to be overwritten by those of as many axes as a joint has."""
+    """Scratch for cosines and sines of three angles; axes that a joint lacks keep the angle 0."""
     return np.ones(3), np.zeros(3)
 
 
 def _order(axes: str) -> tuple[NDArray[np.intp], float]:
-    """The numbers of three axes that begin with the given ones, and the parity of their order, 1 or -1."""
+    """The three axes, as numbers, in an order that begins with `axes`, and the order's parity, 1 or -1."""
     order = axes + "".join(axis for axis in "XYZ" if axis not in axes)
     return np.array(["XYZ".index(axis) for axis in order], np.intp), 1.0 if order in "XYZXY" else -1.0
 
 
 def restrict(rotations: Array, axes: str) -> Array:
-    """What is left of rotations (frames, 4) on a joint with these channels only; (frames, 4), x y z w."""
+    """The rotations, (frames, 4), that a joint with these channels makes of `rotations`, (frames, 4)."""
     if len(axes) == 3:
         return rotations
     return from_euler_angles(euler_angles(rotations, axes), axes)
 
 
 class _HalfSums(NamedTuple):
-    """Per frame alpha + gamma and alpha - gamma, gamma times the parity of the order, and
-    sin and cos of beta + pi/4 times sqrt(2): where these vanish, the angle above them is lost.
+    """Per frame alpha + gamma and alpha - gamma, with gamma times the parity, and sqrt(2) times the sine and the cosine
+    of beta + pi/4: where the sine vanishes, the total is undefined, and where the cosine does, the difference.
     """
 
     total: Array
@@ -121,7 +116,7 @@ class _HalfSums(NamedTuple):
 
 
 def _half_sums(w: Array, i: Array, j: Array, k: Array) -> _HalfSums:
-    """The sums from the parts of the quaternions, k times the parity of the order.
+    """The sums from the components of quaternions, with k times the parity of the order.
 
     (w + j, i + k) = sqrt(2) sin(beta + pi/4) (cos, sin)(alpha + gamma) and
     (w - j, i - k) = sqrt(2) cos(beta + pi/4) (cos, sin)(alpha - gamma), after E. Bernardes and S. Viollet,
@@ -132,13 +127,13 @@ def _half_sums(w: Array, i: Array, j: Array, k: Array) -> _HalfSums:
 
 
 def _angles(halves: _HalfSums) -> Array:
-    """Angles (frames, 3), the middle one within a right angle, the last one times the parity."""
+    """(frames, 3), the angles with the middle one within a right angle; the last one is times the parity."""
     total, difference, sine, cosine = halves
     return np.stack([total + difference, 2 * np.arctan2(sine, cosine) - np.pi / 2, total - difference], axis=1)
 
 
 def _three_angles(halves: _HalfSums) -> Array:
-    """`_angles` with a first one that carries on at the lock."""
+    """`_angles`, with the first angle held at gimbal lock."""
     total, difference, sine, cosine = halves
     first = _held(total + difference, (sine < LOCKED) | (cosine < LOCKED))
     total = np.where(sine < LOCKED, first - difference, total)
@@ -147,9 +142,8 @@ def _three_angles(halves: _HalfSums) -> Array:
 
 
 def _two_angles(halves: _HalfSums) -> Array:
-    """The first two (frames, 2) of `_angles` or their twins, whose last is below a right angle.
-
-    Near the lock the last is taken for zero, before the choice for zero or half a turn.
+    """(frames, 2), the first two of `_angles` or of their twins, whichever have the last below a right angle. Near the
+    lock the last counts as 0, or as half a turn where the twins are taken.
     """
     turned_over = np.cos(halves.total - halves.difference) < 0
     last = np.where(turned_over, np.pi, 0.0)
@@ -160,17 +154,15 @@ def _two_angles(halves: _HalfSums) -> Array:
 
 
 def _held(angles: Array, locked: NDArray[np.bool_]) -> Array:
-    """The angles (frames,), where locked the last one that was not; 0 before the first."""
+    """The angles, (frames,), holding the last unlocked value where locked; 0 before the first one."""
     frames = np.arange(1, len(angles) + 1)
     last = np.maximum.accumulate(np.where(locked, 0, frames))
     return np.concatenate([[0.0], angles])[last]
 
 
 def _nearer_twin(angles: Array) -> Array:
-    """Each triple (frames, 3) or its twin (a + pi, pi - b, c + pi), whichever is nearer to the choice before.
-
-    Between two triples it only matters whether one of them is a twin, so that the choices are the running
-    parity of the changes. The choice before the first frame is (0, 0, 0).
+    """(frames, 3), each triple or its twin (a + pi, pi - b, c + pi), whichever is nearer to the previous choice, which
+    is (0, 0, 0) before the first frame. Two neighbours either change sides or not, so the choice is a running parity.
     """
     start = np.zeros((1, 3))
     twins = _twins(angles)
@@ -181,17 +173,17 @@ def _nearer_twin(angles: Array) -> Array:
 
 
 def _twins(angles: Array) -> Array:
-    """The other triples (frames, 3) of the same rotations."""
+    """(frames, 3), the other triples of the same rotations."""
     return angles * [1, -1, 1] + np.pi
 
 
 def _turns(steps: Array) -> Array:
-    """The size (frames,) of steps between angles (frames, 3), each taken the short way round."""
+    """(frames,), the size of steps between angles, (frames, 3), each taken the short way round."""
     sizes: Array = np.linalg.norm(np.remainder(steps + np.pi, 2 * np.pi) - np.pi, axis=1)
     return sizes
 
 
 def _continued(angles: Array) -> Array:
-    """The angles (frames, n) plus the whole turns that bring each nearest to the frame before."""
+    """The angles, (frames, n), unwrapped; the first frame takes the angles nearest to 0."""
     start = np.zeros((1, angles.shape[1]))
     return np.unwrap(np.concatenate([start, angles]), axis=0)[1:]

@@ -1,7 +1,7 @@
-"""Forward kinematics of a tree of joints, the rotations it needs, and the speeds of joints. Compiled where it pays.
+"""Forward kinematics of a tree of joints, its rotations, and the heights and speeds of joints.
 
-A tree is its parents, (joints,), -1 for the root, parents before children. Arrays have the frames in front; quaternions
-are x y z w, as in scipy.
+A tree is given by its parents, (joints,), -1 for the root, with parents before children. Frames are the first axis of
+arrays; quaternions are x y z w, as in scipy.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ ALL = slice(None)
 
 
 def forward_kinematics(parents: Parents, translations: Array, world: Array) -> Array:
-    """The position of every joint in the world, (frames, joints, 3), in the units of `translations`.
+    """Return the positions of joints in the world, (frames, joints, 3), in the units of `translations`.
 
-    `translations`, (frames, joints, 3), are from each joint's parent to it, for the root its place in the world;
-    `world`, (frames, joints, 4), are the joints' rotations in the world.
+    `translations`, (frames, joints, 3), lead from each joint's parent to it, and to the root from the origin; `world`,
+    (frames, joints, 4), are the joints' world rotations.
 
     Raises:
         SettingsError: the arrays do not fit each other.
@@ -38,9 +38,7 @@ def forward_kinematics(parents: Parents, translations: Array, world: Array) -> A
 
 
 def joint_positions(parents: Parents, root_positions: Array, bones: Array, world: Array) -> Array:
-    """The same for a root at `root_positions`, (frames, 3), and the translations `bones`, (frames, joints, 3) or the
-    same in all frames, (1, joints, 3), of which the root's is not used.
-    """
+    """The same with `root_positions`, (frames, 3), and `bones`, (frames or 1, joints, 3), in place of translations."""
     positions = np.empty((len(world), len(parents), 3))
     tree, path = read_only(parents), read_only(np.ascontiguousarray(root_positions))
     moving, turned = read_only(bones), read_only(world)
@@ -53,7 +51,7 @@ def joint_positions(parents: Parents, root_positions: Array, bones: Array, world
 
 
 def world_rotations(parents: Parents, local: Array) -> Array:
-    """World rotations from local ones, both (frames, joints, 4): each joint's is its parent's times its own."""
+    """World rotations from local ones, both (frames, joints, 4): the parent's world rotation times the joint's own."""
     world, parents = np.array(local), read_only(parents)
     over_blocks(lambda part: _world_rotations(parents, world[part]), *world.shape[:2])
     return world
@@ -66,8 +64,8 @@ def make_local(parents: Parents, rotations: Array) -> None:
 
 
 def rotation_products(first: Array, of_first: NDArray[np.intp], second: Array) -> Array:
-    """(frames, joints, 4), for each joint the product of the rotation `of_first`, (joints,), among those of `first`,
-    (frames, n, 4), with the one of `second`, (joints, 4); no turn where `of_first` is negative.
+    """(frames, joints, 4), for each joint the product of rotation number `of_first`, (joints,), of `first`, (frames, n,
+    4), and its rotation in `second`, (joints, 4); the identity where `of_first` is negative.
     """
     product = np.empty((len(first), len(second), 4))
     _products(first, of_first, second, product)
@@ -75,10 +73,9 @@ def rotation_products(first: Array, of_first: NDArray[np.intp], second: Array) -
 
 
 def turn_parts(vectors: Array, parts: Parts, rotations: Array) -> None:
-    """Turn world rotations, (frames, joints, 4), in the world by the rotation vectors of their parts, in place.
+    """Rotate world rotations, (frames, joints, 4), in place by the rotation vectors of their parts.
 
-    `vectors`, (frames, parts, 3), are in [rad]; `parts`, (joints,), is the part of each joint, -1 for joints that keep
-    their rotations.
+    `vectors`, (frames, parts, 3), are in [rad]; `parts`, (joints,), is the part of each joint, or -1 for none.
     """
 
     def turn(part: slice) -> None:
@@ -145,7 +142,7 @@ def _multiply(x, y, z, w, q, product):  # type: ignore[no-untyped-def]
 
 @compiled()
 def _positions(parents: Parents, root_positions: Array, bones: Array, world: Array, positions: Array) -> None:
-    """Write positions: each joint stands from its parent by its translation, turned by the parent."""
+    """Write positions: the parent's, plus the joint's translation rotated by the parent."""
     for frame in range(len(world)):
         for i in range(3):
             positions[frame, 0, i] = root_positions[frame, i]
@@ -162,9 +159,7 @@ def _positions(parents: Parents, root_positions: Array, bones: Array, world: Arr
 
 
 def heights_of(positions: Array, joints: NDArray[np.intp] | list[int], up: Array) -> Array:
-    """The heights of joints, (frames, joints), along the unit vector up, in the units of `positions`, (frames, all
-    joints, 3).
-    """
+    """(frames, joints), heights of joints along the unit vector up; `positions` are (frames, all joints, 3)."""
     heights = np.empty((len(positions), len(joints)))
     _write_heights(read_only(positions), np.array(joints, np.intp), read_only(up), heights)
     return heights
@@ -179,10 +174,7 @@ def _write_heights(positions: Array, joints: NDArray[np.intp], up: Array, height
 
 
 def lowest_heights(positions: Array, up: Array) -> Array:
-    """The height along the unit vector up of the lowest joint in each frame, (frames,).
-
-    `positions`, (frames, joints, 3), and the heights are in the same units.
-    """
+    """(frames,), the height of the lowest joint along the unit vector up; `positions` are (frames, joints, 3)."""
     lowest = np.empty(len(positions))
     _write_lowest(read_only(positions), read_only(up), lowest)
     return lowest
@@ -200,8 +192,8 @@ def _write_lowest(positions: Array, up: Array, lowest: Array) -> None:
 
 
 def steps_along(paths: Array, joints: NDArray[np.intp] | None = None, lag: int = 1) -> Array:
-    """How far joints are from each frame of their paths, (frames, all joints, 3), to the one `lag` frames later,
-    (frames - lag, joints), in the units of `paths`; all joints if none are given.
+    """(frames - lag, joints), distance of each joint from its place `lag` frames earlier, in the units of `paths`,
+    (frames, all joints, 3); of all joints if none are given.
     """
     joints = np.arange(paths.shape[1]) if joints is None else joints
     steps = np.empty((max(len(paths) - lag, 0), len(joints)))
@@ -219,10 +211,8 @@ def _write_steps(paths: Array, joints: NDArray[np.intp], lag: int, steps: Array)
 
 
 def speeds_along(paths: Array, frame_time: float, joints: NDArray[np.intp] | None = None) -> Array:
-    """The speeds of joints along paths, (frames, all joints, 3), by central differences, (frames, joints); of all
-    joints if none are given, and 0 in a single frame.
-
-    They are in the units of `paths` per unit of `frame_time`.
+    """(frames, joints), speeds of joints by central differences, in units of `paths`, (frames, all joints, 3), per unit
+    of `frame_time`; of all joints if none are given. A single frame has speed 0.
     """
     if len(paths) < 2:
         return np.zeros((len(paths), paths.shape[1] if joints is None else len(joints)))

@@ -1,4 +1,4 @@
-"""Work in blocks of frames, side by side in threads: compiled functions and most of numpy let other threads run."""
+"""Work in blocks of frames, in parallel threads: compiled functions and most of numpy release the interpreter lock."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ BLOCK_FRAMES = 384  # most frames of a block
 
 
 def blocks_of(frames: int) -> Iterator[slice]:
-    """The frames of a clip in blocks of at most `BLOCK_FRAMES`, all about as long; none for a clip without frames."""
+    """The frames of a clip in blocks of about equal length, at most `BLOCK_FRAMES`; none for a clip without frames."""
     blocks = -(-frames // BLOCK_FRAMES)
     for block in range(blocks):
         yield slice(frames * block // blocks, frames * (block + 1) // blocks)
 
 
 def in_blocks(compute: Callable[[slice], NDArray[Value]], frames: int) -> NDArray[Value]:
-    """What `compute` returns for the frames of each block of a clip, joined."""
+    """The results of `compute` for the blocks of a clip, concatenated into one preallocated array."""
     first, *others = list(blocks_of(frames)) or [slice(0, 0)]
     values = compute(first)
     joined = np.empty((frames, *values.shape[1:]), values.dtype)
@@ -47,13 +47,13 @@ def cores() -> int:
 
 
 def threads() -> int:
-    """Return how many threads work side by side: one for each core, or fewer where OMP_NUM_THREADS says so."""
+    """Return the number of threads to use: one per core, or fewer if OMP_NUM_THREADS says so."""
     limit = os.environ.get("OMP_NUM_THREADS", "").strip()
     return min(cores(), max(int(limit), 1)) if limit.isdecimal() else cores()
 
 
 def in_threads(function: Callable[..., Result], *arguments: Iterable[object]) -> Iterator[Result]:
-    """Call a function on arguments, as `map` does, in as many threads as may be used; results come in order."""
+    """Call a function like `map`, in parallel threads; results come in order."""
     calls = list(zip(*arguments, strict=True))
     workers = min(threads(), len(calls)) if len(calls) > 1 else 1
     if workers < 2:
@@ -64,14 +64,12 @@ def in_threads(function: Callable[..., Result], *arguments: Iterable[object]) ->
 
 
 def mapper_for(frames: int, joints: int) -> Callable[..., Iterable[Any]]:
-    """Return `in_threads` for a clip that is long enough for it, with so many joints, else `map`."""
+    """Return `in_threads` for a clip that is long enough to gain from it, else `map`."""
     return in_threads if _threads_for(frames, joints) > 1 else map
 
 
 def over_blocks(compute: Callable[[slice], object], frames: int, joints: int) -> None:
-    """Call a function that computes each frame on its own for all blocks of a clip with so many joints, and parts of a
-    long clip side by side.
-    """
+    """Call `compute` for all blocks of a clip, in parallel if the clip is long. It must not depend on other blocks."""
     blocks, parts = list(blocks_of(frames)), _threads_for(frames, joints)
 
     def compute_part(part: int) -> None:
@@ -83,6 +81,6 @@ def over_blocks(compute: Callable[[slice], object], frames: int, joints: int) ->
 
 
 def _threads_for(frames: int, joints: int) -> int:
-    """How many threads the frames of a clip are worth."""
+    """The number of threads that pay for a clip of this size."""
     worth = frames * joints // FEWEST_JOINTS
     return min(threads(), worth) if worth > 1 else 1

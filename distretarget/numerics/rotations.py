@@ -10,13 +10,13 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.numerics.compiled import compiled, read_only
 
-PULL = 1e-6  # how much the fit of several vectors prefers no rotation, against the vectors
+Array = NDArray[np.float64]
+
+PULL = 1e-6  # weight of the identity in the fit of several vectors, relative to the vectors
 
 
-def first_not_unit(quaternions: NDArray[np.float64], error: float) -> int:
-    """Return the number of the first quaternion among some, (n, 4), whose length is not 1 within `error`; -1 if all
-    are.
-    """
+def first_not_unit(quaternions: Array, error: float) -> int:
+    """Return the index of the first of the quaternions, (n, 4), whose length is not 1 within `error`; -1 if none is."""
     return int(_first_not_unit(read_only(quaternions), error))
 
 
@@ -29,11 +29,11 @@ def _first_not_unit(quaternions, error):  # type: ignore[no-untyped-def]
     return -1
 
 
-def best_rotation(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(frames, 4), the rotations that take vectors `a` nearest to `b`, both (frames, vectors, 3).
+def best_rotation(a: Array, b: Array) -> Array:
+    """(frames, 4), the rotations that bring vectors `a` closest to `b`, both (frames, vectors, 3).
 
-    For one vector the least rotation; for several the Kabsch fit, doi:10.1107/S0567739476001873, drawn to the least by
-    `PULL`, which decides where the vectors leave a turn free (all on one line).
+    For one vector this is the least rotation; for several the Kabsch fit, doi:10.1107/S0567739476001873, with a weight
+    `PULL` on the identity, which decides the twist where all vectors are on one line.
     """
     if a.shape[1] == 1:
         return least_rotation(a[:, 0], b[:, 0])
@@ -42,18 +42,17 @@ def best_rotation(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.
     return Rotation.from_matrix(nearest_rotations(H)).as_quat()
 
 
-def nearest_rotations(H: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(frames, 3, 3), the rotation matrices nearest to matrices H, (frames, 3, 3): proper ones, without a mirror."""
+def nearest_rotations(H: Array) -> Array:
+    """(frames, 3, 3), the proper rotation matrices nearest to matrices H, (frames, 3, 3), by singular values."""
     U, _, Vt = np.linalg.svd(H)
     U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]
     return np.asarray(U @ Vt)
 
 
-def least_rotation(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(frames, 4), the smallest rotations that turn the directions of `a` to those of `b`, both (frames, 3).
+def least_rotation(a: Array, b: Array) -> Array:
+    """(frames, 4), the least rotations from the directions of `a` to those of `b`, both (frames, 3).
 
-    Opposite directions turn about the axis across `a` that is nearest to a coordinate axis; a zero vector is not
-    turned.
+    Opposite directions rotate about an axis perpendicular to `a` and to one coordinate axis; zero vectors do not.
     """
     quaternions = np.empty((len(a), 4))
     _write_least(np.ascontiguousarray(a), np.ascontiguousarray(b), quaternions)
@@ -82,12 +81,12 @@ def _write_least(a, b, quaternions):  # type: ignore[no-untyped-def]
         quaternions[n, 3] = r / size
 
 
-def least(a: NDArray[np.float64], b: NDArray[np.float64]) -> Rotation:
-    """The rotation that takes vectors a nearest to b, both (vectors, 3); see `best_rotation`."""
+def least(a: Array, b: Array) -> Rotation:
+    """The rotation that brings vectors a closest to b, both (vectors, 3), as `best_rotation`."""
     return Rotation.from_quat(best_rotation(a[None], b[None])[0])
 
 
-def least_matrix(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+def least_matrix(a: Array, b: Array) -> Array:
     """The same as a matrix, (3, 3), without scipy's rotations, which are slow one by one."""
     x, y, z, w = best_rotation(a[None], b[None])[0].tolist()
     return np.array(
@@ -102,7 +101,7 @@ def least_matrix(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.f
 RotationKind = Literal["quaternion", "matrix", "6d"]
 
 
-def represented(quaternions: NDArray[np.float64], kind: RotationKind) -> NDArray[np.float64]:
+def represented(quaternions: Array, kind: RotationKind) -> Array:
     """Unit quaternions (..., 4), x y z w, in another representation: "quaternion" as they are, "matrix" (..., 3, 3), or
     "6d" (..., 6), the first column of the matrix and then the second, which is continuous and so suits learning
     (Zhou, Barnes, Lu, Yang, Li, "On the Continuity of Rotation Representations in Neural Networks", CVPR 2019).

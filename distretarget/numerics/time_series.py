@@ -1,4 +1,4 @@
-"""Values over the frames of a clip: shots between cuts, runs, medians, largest values and averages around a frame."""
+"""Time series over the frames of a clip: shots between cuts, runs, medians, moving maxima and moving averages."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ Array = NDArray[np.float64]
 
 
 def widened(values: Array, frames: float) -> Array:
-    """The largest of the values (frames, n) within `frames` before and after each frame, averaged over as many frames.
+    """The moving maximum of values, (frames, n), over `frames` before and after, then averaged over as many frames.
 
-    The result is smooth, and nowhere less than the values. Less than half a frame changes nothing.
+    The result is smooth, and nowhere less than the values. `frames` below 0.5 changes nothing.
     """
     reach = round(frames)
     return values if reach < 1 else _largest_averaged(values, reach, reach)
 
 
 def largest(values: Array, reach: int) -> Array:
-    """The largest of the values (frames, n) within `reach` frames before and after each frame."""
+    """The moving maximum of values, (frames, n), over `reach` frames before and after."""
     return _largest_averaged(values, reach, 0)
 
 
 def averaged(values: Array, reach: int) -> Array:
-    """The values (frames, ...), averaged over `reach` frames before and after each frame (a raised cosine); before the
-    first and after the last frame they stay.
+    """The moving average of values, (frames, ...), over `reach` frames before and after, weighted by a raised cosine;
+    the first and the last value are repeated at the ends.
     """
     return _largest_averaged(values.reshape(len(values), -1), 0, reach).reshape(values.shape)
 
 
 def _largest_averaged(values: Array, reach: int, blur: int) -> Array:
-    """The largest of the values (frames, n) within `reach` frames of each frame, averaged over `blur` frames around."""
+    """The moving maximum of values, (frames, n), over `reach` frames on each side, averaged over `blur` frames."""
     window = np.hanning(2 * blur + 3)[1:-1]
     weights = np.zeros(len(window) + -len(window) % 4)
     weights[: len(window)] = window / window.sum()
@@ -49,9 +49,7 @@ def _largest_averaged(values: Array, reach: int, blur: int) -> Array:
 
 @compiled()
 def _write_largest_averaged(values, reach, blur, weights, lanes, result):  # type: ignore[no-untyped-def]
-    """Write the largest within `reach` frames, averaged over `blur` frames with the weights, whose number is a multiple
-    of 4; `lanes` are scratch for one column.
-    """
+    """Write the moving maximum, averaged with `weights`, whose number is a multiple of 4; `lanes` is scratch."""
     frames = len(values)
     for n in range(values.shape[1]):
         row, other, sums = lanes[0], lanes[1], lanes[2]
@@ -59,7 +57,7 @@ def _write_largest_averaged(values, reach, blur, weights, lanes, result):  # typ
             other[frame] = values[frame, n]
         _extend(other, frames, reach, row)
         size, span, count = 2 * reach + 1, 1, frames + 2 * reach
-        while 2 * span <= size:  # each element is the largest of `span`, from its place on
+        while 2 * span <= size:  # each element is the maximum of the `span` values that begin with it
             count -= span
             _larger(row, row[span:], count, other)
             row, other = other, row
@@ -89,15 +87,15 @@ def _larger(a: Array, b: Array, count: int, out: Array) -> None:
 
 @inlined()
 def _add_four(a: Array, b: Array, c: Array, d: Array, weights: Array, count: int, sums: Array) -> None:
-    """Add four values with their weights, one after the other: sums are read and written for four at a time."""
+    """Add four weighted values, so that sums are read and written once for four."""
     w, x, y, z = weights[0], weights[1], weights[2], weights[3]
     for i in range(count):
         sums[i] = (((sums[i] + w * a[i]) + x * b[i]) + y * c[i]) + z * d[i]
 
 
 def median_of_three(values: NDArray[Any]) -> NDArray[Any]:
-    """The median of each of the values (frames, ...) and those of the frames before and after it: a single frame unlike
-    both its neighbours becomes like one of them. The first and the last frame stay.
+    """The moving median of values, (frames, ...), over three frames, which removes faults of a single frame. The first
+    and the last frame stay.
     """
     before, after = np.concatenate([values[:1], values[:-1]]), np.concatenate([values[1:], values[-1:]])
     least, most = np.minimum(before, after), np.maximum(before, after)
@@ -105,16 +103,16 @@ def median_of_three(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def runs_of(flags: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """(frames,), the number of the run of true frames, counted from 1, that each frame belongs to; 0 for others."""
+    """(frames,), the number of the run of true frames that each frame belongs to, from 1; 0 for false frames."""
     starts = flags & ~np.concatenate([[False], flags[:-1]])
     return np.asarray(np.where(flags, np.cumsum(starts), 0))
 
 
 def over_runs(values: Array, weights: Array) -> Array:
-    """The values (frames, n), each averaged over its run of frames with weights, (frames,), that are not 0.
+    """The weighted mean of values, (frames, n), over each run of frames with weights, (frames,), above 0.
 
-    Between the runs the averages are interpolated; before the first and after the last run they stay. Without any run
-    they are the average over all frames.
+    Means are interpolated between runs, and constant before the first and after the last. Without runs the result is
+    the mean of all frames.
     """
     frames = np.flatnonzero(weights)
     if not len(frames):
@@ -129,15 +127,15 @@ def over_runs(values: Array, weights: Array) -> Array:
 Value = TypeVar("Value", bound=np.generic)
 Shots = NDArray[np.intp]  # (frames,), the number of the shot that each frame belongs to
 
-STEP = 8.0  # at a cut the joints move this many times as far as from frame to frame before and after it ...
-FAR = 0.02  # ... and at least this far on average [of the length that is given]
+STEP = 8.0  # at a cut joints move at least this many times as far as in the frames before and after it ...
+FAR = 0.02  # ... and at least this far on average [of the given length]
 
 
 def find_shots(positions: Array, joints: NDArray[np.intp], length: float) -> Shots:
-    """Return the number of the shot that each frame belongs to, (frames,), counted from 0.
+    """Return the number of each frame's shot, (frames,), counted from 0.
 
-    `joints` are those of a body, among `positions`, (frames, all joints, 3), and `length` is a length of it, such as
-    that of its legs, in the same unit.
+    `positions` are (frames, all joints, 3), `joints` the body's, and `length` is a length of the body, such as its
+    legs', in the same unit.
     """
     steps = steps_along(positions, joints).mean(axis=1)
     before, after = np.insert(steps, 0, 0.0)[:-1], np.append(steps, 0.0)[1:]
@@ -152,7 +150,7 @@ def slices_of(shots: Shots) -> list[slice]:
 
 
 def by_shot(function: Callable[..., NDArray[Value]], shots: Shots, *values: NDArray[np.generic]) -> NDArray[Value]:
-    """Call a function on the values of each shot, frames in front, and concatenate the results."""
+    """Call a function on the frames of each shot, the first axis of `values`, and concatenate the results."""
     if not len(shots) or shots[0] == shots[-1]:
         return function(*values)
     return np.concatenate([function(*(each[shot] for each in values)) for shot in slices_of(shots)])

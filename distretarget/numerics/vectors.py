@@ -1,7 +1,6 @@
-"""Lengths, directions, products and angles of vectors. The last axis has the components, everywhere.
+"""Lengths, directions, products and angles of vectors; components are the last axis.
 
-numpy's `norm` is slow along a short last axis, and its `cross` for few vectors: what a clip has many of goes through
-these.
+These are faster than numpy's `norm` along a short last axis, and than its `cross` for few vectors.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def level(vectors: Array, up: Array) -> Array:
-    """The part of vectors (..., 3) across the unit vector up, (3,): along the floor."""
+    """The level part of vectors (..., 3): perpendicular to the unit vector up, (3,)."""
     return np.asarray(vectors - (vectors @ up)[..., None] * up)
 
 
@@ -53,9 +52,7 @@ def angles_between(a: Array, b: Array) -> Array:
 
 
 def spread_out(points: NDArray[np.float64], most: int) -> NDArray[np.intp]:
-    """Return the numbers of at most `most` of the points, (points, dimensions), the first one and then always the one
-    farthest from those before it.
-    """
+    """Return the indices of up to `most` points, (points, dimensions), by farthest-point sampling from the first."""
     chosen, away = [0], np.full(len(points), np.inf)
     while len(chosen) < min(most, len(points)):
         away = np.minimum(away, np.linalg.norm(points - points[chosen[-1]], axis=1))
