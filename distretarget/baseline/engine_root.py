@@ -65,9 +65,7 @@ class EngineRoot:
         return Motion.of_translations(skeleton, translations, world, motion.frame_time_text)
 
     def _root(self, motion: Motion) -> tuple[Array, Array]:
-        """The root's path, (frames, 3) [target file units], and its rotations, (frames, 4): upright, with the heading
-        of what it follows.
-        """
+        """The root's path, (frames, 3) [target file units], and its upright rotations, (frames, 4)."""
         source, body, up = self.matching.source, self.matching.target, self.matching.target.up_vector
         rest_axes = Rotation.from_matrix(body.reference.axes)
         raised = least(body.reference.axes[None, :, 1], up[None])

@@ -78,9 +78,7 @@ def find_world(
 
 
 def turned(motion: Motion, up: str, onto: str) -> Motion:
-    """Return the motion with the up axis `onto`, not `up`, by the least rotation: facing Z with Y up becomes facing -Y
-    with Z up.
-    """
+    """Return the motion with the up axis `onto` in place of `up`, by the least rotation from one to the other."""
     if up == onto:
         return motion
     turn = Rotation.from_quat(least_rotation(axis_vector(up)[None], axis_vector(onto)[None])[0])

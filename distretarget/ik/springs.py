@@ -61,9 +61,7 @@ def is_negligible(A: Array, s: int) -> bool:
 
 @inlined(fastmath=True)
 def spring_energy(scratch: Scratch, springs: Springs, count: int) -> float:
-    """Return the energy of the first `count` springs at the positions `scratch.x`, and add its gradient to
-    `scratch.gradient`.
-    """
+    """Return the energy of the first `count` springs at `scratch.x`, and add its gradient to `scratch.gradient`."""
     energy = 0.0
     x, gradient, A, rest = scratch.x, scratch.gradient, springs.A, springs.rest
     for s in range(count):

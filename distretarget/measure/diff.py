@@ -63,9 +63,7 @@ class Diff:
 
     @cached_property
     def figures(self) -> dict[Variant, dict[str, float | None]]:
-        """The figures of the whole clip by key, of A as the source and B as the result; None where nothing was to be
-        measured.
-        """
+        """The figures of the whole clip by key, with A as source and B as result; None where nothing was measured."""
         return {"source": clip_figures(self.comparison.source_tracks), "result": clip_figures(self.tracks)}
 
 

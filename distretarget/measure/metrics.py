@@ -65,9 +65,7 @@ class Comparison:
 
     @property
     def tracks(self) -> Tracks:
-        """What the figures of the result are taken from, without stress, snaps and unsolved frames: they need more than
-        source and result.
-        """
+        """The values of the result's figures, without stress, snaps and unsolved frames, which only a run knows."""
         feet, supports = self.feet, self.supports
         return {
             "contact_error": Track(self.contacts.error_of_frames, self.contacts.counts > 0),

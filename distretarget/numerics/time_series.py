@@ -94,9 +94,7 @@ def _add_four(a: Array, b: Array, c: Array, d: Array, weights: Array, count: int
 
 
 def median_of_three(values: NDArray[Any]) -> NDArray[Any]:
-    """The moving median of values, (frames, ...), over three frames, which removes faults of a single frame. The first
-    and the last frame stay.
-    """
+    """The moving median of values, (frames, ...), over three frames; the first and the last frame stay."""
     before, after = np.concatenate([values[:1], values[:-1]]), np.concatenate([values[1:], values[-1:]])
     least, most = np.minimum(before, after), np.maximum(before, after)
     return np.asarray(np.maximum(least, np.minimum(values, most)))

@@ -177,9 +177,7 @@ def write_pair_spring(near: NearPairs, frame: int, pair: int, rest: Array, A: Ar
 
 
 def come_near(a: Array, b: Array, u: Joints, v: Joints, reach: Array) -> NDArray[np.bool_]:
-    """(pairs,), whether point u of `a` and point v of `b`, both (frames, points, 3), are closer than `reach`, (pairs,),
-    in any frame.
-    """
+    """(pairs,), whether points u of `a` and v of `b`, (frames, points, 3), ever come closer than `reach`, (pairs,)."""
     near = np.zeros(len(u), np.bool_)
     _mark_near(a, b, u, v, reach, near)
     return near
@@ -199,9 +197,7 @@ def _mark_near(a, b, u, v, reach, near):  # type: ignore[no-untyped-def]
 
 
 def normalised_distances(a: Array, b: Array, u: Joints, v: Joints, tau: Array) -> Array:
-    """D: (frames, pairs), the distances between points u of `a` and v of `b`, both (frames, points, 3), over the path
-    lengths tau, (pairs,).
-    """
+    """D: (frames, pairs), distances between points u of `a` and v of `b`, (frames, points, 3), over path lengths."""
     D = np.empty((len(a), len(u)))
     _write_distances(a, b, u, v, tau, D)
     return D

@@ -43,9 +43,7 @@ def smooth_landings(v: Array, parts: NDArray[np.intp], shots: Shots, frame_time:
 
 
 def _flips(v: Array, limit: float) -> Array:
-    """(frames, parts), 1 where the deviation v, (frames, parts, 3), of a part changes by more than `limit` [rad] to the
-    next frame, else 0.
-    """
+    """(frames, parts), 1 where v, (frames, parts, 3), changes by more than `limit` [rad] to the next frame, else 0."""
     flips = np.zeros(v.shape[:2])
     flips[:-1] = steps_along(v) > limit
     return flips

@@ -97,9 +97,7 @@ def floor_energy(scratch: Scratch, floor: Floor) -> float:
 
 @inlined(fastmath=True)
 def add_floor(scratch: Scratch, floor: Floor, springs: Springs, count: int) -> int:
-    """Append a spring with the floor's curvature for each joint below its height after the first `count` springs, and
-    return the new count.
-    """
+    """Append a spring with the floor's curvature per joint below its height to `count` springs; return the count."""
     for n in range(len(floor.joints)):
         if floor.stiffness[n] >= NEGLIGIBLE and depth_below(scratch, floor, n) > 0.0:
             springs.a[count], springs.b[count] = floor.joints[n], -1

@@ -135,9 +135,7 @@ def off_plane(x: Array) -> Array:
 
 
 def aligned(x: Array, onto: Array) -> Array:
-    """Postures (frames, points, 3) with centroids at the origin, rotated by Kabsch's method, without reflection, onto
-    `onto`.
-    """
+    """Postures (frames, points, 3) with centroids at the origin, rotated onto `onto` by Kabsch's method."""
     x = x - x.mean(axis=1, keepdims=True)
     return np.asarray(Rotation.from_quat(best_rotation(x, onto)[:, None]).apply(x))
 

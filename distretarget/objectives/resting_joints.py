@@ -146,9 +146,7 @@ def _lie_on_flesh(clip: Clip, near_floor: Flags) -> Flags:
 
 
 def _stand_on_others(clip: Clip, rests: Flags, feet: Supports) -> Flags:
-    """(frames, joints), whether another region rests farther out in the same limb: a knee above a resting foot is still
-    without touching anything.
-    """
+    """(frames, joints), whether another region rests farther out in the limb: a knee over a foot touches nothing."""
     resting = np.zeros((len(rests), len(clip.skeleton)), bool)
     resting[:, clip.limb_joints] = rests
     resting[:, feet.joints] = feet.weights >= RESTS
@@ -206,9 +204,7 @@ def _offsets(off: Array, rests: Flags, on_floor: Flags, carried: Flags, up: Arra
 
 
 def _blended(rests: Flags, far: Array, frame_time: float) -> Array:
-    """(frames,), 1 while a joint rests, blended to 0 over a time that grows with the distance `far`, (frames,), of its
-    place [leg lengths].
-    """
+    """(frames,), 1 while a joint rests, blended to 0 over a time that grows with its distance `far` [leg lengths]."""
     free = np.ones(len(rests))
     edges = np.flatnonzero(np.diff(np.concatenate([[False], rests, [False]])))
     for first, end in edges.reshape(-1, 2):
