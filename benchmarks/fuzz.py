@@ -38,7 +38,7 @@ from distretarget.io.files import Text
 from distretarget.io.map_json import parse_map
 from distretarget.io.target_file import parse_target, skeleton_to_json
 from distretarget.pipeline.options import OBJECTIVES
-from distretarget.pipeline.retarget_files import retarget_onto
+from distretarget.pipeline.retargeting import retarget_onto
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 import strategies as made

@@ -33,7 +33,7 @@ from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import Text, encoded_parts, hash_of
 from distretarget.io.map_json import MapFile
 from distretarget.pipeline.options import Objective, Options
-from distretarget.pipeline.retarget_files import retarget_onto
+from distretarget.pipeline.retargeting import retarget_onto
 from distretarget.report.clip_page import run_page
 from distretarget.report.diff_document import About
 from distretarget.report.run_summary import unmatched

@@ -15,7 +15,7 @@ from distretarget.io.map_json import joint_map, load_map
 from distretarget.measure.diff import Diff, diff
 from distretarget.measure.scene_gaps import diff_scenes
 from distretarget.motion import Motion
-from distretarget.pipeline.retarget_files import needs_map
+from distretarget.pipeline.retargeting import needs_map
 from distretarget.report.diff_document import DiffLimit, document
 from distretarget.report.scene_diff_document import (
     GAP_ERROR,

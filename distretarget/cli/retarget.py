@@ -34,7 +34,7 @@ from distretarget.io.target_file import is_json
 from distretarget.motion import Motion
 from distretarget.pipeline.options import Options
 from distretarget.pipeline.result import RetargetResult
-from distretarget.pipeline.retarget_files import argument, retarget_onto
+from distretarget.pipeline.retargeting import argument, retarget_onto
 from distretarget.report.clip_page import run_page
 from distretarget.report.run_summary import figures_json, figures_line, summary_line, unmatched
 
