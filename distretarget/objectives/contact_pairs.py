@@ -141,12 +141,6 @@ def near_pairs(
     return NearPairs(pairs.a[on], pairs.b[on], u, v, pairs.ratio[on], window[inside], copy[block], f, w)
 
 
-def no_pairs(frames: int) -> NearPairs:
-    """Return the pairs of a clip without contacts."""
-    none, points, values = np.zeros(0, np.intp), np.zeros((frames, 0, 3)), np.zeros((frames, 0))
-    return NearPairs(none, none, none, none, np.zeros(0), points, points, values, values)
-
-
 @inlined()
 def share_across(square):  # type: ignore[no-untyped-def]
     """k: a pair's stiffness perpendicular to its direction over that along it, from its squared length [body units], a
