@@ -48,9 +48,7 @@ def main(context: click.Context) -> None:
 @click.option("--rounds", default=3)
 @click.pass_obj
 def jobs(scratch: Path, clips: int, frames: int, rounds: int) -> None:
-    """Convert clips of one length with 1 process and with 2 in turn; print the ratio of the times, and how long the
-    first clip and the workers take.
-    """
+    """Convert clips of one length with 1 process and with 2 in turn; print time ratio, first clip, and start."""
     for number in range(clips):
         write_sample(scratch, number, CLIPS[number % len(CLIPS)], frames)
     ratio, first = alternately(scratch, rounds)
@@ -72,9 +70,7 @@ def jobs(scratch: Path, clips: int, frames: int, rounds: int) -> None:
 @click.option("--rounds", default=3)
 @click.pass_obj
 def long(scratch: Path, clip: str, frames: int, rounds: int) -> None:
-    """Convert one long clip, which is cut into pieces, with 1 process and with 2 in turn; print the ratio of the times,
-    and the memory used.
-    """
+    """Convert one long clip, cut into pieces, with 1 process and with 2 in turn; print time ratio and memory."""
     write_sample(scratch, 0, clip, frames)
     ratio, _ = alternately(scratch, rounds)
     print(f"{clip}, {frames} frames in one clip: 2 jobs have {ratio:.2f} times the throughput of 1")

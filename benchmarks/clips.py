@@ -29,9 +29,7 @@ markdown_option = click.option("--markdown", "page", type=page_type, help="Write
 
 
 def found(clips: Iterable[str], corpus: Path, pattern: str = "*") -> dict[str, Path]:
-    """The clips that match a pattern and exist; prints the names of missing ones. Names with a folder are files of the
-    corpus, others are samples.
-    """
+    """Existing clips that match a pattern: samples, or with a folder of the corpus; prints the missing ones."""
     paths = {clip: (corpus if "/" in clip else SAMPLES) / clip for clip in clips if fnmatch(clip, pattern)}
     if absent := [clip for clip, path in paths.items() if not path.is_file()]:
         print("skipped, missing:", *absent)

@@ -44,9 +44,7 @@ def measure(corpus: Path, clip: str) -> Iterator[str]:
 
 
 def directions(a: Motion, b: Motion, drivers: NDArray[np.intp]) -> NDArray[np.float64]:
-    """(frames, bones), the angles between the bones of two motions on one skeleton [degrees]; only bones with drivers
-    at both ends.
-    """
+    """(frames, bones), angles between bones of two motions on one skeleton, with drivers at both ends [degrees]."""
     skeleton = a.skeleton
     lower = np.flatnonzero((drivers >= 0) & (drivers[skeleton.parents] >= 0) & (skeleton.lengths > 0))
     lower = lower[lower > 0]

@@ -58,9 +58,7 @@ def draw_walk(path: Path) -> None:
 
 
 def figure(skeleton: Skeleton, points: NDArray[np.float64]) -> Cell:
-    """A posture, (joints, 3), with its hips above the origin and its lowest joint on the floor, at the original's
-    scale.
-    """
+    """A posture, (joints, 3), at the original's scale, its hips above the origin and its lowest joint on the floor."""
     size = body_height(on_table_one("walk").skeleton)
     ground = np.array([points[0, 0], points[:, 1].min(), points[0, 2]])
     return Cell(skeleton, (points - ground) / size, np.zeros(3))

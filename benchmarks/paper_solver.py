@@ -70,9 +70,7 @@ def _write_distances(source, ratio, delta):  # type: ignore[no-untyped-def]
 
 
 def solve(problem: DistanceProblem, source: Array, start: Array, **settings: float) -> tuple[Array, Minimum]:
-    """Solve one posture of the source, (points, 3), from a start, (points, 3); return the points, (points, 3), and the
-    effort.
-    """
+    """Solve one posture from a start, (points, 3) both; return the points, (points, 3), and the effort."""
     x, minimum = descended(Task.of(problem, source, start).filled, **settings)
     return x.T[: len(problem)] * problem.body_size, minimum
 

@@ -153,9 +153,7 @@ def pairs_table() -> str:
 
 
 def pair_rows() -> Iterator[tuple[str, list[float]]]:
-    """For every method, the parts of sigma from pairs of an arm and a leg, of an arm and the spine, and from all others
-    [m^2].
-    """
+    """For every method, sigma from pairs of an arm and a leg, an arm and the spine, and all others [m^2]."""
     one = case(LONG_SPINE)
     arm, leg = joints_below(one.target, "Collar"), joints_below(one.target, "Hip")
     spine = ~(arm | leg)

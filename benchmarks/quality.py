@@ -119,9 +119,7 @@ def _values(rows: Iterable[Row], key: str) -> Array:
 
 
 def summary_lines(rows: list[Row], copies: list[Row]) -> Iterator[tuple[str, str, str]]:
-    """The lines of the summary for the rows of one method: name, value, and the goal of the contact objective, or of
-    the paper's.
-    """
+    """The lines of a method's summary: name, value, and the goal of the contact objective or of the paper's."""
 
     def of(key: str, clips: str | tuple[str, ...] = "", target: str = "") -> Array:
         """A figure of the clips with this ending, on the targets with this beginning."""

@@ -62,9 +62,7 @@ def with_helpers(motion: Motion, joints: int) -> Motion:
 
 
 def measure(name: str, a: Motion, b: Motion, browser: str) -> bool:
-    """Open the diff report of two motions in a new browser, measure it, print the line, and return whether it misses a
-    limit.
-    """
+    """Measure the diff report of two motions in a new browser, print the line, and return whether it misses a limit."""
     difference = diff(a, b)
     text = diff_page(difference, document(difference, About(a="a.bvh", b="b.bvh", command="", version="")))
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:

@@ -74,11 +74,7 @@ def run(clip: str, source: Motion, name: str) -> tuple[RetargetResult | None, bo
 
 
 def measure(result: RetargetResult) -> dict[str, float]:
-    """The figures of a result. Takes the axis that points up from the target's file, whatever the run assumed.
-
-    Raises:
-        ValueError: the source does not stand upright in the target's axes.
-    """
+    """The figures of a result. Takes the axis that points up from the target's file, whatever the run assumed."""
     sides = (result.source, result.matching.source), (result.motion, result.matching.target)
     source, target = (Directions(body.anatomy, motion.positions) for motion, body in sides)
     up = axis_vector(result.motion.skeleton.up or "Y")

@@ -52,9 +52,7 @@ Array = NDArray[np.float64]
 
 
 def with_chains(clip: Motion, count: int, joints: tuple[str, ...]) -> Motion:
-    """The clip on a body with `count` more chains of `CHAIN_JOINTS` joints on each of some joints; the chains do not
-    bend.
-    """
+    """The clip on a body with `count` more chains of `CHAIN_JOINTS` joints, which do not bend, on some joints."""
     body, draw = clip.skeleton, np.random.default_rng(1)
     for name in joints:
         number = clip.skeleton.index(name)

@@ -85,9 +85,7 @@ def _run(frames: int, task: Task) -> Run:
 
 
 def _own_body(frames: int, clip: Path) -> tuple[float, str] | None:
-    """Retarget a clip to its own body; return its largest error [% of the body's height] and its name, None for a file
-    that the program refuses.
-    """
+    """Retarget a clip to its own body; return its largest error [% of height] and its name; None if refused."""
     try:
         motion = read_bvh(clip)[:frames]
         return _deviation(retarget(motion, motion)), clip_name(clip)

@@ -82,9 +82,7 @@ def upright(up: Array) -> Rotation:
 
 
 def facing(motion: Motion, body: Body, frame: int) -> Rotation:
-    """The rotation that turns up to Y and, in a frame, makes the hips face +Z; a body without legs is only turned
-    upright.
-    """
+    """The rotation that turns up to Y and, with legs, makes the hips face +Z in a frame."""
     if body.legs is None:
         return upright(body.up_vector)
     left, right = (motion.positions[frame, leg.hip] for leg in body.legs)

@@ -177,9 +177,6 @@ def from_axes(x: Points, y: Points) -> Rotation:
 def two_bones(start: Points, end: Points, pole: ArrayLike, upper: float, lower: float) -> tuple[Points, Points, Points]:
     """Two-bone inverse kinematics: unit vectors along two bones that reach from `start` to `end` and bend towards the
     pole vector, and the axis of the bend, about which the upper bone turns to the lower; (frames, 3) each.
-
-    Raises:
-        ValueError: the bones are too short or too long.
     """
     span = end - start
     length = np.linalg.norm(span, axis=1)
@@ -230,9 +227,7 @@ class Trunk:
 
 
 def trunk(position: Points, pelvis: Rotation, bend: Rotation, look: Rotation) -> Trunk:
-    """The trunk from position and world rotation of the pelvis, the bend from pelvis to chest, and the head's world
-    rotation.
-    """
+    """The trunk from place and rotation of the pelvis, the bend from pelvis to chest, and the head's rotation."""
     third = part(bend, 1 / 3)
     turn = (pelvis * third * third * third).inv() * look
     neck = part(turn, 0.5)

@@ -1,7 +1,6 @@
 """The sample rigs, `sample_bvh/rigs`: an adult of about 1.75 m in the naming conventions of four programs.
 
-Segment lengths are near Winter's fractions of body height (Biomechanics and Motor Control of Human Movement, figure
-4.1); each convention splits them in its own way.
+Segment lengths follow Winter, Biomechanics and Motor Control of Human Movement, figure 4.1.
 """
 
 from __future__ import annotations
@@ -22,9 +21,6 @@ def rig(convention: str, pose: str) -> Skeleton:
 
     In "T" the arms point sideways, in "A" 45 degrees below the horizontal. "X" is the rest pose of LAFAN1's files, in
     which nobody can stand: see `along_x`.
-
-    Raises:
-        ValueError: pose "X" of another convention than lafan1.
     """
     if pose != "X":
         return load_target(RIGS / f"{convention}_{pose.lower()}.json").skeleton

@@ -95,9 +95,7 @@ class Rest:
 
 
 def supports(t: Track, sides: Iterable[str], joints: Iterable[str], rests: Iterable[Rest]) -> list[Support]:
-    """The supports of joints that rest together, on one side, both or neither (""); rests shorter than two frames of
-    the clip are left out.
-    """
+    """The supports of joints that rest at the same time, on one side, both or neither (""), two frames or longer."""
     table = []
     for side, joint, rest in product(sides, joints, rests):
         first = int(np.ceil(max(rest.start, 0.0) * FPS - CLEARANCE))
@@ -130,12 +128,7 @@ UPSIDE_DOWN = 102.3  # height of the pelvis at half-time [cm]
 SWING = 0.45  # of a leg between the floor and the air, and of the first and the last step [s]
 # Keys of the first half: time [s], how far the pelvis has turned [degrees], its way to the left and its height [cm].
 KEYS = np.array(
-    [
-        [0.45, 0.0, 30.0, STANDING - 3.0],
-        [0.95, 42.0, 42.0, 86.7],
-        [1.25, 106.0, 86.2, 85.2],
-        [1.45, 147.5, 120.2, 94.5],
-    ]
+    [[0.45, 0.0, 30.0, STANDING - 3.0], [0.95, 42.0, 42.0, 86.7], [1.25, 106.0, 86.2, 85.2], [1.45, 147.5, 120.2, 94.5]]
 )
 
 
@@ -166,9 +159,7 @@ def _backwards(rest: Rest) -> Rest:
 
 
 def _wheel_track(t: Track, column: int, middle: float, whole: float) -> Track:
-    """A spline through the keys, the value at half-time, and the keys backwards; these are subtracted from `whole`
-    unless it is 0.
-    """
+    """A spline through the keys, and the keys backwards in the second half; subtracted from `whole` unless it is 0."""
     times = [*KEYS[:, 0], WHEEL / 2, *(WHEEL - KEYS[::-1, 0])]
     first = KEYS[:, column]
     second = whole - first[::-1] if whole else first[::-1]

@@ -33,9 +33,6 @@ def mean_and_largest(values: ArrayLike, form: str = ".2f", largest: ArrayLike | 
 def with_tables(page: Path, tables: Mapping[str, str]) -> str:
     """The text of a page with tables, or other generated parts, written anew between the lines `<!-- name -->`, or
     `<!-- name: ... -->`, and `<!-- end -->`.
-
-    Raises:
-        ValueError: the page lacks these lines.
     """
     text = page.read_text("utf-8")
     for name, rows in tables.items():

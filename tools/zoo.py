@@ -30,11 +30,7 @@ BUILDS, FINGERS, HANDS, HANDLES = (TABLES[name] for name in ("builds", "fingers"
 
 
 def roles(skeleton: Skeleton) -> Mapping[str, int]:
-    """The joint of each role, such as "leftFoot", found by name.
-
-    Raises:
-        ValueError: the names are not those of a person.
-    """
+    """The joint of each role, such as "leftFoot", found by name."""
     anatomy = by_names(skeleton)
     if anatomy is None:
         raise ValueError("the names of the joints are not those of a person")
@@ -46,9 +42,7 @@ def roles(skeleton: Skeleton) -> Mapping[str, int]:
 
 @dataclass(frozen=True, kw_only=True)
 class Naming:
-    """The names that a convention gives to the joints of limbs and fingers, to bones in the palm, and to a root above
-    the hips.
-    """
+    """A convention's names for the joints of limbs and fingers, bones in the palm, and a root above the hips."""
 
     part: str = "{Left}{Part}"
     finger: str = "{Left}Hand{Part}{number}"
@@ -90,9 +84,7 @@ NO_BODY = ("ik_", "twist")  # in the names of joints of the Unreal rig that are 
 
 
 def adult(convention: str) -> Skeleton:
-    """An adult with the names and rotation channels of a convention; the hips are the root, and the hands end in End
-    Sites.
-    """
+    """An adult with the names and rotation channels of a convention, hips as root, and hands that end in End Sites."""
     if convention in RENAMED:
         body = _renamed(rig("lafan1", "T"), RENAMED[convention])
     elif convention == "unreal":
@@ -346,9 +338,7 @@ HELPERS: Mapping[str, Callable[[Skeleton, Naming], Skeleton]] = {
 
 @dataclass(frozen=True)
 class Member:
-    """The traits of a body, as keys of `NAMING`, `POSES`, `BUILDS`, `FEET`, `HANDS`, `ROOTS` and `HELPERS`; with up "Z"
-    it faces -Y.
-    """
+    """The traits of a body, by keys of `NAMING`, `POSES`, `BUILDS` and so on; with up "Z" it faces -Y."""
 
     convention: str
     pose: str = "T"
