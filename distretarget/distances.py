@@ -132,9 +132,7 @@ def _path_sizes(skeleton: Skeleton, points: NDArray[np.intp]) -> NDArray[np.intp
     return skeleton.path_counts(np.isin(np.arange(len(skeleton)), points)) + 1
 
 
-def posture_stress(
-    problem: DistanceProblem, source: NDArray[np.float64], result: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def posture_stress(problem: DistanceProblem, source: Array, result: Array) -> Array:
     """(frames,), the stress sigma of the postures `result`, Eq. (2) [body sizes squared].
 
     `source`, (frames, source joints, 3), and `result`, (frames, target joints, 3), are positions [file units of each].
@@ -145,11 +143,11 @@ def posture_stress(
 
 
 def differences_of_distances(
-    x: tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]],
-    y: tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]],
-    weights: NDArray[np.float64],
+    x: tuple[Array, NDArray[np.intp], Array],
+    y: tuple[Array, NDArray[np.intp], Array],
+    weights: Array,
     power: Literal[1, 2],
-) -> NDArray[np.float64]:
+) -> Array:
     """(frames,), the sum over all pairs u < v of weights_uv | ||x_u - x_v|| / tau_uv - ||y_u - y_v|| / tau'_uv |^power.
 
     `x` and `y` are each positions, (frames, joints, 3), the joint at each point, (points,), and the length tau that
@@ -177,6 +175,6 @@ def _write_differences(x, of_x, tau_x, y, of_y, tau_y, weights, power, scratch, 
         sums[frame] = total
 
 
-def columns(positions: NDArray[np.float64]) -> NDArray[np.float64]:
+def columns(positions: Array) -> Array:
     """Return positions (frames, points, 3) as a contiguous array (frames, 3, points)."""
     return np.ascontiguousarray(positions.transpose(0, 2, 1))

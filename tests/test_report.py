@@ -11,9 +11,10 @@ from bodies import SAMPLES, clapping, lengthened, person, posed, swaying, with_b
 
 from distretarget import Skeleton, read_bvh
 from distretarget.measure.diff import diff
+from distretarget.numerics.time_series import spans_of
 from distretarget.report.clip_page import diff_drawing, diff_page
 from distretarget.report.diff_document import About, document
-from distretarget.report.page import BUDGET, SCRIPTS, STEPS, drawn_step, quantised, script_json, spans
+from distretarget.report.page import BUDGET, SCRIPTS, STEPS, drawn_step, quantised, script_json
 
 PERSON = person()
 NASTY = "</script><!--<b>&amp; \"q' ü \u2028\u2029 \ud800 {{drawing}}"
@@ -179,8 +180,8 @@ def test_contact_spans_are_the_runs_of_contact_in_both():
     assert document(diff(a, b), about())["contacts"][0]["regions"] == "left hand - right hand"
     row = drawn["contacts"][0]
     assert row["a"] == row["b"] == [[1, 3], [5, 6]]
-    assert spans(np.array([True, True, False, True])) == [[0, 2], [3, 4]]
-    assert spans(np.zeros(3, bool)) == []
+    assert spans_of(np.array([True, True, False, True])).tolist() == [[0, 2], [3, 4]]
+    assert spans_of(np.zeros(3, bool)).tolist() == []
 
 
 def test_contacts_are_those_of_the_document():

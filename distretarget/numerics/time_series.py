@@ -106,6 +106,11 @@ def runs_of(flags: NDArray[np.bool_]) -> NDArray[np.intp]:
     return np.asarray(np.where(flags, np.cumsum(starts), 0))
 
 
+def spans_of(flags: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """(runs, 2), the first frame of each run of true frames, and the frame after its last."""
+    return np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]))).reshape(-1, 2)
+
+
 def over_runs(values: Array, weights: Array) -> Array:
     """The weighted mean of values, (frames, n), over each run of frames with weights, (frames,), above 0.
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from distretarget.body.anatomy import TRUNK_REGIONS
 from distretarget.body.resting import REST_HEIGHT, REST_SPEED, joint_speeds, still_joints
 from distretarget.numerics.kinematics import heights_of
-from distretarget.numerics.time_series import by_shot, median_of_three, over_runs, runs_of, widened
+from distretarget.numerics.time_series import by_shot, median_of_three, over_runs, runs_of, spans_of, widened
 from distretarget.numerics.vectors import lengths, level
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.supports import BLEND, RESTS, Supports
@@ -206,8 +206,7 @@ def _offsets(off: Array, rests: Flags, on_floor: Flags, carried: Flags, up: Arra
 def _blended(rests: Flags, far: Array, frame_time: float) -> Array:
     """(frames,), 1 while a joint rests, blended to 0 over a time that grows with its distance `far` [leg lengths]."""
     free = np.ones(len(rests))
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], rests, [False]])))
-    for first, end in edges.reshape(-1, 2):
+    for first, end in spans_of(rests):
         frames = np.clip(far[first:end].mean() / APPROACH_SPEED, BLEND, LONGEST_BLEND) / frame_time
         around = 2 * round(frames) + 1  # frames that `widened` reaches beyond the rest
         near = slice(max(first - around, 0), end + around)

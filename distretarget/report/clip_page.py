@@ -18,9 +18,10 @@ from distretarget.measure.diff import Diff, turned_note
 from distretarget.measure.feet import LOWEST
 from distretarget.measure.figures import as_data
 from distretarget.motion import Motion
+from distretarget.numerics.time_series import spans_of
 from distretarget.pipeline.result import RetargetResult
 from distretarget.report.diff_document import About, DiffDocument, document
-from distretarget.report.page import drawn_step, html_page, in_base64, packed, spans, upright
+from distretarget.report.page import drawn_step, html_page, in_base64, packed, upright
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -163,8 +164,8 @@ def _contacts(diff: Diff, points: list[int]) -> list[dict[str, Any]]:
     return [
         {
             "pair": [points.index(touch.u), points.index(touch.v)],
-            "a": spans(np.isin(np.arange(len(diff)), touch.frames)),
-            "b": spans(np.isin(np.arange(len(diff)), frame[regions == names.index(touch.name)])),
+            "a": spans_of(np.isin(np.arange(len(diff)), touch.frames)).tolist(),
+            "b": spans_of(np.isin(np.arange(len(diff)), frame[regions == names.index(touch.name)])).tolist(),
         }
         for touch in contacts.touches
     ]

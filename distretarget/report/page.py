@@ -78,12 +78,6 @@ def quantised(positions: Array) -> tuple[NDArray[np.int16], Array, Array]:
     return numbers.astype(np.int16), low + scale * ((STEPS + 1) // 2), scale
 
 
-def spans(mask: NDArray[np.bool_]) -> list[list[int]]:
-    """The runs of true values in a mask (frames,): the first frame of each, and the frame after its last."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
-    return [[int(first), int(end)] for first, end in edges.reshape(-1, 2)]
-
-
 def packed(skeleton: Skeleton, positions: Array) -> dict[str, Any]:
     """Pack positions (frames, joints, 3) in few bytes, as offset + scale * number, with the parents of the joints."""
     numbers, offset, scale = quantised(positions)

@@ -21,9 +21,10 @@ from distretarget.matching.matching import Matching
 from distretarget.measure.diff import Diff
 from distretarget.measure.scene_gaps import TOUCH_DISTANCE, SceneDiff
 from distretarget.motion import Motion
+from distretarget.numerics.time_series import spans_of
 from distretarget.pipeline.result import RetargetResult
 from distretarget.report.diff_document import About, document
-from distretarget.report.page import drawn_step, html_page, packed, spans, upright
+from distretarget.report.page import drawn_step, html_page, packed, upright
 from distretarget.report.scene_diff_document import SceneDiffDocument, Table, figure_table, gap_table, scene_document
 from distretarget.scene.retargeting import SceneResult
 
@@ -189,5 +190,5 @@ def _lines(pair: tuple[int, int], bodies: Sequence[ShownBody], near: float, step
     for k in range(a.shape[1]):
         for point in np.unique(nearest[touch[:, k], k]).tolist():
             before, after = ([int(p[k]), int(q[point])] for p, q in zip(one.joints, other.joints, strict=True))
-            for first, end in spans(touch[:, k] & (nearest[:, k] == point)):
+            for first, end in spans_of(touch[:, k] & (nearest[:, k] == point)).tolist():
                 yield pair, before, after, first, end
