@@ -102,6 +102,11 @@ class Regions:
     # (regions, regions), whether two regions are the same or share a bone, and so always touch
     neighbours: NDArray[np.bool_]
 
+    def inside(self, *regions: str) -> NDArray[np.bool_]:
+        """Return whether each joint lies in one of the regions, named without a side, (joints,)."""
+        wanted = [name.removeprefix("left ").removeprefix("right ") in regions for name in self.names]
+        return np.array([*wanted, False], bool)[self.of_joint]
+
     def with_joints(self, skeleton: Skeleton, joints: Iterable[int]) -> Regions:
         """Return the regions with some more joints, each in the region of its nearest ancestor that has one."""
         of_joint = np.array(self.of_joint)

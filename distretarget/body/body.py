@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.anatomy import SIDES, Anatomy, Regions, find_regions
+from distretarget.body.arms import Arm, find_arms, with_hanging_arms
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, direction, nearest_axis, squared, upright
 from distretarget.body.legs import Legs, find_legs, foot_bone, leg_length, pelvis_joint
 from distretarget.body.named_anatomy import by_names, find_handles
@@ -80,12 +81,17 @@ class Body:
         check_kind("motion", motion, Motion)
         return cls.of(motion.rigid_skeleton, motion)
 
-    # ---- legs and size
+    # ---- limbs and size
 
     @cached_property
     def legs(self) -> Legs | None:
         """The two legs; None where the body has none."""
         return find_legs(self.skeleton, self.anatomy)
+
+    @cached_property
+    def arms(self) -> tuple[Arm, ...]:
+        """The arms, left before right; none where the body has no anatomy."""
+        return find_arms(self.anatomy)
 
     @cached_property
     def leg_length(self) -> float:
@@ -207,6 +213,14 @@ class Body:
             rotations = np.asarray(self.motion[frame : frame + 1].world_rotations[0])
         positions = self.skeleton.posed(rotations)
         return self._pose(rotations, positions, Directions(self.anatomy, positions))
+
+    @cached_property
+    def hanging(self) -> Array | None:
+        """(joints, 3), the joints in the reference pose with hanging arms [file units]; None without an anatomy."""
+        if self.anatomy is None:
+            return None
+        pose = self.reference
+        return with_hanging_arms(self.skeleton, pose.positions, self.arms, pose.axes[:, 1])
 
     def _pose(self, rotations: Array, positions: Array, directions: Directions | None) -> Pose:
         snapped = squared if self.stands_at_rest else upright

@@ -93,6 +93,12 @@ def _add_four(a: Array, b: Array, c: Array, d: Array, weights: Array, count: int
         sums[i] = (((sums[i] + w * a[i]) + x * b[i]) + y * c[i]) + z * d[i]
 
 
+def smoothstep(values: Array) -> Array:
+    """Return 0 for values up to 0, 1 for values from 1 on, and 3 t^2 - 2 t^3 in between."""
+    t = np.clip(values, 0.0, 1.0)
+    return np.asarray(t * t * (3.0 - 2.0 * t))
+
+
 def median_of_three(values: NDArray[Any]) -> NDArray[Any]:
     """The moving median of values, (frames, ...), over three frames; the first and the last frame stay."""
     before, after = np.concatenate([values[:1], values[:-1]]), np.concatenate([values[1:], values[-1:]])

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from distretarget.baseline.rotation_copy import RootScale, root_path, rotation_copy
 from distretarget.body.anatomy import Regions
+from distretarget.body.arms import raised
+from distretarget.body.body import Body
 from distretarget.body.legs import Leg, Legs
 from distretarget.body.soles import Sole
 from distretarget.distances import DistanceProblem, distance_problem
@@ -49,6 +51,9 @@ class Clip:
     legs: tuple[LegPair, ...]  # both legs; none unless source and target have them
     target_legs: Legs | None  # the target's own legs, driven or not; None where it has none
     source_skeleton: Skeleton  # the source's joints with rigid bones
+    hanging: Array | None  # (source joints, 3), `Body.hanging` of the source [source file units]
+    # (frames, source joints), how far the arm that each joint belongs to is raised or bent, 0 to 1; 0 for other joints
+    raised_arms: Array
     pelvis: int  # the target's joint where its legs branch off, if it has a driver; else the first that has one
     drivers: Joints  # (joints,), the source joint that drives each target joint; -1 for none
     regions: Regions  # the target's body regions between which self-contacts are looked for
@@ -76,6 +81,8 @@ class Clip:
             legs=tuple(LegPair(a, b, *soles) for a, b, soles in legs),
             target_legs=body.legs,
             source_skeleton=source.skeleton,
+            hanging=source.hanging,
+            raised_arms=_raised_arms(source, motion),
             pelvis=matching.pelvis,
             drivers=matching.drivers,
             regions=matching.regions,
@@ -91,7 +98,8 @@ class Clip:
 
     def __getitem__(self, frames: slice) -> Clip:
         source, copy = self.source[frames], self.copy[frames]
-        return replace(self, source=source, copy=copy, root=self.root[frames], shots=self.shots[frames])
+        root, shots, arms = self.root[frames], self.shots[frames], self.raised_arms[frames]
+        return replace(self, source=source, copy=copy, root=root, shots=shots, raised_arms=arms)
 
     @property
     def skeleton(self) -> Skeleton:
@@ -128,6 +136,14 @@ class Clip:
     def loose_parts(self) -> Joints:
         """The parts without a shared point, such as undriven fingers: only the floor moves them."""
         return np.setdiff1d(self.parts, self.parts[[*self.skeleton.lines(self.distances.targets)]])
+
+
+def _raised_arms(body: Body, motion: Motion) -> Array:
+    """`Clip.raised_arms` of a body in a motion."""
+    values, hips = np.zeros((len(motion), len(body.skeleton))), [leg.hip for leg in body.legs or ()]
+    for arm in body.arms:
+        values[:, body.skeleton.subtree(arm.shoulder)] = raised(motion.positions, arm, hips, body.up_vector)[:, None]
+    return values
 
 
 def rigid_part_roots(matching: Matching) -> NDArray[np.intp]:

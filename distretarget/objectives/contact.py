@@ -29,10 +29,10 @@ from distretarget.ik.rigid_parts import subtree_lengths
 from distretarget.ik.springs import NEGLIGIBLE, Springs, is_negligible, joined, room_for, spring_energy
 from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.parallel import blocks_of
+from distretarget.objectives.activation import SelfContact
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact_pairs import (
     NearPairs,
-    activation_window,
     candidate_pairs,
     near_pairs,
     write_pair_spring,
@@ -48,7 +48,7 @@ Array = NDArray[np.float64]
 BASE_STIFFNESS = 0.04  # of a part's rotation, per body unit of its bones
 ADDED_LENGTH = 1.0  # added to the length of a part's bones, so that hands, fingers and eyes are stiff too [body units]
 TRUNK_FACTOR = 40.0  # the pelvis, which carries the whole body, is this much stiffer: arms bend before the spine
-FOOT_FACTOR = 5.0  # feet are this much stiffer than other parts
+END_FACTOR = 5.0  # head, hands and feet are this much stiffer than other parts: arms and legs bring them to a contact
 LOOSE_FACTOR = 0.1  # undriven fingers, which only the floor moves, are this much softer: they bend before the hand
 FIXED_STIFFNESS = 1e6  # of joints above the pelvis, so that the body does not tip over about a root on the floor
 ROOT_STIFFNESS = 300.0  # of the root's path, so that contacts and feet hardly move the hips
@@ -67,7 +67,7 @@ def solve_contact(
 
     The clip is solved in chunks, by `mapper`; `progress` is called with numbers of solved frames.
     """
-    margin = activation_window(settings.blend / clip.frame_time)
+    margin = SelfContact.of(settings, clip.frame_time).window
     solve = partial(_solve_frames, settings=settings)
     poses = solve_in_chunks(solve, clip, supports, margin, mapper, progress)
     smooth_flips(poses.v, clip.shots, clip.frame_time)
@@ -89,8 +89,9 @@ def part_stiffness(clip: Clip) -> Array:
     np.add.at(bones, carrier, skeleton.lengths[1:] / clip.unit)
     np.maximum.at(largest_share, carrier, share[skeleton.parents[1:]])
     stiffness = BASE_STIFFNESS * (bones + ADDED_LENGTH) * (1.0 + TRUNK_FACTOR * largest_share)
-    feet = {joint for leg in legs or () for joint in (leg.ankle, leg.toe) if skeleton.children[joint]}
-    stiffness[parts[sorted(feet)]] *= FOOT_FACTOR
+    feet = {joint for leg in legs or () for joint in (leg.ankle, leg.toe)}
+    ends = [joint for joint, inside in enumerate(clip.regions.inside("head", "hand")) if inside or joint in feet]
+    stiffness[np.unique(parts[[joint for joint in ends if skeleton.children[joint]]])] *= END_FACTOR
     stiffness[clip.loose_parts] *= LOOSE_FACTOR
     if legs:
         pelvis = pelvis_joint(skeleton, legs)
@@ -103,21 +104,31 @@ def _solve_frames(clip: Clip, supports: Supports, frames: slice, settings: Conta
     """Solve some frames of a clip."""
     distances, unit = clip.distances, clip.unit
     body = Articulation.of(clip.skeleton, clip.parts, part_stiffness(clip))
-    pairs = candidate_pairs(distances, clip.regions, clip.target_legs, unit)
+    pairs = candidate_pairs(distances, clip.regions, clip.target_legs, unit, clip.hanging)
     # One layout of arrays, for which the solver is compiled once.
     source = np.take(clip.source.positions, distances.sources, axis=1)
     copy = np.take(clip.copy.positions, distances.targets, axis=1)
     bones, root = clip.bones, np.ascontiguousarray(clip.root / unit)
     copy /= unit
     bones /= unit
-    lead, firmness = settings.blend / clip.frame_time, settings.foot_lock * SUPPORT_STIFFNESS
+    raised, firmness = clip.raised_arms[:, distances.sources], settings.foot_lock * SUPPORT_STIFFNESS
     count = frames.stop - frames.start
     v, log = np.zeros((count, len(body.stiffness), 3)), np.zeros((4, count))
     work = Workspace.of(body)
     for solved in blocks_of(count):
         block = slice(frames.start + solved.start, frames.start + solved.stop)
         held = supports[block]
-        near = near_pairs(pairs, source, copy, held.standing, clip.shots, block=block, lead=lead, settings=settings)
+        near = near_pairs(
+            pairs,
+            source,
+            copy,
+            held.standing,
+            clip.shots,
+            raised,
+            block=block,
+            frame_time=clip.frame_time,
+            settings=settings,
+        )
         springs = joined(support_springs(held, body, bones[block], unit, firmness), held.scene_springs)
         room = room_for(len(near.a) + len(springs.a) + len(held.floor.joints))
         given = Given(near, springs, held.floor, room)

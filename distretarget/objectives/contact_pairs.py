@@ -8,7 +8,6 @@ f is the activation, 0 to 1; w the stiffness; e the direction of d_source; k w t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -18,15 +17,19 @@ from distretarget.body.anatomy import Regions
 from distretarget.body.legs import Legs
 from distretarget.distances import DistanceProblem
 from distretarget.numerics.compiled import compiled, inlined
-from distretarget.numerics.time_series import Shots, by_shot, widened
+from distretarget.numerics.time_series import Shots
+from distretarget.numerics.vectors import lengths
+from distretarget.objectives.activation import SelfContact
 from distretarget.objectives.settings import ContactSettings
 
 Array = NDArray[np.float64]
 Joints = NDArray[np.intp]
 
-FADE = 0.05  # [D] a contact fades out from `reach` to `reach` plus this
 LEAST_PATH = 5  # |P| of a pair: joints that are close along the tree make no contact
-STIFFNESS = 60.0  # of a pair at D = `reach`, with `strength` 1
+STIFFNESS = 400.0  # of a pair, over reach / D, with `strength` 1
+WITHIN = (
+    0.05  # a pair that asks for larger changes of the rotation copy than this pulls with a bounded force [body units]
+)
 TOUCH = 0.005  # [D] added to D before the stiffness is divided by it, which keeps touching pairs finite
 DIRECTION_RANGE = 0.08  # pairs closer than about this keep their direction as well as their distance [body units]
 
@@ -41,14 +44,18 @@ class CandidatePairs:
     b: Joints  # (pairs,), the target's joint at v
     tau1: Array  # (pairs,), path lengths on the source [source file units]
     ratio: Array  # (pairs,), tau2 / tau1 [body units / source file unit]
+    hanging: Array  # (pairs,), D in the source with hanging arms; infinite where that is not known
     # (pairs,), whether the pair joins the two feet, which are close without a contact while the body stands
     feet: NDArray[np.bool_]
     points: int  # the number of points
 
 
-def candidate_pairs(distances: DistanceProblem, regions: Regions, legs: Legs | None, unit: float) -> CandidatePairs:
+def candidate_pairs(
+    distances: DistanceProblem, regions: Regions, legs: Legs | None, unit: float, hanging: Array | None
+) -> CandidatePairs:
     """Return all pairs of points that lie in two non-adjacent regions of the target and have a path size |P| of at
-    least `LEAST_PATH`; `legs` are the target's, and `unit` is its body unit [file units].
+    least `LEAST_PATH`. `legs` are the target's, `unit` is its body unit [file units], and `hanging`, if known, is
+    `Body.hanging` of the source.
     """
     of_point = regions.of_joint[distances.targets]
     u, v = np.triu_indices(len(distances), 1)
@@ -64,40 +71,11 @@ def candidate_pairs(distances: DistanceProblem, regions: Regions, legs: Legs | N
         feet = (regions_of_pair == np.sort(of_feet)[:, None]).all(axis=0)
     tau1, targets = distances.tau1[u, v], distances.targets
     ratio = distances.tau2[u, v] / unit / tau1
-    return CandidatePairs(u, v, targets[u], targets[v], tau1, ratio, np.asarray(feet), len(distances))
-
-
-def activation(D: Array, shots: Shots, lead: float, reach: float) -> Array:
-    """f: (frames, pairs), the activation of each pair, 0 to 1, from its normalised distances D.
-
-    It is 1 up to `reach`, 0 from `reach + FADE` on, and smooth in between; it rises before a contact and falls after it
-    over 2 `lead` frames. A median of three frames ignores a single faulty frame. Nothing spreads across a cut between
-    `shots`, (frames,).
-    """
-    return by_shot(partial(_activation, lead=lead, reach=reach), shots, D)
-
-
-def _activation(D: Array, lead: float, reach: float) -> Array:
-    f = np.empty_like(D)
-    _write_set_in(D, reach, reach + FADE, f)
-    return widened(f, lead)
-
-
-@compiled()
-def _write_set_in(D, reach, apart, f):  # type: ignore[no-untyped-def]
-    """Write the activation by the median of three frames of the distances D, (frames, pairs)."""
-    for frame in range(len(D)):
-        before, after = max(frame - 1, 0), min(frame + 1, len(D) - 1)
-        for pair in range(D.shape[1]):
-            a, b, c = D[before, pair], D[frame, pair], D[after, pair]
-            median = max(min(a, c), min(b, max(a, c)))
-            t = min(max((apart - median) / (apart - reach), 0.0), 1.0)
-            f[frame, pair] = t * t * t * (t * (6.0 * t - 15.0) + 10.0)
-
-
-def activation_window(lead: float) -> int:
-    """The number of frames on each side that `activation` depends on: twice the lead, and one for the median."""
-    return 2 * round(lead) + 1
+    D = np.full(len(u), np.inf)
+    if hanging is not None:
+        D = lengths(hanging[distances.sources[u]] - hanging[distances.sources[v]]) / tau1
+    D = np.maximum(D, TOUCH)
+    return CandidatePairs(u, v, targets[u], targets[v], tau1, ratio, D, np.asarray(feet), len(distances))
 
 
 class NearPairs(NamedTuple):
@@ -120,24 +98,30 @@ def near_pairs(
     copy: Array,
     standing: Array,
     shots: Shots,
+    raised: Array,
     *,
     block: slice,
-    lead: float,
+    frame_time: float,
     settings: ContactSettings,
 ) -> NearPairs:
     """Return the pairs that are in contact in any frame of a block.
 
-    `source`, (frames, points, 3) [file units], `copy`, the same of the rotation copy [body units], and `shots`,
-    (frames,), cover the whole clip; `standing`, (frames of the block,), is 1 while a foot rests; `lead` is in frames.
+    `source`, (frames, points, 3) [file units], `copy`, the same of the rotation copy [body units], `shots`, (frames,),
+    and `raised`, (frames, points), 1 while the arm of a point is raised or bent, cover the whole clip; `standing`,
+    (frames of the block,), is 1 while a foot rests; `frame_time` is in [s].
     """
-    margin = activation_window(lead)
-    first, last = max(block.start - margin, 0), min(block.stop + margin, len(source))
+    contact = SelfContact.of(settings, frame_time)
+    first, last = max(block.start - contact.window, 0), min(block.stop + contact.window, len(source))
     window, inside = source[first:last], slice(block.start - first, block.stop - first)
-    on = np.flatnonzero(come_near(window, window, pairs.u, pairs.v, (settings.reach + FADE) * pairs.tau1))
+    raised = raised[first:last]
+    apart = contact.apart(pairs.hanging, raised[:, pairs.u] + raised[:, pairs.v])
+    on = np.flatnonzero(come_near(window, window, pairs.u, pairs.v, apart * pairs.tau1))
     u, v = pairs.u[on], pairs.v[on]
     D = normalised_distances(window, window, u, v, pairs.tau1[on])
-    f = activation(D, shots[first:last], lead, settings.reach)[inside] * (1.0 - np.outer(standing, pairs.feet[on]))
-    w = pair_stiffness(f, D[inside], (u, v), pairs.points, settings)
+    f = contact.activation(D, pairs.hanging[on], np.maximum(raised[:, u], raised[:, v]), shots[first:last])[inside]
+    f *= 1.0 - np.outer(standing, pairs.feet[on])
+    D = D[inside]
+    w = pair_stiffness(f, D, (u, v), pairs.points, settings) / (1.0 + (D / settings.reach) ** 4)
     return NearPairs(pairs.a[on], pairs.b[on], u, v, pairs.ratio[on], window[inside], copy[block], f, w)
 
 
@@ -153,21 +137,29 @@ def share_across(square):  # type: ignore[no-untyped-def]
 def write_pair_spring(near: NearPairs, frame: int, pair: int, rest: Array, A: Array) -> None:
     """Write the spring of a pair in a frame: its rest vector d_copy + f (ratio d_source - d_copy) to `rest`, (3,), and
     its stiffness, w along d_source and k w perpendicular to it (`share_across`), to `A`, (3, 3).
+
+    The stiffness is bounded by the length c of the change that the pair asks for, f |ratio d_source - d_copy|: it is
+    divided by (1 + (c / WITHIN)^4)^(1/4). So contacts in reach are firm, and others hardly bend the body.
     """
     u, v, f, w, ratio = near.u[pair], near.v[pair], near.f[frame, pair], near.w[frame, pair], near.ratio[pair]
     dx = near.source[frame, u, 0] - near.source[frame, v, 0]
     dy = near.source[frame, u, 1] - near.source[frame, v, 1]
     dz = near.source[frame, u, 2] - near.source[frame, v, 2]
+    rest[0], rest[1], rest[2] = dx, dy, dz
+    change = 0.0
+    for i in range(3):
+        copied = near.copy[frame, u, i] - near.copy[frame, v, i]
+        asked = f * (ratio * rest[i] - copied)
+        rest[i] = copied + asked
+        change += asked * asked
+    change /= WITHIN * WITHIN
+    w /= np.sqrt(np.sqrt(1.0 + change * change))
     square = dx * dx + dy * dy + dz * dz
     across = w * share_across(ratio * ratio * square)
     along = (w - across) / square if square > 0.0 else 0.0
     A[0, 0], A[0, 1], A[0, 2] = along * dx * dx + across, along * dx * dy, along * dx * dz
     A[1, 0], A[1, 1], A[1, 2] = along * dx * dy, along * dy * dy + across, along * dy * dz
     A[2, 0], A[2, 1], A[2, 2] = along * dx * dz, along * dy * dz, along * dz * dz + across
-    rest[0], rest[1], rest[2] = dx, dy, dz
-    for i in range(3):
-        copied = near.copy[frame, u, i] - near.copy[frame, v, i]
-        rest[i] = copied + f * (ratio * rest[i] - copied)
 
 
 def come_near(a: Array, b: Array, u: Joints, v: Joints, reach: Array) -> NDArray[np.bool_]:

@@ -12,10 +12,8 @@ from distretarget.ik.springs import Springs
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.time_series import Shots
 from distretarget.numerics.vectors import lengths
+from distretarget.objectives.activation import FADE, activation, activation_window
 from distretarget.objectives.contact_pairs import (
-    FADE,
-    activation,
-    activation_window,
     come_near,
     normalised_distances,
     pair_stiffness,
@@ -27,7 +25,7 @@ Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
 Both = tuple[Array, Array]
 
-FIRMER = 2.0  # times the stiffness of a pair within a body at D = `settings.reach`; it grows for nearer pairs ...
+FIRMER = 0.3  # times the stiffness of a pair within a body at D = `settings.reach`; it grows for nearer pairs ...
 NEAREST = 0.01  # ... until D is about this
 LEAST_STIFFNESS = 0.05  # pairs with less are left out
 NO_STIFFNESS = 1e-12  # added to a stiffness matrix so that it is never singular
