@@ -1,7 +1,8 @@
 """Self-contacts: which regions of a body touch, such as hand and hip, and how well a result keeps that.
 
 Two regions of the target's body touch in a frame if they are not neighbours and their nearest joints are close to each
-other in the source, but far apart along the tree. The two feet do not count while one of them rests: they pass each
+other in the source, but far apart along the tree, and clearly closer than while the source stands with hanging arms:
+a hand that hangs beside the hip does not touch it. The two feet do not count while one of them rests: they pass each
 other in every stride.
 """
 
@@ -21,6 +22,8 @@ Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
 
 CONTACT_DISTANCE = 0.15  # joints in contact have D below this in the source ...
+LEAST_DISTANCE = 0.01  # ... or below this where they touch in that pose, too ...
+NEARER = 0.8  # ... and below this share of D in the source with hanging arms ...
 FAR_ALONG = 5  # ... and at least this many joints on the path between them
 
 
@@ -34,6 +37,7 @@ class Candidates:
     first: Numbers  # (pairs of regions,), where the pairs of joints of each begin
     u: Numbers  # (pairs of joints,)
     v: Numbers  # (pairs of joints,)
+    limits: Array  # (pairs of joints,), they touch while D in the source is below this
 
     def touching(self, motion: Motion, joint_of: Numbers, feet_rest: NDArray[np.bool_]) -> Numbers:
         """Each contact in a motion: (3, contacts), its frame, its pair of regions and its nearest pair of joints.
@@ -53,8 +57,11 @@ class Candidates:
         return np.asarray(rows[:, ~(self.feet[rows[1]] & stands[rows[0]])])
 
     def _nearest(self, D: Array) -> Numbers:
-        """The contacts where D, (frames, pairs of joints), is below `CONTACT_DISTANCE`, as in `touching`."""
-        frame, regions = np.nonzero(np.minimum.reduceat(D, self.first, axis=1) < CONTACT_DISTANCE)
+        """The contacts where D, (frames, pairs of joints), is below its limit, as in `touching`. Of the joints of two
+        regions those are nearest whose D is smallest relative to its limit.
+        """
+        D = D / self.limits
+        frame, regions = np.nonzero(np.minimum.reduceat(D, self.first, axis=1) < 1.0)
         ends = np.append(self.first[1:], D.shape[1])
         pairs = np.zeros(len(frame), np.intp)
         for k in np.unique(regions):
@@ -159,6 +166,10 @@ def find_candidates(matching: Matching) -> Candidates:
     possible &= ~regions.neighbours[of_u, of_v] & (tau[u, v] > 0) & (tau_source[drivers[u], drivers[v]] > 0)
     ends = np.sort(np.stack([of_u, of_v], axis=1)[possible], axis=1)
     order = np.lexsort(ends.T[::-1])
+    u, v = u[possible][order], v[possible][order]
+    hanging = np.full(len(u), np.inf)
+    if (places := matching.source.hanging) is not None:
+        hanging = lengths(places[drivers[u]] - places[drivers[v]]) / tau_source[drivers[u], drivers[v]]
     pairs, first = np.unique(ends[order], axis=0, return_index=True)
     feet = [] if matching.legs is None else sorted(regions.of_joint[[leg.ankle for leg in matching.legs[1]]])
     return Candidates(
@@ -166,8 +177,9 @@ def find_candidates(matching: Matching) -> Candidates:
         names=tuple(f"{regions.names[a]} - {regions.names[b]}" for a, b in pairs),
         feet=np.array([[*pair] == feet for pair in pairs], bool),
         first=first,
-        u=u[possible][order],
-        v=v[possible][order],
+        u=u,
+        v=v,
+        limits=np.clip(NEARER * hanging, LEAST_DISTANCE, CONTACT_DISTANCE),
     )
 
 

@@ -87,9 +87,8 @@ class SelfContact:
 
 def _sets_in(D: Array, near: Array | float, apart: Array | float) -> Array:
     """(frames, pairs), the activation before it is widened."""
-    limits = (np.ascontiguousarray(np.broadcast_to(limit, D.shape[1:]), np.float64) for limit in (near, apart))
-    f = np.empty_like(D)
-    _write_sets_in(D, *limits, f)
+    f, pairs = np.empty_like(D), np.ones(D.shape[1])
+    _write_sets_in(D, near * pairs, apart * pairs, f)
     return f
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from distretarget.body.legs import Leg, leg_length
 from distretarget.checks import check_kind
 from distretarget.io.files import write_whole
-from distretarget.measure.contacts import CONTACT_DISTANCE, FAR_ALONG
+from distretarget.measure.contacts import CONTACT_DISTANCE, FAR_ALONG, Candidates
 from distretarget.measure.diff import Diff, turned_note
 from distretarget.measure.feet import LOWEST
 from distretarget.measure.figures import as_data
@@ -96,26 +96,32 @@ def diff_drawing(diff: Diff) -> dict[str, Any]:
     legs = matching.legs or (None, None)
     resting = np.concatenate([comparison.feet.joints, comparison.supports.joints])
     rests = np.concatenate([comparison.feet.stance, comparison.supports.rest], axis=1)
-    sizes = np.minimum(matching.target.skeleton.path_sizes[np.ix_(b_points, b_points)], 255)
     a_joints, b_joints = (a_points, matching.drivers[resting]), (b_points, resting)
     return {
         "step": step,  # one frame in this many is drawn
         "notes": _notes(step, diff),
         "near": CONTACT_DISTANCE,  # two regions touch if D of their nearest points is below this ...
+        "limits": in_base64(_limits(contacts.candidates), "<u1"),  # (points, points), ... or less: this / 255 of it ...
         "far_along": FAR_ALONG,  # ... and the path between them has at least this many joints
         "regions": regions.of_joint[b_points].tolist(),  # of each point, -1 for none
-        "neighbours": regions.neighbours.tolist(),  # (regions, regions), neighbours never touch
         "foot_regions": [int(regions.of_joint[leg.ankle]) for leg in legs[1] or ()],  # do not touch while one rests
         "facing": _facing(diff),
         "a": _drawing(diff.a, matching.source.skeleton, legs[0], a_joints, diff.up, step),
         "b": _drawing(diff.b, matching.target.skeleton, legs[1], b_joints, diff.up, step),
         "bone_errors": in_base64(_bone_errors(diff, step), "<u1"),
         "pelvis": [int(matching.drivers[matching.pelvis]), matching.pelvis],  # its joint in A and in B
-        "sizes": in_base64(sizes, "<u1"),  # (points, points), joints on the path, at most 255
         "rests": in_base64(np.packbits(rests, axis=1, bitorder="little"), "<u1"),  # (frames, bytes), a bit a joint
         "largest_difference": _largest_difference(diff, a_points, b_points),  # where the colours of the matrices end
         "contacts": _contacts(diff, b_points.tolist()),  # in the order of the document
     }
+
+
+def _limits(candidates: Candidates) -> NDArray[np.float64]:
+    """(points, points), the D below which two points touch, over `CONTACT_DISTANCE` / 255; 0 if they never do."""
+    limits, points = np.zeros((len(candidates.points),) * 2), candidates.points
+    u, v = np.searchsorted(points, candidates.u), np.searchsorted(points, candidates.v)
+    limits[u, v] = limits[v, u] = np.round(255 * candidates.limits / CONTACT_DISTANCE)
+    return limits
 
 
 def _drawing(

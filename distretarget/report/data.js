@@ -26,7 +26,7 @@ function unpacked(motion) {
 
 const A = unpacked(drawing.a), B = unpacked(drawing.b);
 const pointCount = A.points.length;
-const pathSizes = new Uint8Array(bytes(drawing.sizes));
+const contactLimits = new Uint8Array(bytes(drawing.limits));
 const rests = new Uint8Array(bytes(drawing.rests));
 const boneErrors = new Uint8Array(bytes(drawing.bone_errors));
 
@@ -69,6 +69,11 @@ function aFootRests(frame) {
   return drawing.foot_regions.length === 2 && [0, 1, 2, 3].some(k => restsAt(k, frame));
 }
 
+/** The D of two points over the D below which they touch; 1 or more if they never do. */
+function near(D, k) {
+  return contactLimits[k] ? 255 * D[k] / (drawing.near * contactLimits[k]) : 1;
+}
+
 /** The regions that touch in A at a frame, by their nearest points: [point, point, whether these are near in B]. */
 function contactsAt(frame) {
   const a = distances(A, frame), b = distances(B, frame), nearest = new Map();
@@ -76,10 +81,9 @@ function contactsAt(frame) {
   for (let i = 0; i < pointCount; i++) {
     for (let j = 0; j < i; j++) {
       const k = i * pointCount + j, [p, q] = [drawing.regions[i], drawing.regions[j]].sort((one, other) => one - other);
-      if (!(a[k] < drawing.near) || pathSizes[k] < drawing.far_along || Number.isNaN(b[k])) continue;
-      if (p < 0 || drawing.neighbours[p][q] || (feet.includes(p) && feet.includes(q))) continue;
+      if (!(near(a, k) < 1) || Number.isNaN(b[k]) || (feet.includes(p) && feet.includes(q))) continue;
       const key = `${p} ${q}`, [oldI, oldJ] = nearest.get(key) || [i, j];
-      if (a[k] <= a[oldI * pointCount + oldJ]) nearest.set(key, [i, j]);
+      if (near(a, k) <= near(a, oldI * pointCount + oldJ)) nearest.set(key, [i, j]);
     }
   }
   return [...nearest.values()].map(([i, j]) => [i, j, b[i * pointCount + j] < drawing.near]);
