@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton
+from distretarget.motion import motion_of_world
 
 
 def places(skeleton: Skeleton) -> NDArray[np.float64]:
@@ -96,6 +97,21 @@ def along_x(skeleton: Skeleton) -> Skeleton:
     offsets[alone] = skeleton.lengths[alone, None] * np.array([1.0, 0.0, 0.0])
     offsets[0] = skeleton.offsets[0]
     return skeleton.with_offsets(offsets)
+
+
+def in_axes(motion: Motion, axes: Rotation) -> Motion:
+    """The same motion on a rig whose joints have other axes, one rotation for each joint: its rest pose is another."""
+    skeleton, own = motion.skeleton, Rotation.from_quat(axes.as_quat()[np.maximum(motion.skeleton.parents, 0)])
+    offsets = own.inv().apply(np.array(skeleton.offsets))
+    offsets[0] = skeleton.offsets[0]
+
+    def pose(block: slice, world: NDArray[np.float64]) -> NDArray[np.float64]:
+        turned = motion.world_rotations_in(block)
+        for joint, axis in enumerate(axes):
+            world[:, joint] = (Rotation.from_quat(turned[:, joint]) * axis).as_quat()
+        return motion.root_positions[block]
+
+    return motion_of_world(skeleton.with_offsets(offsets), len(motion), motion.frame_time_text, pose)
 
 
 def z_up(skeleton: Skeleton) -> Skeleton:
