@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton
-from distretarget.motion import motion_of_world
 
 
 def places(skeleton: Skeleton) -> NDArray[np.float64]:
@@ -99,19 +98,21 @@ def along_x(skeleton: Skeleton) -> Skeleton:
     return skeleton.with_offsets(offsets)
 
 
+def with_axes(skeleton: Skeleton, axes: Rotation) -> Skeleton:
+    """The skeleton whose joints have other axes, one rotation for each joint, and so another rest pose."""
+    offsets = axes[np.maximum(skeleton.parents, 0)].inv().apply(np.array(skeleton.offsets))
+    return with_offset(skeleton.with_offsets(offsets), 0, skeleton.offsets[0])
+
+
 def in_axes(motion: Motion, axes: Rotation) -> Motion:
-    """The same motion on a rig whose joints have other axes, one rotation for each joint: its rest pose is another."""
-    skeleton, own = motion.skeleton, Rotation.from_quat(axes.as_quat()[np.maximum(motion.skeleton.parents, 0)])
-    offsets = own.inv().apply(np.array(skeleton.offsets))
-    offsets[0] = skeleton.offsets[0]
-
-    def pose(block: slice, world: NDArray[np.float64]) -> NDArray[np.float64]:
-        turned = motion.world_rotations_in(block)
-        for joint, axis in enumerate(axes):
-            world[:, joint] = (Rotation.from_quat(turned[:, joint]) * axis).as_quat()
-        return motion.root_positions[block]
-
-    return motion_of_world(skeleton.with_offsets(offsets), len(motion), motion.frame_time_text, pose)
+    """The same motion on a rig whose joints have other axes, as in `with_axes`."""
+    above = Rotation.from_quat(np.vstack([[0.0, 0.0, 0.0, 1.0], axes.as_quat()])[motion.skeleton.parents + 1]).inv()
+    translations, rotations = motion.translations, np.array(motion.rotations)
+    for joint in range(len(motion.skeleton)):
+        translations[:, joint] = above[joint].apply(translations[:, joint])
+        rotations[:, joint] = (above[joint] * Rotation.from_quat(rotations[:, joint]) * axes[joint]).as_quat()
+    skeleton = with_axes(motion.skeleton, axes)
+    return Motion.of_translations(skeleton, translations, rotations, motion.frame_time_text)
 
 
 def z_up(skeleton: Skeleton) -> Skeleton:
