@@ -93,11 +93,16 @@ def task_name(task: Task) -> str:
     return f"{clip_name(clip)}{f' of {source}' if source else ''} on {target}"
 
 
-def _run(frames: int, task: Task) -> Run:
-    result = retargeted(frames, task)
+def run_of(frames: int, task: Task) -> Run:
+    """The figures of a clip on a member of the zoo."""
+    return figures_of(task_name(task), retargeted(frames, task))
+
+
+def figures_of(name: str, result: RetargetResult) -> Run:
+    """The figures of a result, under a name."""
     effort, joints = result.effort, len(result.motion.skeleton.joints)
     counts = len(result.motion), len(effort.unsolved), joints, int(effort.iterations.sum())
-    return Run(task_name(task), *counts, result.figures)
+    return Run(name, *counts, result.figures)
 
 
 def _own_body(frames: int, clip: Path) -> tuple[float, str] | None:
@@ -208,7 +213,7 @@ def main(
     every = [*clips, *sorted(corpus.rglob("*.bvh"))]
     first = {task[2]: task for task in reversed(list(plan(every, members)))}
     with ProcessPoolExecutor(PROCESSES) as pool:
-        runs = list(pool.map(partial(_run, frames), [*plan(clips, members), *pairs(clips, members)]))
+        runs = list(pool.map(partial(run_of, frames), [*plan(clips, members), *pairs(clips, members)]))
         own = [
             *filter(None, pool.map(partial(_own_body, frames), every)),
             *pool.map(partial(_own_body_of_member, frames), first.values()),

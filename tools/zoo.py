@@ -438,10 +438,15 @@ def member(name: str) -> Skeleton:
     return with_axes(skeleton, axes) if (axes := _lying_axes(name)) else skeleton
 
 
+def on_twin(name: str, motion: Motion) -> Motion:
+    """A motion of the twin of a member of the zoo, without helpers and in a rest pose that stands, by rotation copy."""
+    return retarget(motion, _standing(replace(MEMBERS[name], helpers=()))).rotation_copy
+
+
 def on_member(name: str, motion: Motion) -> Motion:
-    """A motion of a member of the zoo, by rotation copy on a twin without helpers whose rest pose stands."""
-    skeleton, plain = _standing(MEMBERS[name]), _standing(replace(MEMBERS[name], helpers=()))
-    copy, shared = retarget(motion, plain).rotation_copy, [key for key in plain.keys if key in skeleton.keys]
+    """The motion of a member of the zoo whose twin moves as `on_twin`."""
+    skeleton, copy = _standing(MEMBERS[name]), on_twin(name, motion)
+    plain, shared = copy.skeleton, [key for key in copy.skeleton.keys if key in skeleton.keys]
     joints, of_copy = ([body.index(key) for key in shared] for body in (skeleton, plain))
     rotations, translations = (np.tile(each, (len(copy), 1, 1)) for each in (skeleton.unturned, skeleton.offsets))
     rotations[:, joints], translations[:, joints] = copy.rotations[:, of_copy], copy.translations[:, of_copy]

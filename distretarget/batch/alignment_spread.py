@@ -36,13 +36,18 @@ def alignment_text(matching: Matching) -> str:
     """
     if matching.target.anatomy is None:
         return ""
-    alignment, roles = rest_alignment(matching)[:, 0], matching.target.anatomy.roles
-    rotations = np.zeros((len(ROLES), 4))
+    packed = np.round(SCALE * role_rotations(matching)).astype("<i2").tobytes()
+    return f"{_rig(matching.source.skeleton)}:{base64.b64encode(packed).decode()}"
+
+
+def role_rotations(matching: Matching) -> Array:
+    """Return the rotation that aligns the joint of each of `ROLES`, (`ROLES`, 4); zero where there is none."""
+    roles = matching.target.anatomy.roles if matching.target.anatomy else {}
+    alignment, rotations = rest_alignment(matching)[:, 0], np.zeros((len(ROLES), 4))
     for k, role in enumerate(ROLES):
         if role in roles and matching.drivers[roles[role]] >= 0:
             rotations[k] = alignment[roles[role]]
-    packed = np.round(SCALE * rotations).astype("<i2").tobytes()
-    return f"{_rig(matching.source.skeleton)}:{base64.b64encode(packed).decode()}"
+    return rotations
 
 
 def _rig(skeleton: Skeleton) -> str:

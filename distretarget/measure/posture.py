@@ -28,7 +28,7 @@ from distretarget.numerics.vectors import angles_between, cross, level, normalis
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-UPRIGHT = 0.7  # what is nearer to the vertical than this is upright [cosine]
+UPRIGHT = 0.7  # a trunk nearer to the vertical than this is upright [cosine]
 UNKNOWN = np.zeros(3)
 OUTER_FINGERS = ("Little", "Ring", "Middle")  # across the palm from the index finger; the first that both bodies have
 
@@ -94,40 +94,32 @@ def errors_of(held: Sequence[Held], result: Motion) -> tuple[NDArray[np.intp], A
 
 
 def _head_axes(body: Body, head: int) -> Axes:
-    """The axes up and forward of a head. Up is up the trunk where neither rest pose nor motion shows it, since a head
-    that is not turned goes on where the trunk ends.
-    """
-    if body.moving is None and not body.up_at_rest:
-        return (UNKNOWN if body.at_rest is None else body.at_rest.trunk), UNKNOWN
-    upright = np.zeros(0, bool) if body.moving is None else np.asarray(body.moving.trunk @ body.up_vector > UPRIGHT)
-    return _own_axes(body, head, upright, stands_at_rest=True)
+    """The axes up and forward of a head: in the rest pose if it stands, else on average while the trunk is upright."""
+    if body.up_at_rest:
+        return axis_vector(body.up_at_rest), body.rest.axes[:, 2]
+    if body.moving is None:
+        return UNKNOWN, UNKNOWN
+    return _mean_axes(body, head, np.asarray(body.moving.trunk @ body.up_vector > UPRIGHT))
 
 
 def _foot_axes(body: Body, leg: Leg) -> Axes:
-    """The axes up and forward of an ankle while the foot is flat; unknown where neither rest pose nor motion shows."""
+    """The axes up and forward of an ankle while the foot is flat: in the rest pose if it can be, else on average."""
     if leg.toe == leg.ankle:
         return UNKNOWN, UNKNOWN
-    flat = find_flat_foot(body, leg, body.skeleton.rest_positions[None][:0], body.up_vector).flat_pitch
-    rests = np.zeros(0, bool)
-    if body.motion is not None and len(body.motion) > 1:
-        rests = np.asarray(feet_at_rest(body.motion, leg, body.up_vector, body.leg_length).all(axis=1))
-    return _own_axes(body, leg.ankle, rests, stands_at_rest=bool(np.isfinite(flat)))
-
-
-def _own_axes(body: Body, joint: int, frames: Flags, *, stands_at_rest: bool) -> Axes:
-    """The axes up and forward of a joint that is held upright in the rest pose, if it stands, and in frames of the
-    motion on average. The rest pose decides, unless the motion is far from it.
-    """
-    moving = _mean_axes(body, joint, frames) if frames.any() else (UNKNOWN, UNKNOWN)
-    if not (body.up_at_rest and stands_at_rest):
-        return moving
-    up = axis_vector(body.up_at_rest)
-    return moving if moving[0].any() and moving[0] @ up < UPRIGHT else (up, body.rest.axes[:, 2])
+    no_frames = body.skeleton.rest_positions[None][:0]
+    if body.up_at_rest and np.isfinite(find_flat_foot(body, leg, no_frames, body.up_vector).flat_pitch):
+        return axis_vector(body.up_at_rest), body.rest.axes[:, 2]
+    if body.motion is None or len(body.motion) < 2:
+        return UNKNOWN, UNKNOWN
+    rests = feet_at_rest(body.motion, leg, body.up_vector, body.leg_length)
+    return _mean_axes(body, leg.ankle, np.asarray(rests.all(axis=1)))
 
 
 def _mean_axes(body: Body, joint: int, frames: Flags) -> Axes:
-    """Gravity, and where the body faces along the floor, in the axes of a joint, on average over frames of a motion."""
-    if body.motion is None or body.moving is None:
+    """Gravity, and where the body faces along the floor, in the axes of a joint, on average over frames of its motion;
+    unknown without frames.
+    """
+    if body.motion is None or body.moving is None or not frames.any():
         return UNKNOWN, UNKNOWN
     turns = Rotation.from_quat(body.motion.world_rotations_of(joint)[frames]).inv()
     up, forward = body.up_vector, level(body.moving.axes[frames, :, 2], body.up_vector)

@@ -1,0 +1,278 @@
+"""Measure what the eye sees, with figures that the method does not use: gravity, headings, known answers, equal inputs.
+
+    python benchmarks/eye.py CORPUS [DUETS] [--frames N] [--markdown FILE]
+
+CORPUS is a folder with the real clips named in `clips.CLIPS`, and with the same motions in `cmu_mb` and `cmu_daz`;
+DUETS one with takes of two performers, as in `duets.py`. What is missing is left out. The lines are about:
+
+- all runs: clips on the bodies of `edits.py`, on a third of the zoo each, and pairs of the zoo, as in `zoo_quality.py`;
+- clips without hand contacts: `quality.NO_CONTACT` among them;
+- rigs that lie: clips put on rigs in whose rest poses nobody can stand (`zoo.on_member`). Their twins in T-pose are
+  known answers for the same motion; between clips of one rig the alignment with a target should be the same;
+- known answers: the same motions on the bodies of `cmu_mb` and `cmu_daz`, each retargeted to the other;
+- equivalent results: half the frame rate, twice the frame rate, halves of a clip alone, and rotations half a degree off
+  against the same result without;
+- duets: `duets.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from functools import partial
+from itertools import cycle, product
+from pathlib import Path
+
+import click
+import duets as scenes
+import numpy as np
+from clips import CLIPS, PROCESSES, SAMPLES, corpus_argument, found, markdown_option
+from edits import TARGETS, edited
+from numpy.typing import NDArray
+from quality import NO_CONTACT
+from scipy.spatial.transform import Rotation
+from tables import mean_and_largest, publish, several, table
+from zoo import LYING, MEMBERS, member, on_member, on_twin
+from zoo_quality import Run, clip_name, figures_of, pairs, plan, run_of
+
+from distretarget import Body, Motion, RetargetResult, Skeleton, read_bvh, retarget
+from distretarget.batch.alignment_spread import largest_spread, role_rotations
+from distretarget.matching.matching import match
+from distretarget.measure.directions import shared_bones
+from distretarget.measure.figures import BY_KEY, Variant
+from distretarget.numerics.vectors import angles_between, level
+
+Array = NDArray[np.float64]
+Row = tuple[str, str, str]
+
+SPLAYED = 5.0  # legs are spread otherwise than the source's [degrees]
+SUNK = 3.0  # hips are off [% of leg length]
+ONTO = ("mixamo", "xsens")  # the targets of rigs that lie
+SAME_MOTIONS = ("02_01", "02_03", "02_04", "03_01", "05_03", "05_06", "06_15", "08_07", "09_01", "12_01")
+NOISE = np.radians(0.5)  # standard deviation about each axis [rad]
+
+
+def edited_run(frames: int, task: tuple[Path, str]) -> Run:
+    """A clip on its own body with some bones scaled."""
+    source = read_bvh(task[0])[:frames]
+    result = retarget(source, edited(source.rigid_skeleton, TARGETS[task[1]]))
+    return figures_of(f"{clip_name(task[0])} on {task[1]}", result)
+
+
+# ---- rigs that lie
+
+
+def lying(frames: int, clips: Sequence[Path], name: str) -> dict[str, list[float]]:
+    """How far clips of a member that lies, retargeted, are from the same of its twin in T-pose: the head's axis up, on
+    average over frames [degrees]. And the largest angle between the alignments of the clips with a target [degrees].
+    """
+    sources = [on_member(name, read_bvh(clip)[:frames]) for clip in clips]
+    twins = [on_twin(name, read_bvh(clip)[:frames]) for clip in clips]
+    heads, spreads = [], []
+    for target in map(member, ONTO):
+        alignments = [role_rotations(match(Body.of_motion(source), Body.of(target))) for source in sources]
+        spreads.append(largest_spread(np.array(alignments))[0])
+        for source, twin in zip(sources, twins, strict=True):
+            ups = [_head_up(retarget(motion, target)) for motion in (source, twin)]
+            heads.append(float(np.degrees(angles_between(*ups)).mean()))
+    return {"heads": heads, "spreads": spreads}
+
+
+def _head_up(result: RetargetResult) -> Array:
+    """(frames, 3), the axis up of the head of a result on a target whose rest pose stands."""
+    target = result.matching.target
+    head = target.anatomy.roles["head"] if target.anatomy else 0
+    return np.asarray(Rotation.from_quat(result.motion.world_rotations_of(head)).apply(target.up_vector))
+
+
+# ---- known answers
+
+
+def known_answer(frames: int, corpus: Path, task: tuple[str, str, str]) -> dict[str, list[float]]:
+    """The motion of a file on the body of another, against that file. For rotation copy and result: the mean direction
+    of bones [degrees]; while feet rest, their place from the hips [% of height] and the hips' height [% of leg length].
+    """
+    clip, source, target = task
+    motion, answer = (read_bvh(corpus / folder / f"{clip}.bvh")[1 : frames + 1] for folder in (source, target))
+    result = retarget(motion, answer)
+    body, rests = result.matching.target, result.comparison.feet.stance[:, ::2]
+    bones = shared_bones(result.matching)
+    legs, up = body.legs or (), body.up_vector
+    figures: dict[str, list[float]] = {"direction": [], "foot": [], "hips": []}
+    for each in (result.rotation_copy, result.motion):
+        off = [_bones(each, bones), _bones(answer, bones)]
+        figures["direction"].append(float(np.degrees(angles_between(*off)).mean()))
+        hips = [np.mean([m.positions[:, leg.hip] for leg in legs], axis=0) for m in (each, answer)]
+        feet = [np.stack([m.positions[:, leg.ankle] for leg in legs], axis=1) for m in (each, answer)]
+        apart = (feet[0] - hips[0][:, None]) - (feet[1] - hips[1][:, None])
+        place, height = np.linalg.norm(level(apart, up), axis=-1), np.abs(apart @ up)
+        if not rests.any():
+            continue
+        figures["foot"].append(float(100 * place[rests].mean() / _height(answer, up)))
+        figures["hips"].append(float(100 * height[rests].mean() / body.leg_length))
+    return figures
+
+
+def _bones(motion: Motion, lower: NDArray[np.intp]) -> Array:
+    """(frames, bones, 3), the bones above some joints."""
+    return np.asarray(motion.positions[:, lower] - motion.positions[:, motion.skeleton.parents[lower]])
+
+
+def _height(motion: Motion, up: Array) -> float:
+    """The height of a person in a motion: from the lowest joint to the highest, the median over frames."""
+    return float(np.median(np.ptp(motion.positions @ up, axis=1)))
+
+
+# ---- equivalent results
+
+
+def equivalent(frames: int, task: tuple[Path, str]) -> dict[str, tuple[float, float]]:
+    """The largest distance of a joint between equivalent results of a clip, and between their rotation copies, by what
+    was changed [% of height].
+    """
+    source = read_bvh(task[0])[:frames]
+    body = edited(source.rigid_skeleton, TARGETS[task[1]])
+    whole, n, time = retarget(source, body), len(source), source.frame_time
+    noise = Rotation.from_rotvec(np.random.default_rng(0).normal(0.0, NOISE, (source.rotations.size // 4, 3)))
+    noisy = noise * Rotation.from_quat(source.rotations.reshape(-1, 4))
+    cases: dict[str, list[tuple[Motion, slice, slice]]] = {  # with the frames of the whole result and of its own
+        "half the frame rate": [(_timed(source[::2], 2 * time), slice(0, n, 2), slice(None))],
+        "twice the frame rate": [(source.resampled(f"{time / 2:.9g}"), slice(0, n), slice(0, 2 * n, 2))],
+        "halves": [(source[half], half, slice(None)) for half in (slice(0, n // 2), slice(n // 2, n))],
+        "half a degree of noise": [
+            (replace(source, rotations=noisy.as_quat().reshape(source.rotations.shape)), slice(0, n), slice(None))
+        ],
+    }
+    return {name: _apart(whole, body, changed) for name, changed in cases.items()}
+
+
+def _timed(motion: Motion, frame_time: float) -> Motion:
+    return replace(motion, frame_time_text=f"{frame_time:.9g}")
+
+
+def _apart(
+    whole: RetargetResult, body: Skeleton, changed: Sequence[tuple[Motion, slice, slice]]
+) -> tuple[float, float]:
+    """The largest distance to the result of a whole clip, and to its copy [% of height]."""
+    joints, height = whole.matching.target.regions.of_joint >= 0, whole.matching.target.height
+    distances = []
+    for motion, frames, own in changed:
+        part = retarget(motion, body)
+        for one, other in ((whole.motion, part.motion), (whole.rotation_copy, part.rotation_copy)):
+            a, b = one.positions[frames][:, joints], other.positions[own][:, joints]
+            distances.append(float(100 * np.linalg.norm(a[: len(b)] - b[: len(a)], axis=-1).max() / height))
+    return max(distances[::2]), max(distances[1::2])
+
+
+# ---- the table
+
+
+def run_rows(runs: Sequence[Run]) -> Iterator[Row]:
+    """The lines about runs."""
+
+    def of(key: str, side: Variant = "result", some: Sequence[Run] = runs) -> Array:
+        """(runs,), a figure; nan where nothing was measured."""
+        return np.array([run.figure(key, side) for run in some])
+
+    def over(most: float, key: str) -> str:
+        values = of(key)
+        return f"{(values > most).sum()} of {np.isfinite(values).sum()}"
+
+    clips: dict[str, list[Run]] = {}
+    for run in runs:
+        clips.setdefault(run.name.split(" on ")[0], []).append(run)
+    calm = [run for name, some in clips.items() if f"{name}.bvh".endswith(NO_CONTACT) for run in some]
+    yield "clips without hand contacts, degrees off the copy", f"{of('direction_error', some=calm).mean():.2f}", "0.4"
+    direction = [mean_and_largest(of(key)) for key in ("direction_error", "direction_error_p99")]
+    yield "all: degrees off the copy, mean / largest; 99th percentile", "; ".join(direction), "1.0; 8 / 25"
+    sides: tuple[Variant, ...] = ("result", "rotation_copy")
+    errors = [[np.nanmean([0.0, *of("contact_error", side, some)]) for side in sides] for some in clips.values()]
+    yield "contact error against the copy's, each clip once", f"{np.divide(*np.sum(errors, axis=0)):.2f}", "0.22"
+    gaps = "; ".join(mean_and_largest(of("contact_gap", side), ".1f") for side in sides)
+    yield "worst contact gap, % of leg, mean / largest; copy", gaps, ""
+    splay = f"{np.nanmean(of('splay')):.2f}; {over(SPLAYED, 'splay')}; {np.nanmax(of('splay')):.1f}"
+    yield "splay of the legs, degrees, mean; runs above 5; largest", splay, "0.7; 2 %"
+    for key in ("head_tilt", "palm_turn", "sole_tilt", "heading"):
+        figure = BY_KEY[key]
+        most = figure.limit.margin if figure.limit else 0.0
+        text = f"{mean_and_largest(of(key), '.1f')}; {over(most, key)}"
+        yield f"{figure.label}, degrees, mean / largest; runs above {most:g}", text, "15" if key == "head_tilt" else ""
+    sunk = f"{over(SUNK, 'hips_height_largest')}; {np.nanmax(of('hips_height_largest')):.1f}"
+    yield "hips over resting ankles, % of leg, runs above 3; largest", sunk, "1 %; 6"
+    for key, goal in (("pop", "1 %"), ("snap", "0")):
+        yield f"runs with {BY_KEY[key].label}", over(0.0, key), goal
+    yield (
+        "jerk against the copy's, mean / largest",
+        mean_and_largest(of("jerk") / of("jerk", "rotation_copy")),
+        "1.03 / 1.5",
+    )
+
+
+def duet_rows(duets: Sequence[scenes.Duet]) -> Iterator[Row]:
+    """The lines about duets; ranges over takes and bodies, each alone and in the scene."""
+    hips, gaps = np.array([duet.hips for duet in duets]), np.array([duet.worst_gaps for duet in duets])
+    yield (
+        "duets: largest hips height, % of leg, worst take: each alone / scene",
+        several(hips.max(axis=0), ".1f"),
+        "- / 4",
+    )
+    snaps = [sum(one.figures["result"]["snap"] or 0.0 for one in duet.scene.results) for duet in duets]
+    yield "duets: snaps a take, mean / largest", mean_and_largest(snaps, ".1f"), "2"
+    yield (
+        "duets: worst 1 % of gaps, % of leg, worst take: each alone / scene",
+        several(gaps.max(axis=0), ".1f"),
+        "- / 10",
+    )
+    ratio = [duet.scene.world_scale * duet.gap.b / duet.gap.a for duet in duets]
+    yield "duets: mean gap over the source's in the world, mean / largest", mean_and_largest(ratio), "1.1"
+
+
+@click.command(help=__doc__)
+@corpus_argument
+@click.argument("duets", type=Path, required=False)
+@click.option("--frames", default=300, show_default=True, help="Of each clip; duets are whole.")
+@markdown_option
+def main(corpus: Path, duets: Path | None, frames: int, page: Path | None) -> None:
+    """Measure, print, and write the table if a page is given."""
+    clips = list(found([*sorted(path.name for path in SAMPLES.glob("*.bvh")), *CLIPS], corpus).values())
+    members = list(MEMBERS)
+    rigs = [name for name in members if MEMBERS[name].pose in LYING and not MEMBERS[name].builds]
+    files = ("cmu_mb", "cmu_daz")
+    answers = [(clip, *way) for way in (files, files[::-1]) for clip in SAME_MOTIONS]
+    answers = [each for each in answers if all((corpus / folder / f"{each[0]}.bvh").is_file() for folder in files)]
+    cases = [(clip, name) for clip, name in zip(clips, cycle(TARGETS), strict=False)]
+    with ProcessPoolExecutor(PROCESSES) as pool:
+        jobs = [pool.submit(edited_run, frames, task) for task in product(clips, TARGETS)]
+        jobs += [pool.submit(run_of, frames, task) for task in (*plan(clips, members), *pairs(clips, members))]
+        of_rigs = list(pool.map(partial(lying, frames, clips[::2]), rigs))
+        known = list(pool.map(partial(known_answer, frames, corpus), answers))
+        same = list(pool.map(partial(equivalent, frames), cases))
+        takes = product([motions for _, motions in scenes.takes(duets)] if duets else [], scenes.PAIRS)
+        played = [job.result() for job in [pool.submit(scenes.solved, *take) for take in takes]]
+        rows = list(run_rows([job.result() for job in jobs]))
+    for name, found_ in zip(rigs, of_rigs, strict=True):
+        text = mean_and_largest(found_["heads"], ".1f")
+        rows.append((f"{name}: head's axis up off its standing twin's, degrees, mean / largest", text, "15"))
+        spreads = several(found_["spreads"], ".0f")
+        rows.append((f"{name}: alignment between clips, largest, degrees, with {' / '.join(ONTO)}", spreads, "8"))
+    for way in (files, files[::-1]):
+        mine = [figures for figures, (_, *own) in zip(known, answers, strict=True) if tuple(own) == way]
+        means = [
+            np.mean([figures[key] for figures in mine if figures[key]], axis=0) for key in ("direction", "foot", "hips")
+        ]
+        text = "; ".join(several(each, ".2f") for each in means)
+        what = "direction [degrees]; foot's place [% of height]; hips [% of leg]: copy / result"
+        rows.append((f"{way[0]} on the body of {way[1]}, off the known answer: {what}", text, "the copy's"))
+    for key, goal in zip(same[0], ("3", "", "1", "4"), strict=True):
+        worst = np.array([each[key] for each in same])
+        text = "; ".join(several((values.max(), np.median(values)), ".1f") for values in worst.T)
+        rows.append(
+            (f"{key}: largest distance, % of height, worst / median of {len(same)} cases; of the copies", text, goal)
+        )
+    rows += duet_rows(played) if played else []
+    publish({"eye": table(["figure", "value", "goal: at most"], rows)}, page)
+
+
+if __name__ == "__main__":
+    main()
