@@ -25,8 +25,7 @@ def find_snaps(copy: Motion, result: Motion, body: Body) -> Array:
     Joints outside the body, such as a root on the floor, do not snap, and no joint snaps at a cut.
     """
     steps = _steps(result.positions, result, body)
-    steps[~((_steps(copy.positions, result, body) < CALM) & (steps > FAR) & _jumps_count(copy, body))] = 0.0
-    return steps
+    return _counted(steps, (steps > FAR) & (_steps(copy.positions, result, body) < CALM), copy, body)
 
 
 def find_pops(copy: Motion, result: Motion, body: Body) -> Array:
@@ -36,18 +35,23 @@ def find_pops(copy: Motion, result: Motion, body: Body) -> Array:
     A jump is `SUDDEN` times the median of the two steps before and the two after it. Otherwise as `find_snaps`.
     """
     steps = _steps(result.positions - copy.positions, result, body)
-    if len(steps):
+    sudden = steps > FAR
+    frames, joints = np.nonzero(sudden)
+    if len(frames):
         padded = np.pad(steps, ((2, 2), (0, 0)), "reflect")
-        around = np.sort([padded[k : k + len(steps)] for k in (0, 1, 3, 4)], axis=0)
-        steps[~((steps > FAR) & (steps > SUDDEN * around[1:3].mean(axis=0)) & _jumps_count(copy, body))] = 0.0
+        around = np.sort([padded[frames + k, joints] for k in (0, 1, 3, 4)], axis=0)[1:3].mean(axis=0)
+        sudden[frames, joints] = steps[frames, joints] > SUDDEN * around
+    return _counted(steps, sudden, copy, body)
+
+
+def _counted(steps: Array, jumps: NDArray[np.bool_], copy: Motion, body: Body) -> Array:
+    """The steps, (frames - 1, joints), that are jumps of joints of the body, and not at a cut; 0 for all others."""
+    if jumps.any():
+        of_body = body.regions.of_joint >= 0
+        cuts = np.diff(find_shots(copy.positions, np.flatnonzero(of_body), 0.5 * body.unit)) > 0
+        jumps &= of_body & ~cuts[:, None]
+    steps[~jumps] = 0.0
     return steps
-
-
-def _jumps_count(copy: Motion, body: Body) -> NDArray[np.bool_]:
-    """(frames - 1, joints), whether a jump counts: of a joint of the body, and not at a cut."""
-    of_body = body.regions.of_joint >= 0
-    cuts = np.diff(find_shots(copy.positions, np.flatnonzero(of_body), 0.5 * body.unit)) > 0
-    return np.asarray(of_body & ~cuts[:, None])
 
 
 def _steps(paths: Array, motion: Motion, body: Body) -> Array:
