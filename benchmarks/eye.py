@@ -49,6 +49,7 @@ Row = tuple[str, str, str]
 SPLAYED = 5.0  # legs are spread otherwise than the source's [degrees]
 SUNK = 3.0  # hips are off [% of leg length]
 ONTO = ("mixamo", "xsens")  # the targets of rigs that lie
+FOLDERS = ("cmu_mb", "cmu_daz")  # of the corpus, with the same motions on two bodies
 SAME_MOTIONS = ("02_01", "02_03", "02_04", "03_01", "05_03", "05_06", "06_15", "08_07", "09_01", "12_01")
 NOISE = np.radians(0.5) / np.sqrt(3)  # standard deviation about each axis [rad]
 
@@ -89,12 +90,11 @@ def _head_up(result: RetargetResult) -> Array:
 # ---- known answers
 
 
-def known_answer(frames: int, corpus: Path, task: tuple[str, str, str]) -> dict[str, list[float]]:
+def known_answer(frames: int, corpus: Path, way: tuple[str, str], clip: str) -> dict[str, list[float]]:
     """The motion of a file on the body of another, against that file. For rotation copy and result: the mean direction
     of bones [degrees]; while feet rest, their place from the hips [% of height] and the hips' height [% of leg length].
     """
-    clip, source, target = task
-    motion, answer = (read_bvh(corpus / folder / f"{clip}.bvh")[1 : frames + 1] for folder in (source, target))
+    motion, answer = (read_bvh(corpus / folder / f"{clip}.bvh")[1 : frames + 1] for folder in way)
     result = retarget(motion, answer)
     body, rests = result.matching.target, result.comparison.feet.stance[:, ::2]
     bones = shared_bones(result.matching)
@@ -137,7 +137,7 @@ def equivalent(frames: int, task: tuple[Path, str]) -> dict[str, tuple[float, fl
     noise = Rotation.from_rotvec(np.random.default_rng(0).normal(0.0, NOISE, (source.rotations.size // 4, 3)))
     noisy = noise * Rotation.from_quat(source.rotations.reshape(-1, 4))
     cases: dict[str, list[tuple[Motion, slice, slice]]] = {  # with the frames of the whole result and of its own
-        "half the frame rate": [(_timed(source[::2], 2 * time), slice(0, n, 2), slice(None))],
+        "half the frame rate": [(replace(source[::2], frame_time_text=f"{2 * time:.9g}"), slice(0, n, 2), slice(None))],
         "twice the frame rate": [(source.resampled(f"{time / 2:.9g}"), slice(0, n), slice(0, 2 * n, 2))],
         "halves": [(source[half], half, slice(None)) for half in (slice(0, n // 2), slice(n // 2, n))],
         "half a degree of noise": [
@@ -145,10 +145,6 @@ def equivalent(frames: int, task: tuple[Path, str]) -> dict[str, tuple[float, fl
         ],
     }
     return {name: _apart(whole, body, changed) for name, changed in cases.items()}
-
-
-def _timed(motion: Motion, frame_time: float) -> Motion:
-    return replace(motion, frame_time_text=f"{frame_time:.9g}")
 
 
 def _apart(
@@ -187,7 +183,8 @@ def run_rows(runs: Sequence[Run]) -> Iterator[Row]:
     direction = [mean_and_largest(of(key)) for key in ("direction_error", "direction_error_p99")]
     yield "all: degrees off the copy, mean / largest; 99th percentile", "; ".join(direction), "1.0; 8 / 25"
     sides: tuple[Variant, ...] = ("result", "rotation_copy")
-    errors = [[np.nanmean([0.0, *of("contact_error", side, some)]) for side in sides] for some in clips.values()]
+    touching = [[run for run in some if np.isfinite(run.figure("contact_error"))] for some in clips.values()]
+    errors = [[of("contact_error", side, some).mean() for side in sides] for some in touching if some]
     yield "contact error against the copy's, each clip once", f"{np.divide(*np.sum(errors, axis=0)):.2f}", "0.22"
     gaps = "; ".join(mean_and_largest(of("contact_gap", side), ".1f") for side in sides)
     yield "worst contact gap, % of leg, mean / largest; copy", gaps, ""
@@ -203,28 +200,48 @@ def run_rows(runs: Sequence[Run]) -> Iterator[Row]:
     yield "hips over resting ankles, % of leg, runs above 3; largest", sunk, "1 %; 6"
     for key, goal in (("pop", "1 %"), ("snap", "0")):
         yield f"runs with {BY_KEY[key].label}", over(0.0, key), goal
-    yield (
-        "jerk against the copy's, mean / largest",
-        mean_and_largest(of("jerk") / of("jerk", "rotation_copy")),
-        "1.03 / 1.5",
-    )
+    jerk = of("jerk") / of("jerk", "rotation_copy")
+    yield "jerk against the copy's, mean / largest", mean_and_largest(jerk), "1.03 / 1.5"
+
+
+def lying_rows(name: str, found: dict[str, list[float]]) -> Iterator[Row]:
+    """The lines about a rig that lies."""
+    text = mean_and_largest(found["heads"], ".1f")
+    yield f"{name}: head's axis up off its standing twin's, degrees, mean / largest", text, "15"
+    text = several(found["spreads"], ".0f")
+    yield f"{name}: alignment between clips, largest, degrees, with {' / '.join(ONTO)}", text, "8"
+
+
+def answer_rows(known: dict[tuple[str, str], list[dict[str, list[float]]]]) -> Iterator[Row]:
+    """The lines about known answers, by the folders of source and target."""
+    what = "direction [degrees]; foot's place [% of height]; hips [% of leg]: copy / result"
+    for (source, target), many in known.items():
+        keys = ("direction", "foot", "hips")
+        means = [np.mean([figures[key] for figures in many if figures[key]], axis=0) for key in keys]
+        text = "; ".join(several(each, ".2f") for each in means)
+        yield f"{source} on the body of {target}, off the known answer: {what}", text, "the copy's"
+
+
+def equivalent_rows(same: Sequence[dict[str, tuple[float, float]]]) -> Iterator[Row]:
+    """The lines about equivalent results."""
+    for key, goal in zip(same[0], ("3", "", "1", "4"), strict=True):
+        values = np.array([each[key] for each in same]).T
+        text = "; ".join(several((each.max(), np.median(each)), ".1f") for each in values)
+        what = f"largest distance, % of height, worst / median of {len(same)} cases; of the copies"
+        yield f"{key}: {what}", text, goal
 
 
 def duet_rows(duets: Sequence[scenes.Duet]) -> Iterator[Row]:
-    """The lines about duets; ranges over takes and bodies, each alone and in the scene."""
-    hips, gaps = np.array([duet.hips for duet in duets]), np.array([duet.worst_gaps for duet in duets])
-    yield (
-        "duets: largest hips height, % of leg, worst take: each alone / scene",
-        several(hips.max(axis=0), ".1f"),
-        "- / 4",
+    """The lines about duets, if there are any."""
+    if not duets:
+        return
+    hips, gaps = (
+        several(np.max(each, axis=0), ".1f") for each in zip(*((d.hips, d.worst_gaps) for d in duets), strict=True)
     )
+    yield "duets: largest hips height, % of leg, worst take: each alone / scene", hips, "- / 4"
     snaps = [sum(one.figures["result"]["snap"] or 0.0 for one in duet.scene.results) for duet in duets]
     yield "duets: snaps a take, mean / largest", mean_and_largest(snaps, ".1f"), "2"
-    yield (
-        "duets: worst 1 % of gaps, % of leg, worst take: each alone / scene",
-        several(gaps.max(axis=0), ".1f"),
-        "- / 10",
-    )
+    yield "duets: worst 1 % of gaps, % of leg, worst take: each alone / scene", gaps, "- / 10"
     ratio = [duet.scene.world_scale * duet.gap.b / duet.gap.a for duet in duets]
     yield "duets: mean gap over the source's in the world, mean / largest", mean_and_largest(ratio), "1.1"
 
@@ -237,41 +254,20 @@ def duet_rows(duets: Sequence[scenes.Duet]) -> Iterator[Row]:
 def main(corpus: Path, duets: Path | None, frames: int, page: Path | None) -> None:
     """Measure, print, and write the table if a page is given."""
     clips = list(found([*sorted(path.name for path in SAMPLES.glob("*.bvh")), *CLIPS], corpus).values())
-    members = list(MEMBERS)
+    stand = [clip for clip in clips[::2] if Body.of_motion(read_bvh(clip)[:1]).stands_at_rest]
+    members, tasks = list(MEMBERS), list(product(clips, TARGETS))
     rigs = [name for name in members if MEMBERS[name].pose in LYING and not MEMBERS[name].builds]
-    files = ("cmu_mb", "cmu_daz")
-    answers = [(clip, *way) for way in (files, files[::-1]) for clip in SAME_MOTIONS]
-    answers = [each for each in answers if all((corpus / folder / f"{each[0]}.bvh").is_file() for folder in files)]
-    cases = [(clip, name) for clip, name in zip(clips, cycle(TARGETS), strict=False)]
+    both = [clip for clip in SAME_MOTIONS if all((corpus / folder / f"{clip}.bvh").is_file() for folder in FOLDERS)]
+    takes = product([motions for _, motions in scenes.takes(duets)] if duets else [], scenes.PAIRS)
     with ProcessPoolExecutor(PROCESSES) as pool:
-        jobs = [pool.submit(edited_run, frames, task) for task in product(clips, TARGETS)]
-        jobs += [pool.submit(run_of, frames, task) for task in (*plan(clips, members), *pairs(clips, members))]
-        of_rigs = list(pool.map(partial(lying, frames, clips[::2]), rigs))
-        known = list(pool.map(partial(known_answer, frames, corpus), answers))
-        same = list(pool.map(partial(equivalent, frames), cases))
-        takes = product([motions for _, motions in scenes.takes(duets)] if duets else [], scenes.PAIRS)
-        played = [job.result() for job in [pool.submit(scenes.solved, *take) for take in takes]]
-        rows = list(run_rows([job.result() for job in jobs]))
-    for name, found_ in zip(rigs, of_rigs, strict=True):
-        text = mean_and_largest(found_["heads"], ".1f")
-        rows.append((f"{name}: head's axis up off its standing twin's, degrees, mean / largest", text, "15"))
-        spreads = several(found_["spreads"], ".0f")
-        rows.append((f"{name}: alignment between clips, largest, degrees, with {' / '.join(ONTO)}", spreads, "8"))
-    for way in (files, files[::-1]):
-        mine = [figures for figures, (_, *own) in zip(known, answers, strict=True) if tuple(own) == way]
-        means = [
-            np.mean([figures[key] for figures in mine if figures[key]], axis=0) for key in ("direction", "foot", "hips")
-        ]
-        text = "; ".join(several(each, ".2f") for each in means)
-        what = "direction [degrees]; foot's place [% of height]; hips [% of leg]: copy / result"
-        rows.append((f"{way[0]} on the body of {way[1]}, off the known answer: {what}", text, "the copy's"))
-    for key, goal in zip(same[0], ("3", "", "1", "4"), strict=True):
-        worst = np.array([each[key] for each in same])
-        text = "; ".join(several((values.max(), np.median(values)), ".1f") for values in worst.T)
-        rows.append(
-            (f"{key}: largest distance, % of height, worst / median of {len(same)} cases; of the copies", text, goal)
-        )
-    rows += duet_rows(played) if played else []
+        of_zoo = pool.map(partial(run_of, frames), [*plan(clips, members), *pairs(clips, members)])
+        rows = list(run_rows([*pool.map(partial(edited_run, frames), tasks), *of_zoo]))
+        for name, lies in zip(rigs, pool.map(partial(lying, frames, stand), rigs), strict=True):
+            rows += lying_rows(name, lies)
+        ways = [FOLDERS, FOLDERS[::-1]] if both else []
+        rows += answer_rows({way: list(pool.map(partial(known_answer, frames, corpus, way), both)) for way in ways})
+        rows += equivalent_rows(list(pool.map(partial(equivalent, frames), zip(clips, cycle(TARGETS), strict=False))))
+        rows += duet_rows([job.result() for job in [pool.submit(scenes.solved, *take) for take in takes]])
     publish({"eye": table(["figure", "value", "goal: at most"], rows)}, page)
 
 
