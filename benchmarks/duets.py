@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import click
@@ -18,54 +19,92 @@ from clips import markdown_option
 from edits import TARGETS, edited
 from tables import publish, several, table
 
-from distretarget import Motion, SceneResult, read_bvh, retarget, retarget_scene
+from distretarget import Motion, RetargetResult, SceneResult, read_bvh, retarget, retarget_scene
 from distretarget.batch.compile_ahead import warm
-from distretarget.measure.scene_gaps import body_part, measure_gap
+from distretarget.measure.scene_gaps import Gap, body_part, measure_gap
 
 PAIRS = (("its own", "child"), ("H", "its own"), ("H", "child"))  # bodies of lead and follower
 COLUMNS = (
     "take, bodies | frames that touch | gap, % of leg: source / rotation copy / each alone / scene | "
     "gap in the world, scene over source | slide of feet (source, strides as in this world) | "
     "foot height, % of leg | jerk / copy's | turn, degrees | snaps | unsolved | "
+    "worst 1 % of gaps, % of leg: each alone / scene | largest hips height, % of leg: each alone / scene | "
     "speed against each alone, processor time"
 )
+
+
+@dataclass(frozen=True)
+class Duet:
+    """A take on two bodies: performers retargeted alone and as a scene, the gaps, and the processor times [s]."""
+
+    alone: list[RetargetResult]
+    scene: SceneResult
+    gap: Gap
+    copy_gap: Gap
+    gap_alone: Gap
+    seconds: tuple[float, float]
+
+    @property
+    def worst_gaps(self) -> list[float]:
+        """The gap that 1 in 100 exceeds, with each alone and in the scene [% of leg length]."""
+        return [100 * gap.worst for gap in (self.gap_alone, self.gap)]
+
+    @property
+    def hips(self) -> list[float]:
+        """The largest error of a performer's hips, with each alone and in the scene [% of leg length]."""
+        key = "hips_height_largest"
+        return [max(one.figures["result"][key] or 0.0 for one in many) for many in (self.alone, self.scene.results)]
+
+
+def takes(duets: Path) -> Iterator[tuple[str, list[Motion]]]:
+    """The number of each take, and the motions of its performers."""
+    for number in sorted(path.stem[3:] for path in duets.glob("60_*.bvh")):
+        lead, follower = (read_bvh(duets / f"{who}_{number}.bvh") for who in ("60", "61"))
+        frames = slice(1, min(len(lead), len(follower)))
+        yield number, [lead[frames], follower[frames]]
 
 
 def rows(duets: Path) -> Iterator[Iterator[str]]:
     """A row for each take and pair of bodies."""
     warm("contact")
-    for number in sorted(path.stem[3:] for path in duets.glob("60_*.bvh")):
-        lead, follower = (read_bvh(duets / f"{who}_{number}.bvh") for who in ("60", "61"))
-        frames = slice(1, min(len(lead), len(follower)))
+    for number, motions in takes(duets):
         for names in PAIRS:
-            yield measure(number, [lead[frames], follower[frames]], names)
+            yield cells(f"{number}, {names[0]} and {names[1]}", solved(motions, names))
 
 
-def measure(number: str, motions: list[Motion], names: tuple[str, str]) -> Iterator[str]:
-    """The row of a take on two bodies."""
+def solved(motions: list[Motion], names: tuple[str, str]) -> Duet:
+    """Retarget a take to two bodies."""
     bodies = [edited(m.rigid_skeleton, TARGETS.get(name, {})) for m, name in zip(motions, names, strict=True)]
     began = time.process_time()
     alone = [retarget(motion, body) for motion, body in zip(motions, bodies, strict=True)]
     middle = time.process_time()
     scene = retarget_scene(motions, bodies)
     seconds = middle - began, time.process_time() - middle
-    gap, copy, scale = scene.gaps[0, 1], scene.copy_gaps[0, 1], scene.world_scale
+    gap, copy = scene.gaps[0, 1], scene.copy_gaps[0, 1]
     one, other = (body_part(each.matching, each.source.positions, each.motion.positions) for each in alone)
     apart = measure_gap((0, 1), one, other, float(np.mean([result.root_scale for result in alone])))
     if gap is None or copy is None or apart is None:
         raise click.ClickException(f"nothing touches in the take on {names[0]} and {names[1]}")
+    return Duet(alone, scene, gap, copy, apart, seconds)
+
+
+def cells(name: str, duet: Duet) -> Iterator[str]:
+    """The row of a take on two bodies."""
+    scene, gap, scale, seconds = duet.scene, duet.gap, duet.scene.world_scale, duet.seconds
     # The slide of the source's feet, in the strides that the world's scale asks of each body.
     strides = [(one.figures["source"]["slide"] or 0.0) * scale / one.root_scale for one in scene.results]
     jerks = [np.divide(*(one.figures[v]["jerk"] or 1.0 for v in ("result", "rotation_copy"))) for one in scene.results]
-    yield f"{number}, {names[0]} and {names[1]}"
+    yield name
     yield str(gap.frames)
-    yield several([100 * mean for mean in (gap.a, copy.b, apart.b, gap.b)], ".1f")
+    yield several([100 * mean for mean in (gap.a, duet.copy_gap.b, duet.gap_alone.b, gap.b)], ".1f")
     yield f"{scale * gap.b / gap.a:.2f}"
     yield f"{_both(scene, 'slide', '.3f')} ({several(strides, '.3f')})"
     yield _both(scene, "foot_height", ".2f")
     yield several(jerks, ".2f")
     for key, form in (("turn", ".1f"), ("snap", ".0f"), ("unsolved", ".0f")):
         yield _both(scene, key, form)
+    yield several(duet.worst_gaps, ".1f")
+    yield several(duet.hips, ".1f")
     yield f"{seconds[0] / seconds[1]:.2f}"
 
 

@@ -4,9 +4,9 @@
                                      [--markdown FILE]
 
 CORPUS is a folder with the real clips named in `clips.CLIPS`, DUETS one with further clips; the script names and skips
-those that are missing. Each clip is retargeted to a third of the members. Prints every figure of quality of result,
-rotation copy and source, mean / largest over the runs, with the worst run; then what must not occur, such as runs that
-are worse than the rotation copy. `--runs` lists the runs.
+those that are missing. Each clip is retargeted to a third of the members, and from each member to two others. Prints
+every figure of quality of result, rotation copy and source, mean / largest over the runs, with the worst run; then what
+must not occur, such as runs that are worse than the rotation copy. `--runs` lists the runs.
 """
 
 from __future__ import annotations
@@ -22,11 +22,12 @@ import click
 import numpy as np
 from clips import CLIPS, PROCESSES, SAMPLES, corpus_argument, markdown_option
 from tables import mean_and_largest, publish, table
-from zoo import MEMBERS, member
+from zoo import MEMBERS, member, on_member
 
 from distretarget import DistretargetError, RetargetResult, read_bvh, retarget
 from distretarget.measure.figures import FIGURES, Figure, Variant
 
+APART = (7, 16)  # a member is the source of the members so many places after it in the table
 SHARE = 3  # each clip is retargeted to one in three members, the next clip to the members after these
 SIDES: tuple[Variant, ...] = ("result", "rotation_copy", "source")
 FEW_JOINTS = 40  # bodies with more joints have fingers or many helpers
@@ -35,8 +36,8 @@ OWN_BODY = 0.1  # a clip on its own body may be off by this [% of the body's hei
 # A run is worse than the rotation copy if the result is farther from the source by more than this [unit of the figure].
 WORSE = {"slide": 0.01, "contact_error": 0.002, "foot_height": 0.1}
 
-Task = tuple[Path, str]
-"""A clip, and the member of the zoo that it is retargeted to."""
+Task = tuple[Path, str, str]
+"""A clip, the member of the zoo that it is put on to be the source, if any, and the one that it is retargeted to."""
 Row = tuple[str, ...]
 """A line of a table: what was measured, its values, and the worst runs."""
 
@@ -64,7 +65,14 @@ def plan(clips: Sequence[Path], members: Sequence[str]) -> Iterator[Task]:
     """Each clip with one in `SHARE` members."""
     for number, clip in enumerate(clips):
         for name in members[number % SHARE :: SHARE]:
-            yield clip, name
+            yield clip, "", name
+
+
+def pairs(clips: Sequence[Path], members: Sequence[str]) -> Iterator[Task]:
+    """Each member as the source of two others, with a clip in turn."""
+    for number, source in enumerate(members):
+        for apart in APART if clips else ():
+            yield clips[(number + apart) % len(clips)], source, members[(number + apart) % len(members)]
 
 
 def clip_name(clip: Path) -> str:
@@ -73,15 +81,28 @@ def clip_name(clip: Path) -> str:
 
 
 def retargeted(frames: int, task: Task) -> RetargetResult:
-    """The first frames of a clip on a member of the zoo."""
-    return retarget(read_bvh(task[0])[:frames], member(task[1]))
+    """The first frames of a clip, perhaps put on a member of the zoo, on another member."""
+    clip, source, target = task
+    motion = read_bvh(clip)[:frames]
+    return retarget(on_member(source, motion) if source else motion, member(target))
 
 
-def _run(frames: int, task: Task) -> Run:
-    result = retargeted(frames, task)
+def task_name(task: Task) -> str:
+    """The clip and the members of a run."""
+    clip, source, target = task
+    return f"{clip_name(clip)}{f' of {source}' if source else ''} on {target}"
+
+
+def run_of(frames: int, task: Task) -> Run:
+    """The figures of a clip on a member of the zoo."""
+    return figures_of(task_name(task), retargeted(frames, task))
+
+
+def figures_of(name: str, result: RetargetResult) -> Run:
+    """The figures of a result, under a name."""
     effort, joints = result.effort, len(result.motion.skeleton.joints)
     counts = len(result.motion), len(effort.unsolved), joints, int(effort.iterations.sum())
-    return Run(f"{clip_name(task[0])} on {task[1]}", *counts, result.figures)
+    return Run(name, *counts, result.figures)
 
 
 def _own_body(frames: int, clip: Path) -> tuple[float, str] | None:
@@ -96,7 +117,7 @@ def _own_body(frames: int, clip: Path) -> tuple[float, str] | None:
 def _own_body_of_member(frames: int, task: Task) -> tuple[float, str]:
     """Do the same with the motion of a member after a clip."""
     motion = retargeted(frames, task).motion
-    return _deviation(retarget(motion, motion.skeleton)), f"{clip_name(task[0])} of {task[1]}"
+    return _deviation(retarget(motion, motion.skeleton)), f"{clip_name(task[0])} of {task[2]}"
 
 
 def _deviation(result: RetargetResult) -> float:
@@ -190,9 +211,9 @@ def main(
         print("skipped, missing:", *(clip_name(clip) for clip in wanted if clip not in clips))
     members = [name for name in MEMBERS if fnmatch(name, pattern)]
     every = [*clips, *sorted(corpus.rglob("*.bvh"))]
-    first = {name: (clip, name) for clip, name in reversed(list(plan(every, members)))}
+    first = {task[2]: task for task in reversed(list(plan(every, members)))}
     with ProcessPoolExecutor(PROCESSES) as pool:
-        runs = list(pool.map(partial(_run, frames), plan(clips, members)))
+        runs = list(pool.map(partial(run_of, frames), [*plan(clips, members), *pairs(clips, members)]))
         own = [
             *filter(None, pool.map(partial(_own_body, frames), every)),
             *pool.map(partial(_own_body_of_member, frames), first.values()),

@@ -199,7 +199,7 @@ BAD = {
     "no folder": ("diff a.bvh b.bvh --json no/d.json", 1, "no folder"),
     "missing map": ("diff a.bvh b.bvh --map none.json", 1, "none.json"),
     "map of a strange joint": ("diff a.bvh b.bvh --map strange.json", 1, "Tail"),
-    "unknown figure": ("diff a.bvh b.bvh --fail-over beauty=1", 2, "expected one of contact_error, direction_error"),
+    "unknown figure": ("diff a.bvh b.bvh --fail-over beauty=1", 2, "expected one of contact_error, contact_gap"),
     "limit no number": ("diff a.bvh b.bvh --fail-over jerk=low", 2, "as limit of jerk, found 'low'"),
     "limit nan": ("diff a.bvh b.bvh --fail-over jerk=nan", 2, "as limit of jerk"),
     "limit below 0": ("diff a.bvh b.bvh --fail-over jerk=-1", 2, "as limit of jerk"),

@@ -56,7 +56,7 @@ def test_a_result_is_measured_against_its_scene_file(results, folder):
     check_schema(figures)
     (gaps,) = figures["gaps"]
     between, line = "one's right hand - other's right hand", done.stdout.splitlines()[-1]
-    numbers = [f"{gaps[key]:.1f}" for key in ("gap_a", "gap_b", "gap_error")]
+    numbers = [f"{gaps[key]:.1f}" for key in ("gap_a", "gap_b", "gap_worst", "gap_error")]
     assert line.startswith(between)
     assert line.removeprefix(between).split() == [str(gaps["frames"]), *numbers, str(gaps["worst_frame"])]
     rows = list(csv.DictReader(io.StringIO((folder / "d.csv").read_text())))

@@ -86,6 +86,21 @@ def test_direction_error_of_one_joint_is_that_of_the_bones_below_it():
     assert of_clip(figures)["direction_error"] == pytest.approx(80 / (len(PERSON) - 1))
 
 
+def test_the_worst_contact_gap_is_what_opens_farthest():
+    """The wrists are 2 cm apart in the source's contact; elsewhere they are in no contact, and no gap counts."""
+    together = np.where(np.arange(40) < 20, 1.0, 0.0)
+    source = clapping(together)
+    assert of_clip(compared(source, source))["contact_gap"] == 0.0
+    apart = np.where(np.arange(40) == 10, 0.8, together)
+    result = clapping(apart)
+    figures = compared(source, result)
+    wrists = [PERSON.index(f"{side}Wrist") for side in ("Left", "Right")]
+    opened = [np.linalg.norm(np.diff(each.positions[10, wrists], axis=0)) for each in (source, result)]
+    assert figures.contact_gap[10] >= 100 * (opened[1] - opened[0]) / LEG > 5.0
+    assert not np.delete(figures.contact_gap, 10).any()
+    assert of_clip(figures)["contact_gap"] == pytest.approx(np.percentile(figures.contact_gap[:20], 99))
+
+
 def test_bone_error_is_the_largest_of_a_frame():
     source = squared(1.0)
     translations = source.translations

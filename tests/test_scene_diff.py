@@ -120,6 +120,16 @@ def test_gaps_are_in_legs_of_the_mean_length_of_both_performers():
     assert measure_gap((0, 1), one, prop, scale=2.0).a == pytest.approx(0.03 / 0.6)
 
 
+def test_the_worst_gap_is_the_one_that_1_in_100_exceeds():
+    touching, open_ = np.array([0.01, 0.0, 0.0]), np.array([0.3, 0.0, 0.0])
+    one = ScenePart(a=np.zeros((200, 1, 3)), b=np.zeros((200, 1, 3)), keys=("hand",), leg=1.0)
+    b = np.where(np.arange(200)[:, None, None] < 5, open_, touching)
+    other = ScenePart(a=np.broadcast_to(touching, b.shape), b=b, keys=("hand",), leg=1.0)
+    gap = measure_gap((0, 1), one, other, scale=1.0)
+    assert gap.worst == pytest.approx(0.3)
+    assert gap.b == pytest.approx((5 * 0.3 + 195 * 0.01) / 200)
+
+
 def test_a_gap_at_a_prop_has_the_scale_of_the_prop():
     """A table made for a body twice as large is as far from its hands as twice the gap, whatever the world's scale."""
     performer, table = drummer()

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
 from bodies import CORPUS, SAMPLES, matched, needs_corpus, swaying
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from zoo import BUILDS, FEET, HANDS, HELPERS, MEMBERS, NAMING, POSES, ROOTS, member
+from zoo import BUILDS, FEET, HANDS, HELPERS, LYING, MEMBERS, NAMING, POSES, ROOTS, member, on_member
 
 from distretarget import Motion, RetargetResult, read_bvh, retarget
+from distretarget.body.anatomy import SIDES
 from distretarget.body.axes import axis_vector
 from distretarget.body.body import Body
 
@@ -114,7 +116,7 @@ roots = pytest.mark.parametrize("root", [still, wandering])
 def test_every_trait_occurs() -> None:
     members = MEMBERS.values()
     assert {traits.convention for traits in members} == set(NAMING)
-    assert {traits.pose for traits in members} == set(POSES)
+    assert {traits.pose for traits in members} == {*POSES, *LYING}
     assert {build for traits in members for build in traits.builds} == set(BUILDS)
     assert {traits.foot for traits in members} == set(FEET)
     assert {traits.fingers for traits in members} == set(HANDS)
@@ -127,7 +129,8 @@ def test_it_is_recognised_and_stands_with_both_feet_on_the_floor(name: str) -> N
     body = Body.of(member(name))
     assert body.anatomy is not None
     assert body.up == MEMBERS[name].up
-    if MEMBERS[name].pose != "X":
+    assert body.stands_at_rest == (MEMBERS[name].pose not in LYING)
+    if body.stands_at_rest:
         heights = (body.skeleton.rest_positions + body.skeleton.offsets[0]) @ axis_vector(body.up)
         for side in ("left", "right"):
             foot = body.skeleton.subtree(body.anatomy.roles[f"{side}Foot"])
@@ -143,6 +146,19 @@ def test_every_clip_drives_hands_feet_and_head(sample: str, name: str) -> None:
     assert target is not None
     for role in LANDMARKS:
         assert matching.drivers[target.roles[role]] == source.roles[role]
+
+
+@members
+def test_a_motion_of_a_member_moves_as_the_clip_does(name: str) -> None:
+    """Its limbs point as the clip's do, whatever the rest pose."""
+    motion = on_member(name, clip("walk"))
+    bodies = Body.of_motion(motion), Body.of_motion(clip("walk"))
+    assert motion.skeleton.keys == member(name).keys
+    assert [body.up for body in bodies] == [MEMBERS[name].up, "Y"]
+    for side, (upper, lower) in product(SIDES, (("UpperArm", "LowerArm"), ("UpperLeg", "LowerLeg"))):
+        bones = [body.moving.bone(side + upper, side + lower) for body in bodies if body.moving]
+        heights = [bone @ axis_vector(body.up) for body, bone in zip(bodies, bones, strict=True) if bone is not None]
+        np.testing.assert_allclose(*heights, atol=1e-3)
 
 
 # ---- a clip on its own body

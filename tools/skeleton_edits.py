@@ -98,6 +98,23 @@ def along_x(skeleton: Skeleton) -> Skeleton:
     return skeleton.with_offsets(offsets)
 
 
+def with_axes(skeleton: Skeleton, axes: Rotation) -> Skeleton:
+    """The skeleton whose joints have other axes, one rotation for each joint, and so another rest pose."""
+    offsets = axes[np.maximum(skeleton.parents, 0)].inv().apply(np.array(skeleton.offsets))
+    return with_offset(skeleton.with_offsets(offsets), 0, skeleton.offsets[0])
+
+
+def in_axes(motion: Motion, axes: Rotation) -> Motion:
+    """The same motion on a rig whose joints have other axes, as in `with_axes`."""
+    above = Rotation.from_quat(np.vstack([[0.0, 0.0, 0.0, 1.0], axes.as_quat()])[motion.skeleton.parents + 1]).inv()
+    translations, rotations = motion.translations, np.array(motion.rotations)
+    for joint in range(len(motion.skeleton)):
+        translations[:, joint] = above[joint].apply(translations[:, joint])
+        rotations[:, joint] = (above[joint] * Rotation.from_quat(rotations[:, joint]) * axes[joint]).as_quat()
+    skeleton = with_axes(motion.skeleton, axes)
+    return Motion.of_translations(skeleton, translations, rotations, motion.frame_time_text)
+
+
 def z_up(skeleton: Skeleton) -> Skeleton:
     """The skeleton turned from Y up, facing +Z, to Z up, facing -Y."""
     return replace(skeleton, offsets=skeleton.offsets[:, [0, 2, 1]] * (1, -1, 1), up="Z")

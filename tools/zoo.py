@@ -1,7 +1,7 @@
 """The zoo: bodies of many shapes, with the traits that real rigs of people have.
 
-`member("mouse")` is the skeleton of one body, `zoo.toml` the table of all. Every body starts as an adult in T-pose,
-Y up, facing +Z [cm], and gets its traits one after the other.
+`member("mouse")` is the skeleton of one body, `on_member("mouse", motion)` a motion of it, and `zoo.toml` the table of
+all. Every body starts as an adult in T-pose, Y up, facing +Z [cm], and gets its traits one after the other.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +16,23 @@ import numpy as np
 from numpy.typing import NDArray
 from sample_rigs import rig
 from scipy.spatial.transform import Rotation
-from skeleton_edits import along_x, bare, below_root, only, places, turned_below, with_chain, with_offset, z_up
+from skeleton_edits import (
+    bare,
+    below_root,
+    in_axes,
+    only,
+    places,
+    turned_below,
+    with_axes,
+    with_chain,
+    with_offset,
+    z_up,
+)
 
-from distretarget import Skeleton
+from distretarget import Motion, Skeleton, retarget
 from distretarget.body.anatomy import SIDES
 from distretarget.body.named_anatomy import by_names
+from distretarget.numerics.rotations import least
 from distretarget.skeleton import POSITION_CHANNELS
 
 INWARDS = {"left": -1.0, "right": 1.0}  # along X
@@ -48,6 +59,7 @@ class Naming:
     finger: str = "{Left}Hand{Part}{number}"
     palm: str = "{Left}InHand{Part}"
     root: str = "Reference"
+    face: str = "{Part}"
 
     def name(self, pattern: str, side: str, part: str, number: int = 0) -> str:
         """A pattern filled in; `part` is the name without a side, such as "Heel" or "Thumb"."""
@@ -62,9 +74,14 @@ NAMING: Mapping[str, Naming] = {
     **dict.fromkeys(("xsens", "lafan1", "cmu"), Naming()),
     "mixamo": Naming(**{key: f"mixamorig:{getattr(Naming, key)}" for key in ("part", "finger", "palm")}),
     "unreal": Naming(part="{part}_{l}", finger="{part}_0{number}_{l}", palm="{part}_metacarpal_{l}", root="root"),
+    "character_creator": Naming(
+        **dict.fromkeys(("part", "palm"), "CC_Base_{L}_{Part}"),
+        finger="CC_Base_{L}_{Part}{number}",
+        face="CC_Base_{Part}",
+    ),
     "bandai": Naming(part="{Part}_{L}", finger="{Part}{number}_{L}", palm="InHand{Part}_{L}", root="joint_Root"),
 }
-# The names that two more conventions give to the joints of the LAFAN1 rig; LeftArm becomes UpperArm_L, and so on.
+# The names that three more conventions give to the joints of the LAFAN1 rig; LeftArm becomes UpperArm_L, and so on.
 CMU = {
     "Spine": "LowerBack",
     "Spine1": "Spine",
@@ -74,10 +91,16 @@ CMU = {
 }
 BANDAI = {"Arm": "UpperArm", "ForeArm": "LowerArm", "UpLeg": "UpperLeg", "Leg": "LowerLeg", "Toe": "Toes"}
 BANDAI |= {name: name for name in ("Shoulder", "Hand", "Foot")}
+CREATOR = {"Shoulder": "Clavicle", "Arm": "Upperarm", "ForeArm": "Forearm", "UpLeg": "Thigh", "Leg": "Calf"}
+CREATOR |= {"Toe": "ToeBase", "Hand": "Hand", "Foot": "Foot"}
+CREATOR_TRUNK = {"Hips": "Hip", "Spine": "Waist", "Spine1": "Spine01", "Spine2": "Spine02", "Neck": "NeckTwist01"}
 RENAMED: Mapping[str, Mapping[str, str]] = {
     "cmu": CMU,
     "bandai": {"Spine2": "Chest"}
     | {f"{side}{name}": f"{new}_{side[0]}" for side in ("Left", "Right") for name, new in BANDAI.items()},
+    "character_creator": {"Head": "CC_Base_Head"}
+    | {name: f"CC_Base_{new}" for name, new in CREATOR_TRUNK.items()}
+    | {f"{side}{name}": f"CC_Base_{side[0]}_{new}" for side in ("Left", "Right") for name, new in CREATOR.items()},
 }
 HAND = 17.5  # from the wrist to the End Site of a hand [cm]
 NO_BODY = ("ik_", "twist")  # in the names of joints of the Unreal rig that are not part of the body
@@ -219,15 +242,48 @@ def standing(skeleton: Skeleton) -> Skeleton:
 
 # ---- rest poses
 
-POSES: Mapping[str, float] = {"T": 0.0, "A": 45.0, "I": 85.0, "X": 0.0}  # the arms, below the horizontal [degrees]
+POSES: Mapping[str, float] = {"T": 0.0, "A": 45.0, "I": 85.0}  # the arms, below the horizontal [degrees]
+
+
+@dataclass(frozen=True)
+class Along:
+    """A rest pose in which nobody can stand: bones lie along an axis of their joints, those of the right side against
+    it if `mirrored`. `base` has the axes of the hips as columns, in those of a body in T-pose.
+    """
+
+    base: NDArray[np.float64]
+    axis: int
+    mirrored: bool = False
+
+    def axes(self, skeleton: Skeleton) -> Rotation:
+        """The axes of each joint of a skeleton in T-pose; a joint with several bones has those of its parent."""
+        joints = roles(skeleton)
+        right = {*skeleton.subtree(joints["rightShoulder"]), *skeleton.subtree(joints["rightUpperLeg"])}
+        axes = [Rotation.identity()] * joints["hips"]
+        for joint in range(len(axes), len(skeleton)):
+            below = [child for child in skeleton.children[joint] if skeleton.lengths[child] > 0]
+            turn = Rotation.from_matrix(self.base) if joint == joints["hips"] else axes[skeleton.parents[joint]]
+            if len(below) == 1:
+                along = turn.as_matrix()[:, self.axis] * (-1.0 if self.mirrored and joint in right else 1.0)
+                turn = least(along[None], skeleton.offsets[below]) * turn
+            axes.append(turn)
+        return Rotation.from_quat(np.array([turn.as_quat() for turn in axes]))
+
+
+LEFT, UP, FORWARD = np.eye(3)
+LYING: Mapping[str, Along] = {
+    "X": Along(np.column_stack([UP, FORWARD, LEFT]), axis=0),  # LAFAN1
+    "Y": Along(np.column_stack([FORWARD, UP, -LEFT]), axis=1),  # Character Creator
+    "X mirrored": Along(np.column_stack([UP, FORWARD, LEFT]), axis=0, mirrored=True),  # Bandai Namco
+}
 
 
 def posed(skeleton: Skeleton, pose: str) -> Skeleton:
-    """The skeleton, given in T-pose, in a rest pose; in "X", which LAFAN1's files have, nobody can stand."""
+    """The skeleton, given in T-pose, with its arms as in a rest pose that stands."""
     for side in SIDES:
-        turn = Rotation.from_euler("Z", INWARDS[side] * POSES[pose], degrees=True)
+        turn = Rotation.from_euler("Z", INWARDS[side] * POSES.get(pose, 0.0), degrees=True)
         skeleton = turned_below(skeleton, roles(skeleton)[f"{side}UpperArm"], turn)
-    return along_x(skeleton) if pose == "X" else skeleton
+    return skeleton
 
 
 # ---- roots: the hips themselves, or a joint above them in the tree
@@ -329,8 +385,31 @@ def ik(skeleton: Skeleton, _naming: Naming) -> Skeleton:
     return skeleton
 
 
+def face(skeleton: Skeleton, naming: Naming) -> Skeleton:
+    """Jaws and eyes instead of the crown, as Character Creator has, below a joint that is all but at the head [cm]."""
+    head, names = roles(skeleton)["head"], naming.face.format
+    skeleton = with_chain(bare(skeleton, head), head, {names(Part="FacialBone"): (0.0, -0.01, 0.01)})
+    bones = {
+        "JawRoot": (0.0, 2.6, 1.6),
+        "UpperJaw": (0.0, 6.9, 3.0),
+        "L_Eye": (3.3, 8.2, 8.2),
+        "R_Eye": (-3.3, 8.2, 8.2),
+    }
+    middle = len(skeleton) - 1
+    for part, offset in bones.items():
+        skeleton = with_chain(skeleton, middle, {names(Part=part): offset})
+    return skeleton
+
+
+def jaw(skeleton: Skeleton, naming: Naming) -> Skeleton:
+    """A jaw, forwards and downwards, as the only joint below the head [cm]."""
+    head = roles(skeleton)["head"]
+    offsets = {naming.face.format(Part="Jaw"): (0.0, -1.0, 3.0)}
+    return with_chain(bare(skeleton, head), head, offsets, end=(0.0, -4.0, 7.0))
+
+
 HELPERS: Mapping[str, Callable[[Skeleton, Naming], Skeleton]] = {
-    helper.__name__: helper for helper in (twist, sleeves, skirt, hair, sword, ik)
+    helper.__name__: helper for helper in (twist, sleeves, skirt, hair, sword, ik, face, jaw)
 }
 
 # ---- the members
@@ -353,10 +432,36 @@ class Member:
 MEMBERS = {name: Member(**traits) for name, traits in TABLES["members"].items()}
 
 
-@cache
 def member(name: str) -> Skeleton:
     """The skeleton of a member of the zoo [cm]; its feet are on the floor, by the root's OFFSET."""
+    skeleton = _standing(MEMBERS[name])
+    return with_axes(skeleton, axes) if (axes := _lying_axes(name)) else skeleton
+
+
+def on_twin(name: str, motion: Motion) -> Motion:
+    """A motion of the twin of a member of the zoo, without helpers and in a rest pose that stands, by rotation copy."""
+    return retarget(motion, _standing(replace(MEMBERS[name], helpers=()))).rotation_copy
+
+
+def on_member(name: str, motion: Motion) -> Motion:
+    """The motion of a member of the zoo whose twin moves as `on_twin`."""
+    skeleton, copy = _standing(MEMBERS[name]), on_twin(name, motion)
+    plain, shared = copy.skeleton, [key for key in copy.skeleton.keys if key in skeleton.keys]
+    joints, of_copy = ([body.index(key) for key in shared] for body in (skeleton, plain))
+    rotations, translations = (np.tile(each, (len(copy), 1, 1)) for each in (skeleton.unturned, skeleton.offsets))
+    rotations[:, joints], translations[:, joints] = copy.rotations[:, of_copy], copy.translations[:, of_copy]
+    whole = Motion.of_translations(skeleton, translations, rotations, copy.frame_time_text)
+    return in_axes(whole, axes) if (axes := _lying_axes(name)) else whole
+
+
+def _lying_axes(name: str) -> Rotation | None:
+    """The axes of the joints of a member whose rest pose does not stand; None for one that stands."""
     traits = MEMBERS[name]
+    return LYING[traits.pose].axes(_standing(traits)) if traits.pose in LYING else None
+
+
+def _standing(traits: Member) -> Skeleton:
+    """A body with these traits, in T-pose if its rest pose does not stand."""
     naming = NAMING[traits.convention]
     body = adult(traits.convention)
     for build in traits.builds:

@@ -12,6 +12,7 @@ from functools import cached_property
 from pathlib import Path, PurePath
 from types import NoneType
 
+from distretarget.batch.alignment_spread import spread_warnings
 from distretarget.batch.manifest import VERSION, Manifest, ManifestRecord, Tally, new_record, worst
 from distretarget.batch.plan import Clip, check_page, find_clips, plan
 from distretarget.batch.workers import Job, Processes, Result, Workers, convert_all
@@ -97,6 +98,7 @@ class Batch:
         try:
             for result in convert_all(workers, self._jobs(workers.count, count)):
                 self._finish(result, count)
+            tally.alignments = [*spread_warnings(self.manifest.latest(self.clips))]
             if self.index:
                 self._write_pages(self.index, workers)
         finally:

@@ -9,13 +9,13 @@ from __future__ import annotations
 import fnmatch
 import json
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from operator import itemgetter
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, TypedDict, cast
 
 from filelock import FileLock
 
@@ -35,7 +35,13 @@ LEAST = 1e-6  # clips with a figure up to this are not listed among the worst
 made_from = itemgetter("input_hash", "target_hash", "options", "version")  # what determines an output
 
 
-class ManifestRecord(ClipRecord):
+class _OfDone(TypedDict, total=False):
+    """What the line of a clip that is done has as well: the alignment of the two bodies, as `alignment_text` has it."""
+
+    alignment: str
+
+
+class ManifestRecord(ClipRecord, _OfDone):
     """A line of a manifest. Hashes of files are "sha256:" and hexadecimal digits.
 
     Attributes:
@@ -94,7 +100,7 @@ def parse_record(line: bytes) -> ManifestRecord | None:
     sides = record["figures"].values()
     sound = (
         record.get("status") in ("done", "failed")
-        and all(isinstance(text, str) for text in (*record["notes"], *record["warnings"]))
+        and all(isinstance(text, str) for text in (*record["notes"], *record["warnings"], record.get("alignment", "")))
         and all(isinstance(side, dict) for side in sides)
         and all(isinstance(number, int | float | None) for side in sides for number in side.values())
     )
@@ -165,11 +171,11 @@ class Manifest:
         elif _is_other(made["input"], record["input"]) or _is_other(made["target"], record["target"]):
             raise FileError(path, f"is the result of {made['input']} onto {made['target']}; --overwrite replaces it")
 
-    def latest(self, clips: Iterable[Clip]) -> list[ManifestRecord]:
-        """Return the last record of each clip, if any, the newest last."""
+    def latest(self, clips: Iterable[Clip]) -> Iterator[ManifestRecord]:
+        """Yield the last record of each clip, if any, the newest last."""
         self._catch_up()
         places = (clip.place.as_posix() for clip in clips)
-        return list(self._records_at(sorted(self._last[place] for place in places if place in self._last)))
+        yield from self._records_at(sorted(self._last[place] for place in places if place in self._last))
 
     def add(self, record: ManifestRecord) -> None:
         """Add a line and flush it to the disk; if that fails, raise a FileError and leave the file as before."""
@@ -276,6 +282,7 @@ class Tally:
         frames: frames retargeted.
         workers: processes that did so.
         seconds: the time that took, without the start of the processes [s].
+        alignments: what is to be said of the alignments of clips of one rig, a line each.
     """
 
     clips: int
@@ -286,6 +293,7 @@ class Tally:
     frames: int = 0
     workers: int = 1
     seconds: float = 0.0
+    alignments: Sequence[str] = ()
     _worst: dict[Figure, list[ManifestRecord]] = field(default_factory=dict)
     _failures: list[str] = field(default_factory=list)
 
@@ -326,7 +334,7 @@ class Tally:
             ]
             if bad:
                 lines.append(f"worst {figure.label}: {', '.join(bad)}")
-        return lines + self.failures
+        return [*lines, *self.alignments, *self.failures]
 
     @property
     def failures(self) -> list[str]:

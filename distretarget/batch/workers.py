@@ -23,6 +23,7 @@ from multiprocessing.util import get_temp_dir
 from pathlib import Path
 from typing import Protocol
 
+from distretarget.batch.alignment_spread import alignment_text
 from distretarget.batch.compile_ahead import warm
 from distretarget.batch.interrupts import interrupts_held
 from distretarget.batch.manifest import VERSION, ManifestRecord
@@ -101,6 +102,7 @@ def _converted(job: Job, mapper: Mapper) -> Result:
         "figures": result.figures,
         "notes": list(unmatched(result.matching)),
         "warnings": list(result.warnings),
+        "alignment": alignment_text(result.matching),
     }
     report = run_page(result, job.about) if job.about else ""
     output = b"".join(encoded_parts(parts))

@@ -143,8 +143,9 @@ def _retarget(setup: SceneSetup, folder: Path, overwrite: bool, report: bool) ->
         line, copy = "nothing touches between them in the source", result.copy_gaps[i, j]
         if gap and copy:
             line = (
-                f"what touches between them in {gap.frames} frames is {100 * gap.b:.1f} % of a leg apart "
-                f"({100 * gap.a:.1f} in the source, {100 * copy.b:.1f} in copied rotations)"
+                f"what touches between them in {gap.frames} frames is {100 * gap.b:.1f} % of a leg apart on average, "
+                f"1 % of it more than {100 * gap.worst:.1f} "
+                f"({100 * gap.a:.1f} on average in the source, {100 * copy.b:.1f} in copied rotations)"
             )
         say(f"{setup.names[i]} and {setup.names[j]}: {line}")
     if any(result.gaps.values()):

@@ -36,7 +36,7 @@ class Diff:
         stress: (frames,), Eq. (2) of B against A's distances, over the squared height of B.
         comparison: what else was measured in each frame.
         notes: what was done before comparing: resampled, cut, turned.
-        run_tracks: the snaps and unsolved frames of B, if B was made here.
+        run_tracks: the snaps, pops and unsolved frames of B, if B was made here.
     """
 
     a: Motion

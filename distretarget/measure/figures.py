@@ -45,7 +45,9 @@ class Track:
 
 
 Tracks = Mapping[str, Track]  # by the key of what was measured
-NOT_RUN: Tracks = {key: Track(np.zeros(0)) for key in ("snap", "unsolved")}  # of a motion that was not solved here
+NOT_RUN: Tracks = {
+    key: Track(np.zeros(0)) for key in ("snap", "pop", "unsolved")
+}  # of a motion that was not solved here
 Figures = Mapping[Variant, Mapping[str, float | None]]  # of whole clips, by key; None where nothing was measured
 
 

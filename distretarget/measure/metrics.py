@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,20 +15,16 @@ from distretarget.measure.contacts import Contacts, find_contacts
 from distretarget.measure.directions import direction_error, expected_directions, shared_bones
 from distretarget.measure.feet import Feet, find_feet
 from distretarget.measure.figures import Track, Tracks
+from distretarget.measure.jumps import INSTANT
+from distretarget.measure.posture import errors_of, find_posture
 from distretarget.measure.supports import SupportsMeasured, find_supports
 from distretarget.motion import Motion
-from distretarget.numerics.kinematics import steps_along
 from distretarget.numerics.parallel import in_blocks
-from distretarget.numerics.time_series import find_shots
 from distretarget.numerics.vectors import lengths
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 Joints = NDArray[np.intp]
-
-INSTANT = 1 / 60  # the time over which turns and snaps are measured [s]
-SNAP = 4.0  # a joint snaps if it moves farther than this ...
-CALM = 1.5  # ... while it moves less than this in the rotation copy [both % of leg length in INSTANT]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -36,8 +33,12 @@ class Comparison:
 
     Attributes:
         contacts: the self-contacts of the source, and how well the result keeps them.
+        contact_gap: (frames,), how much farther apart the joints of a contact are than in the source, the largest of
+            each frame [% of leg length].
         feet: when feet rest, how fast they slide then, and how far feet and hips are from where they should be.
         supports: the other joints that rest on the world, how fast they slide, and how far off their height is.
+        posture: how head, palms and feet are held and legs spread, by the key of the figure: the joints that name the
+            parts, and errors (frames, parts) [degrees].
         skeleton: that of the result.
         distance_error: (frames,), mean |D_source - D_result| over all pairs of joints.
         bones: (bones,), the lower joints of the bones that both bodies have.
@@ -51,8 +52,10 @@ class Comparison:
     """
 
     contacts: Contacts
+    contact_gap: Array
     feet: Feet
     supports: SupportsMeasured
+    posture: Mapping[str, tuple[Joints, Array]]
     skeleton: Skeleton
     distance_error: Array
     bones: Joints
@@ -65,10 +68,11 @@ class Comparison:
 
     @property
     def tracks(self) -> Tracks:
-        """The values of the result's figures, without stress, snaps and unsolved frames, which only a run knows."""
+        """The values of the result's figures, without stress, and jumps and unsolved frames, which only a run has."""
         feet, supports = self.feet, self.supports
         return {
             "contact_error": Track(self.contacts.error_of_frames, self.contacts.counts > 0),
+            "contact_gap": Track(self.contact_gap, self.contacts.counts > 0),
             "direction_error": self._track(self.direction_error, self.skeleton.parents[self.bones]),
             "hips_height": self._of_feet(feet.hips_height),
             "foot_pitch": self._of_feet(feet.foot_pitch),
@@ -77,6 +81,7 @@ class Comparison:
             "slide": self._track(feet.slide, feet.joints, feet.stance),
             "support_slide": self._track(supports.slide, supports.joints, supports.rest),
             "support_height": self._track(supports.height, supports.joints, supports.on_floor),
+            **{key: self._track(error, joints, np.isfinite(error)) for key, (joints, error) in self.posture.items()},
             "distance_error": Track(self.distance_error),
             "jerk": Track(self.jerk),
             "turn": self._track(self.turn, self.turned),
@@ -109,6 +114,7 @@ class Reference:
         self._feet = find_feet(source, matching, up)
         self._contacts = find_contacts(source, matching, self._feet.stance)
         self._supports = find_supports(source, matching, up)
+        self._posture = find_posture(source, matching, up, self._feet.stance)
         self._bones = shared_bones(matching)
         self._directions = expected_directions(source, matching, self._bones)
         self._turned = np.flatnonzero(matching.drivers >= 0)
@@ -117,13 +123,15 @@ class Reference:
 
     def compare(self, result: Motion) -> Comparison:
         """Measure a result with the same number of frames."""
-        supports = self._supports.in_result(result)
+        contacts, supports = self._contacts.in_result(result), self._supports.in_result(result)
         further = np.degrees(_turns(result, self._turned) - self._turns)
         further *= INSTANT / result.frame_time
         return Comparison(
-            contacts=self._contacts.in_result(result),
+            contacts=contacts,
+            contact_gap=_contact_gap(contacts, self.matching),
             feet=self._feet.in_result(result, supports.carry(result.frame_time)),
             supports=supports,
+            posture={key: errors_of(held, result) for key, held in self._posture.items()},
             skeleton=result.skeleton,
             distance_error=self._distance_error(result),
             bones=self._bones,
@@ -148,24 +156,20 @@ class Reference:
         return differences_of_distances(of_source, of_result, share, 1)
 
 
-def find_snaps(copy: Motion, result: Motion, body: Body) -> Array:
-    """(frames - 1, joints), how far each joint of a result jumps to the next frame while it hardly moves in the
-    rotation copy [% of leg length in `INSTANT`]; 0 where it does not jump.
-
-    Joints outside the body, such as a root on the floor, do not snap, and no joint snaps at a cut.
+def _contact_gap(contacts: Contacts, matching: Matching) -> Array:
+    """(frames,), how much farther apart the joints of a contact are than in the source, the largest of each frame; 0
+    where none are farther [% of leg length].
     """
-    of_body = body.regions.of_joint >= 0
-    steps, calm = _steps(result, body), _steps(copy, body) < CALM
-    calm[np.diff(find_shots(copy.positions, np.flatnonzero(of_body), 0.5 * body.unit)) > 0] = False
-    steps[~(of_body & calm & (steps > SNAP))] = 0.0
-    return steps
-
-
-def _steps(motion: Motion, body: Body) -> Array:
-    """(frames - 1, joints), how far each joint moves to the next frame [% of leg length in `INSTANT`]."""
-    steps = steps_along(motion.positions)
-    steps *= 100 * INSTANT / (0.5 * body.unit * motion.frame_time)
-    return steps
+    gaps = []
+    for body, joint_of, D in (
+        (matching.source, matching.drivers, contacts.distance_source),
+        (matching.target, np.arange(len(matching.drivers)), contacts.distance_result),
+    ):
+        tau = body.skeleton.path_lengths[joint_of[contacts.u], joint_of[contacts.v]]
+        gaps.append(D * tau / (0.5 * body.unit))
+    farthest = np.zeros(contacts.frames)
+    np.maximum.at(farthest, contacts.frame, 100.0 * (gaps[1] - gaps[0]))
+    return farthest
 
 
 def _bone_error(result: Motion, body: Body) -> Array:

@@ -62,6 +62,7 @@ class Gap:
         frames: the number of frames in which they touch.
         pairs: the number of pairs of joints that touch, summed over frames.
         a, b: the mean gap in A and in B.
+        worst: the gap in B that 1 in 100 exceeds.
         error: the mean |gap in B - gap in A|.
         worst_frame: the frame with the largest difference.
         joints: the keys of the two joints of A with the largest difference.
@@ -73,6 +74,7 @@ class Gap:
     pairs: int
     a: float
     b: float
+    worst: float
     error: float
     worst_frame: int
     joints: tuple[str, str]
@@ -92,7 +94,7 @@ def measure_gap(between: tuple[int, int], one: ScenePart, other: ScenePart, scal
     a = lengths(one.a[frames, u] - other.a[frames, v]) / leg
     b = lengths(one.b[frames, u] - other.b[frames, v]) / (scale * leg)
     error = np.abs(b - a)
-    worst = error.argmax()
+    farthest = error.argmax()
     return Gap(
         between=between,
         regions=(one.region, other.region),
@@ -100,9 +102,10 @@ def measure_gap(between: tuple[int, int], one: ScenePart, other: ScenePart, scal
         pairs=len(frames),
         a=float(a.mean()),
         b=float(b.mean()),
+        worst=float(np.percentile(b, 99)),
         error=float(error.mean()),
-        worst_frame=int(frames[worst]),
-        joints=(one.keys[u[worst]], other.keys[v[worst]]),
+        worst_frame=int(frames[farthest]),
+        joints=(one.keys[u[farthest]], other.keys[v[farthest]]),
     )
 
 

@@ -15,7 +15,8 @@ from distretarget.errors import quoted
 from distretarget.ik.spg import Effort
 from distretarget.matching.matching import Matching
 from distretarget.measure.figures import NOT_RUN, Track, Tracks, Variant, clip_figures
-from distretarget.measure.metrics import Comparison, Reference, find_snaps
+from distretarget.measure.jumps import find_pops, find_snaps
+from distretarget.measure.metrics import Comparison, Reference
 from distretarget.measure.verdict import verdict, what_needs_a_look
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import lengths
@@ -110,11 +111,12 @@ class RetargetResult:
 
     @cached_property
     def run_tracks(self) -> Tracks:
-        """The values per frame that only a run knows: snaps against the rotation copy, and unconverged frames."""
+        """The values per frame that only a run knows: snaps and pops against the rotation copy, unconverged frames."""
         unsolved = np.zeros(len(self.motion))
         unsolved[self.effort.unsolved] = 1.0
-        snaps = find_snaps(self.rotation_copy, self.motion, self.matching.target)
-        return {"snap": Track(snaps, parts=self.motion.skeleton.keys), "unsolved": Track(unsolved)}
+        motions, keys = (self.rotation_copy, self.motion, self.matching.target), self.motion.skeleton.keys
+        snaps, pops = (Track(find(*motions), parts=keys) for find in (find_snaps, find_pops))
+        return {"snap": snaps, "pop": pops, "unsolved": Track(unsolved)}
 
     @cached_property
     def figures(self) -> dict[Variant, dict[str, float | None]]:

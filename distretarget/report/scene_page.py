@@ -119,10 +119,14 @@ def _gaps_of_result(result: SceneResult, names: Sequence[str]) -> Table:
     rows: list[list[str | int]] = []
     for (i, j), gap in result.gaps.items():
         copy = result.copy_gaps[i, j]
-        numbers = [f"{100 * mean:.1f}" for mean in (gap.a, copy.b, gap.b)] if gap and copy else [NO_GAP] * 3
+        numbers = [f"{100 * mean:.1f}" for mean in (gap.a, copy.b, gap.b, gap.worst)] if gap and copy else [NO_GAP] * 4
         rows.append([f"{names[i]} and {names[j]}", str(gap.frames if gap else 0), *numbers])
     title = "Mean gap where they touch in the source, in % of a leg of the source\u2019s world"
-    return {"title": title, "columns": ["between", "frames", "source", "rotation copy", "result"], "rows": rows}
+    return {
+        "title": title,
+        "columns": ["between", "frames", "source", "rotation copy", "result", "worst 1 %"],
+        "rows": rows,
+    }
 
 
 def _player_page(

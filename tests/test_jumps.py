@@ -1,11 +1,11 @@
-"""Snaps of a result, of which the rotation copy is calm."""
+"""Snaps of a result, of which the rotation copy is calm, and pops, in which it may move."""
 
 import numpy as np
 import pytest
 from bodies import body_of, person, posed, with_bone
 
 from distretarget.measure.figures import BY_KEY, Track
-from distretarget.measure.metrics import find_snaps
+from distretarget.measure.jumps import find_pops, find_snaps
 
 PERSON = person()
 LEG = 0.435 + 0.453
@@ -63,3 +63,47 @@ def test_one_frame_has_no_snaps():
     found = snaps_of(carried([0]), carried([0]))
     assert found.shape == (0, len(PERSON))
     assert BY_KEY["snap"].of_clip({"snap": Track(found)}) is None
+
+
+WALKED = 0.05 * np.arange(10.0)  # too fast for a snap
+
+
+def pops_of(path, frame_time="0.0166666667"):
+    """The frames in which a body pops whose path should be `WALKED`, and goes elsewhere by a path [leg lengths]."""
+    copy, result = (carried(each, frame_time=frame_time) for each in (WALKED, WALKED + path))
+    assert not snaps_of(copy, result).any()
+    found = find_pops(copy, result, body_of(PERSON))
+    assert found.shape == (9, len(PERSON))
+    return np.flatnonzero(found.any(axis=1)).tolist()
+
+
+@pytest.mark.parametrize(
+    ("path", "frames"),
+    [
+        (np.zeros(10), []),
+        (np.repeat([0.0, 0.05], 5), [4]),
+        (np.repeat([0.0, 0.03], 5), []),
+        (np.repeat([0.05, 0.0], [1, 9]), [0]),
+        (np.repeat([0.0, 0.05], [9, 1]), [8]),
+        (np.where(np.arange(10) == 5, 0.06, 0.0), [4, 5]),  # there and back
+        (0.06 * np.arange(10.0), []),  # as far in every frame
+        (np.array([0, 0, 0.02, 0.04, 0.06, 0.11, 0.13, 0.15, 0.17, 0.17]), []),  # twice as far as in those around
+    ],
+)
+def test_a_pop_is_far_and_sudden_though_the_joint_moves(path, frames):
+    assert pops_of(path) == frames
+
+
+def test_pops_take_the_same_time_at_any_frame_rate():
+    step = np.repeat([0.0, 0.05], 5)
+    assert pops_of(0.7 * step, "0.0083333") == [4]
+    assert pops_of(1.4 * step, "0.0333333") == []
+
+
+def test_nothing_pops_at_a_cut_or_in_one_frame():
+    about = {"Hips": np.repeat([[0.0, 0, 0], [0, np.pi, 0]], 4, axis=0)}
+    step = np.outer(np.repeat([0.0, 0.1], 4), [LEG, 0, 0])
+    copy, result = posed(PERSON, about, np.zeros((8, 3))), posed(PERSON, about, step)
+    assert not find_pops(copy, result, body_of(PERSON)).any()
+    assert find_pops(posed(PERSON, {}, np.zeros((8, 3))), posed(PERSON, {}, step), body_of(PERSON)).any()
+    assert find_pops(carried([0]), carried([0]), body_of(PERSON)).shape == (0, len(PERSON))

@@ -1,0 +1,159 @@
+"""How head, palms and feet are held and how far the legs are spread, in a result against its source.
+
+Nothing here takes the alignment of the two bodies, by which results are made. The axes of head and soles come from
+gravity: in a rest pose in which a person can stand, else over the frames of the body's own motion. All else comes from
+the positions of joints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.body.anatomy import SIDES
+from distretarget.body.axes import axis_vector
+from distretarget.body.body import Body
+from distretarget.body.legs import Leg
+from distretarget.body.resting import feet_at_rest
+from distretarget.matching.matching import Matching
+from distretarget.measure.feet import find_flat_foot
+from distretarget.motion import Motion
+from distretarget.numerics.vectors import angles_between, cross, level, normalised
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+UPRIGHT = 0.7  # a trunk nearer to the vertical than this is upright [cosine]
+UNKNOWN = np.zeros(3)
+OUTER_FINGERS = ("Little", "Ring", "Middle")  # across the palm from the index finger; the first that both bodies have
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """A direction of a part of the body, which result and source should have in common."""
+
+    joint: int  # of the target; it names the part
+    source: Array  # (frames, n), unit vectors in the source
+    of_motion: Callable[[Motion], Array]  # these of a motion of the target
+    measured: Flags | None = None  # (frames,); None for all
+
+    def error(self, result: Motion) -> Array:
+        """(frames,), the angle between result and source [degrees]; nan where it is not measured."""
+        angles = np.degrees(angles_between(self.of_motion(result), self.source))
+        return np.asarray(angles if self.measured is None else np.where(self.measured, angles, np.nan))
+
+
+Axes = tuple[Array, Array]
+"""Up and forward, (3,) each, in the axes of a joint; zero where unknown."""
+Posture = Mapping[str, Sequence[Held]]  # by the key of the figure
+
+
+def find_posture(source: Motion, matching: Matching, up: Array, stance: Flags) -> Posture:
+    """Find what is held in a source: the head's axis up ("head_tilt"), the normals of palms ("palm_turn") and of soles
+    that rest ("sole_tilt"), where head and resting feet point along the floor ("heading"), and how far resting legs
+    point outwards ("splay").
+
+    `up`, (3,), is the unit vector up; `stance`, (frames, foot joints), whether ankle and toe of each leg rest.
+    """
+    held: dict[str, list[Held]] = {"head_tilt": [], "palm_turn": [], "sole_tilt": [], "heading": [], "splay": []}
+
+    def add(key: str, joint: int, sides: Iterable[Callable[[Motion], Array]], measured: Flags | None = None) -> None:
+        of_source, of_target = sides
+        held[key].append(Held(joint, of_source(source), of_target, measured))
+
+    def add_axes(tilt: str, joints: Sequence[int], axes: Sequence[Axes], measured: Flags | None = None) -> None:
+        """The axes up and forward of the same joint of both bodies."""
+        for key, of_joint, along in ((tilt, [up for up, _ in axes], None), ("heading", [axis for _, axis in axes], up)):
+            if all(axis.any() for axis in of_joint):
+                sides = (partial(_turned, joint, axis, along) for joint, axis in zip(joints, of_joint, strict=True))
+                add(key, joints[1], sides, measured)
+
+    bodies = matching.source, matching.target
+    heads = [body.anatomy.roles["head"] for body in bodies if body.anatomy and "head" in body.anatomy.roles]
+    if len(heads) == len(bodies):
+        add_axes("head_tilt", heads, [*map(_head_axes, bodies, heads)])
+    for hands in _hands(matching):
+        add("palm_turn", hands[1][0], (partial(_palm, joints) for joints in hands))
+    for k, legs in enumerate(zip(*matching.legs, strict=True) if matching.legs else ()):
+        ankle_rests, rests = stance[:, 2 * k], stance[:, 2 * k] & stance[:, 2 * k + 1]
+        both = zip(legs, (side[1 - k] for side in matching.legs or ()), strict=True)
+        add("splay", legs[1].ankle, (partial(_outwards, *pair) for pair in both), ankle_rests)
+        add_axes("sole_tilt", [leg.ankle for leg in legs], [*map(_foot_axes, bodies, legs)], rests)
+    return held
+
+
+def errors_of(held: Sequence[Held], result: Motion) -> tuple[NDArray[np.intp], Array]:
+    """The joints that name the parts, (parts,), and their errors in a result, (frames, parts) [degrees]."""
+    joints = np.array([each.joint for each in held], np.intp)
+    return joints, np.reshape([each.error(result) for each in held], (len(held), len(result))).T
+
+
+def _head_axes(body: Body, head: int) -> Axes:
+    """The axes up and forward of a head: in the rest pose if it stands, else on average while the trunk is upright."""
+    if body.up_at_rest:
+        return axis_vector(body.up_at_rest), body.rest.axes[:, 2]
+    if body.moving is None:
+        return UNKNOWN, UNKNOWN
+    return _mean_axes(body, head, np.asarray(body.moving.trunk @ body.up_vector > UPRIGHT))
+
+
+def _foot_axes(body: Body, leg: Leg) -> Axes:
+    """The axes up and forward of an ankle while the foot is flat: in the rest pose if it can be, else on average."""
+    if leg.toe == leg.ankle:
+        return UNKNOWN, UNKNOWN
+    no_frames = body.skeleton.rest_positions[None][:0]
+    if body.up_at_rest and np.isfinite(find_flat_foot(body, leg, no_frames, body.up_vector).flat_pitch):
+        return axis_vector(body.up_at_rest), body.rest.axes[:, 2]
+    if body.motion is None or len(body.motion) < 2:
+        return UNKNOWN, UNKNOWN
+    rests = feet_at_rest(body.motion, leg, body.up_vector, body.leg_length)
+    return _mean_axes(body, leg.ankle, np.asarray(rests.all(axis=1)))
+
+
+def _mean_axes(body: Body, joint: int, frames: Flags) -> Axes:
+    """Gravity, and where the body faces along the floor, in the axes of a joint, on average over frames of its motion;
+    unknown without frames.
+    """
+    if body.motion is None or body.moving is None or not frames.any():
+        return UNKNOWN, UNKNOWN
+    turns = Rotation.from_quat(body.motion.world_rotations_of(joint)[frames]).inv()
+    up, forward = body.up_vector, level(body.moving.axes[frames, :, 2], body.up_vector)
+    return normalised(turns.apply(up).sum(axis=0)), normalised(turns.apply(forward).sum(axis=0))
+
+
+def _hands(matching: Matching) -> list[tuple[tuple[int, int, int], tuple[int, int, int]]]:
+    """For each hand whose palm both bodies show: wrist, knuckle of the index finger and of an outer one, of each."""
+    roles = [body.anatomy.roles if body.anatomy else {} for body in (matching.source, matching.target)]
+    hands = []
+    for side in SIDES:
+        fingers = [f for f in OUTER_FINGERS if all({f"{side}{f}1", f"{side}Index1"} <= own.keys() for own in roles)]
+        if fingers and all(f"{side}Hand" in own for own in roles):
+            parts = ("Hand", "Index1", f"{fingers[0]}1")
+            source, target = ((own[side + parts[0]], own[side + parts[1]], own[side + parts[2]]) for own in roles)
+            hands.append((source, target))
+    return hands
+
+
+def _turned(joint: int, axis: Array, along: Array | None, motion: Motion) -> Array:
+    """(frames, 3), an axis of a joint, (3,), in the world; its level part if the vector up, `along`, (3,), is given."""
+    axes = Rotation.from_quat(motion.world_rotations_of(joint)).apply(axis)
+    return axes if along is None else level(axes, along)
+
+
+def _palm(joints: tuple[int, int, int], motion: Motion) -> Array:
+    """(frames, 3), the normal of the palm: across the wrist and two knuckles."""
+    wrist, index, outer = (motion.positions[:, joint] for joint in joints)
+    return normalised(cross(index - wrist, outer - wrist))
+
+
+def _outwards(leg: Leg, other: Leg, motion: Motion) -> Array:
+    """(frames, 2), cosine and sine of the angle by which a leg, from hip to ankle, points away from the other one."""
+    positions = motion.positions
+    sine = normalised(positions[:, leg.ankle] - positions[:, leg.hip])
+    sine = (sine * normalised(positions[:, leg.hip] - positions[:, other.hip])).sum(axis=-1)
+    return np.stack([np.sqrt(np.maximum(1.0 - sine**2, 0.0)), sine], axis=-1)
