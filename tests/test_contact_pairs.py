@@ -12,11 +12,9 @@ from distretarget.body.anatomy import Regions
 from distretarget.distances import distance_problem
 from distretarget.ik.springs import Springs
 from distretarget.objectives.contact_pairs import (
-    FADE,
     LEAST_PATH,
     STIFFNESS,
     CandidatePairs,
-    activation,
     candidate_pairs,
     near_pairs,
     write_pair_spring,
@@ -30,17 +28,12 @@ PROBLEM = distance_problem(PERSON, TARGET, MATCHING.drivers)
 UNIT = 1.7
 SETTINGS = ContactSettings()
 BODY = MATCHING.target
-PAIRS = candidate_pairs(PROBLEM, BODY.regions, BODY.legs, UNIT)
+PAIRS = candidate_pairs(PROBLEM, BODY.regions, BODY.legs, UNIT, None)
 REACH = SETTINGS.reach
 
 
 def one_shot(frames):
     return np.zeros(len(frames), np.intp)
-
-
-def smootherstep(D):
-    t = np.clip((REACH + FADE - D) / FADE, 0, 1)
-    return 6 * t**5 - 15 * t**4 + 10 * t**3
 
 
 def copied(source):
@@ -50,8 +43,13 @@ def copied(source):
 def springs_of(source, block, lead):
     copy = copied(source) / UNIT
     points = source.positions[:, PROBLEM.sources], copy[:, PROBLEM.targets]
-    standing = np.zeros(len(source))[block]
-    return written(near_pairs(PAIRS, *points, standing, one_shot(source), block=block, lead=lead, settings=SETTINGS))
+    return written(near(PAIRS, points, np.zeros(len(source))[block], block, replace(SETTINGS, blend=lead)))
+
+
+def near(pairs, points, standing, block, settings=SETTINGS):
+    """The near pairs of points without cuts and without arms; a frame takes a second, so that a lead is in frames."""
+    shots, raised = one_shot(points[0]), np.zeros(points[0].shape[:2])
+    return near_pairs(pairs, *points, standing, shots, raised, block=block, frame_time=1.0, settings=settings)
 
 
 def written(near):
@@ -105,62 +103,8 @@ def test_joints_that_coincide_by_their_bones_are_no_pair():
     )
     longer = chain.with_offsets(np.tile([0, 1.0, 0], (6, 1)))
     problem = distance_problem(chain, longer, np.arange(6))
-    pairs = candidate_pairs(problem, every_joint_a_region(6), None, 1.0)
+    pairs = candidate_pairs(problem, every_joint_a_region(6), None, 1.0, None)
     assert set(zip(pairs.u.tolist(), pairs.v.tolist(), strict=True)) == {(0, 5), (1, 5)}
-
-
-@pytest.mark.parametrize("lead", [0, 1, 7])
-def test_a_lasting_distance_has_a_full_activation_when_close_and_none_when_apart(lead):
-    D = np.tile([0.0, REACH / 2, REACH, REACH + FADE / 2, REACH + FADE, 0.9], (40, 1))
-    np.testing.assert_allclose(
-        activation(D, one_shot(D), lead, REACH), np.tile([1, 1, 1, 0.5, 0, 0], (40, 1)), atol=1e-12
-    )
-
-
-@pytest.mark.parametrize("lead", [0, 1, 4, 18])
-def test_an_activation_is_never_below_what_the_distance_asks_for_where_it_lasts_two_frames(lead):
-    draw = np.random.default_rng(0)
-    D = np.repeat(draw.uniform(0.05, 0.22, (100, 5)), 2, axis=0)
-    assert np.all(activation(D, one_shot(D), lead, REACH) >= smootherstep(D) - 1e-12)
-
-
-def test_an_activation_falls_as_the_distance_grows():
-    D = np.tile(np.linspace(0, 0.3, 301), (5, 1))
-    f = activation(D, one_shot(D), 0, REACH)[2]
-    assert np.all(np.diff(f) <= 0)
-    assert np.all((f >= 0) & (f <= 1))
-    assert np.abs(np.diff(f, 2)).max() < 0.005
-
-
-@pytest.mark.parametrize("lead", [6, 18])
-def test_a_pair_that_comes_near_at_once_sets_in_smoothly_and_ahead(lead):
-    D = np.where(np.abs(np.arange(200) - 100) <= 10, 0.05, 0.4)[:, None]
-    f = activation(D, one_shot(D), lead, REACH)[:, 0]
-    assert np.all(f[90:111] == pytest.approx(1.0))
-    assert np.all(f[: 90 - 2 * lead] == 0)
-    assert np.all(f[111 + 2 * lead :] == 0)
-    assert np.all(np.diff(f)[:100] >= -1e-12)
-    assert np.abs(np.diff(f)).max() < 1.5 / lead
-    assert np.abs(np.diff(f, 2)).max() < 6 / lead**2
-    np.testing.assert_allclose(f, f[::-1][np.arange(-1, 199)], atol=1e-12)
-
-
-@pytest.mark.parametrize("spike", [0.0, 0.4])
-def test_a_single_frame_unlike_its_neighbours_counts_for_nothing(spike):
-    D = np.full((60, 1), 0.4 - spike)
-    expected = activation(D, one_shot(D), 5, REACH)
-    D[30] = spike
-    np.testing.assert_array_equal(activation(D, one_shot(D), 5, REACH), expected)
-    D[31] = spike
-    if spike == 0.0:
-        assert activation(D, one_shot(D), 5, REACH)[30] == pytest.approx(1.0)
-
-
-def test_a_contact_right_after_a_cut_does_not_set_in_before_it():
-    D = np.where(np.arange(80) < 40, 0.4, 0.05)[:, None]
-    shots = (np.arange(80) >= 40).astype(np.intp)
-    np.testing.assert_allclose(activation(D, shots, 9, REACH)[:, 0], shots, atol=1e-12)
-    assert activation(D, one_shot(D), 9, REACH)[30] > 0
 
 
 def assert_a_block_has_the_springs_of_the_whole(source, block, lead):
@@ -233,9 +177,10 @@ def lone_and_cluster(count):
     points = 2 * count
     u, v = (ends.ravel() for ends in np.meshgrid(np.arange(count), np.arange(count, points), indexing="ij"))
     tau = np.full(len(u), 1 / REACH)
-    pairs = CandidatePairs(u, v, u, v, tau, np.ones(len(u)), np.zeros(len(u), bool), points)
+    far = np.full(len(u), np.inf)
+    pairs = CandidatePairs(u, v, u, v, tau, np.ones(len(u)), far, np.zeros(len(u), bool), points)
     x = np.tile(np.where(np.arange(points) < count, 0.0, 1.0)[:, None] * [1.0, 0, 0], (3, 1, 1))
-    springs = written(near_pairs(pairs, x, x, np.zeros(3), one_shot(x), block=slice(0, 3), lead=0.0, settings=SETTINGS))
+    springs = written(near(pairs, (x, x), np.zeros(3), slice(0, 3), replace(SETTINGS, blend=0.0)))
     return np.linalg.eigvalsh(springs.A[1])[:, -1]
 
 
@@ -252,11 +197,10 @@ def test_feet_are_no_pair_while_one_of_them_rests():
     source = clapping(np.ones(4))
     copy = copied(source) / UNIT
     points = source.positions[:, PROBLEM.sources], copy[:, PROBLEM.targets]
-    near = replace(SETTINGS, reach=0.5)
+    settings = replace(SETTINGS, reach=0.5, blend=0.0)
     both = {"LeftAnkle", "LeftToe", "LeftToe_End"}, {"RightAnkle", "RightToe", "RightToe_End"}
     standing = np.array([0, 0.5, 1, 0])
-    pairs = near_pairs(PAIRS, *points, standing, one_shot(source), block=slice(0, 4), lead=0, settings=near)
-    springs = written(pairs)
+    springs = written(near(PAIRS, points, standing, slice(0, 4), settings))
     feet = [
         {PERSON.names[a], PERSON.names[b]} & both[0] and {PERSON.names[a], PERSON.names[b]} & both[1]
         for a, b in zip(springs.a, springs.b, strict=True)

@@ -66,7 +66,9 @@ def test_contact_error_is_the_mean_over_the_contacts_of_a_frame_then_over_frames
     none = np.zeros(0, np.intp)
     names = ("hand - head", "hand - hips")
     contacts = Contacts(
-        candidates=Candidates(points=none, names=names, feet=np.zeros(2, bool), first=none, u=none, v=none),
+        candidates=Candidates(
+            points=none, names=names, feet=np.zeros(2, bool), first=none, u=none, v=none, limits=np.zeros(0)
+        ),
         frames=3,
         frame=np.array([0, 0, 2]),
         regions=np.array([0, 1, 1]),
