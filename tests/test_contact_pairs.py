@@ -14,6 +14,7 @@ from distretarget.ik.springs import Springs
 from distretarget.objectives.contact_pairs import (
     LEAST_PATH,
     STIFFNESS,
+    WITHIN,
     CandidatePairs,
     candidate_pairs,
     near_pairs,
@@ -173,10 +174,10 @@ def test_nearer_pairs_are_stiffer_and_in_more_directions():
 
 
 def lone_and_cluster(count):
-    """Weight of every pair where `count` points stand near `count` others, all at the distance `close`."""
+    """Weight of every pair where `count` points stand near `count` others, all at half the reach of a contact."""
     points = 2 * count
     u, v = (ends.ravel() for ends in np.meshgrid(np.arange(count), np.arange(count, points), indexing="ij"))
-    tau = np.full(len(u), 1 / REACH)
+    tau = np.full(len(u), 2 / REACH)
     far = np.full(len(u), np.inf)
     pairs = CandidatePairs(u, v, u, v, tau, np.ones(len(u)), far, np.zeros(len(u), bool), points)
     x = np.tile(np.where(np.arange(points) < count, 0.0, 1.0)[:, None] * [1.0, 0, 0], (3, 1, 1))
@@ -193,6 +194,24 @@ def test_a_point_near_a_cluster_is_pulled_about_as_much_as_one_near_a_single_poi
         assert lone < weights.sum() / count < 2 * lone
 
 
+def test_the_pull_of_a_pair_is_bounded_and_within_reach_it_grows_with_the_change_that_it_asks_for():
+    """Two points at half the reach; in the rotation copy they are farther apart, by more and more."""
+    asked = np.array([0.0, 0.001, 0.002, 0.3, 0.6, 1.2])
+    one, far = np.ones(1), np.full(1, np.inf)
+    pairs = CandidatePairs(
+        np.array([0]), np.array([1]), np.array([0]), np.array([1]), 2 * one / REACH, one, far, one == 0, 2
+    )
+    source = np.tile([[0.0, 0, 0], [1.0, 0, 0]], (len(asked), 1, 1))
+    copy = np.array(source)
+    copy[:, 1, 0] += asked
+    springs = written(near(pairs, (source, copy), np.zeros(len(asked)), slice(0, len(asked)), SETTINGS))
+    np.testing.assert_allclose(springs.rest[:, 0], [[-1.0, 0, 0]] * len(asked), atol=1e-9)
+    pull = springs.A[:, 0, 0, 0] * asked
+    assert pull[2] == pytest.approx(2 * pull[1], rel=1e-3)
+    assert pull[-1] == pytest.approx(pull[-2], rel=1e-2)
+    assert pull[-1] == pytest.approx(springs.A[0, 0, 0, 0] * WITHIN, rel=1e-2)
+
+
 def test_feet_are_no_pair_while_one_of_them_rests():
     source = clapping(np.ones(4))
     copy = copied(source) / UNIT
@@ -200,17 +219,16 @@ def test_feet_are_no_pair_while_one_of_them_rests():
     settings = replace(SETTINGS, reach=0.5, blend=0.0)
     both = {"LeftAnkle", "LeftToe", "LeftToe_End"}, {"RightAnkle", "RightToe", "RightToe_End"}
     standing = np.array([0, 0.5, 1, 0])
-    springs = written(near(PAIRS, points, standing, slice(0, 4), settings))
+    pairs = near(PAIRS, points, standing, slice(0, 4), settings)
     feet = [
         {PERSON.names[a], PERSON.names[b]} & both[0] and {PERSON.names[a], PERSON.names[b]} & both[1]
-        for a, b in zip(springs.a, springs.b, strict=True)
+        for a, b in zip(pairs.a, pairs.b, strict=True)
     ]
     feet = np.array([bool(each) for each in feet])
     assert feet.any()
-    stiffness = np.linalg.eigvalsh(springs.A)[..., -1]
-    assert np.all(stiffness[2, feet] == 0)
-    assert np.all((stiffness[1, feet] > 0) & (stiffness[1, feet] < stiffness[0, feet]))
-    assert np.all(stiffness[2, ~feet] > 0)
+    assert np.all(pairs.w[2, feet] == 0)
+    assert np.all((pairs.w[1, feet] > 0) & (pairs.w[1, feet] < pairs.w[0, feet]))
+    assert np.all(pairs.w[2, ~feet] > 0)
 
 
 def test_a_clip_without_near_pairs_has_no_springs():

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import compiled
-from distretarget.numerics.time_series import Shots, by_shot, largest, smoothstep, widened
+from distretarget.numerics.time_series import Shots, by_shot, largest, median_of_three, smoothstep, widened
 from distretarget.objectives.settings import ContactSettings
 
 Array = NDArray[np.float64]
@@ -58,7 +58,7 @@ class SelfContact:
     @property
     def window(self) -> int:
         """The number of frames on each side that an activation depends on."""
-        return 2 * round(self.lead) + self.held
+        return 2 * round(self.lead) + self.held + 1
 
     def apart(self, hanging: Array, raised: Array) -> Array:
         """Return the D from which pairs are in no contact, (pairs,); `hanging` and `raised` as in `activation`."""
@@ -78,7 +78,7 @@ class SelfContact:
         f = _sets_in(D, np.minimum(reach, NEARER * hanging), np.minimum(farthest, AS_FAR * hanging))
         hangs = np.flatnonzero((AS_FAR * hanging < farthest) & raised.any(axis=0))
         if len(hangs):
-            D, raised = D[:, hangs], raised[:, hangs]
+            D, raised = median_of_three(D[:, hangs]), median_of_three(raised[:, hangs])
             varies = largest(D, self.held) + largest(-D, self.held)
             held = smoothstep((UNSTEADY - varies) / (UNSTEADY - STEADY)) * raised
             f[:, hangs] = np.maximum(f[:, hangs], held * _sets_in(D, reach, farthest))
