@@ -19,8 +19,8 @@ def positions(frames=40):
     return swaying(person(), frames).positions
 
 
-def shots(x, length=LENGTH):
-    return find_shots(x, np.arange(x.shape[1]), length)
+def shots(x, length=LENGTH, frame_time=1.0):
+    return find_shots(x, np.arange(x.shape[1]), length, frame_time)
 
 
 def test_a_clip_without_a_cut_is_one_shot():
@@ -43,6 +43,17 @@ def test_one_bad_frame_and_small_jumps_are_no_cut():
     still = np.tile(positions()[:1], (40, 1, 1))
     still[20:] += 0.01 * LENGTH / np.sqrt(3)
     assert shots(still).max() == 0
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_frames_that_the_body_leaves_faster_than_anybody_can_are_shots_of_their_own(backwards):
+    """A body that rushes to its place within three frames: as seen where a T-pose was put before a motion."""
+    x = np.tile(positions()[:1], (40, 1, 1))
+    x[:3, :, 2] += np.array([0.9, 0.5, 0.2])[:, None]
+    x = x[::-1] if backwards else x
+    rushes = np.array([*range(4), *[3] * 36])
+    np.testing.assert_array_equal(shots(x, frame_time=0.01), rushes.max() - rushes[::-1] if backwards else rushes)
+    assert shots(x).max() == 0
 
 
 @pytest.mark.parametrize(("jump", "cuts"), [(0.015, 0), (0.03, 1)])

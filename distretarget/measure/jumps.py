@@ -48,7 +48,7 @@ def _counted(steps: Array, jumps: NDArray[np.bool_], copy: Motion, body: Body) -
     """The steps, (frames - 1, joints), that are jumps of joints of the body, and not at a cut; 0 for all others."""
     if jumps.any():
         of_body = body.regions.of_joint >= 0
-        cuts = np.diff(find_shots(copy.positions, np.flatnonzero(of_body), 0.5 * body.unit)) > 0
+        cuts = np.diff(find_shots(copy.positions, np.flatnonzero(of_body), 0.5 * body.unit, copy.frame_time)) > 0
         jumps &= of_body & ~cuts[:, None]
     steps[~jumps] = 0.0
     return steps

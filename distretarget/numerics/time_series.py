@@ -138,17 +138,22 @@ Shots = NDArray[np.intp]  # (frames,), the number of the shot that each frame be
 
 STEP = 8.0  # at a cut joints move at least this many times as far as in the frames before and after it ...
 FAR = 0.02  # ... and at least this far on average [of the given length]
+FASTEST = 15.0  # no person is faster, on average over all joints [lengths / s]
 
 
-def find_shots(positions: Array, joints: NDArray[np.intp], length: float) -> Shots:
+def find_shots(positions: Array, joints: NDArray[np.intp], length: float, frame_time: float) -> Shots:
     """Return the number of each frame's shot, (frames,), counted from 0.
 
-    `positions` are (frames, all joints, 3), `joints` the body's, and `length` is a length of the body, such as its
-    legs', in the same unit.
+    `positions` are (frames, all joints, 3), `joints` the body's, `length` is a length of the body, such as its legs',
+    in the same unit, and `frame_time` is in [s]. Frames at the beginning or the end from which the body leaves faster
+    than anybody can, such as a T-pose before the motion, are shots of their own.
     """
     steps = steps_along(positions, joints).mean(axis=1)
     before, after = np.insert(steps, 0, 0.0)[:-1], np.append(steps, 0.0)[1:]
     cuts = steps > np.maximum(STEP * np.maximum(before, after), FAR * length)
+    possible = np.flatnonzero(steps <= FASTEST * length * frame_time)
+    if len(possible):
+        cuts[: possible[0]] = cuts[possible[-1] + 1 :] = True
     return np.insert(np.cumsum(cuts), 0, 0).astype(np.intp)
 
 

@@ -73,7 +73,9 @@ class Clip:
             source=motion,
             copy=copy,
             root=root_path(copy, matching, scale),
-            shots=find_shots(motion.positions, np.flatnonzero(source.regions.of_joint >= 0), source.unit / 2),
+            shots=find_shots(
+                motion.positions, np.flatnonzero(source.regions.of_joint >= 0), source.unit / 2, motion.frame_time
+            ),
             scale=scale,
             up=source.up_vector,
             unit=body.unit,
