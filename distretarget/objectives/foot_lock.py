@@ -31,7 +31,7 @@ from distretarget.ik.springs import no_springs
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import heights_of
 from distretarget.numerics.parallel import mapper_for
-from distretarget.numerics.time_series import Shots, averaged, by_shot, smoothed, steadied, widened
+from distretarget.numerics.time_series import Shots, averaged, by_shot, median_of_three, smoothed, steadied, widened
 from distretarget.numerics.vectors import lengths, level
 from distretarget.objectives.clip import Clip, LegPair
 from distretarget.objectives.floor import no_floor
@@ -149,8 +149,9 @@ class _Foot:
         under = np.outer(normal, sole.heights) - (heights_of(positions, sole.joints, up) - (toe @ up)[:, None])
         heel, others = under[:, 0], under[:, 1:]
         front = others.max(axis=1) if others.shape[1] else heel
-        points = (averaged(level(each, up), round(STEADY / motion.frame_time)) for each in (toe, toe + bone))
-        steps = np.min([lengths(np.diff(each, axis=0, append=each[-1:])) for each in points], axis=0)
+        paths = (median_of_three(level(each, up)) for each in (toe, toe + bone))  # ignores a single faulty frame
+        paths = (averaged(each, round(STEADY / motion.frame_time)) for each in paths)
+        steps = np.min([lengths(np.diff(each, axis=0, append=each[-1:])) for each in paths], axis=0)
         planted = (WAY * length / np.maximum(steps, SLOWEST * motion.frame_time * length)) ** 2
         below = (heel + front + np.hypot(heel - front, ROLL * length)) / 2.0
         return cls(positions[:, leg.hip], toe, bone, below, planted)
@@ -163,6 +164,8 @@ def _places(
     `wider`, (frames, 3), is how far the foot belongs to the side, as in `_wider`.
     """
     offset = level(scale.height * source.bone - copy.bone, up) + wider
-    toe = scale.places(source.toe, up) + by_shot(steadied, shots, offset, weights + LITTLE, source.planted)
+    toe = scale.places(source.toe, up) + by_shot(
+        steadied, shots, median_of_three(offset), weights + LITTLE, source.planted
+    )
     toe += (copy.below - scale.height * source.below)[:, None] * up
     return [toe + copy.bone, toe]
