@@ -146,7 +146,9 @@ class _Foot:
         toe = positions[:, leg.toe]
         bone = positions[:, leg.ankle] - toe
         normal = Rotation.from_quat(motion.world_rotations_of(leg.ankle)).apply(sole.normal) @ up
-        under = np.outer(normal, sole.heights) - (heights_of(positions, sole.joints, up) - (toe @ up)[:, None])
+        under = np.outer(np.maximum(normal, 0.0), sole.heights) - (
+            heights_of(positions, sole.joints, up) - (toe @ up)[:, None]
+        )
         heel, others = under[:, 0], under[:, 1:]
         front = others.max(axis=1) if others.shape[1] else heel
         paths = (median_of_three(level(each, up)) for each in (toe, toe + bone))  # ignores a single faulty frame
