@@ -16,7 +16,6 @@ from distretarget.body.reference_pose import FOOT_PITCH
 from distretarget.body.resting import feet_at_rest
 from distretarget.numerics.rotations import least_matrix
 from distretarget.numerics.vectors import lengths, normalised
-from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 
@@ -29,16 +28,13 @@ class Sole:
 
     normal: Array  # (3,), the unit vector up from the floor while the foot stands flat, in the axes of the ankle joint
     joints: NDArray[np.intp]  # (joints,), the ankle, and the joints and End Sites of the foot below it
-    points: (
-        Array  # (joints, 3), their places relative to the ankle while it stands, in the axes of the ankle [file units]
-    )
     heights: Array  # (joints,), their heights above the sole [file units]
     known: bool  # whether rest pose or motion show how the foot stands; if not, the usual pitch is assumed
 
     @property
     def at_ankle(self) -> Sole:
         """The sole of a leg that ends at the ankle."""
-        return replace(self, joints=self.joints[:1], points=self.points[:1], heights=np.zeros(1))
+        return replace(self, joints=self.joints[:1], heights=np.zeros(1))
 
     @property
     def ankle(self) -> float:
@@ -46,20 +42,20 @@ class Sole:
         return float(self.heights[0])
 
 
-def find_soles(body: Body, legs: Legs, like: tuple[Sole, Sole] | None = None) -> tuple[Sole, Sole]:
+def find_soles(body: Body, legs: Legs, normals: tuple[Array, Array] | None = None) -> tuple[Sole, Sole]:
     """Return the soles of both feet, each level with the lowest of the foot's joints and End Sites.
 
     The rest pose shows how a foot stands if a person can stand in it and the foot does not hang. Otherwise both feet
     get the pitch of the flatter one while it rests in the motion. Without a motion feet stand as in the reference pose,
-    hanging ones at the usual pitch. The soles `like`, of another body with the same rest pose, overrule all of this.
+    hanging ones at the usual pitch. `normals` of the soles, if given, overrule all of this.
     """
     feet = [_reference_foot(body, leg) for leg in legs]
     if not all(foot.known for foot in feet):
         feet = [_resting_foot(body, leg) or foot for leg, foot in zip(legs, feet, strict=True)]
         pitch = max((foot.pitch for foot in feet if foot.known), default=None)
         feet = feet if pitch is None else [foot.pitched(pitch) for foot in feet]
-    if like is not None:
-        feet = [foot.like(sole, body.skeleton) for foot, sole in zip(feet, like, strict=True)]
+    if normals is not None:
+        feet = [replace(foot, up=normal) for foot, normal in zip(feet, normals, strict=True)]
     left, right = (foot.sole for foot in feet)
     return left, right
 
@@ -84,22 +80,12 @@ class _Foot:
     def sole(self) -> Sole:
         """The sole of the foot."""
         heights = self.points @ self.up
-        return Sole(self.up, np.array(self.joints, np.intp), self.points, heights - heights.min(), self.known)
+        return Sole(self.up, np.array(self.joints, np.intp), heights - heights.min(), self.known)
 
     @property
     def pitch(self) -> float:
         """How far the foot points upwards [rad]."""
         return float(np.arcsin(np.clip(self.direction @ self.up, -1.0, 1.0)))
-
-    def like(self, sole: Sole, skeleton: Skeleton) -> _Foot:
-        """The same foot standing as another body's does, with its toes bent as there if it has as many joints."""
-        points, parents = np.zeros_like(self.points), skeleton.parents[self.joints[1:]].tolist()
-        if len(sole.joints) != len(self.joints) or not set(parents) <= set(self.joints):
-            return replace(self, up=sole.normal)
-        for k, parent in enumerate(map(self.joints.index, parents), start=1):
-            bone = skeleton.lengths[self.joints[k]] * normalised(sole.points[k] - sole.points[parent])
-            points[k] = points[parent] + bone
-        return replace(self, up=sole.normal, points=points)
 
     def pitched(self, pitch: float) -> _Foot:
         """The same foot, turned about its sideways axis so that it has another pitch [rad]."""
@@ -131,10 +117,7 @@ def _resting_foot(body: Body, leg: Leg) -> _Foot | None:
     if not len(resting):
         return None
     to_ankle = Rotation.from_quat(motion[resting].world_rotations_of(leg.ankle)).inv()
-    foot = _foot(body, leg, normalised(np.median(to_ankle.apply(body.up_vector), axis=0)), True)
-    places = motion.positions[resting]
-    points = [to_ankle.apply(places[:, joint] - places[:, leg.ankle]) for joint in foot.joints]
-    return replace(foot, points=np.median(points, axis=1))
+    return _foot(body, leg, normalised(np.median(to_ankle.apply(body.up_vector), axis=0)), True)
 
 
 def _foot(body: Body, leg: Leg, up: Array, known: bool) -> _Foot:

@@ -173,9 +173,9 @@ class Matching:
             return ()
         source, target = find_soles(self.source, self.legs[0]), find_soles(self.target, self.legs[1])
         if self.rest_poses_alike and not target[0].known:
-            target = find_soles(self.target, self.legs[1], source)
+            target = find_soles(self.target, self.legs[1], (source[0].normal, source[1].normal))
         elif self.rest_poses_alike and not source[0].known:
-            source = find_soles(self.source, self.legs[0], target)
+            source = find_soles(self.source, self.legs[0], (target[0].normal, target[1].normal))
         pairs = zip(self.legs[1], source, target, strict=True)
         return tuple((a, b) if leg.toe != leg.ankle else (a.at_ankle, b.at_ankle) for leg, a, b in pairs)
 
