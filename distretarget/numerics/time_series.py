@@ -98,6 +98,40 @@ def _add_four(a: Array, b: Array, c: Array, d: Array, weights: Array, count: int
         sums[i] = (((sums[i] + w * a[i]) + x * b[i]) + y * c[i]) + z * d[i]
 
 
+def median_of_three(values: NDArray[Any]) -> NDArray[Any]:
+    """The moving median of values, (frames, ...), over three frames; the first and the last frame stay."""
+    before, after = np.concatenate([values[:1], values[:-1]]), np.concatenate([values[1:], values[-1:]])
+    least, most = np.minimum(before, after), np.maximum(before, after)
+    return np.asarray(np.maximum(least, np.minimum(values, most)))
+
+
+def runs_of(flags: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """(frames,), the number of the run of true frames that each frame belongs to, from 1; 0 for false frames."""
+    starts = flags & ~np.concatenate([[False], flags[:-1]])
+    return np.asarray(np.where(flags, np.cumsum(starts), 0))
+
+
+def spans_of(flags: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """(runs, 2), the first frame of each run of true frames, and the frame after its last."""
+    return np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]))).reshape(-1, 2)
+
+
+def over_runs(values: Array, weights: Array) -> Array:
+    """The weighted mean of values, (frames, n), over each run of frames with weights, (frames,), above 0.
+
+    Means are interpolated between runs, and constant before the first and after the last. Without runs the result is
+    the mean of all frames.
+    """
+    frames = np.flatnonzero(weights)
+    if not len(frames):
+        return np.asarray(np.broadcast_to(values.mean(axis=0), values.shape))
+    runs = runs_of(weights > 0)
+    totals = np.zeros((runs.max() + 1, values.shape[1] + 1))
+    np.add.at(totals, runs, weights[:, None] * np.column_stack([values, np.ones(len(values))]))
+    means = totals[runs[frames], :-1] / totals[runs[frames], -1:]
+    return np.stack([np.interp(np.arange(len(values)), frames, column) for column in means.T], axis=1)
+
+
 def smoothed(values: Array, weights: Array, frames: float) -> Array:
     """The series x, (frames, n), with the least sum of weight |x - value|^2 and `frames`^4 |second difference of x|^2:
     where the weights, (frames,), are 1 it bends over about `frames`.
@@ -131,40 +165,6 @@ def steadied(values: Array, weights: Array, stiffness: Array) -> Array:
     bands[0, 1:] += stiffness[:-1]
     bands[1, :-1] = -stiffness[:-1]
     return np.asarray(solveh_banded(bands[: len(values)], weights[:, None] * values, lower=True))
-
-
-def median_of_three(values: NDArray[Any]) -> NDArray[Any]:
-    """The moving median of values, (frames, ...), over three frames; the first and the last frame stay."""
-    before, after = np.concatenate([values[:1], values[:-1]]), np.concatenate([values[1:], values[-1:]])
-    least, most = np.minimum(before, after), np.maximum(before, after)
-    return np.asarray(np.maximum(least, np.minimum(values, most)))
-
-
-def runs_of(flags: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """(frames,), the number of the run of true frames that each frame belongs to, from 1; 0 for false frames."""
-    starts = flags & ~np.concatenate([[False], flags[:-1]])
-    return np.asarray(np.where(flags, np.cumsum(starts), 0))
-
-
-def spans_of(flags: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """(runs, 2), the first frame of each run of true frames, and the frame after its last."""
-    return np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]))).reshape(-1, 2)
-
-
-def over_runs(values: Array, weights: Array) -> Array:
-    """The weighted mean of values, (frames, n), over each run of frames with weights, (frames,), above 0.
-
-    Means are interpolated between runs, and constant before the first and after the last. Without runs the result is
-    the mean of all frames.
-    """
-    frames = np.flatnonzero(weights)
-    if not len(frames):
-        return np.asarray(np.broadcast_to(values.mean(axis=0), values.shape))
-    runs = runs_of(weights > 0)
-    totals = np.zeros((runs.max() + 1, values.shape[1] + 1))
-    np.add.at(totals, runs, weights[:, None] * np.column_stack([values, np.ones(len(values))]))
-    means = totals[runs[frames], :-1] / totals[runs[frames], -1:]
-    return np.stack([np.interp(np.arange(len(values)), frames, column) for column in means.T], axis=1)
 
 
 Value = TypeVar("Value", bound=np.generic)
