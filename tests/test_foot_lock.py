@@ -267,6 +267,14 @@ def test_legs_stay_splayed_while_a_body_turns_on_the_spot(width):
     np.testing.assert_allclose(splay(result), splay(source), atol=3.0)
 
 
+@pytest.mark.parametrize("frame_time", ["0.0001", "0.02", "10"])
+def test_a_foot_that_hangs_still_all_the_time_has_a_place(frame_time):
+    lifted = {"LeftHip": np.array([-0.9, 0, 0]), "LeftKnee": np.array([1.2, 0, 0])}
+    source = replace(standing(pitched_feet(0.3), 3000, turns=lifted), frame_time_text=frame_time)
+    place = places_of(stance_of(source, with_hips(pitched_feet(0.3), 2.0)), pitched_feet(0.3), "LeftAnkle")
+    np.testing.assert_allclose(place, place[:1].repeat(3000, axis=0), atol=1e-6)
+
+
 def test_feet_that_stand_together_do_not_meet_below_narrow_hips():
     body = pitched_feet(0.3)
     apart = body.offsets[body.index("LeftHip"), 0] * 2

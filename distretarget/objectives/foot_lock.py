@@ -41,10 +41,10 @@ Array = NDArray[np.float64]
 
 ROLL = 0.05  # height over which the lowest point of the sole rolls from heel to toe [leg lengths]
 WAY = 0.1  # a place is averaged over about the way that a foot which does not stand still moves meanwhile [leg lengths]
-SLOWEST = 0.002  # a foot counts as moving at least as fast as this [leg lengths/s]
+STILL = 1e-5  # a foot counts as moving at least as far as this in each frame [leg lengths]
 STEADY = 0.05  # speeds of feet are averaged over this time before and after [s]
 FOOT_WIDTH = 0.11  # 0.055 of the body's height, of which legs are 0.49 (Winter, figure 4.1) [leg lengths]
-LITTLE = 1e-9  # weight of a foot that hardly rests
+LITTLE = 1e-3  # weight of a foot that hardly rests
 
 
 def find_foot_lock(clip: Clip) -> Supports:
@@ -154,7 +154,7 @@ class _Foot:
         paths = (median_of_three(level(each, up)) for each in (toe, toe + bone))  # ignores a single faulty frame
         paths = (averaged(each, round(STEADY / motion.frame_time)) for each in paths)
         steps = np.min([lengths(np.diff(each, axis=0, append=each[-1:])) for each in paths], axis=0)
-        planted = (WAY * length / np.maximum(steps, SLOWEST * motion.frame_time * length)) ** 2
+        planted = (WAY * length / np.maximum(steps, STILL * length)) ** 2
         below = (heel + front + np.hypot(heel - front, ROLL * length)) / 2.0
         return cls(positions[:, leg.hip], toe, bone, below, planted)
 
@@ -166,8 +166,7 @@ def _places(
     `wider`, (frames, 3), is how far the foot belongs to the side, as in `_wider`.
     """
     offset = level(scale.height * source.bone - copy.bone, up) + wider
-    toe = scale.places(source.toe, up) + by_shot(
-        steadied, shots, median_of_three(offset), weights + LITTLE, source.planted
-    )
+    toe = scale.places(source.toe, up)
+    toe += by_shot(steadied, shots, median_of_three(offset), weights + LITTLE, source.planted)
     toe += (copy.below - scale.height * source.below)[:, None] * up
     return [toe + copy.bone, toe]
