@@ -7,14 +7,16 @@ import pytest
 from bodies import SAMPLES, body_of, lengthened, matched, person, posed, swaying
 from scipy.spatial.transform import Rotation
 
-from distretarget import Options, Skeleton, load_target, read_bvh, retarget
+from distretarget import ContactSettings, Options, Skeleton, load_target, read_bvh, retarget
 from distretarget.baseline.rotation_copy import RootScale, find_root_scale, rotation_copy
 from distretarget.body.body import Body
 from distretarget.body.resting import REST_SPEED
 from distretarget.matching.matching import match
 from distretarget.objectives.clip import Clip
+from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.foot_lock import find_foot_lock, hips_rise
 from distretarget.objectives.supports import no_supports
+from distretarget.pipeline.performer import match_performer
 
 LEG = 0.435 + 0.453
 SIDES = ("Left", "Right")
@@ -387,3 +389,30 @@ def test_stance_turns_with_the_up_axis():
     upright, lying = stance_of(source, source.skeleton), stance_of(turned, source.skeleton, up="Z")
     np.testing.assert_allclose(lying.weights, upright.weights, atol=1e-9)
     np.testing.assert_allclose(lying.places, np.einsum("ij,tfj->tfi", turn.as_matrix(), upright.places), atol=1e-8)
+
+
+@pytest.mark.parametrize("longer", [1.15, 1.3])
+def test_strides_beyond_the_reach_of_the_legs_lower_the_hips_no_more_than_they_must(longer):
+    """As of a child that keeps up with adults; its feet do not slide for it."""
+    source, target = read_bvh(SAMPLES / "walk.bvh"), load_target(SAMPLES / "rigs" / "mixamo_a.json").skeleton
+    match_of_both = match_performer(source, target)
+    height = find_root_scale(match_of_both.matching)
+    performer = match_of_both.performer(RootScale(longer * height, height))
+    performer = performer.with_supports(Options(), ContactSettings())
+    clip, feet = performer.clip, performer.supports
+    result = performer.posed(solve_contact(clip, feet, performer.settings)).positions
+    legs, length = clip.target_legs, clip.leg_lengths[1]
+    path = clip.copy_on_path(np.arange(len(target)))
+    hips = [leg.hip for leg in legs]
+    lowered = (path[:, hips] - result[:, hips]).mean(axis=1) @ clip.up
+    needed = []
+    for k, leg in enumerate(legs):
+        ankle = path[:, leg.ankle] + feet.weights[:, [2 * k]] * (feet.places[:, 2 * k] - path[:, leg.ankle])
+        away = path[:, leg.hip] - ankle
+        along = np.linalg.norm(away - np.outer(away @ clip.up, clip.up), axis=1)
+        needed.append(away @ clip.up - np.sqrt(np.maximum(length**2 - along**2, 0.0)))
+    assert np.max(needed) > 0.01 * length
+    assert lowered.max() < np.max(needed) + 0.005 * length
+    rests = feet.weights[:, :4] > 0.999
+    missed = np.linalg.norm(result[:, feet.joints[:4]] - feet.places[:, :4], axis=-1)
+    assert missed[rests].max() < 0.005 * length
