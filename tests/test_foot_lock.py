@@ -366,7 +366,7 @@ def test_resting_feet_of_the_result_are_at_their_places_on_exact_bones(name, bod
     )
     assert off.max() < 1e-3
     assert off.mean() < 5e-5
-    assert off_free.max() > 5 * off.max()
+    assert off_free.max() > 5 * off.max() or off_free.max() < 1e-6  # a squat's feet are in place in the copy
     lower = [joint for leg in body.legs for joint in (leg.ankle, leg.toe)]
     bones = held.motion.positions[:, lower] - held.motion.positions[:, target.parents[lower]]
     expected = np.broadcast_to(target.lengths[lower], bones.shape[:2])
