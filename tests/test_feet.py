@@ -181,6 +181,26 @@ def test_an_ankle_has_a_height_only_while_the_sources_foot_is_flat():
         np.testing.assert_allclose(feet.foot_pitch, 0.0, atol=1e-6)
 
 
+@pytest.mark.parametrize(("degrees", "measures"), [(50.0, True), (70.0, False), (180.0, False)])
+def test_a_foot_on_its_tip_or_back_says_nothing_of_its_sole(degrees, measures):
+    """Where the source's foot lies on its back the sole of another build is not to be compared, whatever its pitch."""
+    turns = {"LeftAnkle": np.radians([degrees, 0, 0])}
+    feet = measured(standing(turns=turns), standing(high_ankles(), turns=turns))
+    assert np.isfinite(feet.foot_pitch[:, 0]).all() == measures
+    assert np.isnan(feet.ankle_height[:, 0]).all()
+
+
+def test_the_heel_below_the_ankle_is_part_of_the_sole():
+    """With its toes lifted a foot stands on the heel, though no joint is there; toes of another shape make no error."""
+    body = high_ankles(20.0)
+    offsets = np.array(body.offsets)
+    ends = [body.index(f"{side}Toe_End") for side in ("Left", "Right")]
+    offsets[ends] = offsets[ends] / np.linalg.norm(offsets[ends], axis=1, keepdims=True) * 0.2
+    turns = {f"{side}Ankle": np.radians([-40.0, 0, 0]) for side in ("Left", "Right")}
+    feet = measured(standing(body, turns=turns), standing(body.with_offsets(offsets), turns=turns))
+    np.testing.assert_allclose(feet.foot_height, 0.0, atol=1e-9)
+
+
 def test_feet_that_point_down_in_the_rest_pose_are_flat_as_they_rest():
     """Of such feet the motion shows how they stand: level here, with the ankle as high as in the source."""
     body = high_ankles(90.0)

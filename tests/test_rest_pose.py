@@ -211,7 +211,7 @@ def test_limbs_roll_little_through_a_rest_pose_along_one_axis(clip):
 
 def test_limbs_roll_less_where_the_clip_shows_a_t_pose():
     for name, roll, turn in rolls_and_directions(*there_and_back(CLIPS[5], standing=True)):
-        assert roll.max() < 6, name
+        assert roll.max() < 6.5, name
         assert turn.max() < 8, name
 
 

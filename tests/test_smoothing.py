@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from distretarget.numerics.time_series import averaged, largest, median_of_three, over_runs, runs_of, widened
+from distretarget.numerics.time_series import (
+    averaged,
+    largest,
+    median_of_three,
+    over_runs,
+    runs_of,
+    smoothed,
+    steadied,
+    widened,
+)
 
 NOISE = np.random.default_rng(0).uniform(0, 1, (80, 3))
 
@@ -82,3 +91,39 @@ def test_runs_have_their_means_and_lines_between_them():
 
 def test_without_a_run_there_is_the_mean_of_all_frames():
     np.testing.assert_allclose(over_runs(np.array([[1.0], [3.0]]), np.zeros(2)), [[2.0], [2.0]])
+
+
+def test_a_smoothed_series_keeps_lines_and_bends_between_known_values():
+    frames = np.arange(200.0)
+    line = np.stack([0.5 * frames - 3.0, np.ones(200)], axis=1)
+    np.testing.assert_allclose(smoothed(line, np.full(200, 0.3), 12.0), line, atol=1e-8)
+    known = (np.abs(frames - 100) > 50).astype(float)
+    bent = smoothed(np.where(frames < 100, 1.0, 2.0)[:, None], known, 5.0)
+    np.testing.assert_allclose(bent[[10, 190], 0], [1.0, 2.0], atol=1e-3)
+    assert np.abs(np.diff(bent[:, 0], 2)).max() < 0.02
+    np.testing.assert_array_equal(smoothed(line, np.zeros(200), 12.0), line)
+
+
+def test_a_smoothed_series_has_the_least_sum_of_squares():
+    draw = np.random.default_rng(0)
+    values, weights = draw.normal(size=(30, 2)), draw.uniform(0.1, 2.0, 30)
+    differences = np.diff(np.eye(30), 2, axis=0)
+    expected = np.linalg.solve(np.diag(weights) + 3.0**4 * differences.T @ differences, weights[:, None] * values)
+    np.testing.assert_allclose(smoothed(values, weights, 3.0), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3])
+def test_short_series_are_smoothed_and_steadied(frames):
+    values = np.arange(2.0 * frames).reshape(frames, 2)
+    assert np.all(np.isfinite(smoothed(values, np.ones(frames), 10.0)))
+    np.testing.assert_allclose(steadied(values, np.ones(frames), np.zeros(frames)), values)
+
+
+def test_a_steadied_series_is_the_mean_where_it_is_stiff_and_free_where_it_is_not():
+    values, stiffness = np.random.default_rng(0).normal(size=(60, 3)), np.full(60, 1e9)
+    stiffness[39] = 0.0
+    steady = steadied(values, np.ones(60), stiffness)
+    for part in (slice(40), slice(40, 60)):
+        np.testing.assert_allclose(
+            steady[part], np.broadcast_to(values[part].mean(axis=0), steady[part].shape), atol=1e-5
+        )

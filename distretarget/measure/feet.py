@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from distretarget.body.axes import axis_vector
 from distretarget.body.body import Body
@@ -28,6 +29,7 @@ LOW = 0.06  # ... and within this [leg lengths] of its lowest heights,
 LOWEST = 2.0  # which is this percentile of them [%]
 FLAT = 5.0  # a foot within this of the pitch of its flat sole stands flat [degrees]
 STEEPEST = 60.0  # a foot that points farther up or down than this in the rest pose is not flat there [degrees]
+LEVEL = 0.5  # a sole stands on the floor, not on the tip or the back of the foot, if it is nearer to level [cosine]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +40,15 @@ class FlatFoot:
     points: NDArray[np.intp]  # (points,), the ankle and all joints below it; only the ankle if there is no toe
     flat_pitch: float = np.nan  # elevation of the bone from ankle to toe on the flat sole [degrees]; nan if unknown
     flat_height: float = np.nan  # of the ankle over the lowest point on the flat sole [file units]; nan if unknown
+    normal: Array | None = (
+        None  # (3,), the unit vector up from the flat sole, in the axes of the ankle; None if unknown
+    )
+
+    def sole_up(self, motion: Motion) -> Array:
+        """(frames, 3), the unit vector up from the sole, in the world; nan if unknown."""
+        if self.normal is None:
+            return np.full((len(motion), 3), np.nan)
+        return np.asarray(Rotation.from_quat(motion.world_rotations_of(self.leg.ankle)).apply(self.normal))
 
     def pitch(self, positions: Array, up: Array) -> Array:
         """(...), the elevation of the bone from ankle to toe at positions (..., joints, 3) [degrees]; nan without a
@@ -72,7 +83,7 @@ def find_flat_foot(body: Body, leg: Leg, resting: Array, up: Array) -> FlatFoot:
         rest, rest_up = body.skeleton.rest_positions, axis_vector(body.up_at_rest)
         pitch = float(foot.pitch(rest, rest_up))
         if abs(pitch) <= STEEPEST:
-            return replace(foot, flat_pitch=pitch, flat_height=float(foot.ankle_height(rest, rest_up)))
+            return replace(foot, flat_pitch=pitch, flat_height=float(foot.ankle_height(rest, rest_up)), normal=rest_up)
     if not len(resting):
         return foot
     pitch, height = (float(np.median(values(resting, up))) for values in (foot.pitch, foot.ankle_height))
@@ -91,7 +102,7 @@ class Feet:
     slide_source: Array  # (frames, foot joints), horizontal speed [leg lengths / s]
     slide: Array  # the same of the result
     foot_height: Array  # (frames, legs), of the sole while ankle or toe rests [% of leg length]
-    foot_pitch: Array  # (frames, legs), from the flat sole, while ankle and toe rest [degrees]
+    foot_pitch: Array  # (frames, legs), from the flat sole, while ankle and toe rest and the sole is down [degrees]
     ankle_height: Array  # (frames, legs), over the source's floor, while the foot rests flat [% of leg length]
     hips_height: Array  # (frames, legs), over a resting ankle, while only feet carry the body [% of leg length]
 
@@ -101,7 +112,8 @@ class _FootTracks:
     """The feet of one body over time."""
 
     slide: Array  # (frames, foot joints), horizontal speed [leg lengths / s]
-    sole: Array  # (frames, legs), the height of the sole [leg lengths]
+    sole: Array  # (frames, legs), the height of the lowest joint of the foot or of the heel [leg lengths]
+    level: Flags  # (frames, legs), whether the sole, not the tip or the back of the foot, faces the floor
     pitch: Array  # (frames, legs), of the foot from its flat sole [degrees]
     flat_ankle: Array  # (frames, legs), the height of the ankle less that over a flat sole [leg lengths]
     hips: Array  # (frames, legs), the height of the middle of the hip joints over the ankle [leg lengths]
@@ -121,7 +133,8 @@ class SourceFeet:
         """Measure the feet of a result; `others_carry`, (frames,), is whether other joints carry the body as well."""
         ankle_rests, toe_rests = self.stance[:, ::2], self.stance[:, 1::2]
         source, own = self.tracks, _foot_tracks(result, self.soles, self.leg, self.up)
-        flat = ankle_rests & toe_rests & (np.abs(source.pitch) <= FLAT)
+        on_sole = ankle_rests & toe_rests & source.level
+        flat = on_sole & (np.abs(source.pitch) <= FLAT)
         alone = ankle_rests & ~others_carry[:, None]
         return Feet(
             joints=_foot_joints([sole.leg for sole in self.soles]),
@@ -129,7 +142,7 @@ class SourceFeet:
             slide_source=source.slide,
             slide=own.slide,
             foot_height=np.where(ankle_rests | toe_rests, 100 * np.abs(own.sole - source.sole), np.nan),
-            foot_pitch=np.where(ankle_rests & toe_rests, np.abs(own.pitch - source.pitch), np.nan),
+            foot_pitch=np.where(on_sole, np.abs(own.pitch - source.pitch), np.nan),
             ankle_height=np.where(flat, 100 * np.abs(own.flat_ankle - source.sole), np.nan),
             hips_height=np.where(alone, 100 * np.abs(own.hips - source.hips), np.nan),
         )
@@ -163,13 +176,17 @@ def _foot_tracks(motion: Motion, soles: Sequence[FlatFoot], length: float, up: A
     positions, legs = motion.positions, [sole.leg for sole in soles]
     ankles = [positions[:, leg.ankle] for leg in legs]
     hips = [positions[:, [leg.hip for leg in legs]].mean(axis=1) - ankle for ankle in ankles]
+    normals = [sole.sole_up(motion) for sole in soles]
+    heels = [ankle - sole.flat_height * normal for ankle, sole, normal in zip(ankles, soles, normals, strict=True)]
 
     def columns(values: list[Array]) -> Array:
         return np.reshape(values, (len(soles), len(motion))).T
 
     return _FootTracks(
         slide=speeds_along(level(_foot_paths(motion, legs, length), up), motion.frame_time),
-        sole=columns([sole.lowest(positions, up) for sole in soles]) / length,
+        sole=columns([np.fmin(sole.lowest(positions, up), heel @ up) for sole, heel in zip(soles, heels, strict=True)])
+        / length,
+        level=~(columns([normal @ up for normal in normals]) < LEVEL),
         pitch=columns([sole.pitch(positions, up) - sole.flat_pitch for sole in soles]),
         flat_ankle=columns([ankle @ up - sole.flat_height for ankle, sole in zip(ankles, soles, strict=True)]) / length,
         hips=columns([over @ up for over in hips]) / length,

@@ -8,12 +8,17 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solveh_banded
 
 from distretarget.numerics.compiled import compiled, inlined, read_only
 from distretarget.numerics.kinematics import steps_along
 from distretarget.numerics.loops import clear
 
 Array = NDArray[np.float64]
+
+UNKNOWN = 1e-3  # weight of the nearest known values, in a smoothed series, where nothing is known
+SECOND_DIFFERENCE = (1.0, -2.0, 1.0)
+MOST_FRAMES = 300.0  # a smoothed series bends over no more than these, since rounding errors grow with the 4th power
 
 
 def widened(values: Array, frames: float) -> Array:
@@ -131,6 +136,41 @@ def over_runs(values: Array, weights: Array) -> Array:
     np.add.at(totals, runs, weights[:, None] * np.column_stack([values, np.ones(len(values))]))
     means = totals[runs[frames], :-1] / totals[runs[frames], -1:]
     return np.stack([np.interp(np.arange(len(values)), frames, column) for column in means.T], axis=1)
+
+
+def smoothed(values: Array, weights: Array, frames: float) -> Array:
+    """The series x, (frames, n), with the least sum of weight |x - value|^2 and `frames`^4 |second difference of x|^2:
+    where the weights, (frames,), are 1 it bends over about `frames`.
+
+    Frames of weight 0 take the nearest other values, interpolated, with a small weight. Without any others, the result
+    is the values.
+
+    Source: E. T. Whittaker, "On a New Method of Graduation", Proceedings of the Edinburgh Mathematical Society 41
+    (1923) 63-75.
+    """
+    known, count = np.flatnonzero(weights), len(values)
+    if not len(known):
+        return values
+    values = np.stack([np.interp(np.arange(count), known, column[known]) for column in values.T], axis=1)
+    weights, stiffness = np.maximum(weights, UNKNOWN), min(frames, MOST_FRAMES) ** 4
+    bands = np.zeros((len(SECOND_DIFFERENCE), count))  # the diagonal of the equations' matrix, and those below it
+    bands[0] = weights
+    for i, a in enumerate(SECOND_DIFFERENCE):
+        for j, b in enumerate(SECOND_DIFFERENCE[: i + 1]):
+            bands[i - j, j : max(count - 2, 0) + j] += stiffness * a * b
+    return np.asarray(solveh_banded(bands[:count], weights[:, None] * values, lower=True))
+
+
+def steadied(values: Array, weights: Array, stiffness: Array) -> Array:
+    """The series x, (frames, n), with the least sum of weight |x - value|^2 and stiffness |difference of x|^2. The
+    `stiffness`, (frames,), is that between each frame and the next; the last has no effect.
+    """
+    bands = np.zeros((2, len(values)))  # the diagonal of the equations' matrix, and the one below it
+    bands[0] = weights
+    bands[0, :-1] += stiffness[:-1]
+    bands[0, 1:] += stiffness[:-1]
+    bands[1, :-1] = -stiffness[:-1]
+    return np.asarray(solveh_banded(bands[: len(values)], weights[:, None] * values, lower=True))
 
 
 Value = TypeVar("Value", bound=np.generic)

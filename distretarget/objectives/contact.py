@@ -10,7 +10,7 @@ Per frame it minimises, over the rotations of a body of rigid bones and the disp
 
 A pair is pulled to a difference vector, not only to a distance, so that limbs do not swap sides. In a frame without
 contacts and supports the result is the rotation copy. A frame depends only on a few frames around it, except for the
-places of resting joints, which are averaged over the whole rest.
+places of resting joints, which are averaged over about the whole rest.
 """
 
 from __future__ import annotations

@@ -1,18 +1,21 @@
 """Foot lock: when feet rest on the floor, and where the target's feet are locked.
 
-A foot rests while it is slow and low. It keeps its rotation of the rotation copy, and its sole meets the floor as the
-source's does:
+A foot rests while it is slow and low. It keeps its rotation of the rotation copy, stands below its own hip joint as the
+source's does, and its sole meets the floor as the source's does:
 
-    toe = scale source toe + mean over the rest (scale source foot - copied foot), along the floor
+    toe = scale source toe + steadied (scale source foot - copied foot + wider), along the floor
         + (how far the copied sole is below the toe - scale the source's) up
+    wider = (copied hip joint - middle of the copied hips) - scale (the same of the source), along the floor
     ankle = toe + copied foot
 
-So the sole has the source's height, scaled; the ankle has, on average over each rest, the source's place along the
-floor; and the foot does not skate relative to the source's toe.
+So the sole has the source's height, scaled. What is steadied is its mean while the source's foot stands still, and may
+change as far as the source's foot slides: the leg is on average splayed as the source's, and the foot does not skate.
+Feet that stand beside each other under narrow hips come no nearer than a foot's width.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -28,34 +31,44 @@ from distretarget.ik.springs import no_springs
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import heights_of
 from distretarget.numerics.parallel import mapper_for
-from distretarget.numerics.time_series import Shots, by_shot, over_runs, widened
-from distretarget.numerics.vectors import level
+from distretarget.numerics.time_series import Shots, averaged, by_shot, median_of_three, smoothed, steadied, widened
+from distretarget.numerics.vectors import lengths, level
 from distretarget.objectives.clip import Clip, LegPair
 from distretarget.objectives.floor import no_floor
-from distretarget.objectives.supports import BLEND, RESTS, Supports, no_supports
+from distretarget.objectives.supports import BLEND, RESTS, ROOT_BLEND, Supports, no_supports
 
 Array = NDArray[np.float64]
 
 ROLL = 0.05  # height over which the lowest point of the sole rolls from heel to toe [leg lengths]
+WAY = 0.1  # a place is averaged over about the way that a foot which does not stand still moves meanwhile [leg lengths]
+STILL = 1e-5  # a foot counts as moving at least as far as this in each frame [leg lengths]
+STEADY = 0.05  # speeds of feet are averaged over this time before and after [s]
+FOOT_WIDTH = 0.11  # 0.055 of the body's height, of which legs are 0.49 (Winter, figure 4.1) [leg lengths]
+LITTLE = 1e-3  # weight of a foot that hardly rests
 
 
 def find_foot_lock(clip: Clip) -> Supports:
     """Return the feet at rest in the source, and where they belong on the target."""
     if not clip.legs:
         return no_supports(len(clip))
-    length, rounding = clip.leg_lengths[0], ROLL * clip.leg_lengths[0]
+    length = clip.leg_lengths[0]
     blend = partial(widened, frames=BLEND / clip.frame_time)
 
-    def foot(pair: LegPair) -> tuple[Array, list[Array]]:
-        """The weights of ankle and toe, (frames, 2), and their places."""
+    def foot(pair: LegPair) -> tuple[Array, _Foot, _Foot]:
+        """The weights of ankle and toe, (frames, 2), and the foot of the source and of the rotation copy."""
         rests = feet_at_rest(clip.source, pair.source, clip.up, length, shots=clip.shots)
         weights = by_shot(blend, clip.shots, rests.astype(np.float64))
-        source = _Foot.of(clip.source, pair.source, pair.source_sole, clip.up, rounding)
-        copy = _Foot.of(clip.copy, pair.target, pair.target_sole, clip.up, clip.scale.height * rounding)
-        return weights, _places(source, copy, clip.scale, clip.up, weights.max(axis=1), clip.shots)
+        source = _Foot.of(clip.source, pair.source, pair.source_sole, clip.up, length)
+        copy = _Foot.of(clip.copy, pair.target, pair.target_sole, clip.up, clip.scale.height * length)
+        return weights, source, copy
 
     side_by_side = mapper_for(len(clip), len(clip.skeleton))
-    weights, places = zip(*side_by_side(foot, clip.legs), strict=True)
+    weights, sources, copies = zip(*side_by_side(foot, clip.legs), strict=True)
+    wider = _wider(clip, weights, sources, copies)
+    places = [
+        _places(source, copy, clip.scale, clip.up, of_foot.max(axis=1), clip.shots, aside)
+        for source, copy, of_foot, aside in zip(sources, copies, weights, (wider, -wider), strict=True)
+    ]
     joints = np.array([joint for pair in clip.legs for joint in (pair.target.ankle, pair.target.toe)])
     return Supports(
         joints=joints,
@@ -68,50 +81,92 @@ def find_foot_lock(clip: Clip) -> Supports:
     )
 
 
+def _wider(clip: Clip, weights: Sequence[Array], sources: Sequence[_Foot], copies: Sequence[_Foot]) -> Array:
+    """(frames, 3), how much farther from the middle of the hips the left foot belongs than the source's, scaled, along
+    the floor [target file units]; the right foot belongs as far to the other side.
+
+    Where both feet rest and would come nearer to each other than `FOOT_WIDTH`, or than they are, it is less: with the
+    feet apart by r, and d what they are moved apart, the least s with |r + s d| = width.
+    """
+    scale, up, width = clip.scale, clip.up, FOOT_WIDTH * clip.leg_lengths[1]
+    hips, ankles = (foot.hip for foot in sources), (foot.toe + foot.bone for foot in sources)
+    r = scale.level * level(np.subtract(*ankles), up)
+    d = level(np.subtract(*(foot.hip for foot in copies)) - scale.level * np.subtract(*hips), up)
+    rr, rd, dd = ((a * b).sum(axis=1) for a, b in ((r, r), (r, d), (d, d)))
+    room = np.maximum(rr - width**2, 0.0)
+    enters = (rd < 0.0) & (rd**2 > dd * room) & (np.min([each.max(axis=1) for each in weights], axis=0) >= RESTS)
+    share = np.divide(room, np.sqrt(np.maximum(rd**2 - dd * room, 0.0)) - rd, out=np.ones(len(r)), where=enters)
+    return np.asarray(np.minimum(share, 1.0)[:, None] * d / 2.0)
+
+
 def hips_rise(clip: Clip, feet: Supports) -> Array:
     """Return how far to raise the hips above the source's height, scaled, because the target's ankles are higher,
-    (frames,) [target file units]: the median over the resting frames of a shot, or the difference of the soles' ankle
-    heights in a shot without any.
+    (frames,) [target file units]: what the resting ankles are higher on average, smoothed. A foot that stands flat
+    counts more than one on its toes. A shot in which no foot rests takes the difference of the soles' ankle heights.
     """
     if not clip.legs:
         return np.zeros(len(clip))
     ankles = [pair.source.ankle for pair in clip.legs]
-    places, weights = feet.places[:, ::2], feet.weights[:, ::2]
+    places = feet.places[:, ::2]
     higher = (places - clip.scale.places(clip.source.positions[:, ankles], clip.up)) @ clip.up
+    lifts = [_heel_lift(clip.source, pair.source_sole, clip.up) for pair in clip.legs]
+    rests, flat = feet.weights[:, ::2], 1.0 / (1.0 + np.abs(lifts).T / (ROLL * clip.leg_lengths[0]))
     usual = np.mean([pair.target_sole.ankle - clip.scale.height * pair.source_sole.ankle for pair in clip.legs])
 
-    def median(values: Array, weights: Array) -> Array:
-        resting = values[weights >= RESTS]
-        return np.full(len(values), np.median(resting) if len(resting) else usual)
+    def rise(higher: Array, rests: Array, flat: Array) -> Array:
+        total, weights = rests.sum(axis=1), rests * flat + LITTLE
+        mean = np.where(total > 0.0, (weights * higher).sum(axis=1) / weights.sum(axis=1), usual)
+        return smoothed(mean[:, None], total, ROOT_BLEND / clip.frame_time)[:, 0]
 
-    return by_shot(median, clip.shots, higher, weights)
+    return by_shot(rise, clip.shots, higher, rests, flat)
+
+
+def _heel_lift(motion: Motion, sole: Sole, up: Array) -> Array:
+    """(frames,), how much higher over the lowest joint of the foot the ankle is than on the flat sole [file units]."""
+    heights = heights_of(motion.positions, sole.joints, up)
+    return np.asarray(heights[:, 0] - heights.min(axis=1) - sole.ankle)
 
 
 @dataclass(frozen=True, eq=False)
 class _Foot:
     """A foot over the frames of a motion."""
 
+    hip: Array  # (frames, 3), the places of the leg's hip joint [file units]
     toe: Array  # (frames, 3), its places [file units]
     bone: Array  # (frames, 3), from toe to ankle [file units]
     # (frames,), how far the lowest point of the sole is below the toe; it rolls smoothly from heel to toe [file units]
     below: Array
+    # (frames,), how firmly the foot keeps its place to the next frame: (WAY / step of ankle or toe, the lesser)^2
+    planted: Array
 
     @classmethod
-    def of(cls, motion: Motion, leg: Leg, sole: Sole, up: Array, rounding: float) -> _Foot:
-        """The foot of a leg in a motion."""
+    def of(cls, motion: Motion, leg: Leg, sole: Sole, up: Array, length: float) -> _Foot:
+        """The foot of a leg in a motion; `length` is that of the legs [file units]."""
         positions = motion.positions
         toe = positions[:, leg.toe]
         bone = positions[:, leg.ankle] - toe
         normal = Rotation.from_quat(motion.world_rotations_of(leg.ankle)).apply(sole.normal) @ up
-        under = np.outer(normal, sole.heights) - (heights_of(positions, sole.joints, up) - (toe @ up)[:, None])
+        under = np.outer(np.maximum(normal, 0.0), sole.heights) - (
+            heights_of(positions, sole.joints, up) - (toe @ up)[:, None]
+        )
         heel, others = under[:, 0], under[:, 1:]
         front = others.max(axis=1) if others.shape[1] else heel
-        return cls(toe, bone, (heel + front + np.hypot(heel - front, rounding)) / 2.0)
+        paths = (median_of_three(level(each, up)) for each in (toe, toe + bone))  # ignores a single faulty frame
+        paths = (averaged(each, round(STEADY / motion.frame_time)) for each in paths)
+        steps = np.min([lengths(np.diff(each, axis=0, append=each[-1:])) for each in paths], axis=0)
+        planted = (WAY * length / np.maximum(steps, STILL * length)) ** 2
+        below = (heel + front + np.hypot(heel - front, ROLL * length)) / 2.0
+        return cls(positions[:, leg.hip], toe, bone, below, planted)
 
 
-def _places(source: _Foot, copy: _Foot, scale: RootScale, up: Array, weights: Array, shots: Shots) -> list[Array]:
-    """The places of ankle and toe, (frames, 3) each [target file units]; `weights`, (frames,), are 1 at rest."""
-    longer = level(scale.height * source.bone - copy.bone, up)
-    toe = scale.places(source.toe, up) + by_shot(over_runs, shots, longer, weights)
+def _places(
+    source: _Foot, copy: _Foot, scale: RootScale, up: Array, weights: Array, shots: Shots, wider: Array
+) -> list[Array]:
+    """The places of ankle and toe, (frames, 3) each [target file units]; `weights`, (frames,), are 1 at rest, and
+    `wider`, (frames, 3), is how far the foot belongs to the side, as in `_wider`.
+    """
+    offset = level(scale.height * source.bone - copy.bone, up) + wider
+    toe = scale.places(source.toe, up)
+    toe += by_shot(steadied, shots, median_of_three(offset), weights + LITTLE, source.planted)
     toe += (copy.below - scale.height * source.below)[:, None] * up
     return [toe + copy.bone, toe]

@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 from distretarget.body.anatomy import TRUNK_REGIONS
 from distretarget.body.resting import REST_HEIGHT, REST_SPEED, joint_speeds, still_joints
 from distretarget.numerics.kinematics import heights_of
-from distretarget.numerics.time_series import by_shot, median_of_three, over_runs, runs_of, spans_of, widened
+from distretarget.numerics.time_series import by_shot, median_of_three, over_runs, runs_of, smoothed, spans_of, widened
 from distretarget.numerics.vectors import lengths, level
 from distretarget.objectives.clip import Clip
-from distretarget.objectives.supports import BLEND, RESTS, Supports
+from distretarget.objectives.supports import BLEND, RESTS, ROOT_BLEND, Supports
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -37,9 +37,6 @@ APPROACH_SPEED = 0.5  # a joint moves from the rotation copy to a distant place 
 LONGEST_BLEND = 0.6  # ... but takes no longer than twice this time [s]
 
 SEAT = 10.0  # weight of a resting region of the trunk, which only the root can move to its place
-ROOT_BLEND = 0.2  # the root takes about twice this time from one shift to the next [s]
-UNKNOWN = 1e-3  # weight of the nearest known shift in frames in which nothing rests; a resting region has weight 1
-FEWEST = 5  # frames that a smoothing spline needs
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -102,7 +99,7 @@ def root_shift(clip: Clip, feet: Supports, resting: RestingJoints) -> Array:
 
     The path is that of the source's hips times the ratio of leg lengths, which suits a body on its feet; a body on its
     hands moves by the lengths of its arms and trunk. So the root moves by the mean offset of the resting regions from
-    their places in the rotation copy, where resting feet count as zero. A smoothing spline connects the shifts.
+    their places in the rotation copy, where resting feet count as zero, smoothed.
     """
     off = resting.places - clip.copy_on_path(resting.joints)
     sums, count = np.zeros((len(clip), 3)), np.zeros(len(clip))
@@ -113,7 +110,7 @@ def root_shift(clip: Clip, feet: Supports, resting: RestingJoints) -> Array:
         count += weight * on.any(axis=1)
     for leg in range(0, feet.feet, 2):
         count += (feet.weights[:, leg : leg + 2] >= RESTS).any(axis=1)
-    smooth = partial(_smooth, frame_time=clip.frame_time)
+    smooth = partial(smoothed, frames=ROOT_BLEND / clip.frame_time)
     return by_shot(smooth, clip.shots, sums / np.maximum(count, 1.0)[:, None], count)
 
 
@@ -214,19 +211,3 @@ def _blended(rests: Flags, far: Array, frame_time: float) -> Array:
         rest[first - near.start : end - near.start] = 1.0
         free[near] *= 1.0 - widened(rest, frames)[:, 0]
     return 1.0 - free
-
-
-def _smooth(values: Array, weights: Array, frame_time: float) -> Array:
-    """(frames, 3), a smoothing spline through the values, (frames, 3), with weights, (frames,)."""
-    known = np.flatnonzero(weights)
-    if not len(known) or not values[known].any():
-        return np.zeros_like(values)
-    frames = np.arange(len(values))
-    filled = np.stack([np.interp(frames, known, column[known]) for column in values.T], axis=1)
-    if len(frames) < FEWEST:
-        return filled
-    # Imported here: scipy.interpolate is slow to import, and most clips rest on nothing but feet.
-    from scipy.interpolate import make_smoothing_spline
-
-    stiffness = (ROOT_BLEND / frame_time) ** 4  # so that the spline bends over `ROOT_BLEND` where the weights are 1
-    return np.asarray(make_smoothing_spline(frames, filled, np.maximum(weights, UNKNOWN), stiffness)(frames))

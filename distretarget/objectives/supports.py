@@ -26,6 +26,7 @@ STIFFNESS = 5000.0  # k, far above all other stiffnesses
 RESTS = 0.99  # a joint of this weight or more rests
 LEAST_WEIGHT = 1e-6  # a joint of less weight is free
 FIRM = 2  # up to this many joints of a region get the full stiffness; more share it
+ROOT_BLEND = 0.2  # the root takes about twice this time from one height or shift to the next [s]
 BLEND = 0.16  # a joint blends to its place over twice this time before it rests, and away over twice this time [s]
 
 

@@ -25,6 +25,7 @@ from distretarget.objectives.supports import RESTS, Supports
 
 Array = NDArray[np.float64]
 
+STRAIGHT = 0.99  # a leg whose ankle is farther than this from its hip joint is straight [leg lengths]
 REACH = 0.005  # a resting joint farther than this from its place is worth a warning [body units]
 
 
@@ -150,4 +151,13 @@ class RetargetResult:
                 f"resting joints do not reach their places in {len(frames)} of {len(short)} frames (first: frame "
                 f"{frames[0]}): {quoted(short_of)}; most: "
                 f"{keys[held.joints[support]]} in frame {worst}, {missing:.1f} % of a leg away"
+                f"{', by reach: the leg is straight' if self._is_stretched(int(support), int(worst)) else ''}"
             )
+
+    def _is_stretched(self, support: int, frame: int) -> bool:
+        """Whether a support is a foot's and its leg is straight in a frame."""
+        if self.matching.legs is None or support >= self.supports.feet:
+            return False
+        leg, motion = self.matching.legs[1][support // 2], self.motion
+        reach = motion.positions[frame, leg.ankle] - motion.positions[frame, leg.hip]
+        return bool(lengths(reach) >= STRAIGHT * motion.skeleton.path_lengths[leg.hip, leg.ankle])
