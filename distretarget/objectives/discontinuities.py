@@ -18,8 +18,8 @@ from distretarget.numerics.vectors import lengths
 
 Array = NDArray[np.float64]
 
-FLIP_SPEED = 60.0 * math.radians(10.0)  # [rad/s]
-BLEND = 0.1  # deviations are averaged over this time before and after a frame [s]
+FLIP_SPEED = 60.0 * math.radians(4.0)  # [rad/s]
+BLEND = 0.15  # deviations are averaged over this time before and after a frame [s]
 
 
 def smooth_flips(v: Array, shots: Shots, frame_time: float) -> None:
