@@ -63,24 +63,27 @@ class PerformerContacts:
         u, v = self.joints
         return lengths(one[self.frames, u] - other[self.frames, v]), lengths(self.vectors)
 
-    def springs(self, copies: Both, now: Both, units: tuple[float, float]) -> list[Springs]:
+    def springs(self, alone: Both, now: Both, gives: Both, units: tuple[float, float]) -> list[Springs]:
         """The springs that draw the joints of each performer to where they touch, in its body units, frames first.
 
-        `copies` and `now`, (frames, joints, 3), are the positions of both performers in the rotation copy and at
-        present [target file units]; `units` are their body units. A joint that touches several others has one spring
-        with the sum of their energies.
+        `alone` and `now`, (frames, joints, 3), are the positions of both performers without each other and at present
+        [target file units]; `gives`, (frames, joints), is how far each joint goes to meet the other [target file
+        units], in proportion; `units` are the body units. A joint that touches several others has one spring with the
+        sum of their energies.
         """
-        a, b = (positions[self.frames, joints] for positions, joints in zip(copies, self.joints, strict=True))
+        a, b = (positions[self.frames, joints] for positions, joints in zip(alone, self.joints, strict=True))
         c, d = (positions[self.frames, joints] for positions, joints in zip(now, self.joints, strict=True))
-        delta = a - b + self.f[:, None] * (self.vectors - (a - b))
+        change = a - b + self.f[:, None] * (self.vectors - (a - b)) - (c - d)
         length = lengths(self.vectors)
         e = self.vectors / np.maximum(length, 1e-12)[:, None]
-        change = delta - (c - d)
+        give, other = (each[self.frames, joints] for each, joints in zip(gives, self.joints, strict=True))
+        share = (give / (give + other))[:, None]
         springs = []
-        for joints, unit, present, sign in zip(self.joints, units, (c, d), (1.0, -1.0), strict=True):
+        for joints, unit, place in zip(
+            self.joints, units, (c + share * change, d - (1.0 - share) * change), strict=True
+        ):
             k = np.asarray(share_across((length / unit) ** 2))
-            places = (present + sign * unit / sum(units) * change) / unit
-            springs.append(self._summed(joints, k, e, places, len(now[0])))
+            springs.append(self._summed(joints, k, e, place / unit, len(now[0])))
         return springs
 
     def _summed(self, joints: Numbers, k: Array, e: Array, places: Array, count: int) -> Springs:
