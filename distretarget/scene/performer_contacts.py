@@ -114,12 +114,15 @@ def find_performer_contacts(
 ) -> PerformerContacts:
     """Return the pairs of joints of two performers that are near each other; `up` is the unit vector up.
 
+    They are near where their distance over the mean length of both paths to the pelvis is below `settings.reach`: about
+    where two hands of one body would be, between which the path is about as long.
+
     Their vectors have the `scale` of the world or that of Eq. (1), from the path lengths of both bodies, if it is less:
     hands that touch do not part because longer legs make the world larger.
     """
     found, lead = [], settings.blend / frame_time
     margin, shots = activation_window(lead), one.shots + other.shots  # a new shot at the cuts of either
-    path = one.reach[:, None] + other.reach
+    path = (one.reach[:, None] + other.reach) / 2.0
     near_u, near_v = np.nonzero(path > 0)
     for block in blocks_of(len(one.source)):
         first = max(block.start - margin, 0)
@@ -129,7 +132,7 @@ def find_performer_contacts(
         u, v = near_u[on], near_v[on]
         D = normalised_distances(a, b, u, v, path[u, v])
         f = activation(D, shots[first : block.stop + margin], lead, settings.reach)[inside] if len(u) else D[inside]
-        D = D[inside]
+        D = D[inside] / 2.0  # over both paths, for the stiffness
         w = pair_stiffness(f, D, (u, v + len(one.joints)), len(one.joints) + len(other.joints), settings)
         w *= firmness(D, settings)
         frames, pairs = np.nonzero(w > LEAST_STIFFNESS)

@@ -39,11 +39,11 @@ Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
 
 REGION_POINTS = 9  # most joints of a region that may touch others
-MOST_SWEEPS = 3
-SETTLED = 0.018  # a mean gap error below this needs no further sweep [leg lengths]
+MOST_SWEEPS = 4
+SETTLED = 0.012  # a mean gap error below this needs no further sweep [leg lengths]
 LEVER = 0.02  # the rotation of a joint that holds a prop weighs as much as a point at this distance [body units]
 MOST_SHORTFALL = 0.01  # joints are drawn at most this far beyond their places, which may be out of reach [body units]
-TRUNK_GIVE = 0.1  # how far a trunk leans towards another performer, to the length of a limb that reaches [body units]
+TRUNK_GIVE = 0.2  # how far a trunk leans towards another performer, to the length of a limb that reaches [body units]
 SMOOTHING = 0.1  # what contacts change is averaged over this time on each side, weighted by a raised cosine [s]
 TINY = 1e-12  # divisors are no smaller
 
@@ -139,20 +139,14 @@ def how_far_joints_give(one: Performer) -> Array:
     A joint of a limb goes as far as the limb is long up to it, one of the trunk as far as the trunk leans. A limb that
     rests on the world gives no more than the trunk.
     """
-    clip, skeleton, of_joint = one.clip, one.clip.skeleton, one.clip.regions.of_joint
-    in_trunk = of_joint < 0
-    for number in np.flatnonzero(np.isin(clip.regions.names, TRUNK_REGIONS)):
-        in_trunk |= of_joint == number
-    limbs = np.zeros(len(skeleton))
-    for joint in range(len(skeleton)):
-        line = skeleton.line(joint)
-        of_limb = [*takewhile(lambda each: not in_trunk[each], line)]
-        limbs[joint] = skeleton.path_lengths[joint, of_limb[-1]] if of_limb else 0.0
+    clip, skeleton = one.clip, one.clip.skeleton
+    trunk = np.isin(np.append(clip.regions.names, ""), TRUNK_REGIONS)[clip.regions.of_joint]
+    limbs = [[*takewhile(lambda each: not trunk[each], skeleton.line(joint))] for joint in range(len(skeleton))]
+    length = np.array([skeleton.path_lengths[limb[0], limb[-1]] if limb else 0.0 for limb in limbs])
     held = np.zeros((len(clip), len(skeleton)))
-    for support, joint in enumerate(one.supports.joints.tolist()):
-        of_limb = [*takewhile(lambda each: not in_trunk[each], skeleton.line(joint))]
-        held[:, of_limb] = np.maximum(held[:, of_limb], one.supports.weights[:, support, None])
-    return np.asarray(limbs * (1.0 - held) + TRUNK_GIVE * clip.unit)
+    for support, joint in enumerate(one.supports.joints):
+        held[:, limbs[joint]] = np.maximum(held[:, limbs[joint]], one.supports.weights[:, support, None])
+    return np.asarray(length * (1.0 - held) + TRUNK_GIVE * clip.unit)
 
 
 def solve_in_sweeps(
