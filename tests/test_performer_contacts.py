@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from distretarget.baseline.rotation_copy import RootScale
-from distretarget.objectives.contact_pairs import FADE
 from distretarget.objectives.settings import ContactSettings
 from distretarget.scene.performer_contacts import ContactPoints, find_performer_contacts
 
@@ -83,9 +82,8 @@ def test_both_go_to_where_they_meet_by_how_far_they_can(gives, on):
 
 def test_hands_that_are_merely_near_do_not_touch():
     """Two hands may be as far apart as two of one body, not twice as far because two bodies are between them."""
-    reach = ContactSettings().reach + FADE
-    for share, touches in ((0.9, True), (1.1, False)):
-        away = share * reach * 60.0 * np.array([1.0, 0.0, 0.0])
+    for share, touches in ((0.9, True), (1.5, False)):
+        away = share * ContactSettings().reach * 60.0 * np.array([1.0, 0.0, 0.0])
         both = points(away, 60.0), points(np.zeros(3), 60.0)
         contacts = find_performer_contacts(*both, RootScale.even(1.0), UP, 0.02, ContactSettings())
         assert bool(len(contacts.frames)) == touches
