@@ -62,3 +62,28 @@ def test_a_contact_right_after_a_cut_of_either_performer_does_not_set_in_before_
     ]
     contacts = find_performer_contacts(*both, RootScale.even(1.0), UP, 0.02, ContactSettings())
     assert contacts.frames.tolist() == list(range(20, frames))
+
+
+@pytest.mark.parametrize("on", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("gives", [(1.0, 1.0), (30.0, 10.0)])
+def test_both_go_to_where_they_meet_by_how_far_they_can(gives, on):
+    """They meet as far apart as in the source; a contact that sets in moves them by its share from where they are."""
+    near = found(RootScale.even(1.0), 60.0, 60.0)
+    near = replace(near, f=np.full(len(near.frames), on))
+    one, other = np.full((FRAMES, 1, 3), 7.0), np.full((FRAMES, 1, 3), -2.0)
+    given = tuple(np.full((FRAMES, 1), give) for give in gives)
+    units = 4.0, 2.0
+    springs = near.springs((one, other), (one, other), given, units)
+    places = [unit * each.rest for unit, each in zip(units, springs, strict=True)]
+    np.testing.assert_allclose(places[0] - places[1], np.where(on, 9.0 + on * (near.vectors[:, None] - 9.0), 9.0))
+    moved = [np.linalg.norm(place - at) for place, at in zip(places, (one, other), strict=True)]
+    np.testing.assert_allclose(gives[1] * moved[0], gives[0] * moved[1], atol=1e-9)
+
+
+def test_hands_that_are_merely_near_do_not_touch():
+    """Two hands may be as far apart as two of one body, not twice as far because two bodies are between them."""
+    for share, touches in ((0.9, True), (1.5, False)):
+        away = share * ContactSettings().reach * 60.0 * np.array([1.0, 0.0, 0.0])
+        both = points(away, 60.0), points(np.zeros(3), 60.0)
+        contacts = find_performer_contacts(*both, RootScale.even(1.0), UP, 0.02, ContactSettings())
+        assert bool(len(contacts.frames)) == touches

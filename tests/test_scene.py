@@ -20,9 +20,12 @@ from distretarget import (
     write_bvh,
 )
 from distretarget.baseline.rotation_copy import RootScale
+from distretarget.ik.poses import Poses
+from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.settings import DEFAULT_SETTINGS as DEFAULT
+from distretarget.objectives.supports import no_supports
 from distretarget.pipeline.performer import match_performer
-from distretarget.scene.sweeps import find_contacts
+from distretarget.scene.sweeps import MOST_SWEEPS, TRUNK_GIVE, find_contacts, how_far_joints_give, smoothed
 
 H = {"Chest": 0.9, "Elbow": 0.75, "Wrist": 0.8, "Knee": 1.2, "Ankle": 1.2}
 HAND = "RightWrist"
@@ -81,9 +84,69 @@ def test_the_gaps_of_the_scene_are_measured():
     assert gap.b < 2 * gap.a < copy.b
 
 
-def test_one_sweep_is_enough_where_arms_can_reach_and_the_rest_is_told():
-    assert duet().sweeps == 1
+def test_how_near_they_come_is_told():
+    assert 1 < duet().sweeps <= MOST_SWEEPS
     assert 0 < duet().gap_error < 0.02
+
+
+@cache
+def performers():
+    """Both performers, before they are solved."""
+    scales = [RootScale(duet().world_scale, result.root_scale) for result in duet().results]
+    matches = [match_performer(*both) for both in zip(pair(), bodies(), strict=True)]
+    return [
+        each.performer(scale).with_supports(Options(), DEFAULT) for each, scale in zip(matches, scales, strict=True)
+    ]
+
+
+def hips_of(result):
+    joints = [leg.hip for leg in result.matching.target.legs]
+    return result.motion.positions[:, joints]
+
+
+def test_contacts_leave_the_hips_where_they_are_alone():
+    """Arms and trunks meet; nobody crouches or is dragged."""
+    for one, result in zip(find_contacts(performers(), []).performers, duet().results, strict=True):
+        alone = one.result(solve_contact(one.clip, one.supports, one.settings))
+        assert np.linalg.norm(hips_of(result) - hips_of(alone), axis=-1).max() < 0.01 * size()
+
+
+def test_limbs_go_as_far_as_they_are_long_and_standing_feet_as_little_as_the_trunk():
+    one = performers()[0]
+    gives, skeleton, least = how_far_joints_give(one), one.clip.skeleton, TRUNK_GIVE * one.clip.unit
+    arm = skeleton.path_lengths[skeleton.index("RightShoulder"), skeleton.index(HAND)]
+    alone = replace(one, supports=no_supports(len(one.clip)))
+    np.testing.assert_allclose(how_far_joints_give(alone)[:, skeleton.index(HAND)], least + arm)
+    np.testing.assert_allclose(gives[:, skeleton.index("Chest")], least)
+    ankle = one.clip.target_legs[0].ankle
+    stands = one.supports.weights[:, list(one.supports.joints).index(ankle)] == 1.0
+    assert stands.any()
+    np.testing.assert_allclose(gives[stands, ankle], least)
+
+
+@pytest.mark.parametrize("cut", [False, True])
+def test_what_contacts_change_is_smooth_but_at_cuts(cut):
+    """A sudden change of pose is spread over the frames around it, unless it comes with a cut of any performer."""
+    contacts = find_contacts(performers(), [])
+    frames = len(contacts.performers[0].clip)
+    before = Poses(np.ones((frames, 2, 3)), np.zeros((4, frames)))
+    sudden = replace(before, v=before.v + (np.arange(frames) >= frames // 2)[:, None, None])
+    if cut:
+        shots = (np.arange(frames) >= frames // 2).astype(np.intp)
+        one, other = contacts.performers
+        contacts = replace(contacts, performers=(one, replace(other, clip=replace(other.clip, shots=shots))))
+    steps = np.abs(np.diff(smoothed(sudden, before, contacts).v, axis=0)).max()
+    assert steps == (pytest.approx(1.0) if cut else pytest.approx(0.2, abs=0.15))
+    np.testing.assert_allclose(smoothed(before, before, contacts).v, before.v)
+
+
+def test_two_performers_on_their_own_bodies_are_not_touched():
+    own = [motion.rigid_skeleton for motion in pair()]
+    done = retarget_scene(pair(), own)
+    assert done.sweeps == 1
+    for result, source, body in zip(done.results, pair(), own, strict=True):
+        expected = retarget(source, body).motion
+        np.testing.assert_allclose(result.motion.positions, expected.positions, atol=1e-9 * size())
 
 
 def test_both_stand_on_the_floor():

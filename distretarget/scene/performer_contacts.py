@@ -61,24 +61,27 @@ class PerformerContacts:
         u, v = self.joints
         return lengths(one[self.frames, u] - other[self.frames, v]), lengths(self.vectors)
 
-    def springs(self, copies: Both, now: Both, units: tuple[float, float]) -> list[Springs]:
+    def springs(self, alone: Both, now: Both, gives: Both, units: tuple[float, float]) -> list[Springs]:
         """The springs that draw the joints of each performer to where they touch, in its body units, frames first.
 
-        `copies` and `now`, (frames, joints, 3), are the positions of both performers in the rotation copy and at
-        present [target file units]; `units` are their body units. A joint that touches several others has one spring
-        with the sum of their energies.
+        `alone` and `now`, (frames, joints, 3), are the positions of both performers without each other and at present
+        [target file units]; `gives`, (frames, joints), is how far each joint goes to meet the other [target file
+        units], in proportion; `units` are the body units. A joint that touches several others has one spring with the
+        sum of their energies.
         """
-        a, b = (positions[self.frames, joints] for positions, joints in zip(copies, self.joints, strict=True))
+        a, b = (positions[self.frames, joints] for positions, joints in zip(alone, self.joints, strict=True))
         c, d = (positions[self.frames, joints] for positions, joints in zip(now, self.joints, strict=True))
-        delta = a - b + self.f[:, None] * (self.vectors - (a - b))
+        change = a - b + self.f[:, None] * (self.vectors - (a - b)) - (c - d)
         length = lengths(self.vectors)
         e = self.vectors / np.maximum(length, 1e-12)[:, None]
-        change = delta - (c - d)
+        give, other = (each[self.frames, joints] for each, joints in zip(gives, self.joints, strict=True))
+        share = (give / (give + other))[:, None]
         springs = []
-        for joints, unit, present, sign in zip(self.joints, units, (c, d), (1.0, -1.0), strict=True):
+        for joints, unit, place in zip(
+            self.joints, units, (c + share * change, d - (1.0 - share) * change), strict=True
+        ):
             k = np.asarray(share_across((length / unit) ** 2))
-            places = (present + sign * unit / sum(units) * change) / unit
-            springs.append(self._summed(joints, k, e, places, len(now[0])))
+            springs.append(self._summed(joints, k, e, place / unit, len(now[0])))
         return springs
 
     def _summed(self, joints: Numbers, k: Array, e: Array, places: Array, count: int) -> Springs:
@@ -109,12 +112,15 @@ def find_performer_contacts(
 ) -> PerformerContacts:
     """Return the pairs of joints of two performers that are near each other; `up` is the unit vector up.
 
+    They are near where their distance over the mean length of both paths to the pelvis is below `settings.reach`: about
+    where two hands of one body would be, between which the path is about as long.
+
     Their vectors have the `scale` of the world or that of Eq. (1), from the path lengths of both bodies, if it is less:
     hands that touch do not part because longer legs make the world larger.
     """
     found, lead = [], settings.blend / frame_time
     margin, shots = activation_window(lead), one.shots + other.shots  # a new shot at the cuts of either
-    path = one.reach[:, None] + other.reach
+    path = (one.reach[:, None] + other.reach) / 2.0
     near_u, near_v = np.nonzero(path > 0)
     for block in blocks_of(len(one.source)):
         first = max(block.start - margin, 0)
@@ -124,7 +130,7 @@ def find_performer_contacts(
         u, v = near_u[on], near_v[on]
         D = normalised_distances(a, b, u, v, path[u, v])
         f = activation(D, shots[first : block.stop + margin], lead, settings.reach)[inside] if len(u) else D[inside]
-        D = D[inside]
+        D = D[inside] / 2.0  # over both paths, for the stiffness
         w = pair_stiffness(f, D, (u, v + len(one.joints)), len(one.joints) + len(other.joints), settings)
         w *= firmness(D, settings)
         frames, pairs = np.nonzero(w > LEAST_STIFFNESS)

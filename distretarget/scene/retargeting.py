@@ -77,8 +77,8 @@ def retarget_scene(
 
     The world has one scale along the floor, so that performers meet; each has its own scale upwards, so that it stands
     on the floor. Joints of two performers that come near each other are drawn to each other, joints that come near a
-    prop to their places on it. Each performer is solved by itself, and all of them once more if the gaps are off; their
-    order does not matter.
+    prop to their places on it. Each performer is solved by itself, at first without the others, and all of them again
+    while the gaps are off; their order does not matter.
 
     Args:
         sources: the performers' motions, in one world, with the same frames.

@@ -1,5 +1,8 @@
 """Solve a scene in sweeps: each performer by itself, drawn to the present places of the others and of props.
 
+In the first sweep nobody is drawn to other performers. It decides where hips and feet are: from then on the hips stay
+there, and limbs and trunk do what contacts ask. How much they do changes smoothly in time.
+
 A body of finite stiffness stops short of the places that its springs draw it to. The next sweep draws it further by as
 much, as in the method of multipliers (M. J. D. Powell, A method for nonlinear constraints in minimization problems,
 1969). Each region of the body is drawn as a whole: a hand that holds a larger one cannot have all joints in their
@@ -10,21 +13,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from functools import partial
+from itertools import combinations, takewhile
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.rotation_copy import RootScale
+from distretarget.body.anatomy import TRUNK_REGIONS
 from distretarget.body.resting import REST_HEIGHT
 from distretarget.ik.poses import Mapper, Poses
 from distretarget.ik.springs import Springs, joined, no_springs
 from distretarget.measure.scene_gaps import TOUCH_DISTANCE
 from distretarget.motion import Motion
+from distretarget.numerics.time_series import averaged, by_shot
 from distretarget.numerics.vectors import lengths, spread_out
 from distretarget.objectives.contact import solve_contact
-from distretarget.objectives.supports import Supports
+from distretarget.objectives.supports import STIFFNESS, Supports
 from distretarget.pipeline.performer import Performer
 from distretarget.scene.performer_contacts import ContactPoints, PerformerContacts, find_performer_contacts
 from distretarget.scene.props import Hold, PlacedProp, Placement, PropContacts, find_prop_contacts, held_placement
@@ -33,10 +39,12 @@ Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
 
 REGION_POINTS = 9  # most joints of a region that may touch others
-MOST_SWEEPS = 2
-SETTLED = 0.018  # a mean gap error below this needs no further sweep [leg lengths]
+MOST_SWEEPS = 4
+SETTLED = 0.012  # a mean gap error below this needs no further sweep [leg lengths]
 LEVER = 0.02  # the rotation of a joint that holds a prop weighs as much as a point at this distance [body units]
 MOST_SHORTFALL = 0.01  # joints are drawn at most this far beyond their places, which may be out of reach [body units]
+TRUNK_GIVE = 0.2  # how far a trunk leans towards another performer, to the length of a limb that reaches [body units]
+SMOOTHING = 0.1  # what contacts change is averaged over this time on each side, weighted by a raised cosine [s]
 TINY = 1e-12  # divisors are no smaller
 
 
@@ -48,6 +56,7 @@ class SceneContacts:
     props: tuple[PlacedProp, ...]
     between: Mapping[tuple[int, int], PerformerContacts]  # of each two performers, by their numbers
     on_props: Mapping[tuple[int, int], PropContacts]  # of each performer and prop, by their numbers
+    gives: tuple[Array, ...]  # of each performer, (frames, joints), see `how_far_joints_give`
 
     def placements(self, now: Sequence[Motion]) -> list[Placement]:
         """The placement of each prop while the performers move as they do now."""
@@ -66,18 +75,24 @@ class SceneContacts:
                 holds.append(Hold(near.f[:, column], near.source[:, column], place, turn, LEVER * one.clip.unit))
         return held_placement(prop.free, holds) if holds else prop.free
 
-    def springs(self, now: Sequence[Motion]) -> list[Springs]:
-        """The springs that draw each performer to the others and to props."""
+    def springs(self, now: Sequence[Motion], alone: Sequence[Motion] | None = None) -> list[Springs]:
+        """The springs that draw each performer to the others and to props, from where it is `alone`.
+
+        Without `alone`, those to other performers have no stiffness.
+        """
+        start = alone or now
         springs = [no_springs(len(one.clip)) for one in self.performers]
-        copies = [one.clip.copy_on_path(np.arange(len(one.clip.skeleton))) for one in self.performers]
-        units = [one.clip.unit for one in self.performers]
         for (i, j), near in self.between.items():
-            both = (copies[i], copies[j]), (now[i].positions, now[j].positions), (units[i], units[j])
-            of_i, of_j = near.springs(*both)
-            springs[i], springs[j] = joined(springs[i], of_i), joined(springs[j], of_j)
+            one, other = self.performers[i], self.performers[j]
+            positions = (start[i].positions, start[j].positions), (now[i].positions, now[j].positions)
+            drawn = near.springs(*positions, (self.gives[i], self.gives[j]), (one.clip.unit, other.clip.unit))
+            for number, each in zip((i, j), drawn, strict=True):
+                springs[number] = joined(springs[number], each if alone else each._replace(A=0.0 * each.A))
+        copies = [one.clip.copy_on_path(np.arange(len(one.clip.skeleton))) for one in self.performers]
         places = self.placements(now)
         for (i, k), touching in self.on_props.items():
-            springs[i] = joined(springs[i], touching.springs(places[k], copies[i], units[i]))
+            unit = self.performers[i].clip.unit
+            springs[i] = joined(springs[i], touching.springs(places[k], copies[i], unit))
         return springs
 
     def gap_error(self, now: Sequence[Motion]) -> float:
@@ -115,47 +130,88 @@ def find_contacts(performers: Sequence[Performer], props: Sequence[PlacedProp]) 
             else:
                 supports = _resting_on(supports, near, prop.free)
         supported.append(replace(one, supports=_yielding(one, supports, moving)))
-    return SceneContacts(tuple(supported), tuple(props), between, on_props)
+    return SceneContacts(tuple(supported), tuple(props), between, on_props, tuple(map(how_far_joints_give, supported)))
+
+
+def how_far_joints_give(one: Performer) -> Array:
+    """(frames, joints), how far each joint goes to meet another performer's, in proportion [target file units].
+
+    A joint of a limb goes as far as the limb is long up to it, one of the trunk as far as the trunk leans. A limb that
+    rests on the world gives no more than the trunk.
+    """
+    clip, skeleton = one.clip, one.clip.skeleton
+    trunk = np.isin(np.append(clip.regions.names, ""), TRUNK_REGIONS)[clip.regions.of_joint]
+    limbs = [[*takewhile(lambda each: not trunk[each], skeleton.line(joint))] for joint in range(len(skeleton))]
+    length = np.array([skeleton.path_lengths[limb[0], limb[-1]] if limb else 0.0 for limb in limbs])
+    held = np.zeros((len(clip), len(skeleton)))
+    for support, joint in enumerate(one.supports.joints):
+        held[:, limbs[joint]] = np.maximum(held[:, limbs[joint]], one.supports.weights[:, support, None])
+    return np.asarray(length * (1.0 - held) + TRUNK_GIVE * clip.unit)
 
 
 def solve_in_sweeps(
     contacts: SceneContacts, mapper: Mapper, progress: Callable[[int], object]
 ) -> tuple[list[Poses], int, float]:
-    """Solve all performers, and once more if gaps are off.
+    """Solve all performers as if alone, and again, drawn to each other, while gaps are off.
 
     Return the poses of each, the number of sweeps, and the mean gap error after the last [leg lengths].
     """
     performers = contacts.performers
-    now = [replace(one.clip.copy, root_positions=one.clip.root) for one in performers]
-    springs = contacts.springs(now)
-    for sweep in range(1, MOST_SWEEPS + 1):
-        progress(sweep)
-        poses = [
+
+    def solve(number: int, springs: Sequence[Springs]) -> list[Poses]:
+        progress(number)
+        return [
             solve_contact(one.clip, replace(one.supports, scene_springs=drawn), one.settings, mapper=mapper)
             for one, drawn in zip(performers, springs, strict=True)
         ]
+
+    springs = contacts.springs([replace(one.clip.copy, root_positions=one.clip.root) for one in performers])
+    first = poses = solve(1, springs)
+    alone = now = [one.posed(pose) for one, pose in zip(performers, poses, strict=True)]
+    hips = [_springs_of_hips(one, at) for one, at in zip(performers, alone, strict=True)]
+    sweep, error = 1, contacts.gap_error(now)
+    while error >= SETTLED and sweep < MOST_SWEEPS:
+        sweep += 1
+        springs = [
+            joined(with_shortfall(drawn, before, at.positions / one.clip.unit, one.clip.regions.of_joint), held)
+            for one, drawn, before, at, held in zip(
+                performers, contacts.springs(now, alone), springs, now, hips, strict=True
+            )
+        ]
+        poses = [smoothed(*both, contacts) for both in zip(solve(sweep, springs), first, strict=True)]
         now = [one.posed(pose) for one, pose in zip(performers, poses, strict=True)]
         error = contacts.gap_error(now)
-        if error < SETTLED or sweep == MOST_SWEEPS:
-            break
-        springs = [
-            with_shortfall(drawn, before, at.positions / one.clip.unit, one.clip.regions.of_joint)
-            for one, drawn, before, at in zip(performers, contacts.springs(now), springs, now, strict=True)
-        ]
     return poses, sweep, error
+
+
+def smoothed(poses: Poses, alone: Poses, contacts: SceneContacts) -> Poses:
+    """Return the poses with their deviations from those `alone` averaged over `SMOOTHING` within each shot."""
+    clips = [one.clip for one in contacts.performers]
+    shots = np.sum([clip.shots for clip in clips], axis=0)  # a new shot at the cuts of any performer
+    average = partial(averaged, reach=round(SMOOTHING / clips[0].frame_time))
+    return replace(poses, v=alone.v + by_shot(average, shots, poses.v - alone.v))
+
+
+def _springs_of_hips(one: Performer, alone: Motion) -> Springs:
+    """The springs that hold the hips of a performer where they are `alone`."""
+    legs = one.clip.target_legs
+    joints = np.array([leg.hip for leg in legs] if legs else [one.clip.pelvis])
+    A = np.broadcast_to(STIFFNESS * np.eye(3), (len(alone), len(joints), 3, 3))
+    return Springs(joints, np.full(len(joints), -1), alone.positions[:, joints] / one.clip.unit, A)
 
 
 def with_shortfall(springs: Springs, before: Springs, x: Array, regions: Numbers) -> Springs:
     """Return the springs of the next sweep, which draw each region further by its shortfall in the last.
 
-    `before` are the last sweep's springs, on the same joints, and `x`, (frames, joints, 3), its positions [body units];
-    `regions` are of all joints.
+    `before` are the last sweep's springs, on the same joints and perhaps others after them, and `x`,
+    (frames, joints, 3), its positions [body units]; `regions` are of all joints.
     """
-    short = before.rest - x[:, before.a]
-    weights = np.trace(before.A, axis1=-2, axis2=-1)[..., None]
+    a, count = springs.a, len(springs.a)
+    short = before.rest[:, :count] - x[:, a]
+    weights = np.trace(before.A[:, :count], axis1=-2, axis2=-1)[..., None]
     rest = np.array(springs.rest)
-    for region in np.unique(regions[before.a]):
-        of_region = regions[before.a] == region
+    for region in np.unique(regions[a]):
+        of_region = regions[a] == region
         total = weights[:, of_region].sum(axis=1)
         mean = (weights[:, of_region] * short[:, of_region]).sum(axis=1) / np.maximum(total, TINY)
         mean *= np.minimum(MOST_SHORTFALL / np.maximum(lengths(mean), TINY), 1.0)[:, None]
