@@ -26,10 +26,10 @@ def one_shot(v):
     return np.zeros(len(v), np.intp)
 
 
-def smoothed(v, frame_time=FRAME_TIME, shots=None):
-    """The poses with no jump, as a copy."""
+def smoothed(v, frame_time=FRAME_TIME, shots=None, held=0.0):
+    """The poses with no jump, as a copy; `held` is how firmly all parts are held."""
     smooth = np.array(v)
-    smooth_flips(smooth, one_shot(v) if shots is None else shots, frame_time)
+    smooth_flips(smooth, np.full(v.shape[:2], held), one_shot(v) if shots is None else shots, frame_time)
     return smooth
 
 
@@ -61,6 +61,14 @@ def test_a_spike_stays_alone(frames):
     deviation[50 : 50 + frames] = 1.5
     v = course(deviation)
     np.testing.assert_allclose(smoothed(v), v, atol=1e-12)
+
+
+def test_parts_that_are_held_are_smoothed_where_they_flip_only():
+    slow = course(0.1 * np.clip(np.arange(120) - 57, 0, 6))
+    assert (smoothed(slow) != slow).any()
+    np.testing.assert_array_equal(smoothed(slow, held=1.0), slow)
+    flip = course(np.where(np.arange(120) < 60, 0.0, 1.0))
+    np.testing.assert_array_equal(smoothed(flip, held=1.0), smoothed(flip))
 
 
 def test_jumps_are_judged_by_their_speed_not_by_their_frame():
@@ -107,10 +115,11 @@ def test_the_solver_smooths_its_flips_and_its_landings(monkeypatch):
     landing = course(np.maximum(np.arange(120) - 90.0, 0.0) * 0.02)
     solved, shots = np.concatenate([flip[:, :2], landing], axis=1), one_shot(flip)
     clip = SimpleNamespace(frame_time=FRAME_TIME, shots=shots, loose_parts=np.array([2]))
+    monkeypatch.setattr(contact, "_held_parts", lambda *_: np.zeros(solved.shape[:2]))
     monkeypatch.setattr(contact, "solve_in_chunks", lambda *_: Poses(np.array(solved), np.zeros((4, 120))))
     v = contact.solve_contact(clip, None, ContactSettings()).v
     expected = np.array(solved)
-    smooth_flips(expected, shots, FRAME_TIME)
+    smooth_flips(expected, np.zeros(expected.shape[:2]), shots, FRAME_TIME)
     smooth_landings(expected, clip.loose_parts, shots, FRAME_TIME)
     assert (expected != solved).any(axis=(0, 2)).tolist() == [True, False, True, False, False]
     np.testing.assert_array_equal(v, expected)

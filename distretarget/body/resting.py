@@ -10,14 +10,17 @@ from numpy.typing import NDArray
 from distretarget.body.legs import Leg
 from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled, inlined
-from distretarget.numerics.kinematics import heights_of, lowest_heights, speeds_along
-from distretarget.numerics.time_series import Shots, by_shot
+from distretarget.numerics.kinematics import heights_of, lowest_heights
+from distretarget.numerics.time_series import Shots, by_shot, smoothstep
+from distretarget.numerics.vectors import lengths
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 REST_SPEED = 0.35  # a joint that rests on the floor is slower than this [leg lengths / s]
 REST_HEIGHT = 0.1  # a joint that rests on the floor is at most this far above the lowest joint [leg lengths]
+SPAN = 1 / 30  # speeds are means over this time before and after a frame [s]
+FADE = 1.4  # the rest of a foot fades out up to this many times these limits
 # A joint that stands still is slower than `STILL_SPEED` for at least `STILL_TIME`, while the base of its limb goes
 # `TIMES_AS_FAR` times as far from its mean place, and `FARTHER` more.
 STILL_SPEED = 0.1  # [leg lengths / s]
@@ -26,34 +29,46 @@ TIMES_AS_FAR = 5.0
 FARTHER = 0.02  # [leg lengths]
 
 
-def feet_at_rest(
-    motion: Motion,
-    leg: Leg,
-    up: Array,
-    length: float,
-    *,
-    speed: float = REST_SPEED,
-    height: float = REST_HEIGHT,
-    shots: Shots | None = None,
-) -> Flags:
-    """Return whether ankle and toe of a leg rest, (frames, 2): they are slow and the foot is low, or they stand still,
-    as on a step.
+def feet_at_rest(motion: Motion, leg: Leg, up: Array, length: float) -> Flags:
+    """Return whether ankle and toe of a leg rest, (frames, 2), in a motion of one shot; otherwise as `feet_resting`."""
+    return np.asarray(feet_resting(motion, leg, up, length) == 1.0)
 
-    `up`, (3,), is the unit vector up; `length` the length of the leg [file units]; `speed` [leg lengths / s] and
-    `height` [leg lengths] are the limits. `shots`, (frames,), are judged separately; without them the motion is one.
+
+def feet_resting(motion: Motion, leg: Leg, up: Array, length: float, shots: Shots | None = None) -> Array:
+    """Return how much ankle and toe of a leg rest, (frames, 2), 0 to 1: they are slow and the foot is low, or they
+    stand still, as on a step. It fades out to `FADE` times the limits of speed and height, so that little depends on
+    whether a foot is just below or just above them.
+
+    `up`, (3,), is the unit vector up; `length` the length of the leg [file units]. `shots`, (frames,), are judged
+    separately; without them the motion is one.
     """
     shots = np.zeros(len(motion), np.intp) if shots is None else shots
     joints = np.array([leg.ankle, leg.toe])
     below = [leg.ankle, leg.toe, *motion.skeleton.children[leg.toe]]
-    low = (above_lowest(motion, below, up) < height * length).any(axis=1, keepdims=True)
     speeds = joint_speeds(motion, joints, shots)
+    low = _within(above_lowest(motion, below, up).min(axis=1, keepdims=True), REST_HEIGHT * length)
     still = still_joints(motion, joints, np.array([leg.hip, leg.hip]), speeds, length, shots)
-    return np.asarray(((speeds < speed * length) & low) | still)
+    return np.asarray(np.where(still, 1.0, _within(speeds, REST_SPEED * length) * low))
+
+
+def _within(values: Array, limit: float) -> Array:
+    """1 up to a limit, 0 from `FADE` times the limit on, smooth in between."""
+    return smoothstep((FADE - values / limit) / (FADE - 1.0))
 
 
 def joint_speeds(motion: Motion, joints: NDArray[np.intp], shots: Shots) -> Array:
-    """Return the speeds of some joints, (frames, len(joints)) [file units / s], each shot on its own."""
-    return by_shot(partial(speeds_along, frame_time=motion.frame_time, joints=joints), shots, motion.positions)
+    """Return the speeds of some joints, (frames, len(joints)) [file units / s], each shot on its own: the mean velocity
+    over `SPAN` before and after a frame, so that noise and the frame rate hardly matter.
+    """
+    reach = max(round(SPAN / motion.frame_time), 1)
+    return by_shot(partial(_mean_speeds, reach=reach), shots, motion.positions[:, joints]) / motion.frame_time
+
+
+def _mean_speeds(paths: Array, reach: int) -> Array:
+    """The length of the mean step over `reach` frames before and after each frame of paths, (frames, joints, 3)."""
+    frames = np.arange(len(paths))
+    before, after = np.maximum(frames - reach, 0), np.minimum(frames + reach, len(paths) - 1)
+    return lengths(paths[after] - paths[before]) / np.maximum(after - before, 1)[:, None]
 
 
 def above_lowest(motion: Motion, joints: NDArray[np.intp] | list[int], up: Array) -> Array:

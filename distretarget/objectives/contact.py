@@ -70,9 +70,18 @@ def solve_contact(
     margin = SelfContact.of(settings, clip.frame_time).window
     solve = partial(_solve_frames, settings=settings)
     poses = solve_in_chunks(solve, clip, supports, margin, mapper, progress)
-    smooth_flips(poses.v, clip.shots, clip.frame_time)
+    smooth_flips(poses.v, _held_parts(clip, supports, settings), clip.shots, clip.frame_time)
     smooth_landings(poses.v, clip.loose_parts, clip.shots, clip.frame_time)
     return poses
+
+
+def _held_parts(clip: Clip, supports: Supports, settings: ContactSettings) -> Array:
+    """(frames, parts), 1 while a joint below a part rests on something, blended to 0."""
+    held = np.zeros((len(clip), clip.parts.max() + 1))
+    for joint, weight in zip(supports.joints.tolist(), supports.weights.T, strict=True):
+        for part in np.unique(clip.parts[[*clip.skeleton.line(joint)[1:]]]) if settings.foot_lock else ():
+            np.maximum(held[:, part], weight, out=held[:, part])
+    return held
 
 
 def part_stiffness(clip: Clip) -> Array:
@@ -91,7 +100,8 @@ def part_stiffness(clip: Clip) -> Array:
     stiffness = BASE_STIFFNESS * (bones + ADDED_LENGTH) * (1.0 + TRUNK_FACTOR * largest_share)
     feet = {joint for leg in legs or () for joint in (leg.ankle, leg.toe)}
     ends = [joint for joint, inside in enumerate(clip.regions.inside("head", "hand")) if inside or joint in feet]
-    stiffness[np.unique(parts[[joint for joint in ends if skeleton.children[joint]]])] *= END_FACTOR
+    firm = np.unique(parts[[joint for joint in ends if skeleton.children[joint]]])
+    stiffness[np.setdiff1d(firm, clip.loose_parts)] *= END_FACTOR
     stiffness[clip.loose_parts] *= LOOSE_FACTOR
     if legs:
         pelvis = pelvis_joint(skeleton, legs)

@@ -19,18 +19,25 @@ from distretarget.numerics.vectors import lengths
 Array = NDArray[np.float64]
 
 FLIP_SPEED = 60.0 * math.radians(4.0)  # [rad/s]
+HELD_FLIP_SPEED = 60.0 * math.radians(10.0)  # of parts whose ends rest on something: smoothing moves them [rad/s]
 BLEND = 0.15  # deviations are averaged over this time before and after a frame [s]
 
 
-def smooth_flips(v: Array, shots: Shots, frame_time: float) -> None:
-    """Smooth the flips of all parts in poses (frames, parts + 1, 3), in place; `frame_time` is in [s]."""
-    limit, reach = FLIP_SPEED * frame_time, round(BLEND / frame_time)
-    for shot in map(v.__getitem__, slices_of(shots)):
-        parts = np.flatnonzero(_flips(shot, limit)[:, :-1].any(axis=0))
+def smooth_flips(v: Array, held: Array, shots: Shots, frame_time: float) -> None:
+    """Smooth the flips of all parts in poses (frames, parts + 1, 3), in place.
+
+    `held`, (frames, parts), is 1 while a joint below a part rests on something, blended to 0; `frame_time` is in [s].
+    """
+    reach = round(BLEND / frame_time)
+    for shot, of_shot in ((v[frames], held[frames]) for frames in slices_of(shots)):
+        parts = np.flatnonzero(_flips(shot, FLIP_SPEED * frame_time)[:, :-1].any(axis=0))
         if len(parts):
             lasting = _without_spikes(shot[:, parts])
-            flips = _flips(lasting, limit)
-            share = widened(np.maximum(flips, np.roll(flips, 1, axis=0)), reach)[..., None]
+            free, fast = (
+                widened(np.maximum(flips, np.roll(flips, 1, axis=0)), reach)
+                for flips in (_flips(lasting, speed * frame_time) for speed in (FLIP_SPEED, HELD_FLIP_SPEED))
+            )
+            share = np.maximum(fast, free * (1.0 - of_shot[:, parts]))[..., None]
             shot[:, parts] += share * (averaged(lasting, reach) - shot[:, parts])
 
 

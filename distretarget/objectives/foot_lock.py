@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.body.legs import Leg
-from distretarget.body.resting import feet_at_rest
+from distretarget.body.resting import feet_resting
 from distretarget.body.soles import Sole
 from distretarget.ik.springs import no_springs
 from distretarget.motion import Motion
@@ -56,8 +56,7 @@ def find_foot_lock(clip: Clip) -> Supports:
 
     def foot(pair: LegPair) -> tuple[Array, _Foot, _Foot]:
         """The weights of ankle and toe, (frames, 2), and the foot of the source and of the rotation copy."""
-        rests = feet_at_rest(clip.source, pair.source, clip.up, length, shots=clip.shots)
-        weights = by_shot(blend, clip.shots, rests.astype(np.float64))
+        weights = by_shot(blend, clip.shots, feet_resting(clip.source, pair.source, clip.up, length, clip.shots))
         source = _Foot.of(clip.source, pair.source, pair.source_sole, clip.up, length)
         copy = _Foot.of(clip.copy, pair.target, pair.target_sole, clip.up, clip.scale.height * length)
         return weights, source, copy
