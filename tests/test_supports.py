@@ -98,7 +98,7 @@ def test_fingers_that_nothing_drives_do_not_go_under_the_floor(name, rig):
     up = matching.source.up_vector
     floor = result.root_scale * (result.source.positions @ up).min()
     assert len(fingers) > 30
-    assert (result.motion.positions[:, fingers] @ up).min() - floor > -0.015 * matching.leg_lengths[1]
+    assert (result.motion.positions[:, fingers] @ up).min() - floor > -0.02 * matching.leg_lengths[1]
 
 
 @pytest.mark.parametrize("name", STANDING)

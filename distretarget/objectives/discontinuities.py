@@ -20,7 +20,8 @@ Array = NDArray[np.float64]
 
 FLIP_SPEED = 60.0 * math.radians(4.0)  # [rad/s]
 HELD_FLIP_SPEED = 60.0 * math.radians(10.0)  # of parts whose ends rest on something: smoothing moves them [rad/s]
-BLEND = 0.15  # deviations are averaged over this time before and after a frame [s]
+BLEND = 0.15  # deviations are averaged over this time before and after a flip [s] ...
+LANDING_BLEND = 0.1  # ... and over this where the floor stops a part
 
 
 def smooth_flips(v: Array, held: Array, shots: Shots, frame_time: float) -> None:
@@ -46,7 +47,7 @@ def smooth_landings(v: Array, parts: NDArray[np.intp], shots: Shots, frame_time:
     for shot in map(v.__getitem__, slices_of(shots)):
         moved = parts[shot[:, parts].any(axis=(0, 2))]
         if len(moved):
-            shot[:, moved] = averaged(shot[:, moved], round(BLEND / frame_time))
+            shot[:, moved] = averaged(shot[:, moved], round(LANDING_BLEND / frame_time))
 
 
 def _flips(v: Array, limit: float) -> Array:
