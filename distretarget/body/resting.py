@@ -68,7 +68,7 @@ def _mean_speeds(paths: Array, reach: int) -> Array:
     """The length of the mean step over `reach` frames before and after each frame of paths, (frames, joints, 3)."""
     frames = np.arange(len(paths))
     before, after = np.maximum(frames - reach, 0), np.minimum(frames + reach, len(paths) - 1)
-    return lengths(paths[after] - paths[before]) / np.maximum(after - before, 1)[:, None]
+    return np.asarray(lengths(paths[after] - paths[before]) / np.maximum(after - before, 1)[:, None])
 
 
 def above_lowest(motion: Motion, joints: NDArray[np.intp] | list[int], up: Array) -> Array:
