@@ -1,27 +1,24 @@
-"""Postures in which a body stands: its rest pose, a frame of its motion, or a synthetic T-pose."""
+"""The pose in which a body is aligned: its rest pose, or a T-pose, the same for all clips of a rig."""
 
 import itertools
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, WAYS, in_world, person, posed, turned
+from bodies import SAMPLES, WAYS, person, posed, turned
 from sample_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
 from distretarget import MatchingError, read_bvh, retarget
+from distretarget.body.anatomy import LEG
 from distretarget.body.axes import Directions, axis_vector
 from distretarget.body.body import Body
-from distretarget.body.reference_pose import FOOT_PITCH, bend_axes, standing_frame, synthetic_t_pose
+from distretarget.body.neutral import bend_axes
+from distretarget.body.reference_pose import FOOT_PITCH, t_pose
 from distretarget.numerics.vectors import normalised
 
 UP = np.array([0.0, 1.0, 0.0])
 SIDES = {"left": 1.0, "right": -1.0}
-STANDING, SITTING, CROUCHING = {"LeftShoulder": (0, 0, -1.0), "RightShoulder": (0, 0, 1.0)}, {}, {}
-for side in ("Left", "Right"):
-    SITTING |= {f"{side}Hip": (-1.5, 0, 0)}  # legs stretched forward
-    CROUCHING |= {f"{side}Hip": (-0.6, 0, 0), f"{side}Knee": (1.2, 0, 0), f"{side}Ankle": (-0.6, 0, 0)}
 
 ways = pytest.mark.parametrize("way", WAYS, ids=[f"way{k}" for k in range(len(WAYS))])
 
@@ -30,20 +27,6 @@ ways = pytest.mark.parametrize("way", WAYS, ids=[f"way{k}" for k in range(len(WA
 def without_a_rest_pose():
     """A walk on a body whose bones all lie along one axis at rest."""
     return retarget(read_bvh(SAMPLES / "walk.bvh"), rig("lafan1", "X")).motion
-
-
-def postures(*frames):
-    """A person in some postures, one frame each, hips at the height of legs that stand."""
-    turns = {name: np.zeros((len(frames), 3)) for name in set().union(*frames)}
-    for frame, turn in enumerate(frames):
-        for name, vector in turn.items():
-            turns[name][frame] = vector
-    return posed(person(), turns, np.tile([0.0, 0.9, 0.0], (len(frames), 1)))
-
-
-def stood_in(motion, up=UP):
-    body = Body.of_motion(motion)
-    return standing_frame(body.moving, up, body.unit)
 
 
 def assert_t_pose(body, world):
@@ -109,42 +92,7 @@ def test_without_a_motion_bones_along_one_axis_become_a_t_pose():
 @ways
 def test_a_t_pose_faces_along_z_however_the_rest_pose_lies(convention, way):
     body = Body.of(turned(rig(convention, "A"), way))
-    assert_t_pose(body, synthetic_t_pose(body.skeleton, body.at_rest))
-
-
-def test_a_frame_of_the_motion_replaces_a_rest_pose_along_one_axis():
-    motion = without_a_rest_pose()
-    body = Body.of_motion(motion)
-    frame = standing_frame(body.moving, body.up_vector, body.unit)
-    np.testing.assert_array_equal(body.reference.rotations, motion.world_rotations[frame])
-    stands = Directions(body.anatomy, motion.positions[frame])
-    assert stands.stretch > 150
-    assert stands.up @ UP > 0.97
-
-
-def test_the_frame_in_which_the_body_stands_is_taken():
-    assert stood_in(postures(SITTING, STANDING, CROUCHING)) == 1
-    assert stood_in(postures(CROUCHING, SITTING, STANDING)) == 2
-
-
-@pytest.mark.parametrize("raised", [{"LeftHip": (-0.3, 0, 0)}, {"LeftShoulder": (0, 0, 1.5)}, {"Chest": (0, 0.8, 0)}])
-def test_a_lifted_foot_a_raised_arm_or_a_turned_trunk_makes_a_worse_reference(raised):
-    assert stood_in(postures(STANDING | raised, *[STANDING] * 3)) == 1
-
-
-def test_a_person_who_never_stands_has_no_standing_frame():
-    assert stood_in(postures(SITTING, SITTING)) is None
-    lying = in_world(postures(STANDING), Rotation.from_euler("x", 90, degrees=True))
-    assert stood_in(lying) is None
-    assert stood_in(lying, np.array([0.0, 0.0, 1.0])) == 0
-
-
-def test_without_a_standing_frame_or_rest_pose_a_t_pose_is_built():
-    motion = without_a_rest_pose()
-    down = np.array(motion.rotations)
-    down[:, 0] = (Rotation.from_euler("x", 90, degrees=True) * Rotation.from_quat(down[:, 0])).as_quat()
-    body = Body.of_motion(replace(motion, rotations=down)).with_up("Y")
-    assert_t_pose(body, body.reference.rotations)
+    assert_t_pose(body, t_pose(body.skeleton, body.at_rest, None))
 
 
 def test_elbows_and_knees_bend_about_the_axes_across_them():
@@ -152,21 +100,17 @@ def test_elbows_and_knees_bend_about_the_axes_across_them():
     turns = {f"{side}Knee": bend * [1, 0, 0] for side in ("Left", "Right")}
     turns |= {"LeftElbow": bend * [0, -1, 0], "RightElbow": bend * [0, 1, 0]}
     motion = posed(person(), turns, np.zeros((10, 3)))
-    axes = bend_axes(Body.of_motion(motion).anatomy, motion, person().unturned)
-    expected = {"leftUpperLeg": [1, 0, 0], "rightUpperLeg": [1, 0, 0]}
-    expected |= {"leftUpperArm": [0, -1, 0], "rightUpperArm": [0, 1, 0]}
-    assert axes.keys() == expected.keys()
+    anatomy = Body.of_motion(motion).anatomy
+    axes = bend_axes(anatomy, motion)
+    bends = {"left": [0, -1, 0], "right": [0, 1, 0]}
+    expected = {f"{side}{part}": [1, 0, 0] for side in SIDES for part in LEG[:3]}
+    expected |= {f"{side}{part}": bends[side] for side in SIDES for part in ("UpperArm", "LowerArm")}
+    assert axes.keys() == {anatomy.roles[role] for role in expected}
     for role, axis in expected.items():
-        np.testing.assert_allclose(axes[role], axis, atol=1e-9)
+        np.testing.assert_allclose(axes[anatomy.roles[role]], axis, atol=1e-9)
 
 
 def test_limbs_that_hardly_bend_have_no_axis():
     motion = posed(person(), {"LeftKnee": np.array([0.5, 0, 0])}, np.zeros((5, 3)))
-    assert bend_axes(Body.of_motion(motion).anatomy, motion, person().unturned).keys() == {"leftUpperLeg"}
-
-
-def test_a_rest_pose_in_which_a_person_stands_needs_no_axes():
-    motion = read_bvh(SAMPLES / "squat.bvh")
-    assert Body.of_motion(motion).bend_axes == {}
-    assert Body.of(rig("lafan1", "X")).bend_axes == {}
-    assert Body.of_motion(without_a_rest_pose()).bend_axes.keys() >= {"leftUpperLeg", "rightUpperLeg"}
+    anatomy = Body.of_motion(motion).anatomy
+    assert bend_axes(anatomy, motion).keys() == {anatomy.roles[f"left{part}"] for part in LEG[:3]}

@@ -13,7 +13,8 @@ from distretarget.body.anatomy import SIDES, Anatomy, Regions, find_regions
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, direction, nearest_axis, squared, upright
 from distretarget.body.legs import Legs, find_legs, foot_bone, leg_length, pelvis_joint
 from distretarget.body.named_anatomy import by_names, find_handles
-from distretarget.body.reference_pose import bend_axes, standing_frame, stands_at_rest, synthetic_t_pose
+from distretarget.body.reference_pose import FOOT_PITCH, stands_at_rest, t_pose, usual_pitch
+from distretarget.body.resting import feet_at_rest
 from distretarget.body.shape import by_shape
 from distretarget.checks import check_kind
 from distretarget.motion import Motion
@@ -200,27 +201,25 @@ class Body:
         """
         if self.anatomy is None or self.at_rest is None or self.stands_at_rest:
             return self.rest
-        frame = standing_frame(self.moving, self.up_vector, self.unit) if self.moving else None
-        if frame is None or self.motion is None:
-            rotations = synthetic_t_pose(self.skeleton, self.at_rest)
-        else:
-            rotations = np.asarray(self.motion[frame : frame + 1].world_rotations[0])
+        rotations = t_pose(self.skeleton, self.at_rest, self.motion, self.foot_pitch or FOOT_PITCH)
         positions = self.skeleton.posed(rotations)
-        return self._pose(rotations, positions, Directions(self.anatomy, positions))
+        return Pose(rotations, positions, Directions(self.anatomy, positions), np.eye(3))
+
+    @cached_property
+    def foot_pitch(self) -> float | None:
+        """How far feet that stand flat point downwards, as those of the motion do [rad]; None where none rests."""
+        if self.motion is None or self.legs is None:
+            return None
+        feet = [leg for leg in self.legs if leg.toe != leg.ankle]
+        x, up = self.motion.positions, self.up_vector
+        resting = [feet_at_rest(self.motion, leg, up, self.leg_length).all(axis=1) for leg in feet]
+        bones = [direction(x[rests], leg.ankle, leg.toe) for leg, rests in zip(feet, resting, strict=True)]
+        return usual_pitch(-np.arcsin(np.clip(np.concatenate(bones) @ up, -1.0, 1.0))) if any(map(len, bones)) else None
 
     def _pose(self, rotations: Array, positions: Array, directions: Directions | None) -> Pose:
         snapped = squared if self.stands_at_rest else upright
         axes = np.eye(3) if directions is None else snapped(directions.axes)
         return Pose(rotations, positions, directions, axes)
-
-    @cached_property
-    def bend_axes(self) -> dict[str, Array]:
-        """The axes about which elbows and knees bend in the motion, by the roles of upper arms and thighs: unit vectors
-        (3,) in the reference pose. Empty where that is the rest pose, or without a motion.
-        """
-        if self.anatomy is None or self.motion is None or self.stands_at_rest:
-            return {}
-        return bend_axes(self.anatomy, self.motion, self.reference.rotations)
 
     # ---- what kind of body it is
 

@@ -99,7 +99,7 @@ def _reference_foot(body: Body, leg: Leg) -> _Foot:
     stance = body.reference.directions
     up = body.up_vector if stance is None else axis_vector(nearest_axis(stance.up)[0])
     ankle = Rotation.from_quat(body.reference.rotations[leg.ankle]).as_matrix()
-    foot = _foot(body, leg, up @ ankle, body.stands_at_rest or body.anatomy is None)
+    foot = _foot(body, leg, up @ ankle, body.stands_at_rest or body.anatomy is None or body.foot_pitch is not None)
     if foot.direction @ foot.up >= -HANGING:
         return foot
     forward = np.zeros(3) if stance is None else stance.axes[:, 2]

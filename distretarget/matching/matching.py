@@ -147,7 +147,8 @@ class Matching:
         """Return the bones that both bodies share: the target joint at the upper end of each, (bones,), ascending, and
         the unit directions of the bones on source and target, (bones, 3), for joint positions `x` and `y`.
         A shared bone joins a driven joint, from the hips down, to the nearest driven joint above it; bones of length 0
-        on either body are left out.
+        on either body are left out, and so are those from a joint of the body to one that is none of it (jaw, eye,
+        hair, prop), which do not show how the body is turned.
         """
         driven = (self.drivers >= 0) & ~np.isin(self.drivers, self.source.above_hips)
         driven[[*self.target.above_hips]] = False
@@ -157,6 +158,8 @@ class Matching:
         above = np.array(nearest)
         lower = np.flatnonzero(driven & (above >= 0))
         lower = lower[np.argsort(above[lower], kind="stable")]
+        of_body = np.minimum(self.regions.of_joint, self.source.regions.of_joint[self.drivers]) >= 0
+        lower = lower[of_body[lower] | ~of_body[above[lower]]]
         upper = above[lower]
         a, b = x[self.drivers[lower]] - x[self.drivers[upper]], y[lower] - y[upper]
         apart = a.any(axis=1) & b.any(axis=1)

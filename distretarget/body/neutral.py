@@ -1,0 +1,109 @@
+"""How the joints of a rig are turned while its body is neutral, as all frames of a motion show it together.
+
+What a clip shows once (a turned wrist, a head that looks down) is not of the rig. So each joint is taken to be neutral
+where rigs are built to be so, and its motion only decides between the ways to build it: the joint is turned as its
+parent is, or its axes are at right angles to its parent's. Where neither is near, the median over the frames counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.body.anatomy import ARM, LEG, SIDES, Anatomy
+from distretarget.body.axes import direction
+from distretarget.motion import Motion
+from distretarget.numerics.rotations import nearest_rotations
+from distretarget.numerics.vectors import cross, lengths, normalised
+
+Array = NDArray[np.float64]
+
+MOST_FRAMES = 1000  # a motion shows how joints are turned in up to this many frames, evenly spread
+ROUNDS = 10  # of the search for a median rotation
+ALIKE = np.radians(1.0)  # rotations nearer to the median than this count the same [rad]
+STILL = np.radians(0.5)  # a joint that turns by less than this is not animated [rad] ...
+ANIMATED = np.radians(5.0)  # ... if elbows or knees turn by more than this [rad]
+UNTURNED = np.radians(60.0)  # a joint whose median is within this of no rotation has none while it is neutral [rad]
+SQUARE = np.radians(30.0)  # a median within this of right angles is at right angles [rad]
+CLEAR_BEND = 0.1  # a limb whose mean bend is larger than this shows its bend axis [sine]
+RIGHT_ANGLES = np.asarray(Rotation.create_group("O").as_matrix())  # (24, 3, 3), all turns by right angles
+
+
+def bones_of(anatomy: Anatomy, side: str, limb: tuple[str, ...]) -> Iterator[tuple[int, int]]:
+    """The joints at the upper and lower end of each bone of a limb; parts that the body lacks are skipped."""
+    return pairwise(anatomy.roles[side + role] for role in limb if side + role in anatomy.roles)
+
+
+def sampled(motion: Motion) -> Motion:
+    """Return the frames in which a motion shows how joints are turned."""
+    return motion[:: -(-len(motion) // MOST_FRAMES)]
+
+
+def places_from(motion: Motion, joint: int) -> Array:
+    """Return the positions of all joints in the axes of one of them, (joints, 3): the mean over the frames."""
+    away = motion.positions - motion.positions[:, joint, None]
+    turns = Rotation.from_quat(motion.world_rotations[:, joint]).as_matrix()
+    return np.asarray(np.einsum("fki,fjk->ji", turns, away) / len(motion))
+
+
+def neutral_turns(anatomy: Anatomy, motion: Motion) -> Array:
+    """Return the rotations of all joints against their parents while they are neutral, (joints, 3, 3).
+
+    A joint that is not animated is neutral as it is.
+    """
+    local = Rotation.from_quat(motion.rotations).as_matrix()
+    medians, farthest = _medians(local)
+    hinges = (side + part for side in SIDES for part in ("LowerArm", "LowerLeg"))
+    animated = any(farthest[anatomy.roles[role]] > ANIMATED for role in hinges if role in anatomy.roles)
+    neutral = [
+        turn if animated and far < STILL else np.eye(3) if _angle(turn) < UNTURNED else _squared(turn)
+        for turn, far in zip(medians, farthest.tolist(), strict=True)
+    ]
+    return np.array(neutral)
+
+
+def bend_axes(anatomy: Anatomy, motion: Motion) -> dict[int, Array]:
+    """Return the axes, (3,), about which elbows and knees bend, by the joints of limbs, each in the joint's own axes:
+    the mean over the frames. Limbs that hardly bend have none. An ankle has that of its knee.
+    """
+    axes: dict[int, Array] = {}
+    for side in SIDES:
+        for limb in (ARM[1:], LEG[:3]):
+            bones = list(bones_of(anatomy, side, limb))
+            if len(bones) == 2:
+                across = cross(*(direction(motion.positions, *ends) for ends in bones))
+                joints = [joint for joint, _ in bones] + [bones[1][1]] * (limb == LEG[:3])
+                for joint in joints:
+                    to_joint = Rotation.from_quat(motion.world_rotations[:, joint]).inv()
+                    axis = to_joint.apply(across).mean(axis=0)
+                    if lengths(axis) > CLEAR_BEND:
+                        axes[joint] = normalised(axis)
+    return axes
+
+
+def _medians(turns: Array) -> tuple[Array, Array]:
+    """The medians of rotations (frames, joints, 3, 3), (joints, 3, 3): the rotations with the least sum of angles to
+    all; and the largest angle to them of each joint, (joints,) [rad].
+    """
+    weights = np.ones(turns.shape[:2])
+    for _ in range(ROUNDS):
+        medians = nearest_rotations(np.einsum("fj,fjab->jab", weights, turns))
+        cosines = (np.einsum("fjab,jab->fj", turns, medians) - 1.0) / 2.0
+        away = np.arccos(np.clip(cosines, -1.0, 1.0))
+        weights = 1.0 / np.maximum(away, ALIKE)
+    return medians, away.max(axis=0)
+
+
+def _angle(turn: Array) -> float:
+    """The angle of a rotation (3, 3) [rad]."""
+    return float(np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0)))
+
+
+def _squared(turn: Array) -> Array:
+    """The turn by right angles that is nearest to a rotation, (3, 3), if it is near; else the rotation itself."""
+    nearest = RIGHT_ANGLES[np.argmax((RIGHT_ANGLES * turn).sum(axis=(1, 2)))]
+    return nearest if _angle(nearest.T @ turn) < SQUARE else turn
