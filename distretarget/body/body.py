@@ -100,11 +100,16 @@ class Body:
 
     @cached_property
     def height(self) -> float:
-        """The body's extent in its rest pose along the axis of the legs, without legs the largest one [file units]."""
-        rest = self.skeleton.rest_positions[self.regions.of_joint >= 0]
+        """The body's extent upwards in the pose in which it stands; without an anatomy that of its rest pose along the
+        axis of the legs, without legs the largest one [file units].
+        """
+        of_body = self.regions.of_joint >= 0
+        rest = self.skeleton.rest_positions
         if self.legs is None:
-            return float(np.ptp(rest, axis=0).max())
-        return float(np.ptp(rest @ axis_vector(_axis_of_legs(self.legs, self.skeleton.rest_positions[None]))))
+            return float(np.ptp(rest[of_body], axis=0).max())
+        if self.anatomy is None or self.stands_at_rest:
+            return float(np.ptp(rest[of_body] @ axis_vector(_axis_of_legs(self.legs, rest[None]))))
+        return float(np.ptp(self.reference.positions[of_body] @ self.reference.axes[:, 1]))
 
     @cached_property
     def pelvis_joint(self) -> int | None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import ARM, LEG, SIDES, Anatomy
-from distretarget.body.axes import direction
+from distretarget.body.axes import Directions, direction
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import nearest_rotations
 from distretarget.numerics.vectors import cross, lengths, normalised
@@ -25,8 +25,9 @@ Array = NDArray[np.float64]
 MOST_FRAMES = 1000  # a motion shows how joints are turned in up to this many frames, evenly spread
 ROUNDS = 10  # of the search for a median rotation
 ALIKE = np.radians(1.0)  # rotations nearer to the median than this count the same [rad]
-STILL = np.radians(0.5)  # a joint that turns by less than this is not animated [rad] ...
+STILL = np.radians(0.05)  # a joint that turns by less than this is not animated [rad] ...
 ANIMATED = np.radians(5.0)  # ... if elbows or knees turn by more than this [rad]
+HELD = ("Hand", "head")  # roles of joints that a clip may hold still in a pose that is not neutral
 UNTURNED = np.radians(60.0)  # a joint whose median is within this of no rotation has none while it is neutral [rad]
 SQUARE = np.radians(30.0)  # a median within this of right angles is at right angles [rad]
 CLEAR_BEND = 0.1  # a limb whose mean bend is larger than this shows its bend axis [sine]
@@ -50,20 +51,42 @@ def places_from(motion: Motion, joint: int) -> Array:
     return np.asarray(np.einsum("fki,fjk->ji", turns, away) / len(motion))
 
 
+def against_trunk(anatomy: Anatomy, motion: Motion, joint: int) -> Array:
+    """Return how a joint that carries the body is turned while the body stands upright, Y up, and faces Z, (3, 3): the
+    turn by right angles that is nearest to its median against the trunk.
+    """
+    trunk = Directions(anatomy, motion.positions).axes
+    turns = Rotation.from_quat(motion.world_rotations[:, joint]).as_matrix()
+    return _right_angled(_medians((trunk.swapaxes(-1, -2) @ turns)[:, None])[0][0])
+
+
 def neutral_turns(anatomy: Anatomy, motion: Motion) -> Array:
     """Return the rotations of all joints against their parents while they are neutral, (joints, 3, 3).
 
-    A joint that is not animated is neutral as it is.
+    A joint that is not animated is neutral as it is, unless it is a hand or of the head, which a clip may hold still. A
+    collar bone is neutral as it is on the whole while its arm hangs.
     """
     local = Rotation.from_quat(motion.rotations).as_matrix()
     medians, farthest = _medians(local)
     hinges = (side + part for side in SIDES for part in ("LowerArm", "LowerLeg"))
     animated = any(farthest[anatomy.roles[role]] > ANIMATED for role in hinges if role in anatomy.roles)
-    neutral = [
-        turn if animated and far < STILL else np.eye(3) if _angle(turn) < UNTURNED else _squared(turn)
-        for turn, far in zip(medians, farthest.tolist(), strict=True)
-    ]
+    held = {joint for role, joint in anatomy.roles.items() if role.endswith(HELD)} | {*anatomy.neck}
+    neutral = []
+    for joint, turn in enumerate(medians):
+        fixed = animated and farthest[joint] < STILL and joint not in held
+        neutral.append(turn if fixed else np.eye(3) if _angle(turn) < UNTURNED else _squared(turn))
+    for joint, hangs in _collar_bones(anatomy, motion):
+        neutral[joint] = _medians(local[hangs if hangs.any() else ~hangs, joint, None])[0][0]
     return np.array(neutral)
+
+
+def _collar_bones(anatomy: Anatomy, motion: Motion) -> Iterator[tuple[int, NDArray[np.bool_]]]:
+    """The joints of collar bones, each with whether its upper arm points downwards along the trunk, (frames,)."""
+    directions = Directions(anatomy, motion.positions)
+    for side in SIDES:
+        arm = directions.bone(f"{side}UpperArm", f"{side}LowerArm")
+        if arm is not None and f"{side}Shoulder" in anatomy.roles:
+            yield anatomy.roles[f"{side}Shoulder"], (arm * directions.trunk).sum(axis=-1) < 0.0
 
 
 def bend_axes(anatomy: Anatomy, motion: Motion) -> dict[int, Array]:
@@ -105,5 +128,10 @@ def _angle(turn: Array) -> float:
 
 def _squared(turn: Array) -> Array:
     """The turn by right angles that is nearest to a rotation, (3, 3), if it is near; else the rotation itself."""
-    nearest = RIGHT_ANGLES[np.argmax((RIGHT_ANGLES * turn).sum(axis=(1, 2)))]
+    nearest = _right_angled(turn)
     return nearest if _angle(nearest.T @ turn) < SQUARE else turn
+
+
+def _right_angled(turn: Array) -> Array:
+    """The turn by right angles, (3, 3), that is nearest to a rotation."""
+    return np.asarray(RIGHT_ANGLES[np.argmax((RIGHT_ANGLES * turn).sum(axis=(1, 2)))])

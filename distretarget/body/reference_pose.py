@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.anatomy import ARM, LEG, SIDES, Anatomy
 from distretarget.body.axes import PARALLEL, Directions, axes_of, direction, squared
 from distretarget.body.legs import foot_bone
-from distretarget.body.neutral import bend_axes, bones_of, neutral_turns, places_from, sampled
+from distretarget.body.neutral import against_trunk, bend_axes, bones_of, neutral_turns, places_from, sampled
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import least_matrix
 from distretarget.numerics.vectors import cross, lengths, level, normalised
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 STANDING_ANGLE = 100.0  # a person can stand with a larger angle than this between trunk and legs [degrees] ...
 RAISED_ARM = np.cos(np.radians(30))  # ... if both arms are at least this angle away from straight up [cosine]
 FOOT_PITCH = np.radians(25)  # usual angle by which feet point downwards [rad]
-PITCHES = np.radians(10)  # by which the pitches of flat feet differ from it, from rig to rig [rad]
+PITCHES = np.radians(10)  # standard deviation of the pitches of flat feet from it, from rig to rig [rad]
 IQR = 1.349  # of a normal distribution [standard deviations]
 OPPOSITE = -0.9  # a bone with a smaller cosine to its goal first turns half round about the sideways axis [cosine]
 ON_AXIS = np.cos(np.radians(20))  # a joint with a bone this near to one of its axes is built along the bone [cosine]
@@ -68,10 +68,14 @@ def t_pose(skeleton: Skeleton, rest: Directions, motion: Motion | None, foot_pit
     bends = bend_axes(anatomy, shown) if shown else {}
     neutral = neutral_turns(anatomy, shown) if shown else np.tile(np.eye(3), (len(skeleton), 1, 1))
     hips = _hip_axes(Directions(anatomy, places_from(shown, anatomy.roles["hips"])) if shown else rest).T
+    carriers = skeleton.line(anatomy.roles["hips"])[1:]
     turns: list[Array] = []
     for joint, parent in enumerate(skeleton.parents.tolist()):
         above = turns[parent] if joint else hips
-        turn = hips if joint in (0, anatomy.roles["hips"]) else above @ neutral[joint]
+        if shown and joint in carriers:
+            turn = against_trunk(anatomy, shown, joint)
+        else:
+            turn = hips if joint in (0, anatomy.roles["hips"]) else above @ neutral[joint]
         places = places_from(shown, joint) if shown and joint in goals else rest.positions
         goal = goals.get(joint)
         bone = normalised(places[goal.tip] - places[joint]) if goal else np.zeros(3)
@@ -85,12 +89,15 @@ def t_pose(skeleton: Skeleton, rest: Directions, motion: Motion | None, foot_pit
 
 
 def usual_pitch(pitches: Array) -> float:
-    """Return the pitch of feet that stand flat, given the pitches of feet that rest in a motion, (n,), all [rad]: their
-    median, drawn towards `FOOT_PITCH` the more the farther they spread, as where a dancer stands on tiptoe.
+    """Return the pitch of feet that stand flat, given the pitches of feet that rest in a motion, (n,), all [rad].
+
+    It is their median, within what feet are built like, and drawn towards `FOOT_PITCH` the more the farther they
+    spread, as those of a dancer who is on tiptoe now and then.
     """
     low, middle, high = np.percentile(pitches, [25, 50, 75])
     spread = (high - low) / IQR
-    return float(FOOT_PITCH + (middle - FOOT_PITCH) / (1.0 + (spread / PITCHES) ** 2))
+    away = np.clip(middle - FOOT_PITCH, -2.0 * PITCHES, 2.0 * PITCHES)
+    return float(FOOT_PITCH + away / (1.0 + (spread / PITCHES) ** 2))
 
 
 def _pointed(turn: Array, bone: Array, goal: Array) -> Array:
