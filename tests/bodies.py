@@ -14,7 +14,6 @@ from distretarget import Motion, Skeleton
 from distretarget.body.axes import axis_vector
 from distretarget.body.body import Body
 from distretarget.matching.matching import Matching, match
-from distretarget.numerics.kinematics import make_local
 from distretarget.numerics.rotations import least_rotation
 from distretarget.skeleton import JointMap
 
@@ -84,18 +83,6 @@ def person() -> Skeleton:
         channels=body.channels + ((),) * len(leaves),
         end_sites=np.concatenate([body.end_sites, np.ones(len(leaves), bool)]),
     )
-
-
-def with_axes(motion: Motion, axes: Rotation) -> Motion:
-    """The same motion by joints with other axes, which are `axes`, (joints,), in the rest pose; without rotations, they
-    make a pose in which nobody can stand.
-    """
-    skeleton, parents = motion.skeleton, np.maximum(motion.skeleton.parents, 0)
-    offsets = np.array(skeleton.offsets)
-    offsets[1:] = axes[parents[1:]].inv().apply(offsets[1:])
-    world = (Rotation.from_quat(motion.world_rotations) * axes).as_quat()
-    make_local(skeleton.parents, world)
-    return Motion(skeleton.with_offsets(offsets), motion.root_positions, world, motion.frame_time_text)
 
 
 def moved(motion: Motion, turn: Rotation, shift: tuple[float, float, float] = (0, 0, 0), scale: float = 1.0) -> Motion:

@@ -6,12 +6,13 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, WAYS, matched, moved, person, posed, turned, with_axes
+from bodies import SAMPLES, WAYS, matched, moved, person, posed, turned
+from built_rigs import BUILDS, along_bones, with_axes
 from sample_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 from skeleton_edits import on_skeleton, with_chain, with_offset
 
-from distretarget import MatchingError, read_bvh, retarget
+from distretarget import MatchingError, MotionError, match, read_bvh, retarget
 from distretarget.baseline.rest_pose import rest_alignment
 from distretarget.body.anatomy import LEG, side_and_part
 from distretarget.body.axes import Directions, axis_vector
@@ -98,50 +99,6 @@ def test_a_t_pose_faces_along_z_however_the_rest_pose_lies(convention, way):
     assert_t_pose(body, t_pose(body.skeleton, body.at_rest, None))
 
 
-def frame(x, y):
-    """The rotation of a joint whose X axis points along `x`, and whose Y axis is near `y`, both (3,)."""
-    z = normalised(np.cross(x, y))
-    return Rotation.from_matrix(np.stack([x, np.cross(z, x), z], axis=1))
-
-
-def along_bones(body):
-    """The axes of joints that are built as in LAFAN1's files, in the rest pose of a body that stands: X along the bone,
-    Z the axis about which knees and ankles bend.
-    """
-    _, up, forward = np.eye(3)
-    roles = {joint: role for role, joint in body.anatomy.roles.items()}
-    limbs = [("UpperArm", "LowerArm", "Hand"), ("Shoulder", "UpperArm"), ("UpperLeg", "LowerLeg", "Foot", "Toes")]
-    below = {side + a: side + b for side in SIDES for limb in limbs for a, b in itertools.pairwise(limb)}
-    axes = []
-    for joint, parent in enumerate(body.skeleton.parents):
-        role = roles.get(joint, "")
-        if role in below:
-            bone = body.at_rest.bone(role, below[role])
-            axes.append(frame(bone, up if role.endswith("Foot") else forward))
-        elif role.endswith("Toes"):
-            axes.append(frame(forward, up))
-        else:
-            axes.append(axes[parent] if role.endswith("Hand") or body.skeleton.end_sites[joint] else frame(up, forward))
-    return Rotation.concatenate(axes)
-
-
-def bones_along_y(body):
-    """The same with Y along the bone, as iClone has it."""
-    return along_bones(body) * frame(*np.eye(3)[[2, 0]])
-
-
-def mirrored_axes(body):
-    """The same with the right side mirrored, and hips turned about the spine, as Bandai-Namco have them."""
-    axes = along_bones(body)
-    turns = [Rotation.identity()] * len(body.skeleton)
-    for role, joint in body.anatomy.roles.items():
-        for below in body.skeleton.subtree(joint) if role in ("rightShoulder", "rightUpperLeg") else ():
-            turns[below] = Rotation.from_euler("z", 180, degrees=True)
-    turns[body.anatomy.roles["hips"]] = Rotation.from_euler("x", 90, degrees=True)
-    return axes * Rotation.concatenate(turns)
-
-
-BUILDS = along_bones, bones_along_y, mirrored_axes
 CLIPS = sorted(SAMPLES.glob("*.bvh"))
 
 
@@ -189,6 +146,33 @@ def test_alignment_is_a_constant_of_two_rigs_whatever_a_clip_shows(build, target
                 known = Rotation.from_quat(rest_alignment(matching)[joint, 0])
                 off = np.degrees((known.inv() * axes[driver] * turned[joint]).magnitude())
                 assert off < ALIGNED.get(side_and_part(role)[1], 3.0), role
+
+
+@pytest.mark.parametrize("build", BUILDS)
+@pytest.mark.parametrize("target", [("mixamo", "T"), ("unreal", "A")])
+def test_a_pose_in_which_the_body_stands_gives_the_known_alignment(build, target):
+    for clip in clips_of_one_person():
+        body = Body.of_motion(clip)
+        axes = build(body)
+        own = with_axes(clip, axes)
+        still = replace(clip[:1], rotations=np.tile(body.skeleton.unturned, (1, 1, 1)))
+        turned = moved(with_axes(still, axes), Rotation.from_euler("y", 30, degrees=True))
+        matching = match(Body.of_motion(own).standing_as(turned), Body.of(rig(*target)))
+        aligned = Rotation.from_quat(rest_alignment(matching)[:, 0])
+        known = Rotation.from_quat(rest_alignment(matched(clip, rig(*target)))[:, 0])
+        for joint in matching.body_joints:
+            off = known[joint].inv() * axes[matching.rotation_sources[joint, 0]] * aligned[joint]
+            assert np.degrees(off.magnitude()) < 0.1
+
+
+def test_a_pose_that_does_not_show_how_the_body_stands_is_refused():
+    clip = read_bvh(SAMPLES / "walk.bvh")[:3]
+    own = with_axes(clip, along_bones(Body.of_motion(clip)))
+    still = replace(own[:1], rotations=np.tile(own.skeleton.unturned, (1, 1, 1)))
+    other = retarget(clip, rig("mixamo", "T")).motion
+    for rest, reason in ((own[:0], "no frames"), (still, "nobody can stand"), (other, "other joints")):
+        with pytest.raises(MotionError, match=reason):
+            retarget(own, rig("mixamo", "T"), rest=rest)
 
 
 @pytest.mark.parametrize("standing", [True, False])

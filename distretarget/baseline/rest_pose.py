@@ -52,7 +52,8 @@ class _Bodies:
     @cached_property
     def in_reference(self) -> bool:
         """Whether the bodies are aligned in their reference poses, not in their rest poses."""
-        return bool(self.roles) and not self.matching.rest_poses_alike
+        known = self.matching.source.standing is not None
+        return bool(self.roles) and (known or not self.matching.rest_poses_alike)
 
     @cached_property
     def poses(self) -> tuple[Pose, Pose]:
@@ -69,7 +70,7 @@ class _Bodies:
     @cached_property
     def in_t_pose(self) -> bool:
         """Whether a T-pose replaces one of the rest poses."""
-        return self.in_reference and not (self.matching.source.stands_at_rest and self.matching.target.stands_at_rest)
+        return self.in_reference and not (self.matching.source.stands and self.matching.target.stands)
 
     @cached_property
     def sole_normals(self) -> dict[int, tuple[Array, Array]]:

@@ -17,6 +17,7 @@ from distretarget.body.reference_pose import FOOT_PITCH, stands_at_rest, t_pose,
 from distretarget.body.resting import feet_at_rest
 from distretarget.body.shape import by_shape
 from distretarget.checks import check_kind
+from distretarget.errors import MotionError, difference
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import lowest_heights
 from distretarget.skeleton import Skeleton
@@ -52,12 +53,14 @@ class Body:
         anatomy: the joint of each role; None where no human body is recognised.
         motion: any motion of the body, with at least one frame; None where there is none.
         known_up: which of `AXES` points up, if the caller decides it; None to let `up` find it.
+        standing: (joints, 4), the world rotations of a pose in which the body stands, if the caller knows one.
     """
 
     skeleton: Skeleton
     anatomy: Anatomy | None
     motion: Motion | None = None
     known_up: str | None = None
+    standing: Array | None = None
 
     def __repr__(self) -> str:
         recognised = f"recognised by {self.anatomy.method}" if self.anatomy else "not recognised as human"
@@ -150,6 +153,11 @@ class Body:
         """Whether a person can stand in the rest pose; false without an anatomy."""
         return self.at_rest is not None and stands_at_rest(self.at_rest)
 
+    @property
+    def stands(self) -> bool:
+        """Whether the rest pose, or another pose that the caller knows, shows how the body stands."""
+        return self.stands_at_rest or self.standing is not None
+
     @cached_property
     def up_at_rest(self) -> str | None:
         """Which of `AXES` points up in the rest pose; None where a person cannot stand in it."""
@@ -201,9 +209,12 @@ class Body:
 
     @cached_property
     def reference(self) -> Pose:
-        """The pose in which the body is aligned with another: the rest pose if a person can stand in it, else the frame
-        of the motion in which the body stands best, else a synthetic T-pose.
+        """The pose in which the body is aligned with another: one that the caller knows, else the rest pose if a person
+        can stand in it, else a T-pose, with Y up and facing Z.
         """
+        if self.standing is not None:
+            positions = self.skeleton.posed(self.standing)
+            return self._pose(self.standing, positions, Directions(self.anatomy, positions) if self.anatomy else None)
         if self.anatomy is None or self.at_rest is None or self.stands_at_rest:
             return self.rest
         rotations = t_pose(self.skeleton, self.at_rest, self.motion, self.foot_pitch or FOOT_PITCH)
@@ -256,6 +267,26 @@ class Body:
     def mirrored(self) -> Body:
         """The same body with left and right exchanged in its anatomy."""
         return replace(self, anatomy=self.anatomy.mirrored if self.anatomy else None)
+
+    def standing_as(self, rest: Motion) -> Body:
+        """Return the same body, which stands in the first frame of another motion of its joints.
+
+        Raises:
+            MotionError: the motion has no frames, or other joints, or nobody can stand in its first frame.
+        """
+        check_kind("rest", rest, Motion)
+        if not len(rest):
+            raise MotionError("the rest pose given has no frames")
+        keys, others = ({skeleton.keys[j] for j in skeleton.joints} for skeleton in (self.skeleton, rest.skeleton))
+        if keys != others:
+            raise MotionError(f"the rest pose given has other joints than the source: {difference(others, keys)}")
+        world = np.tile(self.skeleton.unturned, (1, 1, 1))
+        for joint in self.skeleton.joints:
+            world[0, joint] = rest.rotations[0, rest.skeleton.index(self.skeleton.keys[joint])]
+        posed = Motion(self.skeleton, np.zeros((1, 3)), world, rest.frame_time_text)
+        if self.anatomy is None or not stands_at_rest(Directions(self.anatomy, posed.positions[0])):
+            raise MotionError("nobody can stand in the rest pose given; expected T-pose, A-pose or hanging arms")
+        return replace(self, standing=np.asarray(posed.world_rotations[0]))
 
     def with_motion(self, motion: Motion, up: str) -> Body:
         """Return the same body in another motion, in which the axis `up` points up."""

@@ -99,7 +99,7 @@ def _reference_foot(body: Body, leg: Leg) -> _Foot:
     stance = body.reference.directions
     up = body.up_vector if stance is None else axis_vector(nearest_axis(stance.up)[0])
     ankle = Rotation.from_quat(body.reference.rotations[leg.ankle]).as_matrix()
-    foot = _foot(body, leg, up @ ankle, body.stands_at_rest or body.anatomy is None or body.foot_pitch is not None)
+    foot = _foot(body, leg, up @ ankle, body.stands or body.anatomy is None or body.foot_pitch is not None)
     if foot.direction @ foot.up >= -HANGING:
         return foot
     forward = np.zeros(3) if stance is None else stance.axes[:, 2]
@@ -121,8 +121,8 @@ def _resting_foot(body: Body, leg: Leg) -> _Foot | None:
 
 
 def _foot(body: Body, leg: Leg, up: Array, known: bool) -> _Foot:
-    """The foot with straight toes."""
+    """The foot, with its toes as in the reference pose."""
     below = body.skeleton.subtree(leg.ankle)
     joints = [joint for joint in below if joint == leg.ankle or body.regions.of_joint[joint] >= 0]
-    places = body.skeleton.rest_positions
-    return _Foot(joints, places[joints] - places[leg.ankle], up, known)
+    places, ankle = body.reference.positions, Rotation.from_quat(body.reference.rotations[leg.ankle])
+    return _Foot(joints, ankle.inv().apply(places[joints] - places[leg.ankle]), up, known)
