@@ -50,16 +50,10 @@ class _Bodies:
         return {joint: role for role, joint in target.roles.items()} if source and target else {}
 
     @cached_property
-    def in_reference(self) -> bool:
-        """Whether the bodies are aligned in their reference poses, not in their rest poses."""
-        known = self.matching.source.standing is not None
-        return bool(self.roles) and (known or not self.matching.rest_poses_alike)
-
-    @cached_property
     def poses(self) -> tuple[Pose, Pose]:
         """The aligned poses of source and target."""
         source, target = self.matching.source, self.matching.target
-        return (source.reference, target.reference) if self.in_reference else (source.rest, target.rest)
+        return (source.reference, target.reference) if self.matching.in_reference else (source.rest, target.rest)
 
     @cached_property
     def rotations(self) -> tuple[Array, Array]:
@@ -70,7 +64,7 @@ class _Bodies:
     @cached_property
     def in_t_pose(self) -> bool:
         """Whether a T-pose replaces one of the rest poses."""
-        return self.in_reference and not (self.matching.source.stands and self.matching.target.stands)
+        return self.matching.in_reference and not (self.matching.source.stands and self.matching.target.stands)
 
     @cached_property
     def sole_normals(self) -> dict[int, tuple[Array, Array]]:
@@ -104,7 +98,7 @@ def _joint_alignments(bodies: _Bodies) -> Array:
     like the same target in T-pose. Ankles start from the alignment of the whole body, not of the leg.
     """
     source_pose, target_pose = bodies.poses
-    whole = source_pose.axes @ target_pose.axes.T if bodies.in_reference else np.eye(3)
+    whole = source_pose.axes @ target_pose.axes.T if bodies.matching.in_reference else np.eye(3)
     left = source_pose.axes[:, 0]
     outwards = {"leftUpperArm": left, "rightUpperArm": -left}
     upper, *directions = bodies.matching.shared_bones(source_pose.positions, target_pose.positions)
