@@ -7,7 +7,7 @@ parent is, or its axes are at right angles to its parent's. Where neither is nea
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -22,14 +22,14 @@ from distretarget.numerics.vectors import cross, lengths, normalised
 
 Array = NDArray[np.float64]
 
-MOST_FRAMES = 1000  # a motion shows how joints are turned in up to this many frames, evenly spread
+MOST_FRAMES = 500  # a motion shows how joints are turned in up to this many frames, evenly spread
 ROUNDS = 10  # of the search for a median rotation
 ALIKE = np.radians(1.0)  # rotations nearer to the median than this count the same [rad]
 STILL = np.radians(0.05)  # a joint that turns by less than this is not animated [rad] ...
 ANIMATED = np.radians(5.0)  # ... if elbows or knees turn by more than this [rad]
 HELD = ("Hand", "head")  # roles of joints that a clip may hold still in a pose that is not neutral
 UNTURNED = np.radians(60.0)  # a joint whose median is within this of no rotation has none while it is neutral [rad]
-SQUARE = np.radians(30.0)  # a median within this of right angles is at right angles [rad]
+SQUARE = np.radians(40.0)  # a median within this of right angles is at right angles [rad]
 CLEAR_BEND = 0.1  # a limb whose mean bend is larger than this shows its bend axis [sine]
 RIGHT_ANGLES = np.asarray(Rotation.create_group("O").as_matrix())  # (24, 3, 3), all turns by right angles
 
@@ -44,11 +44,11 @@ def sampled(motion: Motion) -> Motion:
     return motion[:: -(-len(motion) // MOST_FRAMES)]
 
 
-def places_from(motion: Motion, joint: int) -> Array:
-    """Return the positions of all joints in the axes of one of them, (joints, 3): the mean over the frames."""
-    away = motion.positions - motion.positions[:, joint, None]
-    turns = Rotation.from_quat(motion.world_rotations[:, joint]).as_matrix()
-    return np.asarray(np.einsum("fki,fjk->ji", turns, away) / len(motion))
+def places_from(motion: Motion, joint: int, others: Sequence[int]) -> Array:
+    """Return the places of other joints in the axes of a joint, (len(others), 3): the means over the frames."""
+    away = motion.positions[:, others] - motion.positions[:, joint, None]
+    turns = Rotation.from_quat(motion.world_rotations_of(joint)).as_matrix()
+    return np.asarray((away @ turns).mean(axis=0))
 
 
 def against_trunk(anatomy: Anatomy, motion: Motion, joint: int) -> Array:
@@ -56,7 +56,7 @@ def against_trunk(anatomy: Anatomy, motion: Motion, joint: int) -> Array:
     turn by right angles that is nearest to its median against the trunk.
     """
     trunk = Directions(anatomy, motion.positions).axes
-    turns = Rotation.from_quat(motion.world_rotations[:, joint]).as_matrix()
+    turns = Rotation.from_quat(motion.world_rotations_of(joint)).as_matrix()
     return _right_angled(_medians((trunk.swapaxes(-1, -2) @ turns)[:, None])[0][0])
 
 
@@ -101,7 +101,7 @@ def bend_axes(anatomy: Anatomy, motion: Motion) -> dict[int, Array]:
                 across = cross(*(direction(motion.positions, *ends) for ends in bones))
                 joints = [joint for joint, _ in bones] + [bones[1][1]] * (limb == LEG[:3])
                 for joint in joints:
-                    to_joint = Rotation.from_quat(motion.world_rotations[:, joint]).inv()
+                    to_joint = Rotation.from_quat(motion.world_rotations_of(joint)).inv()
                     axis = to_joint.apply(across).mean(axis=0)
                     if lengths(axis) > CLEAR_BEND:
                         axes[joint] = normalised(axis)

@@ -67,7 +67,8 @@ def t_pose(skeleton: Skeleton, rest: Directions, motion: Motion | None, foot_pit
     goals = dict(_limb_goals(skeleton, anatomy, foot_pitch)) | ({} if shown else dict(_trunk_goals(anatomy)))
     bends = bend_axes(anatomy, shown) if shown else {}
     neutral = neutral_turns(anatomy, shown) if shown else np.tile(np.eye(3), (len(skeleton), 1, 1))
-    hips = _hip_axes(Directions(anatomy, places_from(shown, anatomy.roles["hips"])) if shown else rest).T
+    joints = range(len(skeleton))
+    hips = _hip_axes(Directions(anatomy, places_from(shown, anatomy.roles["hips"], joints)) if shown else rest).T
     carriers = skeleton.line(anatomy.roles["hips"])[1:]
     turns: list[Array] = []
     for joint, parent in enumerate(skeleton.parents.tolist()):
@@ -76,16 +77,19 @@ def t_pose(skeleton: Skeleton, rest: Directions, motion: Motion | None, foot_pit
             turn = against_trunk(anatomy, shown, joint)
         else:
             turn = hips if joint in (0, anatomy.roles["hips"]) else above @ neutral[joint]
-        places = places_from(shown, joint) if shown and joint in goals else rest.positions
         goal = goals.get(joint)
-        bone = normalised(places[goal.tip] - places[joint]) if goal else np.zeros(3)
-        if goal and bone.any():
+        if goal and (bone := _bone(rest, shown, joint, goal.tip)).any():
             built = np.abs(bone).max() > ON_AXIS
             turn = _pointed(above if built and goal.from_above else turn, bone, goal.bone)
             if joint in bends:
                 turn = _rolled(turn, goal, bends[joint], built)
         turns.append(turn)
     return np.asarray(Rotation.from_matrix(np.array(turns)).as_quat())
+
+
+def _bone(rest: Directions, shown: Motion | None, joint: int, tip: int) -> Array:
+    """The direction of a bone in the axes of its joint, (3,); zero for a bone of length 0."""
+    return normalised(places_from(shown, joint, [tip])[0]) if shown else direction(rest.positions, joint, tip)
 
 
 def usual_pitch(pitches: Array) -> float:
