@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from bodies import SAMPLES, WAYS, matched, moved, person, posed, turned
-from built_rigs import BUILDS, along_bones, with_axes
+from built_rigs import BUILDS, along_bones, bones_along_y, with_axes
 from sample_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 from skeleton_edits import on_skeleton, with_chain, with_offset
@@ -226,3 +226,18 @@ def test_limbs_that_hardly_bend_have_no_axis():
     motion = posed(person(), {"LeftKnee": np.array([0.5, 0, 0])}, np.zeros((5, 3)))
     anatomy = Body.of_motion(motion).anatomy
     assert bend_axes(anatomy, motion).keys() == {anatomy.roles[f"left{part}"] for part in LEG[:3]}
+
+
+def test_a_spine_leans_as_that_of_its_convention():
+    body = Body.of_motion(read_bvh(SAMPLES / "walk.bvh")[::5])
+    own = Body.of_motion(with_axes(body.motion, bones_along_y(body)))
+    anatomy, end = own.anatomy, own.skeleton.index("Head_End")
+    chain = [*anatomy.spine, *anatomy.neck, anatomy.roles["head"], end]
+    neck, roles = tuple(chain[3:5]), {**anatomy.roles, "head": end}
+    plain, leaning = (
+        replace(own, anatomy=replace(anatomy, neck=neck, roles=roles, convention=convention))
+        for convention in ("", "Character Creator")
+    )
+    turns = [Rotation.from_quat(each.reference.rotations[chain]) for each in (plain, leaning)]
+    leans = np.outer([16.5, -5.0, -10.5, 11.0, 10.0, 0.0], [1.0, 0.0, 0.0])
+    np.testing.assert_allclose((turns[1] * turns[0].inv()).as_rotvec(degrees=True), leans, atol=1e-9)

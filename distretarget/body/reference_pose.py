@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import ARM, LEG, SIDES, Anatomy
 from distretarget.body.axes import PARALLEL, Directions, axes_of, direction, squared
+from distretarget.body.conventions import leans_of
 from distretarget.body.legs import foot_bone
 from distretarget.body.neutral import against_trunk, bend_axes, bones_of, neutral_turns, places_from, sampled
 from distretarget.motion import Motion
@@ -29,7 +30,7 @@ Array = NDArray[np.float64]
 STANDING_ANGLE = 100.0  # a person can stand with a larger angle than this between trunk and legs [degrees] ...
 RAISED_ARM = np.cos(np.radians(30))  # ... if both arms are at least this angle away from straight up [cosine]
 FOOT_PITCH = np.radians(25)  # usual angle by which feet point downwards [rad]
-PITCHES = np.radians(10)  # standard deviation of the pitches of flat feet from it, from rig to rig [rad]
+PITCHES = np.radians(8)  # standard deviation of the pitches of flat feet from it, from rig to rig [rad]
 IQR = 1.349  # of a normal distribution [standard deviations]
 OPPOSITE = -0.9  # a bone with a smaller cosine to its goal first turns half round about the sideways axis [cosine]
 ON_AXIS = np.cos(np.radians(20))  # a joint with a bone this near to one of its axes is built along the bone [cosine]
@@ -69,6 +70,7 @@ def t_pose(skeleton: Skeleton, rest: Directions, motion: Motion | None, foot_pit
     neutral = neutral_turns(anatomy, shown) if shown else np.tile(np.eye(3), (len(skeleton), 1, 1))
     joints = range(len(skeleton))
     hips = _hip_axes(Directions(anatomy, places_from(shown, anatomy.roles["hips"], joints)) if shown else rest).T
+    leans = _leans(anatomy)
     carriers = skeleton.line(anatomy.roles["hips"])[1:]
     turns: list[Array] = []
     for joint, parent in enumerate(skeleton.parents.tolist()):
@@ -76,7 +78,7 @@ def t_pose(skeleton: Skeleton, rest: Directions, motion: Motion | None, foot_pit
         if shown and joint in carriers:
             turn = against_trunk(anatomy, shown, joint)
         else:
-            turn = hips if joint in (0, anatomy.roles["hips"]) else above @ neutral[joint]
+            turn = hips if joint in (0, anatomy.roles["hips"]) else leans.get(joint, np.eye(3)) @ above @ neutral[joint]
         goal = goals.get(joint)
         if goal and (bone := _bone(rest, shown, joint, goal.tip)).any():
             built = np.abs(bone).max() > ON_AXIS
@@ -131,6 +133,14 @@ def _rolled(turn: Array, goal: _Goal, bend: Array, built: bool) -> Array:
         axis = usual if near > USUAL else axes[np.argmax(axes @ shown)]
     angle = np.arctan2(cross(axis, goal.across) @ goal.bone, axis @ goal.across)
     return np.asarray(Rotation.from_rotvec(angle * goal.bone).as_matrix() @ turn)
+
+
+def _leans(anatomy: Anatomy) -> dict[int, Array]:
+    """The rotations, (3, 3), by which the joints of spine, neck and head lean more than the joint below in a T-pose."""
+    joints, leans = _spine_to_head(anatomy), leans_of(anatomy.convention)
+    more = np.outer(np.diff(leans, prepend=0.0), [1.0, 0.0, 0.0])
+    turns = Rotation.from_rotvec(more, degrees=True).as_matrix() if len(leans) == len(joints) else ()
+    return dict(zip(joints, turns, strict=False))
 
 
 def _hip_axes(rest: Directions) -> Array:
