@@ -12,6 +12,7 @@ from program import run
 
 from distretarget import Body, read_bvh, write_bvh
 from distretarget.io.target_file import load_target, skeleton_to_json
+from distretarget.scene.scene_file import load_scene
 from distretarget.skeleton import Skeleton
 
 RIGS = SAMPLES / "rigs"
@@ -162,6 +163,11 @@ def test_a_rest_pose_is_given_once_and_kept_in_the_map(folder):
     results = [folder / name for name in ("rest_out.bvh", "map_out.bvh", "out/clip.bvh")]
     assert len({path.read_bytes() for path in results}) == 1
     assert run("plain.bvh", target, "-o", "plain_out.bvh").returncode == 0
+    performers = [{"source": "clip.bvh", "target": str(target), "map": "map.json"}]
+    scene = {"format": "distretarget-scene", "version": 1, "performers": performers}
+    (folder / "scene.json").write_text(json.dumps(scene))
+    retargeted = load_scene("scene.json").retargeted().results[0]
+    assert retargeted.matching.source.standing is not None
     own, known = (read_bvh(f"{name}_out.bvh").positions for name in ("map", "plain"))
     np.testing.assert_allclose(own, known, atol=1.0)
     again = run("skeleton", "match", "clip.bvh", target, "--map", "map.json", "-o", "again.json")
