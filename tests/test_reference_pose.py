@@ -241,3 +241,14 @@ def test_a_spine_leans_as_that_of_its_convention():
     turns = [Rotation.from_quat(each.reference.rotations[chain]) for each in (plain, leaning)]
     leans = np.outer([16.5, -5.0, -10.5, 11.0, 10.0, 0.0], [1.0, 0.0, 0.0])
     np.testing.assert_allclose((turns[1] * turns[0].inv()).as_rotvec(degrees=True), leans, atol=1e-9)
+
+
+def test_joints_that_nothing_drives_are_turned_as_in_the_motion_of_a_target_that_does_not_stand_at_rest():
+    walk = read_bvh(SAMPLES / "walk.bvh")[::5]
+    own = with_axes(walk, along_bones(Body.of_motion(walk)))
+    faced = on_skeleton(own, with_chain(own.skeleton, own.skeleton.index("Head"), {"Jaw": [0.0, 4.0, 6.0]}))
+    turn = Rotation.from_euler("xz", [90, 90], degrees=True).as_quat()
+    rotations = np.array(faced.rotations)
+    rotations[:, -1] = turn
+    result = retarget(walk, replace(faced, rotations=rotations)).motion
+    np.testing.assert_allclose(np.abs(result.rotations[:, -1] @ turn), 1.0)
