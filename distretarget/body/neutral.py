@@ -60,11 +60,12 @@ def against_trunk(anatomy: Anatomy, motion: Motion, joint: int) -> Array:
     return _right_angled(_medians((trunk.swapaxes(-1, -2) @ turns)[:, None])[0][0])
 
 
-def neutral_turns(anatomy: Anatomy, motion: Motion) -> Array:
+def neutral_turns(anatomy: Anatomy, motion: Motion, *, built: bool) -> Array:
     """Return the rotations of all joints against their parents while they are neutral, (joints, 3, 3).
 
     A joint that is not animated is neutral as it is, unless it is a hand or of the head, which a clip may hold still. A
-    collar bone is neutral as it is on the whole while its arm hangs.
+    collar bone is neutral as it is on the whole while its arm hangs. Other joints are neutral when they are not turned,
+    or at right angles, in a rig that is `built` along its bones; else as they are on the whole.
     """
     local = Rotation.from_quat(motion.rotations).as_matrix()
     medians, farthest = _medians(local)
@@ -74,7 +75,7 @@ def neutral_turns(anatomy: Anatomy, motion: Motion) -> Array:
     neutral = []
     for joint, turn in enumerate(medians):
         fixed = animated and farthest[joint] < STILL and joint not in held
-        neutral.append(turn if fixed else np.eye(3) if _angle(turn) < UNTURNED else _squared(turn))
+        neutral.append(turn if fixed or not built else np.eye(3) if _angle(turn) < UNTURNED else _squared(turn))
     for joint, hangs in _collar_bones(anatomy, motion):
         neutral[joint] = _medians(local[hangs if hangs.any() else ~hangs, joint, None])[0][0]
     return np.array(neutral)

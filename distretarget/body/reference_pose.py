@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import ARM, LEG, SIDES, Anatomy
-from distretarget.body.axes import PARALLEL, Directions, axes_of, direction, squared
+from distretarget.body.axes import PARALLEL, Directions, axes_of, direction, upright
 from distretarget.body.conventions import leans_of
 from distretarget.body.legs import foot_bone
 from distretarget.body.neutral import against_trunk, bend_axes, bones_of, neutral_turns, places_from, sampled
@@ -66,27 +66,35 @@ def t_pose(skeleton: Skeleton, rest: Directions, motion: Motion | None, foot_pit
     """
     anatomy, shown = rest.anatomy, motion and sampled(motion)
     goals = dict(_limb_goals(skeleton, anatomy, foot_pitch)) | ({} if shown else dict(_trunk_goals(anatomy)))
+    bones = {joint: _bone(rest, shown, joint, goal.tip) for joint, goal in goals.items()}
+    built = {joint for joint, bone in bones.items() if np.abs(bone).max() > ON_AXIS}
     bends = bend_axes(anatomy, shown) if shown else {}
-    neutral = neutral_turns(anatomy, shown) if shown else np.tile(np.eye(3), (len(skeleton), 1, 1))
-    joints = range(len(skeleton))
-    hips = _hip_axes(Directions(anatomy, places_from(shown, anatomy.roles["hips"], joints)) if shown else rest).T
+    neutral = np.tile(np.eye(3), (len(skeleton), 1, 1))
+    if shown:
+        neutral = neutral_turns(anatomy, shown, built=2 * len(built) > len(bones))
+    known = _carriers_and_hips(skeleton, rest, shown)
     leans = _leans(anatomy)
-    carriers = skeleton.line(anatomy.roles["hips"])[1:]
     turns: list[Array] = []
     for joint, parent in enumerate(skeleton.parents.tolist()):
-        above = turns[parent] if joint else hips
-        if shown and joint in carriers:
-            turn = against_trunk(anatomy, shown, joint)
-        else:
-            turn = hips if joint in (0, anatomy.roles["hips"]) else leans.get(joint, np.eye(3)) @ above @ neutral[joint]
-        goal = goals.get(joint)
-        if goal and (bone := _bone(rest, shown, joint, goal.tip)).any():
-            built = np.abs(bone).max() > ON_AXIS
-            turn = _pointed(above if built and goal.from_above else turn, bone, goal.bone)
+        turn = known[joint] if joint in known else leans.get(joint, np.eye(3)) @ turns[parent] @ neutral[joint]
+        if joint in bones and bones[joint].any():
+            goal = goals[joint]
+            start = turns[parent] if joint in built and goal.from_above else turn
+            turn = _pointed(start, bones[joint], goal.bone)
             if joint in bends:
-                turn = _rolled(turn, goal, bends[joint], built)
+                turn = _rolled(turn, goal, bends[joint], joint in built)
         turns.append(turn)
     return np.asarray(Rotation.from_matrix(np.array(turns)).as_quat())
+
+
+def _carriers_and_hips(skeleton: Skeleton, rest: Directions, shown: Motion | None) -> dict[int, Array]:
+    """The rotations, (3, 3), of the hips and of the joints above them in a T-pose, by joint."""
+    hips, *carriers = skeleton.line(rest.anatomy.roles["hips"])
+    if shown is None:
+        return dict.fromkeys((*carriers[-1:], hips), _hip_axes(rest).T)
+    turns = {joint: against_trunk(rest.anatomy, shown, joint) for joint in carriers}
+    places = places_from(shown, hips, range(len(skeleton)))
+    return turns | {hips: _hip_axes(Directions(rest.anatomy, places)).T}
 
 
 def _bone(rest: Directions, shown: Motion | None, joint: int, tip: int) -> Array:
@@ -151,7 +159,7 @@ def _hip_axes(rest: Directions) -> Array:
     up = next((bone for bone in bones if bone.any()), rest.trunk)
     lefts = [normalised(width) for width in map(rest.across, ("UpperLeg", "UpperArm")) if width is not None]
     left = next((left for left in lefts if lengths(cross(left, up)) > PARALLEL), rest.left)
-    return squared(axes_of(left, up))
+    return upright(axes_of(left, up))
 
 
 def _spine_to_head(anatomy: Anatomy) -> list[int]:
