@@ -68,10 +68,11 @@ def t_pose(skeleton: Skeleton, rest: Directions, motion: Motion | None, foot_pit
     goals = dict(_limb_goals(skeleton, anatomy, foot_pitch)) | ({} if shown else dict(_trunk_goals(anatomy)))
     bones = {joint: _bone(rest, shown, joint, goal.tip) for joint, goal in goals.items()}
     built = {joint for joint, bone in bones.items() if np.abs(bone).max() > ON_AXIS}
+    built = built if 2 * len(built) > len(bones) else set()  # in another rig it is chance
     bends = bend_axes(anatomy, shown) if shown else {}
     neutral = np.tile(np.eye(3), (len(skeleton), 1, 1))
     if shown:
-        neutral = neutral_turns(anatomy, shown, built=2 * len(built) > len(bones))
+        neutral = neutral_turns(anatomy, shown, built=bool(built))
     known = _carriers_and_hips(skeleton, rest, shown)
     leans = _leans(anatomy)
     turns: list[Array] = []
