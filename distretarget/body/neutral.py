@@ -30,7 +30,7 @@ ANIMATED = np.radians(5.0)  # ... if elbows or knees turn by more than this [rad
 HELD = ("Hand", "head")  # roles of joints that a clip may hold still in a pose that is not neutral
 UNTURNED = np.radians(60.0)  # a joint whose median is within this of no rotation has none while it is neutral [rad]
 SQUARE = np.radians(40.0)  # a median within this of right angles is at right angles [rad]
-CLEAR_BEND = 0.1  # a limb whose mean bend is larger than this shows its bend axis [sine]
+CLEAR_BEND = 0.2  # a limb whose mean bend is larger than this shows its bend axis [sine]
 RIGHT_ANGLES = np.asarray(Rotation.create_group("O").as_matrix())  # (24, 3, 3), all turns by right angles
 
 

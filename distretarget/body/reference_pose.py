@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import ARM, LEG, SIDES, Anatomy
-from distretarget.body.axes import PARALLEL, Directions, axes_of, direction, upright
+from distretarget.body.axes import PARALLEL, SQUARE, Directions, axes_of, direction, nearest_axis, upright
 from distretarget.body.conventions import leans_of
 from distretarget.body.legs import foot_bone
 from distretarget.body.neutral import against_trunk, bend_axes, bones_of, neutral_turns, places_from, sampled
@@ -152,14 +152,18 @@ def _leans(anatomy: Anatomy) -> dict[int, Array]:
     return dict(zip(joints, turns, strict=False))
 
 
-def _hip_axes(rest: Directions) -> Array:
-    """(3, 3), the axes of the hips at rest: up along the spine's first bone, left across the hip joints, or across the
-    shoulders if the hip joints lie along the spine.
+def _hip_axes(places: Directions) -> Array:
+    """(3, 3), the axes of the hips, from the places of all joints in the hips' own axes: left across the hip joints, or
+    across the shoulders if the hip joints lie along the spine; up along the spine's first bone or else the whole trunk,
+    whichever is near an axis of the hips, or else the bone.
     """
-    bones = [direction(rest.positions, rest.anatomy.roles["hips"], joint) for joint in _spine_to_head(rest.anatomy)]
-    up = next((bone for bone in bones if bone.any()), rest.trunk)
-    lefts = [normalised(width) for width in map(rest.across, ("UpperLeg", "UpperArm")) if width is not None]
-    left = next((left for left in lefts if lengths(cross(left, up)) > PARALLEL), rest.left)
+    bones = [
+        direction(places.positions, places.anatomy.roles["hips"], joint) for joint in _spine_to_head(places.anatomy)
+    ]
+    bone = next((bone for bone in bones if bone.any()), places.trunk)
+    up = next((up for up in (bone, places.trunk) if nearest_axis(up)[1] > SQUARE), bone)
+    lefts = [normalised(width) for width in map(places.across, ("UpperLeg", "UpperArm")) if width is not None]
+    left = next((left for left in lefts if lengths(cross(left, up)) > PARALLEL), places.left)
     return upright(axes_of(left, up))
 
 
