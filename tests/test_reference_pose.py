@@ -222,10 +222,14 @@ def test_elbows_and_knees_bend_about_the_axes_across_them():
         np.testing.assert_allclose(axes[anatomy.roles[role]], axis, atol=1e-9)
 
 
-def test_limbs_that_hardly_bend_have_no_axis():
-    motion = posed(person(), {"LeftKnee": np.array([0.5, 0, 0])}, np.zeros((5, 3)))
+def test_arms_that_hardly_bend_have_no_axis_but_straight_legs_that_of_their_feet():
+    motion = posed(person(), {"LeftElbow": np.array([0, -0.5, 0])}, np.zeros((5, 3)))
     anatomy = Body.of_motion(motion).anatomy
-    assert bend_axes(anatomy, motion).keys() == {anatomy.roles[f"left{part}"] for part in LEG[:3]}
+    axes = bend_axes(anatomy, motion)
+    legs = {anatomy.roles[f"{side}{part}"] for side in SIDES for part in LEG[:3]}
+    assert axes.keys() == legs | {anatomy.roles[role] for role in ("leftUpperArm", "leftLowerArm")}
+    for joint in legs:
+        np.testing.assert_allclose(axes[joint], [1.0, 0.0, 0.0], atol=1e-9)
 
 
 def test_a_spine_leans_as_that_of_its_convention():

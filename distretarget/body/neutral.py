@@ -92,20 +92,22 @@ def _collar_bones(anatomy: Anatomy, motion: Motion) -> Iterator[tuple[int, NDArr
 
 def bend_axes(anatomy: Anatomy, motion: Motion) -> dict[int, Array]:
     """Return the axes, (3,), about which elbows and knees bend, by the joints of limbs, each in the joint's own axes:
-    the mean over the frames. Limbs that hardly bend have none. An ankle has that of its knee.
+    the mean over the frames. Limbs that hardly bend have none. A knee bends across the plane of shin and foot as well,
+    which shows its axis where it is straight; an ankle has the axis of its knee.
     """
     axes: dict[int, Array] = {}
     for side in SIDES:
-        for limb in (ARM[1:], LEG[:3]):
-            bones = list(bones_of(anatomy, side, limb))
-            if len(bones) == 2:
-                across = cross(*(direction(motion.positions, *ends) for ends in bones))
-                joints = [joint for joint, _ in bones] + [bones[1][1]] * (limb == LEG[:3])
-                for joint in joints:
-                    to_joint = Rotation.from_quat(motion.world_rotations_of(joint)).inv()
-                    axis = to_joint.apply(across).mean(axis=0)
-                    if lengths(axis) > CLEAR_BEND:
-                        axes[joint] = normalised(axis)
+        for limb in (ARM[1:], LEG):
+            ends = list(bones_of(anatomy, side, limb))
+            if len(ends) < 2:
+                continue
+            upper, lower, *feet = (direction(motion.positions, *bone) for bone in ends)
+            across = cross(upper, lower) + sum((cross(foot, lower) for foot in feet), np.zeros(3))
+            for joint in [joint for joint, _ in ends[:2]] + [ends[1][1]] * (limb == LEG):
+                to_joint = Rotation.from_quat(motion.world_rotations_of(joint)).inv()
+                axis = to_joint.apply(across).mean(axis=0)
+                if lengths(axis) > CLEAR_BEND:
+                    axes[joint] = normalised(axis)
     return axes
 
 

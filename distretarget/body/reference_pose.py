@@ -82,8 +82,8 @@ def t_pose(skeleton: Skeleton, rest: Directions, motion: Motion | None, foot_pit
             goal = goals[joint]
             start = turns[parent] if joint in built and goal.from_above else turn
             turn = _pointed(start, bones[joint], goal.bone)
-            if joint in bends:
-                turn = _rolled(turn, goal, bends[joint], joint in built)
+            if joint in bends or (shown and joint in built):
+                turn = _rolled(turn, goal, bends.get(joint), joint in built)
         turns.append(turn)
     return np.asarray(Rotation.from_matrix(np.array(turns)).as_quat())
 
@@ -124,15 +124,15 @@ def _pointed(turn: Array, bone: Array, goal: Array) -> Array:
     return least_matrix((turn @ bone)[None], goal[None]) @ turn
 
 
-def _rolled(turn: Array, goal: _Goal, bend: Array, built: bool) -> Array:
+def _rolled(turn: Array, goal: _Goal, bend: Array | None, built: bool) -> Array:
     """The rotation `turn`, (3, 3), followed by one about the bone that brings the bend axis, (3,) in the joint's own
-    axes, to where it belongs.
+    axes, to where it belongs; None if the motion does not show it.
 
     In a joint that is built along its bone, one of its own axes is the bend axis: the usual one by its rotation `turn`,
     unless the motion shows another. A mean bend just opposite to that of the joint above is no other axis, but a fault
     of the motion, such as of feet in ballet.
     """
-    shown = normalised(level(turn @ bend, goal.bone))
+    shown = goal.across if bend is None else normalised(level(turn @ bend, goal.bone))
     axis = shown
     if built:
         axes = level(np.vstack([turn.T, -turn.T]), goal.bone)
