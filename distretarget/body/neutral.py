@@ -65,7 +65,7 @@ def neutral_turns(anatomy: Anatomy, motion: Motion, *, built: bool) -> Array:
 
     A joint that is not animated is neutral as it is, unless it is a hand or of the head, which a clip may hold still. A
     collar bone is neutral as it is on the whole while its arm hangs. Other joints are neutral when they are not turned,
-    or at right angles, in a rig that is `built` along its bones; else as they are on the whole.
+    or at right angles in a rig that is `built` along its bones, if that is near; else as they are on the whole.
     """
     local = Rotation.from_quat(motion.rotations).as_matrix()
     medians, farthest = _medians(local)
@@ -75,7 +75,8 @@ def neutral_turns(anatomy: Anatomy, motion: Motion, *, built: bool) -> Array:
     neutral = []
     for joint, turn in enumerate(medians):
         fixed = animated and farthest[joint] < STILL and joint not in held
-        neutral.append(turn if fixed or not built else np.eye(3) if _angle(turn) < UNTURNED else _squared(turn))
+        unturned = not fixed and _angle(turn) < UNTURNED
+        neutral.append(np.eye(3) if unturned else _squared(turn) if built and not fixed else turn)
     for joint, hangs in _collar_bones(anatomy, motion):
         neutral[joint] = _medians(local[hangs if hangs.any() else ~hangs, joint, None])[0][0]
     return np.array(neutral)
@@ -92,8 +93,8 @@ def _collar_bones(anatomy: Anatomy, motion: Motion) -> Iterator[tuple[int, NDArr
 
 def bend_axes(anatomy: Anatomy, motion: Motion) -> dict[int, Array]:
     """Return the axes, (3,), about which elbows and knees bend, by the joints of limbs, each in the joint's own axes:
-    the mean over the frames. Limbs that hardly bend have none. A knee bends across the plane of shin and foot as well,
-    which shows its axis where it is straight; an ankle has the axis of its knee.
+    the mean over the frames. Limbs that hardly bend have none; but where a knee is straight, the plane of shin and foot
+    shows its axis. An ankle has the axis of its knee.
     """
     axes: dict[int, Array] = {}
     for side in SIDES:
@@ -102,11 +103,12 @@ def bend_axes(anatomy: Anatomy, motion: Motion) -> dict[int, Array]:
             if len(ends) < 2:
                 continue
             upper, lower, *feet = (direction(motion.positions, *bone) for bone in ends)
-            across = cross(upper, lower) + sum((cross(foot, lower) for foot in feet), np.zeros(3))
+            across = [cross(upper, lower), *(cross(foot, lower) for foot in feet)]
             for joint in [joint for joint, _ in ends[:2]] + [ends[1][1]] * (limb == LEG):
                 to_joint = Rotation.from_quat(motion.world_rotations_of(joint)).inv()
-                axis = to_joint.apply(across).mean(axis=0)
-                if lengths(axis) > CLEAR_BEND:
+                means = [to_joint.apply(each).mean(axis=0) for each in across]
+                axis = next((mean for mean in means if lengths(mean) > CLEAR_BEND), None)
+                if axis is not None:
                     axes[joint] = normalised(axis)
     return axes
 
