@@ -117,6 +117,13 @@ def quoted(names: Iterable[str], most: int = 6) -> str:
     return ", ".join(repr(name) for name in names[:most]) + more
 
 
+def difference(names: Iterable[str], expected: Iterable[str]) -> str:
+    """Return which names of those expected it lacks, and which others it has."""
+    names, expected = set(names), set(expected)
+    sides = (("lacks", expected - names), ("has", names - expected))
+    return "; ".join(f"it {verb} {quoted(sorted(side))}" for verb, side in sides if side)
+
+
 def counted(number: int, what: str) -> str:
     """Return how many there are of what, such as "1 frame" or "12 frames"."""
     return f"{number} {what}{'' if number == 1 else 's'}"

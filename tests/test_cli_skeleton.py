@@ -1,15 +1,18 @@
 """`distretarget skeleton`: showing, exporting, matching and editing skeletons."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from bodies import SAMPLES, person, swaying
+from built_rigs import along_bones, with_axes
 from program import run
 
-from distretarget import write_bvh
+from distretarget import Body, read_bvh, write_bvh
 from distretarget.io.target_file import load_target, skeleton_to_json
+from distretarget.scene.scene_file import load_scene
 from distretarget.skeleton import Skeleton
 
 RIGS = SAMPLES / "rigs"
@@ -140,6 +143,51 @@ def test_what_cannot_be_matched_is_shown_and_written_all_the_same(folder):
     assert "--map MAP.json" in again.stderr
     (folder / "map.json").write_text('{"Block": "Chest", "Lid": "Head"}')
     assert run("in.bvh", "blocks.json", "-o", "out.bvh", "--map", "map.json").returncode == 0
+
+
+def test_a_rest_pose_is_given_once_and_kept_in_the_map(folder):
+    """A rig that stands in no rest pose; with `rest.bvh` it moves as the same clip by joints that do."""
+    walk = read_bvh(SAMPLES / "walk.bvh")[:40]
+    axes = along_bones(Body.of_motion(walk))
+    still = replace(walk[:1], rotations=np.tile(walk.skeleton.unturned, (1, 1, 1)))
+    clip, rest = with_axes(walk, axes), with_axes(still, axes)
+    unturned = replace(rest, rotations=still.rotations)
+    for name, motion in {"clip": clip, "rest": rest, "plain": walk, "unturned": unturned, "none": rest[:0]}.items():
+        write_bvh(f"{name}.bvh", motion)
+    target = RIGS / "mixamo_t.json"
+    done = run("skeleton", "match", "clip.bvh", target, "--rest", "rest.bvh", "-o", "map.json")
+    assert done.returncode == 0, done.stderr
+    for name, options in (("rest", ["--rest", "rest.bvh"]), ("map", ["--map", "map.json"])):
+        assert run("clip.bvh", target, "-o", f"{name}_out.bvh", *options).returncode == 0
+    assert run("batch", "clip.bvh", target, "-o", "out", "--rest", "rest.bvh").returncode == 0
+    results = [folder / name for name in ("rest_out.bvh", "map_out.bvh", "out/clip.bvh")]
+    assert len({path.read_bytes() for path in results}) == 1
+    assert run("plain.bvh", target, "-o", "plain_out.bvh").returncode == 0
+    performers = [{"source": "clip.bvh", "target": str(target), "map": "map.json"}]
+    scene = {"format": "distretarget-scene", "version": 1, "performers": performers}
+    (folder / "scene.json").write_text(json.dumps(scene))
+    retargeted = load_scene("scene.json").retargeted().results[0]
+    assert retargeted.matching.source.standing is not None
+    own, known = (read_bvh(f"{name}_out.bvh").positions for name in ("map", "plain"))
+    np.testing.assert_allclose(own, known, atol=1.0)
+    again = run("skeleton", "match", "clip.bvh", target, "--map", "map.json", "-o", "again.json")
+    assert again.returncode == 0, again.stderr
+    assert (folder / "again.json").read_bytes() == (folder / "map.json").read_bytes()
+    text = json.loads((folder / "map.json").read_text())
+    (folder / "less.json").write_text(json.dumps(text | {"rest": {"Hips": [0, 0, 0, 1]}}))
+    (folder / "wrong.json").write_text(json.dumps(text | {"rest": {"Hips": [0, 0, 1]}}))
+    for option, file, reason in (
+        ("--rest", "unturned.bvh", "unturned.bvh: nobody can stand in"),
+        ("--rest", "none.bvh", "none.bvh: has no frames"),
+        ("--rest", "missing.bvh", "missing.bvh: there is no such file"),
+        ("--rest", "rest_out.bvh", "rest_out.bvh: the rest pose has other joints than SOURCE: it lacks"),
+        ("--map", "less.json", "less.json: the rest pose has other joints than SOURCE: it lacks"),
+        ("--map", "wrong.json", 'wrong.json: rest["Hips"]: expected a rotation of four numbers'),
+    ):
+        done = run("clip.bvh", target, "-o", "failed.bvh", option, file)
+        assert done.returncode == 1
+        assert done.stderr.startswith(f"distretarget: {reason}")
+        assert done.stderr.count("\n") == 1
 
 
 @pytest.mark.usefixtures("folder")

@@ -28,7 +28,7 @@ HEADINGS = {  # the headings, and the beginnings of the paths of files whose mes
     "BVH files": "io/bvh.py io/bvh_writer.py",
     "Skeleton files and maps": "io/json_node.py io/target io/map_json.py io/obj.py target.py matching/pairing.py",
     "Skeletons and motions": "skeleton.py motion.py io/interop.py",
-    "Retargeting": "pipeline/ matching/ baseline/ measure/ objectives/",
+    "Retargeting": "body/ pipeline/ matching/ baseline/ measure/ objectives/",
     "Scenes": "scene/ report/scene measure/scene",
     "The command line": "cli/ batch/",
     "Arguments of Python functions": "checks.py numerics/",

@@ -14,13 +14,12 @@ from distretarget.body.anatomy import FINGERS
 from distretarget.body.body import Pose
 from distretarget.matching.matching import BUILD_ANGLE, Matching
 from distretarget.numerics.rotations import least_matrix
-from distretarget.numerics.vectors import cross, level
+from distretarget.numerics.vectors import level
 
 Array = NDArray[np.float64]
 
 FINGER_BONES = tuple(f"{finger}{number}" for finger in FINGERS for number in (1, 2, 3))  # also aligned bone by bone
 LONG_BONES = ("UpperArm", "LowerArm", "UpperLeg", "LowerLeg")  # roles whose bones are always aligned bone by bone
-SHORT_BONES = ("hips", "head", "Shoulder", "Foot", "Toes")  # roles whose bones point differently in every build
 
 
 def rest_alignment(matching: Matching) -> Array:
@@ -29,8 +28,7 @@ def rest_alignment(matching: Matching) -> Array:
 
     Arms, legs and fingers are aligned bone by bone, by the least rotation relative to the parent bone, which also gives
     the roll. Bones of trunk, palms and feet point differently in every build; these parts keep the alignment of the
-    part above, starting with that of the whole body, axis by axis. Soles are aligned with soles. Where a frame of the
-    motion replaces a rest pose, the bend axes of elbows and knees in that frame give the roll.
+    part above, starting with that of the whole body, axis by axis. Soles are aligned with soles.
     """
     bodies = _Bodies(matching)
     source_pose, target_pose = bodies.rotations
@@ -52,15 +50,10 @@ class _Bodies:
         return {joint: role for role, joint in target.roles.items()} if source and target else {}
 
     @cached_property
-    def in_reference(self) -> bool:
-        """Whether the bodies are aligned in their reference poses, not in their rest poses."""
-        return bool(self.roles) and not self.matching.rest_poses_alike
-
-    @cached_property
     def poses(self) -> tuple[Pose, Pose]:
         """The aligned poses of source and target."""
         source, target = self.matching.source, self.matching.target
-        return (source.reference, target.reference) if self.in_reference else (source.rest, target.rest)
+        return (source.reference, target.reference) if self.matching.in_reference else (source.rest, target.rest)
 
     @cached_property
     def rotations(self) -> tuple[Array, Array]:
@@ -69,11 +62,9 @@ class _Bodies:
         return source, target
 
     @cached_property
-    def posed_by_motion(self) -> bool:
-        """Whether a frame of a motion may replace one of the rest poses."""
-        source, target = self.matching.source, self.matching.target
-        posed = not source.stands_at_rest or not (target.motion is None or target.stands_at_rest)
-        return self.in_reference and posed
+    def in_t_pose(self) -> bool:
+        """Whether a T-pose replaces one of the rest poses."""
+        return self.matching.in_reference and not (self.matching.source.stands and self.matching.target.stands)
 
     @cached_property
     def sole_normals(self) -> dict[int, tuple[Array, Array]]:
@@ -88,18 +79,16 @@ class _Bodies:
 
     @cached_property
     def built_differently(self) -> set[int]:
-        """The target's joints of trunk, shoulders, palms and feet, whose bones point differently in every build. Spine
-        and hands are left out where a frame of a motion, in which they may be bent, replaces a rest pose.
-        """
+        """The target's joints of trunk, shoulders, palms and feet, whose bones point differently in every build."""
         target = self.matching.target
         if not self.roles or target.anatomy is None:
             return set()
-        joints = {joint for joint, role in self.roles.items() if role.endswith(SHORT_BONES)}
-        joints |= {*target.skeleton.line(target.anatomy.roles.get("hips", 0))}
-        if not self.posed_by_motion:
-            joints |= {joint for joint, role in self.roles.items() if not role.endswith((*LONG_BONES, *FINGER_BONES))}
-            joints |= {*target.anatomy.spine, *target.anatomy.neck}
-        return joints
+        joints = {joint for joint, role in self.roles.items() if not role.endswith((*LONG_BONES, *FINGER_BONES))}
+        return joints | {
+            *target.skeleton.line(target.anatomy.roles.get("hips", 0)),
+            *target.anatomy.spine,
+            *target.anatomy.neck,
+        }
 
 
 def _joint_alignments(bodies: _Bodies) -> Array:
@@ -109,7 +98,7 @@ def _joint_alignments(bodies: _Bodies) -> Array:
     like the same target in T-pose. Ankles start from the alignment of the whole body, not of the leg.
     """
     source_pose, target_pose = bodies.poses
-    whole = source_pose.axes @ target_pose.axes.T if bodies.in_reference else np.eye(3)
+    whole = source_pose.axes @ target_pose.axes.T if bodies.matching.in_reference else np.eye(3)
     left = source_pose.axes[:, 0]
     outwards = {"leftUpperArm": left, "rightUpperArm": -left}
     upper, *directions = bodies.matching.shared_bones(source_pose.positions, target_pose.positions)
@@ -127,37 +116,20 @@ def _joint_alignments(bodies: _Bodies) -> Array:
                 turn = least_matrix(a[:1] @ turn.T, outwards[role][None]) @ turn
             onto = least_matrix(a @ turn.T, b)
             far = (np.trace(onto) - 1.0) / 2.0 < np.cos(BUILD_ANGLE)
-            another_pose = len(a) == 1 and far and joint not in bodies.sole_normals
+            another_pose = len(a) == 1 and far and role != "head" and joint not in bodies.sole_normals
             if another_pose or joint not in bodies.built_differently:
-                turn = _roll(bodies, role, b[0], onto, turn) @ onto @ turn
+                turn = onto @ turn
         alignments.append(turn)
     return np.array(alignments)
 
 
 def _sole_onto_sole(bodies: _Bodies, joint: int, feet: Array, target_feet: Array, turn: Array) -> Array:
     """(3, 3), the alignment `turn` of an ankle, followed by the least rotation of the target's sole onto the source's.
-    Where a frame of a motion may have turned the feet, they are also made to point the same way: `feet` and
-    `target_feet`, (1, 3), are their directions on both bodies, (0, 3) without a foot.
+    Where a T-pose replaces a rest pose, feet are also made to point the same way: `feet` and `target_feet`, (1, 3), are
+    their directions on both bodies, (0, 3) without a foot.
     """
     normal, target_normal = bodies.sole_normals[joint]
     turn = least_matrix((turn @ target_normal)[None], normal[None]) @ turn
-    if not len(feet) or not bodies.posed_by_motion:
+    if not len(feet) or not bodies.in_t_pose:
         return turn
     return least_matrix(level(target_feet @ turn.T, normal), level(feet, normal)) @ turn
-
-
-def _roll(bodies: _Bodies, role: str, bone: Array, onto: Array, turn: Array) -> Array:
-    """(3, 3), the rotation about an upper arm or thigh, (3,), from the target's bend axis, turned by `onto @ turn`, to
-    the source's; the identity for other bones. By default forearms bend forwards and shins backwards.
-    """
-    left, up, _ = bodies.poses[0].axes.T
-    usual = {"leftUpperArm": -up, "rightUpperArm": up, "leftUpperLeg": left, "rightUpperLeg": left}
-    if role not in usual:
-        return np.eye(3)
-    matching, axes = bodies.matching, [onto @ usual[role]] * 2
-    if bodies.in_reference:
-        axes[0] = matching.source.bend_axes.get(role, axes[0])
-        axes[1] = onto @ turn @ matching.target.bend_axes[role] if role in matching.target.bend_axes else axes[1]
-    goal, across = (level(axis, bone) for axis in axes)
-    angle = np.arctan2(cross(across, goal) @ bone, across @ goal)
-    return Rotation.from_rotvec(angle * bone).as_matrix()

@@ -98,14 +98,18 @@ def followed_scale(heights: Sequence[float], longest: Sequence[float]) -> float:
 def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
     """Return the motion with the world rotations R_src(t) A, where A is the alignment of the rest poses.
 
-    Joints with two rotation sources blend both, joints without one follow their parents, and the matching's `pelvis`
-    takes the scaled path of its driver.
+    Joints with two rotation sources blend both, joints without one follow their parents as in the reference pose, and
+    the matching's `pelvis` takes the scaled path of its driver.
     """
     source, skeleton, up = matching.source_motion, matching.target.skeleton, matching.source.up_vector
     sources, alignment, blend = matching.rotation_sources.copy(), rest_alignment(matching), matching.blend.copy()
+    stance = Rotation.from_quat(matching.target.reference.rotations)
     for joint, parent in enumerate(skeleton.parents):
         if joint and sources[joint, 0] < 0:
             sources[joint], alignment[joint], blend[joint] = sources[parent], alignment[parent], blend[parent]
+            if not matching.target.stands_at_rest:
+                turn = stance[parent].inv() * stance[joint]
+                alignment[joint] = (Rotation.from_quat(alignment[parent]) * turn).as_quat()
     between = np.flatnonzero(blend > 0)
 
     def aligned(turned: Array, joints: NDArray[np.intp], k: int) -> Array:

@@ -227,6 +227,7 @@ def convert_folder(
     include: Sequence[str] = (),
     exclude: Sequence[str] = (),
     map_file: str | Path | None = None,
+    rest: str | Path | None = None,
     options: Options = DEFAULT_OPTIONS,
     jobs: int | None = None,
     overwrite: bool = False,
@@ -246,6 +247,7 @@ def convert_folder(
         include: shell patterns for names or paths of files in folders, of which one must match.
         exclude: shell patterns for files to leave out.
         map_file: a map file, as `--map` takes it.
+        rest: a BVH file of the clips' rig whose first frame is a standing pose, as `--rest` takes it.
         options: how to retarget.
         jobs: the number of processes; one for each core if not given.
         overwrite: whether to retarget everything again, and to replace files that no batch made.
@@ -273,7 +275,7 @@ def convert_folder(
     if unread:
         raise unread[0]
     clips = plan(found, load_targets(_listed("targets", targets)), Path(folder), paths)
-    index, pairs = Path(report) if report else None, load_map(map_file)
+    index, pairs = Path(report) if report else None, load_map(map_file, rest)
 
     def about(clip: PurePath, result: PurePath) -> About:
         return About(a=clip.name, b=result.name)

@@ -80,7 +80,7 @@ def new_record(clip: Clip, options: Options, map_file: MapFile) -> ManifestRecor
         "output_hash": None,
         "target": str(clip.target.path),
         "target_hash": clip.target.hash,
-        "options": asdict(options) | {"map": dict(map_file.pairs) or None},
+        "options": asdict(options) | _of_map(map_file),
         "version": VERSION,
         "frames": 0,
         "seconds": 0.0,
@@ -90,6 +90,12 @@ def new_record(clip: Clip, options: Options, map_file: MapFile) -> ManifestRecor
         "status": "failed",
         "error": None,
     }
+
+
+def _of_map(map_file: MapFile) -> dict[str, object]:
+    """What a map file says, among the options."""
+    pairs: dict[str, object] = {"map": dict(map_file.pairs) or None}
+    return pairs | ({"rest": dict(map_file.rest.rotations)} if map_file.rest else {})
 
 
 def parse_record(line: bytes) -> ManifestRecord | None:

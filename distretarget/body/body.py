@@ -14,9 +14,11 @@ from distretarget.body.arms import Arm, find_arms, with_hanging_arms
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, direction, nearest_axis, squared, upright
 from distretarget.body.legs import Legs, find_legs, foot_bone, leg_length, pelvis_joint
 from distretarget.body.named_anatomy import by_names, find_handles
-from distretarget.body.reference_pose import bend_axes, standing_frame, stands_at_rest, synthetic_t_pose
+from distretarget.body.reference_pose import FOOT_PITCH, stands_at_rest, t_pose, usual_pitch
+from distretarget.body.resting import feet_at_rest
 from distretarget.body.shape import by_shape
 from distretarget.checks import check_kind
+from distretarget.errors import MotionError, difference
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import lowest_heights
 from distretarget.skeleton import Skeleton
@@ -52,12 +54,14 @@ class Body:
         anatomy: the joint of each role; None where no human body is recognised.
         motion: any motion of the body, with at least one frame; None where there is none.
         known_up: which of `AXES` points up, if the caller decides it; None to let `up` find it.
+        standing: (joints, 4), the world rotations of a pose in which the body stands, if the caller knows one.
     """
 
     skeleton: Skeleton
     anatomy: Anatomy | None
     motion: Motion | None = None
     known_up: str | None = None
+    standing: Array | None = None
 
     def __repr__(self) -> str:
         recognised = f"recognised by {self.anatomy.method}" if self.anatomy else "not recognised as human"
@@ -105,11 +109,16 @@ class Body:
 
     @cached_property
     def height(self) -> float:
-        """The body's extent in its rest pose along the axis of the legs, without legs the largest one [file units]."""
-        rest = self.skeleton.rest_positions[self.regions.of_joint >= 0]
+        """The body's extent upwards in the pose in which it stands; without an anatomy that of its rest pose along the
+        axis of the legs, without legs the largest one [file units].
+        """
+        of_body = self.regions.of_joint >= 0
+        rest = self.skeleton.rest_positions
         if self.legs is None:
-            return float(np.ptp(rest, axis=0).max())
-        return float(np.ptp(rest @ axis_vector(_axis_of_legs(self.legs, self.skeleton.rest_positions[None]))))
+            return float(np.ptp(rest[of_body], axis=0).max())
+        if self.anatomy is None or self.stands_at_rest:
+            return float(np.ptp(rest[of_body] @ axis_vector(_axis_of_legs(self.legs, rest[None]))))
+        return float(np.ptp(self.reference.positions[of_body] @ self.reference.axes[:, 1]))
 
     @cached_property
     def pelvis_joint(self) -> int | None:
@@ -149,6 +158,11 @@ class Body:
     def stands_at_rest(self) -> bool:
         """Whether a person can stand in the rest pose; false without an anatomy."""
         return self.at_rest is not None and stands_at_rest(self.at_rest)
+
+    @property
+    def stands(self) -> bool:
+        """Whether the rest pose, or another pose that the caller knows, shows how the body stands."""
+        return self.stands_at_rest or self.standing is not None
 
     @cached_property
     def up_at_rest(self) -> str | None:
@@ -201,18 +215,28 @@ class Body:
 
     @cached_property
     def reference(self) -> Pose:
-        """The pose in which the body is aligned with another: the rest pose if a person can stand in it, else the frame
-        of the motion in which the body stands best, else a synthetic T-pose.
+        """The pose in which the body is aligned with another: one that the caller knows, else the rest pose if a person
+        can stand in it, else a T-pose, with Y up and facing Z.
         """
+        if self.standing is not None:
+            positions = self.skeleton.posed(self.standing)
+            return self._pose(self.standing, positions, Directions(self.anatomy, positions) if self.anatomy else None)
         if self.anatomy is None or self.at_rest is None or self.stands_at_rest:
             return self.rest
-        frame = standing_frame(self.moving, self.up_vector, self.unit) if self.moving else None
-        if frame is None or self.motion is None:
-            rotations = synthetic_t_pose(self.skeleton, self.at_rest)
-        else:
-            rotations = np.asarray(self.motion[frame : frame + 1].world_rotations[0])
+        rotations = t_pose(self.skeleton, self.at_rest, self.motion, self.foot_pitch or FOOT_PITCH)
         positions = self.skeleton.posed(rotations)
-        return self._pose(rotations, positions, Directions(self.anatomy, positions))
+        return Pose(rotations, positions, Directions(self.anatomy, positions), np.eye(3))
+
+    @cached_property
+    def foot_pitch(self) -> float | None:
+        """How far feet that stand flat point downwards, as those of the motion do [rad]; None where none rests."""
+        if self.motion is None or self.legs is None:
+            return None
+        feet = [leg for leg in self.legs if leg.toe != leg.ankle]
+        x, up = self.motion.positions, self.up_vector
+        resting = [feet_at_rest(self.motion, leg, up, self.leg_length).all(axis=1) for leg in feet]
+        bones = [direction(x[rests], leg.ankle, leg.toe) for leg, rests in zip(feet, resting, strict=True)]
+        return usual_pitch(-np.arcsin(np.clip(np.concatenate(bones) @ up, -1.0, 1.0))) if any(map(len, bones)) else None
 
     @cached_property
     def hanging(self) -> Array | None:
@@ -226,15 +250,6 @@ class Body:
         snapped = squared if self.stands_at_rest else upright
         axes = np.eye(3) if directions is None else snapped(directions.axes)
         return Pose(rotations, positions, directions, axes)
-
-    @cached_property
-    def bend_axes(self) -> dict[str, Array]:
-        """The axes about which elbows and knees bend in the motion, by the roles of upper arms and thighs: unit vectors
-        (3,) in the reference pose. Empty where that is the rest pose, or without a motion.
-        """
-        if self.anatomy is None or self.motion is None or self.stands_at_rest:
-            return {}
-        return bend_axes(self.anatomy, self.motion, self.reference.rotations)
 
     # ---- what kind of body it is
 
@@ -266,6 +281,26 @@ class Body:
     def mirrored(self) -> Body:
         """The same body with left and right exchanged in its anatomy."""
         return replace(self, anatomy=self.anatomy.mirrored if self.anatomy else None)
+
+    def standing_as(self, rest: Motion) -> Body:
+        """Return the same body, which stands in the first frame of another motion of its joints.
+
+        Raises:
+            MotionError: the motion has no frames, or other joints, or nobody can stand in its first frame.
+        """
+        check_kind("rest", rest, Motion)
+        if not len(rest):
+            raise MotionError("the rest pose given has no frames")
+        keys, others = ({skeleton.keys[j] for j in skeleton.joints} for skeleton in (self.skeleton, rest.skeleton))
+        if keys != others:
+            raise MotionError(f"the rest pose given has other joints than the source: {difference(others, keys)}")
+        world = np.tile(self.skeleton.unturned, (1, 1, 1))
+        for joint in self.skeleton.joints:
+            world[0, joint] = rest.rotations[0, rest.skeleton.index(self.skeleton.keys[joint])]
+        posed = Motion(self.skeleton, np.zeros((1, 3)), world, rest.frame_time_text)
+        if self.anatomy is None or not stands_at_rest(Directions(self.anatomy, posed.positions[0])):
+            raise MotionError("nobody can stand in the rest pose given; expected T-pose, A-pose or hanging arms")
+        return replace(self, standing=np.asarray(posed.world_rotations[0]))
 
     def with_motion(self, motion: Motion, up: str) -> Body:
         """Return the same body in another motion, in which the axis `up` points up."""

@@ -2,7 +2,7 @@
 
 `conventions.json` lists the words of many naming conventions. An entry has a readable title; the names of the hips, of
 spine and neck from below, and of the head; those of the four parts of arm and leg (`ARM`, `LEG`) without side; and, if
-the convention has them, the prefix of all names, and other names that may occur.
+the convention has them, the prefix of all names, other names that may occur, and the `leans` of its rigs.
 """
 
 from __future__ import annotations
@@ -163,6 +163,9 @@ class Convention:
     prefix: NameWords  # the words with which all names begin; empty for most conventions
     parts: Mapping[Term, str]  # the part that each term means
     also: frozenset[Term]  # other terms that may occur
+    # by how much the axes of the joints of spine, neck and head lean forwards against the hips' in a body that stands,
+    # lowest first [degrees]; empty where that is not known
+    leans: tuple[float, ...]
 
 
 class Vocabulary(NamedTuple):
@@ -194,7 +197,12 @@ def _convention(entry: Mapping[str, Any]) -> Convention:
     parts |= {(stem_and_side(words(name))[0], True): part for name, part in limbs if name}
     others = [stem_and_side(words(name)) for name in entry.get("also", ())]
     also = frozenset((stem, side is not None) for stem, side in others)
-    return Convention(entry["title"], words(entry.get("prefix", "")), parts, also)
+    return Convention(entry["title"], words(entry.get("prefix", "")), parts, also, tuple(entry.get("leans", ())))
+
+
+def leans_of(title: str) -> tuple[float, ...]:
+    """Return the `leans` of the convention with a title; empty without one."""
+    return next((convention.leans for convention in vocabulary().conventions if convention.title == title), ())
 
 
 @dataclass(frozen=True)

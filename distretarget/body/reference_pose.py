@@ -1,12 +1,14 @@
 """The reference pose of a body: a standing pose in which it can be aligned with another body.
 
 A rest pose in which a person can stand (T-pose, A-pose, arms down) is the reference pose. Any other, such as one with
-all bones along one axis, is replaced by a frame of the motion in which the body stands, or else by a synthetic T-pose.
+all bones along one axis, is replaced by a T-pose. The OFFSETs show where bones point in the axes of their joints, and
+the motion as a whole how these axes are built, so that all clips of a rig have the same T-pose.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -14,27 +16,26 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import ARM, LEG, SIDES, Anatomy
-from distretarget.body.axes import PARALLEL, Directions, axes_of, direction, squared
+from distretarget.body.axes import PARALLEL, SQUARE, Directions, axes_of, direction, nearest_axis, upright
+from distretarget.body.conventions import leans_of
+from distretarget.body.legs import foot_bone
+from distretarget.body.neutral import against_trunk, bend_axes, bones_of, neutral_turns, places_from, sampled
 from distretarget.motion import Motion
-from distretarget.numerics.rotations import least
-from distretarget.numerics.vectors import cross, lengths, normalised
+from distretarget.numerics.rotations import least_matrix
+from distretarget.numerics.vectors import cross, lengths, level, normalised
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 
 STANDING_ANGLE = 100.0  # a person can stand with a larger angle than this between trunk and legs [degrees] ...
 RAISED_ARM = np.cos(np.radians(30))  # ... if both arms are at least this angle away from straight up [cosine]
-FOOT_PITCH = np.radians(25)  # usual angle by which feet point downwards, as in the synthetic T-pose [rad]
+FOOT_PITCH = np.radians(25)  # usual angle by which feet point downwards [rad]
+PITCHES = np.radians(8)  # standard deviation of the pitches of flat feet from it, from rig to rig [rad]
+IQR = 1.349  # of a normal distribution [standard deviations]
 OPPOSITE = -0.9  # a bone with a smaller cosine to its goal first turns half round about the sideways axis [cosine]
-
-# Weights in the choice of the frame in which the body stands best; the leaning of trunk and legs has weight 1.
-ARM_WEIGHT = 0.25  # of each arm bone's deviation from hanging or pointing sideways
-FOOT_WEIGHT = 5.0  # of an ankle's distance from its standing height [1 / body unit]
-LOW_ANKLE = 20.0  # percentile of an ankle's heights that is its standing height [%]
-TWIST_WEIGHT = 5.0  # of the twist between shoulders and hips
-LEANING = 0.8  # in a frame in which a body stands, trunk and legs lean by less than this [sum of 1 - cosine]
-
-CLEAR_BEND = 0.1  # a limb whose mean bend is larger than this shows its bend axis [sine]
+ON_AXIS = np.cos(np.radians(20))  # a joint with a bone this near to one of its axes is built along the bone [cosine]
+USUAL = np.cos(np.radians(60))  # the usual bend axis is this near to what the motion shows [cosine]
+ACROSS = 0.7  # an axis of a joint with a larger component across the bone than this may be the bend axis [sine]
 
 
 def stands_at_rest(rest: Directions) -> bool:
@@ -44,84 +45,126 @@ def stands_at_rest(rest: Directions) -> bool:
     return bool(stands and all(arm @ rest.trunk < RAISED_ARM for arm in arms if arm is not None))
 
 
-def standing_frame(moving: Directions, up: Array, unit: float) -> int | None:
-    """Return the frame of a motion in which the body stands best: upright, legs straight, feet down, arms hanging or
-    out to the sides; None where it never stands. `up`, (3,), is the unit vector up; `unit` the body unit [file units].
+@dataclass(frozen=True, eq=False)
+class _Goal:
+    """How a joint of a limb stands in a T-pose."""
+
+    tip: int  # the joint at the end of its bone
+    bone: Array  # (3,), the direction of the bone
+    across: Array  # (3,), the direction of the axis about which the limb bends
+    from_above: bool  # whether the joint is turned as the joint above it while the limb is straight
+    as_above: bool  # whether the joint above it bends about the same axis
+
+
+def t_pose(skeleton: Skeleton, rest: Directions, motion: Motion | None, foot_pitch: float = FOOT_PITCH) -> Array:
+    """Return the world rotations, (joints, 4), of a T-pose with Y up that faces Z, for a rest pose and any motion.
+
+    Hips, spine, neck, head, collar bones, hands and toes are neutral. The joints of arms and legs turn by the least
+    rotation that points their bones as in a T-pose, feet downwards by `foot_pitch` [rad], and roll until the axis about
+    which they bend in the motion lies as well. Where a bone nearly turns round, it turns about the sideways axis, as
+    knees do. Without a motion, joints are neutral when they are not turned against their parents.
     """
-    anatomy, x = moving.anatomy, moving.positions
-    lean = (1.0 - moving.trunk @ up) + (1.0 + moving.legs @ up)
-    if lean.min() > LEANING:
-        return None
-    unlike = lean + TWIST_WEIGHT * _twist(moving)
-    for ankle in (anatomy.roles[role] for role in ("leftFoot", "rightFoot") if role in anatomy.roles):
-        height = x[:, ankle] @ up
-        unlike += FOOT_WEIGHT * np.abs(height - np.percentile(height, LOW_ANKLE)) / unit
-    for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
-        outwards = sign * moving.axes[..., 0]
-        for ends in _bones(anatomy, side, ARM[1:]):
-            bone = direction(x, *ends)
-            unlike += ARM_WEIGHT * (1.0 - np.maximum((bone * outwards).sum(axis=-1), -(bone @ up)))
-    return int(np.argmin(unlike))
-
-
-def _twist(moving: Directions) -> Array:
-    """(frames,), the twist of the trunk: 1 - cosine between the lines across the hip joints and the shoulders."""
-    hips, shoulders = moving.across("UpperLeg"), moving.across("UpperArm")
-    if hips is None or shoulders is None:
-        return np.zeros(len(moving.positions))
-    return np.asarray(1.0 - (normalised(hips) * normalised(shoulders)).sum(axis=-1))
-
-
-def bend_axes(anatomy: Anatomy, motion: Motion, world: Array) -> dict[str, Array]:
-    """Return the axes about which elbows and knees bend in a motion, by the roles of upper arms and thighs: unit
-    vectors (3,) in the pose of the world rotations `world`, (joints, 4). Limbs that hardly bend have none.
-
-    An axis is the mean over the frames in the joint's own coordinates. Like a pole vector it gives a limb its roll.
-    """
-    axes: dict[str, Array] = {}
-    turned = motion.world_rotations
-    for side in SIDES:
-        for limb in (ARM[1:], LEG[:3]):
-            bones = list(_bones(anatomy, side, limb))
-            if len(bones) == 2:
-                joint = bones[0][0]
-                across = cross(*(direction(motion.positions, *ends) for ends in bones))
-                axis = Rotation.from_quat(turned[:, joint]).inv().apply(across).mean(axis=0)
-                if np.linalg.norm(axis) > CLEAR_BEND:
-                    axes[side + limb[0]] = np.asarray(Rotation.from_quat(world[joint]).apply(normalised(axis)))
-    return axes
-
-
-def synthetic_t_pose(skeleton: Skeleton, rest: Directions) -> Array:
-    """Return the world rotations, (joints, 4), of a T-pose with Y up that faces Z, for a rest pose.
-
-    The hips turn by their own axes, every other joint relative to its parent by the least rotation. Where that is
-    nearly half a turn, it is about the sideways axis, as knees turn.
-    """
-    goals = dict(_goals(rest.anatomy))
-    turns: list[Rotation] = []
-    for joint in range(len(skeleton)):
-        turn = turns[skeleton.parents[joint]] if joint else Rotation.from_matrix(_hip_axes(rest).T)
-        if joint in goals:
-            tip, goal = goals[joint]
-            bone = normalised(turn.apply(rest.positions[tip] - rest.positions[joint]))
-            if bone @ goal < OPPOSITE:
-                turn = Rotation.from_rotvec([np.pi, 0.0, 0.0]) * turn
-                bone = bone * [1.0, -1.0, -1.0]
-            turn = least(bone[None], goal[None]) * turn
+    anatomy, shown = rest.anatomy, motion and sampled(motion)
+    goals = dict(_limb_goals(skeleton, anatomy, foot_pitch)) | ({} if shown else dict(_trunk_goals(anatomy)))
+    bones = {joint: _bone(rest, shown, joint, goal.tip) for joint, goal in goals.items()}
+    built = {joint for joint, bone in bones.items() if np.abs(bone).max() > ON_AXIS}
+    built = built if 2 * len(built) > len(bones) else set()  # in another rig it is chance
+    bends = bend_axes(anatomy, shown) if shown else {}
+    neutral = np.tile(np.eye(3), (len(skeleton), 1, 1))
+    if shown:
+        neutral = neutral_turns(anatomy, shown, built=bool(built))
+    known = _carriers_and_hips(skeleton, rest, shown)
+    leans = _leans(anatomy)
+    turns: list[Array] = []
+    for joint, parent in enumerate(skeleton.parents.tolist()):
+        turn = known[joint] if joint in known else leans.get(joint, np.eye(3)) @ turns[parent] @ neutral[joint]
+        if joint in bones and bones[joint].any():
+            goal = goals[joint]
+            start = turns[parent] if joint in built and goal.from_above else turn
+            turn = _pointed(start, bones[joint], goal.bone)
+            if joint in bends or (shown and joint in built):
+                turn = _rolled(turn, goal, bends.get(joint), joint in built)
         turns.append(turn)
-    return np.array([turn.as_quat() for turn in turns])
+    return np.asarray(Rotation.from_matrix(np.array(turns)).as_quat())
 
 
-def _hip_axes(rest: Directions) -> Array:
-    """(3, 3), the axes of the hips at rest: up along the spine's first bone, left across the hip joints, or across the
-    shoulders if the hip joints lie along the spine.
+def _carriers_and_hips(skeleton: Skeleton, rest: Directions, shown: Motion | None) -> dict[int, Array]:
+    """The rotations, (3, 3), of the hips and of the joints above them in a T-pose, by joint."""
+    hips, *carriers = skeleton.line(rest.anatomy.roles["hips"])
+    if shown is None:
+        return dict.fromkeys((*carriers[-1:], hips), _hip_axes(rest).T)
+    turns = {joint: against_trunk(rest.anatomy, shown, joint) for joint in carriers}
+    places = places_from(shown, hips, range(len(skeleton)))
+    return turns | {hips: _hip_axes(Directions(rest.anatomy, places)).T}
+
+
+def _bone(rest: Directions, shown: Motion | None, joint: int, tip: int) -> Array:
+    """The direction of a bone in the axes of its joint, (3,); zero for a bone of length 0."""
+    return normalised(places_from(shown, joint, [tip])[0]) if shown else direction(rest.positions, joint, tip)
+
+
+def usual_pitch(pitches: Array) -> float:
+    """Return the pitch of feet that stand flat, given the pitches of feet that rest in a motion, (n,), all [rad].
+
+    It is their median, within what feet are built like, and drawn towards `FOOT_PITCH` the more the farther they
+    spread, as those of a dancer who is on tiptoe now and then.
     """
-    bones = [direction(rest.positions, rest.anatomy.roles["hips"], joint) for joint in _spine_to_head(rest.anatomy)]
-    up = next((bone for bone in bones if bone.any()), rest.trunk)
-    lefts = [normalised(width) for width in map(rest.across, ("UpperLeg", "UpperArm")) if width is not None]
-    left = next((left for left in lefts if lengths(cross(left, up)) > PARALLEL), rest.left)
-    return squared(axes_of(left, up))
+    low, middle, high = np.percentile(pitches, [25, 50, 75])
+    spread = (high - low) / IQR
+    away = np.clip(middle - FOOT_PITCH, -2.0 * PITCHES, 2.0 * PITCHES)
+    return float(FOOT_PITCH + away / (1.0 + (spread / PITCHES) ** 2))
+
+
+def _pointed(turn: Array, bone: Array, goal: Array) -> Array:
+    """The rotation `turn`, (3, 3), followed by the least one that brings a bone in the joint's own axes, (3,), to a
+    direction (3,).
+    """
+    if goal @ turn @ bone < OPPOSITE:
+        turn = np.diag([1.0, -1.0, -1.0]) @ turn
+    return least_matrix((turn @ bone)[None], goal[None]) @ turn
+
+
+def _rolled(turn: Array, goal: _Goal, bend: Array | None, built: bool) -> Array:
+    """The rotation `turn`, (3, 3), followed by one about the bone that brings the bend axis, (3,) in the joint's own
+    axes, to where it belongs; None if the motion does not show it.
+
+    In a joint that is built along its bone, one of its own axes is the bend axis: the usual one by its rotation `turn`,
+    unless the motion shows another. A mean bend just opposite to that of the joint above is no other axis, but a fault
+    of the motion, such as of feet in ballet.
+    """
+    shown = goal.across if bend is None else normalised(level(turn @ bend, goal.bone))
+    axis = shown
+    if built:
+        axes = level(np.vstack([turn.T, -turn.T]), goal.bone)
+        axes = normalised(axes[lengths(axes) > ACROSS])
+        usual = axes[np.argmax(axes @ goal.across)]
+        near = abs(shown @ usual) if goal.as_above else shown @ usual
+        axis = usual if near > USUAL else axes[np.argmax(axes @ shown)]
+    angle = np.arctan2(cross(axis, goal.across) @ goal.bone, axis @ goal.across)
+    return np.asarray(Rotation.from_rotvec(angle * goal.bone).as_matrix() @ turn)
+
+
+def _leans(anatomy: Anatomy) -> dict[int, Array]:
+    """The rotations, (3, 3), by which the joints of spine, neck and head lean more than the joint below in a T-pose."""
+    joints, leans = _spine_to_head(anatomy), leans_of(anatomy.convention)
+    more = np.outer(np.diff(leans, prepend=0.0), [1.0, 0.0, 0.0])
+    turns = Rotation.from_rotvec(more, degrees=True).as_matrix() if len(leans) == len(joints) else ()
+    return dict(zip(joints, turns, strict=False))
+
+
+def _hip_axes(places: Directions) -> Array:
+    """(3, 3), the axes of the hips, from the places of all joints in the hips' own axes: left across the hip joints, or
+    across the shoulders if the hip joints lie along the spine; up along the spine's first bone or else the whole trunk,
+    whichever is near an axis of the hips, or else the bone.
+    """
+    bones = [
+        direction(places.positions, places.anatomy.roles["hips"], joint) for joint in _spine_to_head(places.anatomy)
+    ]
+    bone = next((bone for bone in bones if bone.any()), places.trunk)
+    up = next((up for up in (bone, places.trunk) if nearest_axis(up)[1] > SQUARE), bone)
+    lefts = [normalised(width) for width in map(places.across, ("UpperLeg", "UpperArm")) if width is not None]
+    left = next((left for left in lefts if lengths(cross(left, up)) > PARALLEL), places.left)
+    return upright(axes_of(left, up))
 
 
 def _spine_to_head(anatomy: Anatomy) -> list[int]:
@@ -129,18 +172,29 @@ def _spine_to_head(anatomy: Anatomy) -> list[int]:
     return [*anatomy.spine, *anatomy.neck, *(anatomy.roles[role] for role in ("head",) if role in anatomy.roles)]
 
 
-def _goals(anatomy: Anatomy) -> Iterator[tuple[int, tuple[int, Array]]]:
-    """Joints, each with the joint at the end of its bone and the direction of that bone in a T-pose, (3,)."""
-    left, up, _ = np.eye(3)
-    foot = np.array([0.0, -np.sin(FOOT_PITCH), np.cos(FOOT_PITCH)])
-    for lower, upper in pairwise(_spine_to_head(anatomy)):
-        yield lower, (upper, up)
+def _limb_goals(skeleton: Skeleton, anatomy: Anatomy, foot_pitch: float) -> Iterator[tuple[int, _Goal]]:
+    """The joints of arms and legs, each with its goal in a T-pose with Y up that faces Z."""
+    left, up, forward = np.eye(3)
+    foot = np.cos(foot_pitch) * forward - np.sin(foot_pitch) * up
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
-        for limb, goal in ((ARM, sign * left), (LEG[:3], -up), (LEG[2:], foot)):
-            for upper, lower in _bones(anatomy, side, limb):
-                yield upper, (lower, goal)
+        hip = anatomy.roles.get(f"{side}UpperLeg")
+        lower_joints = {anatomy.roles.get(side + part) for part in ("LowerArm", "LowerLeg")}
+        for limb, bone, across in ((ARM[1:], sign * left, -sign * up), (LEG[:3], -up, left)):
+            for upper, lower in bones_of(anatomy, side, limb):
+                yield upper, _Goal(lower, bone, across, upper != hip, upper in lower_joints)
+        if ends := foot_bone(skeleton, anatomy, side):
+            yield ends[0], _Goal(ends[1], foot, left, True, True)
+        toes = anatomy.roles.get(f"{side}Toes")
+        if toes is not None:
+            tip = max(skeleton.subtree(toes), key=lambda joint: skeleton.path_lengths[toes, joint])
+            yield toes, _Goal(tip, forward, left, True, True)
 
 
-def _bones(anatomy: Anatomy, side: str, limb: tuple[str, ...]) -> Iterator[tuple[int, int]]:
-    """The joints at the upper and lower end of each bone of a limb; parts that the body lacks are skipped."""
-    return pairwise(anatomy.roles[side + role] for role in limb if side + role in anatomy.roles)
+def _trunk_goals(anatomy: Anatomy) -> Iterator[tuple[int, _Goal]]:
+    """The joints of spine, neck and shoulders, with their goals where no motion shows how they are turned."""
+    left, up, _ = np.eye(3)
+    for lower, upper in pairwise(_spine_to_head(anatomy)):
+        yield lower, _Goal(upper, up, left, False, False)
+    for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
+        for upper, lower in bones_of(anatomy, side, ARM[:2]):
+            yield upper, _Goal(lower, sign * left, -sign * up, False, False)

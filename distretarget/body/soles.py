@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.axes import axis_vector, nearest_axis
-from distretarget.body.body import Body
+from distretarget.body.body import Body, Pose
 from distretarget.body.legs import Leg, Legs
 from distretarget.body.reference_pose import FOOT_PITCH
 from distretarget.body.resting import feet_at_rest
@@ -42,16 +42,20 @@ class Sole:
         return float(self.heights[0])
 
 
-def find_soles(body: Body, legs: Legs, normals: tuple[Array, Array] | None = None) -> tuple[Sole, Sole]:
-    """Return the soles of both feet, each level with the lowest of the foot's joints and End Sites.
+def find_soles(
+    body: Body, legs: Legs, pose: Pose | None = None, normals: tuple[Array, Array] | None = None
+) -> tuple[Sole, Sole]:
+    """Return the soles of both feet, each level with the lowest of the foot's joints and End Sites; toes are turned as
+    in `pose`, the reference pose if not given.
 
     The rest pose shows how a foot stands if a person can stand in it and the foot does not hang. Otherwise both feet
     get the pitch of the flatter one while it rests in the motion. Without a motion feet stand as in the reference pose,
     hanging ones at the usual pitch. `normals` of the soles, if given, overrule all of this.
     """
-    feet = [_reference_foot(body, leg) for leg in legs]
+    pose = pose or body.reference
+    feet = [_reference_foot(body, leg, pose) for leg in legs]
     if not all(foot.known for foot in feet):
-        feet = [_resting_foot(body, leg) or foot for leg, foot in zip(legs, feet, strict=True)]
+        feet = [_resting_foot(body, leg, pose) or foot for leg, foot in zip(legs, feet, strict=True)]
         pitch = max((foot.pitch for foot in feet if foot.known), default=None)
         feet = feet if pitch is None else [foot.pitched(pitch) for foot in feet]
     if normals is not None:
@@ -94,12 +98,12 @@ class _Foot:
         return replace(self, up=np.asarray(up), known=True)
 
 
-def _reference_foot(body: Body, leg: Leg) -> _Foot:
+def _reference_foot(body: Body, leg: Leg, pose: Pose) -> _Foot:
     """The foot in the reference pose; a hanging foot gets the usual pitch."""
     stance = body.reference.directions
     up = body.up_vector if stance is None else axis_vector(nearest_axis(stance.up)[0])
     ankle = Rotation.from_quat(body.reference.rotations[leg.ankle]).as_matrix()
-    foot = _foot(body, leg, up @ ankle, body.stands_at_rest or body.anatomy is None)
+    foot = _foot(body, leg, pose, up @ ankle, body.stands or body.anatomy is None or body.foot_pitch is not None)
     if foot.direction @ foot.up >= -HANGING:
         return foot
     forward = np.zeros(3) if stance is None else stance.axes[:, 2]
@@ -108,7 +112,7 @@ def _reference_foot(body: Body, leg: Leg) -> _Foot:
     return replace(foot, up=up @ hanging @ ankle, known=False)
 
 
-def _resting_foot(body: Body, leg: Leg) -> _Foot | None:
+def _resting_foot(body: Body, leg: Leg, pose: Pose) -> _Foot | None:
     """The foot in the median pose of the frames in which it rests; None where it never rests."""
     motion = body.motion
     if motion is None or len(motion) < 2:
@@ -117,12 +121,12 @@ def _resting_foot(body: Body, leg: Leg) -> _Foot | None:
     if not len(resting):
         return None
     to_ankle = Rotation.from_quat(motion[resting].world_rotations_of(leg.ankle)).inv()
-    return _foot(body, leg, normalised(np.median(to_ankle.apply(body.up_vector), axis=0)), True)
+    return _foot(body, leg, pose, normalised(np.median(to_ankle.apply(body.up_vector), axis=0)), True)
 
 
-def _foot(body: Body, leg: Leg, up: Array, known: bool) -> _Foot:
-    """The foot with straight toes."""
+def _foot(body: Body, leg: Leg, pose: Pose, up: Array, known: bool) -> _Foot:
+    """The foot, with its toes as in a pose."""
     below = body.skeleton.subtree(leg.ankle)
     joints = [joint for joint in below if joint == leg.ankle or body.regions.of_joint[joint] >= 0]
-    places = body.skeleton.rest_positions
-    return _Foot(joints, places[joints] - places[leg.ankle], up, known)
+    ankle = Rotation.from_quat(pose.rotations[leg.ankle])
+    return _Foot(joints, ankle.inv().apply(pose.positions[joints] - pose.positions[leg.ankle]), up, known)

@@ -92,6 +92,7 @@ def batch_command(
     exclude: tuple[str, ...],
     input_list: Iterator[str] | None,
     map_path: Path | None,
+    rest_path: Path | None,
     options: Options,
     jobs: int | None,
     dask: str | None,
@@ -130,7 +131,7 @@ def batch_command(
     if missing := [source for source in sources if not os.path.lexists(source)]:
         raise click.UsageError(f"{missing[0]}: there is no such file or folder.")
     found, unread = find_clips(sources, listed, include, exclude)
-    map_file = load_map(map_path)
+    map_file = load_map(map_path, rest_path)
     try:
         clips = plan(found, texts, folder, sources)
     except BatchError as error:

@@ -78,6 +78,16 @@ def map_option(text: str, kind: click.Path = PATH) -> Decorator:
     return click.option("--map", "map_path", type=kind, metavar="FILE", help=text)
 
 
+def rest_option(kind: click.Path = PATH) -> Decorator:
+    """The option --rest."""
+    text = (
+        "A BVH file of SOURCE's rig that stands in its first frame, in T-pose, A-pose or with arms down: the pose in "
+        "which SOURCE is aligned with TARGET. For rigs whose rest pose does not stand; see 'skeleton match' to keep it "
+        "in a map."
+    )
+    return click.option("--rest", "rest_path", type=kind, metavar="FILE", help=text)
+
+
 SUPPORTS_OPTION = _choice(
     "supports",
     "What stays in place while it rests. hold: feet, hands, knees and all else that rests on the floor or holds on to "
@@ -99,6 +109,7 @@ OPTIONS = (
         'A JSON file with {"target joint": "source joint"}, null for joints that nothing drives. Its pairs overrule '
         "those in the target's file; joints in neither are matched by names or shape."
     ),
+    rest_option(),
     click.option(
         "--root-scale",
         type=positive,
@@ -131,7 +142,9 @@ OPTIONS = (
 
 
 def retargeting(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the options of retargeting to a command, which receives `map_path`, and all others as `options`."""
+    """Add the options of retargeting to a command, which receives `map_path`, `rest_path`, and the
+    others as `options`.
+    """
 
     def with_options(**given: Any) -> None:
         options = Options(**{field.name: given.pop(field.name) for field in fields(Options)})

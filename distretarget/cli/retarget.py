@@ -62,6 +62,7 @@ def retarget_command(
     output: Path,
     overwrite: bool,
     map_path: Path | None,
+    rest_path: Path | None,
     options: Options,
     figures: Path | None,
     report: Path | None,
@@ -80,11 +81,11 @@ def retarget_command(
     distretarget walk.bvh robot.bvh -o walk_robot.bvh --map walk_robot.map.json -v
     cat walk.bvh | distretarget - child.json -o - > walk_child.bvh
     """  # noqa: D301
-    check_outputs([output, figures, report], [source, target, map_path], overwrite)
+    check_outputs([output, figures, report], [source, target, map_path, rest_path], overwrite)
     check_suffix(output, ".bvh")
     warm(options.objective)
     started = time.perf_counter()
-    source_text, target_text, map_file = read_input(source), read_input(target), load_map(map_path)
+    source_text, target_text, map_file = read_input(source), read_input(target), load_map(map_path, rest_path)
     motion = _source_motion(source_text, target_text)
     with tqdm(total=len(motion), unit=" frames", desc=source.name, disable=is_quiet() or None, leave=False) as bar:
         result = retarget_onto(

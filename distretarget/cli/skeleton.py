@@ -18,6 +18,7 @@ from distretarget.cli.options import (
     map_option,
     positive,
     quiet,
+    rest_option,
 )
 from distretarget.cli.outputs import STANDARD, aligned, check_outputs, check_suffix, read_input, say, write_output
 from distretarget.errors import FileError, closest, counted
@@ -151,10 +152,13 @@ def edit_command(
 @click.argument("source", type=FileOrStandard())
 @click.argument("target", type=FileOrStandard())
 @map_option("A map file whose pairs overrule all others.", FileOrStandard())
+@rest_option(FileOrStandard())
 @click.option("-o", "--output", type=FileOrStandard(), help="The map file to write.")
 @OVERWRITE_OPTION
 @quiet
-def match_command(source: Path, target: Path, map_path: Path | None, output: Path | None, overwrite: bool) -> None:
+def match_command(
+    source: Path, target: Path, map_path: Path | None, rest_path: Path | None, output: Path | None, overwrite: bool
+) -> None:
     """Print which joint of SOURCE drives which joint of TARGET, and write it as a map to edit.
 
     Both are BVH or skeleton files. The method says how a pair was found: by a map, by equal names, by names or shape
@@ -162,13 +166,15 @@ def match_command(source: Path, target: Path, map_path: Path | None, output: Pat
     If source and target have different numbers of joints in the spine or neck, a target joint may blend two source
     joints.
 
-    Give the map to 'distretarget retarget' with --map. It has null for joints that nothing drives.
+    Give the map to 'distretarget retarget' with --map. It has null for joints that nothing drives, and the pose that
+    --rest gives, so that all clips of the rig are aligned by it.
 
     \b
     distretarget skeleton match walk.bvh robot.bvh
     distretarget skeleton match walk.bvh robot.bvh -o walk_robot.map.json
+    distretarget skeleton match walk.bvh hero.bvh --rest t_pose.bvh -o hero.map.json
     """  # noqa: D301
-    check_outputs([output], [source, target, map_path], overwrite)
+    check_outputs([output], [source, target, map_path, rest_path], overwrite)
     check_suffix(output, ".json")
     source_text, target_text = read_input(source), read_input(target)
     if is_json(source_text.text):
@@ -176,14 +182,17 @@ def match_command(source: Path, target: Path, map_path: Path | None, output: Pat
     else:
         source_body = Body.of_motion(parse_bvh(source_text.text, source_text.path))
     whole_target = parse_target(target_text.text, target_text.path).for_source(source_body.skeleton)
-    pairs = joint_map(source_body.skeleton, whole_target, target_text.path, load_map(map_path))
+    map_file = load_map(map_path, rest_path)
+    if map_file.rest:
+        map_file.rest.on(source_body.skeleton)
+    pairs = joint_map(source_body.skeleton, whole_target, target_text.path, map_file)
     matching = find_matching(source_body, Body.of(whole_target.skeleton, whole_target.motion), pairs)
     for line in (*headline(matching), "", *rows(matching), ""):
         say(line)
     say(f"joints of the target without a counterpart: {', '.join(matching.without_driver) or 'none'}")
     say(f"joints of the source not used: {', '.join(unused(matching)) or 'none'}")
     if output:
-        write_output(output, map_to_json(matching), overwrite)
+        write_output(output, map_to_json(matching, map_file.rest), overwrite)
     if reason := refusal(matching):
         map_name = str(output) if output else "a map, which -o MAP.json writes,"
         raise FileError(target_text.path, f"{reason}; fill in {map_name} and give it with --map")

@@ -1,47 +1,126 @@
-"""Map files: JSON that says which source joint drives which target joint."""
+"""Map files: JSON that says which source joint drives which target joint, and perhaps how the source's body stands."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from distretarget.errors import MapError, SkeletonFileError, entry_place
+from distretarget.body.body import Body
+from distretarget.errors import FileError, MapError, MotionError, SkeletonFileError, difference, entry_place
+from distretarget.io.bvh import parse_bvh
 from distretarget.io.files import read_text
-from distretarget.io.json_node import parse_json
+from distretarget.io.json_node import Node, parse_json
 from distretarget.io.target_file import pairs_to_json
 from distretarget.matching.matching import Matching
 from distretarget.matching.pairing import pairs_of_map
+from distretarget.motion import Motion
+from distretarget.numerics.vectors import normalised
 from distretarget.skeleton import JointMap, Skeleton
 from distretarget.target import Target
+
+FORMAT, VERSION = "distretarget-map", 1
+DIGITS = 9  # of the numbers of a rotation, behind the point
+QUATERNION = 4  # numbers of a rotation, x y z w
+
+
+@dataclass(frozen=True)
+class RestPose:
+    """A pose in which the source's body stands, for alignment with the target, and the path of its file, for errors."""
+
+    rotations: Mapping[str, Sequence[float]]  # by joint, relative to its parent, x y z w
+    path: str | Path
+
+    def on(self, skeleton: Skeleton) -> Motion:
+        """Return the pose of a body, as a motion of one frame.
+
+        Raises:
+            FileError: the body has other joints, or does not stand in this pose.
+        """
+        keys = {skeleton.keys[joint] for joint in skeleton.joints}
+        if keys != self.rotations.keys():
+            raise FileError(
+                self.path, f"the rest pose has other joints than SOURCE: {difference(self.rotations, keys)}"
+            )
+        rotations = np.tile(skeleton.unturned, (1, 1, 1))
+        for key, rotation in self.rotations.items():
+            rotations[0, skeleton.index(key)] = normalised(np.array(rotation))
+        motion = Motion(skeleton, np.zeros((1, 3)), rotations, "1")
+        try:
+            Body.of_motion(motion).standing_as(motion)
+        except MotionError as error:
+            raise FileError(self.path, error.reason) from None
+        return motion
 
 
 @dataclass(frozen=True)
 class MapFile:
-    """The pairs of a map file, {target key: source key or None}, and the path of the file, for errors."""
+    """The pairs of a map file, {target key: source key or None}, its path, for errors, and its rest pose."""
 
     pairs: JointMap
     path: str | Path
+    rest: RestPose | None = None
 
 
-def load_map(path: str | Path | None) -> MapFile:
-    """Return the map in a file, or an empty map if `path` is None.
+def load_map(path: str | Path | None, rest: str | Path | None = None) -> MapFile:
+    """Return the map in a file, or an empty map if `path` is None. The pose of the first frame of `rest`, a BVH file of
+    the source's rig, replaces the rest pose of the map.
 
     Raises:
-        FileError: the file cannot be read.
-        SkeletonFileError: the file is not an object {"target joint": "source joint" or null}.
+        FileError: a file cannot be read, or `rest` has no frames.
+        SkeletonFileError: the map is not an object {"target joint": "source joint" or null}, nor one of the full form.
+        BvhError: `rest` is no valid BVH file.
     """
-    return parse_map(read_text(path), path) if path else MapFile({}, "")
+    map_file = parse_map(read_text(path), path) if path else MapFile({}, "")
+    return replace(map_file, rest=load_rest(rest)) if rest else map_file
+
+
+def load_rest(path: str | Path) -> RestPose:
+    """Return the first frame of a BVH file as a rest pose.
+
+    Raises:
+        FileError: the file cannot be read, or has no frames, or nobody stands in the first.
+        BvhError: the file is no valid BVH file.
+    """
+    motion = parse_bvh(read_text(path), path)
+    if not len(motion):
+        raise FileError(path, "has no frames, expected one in which the body stands")
+    skeleton = motion.skeleton
+    rotations = {skeleton.keys[joint]: motion.rotations[0, joint].round(DIGITS).tolist() for joint in skeleton.joints}
+    rest = RestPose(rotations, path)
+    rest.on(skeleton)
+    return rest
 
 
 def parse_map(text: str, path: str | Path) -> MapFile:
     """Return the map in the text of a file as `load_map` does; `path` is for errors."""
-    return MapFile({key: node.text_or_null() for key, node in parse_json(path, text).entries().items()}, path)
+    root = parse_json(path, text)
+    entries = root.entries()
+    if "format" not in entries or entries["format"].value != FORMAT:
+        return MapFile(_pairs(entries), path)
+    root.check_header(format=FORMAT, version=VERSION)
+    fields = root.fields(("format", "version", "map"), ("rest",))
+    return MapFile(_pairs(fields["map"].entries()), path, fields.read("rest", _rest, None))
 
 
-def map_to_json(matching: Matching) -> str:
-    """Return the text of a map file that gives this matching again.
+def _pairs(entries: Mapping[str, Node]) -> JointMap:
+    return {key: node.text_or_null() for key, node in entries.items()}
+
+
+def _rest(node: Node) -> RestPose:
+    """The rest pose of a map."""
+    rotations: dict[str, Sequence[float]] = {}
+    for key, each in node.entries().items():
+        rotations[key] = [number.number() for number in each.items()]
+        if len(rotations[key]) != QUATERNION or not any(rotations[key]):
+            each.expected("a rotation of four numbers, x y z w")
+    return RestPose(rotations, node.path)
+
+
+def map_to_json(matching: Matching, rest: RestPose | None = None) -> str:
+    """Return the text of a map file that gives this matching again, with a rest pose if there is one.
 
     It has a pair for each joint of the target, depth first, except for joints without a driver that blend the rotations
     of a spine or neck, and for End Sites that were matched automatically.
@@ -54,7 +133,11 @@ def map_to_json(matching: Matching) -> str:
         for joint in target.depth_first
         if not (bending[joint] or ends[joint])
     }
-    return f"{pairs_to_json(pairs)}\n"
+    if rest is None:
+        return f"{pairs_to_json(pairs)}\n"
+    header = f'  "format": "{FORMAT}",\n  "version": {VERSION},\n'
+    turns = pairs_to_json(rest.rotations, "  ")
+    return f'{{\n{header}  "map": {pairs_to_json(pairs, "  ")},\n  "rest": {turns}\n}}\n'
 
 
 def joint_map(source: Skeleton, target: Target, path: str | Path, map_file: MapFile) -> JointMap:

@@ -218,7 +218,7 @@ def skeleton_to_json(skeleton: Skeleton, name: str, joint_map: JointMap | None =
     return "{\n" + "".join(lines) + f'  "joints": [\n{joints}\n  ]{pairs}\n}}\n'
 
 
-def pairs_to_json(joint_map: JointMap, indent: str = "") -> str:
+def pairs_to_json(joint_map: Mapping[str, object], indent: str = "") -> str:
     """Return the JSON object of a map, one pair per line; the lines after the first begin with `indent`."""
     pairs = ",\n".join(f"{indent}  {_dump(key)}: {_dump(driver)}" for key, driver in joint_map.items())
     return f"{{\n{pairs}\n{indent}}}"

@@ -143,11 +143,18 @@ class Matching:
         _, a, b = self.shared_bones(self.source.skeleton.rest_positions, self.target.skeleton.rest_positions)
         return bool(((a * b).sum(axis=1) >= np.cos(BUILD_ANGLE)).all())
 
+    @cached_property
+    def in_reference(self) -> bool:
+        """Whether the bodies are aligned in their reference poses, not in their rest poses."""
+        recognised = self.source.anatomy is not None and self.target.anatomy is not None
+        return recognised and (self.source.standing is not None or not self.rest_poses_alike)
+
     def shared_bones(self, x: Array, y: Array) -> tuple[NDArray[np.intp], Array, Array]:
         """Return the bones that both bodies share: the target joint at the upper end of each, (bones,), ascending, and
         the unit directions of the bones on source and target, (bones, 3), for joint positions `x` and `y`.
         A shared bone joins a driven joint, from the hips down, to the nearest driven joint above it; bones of length 0
-        on either body are left out.
+        on either body are left out, and so are those from a joint of the body to one that is none of it (jaw, eye,
+        hair, prop), which do not show how the body is turned.
         """
         driven = (self.drivers >= 0) & ~np.isin(self.drivers, self.source.above_hips)
         driven[[*self.target.above_hips]] = False
@@ -157,6 +164,8 @@ class Matching:
         above = np.array(nearest)
         lower = np.flatnonzero(driven & (above >= 0))
         lower = lower[np.argsort(above[lower], kind="stable")]
+        of_body = np.minimum(self.regions.of_joint, self.source.regions.of_joint[self.drivers]) >= 0
+        lower = lower[of_body[lower] | ~of_body[above[lower]]]
         upper = above[lower]
         a, b = x[self.drivers[lower]] - x[self.drivers[upper]], y[lower] - y[upper]
         apart = a.any(axis=1) & b.any(axis=1)
@@ -171,11 +180,14 @@ class Matching:
         """
         if self.legs is None:
             return ()
-        source, target = find_soles(self.source, self.legs[0]), find_soles(self.target, self.legs[1])
+        bodies = (self.source, self.target)
+        poses = (body.reference if self.in_reference else body.rest for body in bodies)
+        feet = [*zip(bodies, self.legs, poses, strict=True)]
+        source, target = (find_soles(*each) for each in feet)
         if self.rest_poses_alike and not target[0].known:
-            target = find_soles(self.target, self.legs[1], (source[0].normal, source[1].normal))
+            target = find_soles(*feet[1], (source[0].normal, source[1].normal))
         elif self.rest_poses_alike and not source[0].known:
-            source = find_soles(self.source, self.legs[0], (target[0].normal, target[1].normal))
+            source = find_soles(*feet[0], (target[0].normal, target[1].normal))
         pairs = zip(self.legs[1], source, target, strict=True)
         return tuple((a, b) if leg.toe != leg.ankle else (a.at_ankle, b.at_ankle) for leg, a, b in pairs)
 

@@ -54,11 +54,12 @@ def match_performer(
     target: Motion | Skeleton | Target | SkeletonEdit,
     options: Options = DEFAULT_OPTIONS,
     joint_map: JointMap | None = None,
+    rest: Motion | None = None,
 ) -> Match:
     """Match a source to its target, with the parameters and errors of `retarget`."""
     goal = _target_for(source, target)
     _check(source, goal.skeleton)
-    of_source = Body.of_motion(source)
+    of_source = Body.of_motion(source) if rest is None else Body.of_motion(source).standing_as(rest)
     of_target = _body_at_rest(goal.skeleton) if goal.motion is None else Body.of(goal.skeleton, goal.motion)
     ups = {"source_up": options.source_up, "target_up": options.target_up}
     world = find_world(of_source, of_target, **ups, root_offset=options.root_offset)

@@ -32,6 +32,7 @@ def retarget(
     options: Options = DEFAULT_OPTIONS,
     *,
     joint_map: JointMap | None = None,
+    rest: Motion | None = None,
     settings: ContactSettings = DEFAULT_SETTINGS,
     mapper: Mapper = in_threads,
     progress: Progress = ignore_progress,
@@ -46,6 +47,8 @@ def retarget(
         options: how to retarget it.
         joint_map: the source key for each target key, or None for joints that nothing should drive; it overrides the
             target file's map. All other joints are matched by names or by shape.
+        rest: a motion of the source's joints in whose first frame the body stands, in T-pose, A-pose or with arms down,
+            for a source whose rest pose does not show it (`docs/rigs.md`).
         settings: of the contact objective; the paper's objective has none.
         mapper: solves the chunks of a long clip: `map`, the `map` of an executor, or by default one thread per core.
             The result is the same. The paper's objective has no chunks.
@@ -55,17 +58,19 @@ def retarget(
         MatchingError: the two bodies cannot be matched.
         MapError: `joint_map` names joints that are not there.
         MotionError: the source has no frames, or positions too large to compute with, or a body has no extent; or
-            the root is to follow the source's root, and the source has none on the floor.
+            the root is to follow the source's root, and the source has none on the floor; or `rest` has other joints
+            than the source, or nobody stands in it.
         SettingsError: an argument has the wrong type.
     """
     check_kind("source", source, Motion)
     check_kind("target", target, Motion, Skeleton, Target, SkeletonEdit)
     check_kind("options", options, Options)
     check_kind("joint_map", joint_map, Mapping, NoneType)
+    check_kind("rest", rest, Motion, NoneType)
     check_kind("settings", settings, ContactSettings)
     check_callable("mapper", mapper)
     check_callable("progress", progress)
-    match = match_performer(source, target, options, joint_map)
+    match = match_performer(source, target, options, joint_map, rest)
     performer = match.performer(RootScale.even(options.root_scale or find_root_scale(match.matching)), options)
     if options.objective == "paper":
         return performer.result(*solve_paper(performer.clip, progress))
@@ -85,7 +90,7 @@ def retarget_onto(
     mapper: Mapper = in_threads,
     progress: Progress = ignore_progress,
 ) -> RetargetResult:
-    """Retarget a motion to the target in a file, with the joint pairs of a map file.
+    """Retarget a motion to the target in a file, with the joint pairs and the rest pose of a map file.
 
     `source` is the path of the motion's file, for error messages; `mapper` and `progress` are those of `retarget`.
 
@@ -94,8 +99,9 @@ def retarget_onto(
     """
     whole_target = parse_target(target.text, target.path).for_source(motion.rigid_skeleton)
     pairs = joint_map(motion.rigid_skeleton, whole_target, target.path, map_file)
+    rest = map_file.rest.on(motion.rigid_skeleton) if map_file.rest else None
     try:
-        return retarget(motion, whole_target, options, joint_map=pairs, mapper=mapper, progress=progress)
+        return retarget(motion, whole_target, options, joint_map=pairs, rest=rest, mapper=mapper, progress=progress)
     except MatchingError as error:
         raise needs_map(error, source, target.path) from error
     except DistretargetError as error:

@@ -66,6 +66,7 @@ def retarget_scene(
     props: Sequence[Prop] = (),
     *,
     joint_maps: Sequence[JointMap | None] | None = None,
+    rests: Sequence[Motion | None] | None = None,
     world_scale: float | None = None,
     supports: HoldMode = "hold",
     environment: Environment = "body",
@@ -85,6 +86,7 @@ def retarget_scene(
         targets: a body for each, as in `retarget`.
         props: what else is in their world, such as chairs, tables and swords.
         joint_maps: for each performer as in `retarget`.
+        rests: for each performer the `rest` of `retarget`.
         world_scale: target units per source unit along the floor; if not given, the mean of the performers' ratios of
             leg lengths, or less if the legs of one would be too short.
         supports: as in `retarget`.
@@ -106,9 +108,12 @@ def retarget_scene(
     _check_each("props", props, Prop)
     maps = [None] * len(sources) if joint_maps is None else joint_maps
     _check_each("joint_maps", maps, Mapping, NoneType)
-    if not sources or len(sources) != len(targets) or len(maps) != len(sources):
+    stances = [None] * len(sources) if rests is None else rests
+    _check_each("rests", stances, Motion, NoneType)
+    if not sources or not len(sources) == len(targets) == len(maps) == len(stances):
         raise SettingsError(
-            f"{len(sources)} sources, {len(targets)} targets and {len(maps)} maps; expected one for each source"
+            f"{len(sources)} sources, {len(targets)} targets, {len(maps)} maps and {len(stances)} rest poses; expected "
+            "one for each source"
         )
     if world_scale is not None:
         check_number("world_scale", world_scale, SMALLEST, LARGEST)
@@ -117,9 +122,9 @@ def retarget_scene(
     check_callable("progress", progress)
     options = Options(supports=supports, environment=environment)
     _check_times(sources, props)
-    first = match_performer(sources[0], targets[0], joint_map=maps[0])
+    first = match_performer(sources[0], targets[0], joint_map=maps[0], rest=stances[0])
     axes = Options(source_up=first.world.source_up, target_up=first.world.up)
-    performers = [first, *map(match_performer, sources[1:], targets[1:], repeat(axes), maps[1:])]
+    performers = [first, *map(match_performer, sources[1:], targets[1:], repeat(axes), maps[1:], stances[1:])]
     heights = [find_root_scale(performer.matching) for performer in performers]
     if max(heights) > SAME_UNITS * min(heights):
         raise MotionError(

@@ -112,10 +112,12 @@ class SceneSetup:
     def retargeted(self) -> SceneResult:
         """Read all files, and retarget the scene; errors as in `read` and `retarget_scene`."""
         sources, props = self.read()
-        targets, maps = [], []
+        targets, maps, rests = [], [], []
         for performer, source in zip(self.performers, sources, strict=True):
             target = load_target(performer.target).for_source(source.rigid_skeleton)
-            maps.append(joint_map(source.rigid_skeleton, target, performer.target, load_map(performer.map_path)))
+            map_file = load_map(performer.map_path)
+            maps.append(joint_map(source.rigid_skeleton, target, performer.target, map_file))
+            rests.append(map_file.rest.on(source.rigid_skeleton) if map_file.rest else None)
             targets.append(target)
         try:
             return retarget_scene(
@@ -123,6 +125,7 @@ class SceneSetup:
                 targets,
                 props,
                 joint_maps=maps,
+                rests=rests,
                 world_scale=self.world_scale,
                 supports=self.supports,
                 environment=self.environment,
