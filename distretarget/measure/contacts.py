@@ -2,8 +2,8 @@
 
 Two regions of the target's body touch in a frame if they are not neighbours and their nearest joints are close to each
 other in the source, but far apart along the tree, and clearly closer than while the source stands with hanging arms:
-a hand that hangs beside the hip does not touch it. The two feet do not count while one of them rests: they pass each
-other in every stride.
+a hand that hangs beside the hip does not touch it. Two feet, and two shins, do not count while a foot rests: they pass
+each other in every stride.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.body.legs import passing_regions
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import blocks_of
@@ -33,7 +34,7 @@ class Candidates:
 
     points: Numbers  # (points,), the joints and End Sites with a driver; of coinciding ones, only the first
     names: tuple[str, ...]  # the pairs of regions, such as "left hand - right hand", the most interesting first
-    feet: NDArray[np.bool_]  # (pairs of regions,), whether the two regions are the two feet
+    passing: NDArray[np.bool_]  # (pairs of regions,), whether the two regions pass each other in a stride
     first: Numbers  # (pairs of regions,), where the pairs of joints of each begin
     u: Numbers  # (pairs of joints,)
     v: Numbers  # (pairs of joints,)
@@ -54,7 +55,7 @@ class Candidates:
                 found.append(rows)
         rows = np.concatenate(found, axis=1)
         stands = np.asarray(feet_rest.any(axis=1))
-        return np.asarray(rows[:, ~(self.feet[rows[1]] & stands[rows[0]])])
+        return np.asarray(rows[:, ~(self.passing[rows[1]] & stands[rows[0]])])
 
     def _nearest(self, D: Array) -> Numbers:
         """The contacts where D, (frames, pairs of joints), is below its limit, as in `touching`. Of the joints of two
@@ -171,11 +172,11 @@ def find_candidates(matching: Matching) -> Candidates:
     if (places := matching.source.hanging) is not None:
         hanging = lengths(places[drivers[u]] - places[drivers[v]]) / tau_source[drivers[u], drivers[v]]
     pairs, first = np.unique(ends[order], axis=0, return_index=True)
-    feet = [] if matching.legs is None else sorted(regions.of_joint[[leg.ankle for leg in matching.legs[1]]])
+    passing = passing_regions(regions, matching.legs[1] if matching.legs else None)
     return Candidates(
         points=points,
         names=tuple(f"{regions.names[a]} - {regions.names[b]}" for a, b in pairs),
-        feet=np.array([[*pair] == feet for pair in pairs], bool),
+        passing=passing[tuple(pairs.reshape(-1, 2).T)],
         first=first,
         u=u,
         v=v,
