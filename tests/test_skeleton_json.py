@@ -283,7 +283,7 @@ def test_bad_texts(written, text, place, reason):
 
 def manual_examples():
     examples = re.findall(r"```json\n(.*?)```", MANUAL.read_text("utf-8"), re.DOTALL)
-    return [example for example in examples if '"format"' in example]
+    return [example for example in examples if '"distretarget-skeleton"' in example]
 
 
 def test_the_manual_has_both_forms():
