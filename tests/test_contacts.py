@@ -8,7 +8,7 @@ from bodies import clapping, lengthened, matched, person, posed
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton
-from distretarget.measure.contacts import Candidates, Contacts, find_contacts
+from distretarget.measure.contacts import STRIDE, Candidates, Contacts, find_contacts
 from distretarget.measure.figures import BY_KEY
 from distretarget.measure.metrics import Reference
 
@@ -68,9 +68,9 @@ def test_contact_error_is_the_mean_over_the_contacts_of_a_frame_then_over_frames
     names = ("hand - head", "hand - hips")
     contacts = Contacts(
         candidates=Candidates(
-            points=none, names=names, feet=np.zeros(2, bool), first=none, u=none, v=none, limits=np.zeros(0)
+            points=none, names=names, passing=np.zeros(2, bool), first=none, u=none, v=none, limits=np.zeros(0)
         ),
-        frames=3,
+        strides=np.zeros(3, bool),
         frame=np.array([0, 0, 2]),
         regions=np.array([0, 1, 1]),
         u=np.array([1, 2, 3]),
@@ -105,11 +105,11 @@ def test_a_clap_is_a_contact_of_the_hands_and_comes_first():
 
 def test_feet_touch_unless_both_rest():
     """The feet are nearer to each other all the time than while the person stands."""
-    source = standing(4, turns=FEET_TOGETHER)
-    assert names_of(contacts_of(source, source, [True] * 4)) == []
-    contacts = contacts_of(source, source, [True, False, False, True])
+    source, frames = standing(60, turns=FEET_TOGETHER), np.arange(60)
+    assert names_of(contacts_of(source, source, frames >= 0)) == []
+    contacts = contacts_of(source, source, frames < 20)
     assert names_of(contacts) == ["left foot - right foot"]
-    np.testing.assert_array_equal(contacts.counts, [0, 1, 1, 0])
+    np.testing.assert_array_equal(contacts.counts, frames > 19 + round(STRIDE / source.frame_time))
 
 
 @pytest.mark.parametrize(("speed", "feet_touch"), [(0.1, False), (2.0, True)])

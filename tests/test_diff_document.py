@@ -167,7 +167,7 @@ def test_the_schema_wants_everything(key):
     assert not validator().is_valid({name: value for name, value in made("clap").items() if name != key})
 
 
-@pytest.mark.parametrize("sample", ["clap", "walk", "squat"])
+@pytest.mark.parametrize("sample", ["clap", "hands_on_hips"])
 def test_a_motion_against_itself_has_no_errors(sample):
     motion = read_bvh(SAMPLES / f"{sample}.bvh")
     found = document(diff(motion, motion), ABOUT)

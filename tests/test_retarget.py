@@ -165,7 +165,11 @@ def test_bodies_of_any_size_and_one_bone_without_proportion(size, objective):
         offsets = np.array(BODY.offsets)
         offsets[BODY.index(joint), 0] = 1e12
         for target in (BODY.with_offsets(size * BODY.offsets), BODY.with_offsets(offsets)):
-            result = retarget(motion, target, Options(objective=objective))
+            try:
+                result = retarget(motion, target, Options(objective=objective))
+            except MotionError:  # a pose with a bone that much longer than the legs may be out of reach
+                assert target.lengths.max() == 1e12
+                continue
             assert np.isfinite(result.motion.positions).all()
             assert np.isfinite(result.motion.rotations).all()
 

@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.body.anatomy import SIDES, Anatomy
+from distretarget.body.anatomy import SIDES, Anatomy, Regions
 from distretarget.skeleton import Skeleton
 
 LIKENESS = 0.15  # two limbs are alike if their bone lengths differ by less than this [sum of the lengths of both]
@@ -17,6 +17,7 @@ SHORTEST_LIMB = 0.4  # least length of a limb [lengths of the longest pair of li
 JOINT_BEND = np.radians(30)  # the rest pose bends by more than this at most hip joints and ankles [rad]
 SHORTEST_FOOT = 0.3  # the foot's first bone reaches at least this far [length from the ankle to the end of the toes]
 LOWEST_HIP = 0.3  # the hip joint is above this place [length of the leg's chain, from its top]
+SHINS = tuple(f"{side} shin" for side in SIDES)
 HIGHEST_ANKLE = 0.6  # the ankle is below this place [length of the leg's chain, from its top]
 
 
@@ -124,6 +125,17 @@ def _leg(skeleton: Skeleton, chain: list[int]) -> Leg:
     first = max([k for k in bent if along[k] < LOWEST_HIP], default=long[0] - 1)
     last = min([k for k in bent if along[k] > HIGHEST_ANKLE], default=long[-1])
     return Leg(chain[first], chain[last], chain[min(last + 1, len(chain) - 1)])
+
+
+def passing_regions(regions: Regions, legs: Legs | None) -> NDArray[np.bool_]:
+    """Return which pairs of regions pass each other in a stride, (regions, regions): both feet, and both shins."""
+    passing = np.zeros((len(regions.names),) * 2, bool)
+    if legs:
+        shins = [regions.names.index(name) for name in SHINS if name in regions.names]
+        for pair in (regions.of_joint[[leg.ankle for leg in legs]].tolist(), shins):
+            if len(set(pair)) == len(SIDES) and min(pair) >= 0:
+                passing[pair, pair[::-1]] = True
+    return passing
 
 
 def pelvis_joint(skeleton: Skeleton, legs: Legs) -> int:

@@ -2,8 +2,8 @@
 
 Two regions of the target's body touch in a frame if they are not neighbours and their nearest joints are close to each
 other in the source, but far apart along the tree, and clearly closer than while the source stands with hanging arms:
-a hand that hangs beside the hip does not touch it. The two feet do not count while one of them rests: they pass each
-other in every stride.
+a hand that hangs beside the hip does not touch it. Two feet, and two shins, do not count while the body stands or
+walks: they pass each other in every stride.
 """
 
 from __future__ import annotations
@@ -13,9 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.body.legs import passing_regions
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import blocks_of
+from distretarget.numerics.time_series import largest
 from distretarget.numerics.vectors import lengths
 
 Array = NDArray[np.float64]
@@ -24,6 +26,7 @@ Numbers = NDArray[np.intp]
 CONTACT_DISTANCE = 0.15  # joints in contact have D below this in the source ...
 LEAST_DISTANCE = 0.01  # ... or below this where they touch in that pose, too ...
 NEARER = 0.8  # ... and below this share of D in the source with hanging arms ...
+STRIDE = 0.2  # a body stands or walks in frames within this time of one in which a foot rests [s]
 FAR_ALONG = 5  # ... and at least this many joints on the path between them
 
 
@@ -33,17 +36,17 @@ class Candidates:
 
     points: Numbers  # (points,), the joints and End Sites with a driver; of coinciding ones, only the first
     names: tuple[str, ...]  # the pairs of regions, such as "left hand - right hand", the most interesting first
-    feet: NDArray[np.bool_]  # (pairs of regions,), whether the two regions are the two feet
+    passing: NDArray[np.bool_]  # (pairs of regions,), whether the two regions pass each other in a stride
     first: Numbers  # (pairs of regions,), where the pairs of joints of each begin
     u: Numbers  # (pairs of joints,)
     v: Numbers  # (pairs of joints,)
     limits: Array  # (pairs of joints,), they touch while D in the source is below this
 
-    def touching(self, motion: Motion, joint_of: Numbers, feet_rest: NDArray[np.bool_]) -> Numbers:
+    def touching(self, motion: Motion, joint_of: Numbers, strides: NDArray[np.bool_]) -> Numbers:
         """Each contact in a motion: (3, contacts), its frame, its pair of regions and its nearest pair of joints.
 
-        `joint_of`, (target joints,), is the joint of the motion for each joint of the target; `feet_rest` is as in
-        `find_contacts`.
+        `joint_of`, (target joints,), is the joint of the motion for each joint of the target; `strides` is that of
+        `Contacts`.
         """
         u, v = joint_of[self.u], joint_of[self.v]
         found = [np.zeros((3, 0), np.intp)]
@@ -53,8 +56,7 @@ class Candidates:
                 rows[0] += block.start
                 found.append(rows)
         rows = np.concatenate(found, axis=1)
-        stands = np.asarray(feet_rest.any(axis=1))
-        return np.asarray(rows[:, ~(self.feet[rows[1]] & stands[rows[0]])])
+        return np.asarray(rows[:, ~(self.passing[rows[1]] & strides[rows[0]])])
 
     def _nearest(self, D: Array) -> Numbers:
         """The contacts where D, (frames, pairs of joints), is below its limit, as in `touching`. Of the joints of two
@@ -89,7 +91,7 @@ class Contacts:
     """The contacts of a source and their distances in a result: a row for each contact in each frame."""
 
     candidates: Candidates
-    frames: int  # of the clip
+    strides: NDArray[np.bool_]  # (frames,), whether a foot of the source rests within `STRIDE`
     frame: Numbers  # (rows,), ascending
     regions: Numbers  # (rows,), which pair of regions touches, as an index of `candidates.names`
     u: Numbers  # (rows,), the target joints that are nearest in the source
@@ -109,12 +111,12 @@ class Contacts:
     @property
     def counts(self) -> Numbers:
         """(frames,), the number of contacts in each frame."""
-        return np.bincount(self.frame, minlength=self.frames)
+        return np.bincount(self.frame, minlength=len(self.strides))
 
     @property
     def error_of_frames(self) -> Array:
         """(frames,), the mean error of the contacts of a frame; 0 without contacts."""
-        sums = np.bincount(self.frame, self.error, minlength=self.frames)
+        sums = np.bincount(self.frame, self.error, minlength=len(self.strides))
         return np.asarray(sums / np.maximum(self.counts, 1))
 
     @property
@@ -146,11 +148,13 @@ def find_contacts(source: Motion, matching: Matching, feet_rest: NDArray[np.bool
     `feet_rest`, (frames, foot joints), is whether each foot joint rests in the source; without legs it has no columns.
     """
     candidates, drivers = find_candidates(matching), matching.drivers
-    frame, regions, nearest = candidates.touching(source, drivers, feet_rest)
+    reach = round(STRIDE / source.frame_time)
+    strides = largest(np.asarray(feet_rest.any(axis=1), np.float64)[:, None], reach)[:, 0] > 0.0
+    frame, regions, nearest = candidates.touching(source, drivers, strides)
     u, v = candidates.u[nearest], candidates.v[nearest]
     D = _distances(source, frame, drivers[u], drivers[v])
     rows = {"frame": frame, "regions": regions, "u": u, "v": v, "distance_source": D, "distance_result": D}
-    return Contacts(candidates=candidates, frames=len(source), **rows)
+    return Contacts(candidates=candidates, strides=strides, **rows)
 
 
 def find_candidates(matching: Matching) -> Candidates:
@@ -171,11 +175,11 @@ def find_candidates(matching: Matching) -> Candidates:
     if (places := matching.source.hanging) is not None:
         hanging = lengths(places[drivers[u]] - places[drivers[v]]) / tau_source[drivers[u], drivers[v]]
     pairs, first = np.unique(ends[order], axis=0, return_index=True)
-    feet = [] if matching.legs is None else sorted(regions.of_joint[[leg.ankle for leg in matching.legs[1]]])
+    passing = passing_regions(regions, matching.legs[1] if matching.legs else None)
     return Candidates(
         points=points,
         names=tuple(f"{regions.names[a]} - {regions.names[b]}" for a, b in pairs),
-        feet=np.array([[*pair] == feet for pair in pairs], bool),
+        passing=passing[tuple(pairs.reshape(-1, 2).T)],
         first=first,
         u=u,
         v=v,

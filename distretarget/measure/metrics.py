@@ -167,7 +167,7 @@ def _contact_gap(contacts: Contacts, matching: Matching) -> Array:
     ):
         tau = body.skeleton.path_lengths[joint_of[contacts.u], joint_of[contacts.v]]
         gaps.append(D * tau / (0.5 * body.unit))
-    farthest = np.zeros(contacts.frames)
+    farthest = np.zeros(len(contacts.strides))
     np.maximum.at(farthest, contacts.frame, 100.0 * (gaps[1] - gaps[0]))
     return farthest
 

@@ -78,7 +78,7 @@ class SelfContact:
         f = _sets_in(D, np.minimum(reach, NEARER * hanging), np.minimum(farthest, AS_FAR * hanging))
         hangs = np.flatnonzero((AS_FAR * hanging < farthest) & raised.any(axis=0))
         if len(hangs):
-            D, raised = median_of_three(D[:, hangs]), median_of_three(raised[:, hangs])
+            D, raised = (median_of_three(np.take(each, hangs, axis=1)) for each in (D, raised))
             varies = largest(D, self.held) + largest(-D, self.held)
             held = smoothstep((UNSTEADY - varies) / (UNSTEADY - STEADY)) * raised
             f[:, hangs] = np.maximum(f[:, hangs], held * _sets_in(D, reach, farthest))

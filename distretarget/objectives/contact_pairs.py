@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.anatomy import Regions
-from distretarget.body.legs import Legs
+from distretarget.body.legs import Legs, passing_regions
 from distretarget.distances import DistanceProblem
 from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.time_series import Shots
@@ -45,8 +45,7 @@ class CandidatePairs:
     tau1: Array  # (pairs,), path lengths on the source [source file units]
     ratio: Array  # (pairs,), tau2 / tau1 [body units / source file unit]
     hanging: Array  # (pairs,), D in the source with hanging arms; infinite where that is not known
-    # (pairs,), whether the pair joins the two feet, which are close without a contact while the body stands
-    feet: NDArray[np.bool_]
+    passing: NDArray[np.bool_]  # (pairs,), whether the pair joins feet or shins, which pass each other in a stride
     points: int  # the number of points
 
 
@@ -62,20 +61,14 @@ def candidate_pairs(
     far = (distances.sizes[u, v] >= LEAST_PATH) & (distances.tau1[u, v] > 0)
     far &= (np.minimum(of_point[u], of_point[v]) >= 0) & ~regions.neighbours[of_point[u], of_point[v]]
     u, v = u[far], v[far]
-    feet = np.zeros(len(u), bool)
-    if legs:
-        regions_of_pair, of_feet = (
-            np.sort([of_point[u], of_point[v]], axis=0),
-            [regions.of_joint[leg.ankle] for leg in legs],
-        )
-        feet = (regions_of_pair == np.sort(of_feet)[:, None]).all(axis=0)
+    passing = passing_regions(regions, legs)[of_point[u], of_point[v]]
     tau1, targets = distances.tau1[u, v], distances.targets
     ratio = distances.tau2[u, v] / unit / tau1
     D = np.full(len(u), np.inf)
     if hanging is not None:
         D = lengths(hanging[distances.sources[u]] - hanging[distances.sources[v]]) / tau1
     D = np.maximum(D, TOUCH)
-    return CandidatePairs(u, v, targets[u], targets[v], tau1, ratio, D, np.asarray(feet), len(distances))
+    return CandidatePairs(u, v, targets[u], targets[v], tau1, ratio, D, passing, len(distances))
 
 
 class NearPairs(NamedTuple):
@@ -119,7 +112,7 @@ def near_pairs(
     u, v = pairs.u[on], pairs.v[on]
     D = normalised_distances(window, window, u, v, pairs.tau1[on])
     f = contact.activation(D, pairs.hanging[on], np.maximum(raised[:, u], raised[:, v]), shots[first:last])[inside]
-    f *= 1.0 - np.outer(standing, pairs.feet[on])
+    f *= 1.0 - np.outer(standing, pairs.passing[on])
     D = D[inside]
     w = pair_stiffness(f, D, (u, v), pairs.points, settings) / (1.0 + (D / settings.reach) ** 4)
     return NearPairs(pairs.a[on], pairs.b[on], u, v, pairs.ratio[on], window[inside], copy[block], f, w)

@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.baseline.rotation_copy import RootScale
 from distretarget.body.legs import Leg
 from distretarget.body.resting import feet_resting
 from distretarget.body.soles import Sole
@@ -31,7 +30,7 @@ from distretarget.ik.springs import no_springs
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import heights_of
 from distretarget.numerics.parallel import mapper_for
-from distretarget.numerics.time_series import Shots, averaged, by_shot, median_of_three, smoothed, steadied, widened
+from distretarget.numerics.time_series import averaged, by_shot, median_of_three, smoothed, steadied, widened
 from distretarget.numerics.vectors import lengths, level
 from distretarget.objectives.clip import Clip, LegPair
 from distretarget.objectives.floor import no_floor
@@ -65,7 +64,7 @@ def find_foot_lock(clip: Clip) -> Supports:
     weights, sources, copies = zip(*side_by_side(foot, clip.legs), strict=True)
     wider = _wider(clip, weights, sources, copies)
     places = [
-        _places(source, copy, clip.scale, clip.up, of_foot.max(axis=1), clip.shots, aside)
+        _places(clip, source, copy, of_foot.max(axis=1), aside)
         for source, copy, of_foot, aside in zip(sources, copies, weights, (wider, -wider), strict=True)
     ]
     joints = np.array([joint for pair in clip.legs for joint in (pair.target.ankle, pair.target.toe)])
@@ -135,8 +134,6 @@ class _Foot:
     bone: Array  # (frames, 3), from toe to ankle [file units]
     # (frames,), how far the lowest point of the sole is below the toe; it rolls smoothly from heel to toe [file units]
     below: Array
-    # (frames,), how firmly the foot keeps its place to the next frame: (WAY / step of ankle or toe, the lesser)^2
-    planted: Array
 
     @classmethod
     def of(cls, motion: Motion, leg: Leg, sole: Sole, up: Array, length: float) -> _Foot:
@@ -150,22 +147,27 @@ class _Foot:
         )
         heel, others = under[:, 0], under[:, 1:]
         front = others.max(axis=1) if others.shape[1] else heel
-        paths = (median_of_three(level(each, up)) for each in (toe, toe + bone))  # ignores a single faulty frame
-        paths = (averaged(each, round(STEADY / motion.frame_time)) for each in paths)
-        steps = np.min([lengths(np.diff(each, axis=0, append=each[-1:])) for each in paths], axis=0)
-        planted = (WAY * length / np.maximum(steps, STILL * length)) ** 2
         below = (heel + front + np.hypot(heel - front, ROLL * length)) / 2.0
-        return cls(positions[:, leg.hip], toe, bone, below, planted)
+        return cls(positions[:, leg.hip], toe, bone, below)
 
 
-def _places(
-    source: _Foot, copy: _Foot, scale: RootScale, up: Array, weights: Array, shots: Shots, wider: Array
-) -> list[Array]:
+def _places(clip: Clip, source: _Foot, copy: _Foot, weights: Array, wider: Array) -> list[Array]:
     """The places of ankle and toe, (frames, 3) each [target file units]; `weights`, (frames,), are 1 at rest, and
     `wider`, (frames, 3), is how far the foot belongs to the side, as in `_wider`.
     """
+    scale, up = clip.scale, clip.up
     offset = level(scale.height * source.bone - copy.bone, up) + wider
-    toe = scale.places(source.toe, up)
-    toe += by_shot(steadied, shots, median_of_three(offset), weights + LITTLE, source.planted)
+    paths = level(np.stack([source.toe, source.toe + source.bone], axis=1) / clip.leg_lengths[0], up)
+    steady = partial(_steady, reach=round(STEADY / clip.frame_time))
+    toe = scale.places(source.toe, up) + by_shot(steady, clip.shots, offset, weights, paths)
     toe += (copy.below - scale.height * source.below)[:, None] * up
     return [toe + copy.bone, toe]
+
+
+def _steady(offset: Array, weights: Array, paths: Array, reach: int) -> Array:
+    """(frames, 3), the offset steadied, as firmly from one frame to the next as (`WAY` / step of ankle or toe, the
+    lesser)^2; `paths`, (frames, 2, 3), are theirs along the floor [leg lengths], averaged over `reach` frames.
+    """
+    paths = averaged(median_of_three(paths), reach)  # the median ignores a single faulty frame
+    steps = lengths(np.diff(paths, axis=0, append=paths[-1:])).min(axis=1)
+    return steadied(median_of_three(offset), weights + LITTLE, (WAY / np.maximum(steps, STILL)) ** 2)

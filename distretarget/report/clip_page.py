@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.body.legs import Leg, leg_length
+from distretarget.body.legs import Leg, leg_length, passing_regions
 from distretarget.checks import check_kind
 from distretarget.io.files import write_whole
 from distretarget.measure.contacts import CONTACT_DISTANCE, FAR_ALONG, Candidates
@@ -104,7 +104,8 @@ def diff_drawing(diff: Diff) -> dict[str, Any]:
         "limits": in_base64(_limits(contacts.candidates), "<u1"),  # (points, points), ... or less: this / 255 of it ...
         "far_along": FAR_ALONG,  # ... and the path between them has at least this many joints
         "regions": regions.of_joint[b_points].tolist(),  # of each point, -1 for none
-        "foot_regions": [int(regions.of_joint[leg.ankle]) for leg in legs[1] or ()],  # do not touch while one rests
+        "passing": np.argwhere(np.triu(passing_regions(regions, legs[1]))).tolist(),  # never touch in these frames:
+        "strides": in_base64(np.packbits(contacts.strides, bitorder="little"), "<u1"),  # (frames,), a bit each
         "facing": _facing(diff),
         "a": _drawing(diff.a, matching.source.skeleton, legs[0], a_joints, diff.up, step),
         "b": _drawing(diff.b, matching.target.skeleton, legs[1], b_joints, diff.up, step),
@@ -165,7 +166,7 @@ def _bone_errors(diff: Diff, step: int) -> NDArray[np.float64]:
 def _contacts(diff: Diff, points: list[int]) -> list[dict[str, Any]]:
     """The regions that touch in A: their nearest points in the worst frame, and when they touch in A and in B."""
     contacts, everything = diff.comparison.contacts, np.arange(len(diff.b.skeleton))
-    frame, regions, _ = contacts.candidates.touching(diff.b, everything, diff.comparison.feet.stance)
+    frame, regions, _ = contacts.candidates.touching(diff.b, everything, contacts.strides)
     names = contacts.candidates.names
     return [
         {

@@ -26,6 +26,7 @@ function unpacked(motion) {
 
 const A = unpacked(drawing.a), B = unpacked(drawing.b);
 const pointCount = A.points.length;
+const strideBits = new Uint8Array(bytes(drawing.strides));
 const contactLimits = new Uint8Array(bytes(drawing.limits));
 const rests = new Uint8Array(bytes(drawing.rests));
 const boneErrors = new Uint8Array(bytes(drawing.bone_errors));
@@ -64,9 +65,9 @@ function restsAt(k, frame) {
   return (rests[frame * row + (k >> 3)] >> (k & 7) & 1) === 1;
 }
 
-/** Whether a foot rests in A at a frame: then the feet do not count as touching each other. */
-function aFootRests(frame) {
-  return drawing.foot_regions.length === 2 && [0, 1, 2, 3].some(k => restsAt(k, frame));
+/** Whether A stands or walks at a frame: then feet and shins, which pass each other, do not count as touching. */
+function strides(frame) {
+  return (strideBits[frame >> 3] >> (frame & 7) & 1) === 1;
 }
 
 /** The D of two points over the D below which they touch; 1 or more if they never do. */
@@ -77,11 +78,11 @@ function near(D, k) {
 /** The regions that touch in A at a frame, by their nearest points: [point, point, whether these are near in B]. */
 function contactsAt(frame) {
   const a = distances(A, frame), b = distances(B, frame), nearest = new Map();
-  const feet = aFootRests(frame) ? drawing.foot_regions : [];
+  const passing = strides(frame) ? drawing.passing : [];
   for (let i = 0; i < pointCount; i++) {
     for (let j = 0; j < i; j++) {
       const k = i * pointCount + j, [p, q] = [drawing.regions[i], drawing.regions[j]].sort((one, other) => one - other);
-      if (!(near(a, k) < 1) || Number.isNaN(b[k]) || (feet.includes(p) && feet.includes(q))) continue;
+      if (!(near(a, k) < 1) || Number.isNaN(b[k]) || passing.some(pair => pair[0] === p && pair[1] === q)) continue;
       const key = `${p} ${q}`, [oldI, oldJ] = nearest.get(key) || [i, j];
       if (near(a, k) <= near(a, oldI * pointCount + oldJ)) nearest.set(key, [i, j]);
     }

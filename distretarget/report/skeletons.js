@@ -72,7 +72,7 @@ function drawSupports(context, motion, project, frame) {
   context.lineWidth = 2;
   motion.resting.forEach((joint, k) => {
     if (!restsAt(k, frame)) return;
-    const isFoot = drawing.foot_regions.length === 2 && k < 4;
+    const isFoot = drawing.passing.length > 0 && k < 4;
     const x = motion.x[3 * joint], y = isFoot ? 0 : motion.x[3 * joint + 1], z = motion.x[3 * joint + 2];
     context.beginPath();
     for (let step = 0; step <= 24; step++) {
