@@ -59,7 +59,7 @@ def find_soles(
         pitch = max((foot.pitch for foot in feet if foot.known), default=None)
         feet = feet if pitch is None else [foot.pitched(pitch) for foot in feet]
     if normals is not None:
-        feet = [replace(foot, up=normal) for foot, normal in zip(feet, normals, strict=True)]
+        feet = [replace(foot, up=normal, known=True) for foot, normal in zip(feet, normals, strict=True)]
     left, right = (foot.sole for foot in feet)
     return left, right
 
