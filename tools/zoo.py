@@ -274,7 +274,7 @@ class Along:
 LEFT, UP, FORWARD = np.eye(3)
 LYING: Mapping[str, Along] = {
     "X": Along(np.column_stack([UP, FORWARD, LEFT]), axis=0),  # LAFAN1
-    "Y": Along(np.column_stack([FORWARD, UP, -LEFT]), axis=1),  # Character Creator
+    "Y": Along(np.eye(3), axis=1),  # Character Creator
     "X mirrored": Along(np.column_stack([UP, FORWARD, LEFT]), axis=0, mirrored=True),  # Bandai Namco
 }
 
