@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from bodies import matched, moved, person, posed
+from bodies import body_of, matched, moved, person, posed
+from built_rigs import along_bones, with_axes
 from scipy.spatial.transform import Rotation
 
 from distretarget import Skeleton
@@ -211,6 +212,17 @@ def test_feet_that_point_down_in_the_rest_pose_are_flat_as_they_rest():
         np.testing.assert_allclose(getattr(feet, key), 0.0, atol=1e-6)
     pitched = standing(turns={"LeftAnkle": np.radians([12.0, 0, 0])})
     np.testing.assert_allclose(measured(on_the_floor, pitched).foot_pitch[:, 0], 12.0, atol=1e-6)
+
+
+def test_a_foot_on_tiptoe_is_not_flat_though_it_rests_in_a_rig_whose_rest_pose_shows_no_sole():
+    """Both feet are flat as one of them rests; the other one is always on tiptoe."""
+    body = high_ankles(25.0)
+    stands = standing(body, turns={"RightAnkle": np.radians([35.0, 0, 0])})
+    source = with_axes(stands, along_bones(body_of(stands)))
+    assert not body_of(source).stands_at_rest
+    feet = measured(source, stands)
+    np.testing.assert_allclose(feet.foot_pitch, 0.0, atol=1.0)
+    np.testing.assert_allclose(feet.ankle_height[:, 0], 0.0, atol=1.0)
 
 
 def test_a_flat_sole_that_neither_rest_pose_nor_motion_shows_is_not_measured():

@@ -18,7 +18,7 @@ from distretarget.body.anatomy import LEG, side_and_part
 from distretarget.body.axes import Directions, axis_vector
 from distretarget.body.body import Body
 from distretarget.body.neutral import bend_axes
-from distretarget.body.reference_pose import FOOT_PITCH, t_pose
+from distretarget.body.reference_pose import FOOT_PITCH, t_pose, usual_pitch
 from distretarget.numerics.vectors import normalised
 
 UP = np.array([0.0, 1.0, 0.0])
@@ -127,6 +127,16 @@ def clips_of_one_person():
 # How far an alignment may be from the known answer [degrees], by part; other parts 3. Neither OFFSETs nor a motion show
 # how collar bones stand at rest, and whether the ends of toes are on the floor.
 ALIGNED = {"Shoulder": 8.0, "Foot": 10.0, "Toes": 20.0}
+
+
+@pytest.mark.parametrize("flat", [15.0, 25.0, 35.0])
+def test_feet_stand_flat_as_the_flatter_one_rests(flat):
+    """However long the other is on tiptoe, and whatever feet on tiptoe or on the heel alone do."""
+    off_floor = [np.full(frames, pitch) for frames, pitch in ((20, 62.0), (10, 76.0), (15, -10.0))]
+    found = usual_pitch(np.radians(np.concatenate([np.full(15, flat), *off_floor])))
+    assert np.degrees(found) == pytest.approx(flat, abs=2.0)
+    for pitches in off_floor:
+        assert usual_pitch(np.radians(pitches)) == pytest.approx(FOOT_PITCH, abs=np.radians(3.0))
 
 
 @pytest.mark.parametrize("build", BUILDS)

@@ -1,15 +1,17 @@
 """Joints at rest: on the floor, and on anything else that stands still while the body moves."""
 
 import numpy as np
-from bodies import person, posed
+from bodies import body_of, person, posed
+from skeleton_edits import below_root
 
 from distretarget import Motion, Skeleton
-from distretarget.body.resting import above_lowest, joint_speeds, still_joints
+from distretarget.body.resting import above_lowest, feet_at_rest, joint_speeds, still_joints
 
 FRAMES, STEP = 100, 0.02
 ONE_SHOT = np.zeros(FRAMES, np.intp)
 UP = np.array([0.0, 1.0, 0.0])
 TIME = np.arange(FRAMES) * STEP
+ROOT = np.zeros((FRAMES, 3))
 
 
 def two_points(base, end):
@@ -77,6 +79,20 @@ def test_joints_are_as_fast_as_they_move():
 
 def test_low_joints_are_near_the_lowest_one():
     motion = posed(person(), {}, np.tile([0.0, 0.9, 0.0], (3, 1)))
-    low = above_lowest(motion, list(range(len(motion.skeleton))), UP) < 0.1
+    joints = np.arange(len(motion.skeleton))
+    low = above_lowest(motion, joints, joints, UP) < 0.1
     keys = {motion.skeleton.keys[joint] for joint in np.flatnonzero(low[0])}
     assert keys == {"LeftAnkle", "RightAnkle", "LeftToe", "RightToe", "LeftToe_End", "RightToe_End"}
+
+
+def test_feet_rest_however_far_below_them_a_root_on_the_floor_is():
+    skeleton = person()
+    rooted = below_root(skeleton, "Reference", np.zeros(3), skeleton.channels[0])
+    motion = posed(
+        rooted.with_offsets(rooted.offsets + [[0.0, float(k == 1), 0.0] for k in range(len(rooted))]), {}, ROOT
+    )
+    body = body_of(motion)
+    heights = motion.positions[0] @ UP
+    for leg in body.legs:
+        assert heights[leg.toe] - heights[0] > 0.1 * body.leg_length
+        assert feet_at_rest(motion, leg, UP, body.leg_length).all()

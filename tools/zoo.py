@@ -243,6 +243,7 @@ def standing(skeleton: Skeleton) -> Skeleton:
 # ---- rest poses
 
 POSES: Mapping[str, float] = {"T": 0.0, "A": 45.0, "I": 85.0}  # the arms, below the horizontal [degrees]
+NO_BONE = 0.1  # a joint this near to its parent shows no bone [cm]
 
 
 @dataclass(frozen=True)
@@ -256,12 +257,12 @@ class Along:
     mirrored: bool = False
 
     def axes(self, skeleton: Skeleton) -> Rotation:
-        """The axes of each joint of a skeleton in T-pose; a joint with several bones has those of its parent."""
+        """The axes of each joint of a skeleton in T-pose; a joint with no bone or several has those of its parent."""
         joints = roles(skeleton)
         right = {*skeleton.subtree(joints["rightShoulder"]), *skeleton.subtree(joints["rightUpperLeg"])}
         axes = [Rotation.identity()] * joints["hips"]
         for joint in range(len(axes), len(skeleton)):
-            below = [child for child in skeleton.children[joint] if skeleton.lengths[child] > 0]
+            below = [child for child in skeleton.children[joint] if skeleton.lengths[child] > NO_BONE]
             turn = Rotation.from_matrix(self.base) if joint == joints["hips"] else axes[skeleton.parents[joint]]
             if len(below) == 1:
                 along = turn.as_matrix()[:, self.axis] * (-1.0 if self.mirrored and joint in right else 1.0)
@@ -273,7 +274,7 @@ class Along:
 LEFT, UP, FORWARD = np.eye(3)
 LYING: Mapping[str, Along] = {
     "X": Along(np.column_stack([UP, FORWARD, LEFT]), axis=0),  # LAFAN1
-    "Y": Along(np.column_stack([FORWARD, UP, -LEFT]), axis=1),  # Character Creator
+    "Y": Along(np.eye(3), axis=1),  # Character Creator
     "X mirrored": Along(np.column_stack([UP, FORWARD, LEFT]), axis=0, mirrored=True),  # Bandai Namco
 }
 
@@ -390,8 +391,8 @@ def face(skeleton: Skeleton, naming: Naming) -> Skeleton:
     head, names = roles(skeleton)["head"], naming.face.format
     skeleton = with_chain(bare(skeleton, head), head, {names(Part="FacialBone"): (0.0, -0.01, 0.01)})
     bones = {
-        "JawRoot": (0.0, 2.6, 1.6),
-        "UpperJaw": (0.0, 6.9, 3.0),
+        "JawRoot": (0.0, 1.6, 2.6),
+        "UpperJaw": (0.0, 3.0, 6.9),
         "L_Eye": (3.3, 8.2, 8.2),
         "R_Eye": (-3.3, 8.2, 8.2),
     }

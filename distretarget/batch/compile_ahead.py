@@ -50,5 +50,5 @@ def _clip() -> tuple[Motion, Skeleton]:
 def _run_for_legs(source: Motion) -> None:
     """Run what only bodies with legs need."""
     joints, shots = np.arange(JOINTS), np.zeros(len(source), np.intp)
-    above_lowest(source, joints, axis_vector("Y"))
+    above_lowest(source, joints, joints, axis_vector("Y"))
     still_joints(source, joints, joints, joint_speeds(source, joints, shots), 1.0, shots)

@@ -31,7 +31,7 @@ STANDING_ANGLE = 100.0  # a person can stand with a larger angle than this betwe
 RAISED_ARM = np.cos(np.radians(30))  # ... if both arms are at least this angle away from straight up [cosine]
 FOOT_PITCH = np.radians(25)  # usual angle by which feet point downwards [rad]
 PITCHES = np.radians(8)  # standard deviation of the pitches of flat feet from it, from rig to rig [rad]
-IQR = 1.349  # of a normal distribution [standard deviations]
+UNSURE = 0.01  # weight of the usual pitch; 1 is that of a motion whose feet always rest at this pitch
 OPPOSITE = -0.9  # a bone with a smaller cosine to its goal first turns half round about the sideways axis [cosine]
 ON_AXIS = np.cos(np.radians(20))  # a joint with a bone this near to one of its axes is built along the bone [cosine]
 USUAL = np.cos(np.radians(60))  # the usual bend axis is this near to what the motion shows [cosine]
@@ -106,13 +106,11 @@ def _bone(rest: Directions, shown: Motion | None, joint: int, tip: int) -> Array
 def usual_pitch(pitches: Array) -> float:
     """Return the pitch of feet that stand flat, given the pitches of feet that rest in a motion, (n,), all [rad].
 
-    It is their median, within what feet are built like, and drawn towards `FOOT_PITCH` the more the farther they
-    spread, as those of a dancer who is on tiptoe now and then.
+    It is their mean with `FOOT_PITCH`, each weighted by how likely feet are built like it, so that feet on tiptoe or
+    on their heels hardly count.
     """
-    low, middle, high = np.percentile(pitches, [25, 50, 75])
-    spread = (high - low) / IQR
-    away = np.clip(middle - FOOT_PITCH, -2.0 * PITCHES, 2.0 * PITCHES)
-    return float(FOOT_PITCH + away / (1.0 + (spread / PITCHES) ** 2))
+    weights = np.exp(-0.5 * ((pitches - FOOT_PITCH) / PITCHES) ** 2)
+    return float(np.average([*pitches, FOOT_PITCH], weights=[*weights, UNSURE * len(pitches)]))
 
 
 def _pointed(turn: Array, bone: Array, goal: Array) -> Array:

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 REST_SPEED = 0.35  # a joint that rests on the floor is slower than this [leg lengths / s]
-REST_HEIGHT = 0.1  # a joint that rests on the floor is at most this far above the lowest joint [leg lengths]
+REST_HEIGHT = 0.1  # a foot that rests on the floor is at most this far above the body's lowest joint [leg lengths]
 SPAN = 1 / 30  # speeds are means over this time before and after a frame [s]
 FADE = 1.4  # the rest of a foot fades out up to this many times these limits
 # A joint that stands still is slower than `STILL_SPEED` for at least `STILL_TIME`, while the base of its limb goes
@@ -36,8 +36,9 @@ def feet_at_rest(motion: Motion, leg: Leg, up: Array, length: float) -> Flags:
 
 def feet_resting(motion: Motion, leg: Leg, up: Array, length: float, shots: Shots | None = None) -> Array:
     """Return how much ankle and toe of a leg rest, (frames, 2), 0 to 1: they are slow and the foot is low, or they
-    stand still, as on a step. It fades out to `FADE` times the limits of speed and height, so that little depends on
-    whether a foot is just below or just above them.
+    stand still, as on a step. Roots above the leg, such as one on the floor, are not what a foot is low against. It
+    fades out to `FADE` times the limits of speed and height, so that little depends on whether a foot is just below or
+    just above them.
 
     `up`, (3,), is the unit vector up; `length` the length of the leg [file units]. `shots`, (frames,), are judged
     separately; without them the motion is one.
@@ -45,8 +46,9 @@ def feet_resting(motion: Motion, leg: Leg, up: Array, length: float, shots: Shot
     shots = np.zeros(len(motion), np.intp) if shots is None else shots
     joints = np.array([leg.ankle, leg.toe])
     below = [leg.ankle, leg.toe, *motion.skeleton.children[leg.toe]]
+    of_body = np.setdiff1d(np.arange(len(motion.skeleton)), motion.skeleton.line(leg.hip)[1:])
     speeds = joint_speeds(motion, joints, shots)
-    low = _within(above_lowest(motion, below, up).min(axis=1, keepdims=True), REST_HEIGHT * length)
+    low = _within(above_lowest(motion, below, of_body, up).min(axis=1, keepdims=True), REST_HEIGHT * length)
     still = still_joints(motion, joints, np.array([leg.hip, leg.hip]), speeds, length, shots)
     return np.asarray(np.where(still, 1.0, _within(speeds, REST_SPEED * length) * low))
 
@@ -71,9 +73,9 @@ def _mean_speeds(paths: Array, reach: int) -> Array:
     return np.asarray(lengths(paths[after] - paths[before]) / np.maximum(after - before, 1)[:, None])
 
 
-def above_lowest(motion: Motion, joints: NDArray[np.intp] | list[int], up: Array) -> Array:
-    """Return the heights of some joints above the lowest joint of the frame, (frames, len(joints)) [file units]."""
-    return heights_of(motion.positions, joints, up) - lowest_heights(motion.positions, up)[:, None]
+def above_lowest(motion: Motion, joints: NDArray[np.intp] | list[int], others: NDArray[np.intp], up: Array) -> Array:
+    """Return the heights of some joints above the lowest of others in the frame, (frames, len(joints)) [file units]."""
+    return heights_of(motion.positions, joints, up) - lowest_heights(motion.positions, up, others)[:, None]
 
 
 def still_joints(

@@ -29,7 +29,7 @@ class Sole:
     normal: Array  # (3,), the unit vector up from the floor while the foot stands flat, in the axes of the ankle joint
     joints: NDArray[np.intp]  # (joints,), the ankle, and the joints and End Sites of the foot below it
     heights: Array  # (joints,), their heights above the sole [file units]
-    known: bool  # whether rest pose or motion show how the foot stands; if not, the usual pitch is assumed
+    known: bool  # whether rest pose, motion or the other body show how the foot stands; if not, it has the usual pitch
 
     @property
     def at_ankle(self) -> Sole:
@@ -59,7 +59,7 @@ def find_soles(
         pitch = max((foot.pitch for foot in feet if foot.known), default=None)
         feet = feet if pitch is None else [foot.pitched(pitch) for foot in feet]
     if normals is not None:
-        feet = [replace(foot, up=normal) for foot, normal in zip(feet, normals, strict=True)]
+        feet = [replace(foot, up=normal, known=True) for foot, normal in zip(feet, normals, strict=True)]
     left, right = (foot.sole for foot in feet)
     return left, right
 

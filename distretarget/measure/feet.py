@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.body.axes import axis_vector
 from distretarget.body.body import Body
 from distretarget.body.legs import Leg
+from distretarget.body.soles import Sole
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import speeds_along
@@ -28,7 +28,6 @@ SLOW = 0.35  # a resting foot joint is slower than this [leg lengths / s] ...
 LOW = 0.06  # ... and within this [leg lengths] of its lowest heights,
 LOWEST = 2.0  # which is this percentile of them [%]
 FLAT = 5.0  # a foot within this of the pitch of its flat sole stands flat [degrees]
-STEEPEST = 60.0  # a foot that points farther up or down than this in the rest pose is not flat there [degrees]
 LEVEL = 0.5  # a sole stands on the floor, not on the tip or the back of the foot, if it is nearer to level [cosine]
 
 
@@ -68,26 +67,17 @@ class FlatFoot:
         return np.asarray(positions[..., self.leg.ankle, :] @ up - self.lowest(positions, up))
 
 
-def find_flat_foot(body: Body, leg: Leg, resting: Array, up: Array) -> FlatFoot:
-    """Find how the foot of a leg stands on its flat sole.
-
-    The sole is flat in the rest pose if a person can stand in that pose and the foot does not point steeply up or down.
-    Otherwise the median of the postures `resting`, (frames, joints, 3), in which the foot rests, decides; `up`, (3,),
-    is the unit vector up in them.
+def find_flat_foot(body: Body, leg: Leg, sole: Sole) -> FlatFoot:
+    """Find how the foot of a leg stands on its flat sole: as in the rest pose if a person can stand in that pose and
+    the foot does not hang there, else as the motion shows.
     """
-    if leg.toe == leg.ankle:
-        return FlatFoot(leg, np.array([leg.ankle], np.intp))
-    below = [joint for joint in body.skeleton.subtree(leg.ankle) if body.regions.of_joint[joint] >= 0]
-    foot = FlatFoot(leg, np.array(below, np.intp))
-    if body.up_at_rest:
-        rest, rest_up = body.skeleton.rest_positions, axis_vector(body.up_at_rest)
-        pitch = float(foot.pitch(rest, rest_up))
-        if abs(pitch) <= STEEPEST:
-            return replace(foot, flat_pitch=pitch, flat_height=float(foot.ankle_height(rest, rest_up)), normal=rest_up)
-    if not len(resting):
+    foot = FlatFoot(leg, sole.joints)
+    if leg.toe == leg.ankle or not sole.known:
         return foot
-    pitch, height = (float(np.median(values(resting, up))) for values in (foot.pitch, foot.ankle_height))
-    return replace(foot, flat_pitch=pitch, flat_height=height)
+    bone = np.linalg.norm(body.reference.positions[leg.toe] - body.reference.positions[leg.ankle])
+    sine = (sole.heights[sole.joints == leg.toe].item() - sole.ankle) / bone
+    pitch = float(np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0))))
+    return replace(foot, flat_pitch=pitch, flat_height=sole.ankle, normal=sole.normal)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -151,24 +141,19 @@ class SourceFeet:
 def find_feet(source: Motion, matching: Matching, up: Array) -> SourceFeet:
     """Measure the feet of a source; `up`, (3,), is the unit vector up in source and results."""
     legs, target_legs = matching.legs or ((), ())
+    soles = zip(*matching.soles, strict=True) if matching.soles else ((), ())
+    source_feet, feet = (
+        [find_flat_foot(body, leg, sole) for leg, sole in zip(own, of_body, strict=True)]
+        for body, own, of_body in zip((matching.source, matching.target), (legs, target_legs), soles, strict=True)
+    )
     length, target_length = matching.leg_lengths
-    target = matching.target
     return SourceFeet(
         up=up,
-        soles=_soles(target, target.motion, target_legs, target_length, target.up_vector),
+        soles=feet,
         leg=target_length,
         stance=_stance(source, legs, length, up),
-        tracks=_foot_tracks(source, _soles(matching.source, source, legs, length, up), length, up),
+        tracks=_foot_tracks(source, source_feet, length, up),
     )
-
-
-def _soles(body: Body, motion: Motion | None, legs: Sequence[Leg], length: float, up: Array) -> list[FlatFoot]:
-    """The feet of a body, whose motion, if it has one, may show how they stand."""
-    if motion is None:
-        return [find_flat_foot(body, leg, np.zeros((0, len(body.skeleton), 3)), up) for leg in legs]
-    stance = _stance(motion, legs, length, up)
-    flat = stance[:, ::2] & stance[:, 1::2]
-    return [find_flat_foot(body, leg, motion.positions[flat[:, k]], up) for k, leg in enumerate(legs)]
 
 
 def _foot_tracks(motion: Motion, soles: Sequence[FlatFoot], length: float, up: Array) -> _FootTracks:

@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import SIDES
-from distretarget.body.axes import axis_vector
+from distretarget.body.axes import axis_vector, direction
 from distretarget.body.body import Body
 from distretarget.body.legs import Leg
 from distretarget.body.resting import feet_at_rest
 from distretarget.matching.matching import Matching
-from distretarget.measure.feet import find_flat_foot
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import angles_between, cross, level, normalised
 
@@ -29,6 +28,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 UPRIGHT = 0.7  # a trunk nearer to the vertical than this is upright [cosine]
+STEEPEST = np.sin(np.radians(60))  # a foot that points farther up or down than this in the rest pose is not flat [sine]
 UNKNOWN = np.zeros(3)
 OUTER_FINGERS = ("Little", "Ring", "Middle")  # across the palm from the index finger; the first that both bodies have
 
@@ -106,9 +106,10 @@ def _foot_axes(body: Body, leg: Leg) -> Axes:
     """The axes up and forward of an ankle while the foot is flat: in the rest pose if it can be, else on average."""
     if leg.toe == leg.ankle:
         return UNKNOWN, UNKNOWN
-    no_frames = body.skeleton.rest_positions[None][:0]
-    if body.up_at_rest and np.isfinite(find_flat_foot(body, leg, no_frames, body.up_vector).flat_pitch):
-        return axis_vector(body.up_at_rest), body.rest.axes[:, 2]
+    if body.up_at_rest:
+        up = axis_vector(body.up_at_rest)
+        if abs(direction(body.rest.positions, leg.ankle, leg.toe) @ up) <= STEEPEST:
+            return up, body.rest.axes[:, 2]
     if body.motion is None or len(body.motion) < 2:
         return UNKNOWN, UNKNOWN
     rests = feet_at_rest(body.motion, leg, body.up_vector, body.leg_length)

@@ -173,18 +173,21 @@ def _write_heights(positions: Array, joints: NDArray[np.intp], up: Array, height
             heights[frame, n] = up[0] * x[0] + up[1] * x[1] + up[2] * x[2]
 
 
-def lowest_heights(positions: Array, up: Array) -> Array:
-    """(frames,), the height of the lowest joint along the unit vector up; `positions` are (frames, joints, 3)."""
+def lowest_heights(positions: Array, up: Array, joints: NDArray[np.intp] | None = None) -> Array:
+    """(frames,), the height of the lowest joint along the unit vector up, of all joints if none are given; `positions`
+    are (frames, all joints, 3).
+    """
+    joints = np.arange(positions.shape[1]) if joints is None else joints
     lowest = np.empty(len(positions))
-    _write_lowest(read_only(positions), read_only(up), lowest)
+    _write_lowest(read_only(positions), joints, read_only(up), lowest)
     return lowest
 
 
 @compiled()
-def _write_lowest(positions: Array, up: Array, lowest: Array) -> None:
+def _write_lowest(positions: Array, joints: NDArray[np.intp], up: Array, lowest: Array) -> None:
     for frame in range(len(positions)):
         lowest[frame] = np.inf
-        for joint in range(positions.shape[1]):
+        for joint in joints:
             x = positions[frame, joint]
             height = up[0] * x[0] + up[1] * x[1] + up[2] * x[2]
             if height < lowest[frame]:
