@@ -14,8 +14,8 @@ class ContactSettings:
 
     Attributes:
         strength: [-] stiffness of contacts against the source's rotations; 2 is twice as stiff.
-        reach: [-] two joints are in contact up to this normalised distance D, Eq. (1), and fade out over the next 0.05.
-            A larger reach keeps more contacts and changes the motion more.
+        reach: [-] two joints may be in contact up to this normalised distance D, Eq. (1), and fade out over the next
+            0.05. A larger reach keeps more contacts and changes the motion more.
         blend: [s] a contact blends in over twice this time, and out over twice this time; longer is smoother.
         foot_lock: [-] how strongly feet and other resting joints are held in place; 1 is usual, 0 leaves them free.
 
