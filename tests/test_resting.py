@@ -1,10 +1,10 @@
 """Joints at rest: on the floor, and on anything else that stands still while the body moves."""
 
 import numpy as np
-from bodies import person, posed
+from bodies import body_of, lengthened, person, posed
 
 from distretarget import Motion, Skeleton
-from distretarget.body.resting import above_lowest, joint_speeds, still_joints
+from distretarget.body.resting import above_lowest, feet_resting, joint_speeds, still_joints
 
 FRAMES, STEP = 100, 0.02
 ONE_SHOT = np.zeros(FRAMES, np.intp)
@@ -80,3 +80,14 @@ def test_low_joints_are_near_the_lowest_one():
     low = above_lowest(motion, list(range(len(motion.skeleton))), UP) < 0.1
     keys = {motion.skeleton.keys[joint] for joint in np.flatnonzero(low[0])}
     assert keys == {"LeftAnkle", "RightAnkle", "LeftToe", "RightToe", "LeftToe_End", "RightToe_End"}
+
+
+def test_feet_stay_at_rest_while_long_hands_reach_below_them():
+    body = body_of(lengthened(person(), {"Elbow": 3.0, "Wrist": 3.0}))
+    lowered = np.outer(np.clip(TIME - 0.5, 0.0, 1.0), [0.0, 0.0, np.pi / 2])
+    arms = {"LeftShoulder": -lowered, "RightShoulder": lowered}
+    motion = posed(body.skeleton, arms, along(0.1 * TIME))
+    leg = body.legs[0]
+    assert above_lowest(motion, [leg.toe], UP)[-1] > 0.3
+    assert (feet_resting(motion, leg, UP, body.leg_length) == 1.0).all()
+    assert not (feet_resting(motion[-30:], leg, UP, body.leg_length) == 1.0).any()
