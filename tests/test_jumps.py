@@ -17,7 +17,7 @@ def carried(path, body=PERSON, frame_time="0.0166666667"):
 
 
 def snaps_of(copy, result, body=PERSON):
-    return find_snaps(copy, result, body_of(body))
+    return find_snaps(copy, result, body_of(body), body_of(body).shots_of(copy))
 
 
 @pytest.mark.parametrize(
@@ -68,11 +68,16 @@ def test_one_frame_has_no_snaps():
 WALKED = 0.05 * np.arange(10.0)  # too fast for a snap
 
 
+def popped(copy, result):
+    body = body_of(PERSON)
+    return find_pops(copy, result, body, body.shots_of(copy))
+
+
 def pops_of(path, frame_time="0.0166666667"):
     """The frames in which a body pops whose path should be `WALKED`, and goes elsewhere by a path [leg lengths]."""
     copy, result = (carried(each, frame_time=frame_time) for each in (WALKED, WALKED + path))
     assert not snaps_of(copy, result).any()
-    found = find_pops(copy, result, body_of(PERSON))
+    found = popped(copy, result)
     assert found.shape == (9, len(PERSON))
     return np.flatnonzero(found.any(axis=1)).tolist()
 
@@ -104,6 +109,6 @@ def test_nothing_pops_at_a_cut_or_in_one_frame():
     about = {"Hips": np.repeat([[0.0, 0, 0], [0, np.pi, 0]], 4, axis=0)}
     step = np.outer(np.repeat([0.0, 0.1], 4), [LEG, 0, 0])
     copy, result = posed(PERSON, about, np.zeros((8, 3))), posed(PERSON, about, step)
-    assert not find_pops(copy, result, body_of(PERSON)).any()
-    assert find_pops(posed(PERSON, {}, np.zeros((8, 3))), posed(PERSON, {}, step), body_of(PERSON)).any()
-    assert find_pops(carried([0]), carried([0]), body_of(PERSON)).shape == (0, len(PERSON))
+    assert not popped(copy, result).any()
+    assert popped(posed(PERSON, {}, np.zeros((8, 3))), posed(PERSON, {}, step)).any()
+    assert popped(carried([0]), carried([0])).shape == (0, len(PERSON))

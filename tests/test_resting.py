@@ -1,11 +1,11 @@
 """Joints at rest: on the floor, and on anything else that stands still while the body moves."""
 
 import numpy as np
-from bodies import body_of, person, posed
+from bodies import body_of, lengthened, person, posed
 from skeleton_edits import below_root
 
 from distretarget import Motion, Skeleton
-from distretarget.body.resting import above_lowest, feet_at_rest, joint_speeds, still_joints
+from distretarget.body.resting import above_lowest, feet_at_rest, feet_resting, joint_speeds, still_joints
 
 FRAMES, STEP = 100, 0.02
 ONE_SHOT = np.zeros(FRAMES, np.intp)
@@ -96,3 +96,14 @@ def test_feet_rest_however_far_below_them_a_root_on_the_floor_is():
     for leg in body.legs:
         assert heights[leg.toe] - heights[0] > 0.1 * body.leg_length
         assert feet_at_rest(motion, leg, UP, body.leg_length).all()
+
+
+def test_feet_stay_at_rest_while_long_hands_reach_below_them():
+    body = body_of(lengthened(person(), {"Elbow": 3.0, "Wrist": 3.0}))
+    lowered = np.outer(np.clip(TIME - 0.5, 0.0, 1.0), [0.0, 0.0, np.pi / 2])
+    arms = {"LeftShoulder": -lowered, "RightShoulder": lowered}
+    motion = posed(body.skeleton, arms, along(0.1 * TIME))
+    leg = body.legs[0]
+    assert above_lowest(motion, [leg.toe], np.arange(len(motion.skeleton)), UP)[-1] > 0.3
+    assert (feet_resting(motion, leg, UP, body.leg_length) == 1.0).all()
+    assert not (feet_resting(motion[-30:], leg, UP, body.leg_length) == 1.0).any()

@@ -56,6 +56,14 @@ def test_frames_that_the_body_leaves_faster_than_anybody_can_are_shots_of_their_
     assert shots(x).max() == 0
 
 
+def test_a_body_that_was_too_fast_rushes_until_it_has_slowed_down():
+    """Steps of 18, 10 and 4 leg lengths / s: only the first is faster than anybody can be."""
+    x = np.tile(positions()[:1], (40, 1, 1))
+    x[:3, :, 2] += LENGTH * np.array([0.32, 0.14, 0.04])[:, None]
+    np.testing.assert_array_equal(shots(x, frame_time=0.01), [*range(4), *[3] * 36])
+    np.testing.assert_array_equal(shots(x[1:], frame_time=0.01), np.zeros(39))
+
+
 @pytest.mark.parametrize(("jump", "cuts"), [(0.015, 0), (0.03, 1)])
 def test_a_still_person_who_jumps_by_a_fiftieth_of_a_leg_begins_a_shot(jump, cuts):
     path = np.where(np.arange(40) < 20, 1.0, 1.0 + jump * LENGTH)[:, None] * [0.0, 1.0, 0.0]

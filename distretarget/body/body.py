@@ -21,6 +21,7 @@ from distretarget.checks import check_kind
 from distretarget.errors import MotionError, difference
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import lowest_heights
+from distretarget.numerics.time_series import Shots, find_shots
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -207,6 +208,11 @@ class Body:
         if self.motion is None:
             return 0.0
         return float(np.percentile(lowest_heights(self.motion.positions, up), LOWEST_FRAMES))
+
+    def shots_of(self, motion: Motion) -> Shots:
+        """Return the shot of each frame of a motion of the body, (frames,), as `find_shots`."""
+        joints = np.flatnonzero(self.regions.of_joint >= 0)
+        return find_shots(motion.positions, joints, 0.5 * self.unit, motion.frame_time)
 
     @cached_property
     def rest(self) -> Pose:

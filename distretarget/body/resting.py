@@ -11,7 +11,7 @@ from distretarget.body.legs import Leg
 from distretarget.motion import Motion
 from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.kinematics import heights_of, lowest_heights
-from distretarget.numerics.time_series import Shots, by_shot, smoothstep
+from distretarget.numerics.time_series import Shots, by_shot, slices_of, smoothstep, spans_of
 from distretarget.numerics.vectors import lengths
 
 Array = NDArray[np.float64]
@@ -48,9 +48,26 @@ def feet_resting(motion: Motion, leg: Leg, up: Array, length: float, shots: Shot
     below = [leg.ankle, leg.toe, *motion.skeleton.children[leg.toe]]
     of_body = np.setdiff1d(np.arange(len(motion.skeleton)), motion.skeleton.line(leg.hip)[1:])
     speeds = joint_speeds(motion, joints, shots)
-    low = _within(above_lowest(motion, below, of_body, up).min(axis=1, keepdims=True), REST_HEIGHT * length)
+    heights = heights_of(motion.positions, below, up).min(axis=1)
+    slow = speeds.min(axis=1) < FADE * REST_SPEED * length
+    low = _low(heights, above_lowest(motion, below, of_body, up).min(axis=1), slow, length, shots)
     still = still_joints(motion, joints, np.array([leg.hip, leg.hip]), speeds, length, shots)
-    return np.asarray(np.where(still, 1.0, _within(speeds, REST_SPEED * length) * low))
+    return np.asarray(np.where(still, 1.0, _within(speeds, REST_SPEED * length) * low[:, None]))
+
+
+def _low(heights: Array, above: Array, slow: Flags, length: float, shots: Shots) -> Array:
+    """(frames,), how low a foot is, 0 to 1: at these `heights`, so far `above` the lowest joint, (frames,) each.
+
+    A foot that is `slow` all the time stays low at about the height where it was low, although a hand reaches below.
+    """
+    low = _within(above, REST_HEIGHT * length)
+    for shot in slices_of(shots):
+        for first, end in spans_of(slow[shot]) + shot.start:
+            stays = slice(first, end)
+            if (low[stays] == 1.0).any():
+                floor = heights[stays][low[stays] == 1.0].min()
+                low[stays] = np.maximum(low[stays], _within(heights[stays] - floor, REST_HEIGHT * length))
+    return low
 
 
 def _within(values: Array, limit: float) -> Array:

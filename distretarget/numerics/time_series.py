@@ -179,6 +179,7 @@ Shots = NDArray[np.intp]  # (frames,), the number of the shot that each frame be
 STEP = 8.0  # at a cut joints move at least this many times as far as in the frames before and after it ...
 FAR = 0.02  # ... and at least this far on average [of the given length]
 FASTEST = 15.0  # no person is faster, on average over all joints [lengths / s]
+SLOWS = 0.75  # a body that was faster slows down while each step is at most this share of the one before
 
 
 def find_shots(positions: Array, joints: NDArray[np.intp], length: float, frame_time: float) -> Shots:
@@ -186,15 +187,23 @@ def find_shots(positions: Array, joints: NDArray[np.intp], length: float, frame_
 
     `positions` are (frames, all joints, 3), `joints` the body's, `length` is a length of the body, such as its legs',
     in the same unit, and `frame_time` is in [s]. Frames at the beginning or the end from which the body leaves faster
-    than anybody can, such as a T-pose before the motion, are shots of their own.
+    than anybody can, such as a T-pose before the motion, are shots of their own, until the body has slowed down.
     """
     steps = steps_along(positions, joints).mean(axis=1)
     before, after = np.insert(steps, 0, 0.0)[:-1], np.append(steps, 0.0)[1:]
     cuts = steps > np.maximum(STEP * np.maximum(before, after), FAR * length)
-    possible = np.flatnonzero(steps <= FASTEST * length * frame_time)
-    if len(possible):
-        cuts[: possible[0]] = cuts[possible[-1] + 1 :] = True
+    fastest = FASTEST * length * frame_time
+    cuts[: _rushed(steps, fastest)] = cuts[len(cuts) - _rushed(steps[::-1], fastest) :] = True
     return np.insert(np.cumsum(cuts), 0, 0).astype(np.intp)
+
+
+def _rushed(steps: Array, fastest: float) -> int:
+    """The number of first `steps`, (steps,), that are longer than `fastest`, and of those that slow down from there."""
+    possible = np.flatnonzero(steps <= fastest)
+    count = int(possible[0]) if len(possible) else 0
+    while 0 < count < len(steps) - 1 and steps[count + 1] < SLOWS * steps[count]:
+        count += 1
+    return count
 
 
 def slices_of(shots: Shots) -> list[slice]:

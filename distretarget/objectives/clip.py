@@ -19,7 +19,7 @@ from distretarget.ik.rigid_parts import part_of_joint
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import lowest_heights
-from distretarget.numerics.time_series import Shots, find_shots
+from distretarget.numerics.time_series import Shots
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -73,9 +73,7 @@ class Clip:
             source=motion,
             copy=copy,
             root=root_path(copy, matching, scale),
-            shots=find_shots(
-                motion.positions, np.flatnonzero(source.regions.of_joint >= 0), source.unit / 2, motion.frame_time
-            ),
+            shots=source.shots_of(motion),
             scale=scale,
             up=source.up_vector,
             unit=body.unit,

@@ -29,6 +29,7 @@ from distretarget.ik.rigid_parts import subtree_lengths
 from distretarget.ik.springs import NEGLIGIBLE, Springs, is_negligible, joined, room_for, spring_energy
 from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.parallel import blocks_of
+from distretarget.numerics.vectors import lengths, normalised
 from distretarget.objectives.activation import SelfContact
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact_pairs import (
@@ -52,6 +53,7 @@ END_FACTOR = 5.0  # head, hands and feet are this much stiffer than other parts:
 LOOSE_FACTOR = 0.1  # undriven fingers, which only the floor moves, are this much softer: they bend before the hand
 FIXED_STIFFNESS = 1e6  # of joints above the pelvis, so that the body does not tip over about a root on the floor
 ROOT_STIFFNESS = 300.0  # of the root's path, so that contacts and feet hardly move the hips
+SLIGHT = 2e-4  # knees of the copy that bend by less than 100 times this are bent by up to this, unseen [rad]
 TOLERANCE = 1e-6  # a frame is solved when the search direction is shorter, in the metric of the curvature
 
 
@@ -118,7 +120,7 @@ def _solve_frames(clip: Clip, supports: Supports, frames: slice, settings: Conta
     # One layout of arrays, for which the solver is compiled once.
     source = np.take(clip.source.positions, distances.sources, axis=1)
     copy = np.take(clip.copy.positions, distances.targets, axis=1)
-    bones, root = clip.bones, np.ascontiguousarray(clip.root / unit)
+    bones, root = _with_bent_knees(clip), np.ascontiguousarray(clip.root / unit)
     copy /= unit
     bones /= unit
     raised, firmness = clip.raised_arms[:, distances.sources], settings.foot_lock * SUPPORT_STIFFNESS
@@ -145,6 +147,23 @@ def _solve_frames(clip: Clip, supports: Supports, frames: slice, settings: Conta
         _solve(body, CopiedBones(bones[block], root[block]), given, TOLERANCE, v, solved.start, log, work)
     v[:, -1] *= unit
     return Poses(v, log)
+
+
+def _with_bent_knees(clip: Clip) -> Array:
+    """(frames, joints, 3), the bones of the rotation copy, where knees that are quite straight are bent by up to
+    `SLIGHT`, as each foot points, and ankles stay in place. No force on a straight leg bends it, although its foot is
+    to come nearer to the hips.
+    """
+    bones = clip.bones
+    for leg in (leg for leg in clip.target_legs or () if leg.toe != leg.ankle):
+        thigh, shin, foot = (bones[:, joint] for joint in (clip.skeleton.parents[leg.ankle], leg.ankle, leg.toe))
+        down = normalised(shin)
+        forward = normalised(foot - (foot * down).sum(axis=1)[:, None] * down)
+        bend = lengths(np.cross(normalised(thigh), down)) / (100.0 * SLIGHT)
+        aside = SLIGHT * (np.maximum(1.0 - bend**2, 0.0) * lengths(shin))[:, None] * forward
+        thigh += aside
+        shin -= aside
+    return bones
 
 
 class Given(NamedTuple):

@@ -115,8 +115,8 @@ class RetargetResult:
         """The values per frame that only a run knows: snaps and pops against the rotation copy, unconverged frames."""
         unsolved = np.zeros(len(self.motion))
         unsolved[self.effort.unsolved] = 1.0
-        motions, keys = (self.rotation_copy, self.motion, self.matching.target), self.motion.skeleton.keys
-        snaps, pops = (Track(find(*motions), parts=keys) for find in (find_snaps, find_pops))
+        given = self.rotation_copy, self.motion, self.matching.target, self.matching.source.shots_of(self.source)
+        snaps, pops = (Track(find(*given), parts=self.motion.skeleton.keys) for find in (find_snaps, find_pops))
         return {"snap": snaps, "pop": pops, "unsolved": Track(unsolved)}
 
     @cached_property
