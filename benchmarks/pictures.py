@@ -23,8 +23,8 @@ PICTURES = {
     "clap_long_forearms": ("clap.bvh", "forearm and hand +50 %", (0, 93, 120, 140), "front"),
     "hands_on_hips_long_spine": ("hands_on_hips.bvh", "spine +60 %", (0, 40, 150, 290), "front"),
     "walk_on_h": ("cmu_mb/02_01.bvh", "H", (30, 90, 210, 270), "three-quarter"),
-    "worst_direction": ("cmu_daz/13_11.bvh", "H", (5, 139, 250, 316), "three-quarter"),
-    "worst_contact": ("squat.bvh", "H", (0, 72, 130, 330), "three-quarter"),
+    "jump_on_h": ("cmu_daz/13_11.bvh", "H", (5, 139, 250, 316), "three-quarter"),
+    "hands_on_hips_on_h": ("hands_on_hips.bvh", "H", (0, 60, 150, 290), "three-quarter"),
 }
 
 

@@ -30,7 +30,7 @@ RESULTS = {
     r"The largest is ([\d.]+) \(spine": lambda: summary("hand to hip", "contact", 1),
     r"is below (\d+) degrees at the 99th": lambda: math.ceil(summary("direction error, 99th", "contact", 1)),
     r"is the copy's \(([\d.]+) times at most\)": lambda: summary(f"{JERK}, captured", "contact", 1),
-    r"on spine \+60 % have ([\d.]+) times the copy's": lambda: summary(f"{JERK}, samples", "contact", 1),
+    r"on spine \+60 % has ([\d.]+) times the copy's": lambda: summary(f"{JERK}, samples", "contact", 1),
     r"\*\*Snaps\*\* are left in (\d+) runs": lambda: summary("runs with snaps", "contact"),
 }
 CHANGES = {

@@ -47,8 +47,8 @@ class Comparison:
         jerk_source, jerk: (frames - 3,), mean norm of the third difference of positions over joints
             [body sizes / s^3].
         turned: (turned joints,), the joints that both bodies have.
-        turn: (frames - 1, turned joints), how much more these turn to the next frame than in the source [degrees in
-            1/60 s].
+        turn: (frames - 1, turned joints), how much more these turn to the next frame than in the source; 0 at cuts
+            [degrees in 1/60 s].
     """
 
     contacts: Contacts
@@ -119,6 +119,7 @@ class Reference:
         self._directions = expected_directions(source, matching, self._bones)
         self._turned = np.flatnonzero(matching.drivers >= 0)
         self._turns = _turns(source, matching.drivers[self._turned])
+        self._cuts = np.diff(matching.source.shots_of(source)) > 0
         self._jerk = _jerk(source, matching.source)
 
     def compare(self, result: Motion) -> Comparison:
@@ -126,6 +127,7 @@ class Reference:
         contacts, supports = self._contacts.in_result(result), self._supports.in_result(result)
         further = np.degrees(_turns(result, self._turned) - self._turns)
         further *= INSTANT / result.frame_time
+        further[self._cuts] = 0.0
         return Comparison(
             contacts=contacts,
             contact_gap=_contact_gap(contacts, self.matching),
