@@ -53,7 +53,7 @@ END_FACTOR = 5.0  # head, hands and feet are this much stiffer than other parts:
 LOOSE_FACTOR = 0.1  # undriven fingers, which only the floor moves, are this much softer: they bend before the hand
 FIXED_STIFFNESS = 1e6  # of joints above the pelvis, so that the body does not tip over about a root on the floor
 ROOT_STIFFNESS = 300.0  # of the root's path, so that contacts and feet hardly move the hips
-SLIGHT = 2e-4  # knees of the copy that bend by less than 100 times this are bent by up to this, unseen [rad]
+SLIGHT = 1e-4  # knees of the copy that bend by less than 200 times this are bent by up to this, unseen [rad]
 TOLERANCE = 1e-6  # a frame is solved when the search direction is shorter, in the metric of the curvature
 
 
@@ -159,7 +159,7 @@ def _with_bent_knees(clip: Clip) -> Array:
         thigh, shin, foot = (bones[:, joint] for joint in (clip.skeleton.parents[leg.ankle], leg.ankle, leg.toe))
         down = normalised(shin)
         forward = normalised(foot - (foot * down).sum(axis=1)[:, None] * down)
-        bend = lengths(np.cross(normalised(thigh), down)) / (100.0 * SLIGHT)
+        bend = lengths(np.cross(normalised(thigh), down)) / (200.0 * SLIGHT)
         aside = SLIGHT * (np.maximum(1.0 - bend**2, 0.0) * lengths(shin))[:, None] * forward
         thigh += aside
         shin -= aside
