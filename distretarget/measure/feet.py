@@ -71,11 +71,11 @@ def find_flat_foot(body: Body, leg: Leg, sole: Sole) -> FlatFoot:
     """Find how the foot of a leg stands on its flat sole: as in the rest pose if a person can stand in that pose and
     the foot does not hang there, else as the motion shows.
     """
-    foot = FlatFoot(leg, sole.joints)
-    if leg.toe == leg.ankle or not sole.known:
-        return foot
+    foot, toe = FlatFoot(leg, sole.joints), np.flatnonzero(sole.joints == leg.toe)
     bone = np.linalg.norm(body.reference.positions[leg.toe] - body.reference.positions[leg.ankle])
-    sine = (sole.heights[sole.joints == leg.toe].item() - sole.ankle) / bone
+    if not (len(toe) and bone and sole.known):
+        return foot
+    sine = (sole.heights[toe[0]] - sole.ankle) / bone
     pitch = float(np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0))))
     return replace(foot, flat_pitch=pitch, flat_height=sole.ankle, normal=sole.normal)
 
