@@ -168,8 +168,6 @@ class Processes:
         for process in self._processes():
             process.kill()
         if self._executor:
-            # A thread that writes a large job to a process that is gone would wait for ever, and the program with it.
-            self._executor._call_queue._reader.close()  # type: ignore[attr-defined]
             self._executor.shutdown(wait=False, cancel_futures=True)
             self._executor = None
 
