@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from distretarget.body.anatomy import ARM, SIDES, Anatomy
 from distretarget.numerics.time_series import smoothstep
-from distretarget.numerics.vectors import angles_between
+from distretarget.numerics.vectors import angles_between, lengths
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
+Joints = NDArray[np.intp]
 
 # An arm hangs while the angles of shoulder and elbow add up to less than the first angle; it is raised or bent from
 # the second one on [rad].
@@ -45,6 +46,13 @@ def with_hanging_arms(skeleton: Skeleton, places: Array, arms: tuple[Arm, ...], 
         below = skeleton.subtree(arm.shoulder)
         places[below] = places[arm.shoulder] - np.outer(skeleton.path_lengths[arm.shoulder, below], up)
     return places
+
+
+def hanging_distances(hanging: Array | None, u: Joints, v: Joints, tau: Array) -> Array:
+    """Return D of joints u and v, (pairs,) each, over the path lengths `tau`, (pairs,), in a body with hanging arms,
+    whose joints are at `hanging`, (joints, 3); infinite where that is not known.
+    """
+    return np.full(len(u), np.inf) if hanging is None else lengths(hanging[u] - hanging[v]) / tau
 
 
 def raised(positions: Array, arm: Arm, hips: list[int], up: Array) -> Array:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.body.arms import hanging_distances
 from distretarget.body.legs import passing_regions
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
@@ -171,9 +172,8 @@ def find_candidates(matching: Matching) -> Candidates:
     ends = np.sort(np.stack([of_u, of_v], axis=1)[possible], axis=1)
     order = np.lexsort(ends.T[::-1])
     u, v = u[possible][order], v[possible][order]
-    hanging = np.full(len(u), np.inf)
-    if (places := matching.source.hanging) is not None:
-        hanging = lengths(places[drivers[u]] - places[drivers[v]]) / tau_source[drivers[u], drivers[v]]
+    a, b = drivers[u], drivers[v]
+    hanging = hanging_distances(matching.source.hanging, a, b, tau_source[a, b])
     pairs, first = np.unique(ends[order], axis=0, return_index=True)
     passing = passing_regions(regions, matching.legs[1] if matching.legs else None)
     return Candidates(

@@ -39,9 +39,7 @@ class FlatFoot:
     points: NDArray[np.intp]  # (points,), the ankle and all joints below it; only the ankle if there is no toe
     flat_pitch: float = np.nan  # elevation of the bone from ankle to toe on the flat sole [degrees]; nan if unknown
     flat_height: float = np.nan  # of the ankle over the lowest point on the flat sole [file units]; nan if unknown
-    normal: Array | None = (
-        None  # (3,), the unit vector up from the flat sole, in the axes of the ankle; None if unknown
-    )
+    normal: Array | None = None  # (3,), the unit vector up from the flat sole in the ankle's axes; None if unknown
 
     def sole_up(self, motion: Motion) -> Array:
         """(frames, 3), the unit vector up from the sole, in the world; nan if unknown."""

@@ -58,7 +58,7 @@ class SelfContact:
     @property
     def window(self) -> int:
         """The number of frames on each side that an activation depends on."""
-        return 2 * round(self.lead) + self.held + 1
+        return activation_window(self.lead) + self.held
 
     def apart(self, hanging: Array, raised: Array) -> Array:
         """Return the D from which pairs are in no contact, (pairs,); `hanging` and `raised` as in `activation`."""

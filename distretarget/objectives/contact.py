@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.body.axes import perpendicular
 from distretarget.body.legs import pelvis_joint
 from distretarget.ik.articulation import Articulation, Scratch
 from distretarget.ik.pose_solver import CopiedBones, Workspace, pose_solver
@@ -29,7 +30,7 @@ from distretarget.ik.rigid_parts import subtree_lengths
 from distretarget.ik.springs import NEGLIGIBLE, Springs, is_negligible, joined, room_for, spring_energy
 from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.parallel import blocks_of
-from distretarget.numerics.vectors import lengths, normalised
+from distretarget.numerics.vectors import cross, lengths, normalised
 from distretarget.objectives.activation import SelfContact
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact_pairs import (
@@ -161,8 +162,8 @@ def _with_bent_knees(clip: Clip) -> Array:
     for leg in (leg for leg in clip.target_legs or () if leg.toe != leg.ankle):
         thigh, shin, foot = (bones[:, joint] for joint in (clip.skeleton.parents[leg.ankle], leg.ankle, leg.toe))
         down = normalised(shin)
-        forward = normalised(foot - (foot * down).sum(axis=1)[:, None] * down)
-        bend = lengths(np.cross(normalised(thigh), down)) / (200.0 * SLIGHT)
+        forward = normalised(perpendicular(foot, down))
+        bend = lengths(cross(normalised(thigh), down)) / (200.0 * SLIGHT)
         aside = SLIGHT * (np.maximum(1.0 - bend**2, 0.0) * lengths(shin))[:, None] * forward
         thigh += aside
         shin -= aside

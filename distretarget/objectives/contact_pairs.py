@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.body.anatomy import Regions
+from distretarget.body.arms import hanging_distances
 from distretarget.body.legs import Legs, passing_regions
 from distretarget.distances import DistanceProblem
 from distretarget.numerics.compiled import compiled, inlined
 from distretarget.numerics.time_series import Shots
-from distretarget.numerics.vectors import lengths
 from distretarget.objectives.activation import SelfContact
 from distretarget.objectives.settings import ContactSettings
 
@@ -27,9 +27,7 @@ Joints = NDArray[np.intp]
 
 LEAST_PATH = 5  # |P| of a pair: joints that are close along the tree make no contact
 STIFFNESS = 400.0  # of a pair, over reach / D, with `strength` 1
-WITHIN = (
-    0.05  # a pair that asks for larger changes of the rotation copy than this pulls with a bounded force [body units]
-)
+WITHIN = 0.05  # a pair that asks the rotation copy to change by more than this pulls with a bounded force [body units]
 TOUCH = 0.005  # [D] added to D before the stiffness is divided by it, which keeps touching pairs finite
 DIRECTION_RANGE = 0.08  # pairs closer than about this keep their direction as well as their distance [body units]
 
@@ -64,10 +62,7 @@ def candidate_pairs(
     passing = passing_regions(regions, legs)[of_point[u], of_point[v]]
     tau1, targets = distances.tau1[u, v], distances.targets
     ratio = distances.tau2[u, v] / unit / tau1
-    D = np.full(len(u), np.inf)
-    if hanging is not None:
-        D = lengths(hanging[distances.sources[u]] - hanging[distances.sources[v]]) / tau1
-    D = np.maximum(D, TOUCH)
+    D = np.maximum(hanging_distances(hanging, distances.sources[u], distances.sources[v], tau1), TOUCH)
     return CandidatePairs(u, v, targets[u], targets[v], tau1, ratio, D, passing, len(distances))
 
 
