@@ -1,0 +1,97 @@
+"""What files of characters hold, glTF and FBX alike: a forest of nodes, the skins on them, and animations of nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Nodes:
+    """The nodes of a file and the transforms that they show without an animation, in the order of the file.
+
+    Attributes:
+        names: of the nodes; they may be empty or the same.
+        parents: (nodes,), the parent of each node, -1 for none. Parents may come after their children.
+        translations: (nodes, 3), relative to the parent [file units].
+        rotations: (nodes, 4), relative to the parent, unit quaternions x y z w.
+        scales: (nodes, 3), along the axes of the node.
+    """
+
+    names: tuple[str, ...]
+    parents: NDArray[np.intp]
+    translations: Array
+    rotations: Array
+    scales: Array
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+@dataclass(frozen=True, eq=False)
+class Skin:
+    """The nodes that move a mesh, and where they were when it was bound to them.
+
+    Attributes:
+        joints: (joints,), nodes.
+        inverse_binds: (joints, 4, 4), from the space of the mesh to that of each joint in the bind pose; vectors are
+            columns.
+        meshes: the nodes at which meshes with this skin hang.
+    """
+
+    joints: NDArray[np.intp]
+    inverse_binds: Array
+    meshes: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Animation:
+    """An animation, sampled at frames that are equally far apart.
+
+    Attributes:
+        name: as in the file; may be empty.
+        frames: the number of frames.
+        frame_time_text: the time between frames [s].
+        translations: the moving nodes, (frames, 3) each, relative to the parent [file units].
+        rotations: the turning nodes, (frames, 4) each, unit quaternions x y z w.
+        scales: the nodes with scales, (frames, 3) each.
+    """
+
+    name: str
+    frames: int
+    frame_time_text: str
+    translations: Mapping[int, Array] = field(default_factory=dict)
+    rotations: Mapping[int, Array] = field(default_factory=dict)
+    scales: Mapping[int, Array] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """The content of a file of characters that matters to a motion.
+
+    Attributes:
+        path: of the file, for errors.
+        nodes: its nodes.
+        skins: its skins.
+        humanoid: the node of each bone of a VRM humanoid, by VRM 1.0's names of bones, such as "leftUpperArm"; empty
+            for other files.
+        animations: the names of its animations, in the order of the file; they may be empty or the same.
+        animation: the one that was asked for, or the only one; None where there is none.
+        units: of the nodes' translations; None if the file does not state it.
+        up: the axis that points up; None if the file does not state it.
+    """
+
+    path: str | Path
+    nodes: Nodes
+    skins: tuple[Skin, ...]
+    humanoid: Mapping[str, int]
+    animations: tuple[str, ...]
+    animation: Animation | None
+    units: str | None = "m"
+    up: str | None = "Y"
