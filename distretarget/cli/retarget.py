@@ -36,7 +36,8 @@ from distretarget.pipeline.options import Options
 from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.retargeting import argument, retarget_onto
 from distretarget.report.clip_page import run_page
-from distretarget.report.run_summary import figures_json, figures_line, summary_line, unmatched
+from distretarget.report.run_summary import figures_json, figures_line, summary_line
+from distretarget.report.unmatched import others_without_source, parts_without_source
 
 
 @click.command("retarget")
@@ -101,9 +102,11 @@ def retarget_command(
         report: lambda: run_page(result, about(Path(source_text.path), output)),
     }
     write_outputs(texts, overwrite)
-    short = (f"warning: {joints}; see -v" for joints in unmatched(result.matching))
-    for line in _account(result) if verbose else short:
+    others = (f"{joints}; see -v" for joints in others_without_source(result.matching))
+    for line in _account(result) if verbose else others:
         say(line, err=True)
+    for parts in parts_without_source(result.matching):
+        say(f"warning: {parts}", err=True)
     for warning in result.warnings:
         say(f"warning: {warning}", err=True)
     if not strip_namespace and (names := [name for name in skeleton.names if ":" in name]):
