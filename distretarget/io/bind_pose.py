@@ -74,7 +74,9 @@ def _mesh_space(skin: Skin, joints: NDArray[np.intp], inverse_binds: Array, show
     said = shown[joints] @ inverse_binds
     extent = float(np.ptp(shown[joints, :3, 3], axis=0).max())
     scale = float(np.median(_scales(said)))
-    known = [space for space in (np.eye(4), *shown[list(skin.meshes)]) if abs(_scales(space[None])[0] / scale - 1) < AGREE]
+    known = [
+        space for space in (np.eye(4), *shown[list(skin.meshes)]) if abs(_scales(space[None])[0] / scale - 1) < AGREE
+    ]
     agreeing = [(int(_agree(said, space, scale, extent).sum()), space) for space in (*known, *_spread(said))]
     most, space = max(agreeing, key=lambda pair: pair[0])
     if most >= SHARE * len(joints) or not known:

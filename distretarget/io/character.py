@@ -104,7 +104,9 @@ class Character:
         """Return a motion of the skeleton as an animation of the nodes that turn or move."""
         joints = slice(self._above, None)
         parents, scales = self._parent_binds[joints], self._parent_scales[joints, None]
-        turned = parents.inv() * Rotation.from_quat(motion.rotations) * parents * Rotation.from_quat(self.locals[joints])
+        turned = (
+            parents.inv() * Rotation.from_quat(motion.rotations) * parents * Rotation.from_quat(self.locals[joints])
+        )
         rotations, translations = _continuous(turned.as_quat()), motion.translations
         translations[:, 0] -= self.origin
         translations = parents.inv().apply(translations) / scales

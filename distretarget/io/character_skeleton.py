@@ -70,7 +70,6 @@ class _Lines:
             shared = line if shared is None else shared[: _common(shared, line)]
         return shared[-1] if shared else -1
 
-
     def branch(self, node: int, above: int) -> int:
         """The node just below `above` on the line of a node; the node itself if it is `above`."""
         line = self.up(node, above)
@@ -107,7 +106,9 @@ def _wanted(scene: Scene, lines: _Lines) -> tuple[list[int], tuple[str, ...]]:
         raise FileError(scene.path, "has no skin and no VRM humanoid, so no skeleton; expected a character")
     skeletons = _skeletons(groups, lines, lines.meeting(every))
     chosen = next((each for each in skeletons if groups[0] and groups[0][0] in each), max(skeletons, key=len))
-    others = [scene.nodes.names[next(node for node in every if node in each)] for each in skeletons if each is not chosen]
+    others = [
+        scene.nodes.names[next(node for node in every if node in each)] for each in skeletons if each is not chosen
+    ]
     if lines.meeting(chosen) < 0:
         raise FileError(scene.path, "the joints of its skin hang from no common node; expected a single skeleton")
     notes = [f"{counted(len(others), 'other skeleton')} in the file stays as it is: {quoted(others)}"] if others else []
