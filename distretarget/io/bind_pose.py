@@ -42,8 +42,8 @@ def in_world(nodes: Nodes, order: Iterable[int]) -> Array:
 
 
 def bind_poses(skins: Sequence[Skin], shown: Array) -> dict[int, Array]:
-    """Return the transform in the world, (4, 4), of each joint of the skins in the bind pose; `shown`, (nodes, 4, 4), are
-    those of all nodes as the file shows them. The largest skin decides where several have a joint.
+    """Return the transform in the world, (4, 4), of each joint of the skins in the bind pose; `shown`, (nodes, 4, 4),
+    are those of all nodes as the file shows them. The largest skin decides where several have a joint.
     """
     found: dict[int, Array] = {}
     for skin in sorted(skins, key=lambda skin: -len(skin.joints)):

@@ -110,8 +110,8 @@ def sampled(
 
 
 def own_rate(times: Array) -> float:
-    """Return the frame rate of keys at some times, (keys,), ascending [s]: the slowest of at least `LEAST_RATE` on whose
-    frames all of them are, else `IRREGULAR_RATE` [frames/s].
+    """Return the frame rate of keys at some times, (keys,), ascending [s]: the slowest of at least `LEAST_RATE` on
+    whose frames all of them are, else `IRREGULAR_RATE` [frames/s].
     """
     steps = np.diff(times)
     steps = steps[steps > SAME_KEY]
