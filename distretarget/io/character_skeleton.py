@@ -45,7 +45,7 @@ def character_of(scene: Scene) -> Character:
     above = lines.up(nodes.parents.item(root), -1)[::-1] if nodes.parents[root] >= 0 else []
     line = [*above, *joints]
     shown = in_world(nodes, order)
-    binds = _settled(nodes, line, len(above), shown, bind_poses(scene.skins, shown))
+    binds = _settled(nodes, line, len(above), shown, bind_poses(scene.skins, shown, order))
     return _character(scene, line, len(above), binds, (*left_out, *_scale_warnings(scene, line)))
 
 
