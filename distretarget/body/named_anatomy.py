@@ -18,6 +18,7 @@ from distretarget.body.conventions import (
     without_digits,
     words,
 )
+from distretarget.body.humanoid import by_humanoid
 from distretarget.skeleton import Skeleton
 
 # Points for each part that a chain of joints has: the bones of a limb count more than collar bone and toes.
@@ -46,10 +47,11 @@ Trunk = tuple[int, Sequence[int], Sequence[int], int | None]
 def by_names(skeleton: Skeleton) -> Anatomy | None:
     """Return the anatomy that names and tree show, whatever the offsets; None where they show too little.
 
-    The names must show the two long bones of both arms or of both legs, hips and, unless the body is legs alone, a
-    trunk above them. A part has a role only if a joint has a known name for it; spine and neck need no known names.
+    A skeleton with a `humanoid` has the anatomy that this states. Otherwise the names must show the two long bones of
+    both arms or of both legs, hips and, unless the body is legs alone, a trunk above them. A part has a role only if a
+    joint has a known name for it; spine and neck need no known names.
     """
-    return _anatomy(NamedTree.of(skeleton))
+    return by_humanoid(skeleton) if skeleton.humanoid else _anatomy(NamedTree.of(skeleton))
 
 
 @lru_cache(maxsize=64)
