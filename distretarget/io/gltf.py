@@ -247,12 +247,13 @@ def read_beside(content: bytes, path: str | Path) -> dict[str, bytes]:
         fields = place.entries(dotted)
         uri = fields.read("uri", Node.text, "")
         if uri and not uri.startswith(DATA_URI) and uri not in found:
-            found[uri] = read_bytes(_inside(fields["uri"], folder, unquote(uri)))
+            found[uri] = read_bytes(inside(fields["uri"], folder, uri))
     return found
 
 
-def _inside(place: Node, folder: Path, name: str) -> Path:
-    """The path of a file in a folder, which a URI names."""
+def inside(place: Node, folder: Path, uri: str) -> Path:
+    """Return the path of a file in a folder, which a URI names; a SkeletonFileError if it leads out of the folder."""
+    name = unquote(uri)
     path = Path(name)
     if ":" in name or "\\" in name or "\0" in name or path.is_absolute() or ".." in path.parts:
         place.fail(f"leads to {name!r}; expected a file in the folder of the .gltf file")

@@ -64,6 +64,7 @@ class Animation:
         translations: the moving nodes, (frames, 3) each, relative to the parent [file units].
         rotations: the turning nodes, (frames, 4) each, unit quaternions x y z w.
         scales: the nodes with scales, (frames, 3) each.
+        extras: what else is kept with it.
     """
 
     name: str
@@ -72,6 +73,7 @@ class Animation:
     translations: Mapping[int, Array] = field(default_factory=dict)
     rotations: Mapping[int, Array] = field(default_factory=dict)
     scales: Mapping[int, Array] = field(default_factory=dict)
+    extras: Mapping[str, object] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
