@@ -53,20 +53,6 @@ class BvhError(DistretargetError):
         self.line = line
 
 
-class FbxError(DistretargetError):
-    """An FBX file that is invalid, or that the FBX reader cannot read."""
-
-    def __init__(self, path: str | Path, reason: str) -> None:
-        super().__init__(reason, path)
-
-
-class ClipError(DistretargetError):
-    """A file whose animation is still to be chosen, or that lacks the one asked for."""
-
-    def __init__(self, path: str | Path, reason: str) -> None:
-        super().__init__(reason, path)
-
-
 class SkeletonFileError(DistretargetError):
     """An invalid JSON file; `place` is such as `joints[3].offset[2]`, or empty for the whole file."""
 

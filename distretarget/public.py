@@ -8,9 +8,7 @@ from distretarget.body.anatomy import Anatomy as Anatomy
 from distretarget.body.body import Body as Body
 from distretarget.errors import BatchError as BatchError
 from distretarget.errors import BvhError as BvhError
-from distretarget.errors import ClipError as ClipError
 from distretarget.errors import DistretargetError as DistretargetError
-from distretarget.errors import FbxError as FbxError
 from distretarget.errors import FileError as FileError
 from distretarget.errors import MapError as MapError
 from distretarget.errors import MatchingError as MatchingError

@@ -17,7 +17,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.errors import ClipError, FbxError, MissingPackageError
+from distretarget.errors import FileError, MissingPackageError
 from distretarget.io.nodes import Animation, Nodes, Scene, Skin
 
 Array = NDArray[np.float64]
@@ -56,8 +56,7 @@ def parse_fbx(
 
     Raises:
         MissingPackageError: the package ufbx is not installed.
-        ClipError: the animation has to be chosen, or there is none of that name.
-        FbxError: the file is not valid, or its reader stopped.
+        FileError: the file is not valid, its reader stopped, or the animation has to be chosen or is not there.
     """
     if importlib.util.find_spec("ufbx") is None:
         raise MissingPackageError("reading FBX needs the package ufbx: pip install 'distretarget[fbx]'", path)
@@ -65,7 +64,7 @@ def parse_fbx(
     try:
         return _scene(path, arrays)
     except (ValueError, KeyError, IndexError, TypeError, OverflowError) as error:
-        raise FbxError(path, f"the FBX reader returned no valid content; {ADVICE}") from error
+        raise FileError(path, f"the FBX reader returned no valid content; {ADVICE}") from error
 
 
 def _read(content: bytes, path: str | Path, request: Mapping[str, Any]) -> dict[str, Any]:
@@ -87,13 +86,13 @@ def _read(content: bytes, path: str | Path, request: Mapping[str, Any]) -> dict[
         header: dict[str, Any] = json.loads(arrays.pop("header").tobytes())
     except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile):
         _stopped(path, "its output is cut short")
-    if "error" in header:
-        raise {"ClipError": ClipError}.get(header["error"], FbxError)(path, header["reason"])
+    if "fault" in header:
+        raise FileError(path, header["fault"])
     return arrays | header
 
 
 def _stopped(path: str | Path, why: str) -> NoReturn:
-    raise FbxError(path, f"the FBX reader stopped ({why}); {ADVICE}") from None
+    raise FileError(path, f"the FBX reader stopped ({why}); {ADVICE}") from None
 
 
 def _stop(code: int) -> str:
@@ -117,7 +116,6 @@ def _scene(path: str | Path, read: dict[str, Any]) -> Scene:
         animation=None if chosen is None else _animation(path, nodes, read),
         units=next((name for name, metres in UNITS.items() if unit and math.isclose(unit, metres, rel_tol=1e-6)), None),
         up=dict(enumerate(UP)).get(read["up"]),
-        bones=read["bones"],
     )
 
 
@@ -130,57 +128,48 @@ def _parts(path: str | Path, transforms: Array) -> tuple[Array, Array, Array]:
     """Return translations, unit quaternions and scales, from ten numbers each.
 
     Raises:
-        FbxError: a number is not finite, or a quaternion is zero.
+        FileError: a number is not finite, or a quaternion is zero.
     """
     translations, rotations, scales = np.split(transforms, [3, 7], axis=-1)
     sizes = np.linalg.norm(rotations, axis=-1, keepdims=True)
     if not (np.isfinite(transforms).all() and (sizes > 0.0).all()):
-        raise FbxError(path, "has a node whose position, rotation or scale is not a finite number; export it again")
+        raise FileError(path, "has a node whose position, rotation or scale is not a finite number; export it again")
     return translations, rotations / sizes, scales
 
 
 def _skins(nodes: Nodes, read: dict[str, Any]) -> tuple[Skin, ...]:
-    """Return the skins; where there are none, one of the bones that are in bind poses, and of the bones below them."""
-    joints, binds, worlds = read["joints"], read["binds"], read["worlds"]
-    starts = np.cumsum(read["counts"])[:-1]
-    skins = zip(np.split(joints, starts), np.split(binds, starts), strict=True) if len(read["counts"]) else ()
-    found = [_skin(numbers, matrices, worlds) for numbers, matrices in skins if len(numbers)]
-    if found or not len(read["posed"]):
-        return tuple(found)
-    bones = _posed_bones(nodes, read)
-    return (_skin(*bones, worlds),) if len(bones[0]) else ()
+    """Return the skins; where there are none, one for each tree of bones, bound as in the file's bind pose."""
+    ends = np.cumsum(read["counts"])[:-1]
+    found = zip(np.split(read["joints"], ends), np.split(read["binds"], ends), strict=True)
+    skins = tuple(_skin(joints, binds) for joints, binds in found if len(joints))
+    if skins:
+        return skins
+    posed = np.zeros((len(nodes), 4, 4))
+    posed[read["posed"][::-1]] = read["poses"][::-1]  # the first pose counts
+    return tuple(_skin(bones, posed[bones]) for bones in _bone_trees(nodes.parents, read["bones"]))
 
 
-def _posed_bones(nodes: Nodes, read: dict[str, Any]) -> tuple[NDArray[np.intp], Array]:
-    """Return the bones and their world matrices in the bind pose; bones that are not in it keep their place below."""
-    worlds = read["worlds"]
-    first = dict(zip(read["posed"][::-1].tolist(), read["poses"][::-1], strict=True))
-    matrices = {}
-    for node in np.flatnonzero(read["bones"]).tolist():  # parents come first
-        parent = int(nodes.parents[node])
-        if node in first:
-            matrices[node] = first[node]
-        elif parent in matrices and _invertible(worlds[parent]):
-            matrices[node] = matrices[parent] @ np.linalg.inv(worlds[parent]) @ worlds[node]
-    return np.array(list(matrices), np.intp), np.array(list(matrices.values())).reshape(-1, 4, 4)
+def _skin(joints: NDArray[np.intp], binds: Array) -> Skin:
+    """Return a skin from its joints and their places in the world when they were bound, (joints, 4, 4)."""
+    joints, first = np.unique(joints, return_index=True)
+    if not binds.any():
+        return Skin(joints.astype(np.intp), None)
+    return Skin(joints.astype(np.intp), np.array([_inverse(bind) for bind in binds[first]]))
 
 
-def _skin(joints: NDArray[np.intp], binds: Array, worlds: Array) -> Skin:
-    """Return a skin; a joint counts once, and one whose bind matrix is missing is bound where it is."""
-    joints, places = np.unique(joints, return_index=True)
-    matrices = [bind if _invertible(bind) else worlds[joint] for joint, bind in zip(joints, binds[places], strict=True)]
-    kept = [index for index, matrix in enumerate(matrices) if _invertible(matrix)]
-    return Skin(
-        joints[kept].astype(np.intp), np.linalg.inv(np.array([matrices[index] for index in kept]).reshape(-1, 4, 4))
-    )
-
-
-def _invertible(matrix: Array) -> bool:
-    """Return whether a matrix (4, 4) is finite and its axes span a space."""
-    if not np.isfinite(matrix).all():
-        return False
+def _inverse(matrix: Array) -> Array:
+    """The inverse of a matrix (4, 4); zeros if it has none."""
     sizes = np.linalg.norm(matrix[:3, :3], axis=0)
-    return bool(np.all(sizes > 0.0) and abs(np.linalg.det(matrix[:3, :3] / sizes)) > SINGULAR)
+    regular = np.isfinite(matrix).all() and sizes.all() and abs(np.linalg.det(matrix[:3, :3] / sizes)) > SINGULAR
+    return np.linalg.inv(matrix) if regular else np.zeros((4, 4))
+
+
+def _bone_trees(parents: NDArray[np.intp], bones: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+    """Return the bones of each tree: those below the same highest bone. Parents come before children."""
+    top = np.full(len(parents) + 1, -1)
+    for node, parent in enumerate(parents.tolist()):
+        top[node] = node if bones[node] and top[parent] < 0 else top[parent]
+    return [np.flatnonzero(bones & (top[:-1] == highest)) for highest in np.unique(top[:-1][bones])]
 
 
 def _animation(path: str | Path, nodes: Nodes, read: dict[str, Any]) -> Animation:
@@ -199,7 +188,7 @@ def _animation(path: str | Path, nodes: Nodes, read: dict[str, Any]) -> Animatio
     return Animation(
         name=read["animations"][read["chosen"]],
         frames=len(read["frames"]),
-        frame_time_text=np.format_float_positional(read["step"], precision=6, fractional=False, trim="-"),
+        frame_time_text=f"{read['step']:.9g}",
         translations=translations,
         rotations=rotations,
         scales=scales,

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.errors import ClipError, FbxError
+from distretarget.errors import FileError
 from distretarget.io.nodes import choose_animation
 
 if TYPE_CHECKING:
@@ -51,10 +51,10 @@ def main() -> None:
     arrays: dict[str, Any]
     try:
         arrays, header = _content(data, **json.loads(sys.argv[1]))
-    except (ClipError, FbxError) as error:
-        arrays, header = {}, {"error": type(error).__name__, "reason": error.reason}
+    except FileError as error:
+        arrays, header = {}, {"fault": error.reason}
     except MemoryError:
-        arrays, header = {}, {"error": "FbxError", "reason": "needs more memory than there is for a file of its size"}
+        arrays, header = {}, {"fault": "needs more memory than a file of its size should"}
     header_bytes = np.frombuffer(json.dumps(header).encode(), np.uint8)
     np.savez(output, allow_pickle=False, header=header_bytes, **arrays)
     output.flush()
@@ -83,8 +83,7 @@ def _content(
     """Return the arrays and the header of a file.
 
     Raises:
-        ClipError: see `choose_animation`.
-        FbxError: the file is not valid, or the animation has too many frames.
+        FileError: the file is not valid, its animation is not chosen, or has too many frames.
     """
     scene = _load(data, path)
     nodes = list(_each(scene.nodes))[1:]  # the first is the root that ufbx adds
@@ -114,7 +113,7 @@ def _load(data: bytes, path: str) -> ufbx.Scene:
             )
         )
     except ufbx.UfbxError as error:
-        raise FbxError(path, f"is not a valid FBX file: {str(error).splitlines()[0]}") from error
+        raise FileError(path, f"is not a valid FBX file: {str(error).splitlines()[0]}") from error
 
 
 def _held(element: Element) -> Element:
@@ -139,7 +138,6 @@ def _still(scene: ufbx.Scene, nodes: list[ufbx.Node]) -> tuple[dict[str, Any], d
     arrays = {
         "parents": np.array([number.get(parent.typed_id, -1) if parent else -1 for parent in parents], np.int64),
         "transforms": np.array([_ten(node.local_transform) for node in nodes]).reshape(-1, 10),
-        "worlds": _matrices(node.node_to_world for node in nodes),
         "bones": np.array([node.attrib_type == ufbx.ElementType.BONE for node in nodes], bool),
         "joints": np.array(joints, np.int64),
         "binds": _matrices(binds),
@@ -230,7 +228,7 @@ def _sampled(
     chosen = [index for index, node in enumerate(nodes) if node.typed_id in moving or node.is_scale_helper]
     frames = (keys[-1] - keys[0]) / step + 1.0
     if not frames * len(chosen) <= max(MOST_SAMPLES, count):
-        raise FbxError(path, f"the animation {stack.name!r} would have {frames:.0f} frames; ask for fewer with --fps")
+        raise FileError(path, f"the animation {stack.name!r} would have {frames:.0f} frames; ask for fewer with --fps")
     times = frame_times(keys, step)
     anim, parts = _held(stack.anim), [nodes[index] for index in chosen]
     samples = np.empty((len(times), len(parts), 10))

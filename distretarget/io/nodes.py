@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.errors import ClipError, closest, quoted
+from distretarget.errors import FileError, closest, quoted
 
 Array = NDArray[np.float64]
 
@@ -44,7 +43,8 @@ class Skin:
     Attributes:
         joints: (joints,), nodes.
         inverse_binds: (joints, 4, 4), from the space of the mesh to that of each joint in the bind pose; vectors are
-            columns. None where the file does not state it: the bind pose is what the nodes show.
+            columns. None where the file does not state it: the bind pose is what the nodes show; zeros where it states
+            none for a joint.
         meshes: the nodes at which meshes with this skin hang.
     """
 
@@ -90,7 +90,6 @@ class Scene:
         animation: the one that was asked for, or the only one; None where there is none.
         units: of the nodes' translations; None if the file does not state it.
         up: the axis that points up; None if the file does not state it.
-        bones: (nodes,), true for the nodes that the file calls bones; None for formats that have no bones.
     """
 
     path: str | Path
@@ -101,32 +100,23 @@ class Scene:
     animation: Animation | None
     units: str | None = "m"
     up: str | None = "Y"
-    bones: NDArray[np.bool_] | None = None
 
 
 def choose_animation(path: str | Path, names: Sequence[str], clip: str | None) -> int | None:
-    """Return the index of the animation that is to be read, or None where the file has none and none is asked for.
-
-    `clip` is the animation's name, or else "#2" for the second one, as names may be empty or the same; None stands for
-    the only animation.
+    """Return the number of the animation named `clip`, or of the only one; None where a file has none and none is
+    asked for. "#2" stands for the second, for animations without a name of their own.
 
     Raises:
-        ClipError: several animations to choose from, or none of that name or number.
+        FileError: there is no such animation, or there are several and none is asked for.
     """
-    if clip is None and len(names) < 2:
-        return 0 if names else None
-    if not names:
-        raise ClipError(path, f"has no animation, so none named {clip!r}; leave out --clip")
+    shown = [name if name and names.count(name) == 1 else f"#{number}" for number, name in enumerate(names, start=1)]
     if clip is None:
-        choice = "NAME" if all(names) and len(set(names)) == len(names) else 'and its number, such as "#2"'
-        raise ClipError(path, f"has {len(names)} animations: {quoted(names, 12)}; choose one with --clip {choice}")
-    same = [index for index, name in enumerate(names) if name == clip]
-    if len(same) > 1:
-        numbers = ", ".join(f'"#{index + 1}"' for index in same[:12])
-        raise ClipError(path, f"has {len(same)} animations {clip!r}; choose one with --clip and its number: {numbers}")
-    if same:
-        return same[0]
-    number = re.fullmatch("#([1-9][0-9]{0,8})", clip)
-    if number and int(number[1]) <= len(names):
-        return int(number[1]) - 1
-    raise ClipError(path, f"has no animation {clip!r}; {closest(clip, names)}")
+        if len(names) > 1:
+            listed = quoted(shown, 12)
+            raise FileError(path, f"has {len(names)} animations: {listed}; choose one with --clip NAME")
+        return 0 if names else None
+    if clip in shown:
+        return shown.index(clip)
+    if clip.startswith("#") and clip[1:].isdecimal() and 0 < int(clip[1:]) <= len(names):
+        return int(clip[1:]) - 1
+    raise FileError(path, f"has no animation {clip!r}; {closest(clip, shown) if names else 'it has none'}")
