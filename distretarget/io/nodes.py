@@ -43,7 +43,8 @@ class Skin:
     Attributes:
         joints: (joints,), nodes.
         inverse_binds: (joints, 4, 4), from the space of the mesh to that of each joint in the bind pose; vectors are
-            columns. None where the file does not state it: the bind pose is what the nodes show.
+            columns. None where the file does not state it: the bind pose is what the nodes show; zeros where it states
+            none for a joint.
         meshes: the nodes at which meshes with this skin hang.
     """
 
@@ -63,6 +64,7 @@ class Animation:
         translations: the moving nodes, (frames, 3) each, relative to the parent [file units].
         rotations: the turning nodes, (frames, 4) each, unit quaternions x y z w.
         scales: the nodes with scales, (frames, 3) each.
+        extras: what else is kept with it.
     """
 
     name: str
@@ -71,6 +73,7 @@ class Animation:
     translations: Mapping[int, Array] = field(default_factory=dict)
     rotations: Mapping[int, Array] = field(default_factory=dict)
     scales: Mapping[int, Array] = field(default_factory=dict)
+    extras: Mapping[str, object] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
