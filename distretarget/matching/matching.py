@@ -41,8 +41,9 @@ class Matching:
         rotation_sources: (target joints, 2), the source joints whose rotations each target joint blends: its driver
             twice, or two neighbours in a spine or neck with another number of joints; -1 to follow the parent.
         blend: (target joints,), the weight of the second rotation source [0 to 1].
-        method: how each target joint was matched: "map", "name" (equal names), "names" (body parts by name), "shape"
-            (body parts by shape), "tip" (child of a matched joint), or "" without a driver.
+        method: how each target joint was matched: "map", "name" (equal names), "names" (body parts by name or as the
+            file's humanoid states), "shape" (body parts by shape), "tip" (child of a matched joint), or "" without a
+            driver.
     """
 
     source: Body
