@@ -42,11 +42,13 @@ class Skeleton:
         end_sites: (joints,), true for End Sites.
         units: unit of the offsets, one of `UNITS`; None if the file does not state it.
         up: up axis, one of `AXES`; None if the file does not state it.
+        humanoid: pairs of a bone, by VRM 1.0's names of bones, such as "leftUpperArm", and its joint; empty if the file
+            does not state them. Where it does, they alone say which joint is which part of the body.
 
     Raises:
         SkeletonError: the arrays are not numbers or not such a tree, a name is not text, a channel is unknown or
-            repeated in a joint, an End Site has channels or children, the unit or axis is unknown, or two joints have
-            the same key.
+            repeated in a joint, an End Site has channels or children, the unit or axis is unknown, two joints have the
+            same key, or a bone of the humanoid is there twice or at no joint.
     """
 
     names: tuple[str, ...]
@@ -56,11 +58,13 @@ class Skeleton:
     end_sites: NDArray[np.bool_]
     units: str | None = None
     up: str | None = None
+    humanoid: tuple[tuple[str, int], ...] = ()
 
     def __post_init__(self) -> None:
         self._check_names()
         self._check_arrays()
         self._check_tree()
+        self._check_humanoid()
         for name, value, known in (("units", self.units, UNITS), ("up", self.up, AXES)):
             if value is not None and value not in known:
                 raise SkeletonError(f"{name} is {value!r}; expected one of {quoted(known)} or None")
@@ -123,6 +127,18 @@ class Skeleton:
             if not joint or inner[joint] or self.channels[joint]:
                 name = self.names[joint]
                 raise SkeletonError(f"{name!r} is an End Site, but it is the root, or has channels or children")
+
+    def _check_humanoid(self) -> None:
+        """Check the pairs of bone and joint, and store them as tuples."""
+        joints = self.joints
+        try:
+            pairs = tuple((str(bone), joints[joints.index(joint)]) for bone, joint in self.humanoid)
+        except (TypeError, ValueError) as error:
+            raise SkeletonError(f"humanoid is not made of pairs of a bone and its joint: {error}") from error
+        for entries in zip(*pairs, strict=True):
+            if twice := [entry for entry, times in Counter(entries).items() if times > 1]:
+                raise SkeletonError(f"the humanoid has {twice[0]!r} twice")
+        object.__setattr__(self, "humanoid", pairs)
 
     def __len__(self) -> int:
         return len(self.names)

@@ -46,14 +46,15 @@ class Anatomy:
         spine: the joints above the hips up to the one where arms and neck branch off, lowest first.
         neck: the joints above the spine and below the head, lowest first.
         convention: the naming convention of the joints, such as "Mixamo"; empty where none is recognised.
-        method: whether the roles were recognised by the joints' names or by the shape of the skeleton.
+        method: whether the roles were recognised by the joints' names or by the shape of the skeleton, or are stated by
+            the humanoid in the file.
     """
 
     roles: Mapping[str, int]
     spine: tuple[int, ...]
     neck: tuple[int, ...]
     convention: str
-    method: Literal["names", "shape"]
+    method: Literal["names", "shape", "humanoid"]
 
     @property
     def knuckles(self) -> frozenset[int]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from operator import itemgetter
@@ -18,6 +18,7 @@ from distretarget.body.conventions import (
     without_digits,
     words,
 )
+from distretarget.body.humanoid import by_humanoid
 from distretarget.skeleton import Skeleton
 
 # Points for each part that a chain of joints has: the bones of a limb count more than collar bone and toes.
@@ -31,6 +32,8 @@ FINGER_NUMBER = re.compile(r"finger(\d)")  # a finger's number in a joint's name
 
 # The hips may have this name only where legs and trunk branch off; a joint above them with it just carries the body.
 CARRIER = "root"
+
+DEFORMING = ("def",)  # the prefix of the bones that deform the mesh in rigs with other copies of each bone
 
 HANDLE_WORDS = frozenset(("ik", "vb"))  # the name of a handle has one of these words; "VB" marks Unreal's virtual bones
 HANDLED_PARTS = ("Hand", "Foot", "Toes")  # the parts that have handles
@@ -46,10 +49,11 @@ Trunk = tuple[int, Sequence[int], Sequence[int], int | None]
 def by_names(skeleton: Skeleton) -> Anatomy | None:
     """Return the anatomy that names and tree show, whatever the offsets; None where they show too little.
 
-    The names must show the two long bones of both arms or of both legs, hips and, unless the body is legs alone, a
-    trunk above them. A part has a role only if a joint has a known name for it; spine and neck need no known names.
+    A skeleton with a `humanoid` has the anatomy that this states. Otherwise the names must show the two long bones of
+    both arms or of both legs, hips and, unless the body is legs alone, a trunk above them. A part has a role only if a
+    joint has a known name for it; spine and neck need no known names.
     """
-    return _anatomy(NamedTree.of(skeleton))
+    return by_humanoid(skeleton) if skeleton.humanoid else _anatomy(NamedTree.of(skeleton))
 
 
 @lru_cache(maxsize=64)
@@ -85,7 +89,7 @@ class _Rig:
         """The joints of the chain on a side with the most points for this limb; empty unless both long bones are named.
 
         `chains` has, for each joint, the best chains that end there or above, by the number of parts they may use, each
-        with its points. Of chains with equal points the one that ends higher up is better.
+        with its points. Of chains with equal points the one whose last joint carries most joints is better.
         """
         chains: list[list[tuple[float, dict[str, int]]]] = []
         points = itemgetter(0)
@@ -99,23 +103,25 @@ class _Rig:
                     longer = above[rank][0] + more, above[rank][1] | {part: joint}
                     best[rank + 1 :] = [max(chain, longer, key=points) for chain in best[rank + 1 :]]
             chains.append(best)
-        _, joints = max((best[-1] for best in chains), key=points)
+        _, joints = max((best[-1] for best in chains), key=lambda chain: (chain[0], self._carried(chain[1])))
         return joints if all(part in joints for part in limb if part.startswith(LONG_BONE_WORDS)) else {}
 
     def _fingers(self, hand: int) -> dict[str, int]:
         """The joints of the fingers below a hand, by role without side, such as "Index1"."""
         names = self.meanings.names
         below = [joint for joint in range(hand + 1, len(self.parents)) if hand in self._paths[joint]]
-        stems = {joint: names[joint].stem for joint in below if not names[joint].helper}
+        deforming = [joint for joint in below if names[joint].prefix == DEFORMING]
+        stems = {joint: names[joint].stem for joint in deforming or below if not names[joint].helper}
         from_zero = any("finger0" in stem for stem in stems.values())
-        chains: dict[str, list[int]] = {finger: [] for finger in FINGERS}
+        joints: dict[str, list[int]] = {finger: [] for finger in FINGERS}
         next_finger: dict[int, str] = {}
         for joint in reversed(stems):
             finger = _finger_of(stems[joint], from_zero) or (next_finger.get(joint) if _in_palm(stems[joint]) else None)
             if finger:
-                chains[finger].insert(0, joint)
+                joints[finger].insert(0, joint)
                 if finger != "Thumb":
                     next_finger[self.parents[joint]] = finger
+        chains = {finger: self._chain(own, stems) for finger, own in joints.items()}
         return {
             f"{finger}{number}": joint
             for finger, chain in chains.items()
@@ -123,13 +129,32 @@ class _Rig:
             if number <= LAST_BONE
         }
 
+    def _chain(self, joints: Sequence[int], stems: Mapping[int, str]) -> Sequence[int]:
+        """The bones of a finger: those of its joints that follow each other down the tree, as many as there are.
+
+        A joint that is named for one above it, as "index_01_half" is for "index_01", is a bone of the skin, unless all
+        but one are.
+        """
+        chains: list[tuple[list[int], list[int]]] = [([], [])]  # the bones, and all joints down to one of them
+        lowest = dict.fromkeys((-1,), 0)
+        for joint in joints:
+            above = next(above for above in (*reversed(self._paths[joint][:-1]), -1) if above in lowest)
+            bones, line = chains[lowest[above]]
+            of_skin = any(_extends(stems[joint], stems[upper]) for upper in line)
+            lowest[joint] = len(chains)
+            chains.append((bones if of_skin else [*bones, joint], [*line, joint]))
+        bones, line = max(chains, key=lambda chain: (len(chain[0]), len(chain[1])))
+        return bones if len(bones) > 1 else line
+
     def _trunk(self, arms: Sequence[int], legs: Sequence[int]) -> Trunk | None:
         """The trunk between the first joints of arms and legs; None where it has no upper end or no hips.
 
         The neck begins with the first joint that has a name of the neck, else where the arms branch off.
         """
         meanings, joints = self.meanings, range(len(self.parents))
-        heads = [joint for joint in joints if meanings.means(joint, "head")]
+        named = {joint: meanings.names[joint].stem for joint in joints if meanings.means(joint, "head")}
+        above = {joint: [named.get(upper) for upper in self._paths[joint][:-1]] for joint in named}
+        heads = [joint for joint in named if named[joint] not in above[joint]]
         head = max(heads, key=lambda joint: len(self._paths[joint]), default=None)
         crown = head if head is not None else max(filter(meanings.is_neck, joints), default=None)
         uppers = [*arms] if len(arms) == len(SIDES) or crown is None else [*arms, crown]
@@ -173,6 +198,18 @@ class _Rig:
     def _is_hips(self, joint: int) -> bool:
         return self.meanings.means(joint, "hips")
 
+    def _carried(self, joints: Mapping[str, int]) -> int:
+        """The number of joints below the lowest of these."""
+        return self._below[max(joints.values())] if joints else 0
+
+    @cached_property
+    def _below(self) -> list[int]:
+        """The number of joints below each joint."""
+        below = [0] * len(self.parents)
+        for joint in range(len(self.parents) - 1, 0, -1):
+            below[self.parents[joint]] += below[joint] + 1
+        return below
+
     @cached_property
     def _paths(self) -> list[tuple[int, ...]]:
         """For each joint the joints from the root down to it; the last entry, for -1, is empty."""
@@ -194,6 +231,11 @@ def _finger_of(stem: str, from_zero: bool) -> str | None:
             return finger
     number = FINGER_NUMBER.search(stem)
     return dict(enumerate(FINGERS, start=not from_zero)).get(int(number[1])) if number else None
+
+
+def _extends(stem: str, upper: str) -> bool:
+    """Whether a stem is another with more words, as "index01half" is "index01"."""
+    return stem.startswith(upper) and stem[len(upper) :][:1].isalpha()
 
 
 def _in_palm(stem: str) -> bool:

@@ -16,6 +16,8 @@ COLUMNS = ("target joint", "source joint", "confidence", "method")
 
 def recognised(body: Body) -> str:
     """Return how the parts of a body were recognised, in words."""
+    if body.anatomy and body.anatomy.method == "humanoid":
+        return "joints as the humanoid in the file says"
     if title := convention_of(body.skeleton):
         return f"joints named as in {title}"
     return f"joints recognised by {body.anatomy.method}" if body.anatomy else "no human body recognised"

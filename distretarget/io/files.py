@@ -1,4 +1,4 @@
-"""Text files: read with errors that name the fault, and written whole or not at all."""
+"""Files: read with errors that name the fault, and written whole or not at all."""
 
 from __future__ import annotations
 
@@ -10,15 +10,13 @@ import os
 import secrets
 import stat
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 from distretarget.checks import check_path
 from distretarget.errors import FileError
 
 # Motion formats that other programs convert to BVH, by suffix.
-OTHER_FORMATS = {".fbx": "FBX", ".glb": "glTF", ".gltf": "glTF", ".c3d": "C3D", ".dae": "Collada", ".blend": "Blender"}
+OTHER_FORMATS = {".c3d": "C3D", ".dae": "Collada", ".blend": "Blender"}
 CTRL_Z = "\x1a"
 STANDARD_INPUT = Path("standard input")  # its name in errors
 
@@ -30,24 +28,6 @@ REASONS = {
     errno.ENOSPC: "the disk is full",
     errno.EDQUOT: "the disk quota is used up",
 }
-
-
-@dataclass(frozen=True)
-class Text:
-    """The text of a file, and the file's path for errors."""
-
-    text: str
-    path: str | Path
-
-    @cached_property
-    def hash(self) -> str:
-        """The hash of the file that `write_whole` writes for this text."""
-        return text_hash(self.text)
-
-
-def load_text(path: str | Path) -> Text:
-    """Read a text file; errors as in `read_text`."""
-    return Text(read_text(path), path)
 
 
 def read_text(path: str | Path) -> str:
@@ -78,8 +58,8 @@ def read_bytes(path: str | Path) -> bytes:
 def text_of(content: bytes, path: str | Path) -> str:
     """Return the text in the content of a file as `read_text` does; `path` is for errors."""
     if other := OTHER_FORMATS.get(Path(path).suffix.lower()):
-        advice = "convert it first, for example with Blender: File > Import, then File > Export > Motion Capture (.bvh)"
-        raise FileError(path, f"is {other}, expected BVH; {advice}")
+        advice = "convert it first, for example with Blender: File > Import, then File > Export > glTF (.glb)"
+        raise FileError(path, f"is {other}, expected BVH, glTF, VRM or FBX; {advice}")
     text = _decoded(path, content)
     if "\0" in text:
         raise FileError(path, f"is not a text file: character {text.index(chr(0)) + 1} is NUL")
@@ -109,11 +89,6 @@ def hash_of_file(path: Path) -> str | None:
         return hash_of(path.read_bytes())
     except OSError:
         return None
-
-
-def text_hash(text: str) -> str:
-    """Return the hash of the file that `write_whole` writes for a text."""
-    return hash_of(b"".join(encoded_parts(text)))
 
 
 def is_folder(path: str | Path) -> bool:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
+from distretarget.errors import FileError, closest, quoted
 
 Array = NDArray[np.float64]
 
@@ -41,12 +43,13 @@ class Skin:
     Attributes:
         joints: (joints,), nodes.
         inverse_binds: (joints, 4, 4), from the space of the mesh to that of each joint in the bind pose; vectors are
-            columns.
+            columns. None where the file does not state it: the bind pose is what the nodes show; zeros where it states
+            none for a joint.
         meshes: the nodes at which meshes with this skin hang.
     """
 
     joints: NDArray[np.intp]
-    inverse_binds: Array
+    inverse_binds: Array | None
     meshes: tuple[int, ...] = ()
 
 
@@ -61,6 +64,7 @@ class Animation:
         translations: the moving nodes, (frames, 3) each, relative to the parent [file units].
         rotations: the turning nodes, (frames, 4) each, unit quaternions x y z w.
         scales: the nodes with scales, (frames, 3) each.
+        extras: what else is kept with it.
     """
 
     name: str
@@ -69,6 +73,7 @@ class Animation:
     translations: Mapping[int, Array] = field(default_factory=dict)
     rotations: Mapping[int, Array] = field(default_factory=dict)
     scales: Mapping[int, Array] = field(default_factory=dict)
+    extras: Mapping[str, object] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,3 +100,23 @@ class Scene:
     animation: Animation | None
     units: str | None = "m"
     up: str | None = "Y"
+
+
+def choose_animation(path: str | Path, names: Sequence[str], clip: str | None) -> int | None:
+    """Return the number of the animation named `clip`, or of the only one; None where a file has none and none is
+    asked for. "#2" stands for the second, for animations without a name of their own.
+
+    Raises:
+        FileError: there is no such animation, or there are several and none is asked for.
+    """
+    shown = [name if name and names.count(name) == 1 else f"#{number}" for number, name in enumerate(names, start=1)]
+    if clip is None:
+        if len(names) > 1:
+            listed = quoted(shown, 12)
+            raise FileError(path, f"has {len(names)} animations: {listed}; choose one with --clip NAME")
+        return 0 if names else None
+    if clip in shown:
+        return shown.index(clip)
+    if clip.startswith("#") and clip[1:].isdecimal() and 0 < int(clip[1:]) <= len(names):
+        return int(clip[1:]) - 1
+    raise FileError(path, f"has no animation {clip!r}; {closest(clip, shown) if names else 'it has none'}")

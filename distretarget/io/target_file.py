@@ -1,18 +1,22 @@
-"""Target files: BVH, or JSON with a whole skeleton (full form) or other bone lengths for the source's (short form)."""
+"""Target files: BVH, characters (glTF, VRM, FBX), or JSON with a whole skeleton (full form) or other bone lengths for
+the source's (short form).
+"""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from distretarget.errors import BvhError, SkeletonError, SkeletonFileError, closest, quoted
 from distretarget.io.bvh import parse_bvh, parse_bvh_skeleton
-from distretarget.io.files import read_text
+from distretarget.io.character import Character
+from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Fields, Node, described, parse_json
+from distretarget.io.motion_file import parse_character
 from distretarget.skeleton import AXES, POSITION_CHANNELS, ROTATION_CHANNELS, UNITS, JointMap, Skeleton
 from distretarget.target import SkeletonEdit, Target, with_bones
 
@@ -23,43 +27,68 @@ SHORT_KEYS = ("scale", "lengths", "factors")
 ALL_CHANNELS = POSITION_CHANNELS + ROTATION_CHANNELS
 JOINT_CHANNELS = ("Zrotation", "Xrotation", "Yrotation")  # of a joint for which the file states none
 ROOT_CHANNELS = POSITION_CHANNELS + JOINT_CHANNELS  # of a root for which the file states none
-CACHED_TARGETS = 4  # parsed BVH targets that are kept for the next clip [files]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CharacterTarget(Target):
+    """A target whose joints are nodes of a character file.
+
+    Attributes:
+        character: which nodes they are.
+    """
+
+    character: Character
+
+
+@dataclass(frozen=True, eq=False)
+class TargetFile:
+    """The target in a file, the file's path for errors, and the file itself; workers do without it."""
+
+    target: Target | SkeletonEdit
+    path: str | Path
+    file: InputFile | None
+
+    @classmethod
+    def of(cls, file: InputFile) -> TargetFile:
+        """Return the target in a file; errors as in `load_target`."""
+        return cls(parse_target(file), file.path, file)
 
 
 def load_target(path: str | Path) -> Target | SkeletonEdit:
-    """Return the target in a skeleton file (full or short form) or a BVH file; the content decides which it is.
+    """Return the target in a skeleton file (full or short form), a BVH file, or the file of a character: glTF 2.0
+    (.glb, .gltf), VRM 0 or 1, FBX. The content decides which it is.
 
     `retarget` takes the result as it is; its method `for_source` gives the whole skeleton for a source.
 
     Raises:
-        FileError: the file cannot be read.
+        FileError: the file cannot be read, or has no character.
         SkeletonFileError: the file is JSON that breaks the format, or no bone of the body has a length.
-        BvhError: the file is neither JSON nor BVH.
+        BvhError: the file is none of these, nor BVH.
     """
-    return parse_target(read_text(path), path)
+    return parse_target(load_file(path))
 
 
-def parse_target(text: str, path: str | Path) -> Target | SkeletonEdit:
-    """Return the target in the text of a file as `load_target` does; `path` is for errors."""
-    return _json_target(parse_json(path, text)) if is_json(text) else _bvh_target(text, path)
+def parse_target(file: InputFile) -> Target | SkeletonEdit:
+    """Return the target in a file as `load_target` does."""
+    match file.kind:
+        case "skeleton":
+            return _json_target(parse_json(file.path, file.text))
+        case "BVH":
+            return _bvh_target(file.text, file.path)
+    character = parse_character(file)
+    return CharacterTarget(with_bones(character.skeleton, file.path), {}, "", character=character)
 
 
-def parse_full_target(text: str, path: str | Path) -> Target:
-    """Return the target in the text of a BVH file or a skeleton file of the full form; errors as in `parse_target`, and
-    a SkeletonFileError for the short form, which needs a source.
+def parse_full_target(file: InputFile) -> Target:
+    """Return the target in a file of a whole skeleton; errors as in `parse_target`, and a SkeletonFileError for the
+    short form of skeleton files, which needs a source.
     """
-    target = parse_target(text, path)
+    target = parse_target(file)
     if isinstance(target, SkeletonEdit):
-        raise SkeletonFileError(path, "", 'has no "joints"; this short form needs a source to change')
+        raise SkeletonFileError(file.path, "", 'has no "joints"; this short form needs a source to change')
     return target
 
 
-def is_json(text: str) -> bool:
-    """Return whether the text of a file is to be read as JSON; any other text is to be read as BVH."""
-    return text.lstrip().startswith(("{", "["))
-
-
-@lru_cache(maxsize=CACHED_TARGETS)
 def _bvh_target(text: str, path: str | Path) -> Target:
     """The target in the text of a BVH file; its MOTION may be missing or invalid."""
     try:

@@ -80,7 +80,7 @@ def _same_parts(s: Anatomy, t: Anatomy) -> JointPairs:
     pair if the source has all of the target's, or at least `SHARED_FINGERS`: a single finger that stands for all four
     (CMU) would move one finger of five.
     """
-    method = "names" if s.method == t.method == "names" else "shape"
+    method = "shape" if "shape" in (s.method, t.method) else "names"
     shared = [role for role in t.roles if role in s.roles]
     for side in SIDES:
         fingers = [{finger for finger in FINGERS if f"{side}{finger}1" in body.roles} for body in (s, t)]

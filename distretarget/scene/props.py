@@ -112,6 +112,7 @@ def prop_of(motion: Motion, joint: str) -> Motion:
         offsets=skeleton.offsets[joints],
         channels=tuple(channels),
         end_sites=np.append(False, skeleton.end_sites[joints[1:]]),
+        humanoid=(),
     )
     translations, rotations = np.array(motion.translations[:, joints]), np.array(motion.rotations[:, joints])
     translations[:, 0], rotations[:, 0] = motion.positions[:, root], motion.world_rotations_of(root)

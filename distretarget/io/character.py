@@ -1,0 +1,131 @@
+"""Characters: a skeleton whose joints are nodes of a file, and the way from their transforms to its motion and back.
+
+A node's own axes are arbitrary, and so is the space that it is in; a joint of the skeleton has no rotation in the bind
+pose, as in BVH. Let Q_j be the rotation of node j in the world in the bind pose, b_j and r_j its rotations relative to
+its parent p, in the bind pose and in a frame. Then the rotation of the joint is q_j = Q_p (r_j b_j^-1) Q_p^-1, and that
+of the node r_j = Q_p^-1 q_j Q_p b_j. Uniform scales drop out, and so does mirroring, a scale of -1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.errors import FileError
+from distretarget.io.nodes import Animation, Nodes
+from distretarget.motion import Motion
+from distretarget.numerics.vectors import extent, lengths
+from distretarget.skeleton import Skeleton
+
+Array = NDArray[np.float64]
+
+FREE_POSES = 10_000_000  # so many poses of joints may a file have, however small it is [frames x joints]
+SAME_PLACE = 1e-6  # a node that is off by less than this needs no keys of its translation [body sizes]
+SAME_TURN = 1e-12  # a node needs no keys of its rotation if 1 - |dot product of quaternions| stays below this
+
+
+@dataclass(frozen=True, eq=False)
+class Character:
+    """A skeleton whose joints are nodes of a file.
+
+    Attributes:
+        skeleton: in the bind pose, in the world of the file [file units].
+        nodes: the nodes that matter: first the line of nodes above the root, from the top, then those of the joints.
+        parents: (nodes,), the parent of each among these, -1 for the first.
+        shown: the transforms that they show without an animation, relative to their parents.
+        binds: (nodes, 4), their rotations in the world in the bind pose, Q; above the root, as shown.
+        locals: (nodes, 4), the same relative to their parents, b.
+        scales: (nodes,), their scales in the world; negative where they mirror.
+        origin: (3,), the place of the node above the root; the world's origin where there is none [file units].
+        warnings: what of the file is not kept, a line each.
+    """
+
+    skeleton: Skeleton
+    nodes: NDArray[np.intp]
+    parents: NDArray[np.intp]
+    shown: Nodes
+    binds: Array
+    locals: Array
+    scales: Array
+    origin: Array
+    warnings: tuple[str, ...]
+
+    @property
+    def _above(self) -> int:
+        """How many nodes are above the root."""
+        return len(self.nodes) - len(self.skeleton)
+
+    @property
+    def _parent_binds(self) -> Rotation:
+        """(nodes,), the rotation of each node's parent in the world in the bind pose."""
+        return Rotation.from_quat(np.vstack([self.binds, [0.0, 0.0, 0.0, 1.0]])[self.parents])
+
+    @property
+    def _parent_scales(self) -> Array:
+        """(nodes,), the scale of each node's parent in the world."""
+        return np.append(self.scales, 1.0)[self.parents]
+
+    def motion(self, animation: Animation, size: int) -> Motion:
+        """Return an animation of the nodes as a motion of the skeleton; `size` is that of the file [bytes].
+
+        Raises:
+            FileError: it has too many poses for a file of this size.
+        """
+        frames, count = animation.frames, len(self.nodes)
+        if frames * count > max(FREE_POSES, size):
+            raise FileError("", f"{frames} frames of {count} joints are too many for a file of {size} bytes")
+        rotations = np.tile(self.shown.rotations, (frames, 1, 1))
+        translations = np.tile(self.shown.translations, (frames, 1, 1))
+        for values, moving in ((rotations, animation.rotations), (translations, animation.translations)):
+            for place, node in enumerate(self.nodes.tolist()):
+                if node in moving:
+                    values[:, place] = moving[node]
+        parents = self._parent_binds
+        turned = parents * Rotation.from_quat(rotations) * Rotation.from_quat(self.locals).inv() * parents.inv()
+        rotations, moved = turned.as_quat(), parents.apply(translations) * self._parent_scales[:, None]
+        for place in range(1, self._above + 1):  # the root moves with the nodes above it
+            above = Rotation.from_quat(rotations[:, place - 1])
+            moved[:, place] = moved[:, place - 1] + above.apply(moved[:, place])
+            rotations[:, place] = (above * Rotation.from_quat(rotations[:, place])).as_quat()
+        rotations, moved = rotations[:, self._above :], self._settled(moved[:, self._above :])
+        return Motion.of_translations(self.skeleton, moved, rotations, animation.frame_time_text)
+
+    def _settled(self, translations: Array) -> Array:
+        """Translations of joints that are at their offsets but for rounding, at their offsets."""
+        offsets = self.skeleton.offsets
+        still = lengths(translations - offsets).max(axis=0) < SAME_PLACE * extent(self.skeleton.rest_positions)
+        still[0] = False
+        return np.where(still[:, None], offsets, translations)
+
+    def animation(self, motion: Motion, name: str) -> Animation:
+        """Return a motion of the skeleton as an animation of the nodes that turn or move."""
+        joints = slice(self._above, None)
+        parents, scales = self._parent_binds[joints], self._parent_scales[joints, None]
+        turned = (
+            parents.inv() * Rotation.from_quat(motion.rotations) * parents * Rotation.from_quat(self.locals[joints])
+        )
+        rotations, translations = _continuous(turned.as_quat()), motion.translations
+        translations[:, 0] -= self.origin
+        translations = parents.inv().apply(translations) / scales
+        cosines = np.abs((rotations * self.shown.rotations[joints]).sum(axis=2))
+        away = (lengths(translations - self.shown.translations[joints]) * np.abs(scales[:, 0])).max(axis=0)
+        turning = (1.0 - cosines).max(axis=0) > SAME_TURN
+        moving = away > SAME_PLACE * extent(self.skeleton.rest_positions)
+        nodes = self.nodes[joints].tolist()
+        return Animation(
+            name,
+            len(motion),
+            motion.frame_time_text,
+            translations={nodes[joint]: translations[:, joint] for joint in np.flatnonzero(moving)},
+            rotations={nodes[joint]: rotations[:, joint] for joint in np.flatnonzero(turning)},
+        )
+
+
+def _continuous(rotations: Array) -> Array:
+    """Quaternions, (frames, joints, 4), each with the sign that is nearer to the frame before."""
+    flips = (rotations[1:] * rotations[:-1]).sum(axis=2) < 0
+    signs = np.where(np.logical_xor.accumulate(flips, axis=0), -1.0, 1.0)
+    return np.concatenate([rotations[:1], rotations[1:] * signs[:, :, None]])

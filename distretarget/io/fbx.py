@@ -1,0 +1,201 @@
+"""FBX files, read by ufbx in a process of its own: nodes, skins and an animation, in the file's own axes and units."""
+
+from __future__ import annotations
+
+import importlib.util
+import io
+import json
+import math
+import signal
+import subprocess
+import sys
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.errors import FileError, MissingPackageError
+from distretarget.io.nodes import Animation, Nodes, Scene, Skin
+
+Array = NDArray[np.float64]
+
+UNITS = {"mm": 0.001, "cm": 0.01, "dm": 0.1, "m": 1.0, "in": 0.0254, "ft": 0.3048}  # [m]
+UP = ("X", "-X", "Y", "-Y", "Z", "-Z")  # in the order of ufbx
+ROOT = Path(__file__).resolve().parents[2]
+COMMAND = (
+    sys.executable,
+    "-P",  # a module in the current folder is not this program's
+    "-c",
+    f"import sys; sys.path.insert(0, {str(ROOT)!r}); from distretarget.io.fbx_process import main; main()",
+)
+SECONDS, SECONDS_PER_BYTE = 120.0, 2e-6  # the longest time for any file, and for each byte of it
+ADVICE = "open the file in Blender and export it as GLB"
+STOPS = {0xC0000005: "access violation", 0xC00000FD: "stack overflow"}  # Windows
+SINGULAR = 1e-12  # a bind matrix whose axes span less than this part of a cube has no inverse
+
+
+def parse_fbx(
+    content: bytes, path: str | Path, clip: str | None = None, fps: float | None = None, with_animation: bool = True
+) -> Scene:
+    """Return the content of an FBX file: all its nodes, its skins, or else its bind pose, and one animation.
+
+    Transforms are those that FBX evaluates, with pivots, orders of rotation and ways to inherit scale. A node is where
+    its pivot is; one that hands down its scale in a way of its own may have a helper node below it. Bind poses are in
+    the world, so the skins name no mesh. Animations are those that have keys of nodes. Frames are the animation's own
+    keys where they are as regular as frames, else frames at the file's frame rate; `fps` asks for another rate.
+
+    Args:
+        content: of the file.
+        path: of the file, for errors.
+        clip: the name of the animation, see `choose_animation`.
+        fps: frames per second.
+        with_animation: whether to read an animation.
+
+    Raises:
+        MissingPackageError: the package ufbx is not installed.
+        FileError: the file is not valid, its reader stopped, or the animation has to be chosen or is not there.
+    """
+    if importlib.util.find_spec("ufbx") is None:
+        raise MissingPackageError("reading FBX needs the package ufbx: pip install 'distretarget[fbx]'", path)
+    arrays = _read(content, path, {"clip": clip, "fps": fps, "with_animation": with_animation})
+    try:
+        return _scene(path, arrays)
+    except (ValueError, KeyError, IndexError, TypeError, OverflowError) as error:
+        raise FileError(path, f"the FBX reader returned no valid content; {ADVICE}") from error
+
+
+def _read(content: bytes, path: str | Path, request: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arrays and the header that the process hands over; see `fbx_process.py`."""
+    seconds = SECONDS + SECONDS_PER_BYTE * len(content)
+    command = [*COMMAND, json.dumps({"path": str(path), **request})]
+    flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)
+    try:
+        done = subprocess.run(command, input=content, capture_output=True, timeout=seconds, creationflags=flags)
+    except subprocess.TimeoutExpired:
+        _stopped(path, f"no answer after {seconds:.0f} s")
+    except OSError as error:
+        _stopped(path, error.strerror or str(error))
+    if done.returncode:
+        _stopped(path, _stop(done.returncode, done.stderr))
+    try:
+        with np.load(io.BytesIO(done.stdout), allow_pickle=False) as file:
+            arrays: dict[str, Any] = dict(file)
+        header: dict[str, Any] = json.loads(arrays.pop("header").tobytes())
+    except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile):
+        _stopped(path, "its output is cut short")
+    if "fault" in header:
+        raise FileError(path, header["fault"])
+    return arrays | header
+
+
+def _stopped(path: str | Path, why: str) -> NoReturn:
+    raise FileError(path, f"the FBX reader stopped ({why}); {ADVICE}") from None
+
+
+def _stop(code: int, said: bytes) -> str:
+    """Return why a process ended, from its return code and the last of what it said."""
+    if code < 0 and (name := signal.strsignal(-code)):
+        return name.lower()
+    last = said.decode(errors="replace").split("\n")[-2:][0].strip()
+    return STOPS.get(code & 0xFFFFFFFF, last[:200] or f"exit status {code}")
+
+
+def _scene(path: str | Path, read: dict[str, Any]) -> Scene:
+    """Return the scene in the arrays and the header that were read."""
+    parents, pivots = read["parents"].astype(np.intp), read["pivots"]
+    above = np.vstack([pivots, np.zeros(3)])[parents]
+    nodes = Nodes(tuple(read["names"]), parents, *_parts(path, read["transforms"], pivots, above))
+    chosen = read.get("chosen")
+    unit = read["unit"]
+    return Scene(
+        path=path,
+        nodes=nodes,
+        skins=_skins(nodes, read),
+        humanoid={},
+        animations=tuple(read["animations"]),
+        animation=None if chosen is None else _animation(path, nodes, above, read),
+        units=next((name for name, metres in UNITS.items() if unit and math.isclose(unit, metres, rel_tol=1e-6)), None),
+        up=dict(enumerate(UP)).get(read["up"]),
+    )
+
+
+def _parts(path: str | Path, transforms: Array, pivots: Array, above: Array) -> tuple[Array, Array, Array]:
+    """Return translations, unit quaternions and scales of nodes, from their ten numbers each, (..., nodes, 10).
+
+    The nodes move from the origins of their spaces to their `pivots`, and so do the nodes `above` them, (nodes, 3).
+
+    Raises:
+        FileError: a number is not finite, or a quaternion is zero.
+    """
+    translations, rotations, scales = np.split(transforms, [3, 7], axis=-1)
+    sizes = np.linalg.norm(rotations, axis=-1, keepdims=True)
+    if not (np.isfinite(transforms).all() and np.isfinite(pivots).all() and (sizes > 0.0).all()):
+        raise FileError(path, "has a node whose position, rotation or scale is not a finite number; export it again")
+    if pivots.any() or above.any():
+        turned = Rotation.from_quat(rotations.reshape(-1, 4)).apply((scales * pivots).reshape(-1, 3))
+        translations = translations + turned.reshape(translations.shape) - above
+    return np.asarray(translations), np.asarray(rotations / sizes), scales
+
+
+def _skins(nodes: Nodes, read: dict[str, Any]) -> tuple[Skin, ...]:
+    """Return the skins; where there are none, one for each tree of bones, bound as in the file's bind pose."""
+    ends = np.cumsum(read["counts"])[:-1]
+    found = zip(np.split(read["joints"], ends), np.split(read["binds"], ends), strict=True)
+    skins = tuple(_skin(joints, binds, read["pivots"]) for joints, binds in found if len(joints))
+    if skins:
+        return skins
+    posed = np.zeros((len(nodes), 4, 4))
+    posed[read["posed"][::-1]] = read["poses"][::-1]  # the first pose counts
+    return tuple(_skin(bones, posed[bones], read["pivots"]) for bones in _bone_trees(nodes.parents, read["bones"]))
+
+
+def _skin(joints: NDArray[np.intp], binds: Array, pivots: Array) -> Skin:
+    """Return a skin from its joints and their matrices in the world when they were bound, (joints, 4, 4)."""
+    if not binds.any():
+        return Skin(np.unique(joints).astype(np.intp), None)
+    joints, first = np.unique(joints, return_index=True)
+    binds = binds[first]
+    binds[:, :3, 3] += (binds[:, :3, :3] @ pivots[joints, :, None])[..., 0]
+    return Skin(joints.astype(np.intp), np.array([_inverse(bind) for bind in binds]))
+
+
+def _inverse(matrix: Array) -> Array:
+    """The inverse of a matrix (4, 4); zeros if it has none."""
+    sizes = np.linalg.norm(matrix[:3, :3], axis=0)
+    regular = np.isfinite(matrix).all() and sizes.all() and abs(np.linalg.det(matrix[:3, :3] / sizes)) > SINGULAR
+    return np.linalg.inv(matrix) if regular else np.zeros((4, 4))
+
+
+def _bone_trees(parents: NDArray[np.intp], bones: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+    """Return the bones of each tree: those below the same highest bone. Parents come before children."""
+    top = np.full(len(parents) + 1, -1)
+    for node, parent in enumerate(parents.tolist()):
+        top[node] = node if bones[node] and top[parent] < 0 else top[parent]
+    return [np.flatnonzero(bones & (top[:-1] == highest)) for highest in np.unique(top[:-1][bones])]
+
+
+def _animation(path: str | Path, nodes: Nodes, above: Array, read: dict[str, Any]) -> Animation:
+    """Return the animation that was sampled, with what moves."""
+    moving = read["moving"].tolist()
+    parts = _parts(path, read["frames"], read["pivots"][moving], above[moving])
+    still = (nodes.translations, nodes.rotations, nodes.scales)
+    translations, rotations, scales = (
+        {
+            node: np.ascontiguousarray(part[:, index])
+            for index, node in enumerate(moving)
+            if np.any(part[:, index] != rest[node])
+        }
+        for part, rest in zip(parts, still, strict=True)
+    )
+    return Animation(
+        name=read["animations"][read["chosen"]],
+        frames=len(read["frames"]),
+        frame_time_text=f"{read['step']:.9g}",
+        translations=translations,
+        rotations=rotations,
+        scales=scales,
+    )

@@ -1,0 +1,323 @@
+"""The program of the process that reads an FBX file with ufbx: its bytes come in, arrays and a header go out.
+
+It is a process of its own because ufbx is C on untrusted bytes: a crash there is an error here, see `io/fbx.py`. Its
+binding, ufbx 0.0.5, hands out each element (node, curve, animation ...) without a reference of its own, so that Python
+frees elements in use: `_held` adds the reference that is missing. Nothing is ever freed; the process ends at once.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import json
+import os
+import sys
+from array import array
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.errors import FileError
+from distretarget.io.nodes import choose_animation
+
+if TYPE_CHECKING:
+    import ufbx
+
+Array = NDArray[np.float64]
+Element = TypeVar("Element")
+
+TRANSFORMS = frozenset({"Lcl Translation", "Lcl Rotation", "Lcl Scaling"})
+MOST_SAMPLES = 10_000_000  # nodes times frames that are sampled, unless the file has as many keys
+SAME_KEY = 1e-4  # keys that are nearer belong to one frame [s]
+NEAR = 0.05  # tolerance of a key's place on a grid of frames [frames]
+LONGEST_STEP = 0.1  # keys that are further apart are poses of an animator, not frames of a recording [s]
+SHORTEST_STEP = 1e-3
+PROBES = 16  # keys of a curve that are compared with those of another
+FREE_MEMORY, MEMORY_PER_BYTE = 1 << 31, 40  # bounds of the memory: for any file, and for each byte of it [bytes]
+
+_increase = ctypes.pythonapi.Py_IncRef
+_increase.argtypes, _increase.restype = [ctypes.py_object], None
+
+
+def main() -> None:
+    """Read the file's bytes from standard input and write an npz to standard output: see `_content`."""
+    gc.disable()  # it would meet elements whose references are not counted
+    output = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # nothing else gets between the arrays
+    data = sys.stdin.buffer.read()
+    _limit_memory(len(data))
+    arrays: dict[str, Any]
+    try:
+        arrays, header = _content(data, **json.loads(sys.argv[1]))
+    except FileError as error:
+        arrays, header = {}, {"fault": error.reason}
+    except MemoryError:
+        arrays, header = {}, {"fault": "needs more memory than a file of its size should"}
+    header_bytes = np.frombuffer(json.dumps(header).encode(), np.uint8)
+    np.savez(output, allow_pickle=False, header=header_bytes, **arrays)
+    output.flush()
+    os._exit(0)  # without freeing what ufbx holds
+
+
+def _limit_memory(size: int) -> None:
+    """Bound the memory of this process, and leave no core file, where the system can do that."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return
+    for limit, wanted in ((resource.RLIMIT_AS, FREE_MEMORY + MEMORY_PER_BYTE * size), (resource.RLIMIT_CORE, 0)):
+        hard = resource.getrlimit(limit)[1]
+        if hard != resource.RLIM_INFINITY:
+            wanted = min(wanted, hard)
+        try:
+            resource.setrlimit(limit, (wanted, hard))
+        except (OSError, ValueError):  # macOS refuses some limits
+            continue
+
+
+def _content(
+    data: bytes, path: str, clip: str | None, fps: float | None, with_animation: bool
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the arrays and the header of a file.
+
+    Raises:
+        FileError: the file is not valid, its animation is not chosen, or has too many frames.
+    """
+    scene = _load(data, path)
+    nodes = list(_each(scene.nodes))[1:]  # the first is the root that ufbx adds
+    stacks = [stack for stack in _each(scene.anim_stacks) if _has_keys(stack)]
+    arrays, header = _still(scene, nodes)
+    header["animations"] = [stack.name for stack in stacks]
+    if with_animation:
+        chosen = choose_animation(path, header["animations"], clip)
+        if chosen is not None:
+            arrays["moving"], arrays["frames"], step = _sampled(path, scene, nodes, stacks[chosen], fps)
+            header |= {"chosen": chosen, "step": step}
+    return arrays, header
+
+
+def _load(data: bytes, path: str) -> ufbx.Scene:
+    """Return the scene; where nodes do not inherit scale as usual, helper nodes or scales make up for it."""
+    import ufbx
+
+    try:
+        return _held(
+            ufbx.load_memory(
+                data,
+                file_format=ufbx.FileFormat.FBX,
+                ignore_geometry=True,
+                ignore_embedded=True,
+                inherit_mode_handling=ufbx.InheritModeHandling.COMPENSATE,
+            )
+        )
+    except ufbx.UfbxError as error:
+        raise FileError(path, f"is not a valid FBX file: {str(error).splitlines()[0]}") from error
+
+
+def _held(element: Element) -> Element:
+    """Return an element that ufbx has just handed out, with the reference that it should have."""
+    if element is not None:
+        _increase(element)
+    return element
+
+
+def _each(elements: Any) -> Iterator[Any]:
+    """Yield the elements of a list of ufbx."""
+    return (_held(elements[index]) for index in range(len(elements)))
+
+
+def _still(scene: ufbx.Scene, nodes: list[ufbx.Node]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return what does not move: the nodes and the matrices of their bind pose."""
+    import ufbx
+
+    number = {node.typed_id: index for index, node in enumerate(nodes)}
+    parents = (_held(node.parent) for node in nodes)
+    joints, binds, counts = _binds(scene, number)
+    arrays = {
+        "parents": np.array([number.get(parent.typed_id, -1) if parent else -1 for parent in parents], np.int64),
+        "transforms": np.array([_ten(node.local_transform) for node in nodes]).reshape(-1, 10),
+        "pivots": np.array([_pivot(node) for node in nodes]).reshape(-1, 3),
+        "bones": np.array([node.attrib_type == ufbx.ElementType.BONE for node in nodes], bool),
+        "joints": np.array(joints, np.int64),
+        "binds": _matrices(binds),
+        "counts": np.array(counts, np.int64),
+        **_bind_poses(scene, number),
+    }
+    settings = scene.settings
+    header = {
+        "names": [node.name for node in nodes],
+        "unit": settings.unit_meters if settings.props.find_prop("UnitScaleFactor") else None,
+        "up": int(settings.axes.up),
+    }
+    return arrays, header
+
+
+def _binds(scene: ufbx.Scene, number: dict[int, int]) -> tuple[list[int], list[Any], list[int]]:
+    """Return the joints of all skins, their world matrices when they were bound, and each skin's number of joints."""
+    joints: list[int] = []
+    binds: list[Any] = []
+    counts: list[int] = []
+    for skin in _each(scene.skin_deformers):
+        before = len(joints)
+        for cluster in _each(skin.clusters):
+            bone = _held(cluster.bone_node)
+            if bone is not None and bone.typed_id in number:
+                joints.append(number[bone.typed_id])
+                binds.append(cluster.bind_to_world)
+        counts.append(len(joints) - before)
+    return joints, binds, counts
+
+
+def _bind_poses(scene: ufbx.Scene, number: dict[int, int]) -> dict[str, Any]:
+    """Return the nodes in the bind poses of a file and their world matrices there."""
+    poses = [pose for pose in _each(scene.poses) if pose.is_bind_pose]
+    posed = [(_held(bone.bone_node), bone.bone_to_world) for pose in poses for bone in _each_part(pose.bone_poses)]
+    found = [(number[node.typed_id], matrix) for node, matrix in posed if node.typed_id in number]
+    return {
+        "posed": np.array([node for node, _ in found], np.int64),
+        "poses": _matrices(matrix for _, matrix in found),
+    }
+
+
+def _pivot(node: ufbx.Node) -> list[float]:
+    """Return the point about which a node turns, in its own space."""
+    names = ("RotationPivot", "ScalingPivot", "ScalingOffset", "Lcl Scaling")
+    props = [node.props.find_prop(name) for name in names]
+    turning, scaling, offset, scale = (None if prop is None else np.array(prop.value_vec4)[:3] for prop in props)
+    zero = np.zeros(3)
+    turning, scaling, offset = (zero if vector is None else vector for vector in (turning, scaling, offset))
+    unscaled = np.ones(3) if scale is None else np.where(scale == 0.0, 1.0, scale)
+    return [float(number) for number in scaling + (turning - scaling - offset) / unscaled]
+
+
+def _each_part(parts: Any) -> Iterator[Any]:
+    """Yield the parts of a list of ufbx that are no elements: those have their references."""
+    return (parts[index] for index in range(len(parts)))
+
+
+def _ten(transform: ufbx.Transform) -> list[float]:
+    return [*transform.translation, *transform.rotation, *transform.scale]
+
+
+def _matrices(matrices: Iterable[Any]) -> Array:
+    """(matrices, 4, 4), from the four columns of three numbers that ufbx has; vectors are columns."""
+    columns = np.array([[list(column) for column in matrix] for matrix in matrices], float).reshape(-1, 4, 3)
+    whole = np.tile(np.eye(4), (len(columns), 1, 1))
+    whole[:, :3] = columns.transpose(0, 2, 1)
+    return whole
+
+
+def _curves(stack: ufbx.AnimStack) -> Iterator[tuple[ufbx.Node, ufbx.AnimCurve]]:
+    """Yield the nodes that an animation moves, with each of their curves that has keys."""
+    import ufbx
+
+    for layer in _each(stack.layers):
+        for channel in _each_part(layer.anim_props):
+            node, value = _held(channel.element), _held(channel.anim_value)
+            if isinstance(node, ufbx.Node) and channel.prop_name in TRANSFORMS and value is not None:
+                for curve in map(_held, value.curves):
+                    if curve is not None and len(curve.keyframes):
+                        yield node, curve
+
+
+def _has_keys(stack: ufbx.AnimStack) -> bool:
+    return next(_curves(stack), None) is not None
+
+
+def _sampled(
+    path: str, scene: ufbx.Scene, nodes: list[ufbx.Node], stack: ufbx.AnimStack, fps: float | None
+) -> tuple[NDArray[np.int64], Array, float]:
+    """Return the nodes that move, their translations, rotations and scales (frames, nodes, 10), and the step [s]."""
+    import ufbx
+
+    keys, count, moving = _keys(stack)
+    begin, end = stack.time_begin, stack.time_end
+    inside = keys[(keys >= begin - SAME_KEY) & (keys <= end + SAME_KEY)]
+    keys = inside if len(inside) > 1 else keys  # the keys in the animation's own time span, if that makes sense
+    step = 1.0 / fps if fps else frame_step(keys, scene.settings.frames_per_second)
+    chosen = [index for index, node in enumerate(nodes) if node.typed_id in moving or _follows_scale(node)]
+    frames = (keys[-1] - keys[0]) / step + 1.0
+    if not frames * len(chosen) <= max(MOST_SAMPLES, count):
+        raise FileError(path, f"the animation {stack.name!r} would have {frames:.0f} frames; ask for fewer with --fps")
+    times = frame_times(keys, step)
+    anim, parts = _held(stack.anim), [nodes[index] for index in chosen]
+    samples = np.empty((len(times), len(parts), 10))
+    for frame, time in enumerate(times.tolist()):
+        row: list[float] = []
+        for node in parts:
+            transform = ufbx.evaluate_transform(anim, node, time)
+            row += transform.translation
+            row += transform.rotation
+            row += transform.scale
+        samples[frame] = np.reshape(row, (-1, 10))
+    return np.array(chosen, np.int64), samples, step
+
+
+def _follows_scale(node: ufbx.Node) -> bool:
+    """Return whether a node moves where another one scales: a helper, or a child of a node that has one."""
+    parent = _held(node.parent)
+    return node.is_scale_helper or (parent is not None and _held(parent.scale_helper) is not None)
+
+
+def _keys(stack: ufbx.AnimStack) -> tuple[Array, int, set[int]]:
+    """Return the times of all keys of an animation, sorted [s], the number of keys, and the nodes that it moves.
+
+    Curves with the same keys are the rule: of those of the same length only a few keys are compared.
+    """
+    times, seen = array("d"), set()
+    count, moving = 0, set()
+    for node, curve in _curves(stack):
+        moving.add(node.typed_id)
+        keys = curve.keyframes
+        count += len(keys)
+        probes = np.linspace(0, len(keys) - 1, PROBES).astype(int).tolist()
+        kind = (len(keys), *(keys[probe].time for probe in probes))
+        if kind not in seen:
+            seen.add(kind)
+            times.extend(keys[index].time for index in range(len(keys)))
+    sorted_times: Array = np.unique(np.array(times))
+    return sorted_times[np.diff(sorted_times, prepend=-np.inf) > SAME_KEY], count, moving
+
+
+def frame_step(keys: Array, rate: float) -> float:
+    """Return the time between frames [s] of an animation with these keys, in a file of `rate` frames per second.
+
+    Keys as far apart as frames are give their own step, also where a few are missing or between them; others lie on
+    the file's frames, or on those of another rate.
+    """
+    gaps = np.diff(keys)
+    rate = rate if SHORTEST_STEP <= 1.0 / max(rate, 1e-9) <= 1.0 else 30.0
+    if not len(gaps):
+        return 1.0 / rate
+    usual = np.abs(gaps - np.median(gaps)) <= NEAR * np.median(gaps)
+    step = float(gaps[usual].mean())
+    if usual.mean() >= 0.9 and len(gaps) > 1 and SHORTEST_STEP <= step <= LONGEST_STEP:
+        return _exact_step(step, int(usual.sum()), rate)
+    least = float(gaps.min())
+    if not _on_grid(keys, 1.0 / rate) and SHORTEST_STEP <= least <= LONGEST_STEP and _on_grid(keys, least):
+        return _exact_step(least, 1, rate)
+    return 1.0 / rate
+
+
+def _on_grid(keys: Array, step: float) -> bool:
+    places = (keys - keys[0]) / step
+    return bool(np.all(np.abs(places - np.round(places)) <= NEAR))
+
+
+def _exact_step(step: float, count: int, rate: float) -> float:
+    """Return the step of the file's rate, a whole rate or an NTSC rate, if `count` steps are as long as with it."""
+    for exact in (rate, round(1.0 / step), round(1.001 / step) / 1.001):
+        if exact and abs(step * exact - 1.0) * count <= NEAR:
+            return 1.0 / exact
+    return step
+
+
+def frame_times(keys: Array, step: float) -> Array:
+    """Return the times of frames from the first key to the last [s]; those next to a key are the key's."""
+    times = keys[0] + step * np.arange(int((keys[-1] - keys[0]) / step + NEAR) + 1)
+    after = np.clip(np.searchsorted(keys, times), 1, max(len(keys) - 1, 1))
+    for near in (keys[after - 1], keys[np.minimum(after, len(keys) - 1)]):
+        times = np.where(np.abs(times - near) <= NEAR * step, near, times)
+    return np.asarray(times)

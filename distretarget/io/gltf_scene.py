@@ -1,0 +1,207 @@
+"""What a glTF file says of a character: its nodes, skins, VRM humanoid and one of its animations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.errors import SkeletonFileError
+from distretarget.io.gltf import Gltf, dotted, whole
+from distretarget.io.json_node import Fields, Node
+from distretarget.io.nodes import Animation, Nodes, Scene, Skin, choose_animation
+from distretarget.io.sampling import Curve, sampled
+from distretarget.numerics.rotations import nearest_rotations
+
+Array = NDArray[np.float64]
+
+REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
+KINDS = {"translation": "VEC3", "rotation": "VEC4", "scale": "VEC3"}  # of the outputs of animations
+FLOATS, SIGNED = (5126,), (5126, 5120, 5121, 5122, 5123)  # components of key times; of keys
+
+# The extensions with a humanoid: of VRM 1.0, VRM animations, and VRM 0.
+HUMANOIDS = ("VRMC_vrm", "VRMC_vrm_animation", "VRM")
+VRM_0_THUMBS = {"ThumbProximal": "ThumbMetacarpal", "ThumbIntermediate": "ThumbProximal"}  # VRM 1.0's names of them
+
+
+def gltf_scene(gltf: Gltf, clip: str | None = None, fps: float | None = None, animated: bool = True) -> Scene:
+    """Return what a glTF file says of a character, with the animation named `clip`, or the only one, at `fps` frames/s
+    or its own keys; without an animation if not `animated`.
+
+    Raises:
+        FileError, SkeletonFileError: the file is not valid, or has no such animation.
+    """
+    nodes = _nodes(gltf)
+    names = tuple(entry.entries(dotted).read("name", Node.text, "") for entry in gltf.entries("animations"))
+    chosen = choose_animation(gltf.path, names, clip) if animated else None
+    animation = None if chosen is None else _animation(gltf, chosen, names[chosen], fps)
+    return Scene(gltf.path, nodes, _skins(gltf), _humanoid(gltf), names, animation)
+
+
+def _nodes(gltf: Gltf) -> Nodes:
+    entries = gltf.entries("nodes")
+    fields = [entry.entries(dotted) for entry in entries]
+    transforms = [_transform(entry, values) for entry, values in zip(entries, fields, strict=True)]
+    translations, rotations, scales = zip(*transforms, strict=True) if transforms else ((), (), ())
+    return Nodes(
+        names=tuple(values.read("name", Node.text, "") for values in fields),
+        parents=_parents(gltf, entries, fields),
+        translations=np.array(translations).reshape(-1, 3),
+        rotations=np.array(rotations).reshape(-1, 4),
+        scales=np.array(scales).reshape(-1, 3),
+    )
+
+
+def _parents(gltf: Gltf, entries: list[Node], fields: list[Fields]) -> NDArray[np.intp]:
+    parents = np.full(len(entries), -1)
+    for number, values in enumerate(fields):
+        for child in values.listed("children"):
+            index = gltf.index("nodes", child)
+            if parents[index] >= 0:
+                child.fail(f"nodes[{index}] is a child of nodes[{parents[index]}] already")
+            parents[index] = number
+    above = parents.copy()  # follow all lines upwards at once; each step doubles their length
+    for _ in range(len(entries).bit_length() + 1):
+        above = np.where(above >= 0, above[above], -1)
+    if circle := np.flatnonzero(above >= 0).tolist():
+        number = next(n for n in circle if _is_above_itself(n, parents))
+        raise SkeletonFileError(gltf.path, f"nodes[{number}].children", "lead back to the node itself")
+    return parents
+
+
+def _is_above_itself(number: int, parents: NDArray[np.intp]) -> bool:
+    seen, node = set(), parents.item(number)
+    while node >= 0 and node not in seen and node != number:
+        seen.add(node)
+        node = parents.item(node)
+    return node == number
+
+
+def _transform(entry: Node, fields: Fields) -> tuple[list[float], list[float], list[float]]:
+    """Translation, rotation and scale of a node, from these or its matrix."""
+    if "matrix" in fields:
+        matrix = np.array(_floats(fields["matrix"], 16)).reshape(4, 4).T
+        translation, rotation, scale = decomposed(matrix)
+        if not np.isfinite(matrix).all() or not scale.all():
+            fields["matrix"].fail("has an axis of length 0")
+        return translation.tolist(), rotation.tolist(), scale.tolist()
+    translation, rotation, scale = (
+        np.array(_floats(fields[key], len(rest)) if key in fields else rest) for key, rest in REST.items()
+    )
+    length = np.linalg.norm(rotation)
+    if not length > 0:
+        entry.fail("has a rotation of length 0")
+    return translation.tolist(), (rotation / length).tolist(), scale.tolist()
+
+
+def decomposed(matrix: Array) -> tuple[Array, Array, Array]:
+    """Translation, rotation (x y z w) and scale of a transform, (4, 4), without its shear; the scale is negative in all
+    axes where the transform mirrors.
+    """
+    linear = matrix[:3, :3]
+    scale = np.linalg.norm(linear, axis=0) * (-1.0 if np.linalg.det(linear) < 0 else 1.0)
+    axes = linear / np.where(scale, scale, 1.0)
+    return matrix[:3, 3], Rotation.from_matrix(nearest_rotations(axes[None])[0]).as_quat(), scale
+
+
+def _floats(node: Node, count: int) -> list[float]:
+    numbers = node.items()
+    if len(numbers) != count:
+        node.expected(f"a list of {count} numbers")
+    return [number.number() for number in numbers]
+
+
+def _skins(gltf: Gltf) -> tuple[Skin, ...]:
+    """The skins, each with the nodes that show a mesh with it."""
+    shown: dict[int, list[int]] = {}
+    for number, entry in enumerate(gltf.entries("nodes")):
+        fields = entry.entries(dotted)
+        if "skin" in fields:
+            shown.setdefault(gltf.index("skins", fields["skin"]), []).append(number)
+    return tuple(_skin(gltf, entry, tuple(shown.get(n, ()))) for n, entry in enumerate(gltf.entries("skins")))
+
+
+def _skin(gltf: Gltf, entry: Node, meshes: tuple[int, ...]) -> Skin:
+    fields = entry.entries(dotted)
+    joints = [gltf.index("nodes", node) for node in fields.listed("joints")]
+    if not joints:
+        entry.fail("has no joints")
+    if "inverseBindMatrices" not in fields:
+        return Skin(np.array(joints), None, meshes)
+    matrices = gltf.numbers(fields["inverseBindMatrices"], "MAT4", FLOATS)
+    if len(matrices) < len(joints):
+        fields["inverseBindMatrices"].fail(f"{len(matrices)} matrices for {len(joints)} joints")
+    return Skin(np.array(joints), matrices[: len(joints)].reshape(-1, 4, 4).transpose(0, 2, 1), meshes)
+
+
+def _humanoid(gltf: Gltf) -> Mapping[str, int]:
+    """The node of each bone of the VRM humanoid, by VRM 1.0's names of bones; empty without one."""
+    extensions = gltf.document.read("extensions", lambda node: node.entries(dotted), Fields())
+    for key in HUMANOIDS:
+        if key in extensions:
+            humanoid = extensions[key].entries(dotted).get("humanoid")
+            bones = humanoid and humanoid.entries(dotted).get("humanBones")
+            found = {} if not bones else dict(_vrm_0(gltf, bones) if key == "VRM" else _vrm_1(gltf, bones))
+            if not found:
+                extensions[key].fail("has no humanoid bones")
+            return found
+    return {}
+
+
+def _vrm_1(gltf: Gltf, bones: Node) -> Iterator[tuple[str, int]]:
+    for bone, entry in bones.entries(dotted).items():
+        fields = entry.entries(dotted)
+        if "node" not in fields:
+            entry.fail('has no "node"')
+        yield bone, gltf.index("nodes", fields["node"])
+
+
+def _vrm_0(gltf: Gltf, bones: Node) -> Iterator[tuple[str, int]]:
+    for entry in bones.items():
+        fields = entry.entries(dotted)
+        if "bone" not in fields or "node" not in fields:
+            entry.fail('expected "bone" and "node"')
+        bone = fields["bone"].text()
+        thumb = next((new for old, new in VRM_0_THUMBS.items() if bone.endswith(old)), "")
+        side = bone.partition("Thumb")[0]
+        if fields["node"].value != -1.0:  # some programs write bones that the model lacks so
+            yield f"{side}{thumb}" if thumb else bone, gltf.index("nodes", fields["node"])
+
+
+def _animation(gltf: Gltf, number: int, name: str, fps: float | None) -> Animation:
+    entry = gltf.entries("animations")[number]
+    fields = entry.entries(dotted)
+    samplers = fields.listed("samplers")
+    curves: dict[str, dict[int, Curve]] = {path: {} for path in KINDS}
+    for channel in fields.listed("channels"):
+        parts = channel.entries(dotted)
+        target = parts["target"].entries(dotted) if "target" in parts else Fields()
+        path = target.read("path", Node.text, "")
+        if path in KINDS and "node" in target:
+            node = gltf.index("nodes", target["node"])
+            if "sampler" not in parts:
+                channel.fail('has no "sampler"')
+            sampler = samplers[whole(parts["sampler"], len(samplers) - 1, "samplers")]
+            curves[path][node] = _curve(gltf, sampler, path)
+    return sampled(gltf.path, name, curves, fps, most=gltf.size)
+
+
+def _curve(gltf: Gltf, sampler: Node, path: str) -> Curve:
+    fields = sampler.entries(dotted)
+    for key in ("input", "output"):
+        if key not in fields:
+            sampler.fail(f'has no "{key}"')
+    times = gltf.numbers(fields["input"], "SCALAR", FLOATS)
+    keys = gltf.numbers(fields["output"], KINDS[path], SIGNED)
+    interpolation = fields.read("interpolation", lambda node: node.one_of(("LINEAR", "STEP", "CUBICSPLINE")), "LINEAR")
+    each = 3 if interpolation == "CUBICSPLINE" else 1
+    if not len(times) or len(keys) != each * len(times):
+        fields["output"].fail(f"{len(keys)} values for {len(times)} keys; expected {each * max(len(times), 1)}")
+    if any(later < earlier for earlier, later in pairwise(times.tolist())):
+        fields["input"].fail("the times of keys go back")
+    if path == "rotation" and not (np.linalg.norm(keys[each // 2 :: each], axis=1) > 0).all():
+        fields["output"].fail("has a rotation of length 0")
+    return Curve(times, keys.reshape(len(times), each, -1), interpolation)

@@ -1,0 +1,87 @@
+"""Motions from files of all kinds: BVH, glTF, VRM, VRM animations, FBX."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from types import NoneType
+
+from distretarget.checks import check_kind, check_number
+from distretarget.errors import DistretargetError, FileError, SkeletonError
+from distretarget.io.bvh import parse_bvh
+from distretarget.io.character import Character
+from distretarget.io.character_skeleton import character_of
+from distretarget.io.fbx import parse_fbx
+from distretarget.io.gltf import parse_gltf
+from distretarget.io.gltf_scene import gltf_scene
+from distretarget.io.input_file import InputFile, load_file
+from distretarget.io.nodes import Scene
+from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME, Motion
+
+
+def read_motion(path: str | Path, clip: str | None = None, fps: float | None = None) -> Motion:
+    """Return the motion in a file: BVH, glTF 2.0 (.glb, .gltf), VRM 0 or 1, VRM animation (.vrma), or FBX.
+
+    The skeleton of a character file is what its skins use, in the bind pose; its animation is sampled.
+
+    Args:
+        path: of the file; its content decides what it is.
+        clip: the name of one of several animations in the file, or "#2" for the second.
+        fps: the frame rate [frames/s]; the file's own keys if not given.
+
+    Raises:
+        FileError: the file cannot be read or has no such animation.
+        BvhError, SkeletonFileError: it is not valid.
+        MissingPackageError: it is FBX, and the package ufbx is missing.
+        SettingsError: an argument has the wrong type, or is out of bounds.
+
+    Warns:
+        UserWarning: of what is left out, such as scales that change.
+    """
+    check_kind("clip", clip, str, NoneType)
+    if fps is not None:
+        check_number("fps", fps, 1 / LONGEST_FRAME, 1 / SHORTEST_FRAME)
+    motion, notes = parse_motion(load_file(path), clip, fps)
+    for note in notes:
+        warnings.warn(note, stacklevel=2)
+    return motion
+
+
+def parse_motion(file: InputFile, clip: str | None = None, fps: float | None = None) -> tuple[Motion, tuple[str, ...]]:
+    """Return the motion in a file as `read_motion` does, and what is left out, a line each."""
+    match file.kind:
+        case "skeleton":
+            raise FileError(file.path, "is a skeleton file, which has no motion; expected a BVH, glTF, VRM or FBX file")
+        case "BVH":
+            motion = parse_bvh(file.text, file.path)
+            if clip is not None:
+                raise FileError(file.path, "is BVH, which holds one motion without a name; leave out --clip")
+            return (motion.resampled(f"{1 / fps:.9g}") if fps else motion), ()
+    scene = read_scene(file, clip, fps)
+    if scene.animation is None:
+        raise FileError(file.path, "has no animation; expected a file with a motion")
+    character = _character(scene)
+    try:
+        motion = character.motion(scene.animation, len(file.content) + sum(map(len, file.beside.values())))
+    except DistretargetError as error:
+        raise error.in_file(file.path) from None
+    return motion, character.warnings
+
+
+def parse_character(file: InputFile) -> Character:
+    """Return the character in a glTF or FBX file; errors as in `read_motion`."""
+    return _character(read_scene(file, animated=False))
+
+
+def read_scene(file: InputFile, clip: str | None = None, fps: float | None = None, animated: bool = True) -> Scene:
+    """Return the nodes, skins and an animation of a glTF or FBX file; without it if not `animated`."""
+    if file.kind == "FBX":
+        return parse_fbx(file.content, file.path, clip, fps, animated)
+    return gltf_scene(parse_gltf(file.content, file.path, file.beside), clip, fps, animated)
+
+
+def _character(scene: Scene) -> Character:
+    try:
+        return character_of(scene)
+    except SkeletonError as error:
+        raise error.in_file(scene.path) from None

@@ -1,0 +1,170 @@
+"""Motions written by the kind of file that a name's ending says: BVH, a character with its mesh, or a VRM animation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import NoneType
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.checks import check_choice, check_kind
+from distretarget.errors import FileError, MotionError, closest
+from distretarget.io.bvh_writer import bvh_parts
+from distretarget.io.files import read_bytes, write_whole
+from distretarget.io.gltf import inside, parse_gltf
+from distretarget.io.gltf_scene import gltf_scene
+from distretarget.io.gltf_writer import Animations, animated
+from distretarget.io.input_file import InputFile, load_file
+from distretarget.io.json_node import Node
+from distretarget.io.motion_file import parse_character
+from distretarget.io.nodes import Animation
+from distretarget.io.vrma import vrma
+from distretarget.motion import Motion
+from distretarget.numerics.vectors import level
+
+Array = NDArray[np.float64]
+OutputKind = Literal["BVH", "character", "VRMA"]
+
+OUTPUTS: dict[str, OutputKind] = {
+    ".bvh": "BVH",
+    ".glb": "character",
+    ".gltf": "character",
+    ".vrm": "character",
+    ".vrma": "VRMA",
+}
+NO_FBX = "FBX is read, but not written; write .glb, which Blender, Unreal, Unity, Godot and Maya read"
+PATH_KEY = "root_path"  # in the extras of an animation in place: where the root was in each frame [file units]
+
+
+def output_kind(path: str | Path, target: InputFile | None) -> OutputKind:
+    """Return what a file with this name holds, or raise a FileError if the target cannot be written so."""
+    suffix = Path(path).suffix.lower()
+    if suffix == ".fbx":
+        raise FileError(path, NO_FBX)
+    if suffix not in OUTPUTS:
+        raise FileError(path, f"the ending says what to write; {closest(suffix, tuple(OUTPUTS))}")
+    kind = OUTPUTS[suffix]
+    if kind == "character" and (target is None or target.kind != "glTF"):
+        found = f"it is {target.kind}" if target else "none is given"
+        raise FileError(path, f"{suffix} is the target's own file with the motion, for targets that are glTF; {found}")
+    if suffix == ".vrm" and target and not _is_vrm(target):
+        raise FileError(path, f"{str(target.path)!r} is no VRM model; write .glb")
+    return kind
+
+
+def _is_vrm(file: InputFile) -> bool:
+    extensions = parse_gltf(file.content, file.path).document.get("extensions")
+    return extensions is not None and bool({"VRM", "VRMC_vrm"} & extensions.entries().keys())
+
+
+def write_motion(
+    path: str | Path,
+    motion: Motion,
+    character: str | Path | None = None,
+    *,
+    name: str | None = None,
+    animations: Animations = "add",
+    in_place: bool = False,
+    overwrite: bool = False,
+) -> None:
+    """Write a motion to a file, whole or not at all: BVH (.bvh), a VRM animation (.vrma), or, of a motion on the
+    skeleton of a character file, that file with an animation more (.glb, .gltf, .vrm).
+
+    Args:
+        path: of the file; its ending says what it is.
+        motion: to write.
+        character: the path of the character's file, which `load_target` has read; for .bvh not needed.
+        name: of the animation; the file's name without ending if not given.
+        animations: "add" it to those in the character's file, or "replace" them.
+        in_place: whether to leave out the root's path along the floor; see `in_place`.
+        overwrite: whether to replace a file that exists.
+
+    Raises:
+        FileError: the file exists and `overwrite` is false, it cannot be written, or the character cannot be.
+        MotionError: the motion has other joints than the character.
+    """
+    check_kind("motion", motion, Motion)
+    check_kind("name", name, str, NoneType)
+    check_choice("animations", animations, ("add", "replace"))
+    file = load_file(character) if character is not None else None
+    given = OutputSettings(animations, in_place)
+    content = content_of(path, given.clip(motion, name or Path(path).stem), file, given)
+    write_whole(path, content, overwrite)
+
+
+@dataclass(frozen=True)
+class NamedClip:
+    """A motion to write, its name, and what to keep beside it."""
+
+    motion: Motion
+    name: str
+    extras: Mapping[str, object]
+
+
+@dataclass(frozen=True)
+class OutputSettings:
+    """How motions are written: whether animations are added to those in the file or replace them, and whether the
+    root's path along the floor is left out.
+    """
+
+    animations: Animations = "add"
+    in_place: bool = False
+
+    def clip(self, motion: Motion, name: str, up: Array | None = None) -> NamedClip:
+        """Return a motion as it is to be written; `up` is the unit vector up, by default Y."""
+        if not self.in_place:
+            return NamedClip(motion, name, {})
+        path = motion.root_positions.round(6).tolist()
+        return NamedClip(in_place(motion, np.array([0.0, 1.0, 0.0]) if up is None else up), name, {PATH_KEY: path})
+
+
+DEFAULT_OUTPUT = OutputSettings()
+
+
+def in_place(motion: Motion, up: Array) -> Motion:
+    """Return a motion whose root stays above the place on the floor where it begins; `up` is the unit vector up."""
+    path = level(motion.root_positions, up)
+    return replace(motion, root_positions=motion.root_positions - path + path[:1])
+
+
+def content_of(
+    path: str | Path, clip: NamedClip, target: InputFile | None, settings: OutputSettings
+) -> bytes | Iterable[str]:
+    """Return the content of a file with a clip; errors as in `write_motion`."""
+    match output_kind(path, target):
+        case "BVH":
+            return bvh_parts(clip.motion)
+        case "VRMA":
+            return vrma(clip.motion, clip.name, clip.extras)
+    assert target is not None
+    return with_animations(path, target, [character_animation(target, clip)], settings.animations)
+
+
+def character_animation(target: InputFile, clip: NamedClip) -> Animation:
+    """Return a clip as an animation of the nodes of its character; a MotionError if it has other joints."""
+    character = parse_character(target)
+    found, expected = clip.motion.skeleton, character.skeleton
+    if found.names != expected.names or not np.array_equal(found.parents, expected.parents):
+        raise MotionError(f"the motion has other joints than {str(target.path)!r}; retarget it to that character")
+    return replace(character.animation(clip.motion, clip.name), extras=clip.extras)
+
+
+def with_animations(path: str | Path, target: InputFile, animations: Sequence[Animation], mode: Animations) -> bytes:
+    """Return the file of a character with animations, for a file of this name: a GLB, or JSON for .gltf. What its
+    buffers and images are in is put into it, unless it is a .gltf file in the same folder.
+    """
+    gltf = parse_gltf(target.content, target.path, target.beside)
+    as_binary = Path(path).suffix.lower() != ".gltf"
+    folder = Path(target.path).parent
+    stays = not as_binary and Path(path).parent.resolve() == folder.resolve()
+
+    def embedded(uri: Node) -> bytes:
+        name = uri.text()
+        return target.beside[name] if name in target.beside else read_bytes(inside(uri, folder, name))
+
+    nodes = gltf_scene(gltf, animated=False).nodes
+    return animated(gltf, animations, nodes, mode, as_binary, None if stays else embedded)

@@ -1,0 +1,150 @@
+"""Animations sampled at frames that are equally far apart: at their own keys, or at a frame rate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.errors import FileError
+from distretarget.io.nodes import Animation
+from distretarget.numerics.vectors import lengths
+
+Array = NDArray[np.float64]
+
+RATES = (24, 25, 30, 48, 50, 60, 90, 100, 120, 200, 240)  # usual frame rates [frames/s]
+LEAST_RATE, MOST_RATE = 10.0, 1000.0  # keys at other rates are no frames [frames/s]
+IRREGULAR_RATE = 60.0  # of keys that are on no such grid [frames/s]
+ON_GRID = 0.02  # a key is on a grid within this [frames]
+SAME_KEY = 1e-5  # keys this near to each other are at the same time [s]; times are float32
+WHOLE_RATE = 1e-3  # a rate this near to a whole number is that number [relative]
+FREE_SAMPLES = 4_000_000  # so many samples may a file have, however small it is [frames x curves]
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """The keys of one property of a node.
+
+    Attributes:
+        times: (keys,), in ascending order [s].
+        keys: (keys, 1, numbers), or (keys, 3, numbers) for "CUBICSPLINE": tangent in, value, tangent out.
+        interpolation: between keys.
+    """
+
+    times: Array
+    keys: Array
+    interpolation: Literal["LINEAR", "STEP", "CUBICSPLINE"] | str
+
+    def at(self, times: Array, rotates: bool) -> Array:
+        """(times, numbers), the values at times [s]; the first and last key hold before and after. Rotations,
+        quaternions x y z w, become unit quaternions.
+        """
+        values = self.keys[:, self.keys.shape[1] // 2]
+        after = np.clip(np.searchsorted(self.times, times, side="right"), 1, max(len(self.times) - 1, 1))
+        before, after = after - 1, np.minimum(after, len(self.times) - 1)
+        span = self.times[after] - self.times[before]
+        passed = np.clip(times - self.times[before], 0.0, span)
+        share = np.divide(passed, span, out=np.zeros(len(times)), where=span > 0)
+        if self.interpolation == "STEP":
+            result = np.where((share >= 1.0)[:, None], values[after], values[before])
+        elif self.interpolation == "CUBICSPLINE":
+            result = self._cubic(before, after, share, span)
+        elif rotates:
+            result = _slerp(values[before], values[after], share)
+        else:
+            result = values[before] + share[:, None] * (values[after] - values[before])
+        return result / lengths(result)[:, None] if rotates else result
+
+    def _cubic(self, before: NDArray[np.intp], after: NDArray[np.intp], share: Array, span: Array) -> Array:
+        """Hermite's spline, glTF 2.0 specification, appendix C.5."""
+        t, d = share[:, None], span[:, None]
+        start, out = self.keys[before, 1], self.keys[before, 2]
+        into, end = self.keys[after, 0], self.keys[after, 1]
+        t2, t3 = t * t, t * t * t
+        return np.asarray(
+            (2 * t3 - 3 * t2 + 1) * start
+            + d * (t3 - 2 * t2 + t) * out
+            + (-2 * t3 + 3 * t2) * end
+            + d * (t3 - t2) * into
+        )
+
+
+def _slerp(start: Array, end: Array, share: Array) -> Array:
+    """(n, 4), between two rotations on the shorter way."""
+    first = Rotation.from_quat(start)
+    turn = (first.inv() * Rotation.from_quat(end)).as_rotvec()
+    return np.asarray((first * Rotation.from_rotvec(share[:, None] * turn)).as_quat())
+
+
+def sampled(
+    path: str | Path, name: str, curves: Mapping[str, Mapping[int, Curve]], fps: float | None, most: int
+) -> Animation:
+    """Return an animation's curves, by property and node, sampled at its own keys or at `fps` frames/s.
+
+    `most` bounds the samples: the size of the file [bytes].
+
+    Raises:
+        FileError: nothing is animated, or it is too long for this frame rate.
+    """
+    every = [curve for of_nodes in curves.values() for curve in of_nodes.values()]
+    if not every:
+        raise FileError(path, f"nothing moves in its animation {name!r}")
+    times = np.unique(np.concatenate([curve.times for curve in every]))
+    rate = fps or own_rate(times)
+    frames = int((times[-1] - times[0]) * rate + ON_GRID) + 1
+    if frames * len(every) > max(most, FREE_SAMPLES):
+        duration = f"{times[-1] - times[0]:.6g} s"
+        raise FileError(path, f"its animation {name!r} is {duration} long; at {rate:g} frames/s that is too much")
+    at = _at_keys(times[0] + np.arange(frames) / rate, times, ON_GRID / rate)
+    values = {
+        kind: {node: curve.at(at, kind == "rotation") for node, curve in of_nodes.items()}
+        for kind, of_nodes in curves.items()
+    }
+    text = f"{1 / rate:.9g}"
+    return Animation(name, frames, text, values["translation"], values["rotation"], values["scale"])
+
+
+def _at_keys(at: Array, times: Array, near: float) -> Array:
+    """Times, (n,), each moved to a key that is near, so that rounding puts no frame before its key; all in [s]."""
+    after = np.searchsorted(times, at).clip(0, len(times) - 1)
+    before = np.maximum(after - 1, 0)
+    nearest = np.where(at - times[before] < times[after] - at, times[before], times[after])
+    return np.where(np.abs(nearest - at) < near, nearest, at)
+
+
+def own_rate(times: Array) -> float:
+    """Return the frame rate of keys at some times, (keys,), ascending [s]: the slowest of at least `LEAST_RATE` on
+    whose frames all of them are, else `IRREGULAR_RATE` [frames/s].
+    """
+    steps = np.diff(times)
+    steps = steps[steps > SAME_KEY]
+    if not len(steps):
+        return 30.0
+    own = 1.0 / steps[steps < 1.05 * steps.min()].mean()
+    if LEAST_RATE <= own <= MOST_RATE:
+        own = _refined(times, own)
+        if _on_grid(times, own):
+            return own
+    return next((float(rate) for rate in RATES if _on_grid(times, rate)), IRREGULAR_RATE)
+
+
+def _refined(times: Array, rate: float) -> float:
+    """The rate that fits all keys best, a whole number where it is near to one."""
+    frames = np.rint((times - times[0]) * rate)
+    for _ in range(3):  # a rough rate counts late frames wrong; each fit reaches farther
+        near = np.abs((times - times[0]) * rate - frames) < 0.25
+        last = len(near) - 1 if near.all() else int(near.argmin()) - 1
+        if frames[last] > 0:
+            rate = float(frames[last] / (times[last] - times[0]))
+        frames = np.rint((times - times[0]) * rate)
+    return float(round(rate)) if abs(rate - round(rate)) < WHOLE_RATE * rate else rate
+
+
+def _on_grid(times: Array, rate: float) -> bool:
+    frames = (times - times[0]) * rate
+    return bool((np.abs(frames - np.rint(frames)) < ON_GRID).all())

@@ -1,0 +1,134 @@
+"""VRM animations (.vrma): the motion of a humanoid, which any VRM model plays; specification VRMC_vrm_animation-1.0."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.body.anatomy import ARM, FINGERS, SIDES
+from distretarget.body.body import Body
+from distretarget.body.humanoid import FINGER, THUMB
+from distretarget.errors import MotionError, quoted
+from distretarget.io.gltf import parse_gltf
+from distretarget.io.gltf_writer import animated
+from distretarget.io.json_text import compact
+from distretarget.io.nodes import Animation, Nodes
+from distretarget.motion import Motion
+from distretarget.numerics.rotations import least
+from distretarget.numerics.vectors import normalised
+
+Array = NDArray[np.float64]
+
+METRES = {"mm": 0.001, "cm": 0.01, "m": 1.0, "dm": 0.1, "in": 0.0254, "ft": 0.3048}
+USUAL_HEIGHT = 1.7  # of a body whose file does not state its units [m]
+EYES = ("leftEye", "rightEye")  # the specification leaves their directions to other nodes
+REQUIRED = (
+    "hips",
+    "spine",
+    "head",
+    *(side + part for side in SIDES for part in (*ARM[1:], "UpperLeg", "LowerLeg", "Foot")),
+)
+
+
+def vrma(motion: Motion, name: str, extras: Mapping[str, object]) -> bytes:
+    """Return the content of a VRM animation of a motion: rotations of the humanoid's bones, and the path of the hips
+    [m], with Y up and the body towards Z at rest in T-pose.
+
+    Raises:
+        MotionError: the body lacks bones that a VRM humanoid must have.
+    """
+    body = Body.of(motion.skeleton, motion if len(motion) else None)
+    bones = humanoid_bones(body)
+    if missing := [bone for bone in REQUIRED if bone not in bones]:
+        raise MotionError(f"a VRM animation needs the bones {quoted(missing)}, which the target lacks")
+    upright = Rotation.from_matrix(body.reference.axes.T)
+    rest = _t_pose(body, bones, upright)
+    unit = METRES[motion.skeleton.units] if motion.skeleton.units else USUAL_HEIGHT / body.height
+    joints = sorted(bones.values())
+    number = {joint: place for place, joint in enumerate(joints)}
+    parents = np.array([_above(motion, joint, number) for joint in joints])
+    places = motion.skeleton.posed(rest.as_quat())
+    floor = -float(places[:, 1].min())  # the lowest joint is at height 0
+    offsets = unit * (places[joints] - np.where((parents >= 0)[:, None], places[joints][parents], [0.0, -floor, 0.0]))
+    world = upright * Rotation.from_quat(motion.world_rotations[:, joints]) * rest[joints].inv()
+    above = Rotation.from_quat(
+        np.concatenate([world.as_quat(), np.tile([0.0, 0, 0, 1], (len(motion), 1, 1))], axis=1)[:, parents]
+    )
+    local = (above.inv() * world).as_quat()
+    hips = unit * upright.apply(motion.positions[:, bones["hips"]])
+    animation = Animation(
+        name,
+        len(motion),
+        motion.frame_time_text,
+        translations={number[bones["hips"]]: hips},
+        rotations={place: local[:, place] for place in number.values()},
+        extras=extras,
+    )
+    text = compact(_document(bones, number, parents, offsets)).encode()
+    gltf = parse_gltf(text, "animation.vrma")
+    still = np.zeros((len(joints), 3))
+    nodes = Nodes((), parents, offsets, np.tile([0.0, 0.0, 0.0, 1.0], (len(joints), 1)), still + 1.0)
+    return animated(gltf, [animation], nodes)
+
+
+def humanoid_bones(body: Body) -> dict[str, int]:
+    """Return the joint of each bone of the humanoid, by VRM 1.0's names: those that the file states, else the roles."""
+    if body.skeleton.humanoid:
+        return {bone: joint for bone, joint in body.skeleton.humanoid if bone not in EYES}
+    roles = body.anatomy.roles if body.anatomy else {}
+    fingers = {
+        f"{side}{finger}{number}": f"{side}{finger}{bone}"
+        for side in SIDES
+        for finger in FINGERS
+        for number, bone in enumerate(THUMB if finger == "Thumb" else FINGER, start=1)
+    }
+    others = {f"{side}{finger}0" for side in SIDES for finger in FINGERS}
+    bones = {fingers.get(role, role): joint for role, joint in roles.items() if role not in others}
+    if "spine" not in bones and "chest" in bones:
+        bones["spine"] = bones.pop("chest")  # a single joint is the spine
+    return bones
+
+
+def _above(motion: Motion, joint: int, number: Mapping[int, int]) -> int:
+    """The number of the nearest joint above that has one; -1 without one."""
+    return next((number[each] for each in motion.skeleton.line(joint)[1:] if each in number), -1)
+
+
+def _t_pose(body: Body, bones: Mapping[str, int], upright: Rotation) -> Rotation:
+    """(joints,), the world rotations of the body in T-pose: as it stands, with the arms straight out to the sides."""
+    skeleton = body.skeleton
+    turns = (upright * Rotation.from_quat(body.reference.rotations)).as_quat()
+    if skeleton.humanoid:
+        return Rotation.from_quat(turns)  # VRM models rest in T-pose
+    for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
+        for upper, lower in pairwise([bones[side + part] for part in ARM[1:]]):
+            places = skeleton.posed(turns)
+            bone = normalised(places[lower] - places[upper])
+            turn, below = least(bone[None], np.array([[sign, 0.0, 0.0]])), skeleton.subtree(upper)
+            turns[below] = (turn * Rotation.from_quat(turns[below])).as_quat()
+    return Rotation.from_quat(turns)
+
+
+def _document(
+    bones: Mapping[str, int], number: Mapping[int, int], parents: NDArray[np.intp], offsets: Array
+) -> dict[str, object]:
+    """The glTF document of the humanoid at rest, without its animation."""
+    names = {joint: bone for bone, joint in bones.items()}
+    nodes: list[dict[str, object]] = []
+    for joint, place in number.items():
+        children = np.flatnonzero(parents == place).tolist()
+        node = {"name": names[joint], "translation": offsets[place].tolist()}
+        nodes.append(node | ({"children": children} if children else {}))
+    humanoid = {"humanBones": {bone: {"node": number[joint]} for bone, joint in bones.items()}}
+    return {
+        "asset": {"version": "2.0", "generator": "distretarget"},
+        "scene": 0,
+        "scenes": [{"nodes": np.flatnonzero(parents < 0).tolist()}],
+        "nodes": nodes,
+        "extensionsUsed": ["VRMC_vrm_animation"],
+        "extensions": {"VRMC_vrm_animation": {"specVersion": "1.0", "humanoid": humanoid}},
+    }
