@@ -65,3 +65,8 @@ def test_bones_that_deform_hang_from_each_other_as_their_originals_do(rename):
 def test_a_tree_that_shows_it_already_stays(text):
     body = tree(text)
     assert deform_tree(body.names, body.parents.tolist()) == {}
+
+
+def test_where_all_bones_are_joints_hands_are_those_that_deform():
+    found = roles(tree(GENERATED))
+    assert (found["leftHand"], found["leftIndex1"]) == ("DEF-hand.L", "DEF-f_index.01.L")

@@ -42,7 +42,7 @@ from distretarget.pipeline.options import Objective, Options
 from distretarget.pipeline.retargeting import retarget_onto
 from distretarget.report.clip_page import run_page
 from distretarget.report.diff_document import About
-from distretarget.report.run_summary import unmatched
+from distretarget.report.unmatched import others_without_source, parts_without_source
 
 # These set the threads of a process: workers have one each, as there is a worker for each core.
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -127,7 +127,7 @@ def _converted(job: Job, mapper: Mapper) -> Result:
         "status": "done",
         "frames": len(result.motion),
         "figures": result.figures,
-        "notes": list(unmatched(result.matching)),
+        "notes": [*parts_without_source(result.matching), *others_without_source(result.matching)],
         "warnings": [*lost, *result.warnings],
         "alignment": alignment_text(result.matching),
     }

@@ -47,7 +47,8 @@ from distretarget.pipeline.options import Options
 from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.retargeting import argument, retarget_onto
 from distretarget.report.clip_page import run_page
-from distretarget.report.run_summary import figures_json, figures_line, summary_line, unmatched
+from distretarget.report.run_summary import figures_json, figures_line, summary_line
+from distretarget.report.unmatched import others_without_source, parts_without_source
 
 
 @click.command("retarget")
@@ -131,11 +132,11 @@ def retarget_command(
         report: lambda: run_page(result, about(Path(source_file.path), output)),
     }
     write_outputs(contents, overwrite)
-    short = (f"warning: {joints}; see -v" for joints in unmatched(result.matching))
-    for line in _account(result) if verbose else short:
+    others = (f"{joints}; see -v" for joints in others_without_source(result.matching))
+    for line in _account(result) if verbose else others:
         say(line, err=True)
     left_out = body.target.character.warnings if isinstance(body.target, CharacterTarget) else ()
-    for warning in (*lost, *left_out, *result.warnings):
+    for warning in (*parts_without_source(result.matching), *lost, *left_out, *result.warnings):
         say(f"warning: {warning}", err=True)
     if kind == "BVH" and not strip_namespace and (names := [name for name in skeleton.names if ":" in name]):
         plain = names[0].rpartition(":")[2]

@@ -16,6 +16,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from distretarget.errors import FileError, MissingPackageError
 from distretarget.io.nodes import Animation, Nodes, Scene, Skin
@@ -42,10 +43,10 @@ def parse_fbx(
 ) -> Scene:
     """Return the content of an FBX file: all its nodes, its skins, or else its bind pose, and one animation.
 
-    Transforms are those that FBX evaluates, with pivots, orders of rotation and ways to inherit scale; a node that
-    scales in a way of its own may have a helper node below it. Bind poses are in the world, so the skins name no mesh.
-    Animations are those that have keys of nodes. Frames are the animation's own keys where they are as regular as
-    frames, else frames at the file's frame rate; `fps` asks for another rate.
+    Transforms are those that FBX evaluates, with pivots, orders of rotation and ways to inherit scale. A node is where
+    its pivot is; one that hands down its scale in a way of its own may have a helper node below it. Bind poses are in
+    the world, so the skins name no mesh. Animations are those that have keys of nodes. Frames are the animation's own
+    keys where they are as regular as frames, else frames at the file's frame rate; `fps` asks for another rate.
 
     Args:
         content: of the file.
@@ -79,7 +80,7 @@ def _read(content: bytes, path: str | Path, request: Mapping[str, Any]) -> dict[
     except OSError as error:
         _stopped(path, error.strerror or str(error))
     if done.returncode:
-        _stopped(path, _stop(done.returncode))
+        _stopped(path, _stop(done.returncode, done.stderr))
     try:
         with np.load(io.BytesIO(done.stdout), allow_pickle=False) as file:
             arrays: dict[str, Any] = dict(file)
@@ -95,16 +96,19 @@ def _stopped(path: str | Path, why: str) -> NoReturn:
     raise FileError(path, f"the FBX reader stopped ({why}); {ADVICE}") from None
 
 
-def _stop(code: int) -> str:
-    """Return why a process ended, from its return code."""
+def _stop(code: int, said: bytes) -> str:
+    """Return why a process ended, from its return code and the last of what it said."""
     if code < 0 and (name := signal.strsignal(-code)):
         return name.lower()
-    return STOPS.get(code & 0xFFFFFFFF, f"exit status {code}")
+    last = said.decode(errors="replace").split("\n")[-2:][0].strip()
+    return STOPS.get(code & 0xFFFFFFFF, last[:200] or f"exit status {code}")
 
 
 def _scene(path: str | Path, read: dict[str, Any]) -> Scene:
     """Return the scene in the arrays and the header that were read."""
-    nodes = _nodes(path, read)
+    parents, pivots = read["parents"].astype(np.intp), read["pivots"]
+    above = np.vstack([pivots, np.zeros(3)])[parents]
+    nodes = Nodes(tuple(read["names"]), parents, *_parts(path, read["transforms"], pivots, above))
     chosen = read.get("chosen")
     unit = read["unit"]
     return Scene(
@@ -113,48 +117,50 @@ def _scene(path: str | Path, read: dict[str, Any]) -> Scene:
         skins=_skins(nodes, read),
         humanoid={},
         animations=tuple(read["animations"]),
-        animation=None if chosen is None else _animation(path, nodes, read),
+        animation=None if chosen is None else _animation(path, nodes, above, read),
         units=next((name for name, metres in UNITS.items() if unit and math.isclose(unit, metres, rel_tol=1e-6)), None),
         up=dict(enumerate(UP)).get(read["up"]),
     )
 
 
-def _nodes(path: str | Path, read: dict[str, Any]) -> Nodes:
-    translations, rotations, scales = _parts(path, read["transforms"])
-    return Nodes(tuple(read["names"]), read["parents"].astype(np.intp), translations, rotations, scales)
+def _parts(path: str | Path, transforms: Array, pivots: Array, above: Array) -> tuple[Array, Array, Array]:
+    """Return translations, unit quaternions and scales of nodes, from their ten numbers each, (..., nodes, 10).
 
-
-def _parts(path: str | Path, transforms: Array) -> tuple[Array, Array, Array]:
-    """Return translations, unit quaternions and scales, from ten numbers each.
+    The nodes move from the origins of their spaces to their `pivots`, and so do the nodes `above` them, (nodes, 3).
 
     Raises:
         FileError: a number is not finite, or a quaternion is zero.
     """
     translations, rotations, scales = np.split(transforms, [3, 7], axis=-1)
     sizes = np.linalg.norm(rotations, axis=-1, keepdims=True)
-    if not (np.isfinite(transforms).all() and (sizes > 0.0).all()):
+    if not (np.isfinite(transforms).all() and np.isfinite(pivots).all() and (sizes > 0.0).all()):
         raise FileError(path, "has a node whose position, rotation or scale is not a finite number; export it again")
-    return translations, rotations / sizes, scales
+    if pivots.any() or above.any():
+        turned = Rotation.from_quat(rotations.reshape(-1, 4)).apply((scales * pivots).reshape(-1, 3))
+        translations = translations + turned.reshape(translations.shape) - above
+    return np.asarray(translations), np.asarray(rotations / sizes), scales
 
 
 def _skins(nodes: Nodes, read: dict[str, Any]) -> tuple[Skin, ...]:
     """Return the skins; where there are none, one for each tree of bones, bound as in the file's bind pose."""
     ends = np.cumsum(read["counts"])[:-1]
     found = zip(np.split(read["joints"], ends), np.split(read["binds"], ends), strict=True)
-    skins = tuple(_skin(joints, binds) for joints, binds in found if len(joints))
+    skins = tuple(_skin(joints, binds, read["pivots"]) for joints, binds in found if len(joints))
     if skins:
         return skins
     posed = np.zeros((len(nodes), 4, 4))
     posed[read["posed"][::-1]] = read["poses"][::-1]  # the first pose counts
-    return tuple(_skin(bones, posed[bones]) for bones in _bone_trees(nodes.parents, read["bones"]))
+    return tuple(_skin(bones, posed[bones], read["pivots"]) for bones in _bone_trees(nodes.parents, read["bones"]))
 
 
-def _skin(joints: NDArray[np.intp], binds: Array) -> Skin:
-    """Return a skin from its joints and their places in the world when they were bound, (joints, 4, 4)."""
-    joints, first = np.unique(joints, return_index=True)
+def _skin(joints: NDArray[np.intp], binds: Array, pivots: Array) -> Skin:
+    """Return a skin from its joints and their matrices in the world when they were bound, (joints, 4, 4)."""
     if not binds.any():
-        return Skin(joints.astype(np.intp), None)
-    return Skin(joints.astype(np.intp), np.array([_inverse(bind) for bind in binds[first]]))
+        return Skin(np.unique(joints).astype(np.intp), None)
+    joints, first = np.unique(joints, return_index=True)
+    binds = binds[first]
+    binds[:, :3, 3] += (binds[:, :3, :3] @ pivots[joints, :, None])[..., 0]
+    return Skin(joints.astype(np.intp), np.array([_inverse(bind) for bind in binds]))
 
 
 def _inverse(matrix: Array) -> Array:
@@ -172,10 +178,10 @@ def _bone_trees(parents: NDArray[np.intp], bones: NDArray[np.bool_]) -> list[NDA
     return [np.flatnonzero(bones & (top[:-1] == highest)) for highest in np.unique(top[:-1][bones])]
 
 
-def _animation(path: str | Path, nodes: Nodes, read: dict[str, Any]) -> Animation:
+def _animation(path: str | Path, nodes: Nodes, above: Array, read: dict[str, Any]) -> Animation:
     """Return the animation that was sampled, with what moves."""
     moving = read["moving"].tolist()
-    parts = _parts(path, read["frames"])
+    parts = _parts(path, read["frames"], read["pivots"][moving], above[moving])
     still = (nodes.translations, nodes.rotations, nodes.scales)
     translations, rotations, scales = (
         {

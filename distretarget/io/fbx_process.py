@@ -99,7 +99,7 @@ def _content(
 
 
 def _load(data: bytes, path: str) -> ufbx.Scene:
-    """Return the scene; where nodes do not inherit scales as usual, helper nodes or scales make up for it."""
+    """Return the scene; where nodes do not inherit scale as usual, helper nodes or scales make up for it."""
     import ufbx
 
     try:
@@ -138,6 +138,7 @@ def _still(scene: ufbx.Scene, nodes: list[ufbx.Node]) -> tuple[dict[str, Any], d
     arrays = {
         "parents": np.array([number.get(parent.typed_id, -1) if parent else -1 for parent in parents], np.int64),
         "transforms": np.array([_ten(node.local_transform) for node in nodes]).reshape(-1, 10),
+        "pivots": np.array([_pivot(node) for node in nodes]).reshape(-1, 3),
         "bones": np.array([node.attrib_type == ufbx.ElementType.BONE for node in nodes], bool),
         "joints": np.array(joints, np.int64),
         "binds": _matrices(binds),
@@ -173,11 +174,22 @@ def _bind_poses(scene: ufbx.Scene, number: dict[int, int]) -> dict[str, Any]:
     """Return the nodes in the bind poses of a file and their world matrices there."""
     poses = [pose for pose in _each(scene.poses) if pose.is_bind_pose]
     posed = [(_held(bone.bone_node), bone.bone_to_world) for pose in poses for bone in _each_part(pose.bone_poses)]
-    found = [(number[node.typed_id], matrix) for node, matrix in posed if node is not None and node.typed_id in number]
+    found = [(number[node.typed_id], matrix) for node, matrix in posed if node.typed_id in number]
     return {
         "posed": np.array([node for node, _ in found], np.int64),
         "poses": _matrices(matrix for _, matrix in found),
     }
+
+
+def _pivot(node: ufbx.Node) -> list[float]:
+    """Return the point about which a node turns, in its own space."""
+    names = ("RotationPivot", "ScalingPivot", "ScalingOffset", "Lcl Scaling")
+    props = [node.props.find_prop(name) for name in names]
+    turning, scaling, offset, scale = (None if prop is None else np.array(prop.value_vec4)[:3] for prop in props)
+    zero = np.zeros(3)
+    turning, scaling, offset = (zero if vector is None else vector for vector in (turning, scaling, offset))
+    unscaled = np.ones(3) if scale is None else np.where(scale == 0.0, 1.0, scale)
+    return [float(number) for number in scaling + (turning - scaling - offset) / unscaled]
 
 
 def _each_part(parts: Any) -> Iterator[Any]:
@@ -225,7 +237,7 @@ def _sampled(
     inside = keys[(keys >= begin - SAME_KEY) & (keys <= end + SAME_KEY)]
     keys = inside if len(inside) > 1 else keys  # the keys in the animation's own time span, if that makes sense
     step = 1.0 / fps if fps else frame_step(keys, scene.settings.frames_per_second)
-    chosen = [index for index, node in enumerate(nodes) if node.typed_id in moving or node.is_scale_helper]
+    chosen = [index for index, node in enumerate(nodes) if node.typed_id in moving or _follows_scale(node)]
     frames = (keys[-1] - keys[0]) / step + 1.0
     if not frames * len(chosen) <= max(MOST_SAMPLES, count):
         raise FileError(path, f"the animation {stack.name!r} would have {frames:.0f} frames; ask for fewer with --fps")
@@ -241,6 +253,12 @@ def _sampled(
             row += transform.scale
         samples[frame] = np.reshape(row, (-1, 10))
     return np.array(chosen, np.int64), samples, step
+
+
+def _follows_scale(node: ufbx.Node) -> bool:
+    """Return whether a node moves where another one scales: a helper, or a child of a node that has one."""
+    parent = _held(node.parent)
+    return node.is_scale_helper or (parent is not None and _held(parent.scale_helper) is not None)
 
 
 def _keys(stack: ufbx.AnimStack) -> tuple[Array, int, set[int]]:

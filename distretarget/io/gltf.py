@@ -212,6 +212,8 @@ def parse_gltf(content: bytes, path: str | Path, beside: Mapping[str, bytes] | N
     """
     if content.startswith(MAGIC):
         return Gltf(path, _chunks(content, path), is_binary=True, beside=beside or {})
+    if not content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"{", b"[")):
+        raise FileError(path, "is no glTF: a GLB begins with 'glTF', a .gltf file with {" if content else "is empty")
     return Gltf(path, ((JSON_CHUNK, memoryview(content)),), is_binary=False, beside=beside or {})
 
 
