@@ -131,8 +131,8 @@ CASES: dict[str, Callable[[Path], Expected]] = {
 
 
 def _retargeted(folder: Path, clip: str, made: Character, ending: str, out: str) -> Expected:
-    """A clip retargeted to a character that can sway already if it may, and written as a file of the same kind, or as VRMA."""
-    if not made.matrices:  # which cannot be animated
+    """A clip retargeted to a character that can sway already, and written as a file of the same kind, or as VRMA."""
+    if not made.matrices:  # nodes with a matrix cannot be animated
         made.animate("sway", Performance.swaying(made.bones, 4), all_translations=True)
     hero, path = made.write(folder / f"hero{ending}"), folder / f"out{out}"
     target = load_target(hero)
