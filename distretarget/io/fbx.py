@@ -167,7 +167,7 @@ def _inverse(matrix: Array) -> Array:
     """The inverse of a matrix (4, 4); zeros if it has none."""
     sizes = np.linalg.norm(matrix[:3, :3], axis=0)
     regular = np.isfinite(matrix).all() and sizes.all() and abs(np.linalg.det(matrix[:3, :3] / sizes)) > SINGULAR
-    return np.linalg.inv(matrix) if regular else np.zeros((4, 4))
+    return np.asarray(np.linalg.inv(matrix) if regular else np.zeros((4, 4)), np.float64)
 
 
 def _bone_trees(parents: NDArray[np.intp], bones: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
