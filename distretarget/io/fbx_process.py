@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 Element = TypeVar("Element")
 
 TRANSFORMS = frozenset({"Lcl Translation", "Lcl Rotation", "Lcl Scaling"})
-MOST_SAMPLES = 10_000_000  # nodes times frames that are sampled, unless the file has as many keys
+MOST_SAMPLES = 4_000_000  # nodes times frames that are sampled, unless the file has as many keys
 SAME_KEY = 1e-4  # keys that are nearer belong to one frame [s]
 NEAR = 0.05  # tolerance of a key's place on a grid of frames [frames]
 LONGEST_STEP = 0.1  # keys that are further apart are poses of an animator, not frames of a recording [s]
