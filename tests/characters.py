@@ -114,6 +114,27 @@ class Performance:
         positions = scale * turn.apply(motion.positions[:, joints].reshape(-1, 3)).reshape(len(motion), -1, 3)
         return cls(turns.as_quat(), positions, motion.frame_time * np.arange(len(motion)))
 
+    @classmethod
+    def swaying(
+        cls, bones: Bones, frames: int = 20, angle: float = 0.5, seed: int = 0, rate: float = 30
+    ) -> Performance:
+        """Every joint turns smoothly by up to about `angle` [rad], and roots move along."""
+        draw = np.random.default_rng(seed)
+        joints = len(bones.names)
+        phases = np.linspace(0, 3, frames)[:, None, None] + draw.uniform(0, 6, (joints, 3))
+        own = Rotation.from_rotvec((angle * np.sin(phases) * draw.uniform(-1, 1, (joints, 3))).reshape(-1, 3))
+        own = own.as_matrix().reshape(frames, joints, 3, 3)
+        turns, positions = own.copy(), np.tile(bones.positions, (frames, 1, 1))
+        for joint, parent in enumerate(bones.parents):
+            if parent < 0:
+                positions[:, joint] += 0.2 * np.sin(phases[:, joint])
+                continue
+            turns[:, joint] = turns[:, parent] @ own[:, joint]
+            along = turns[:, parent] @ (bones.positions[joint] - bones.positions[parent])
+            positions[:, joint] = positions[:, parent] + along
+        quaternions = Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_quat().reshape(frames, joints, 4)
+        return cls(quaternions, positions, np.arange(frames) / rate)
+
     def __getitem__(self, frames: slice) -> Performance:
         return Performance(self.turns[frames], self.positions[frames], self.times[frames])
 

@@ -1,6 +1,7 @@
 """A plain glTF player for tests: where nodes and points of skinned meshes are at some times, by the specification.
 
-Buffers are those of GLB or a file beside the `.gltf`. Nothing here uses the package's own code of glTF.
+Buffers are those of GLB, in the document, or in files beside the `.gltf`. Nothing here uses the package's own code of
+glTF.
 """
 
 from __future__ import annotations
@@ -19,15 +20,20 @@ SHAPES = {"SCALAR": (), "VEC2": (2,), "VEC3": (3,), "VEC4": (4,), "MAT4": (4, 4)
 
 
 def load(path: Path) -> tuple[dict, bytes]:
-    """The JSON of a file, GLB or glTF, and its first buffer."""
+    """The JSON of a file, GLB or glTF, and all its buffers one after the other, to which the views in it lead."""
     data = path.read_bytes()
-    if data[:4] == b"glTF":
-        return chunks(data)
-    document = json.loads(data)
-    uri = document["buffers"][0]["uri"] if "buffers" in document else ""
+    document, binary = chunks(data) if data[:4] == b"glTF" else (json.loads(data), b"")
+    buffers = [_buffer(entry.get("uri", ""), path.parent, binary) for entry in document.get("buffers", ())]
+    starts = np.cumsum([0, *map(len, buffers)]).tolist()
+    for view in document.get("bufferViews", ()):
+        view["byteOffset"] = view.get("byteOffset", 0) + starts[view["buffer"]]
+    return document, b"".join(buffers)
+
+
+def _buffer(uri: str, folder: Path, binary: bytes) -> bytes:
     if uri.startswith("data:"):
-        return document, base64.b64decode(uri.partition(",")[2])
-    return document, (path.parent / unquote(uri)).read_bytes() if uri else b""
+        return base64.b64decode(uri.partition(",")[2])
+    return (folder / unquote(uri)).read_bytes() if uri else binary
 
 
 def values(document: dict, buffer: bytes, number: int) -> np.ndarray:

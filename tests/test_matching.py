@@ -384,6 +384,14 @@ def test_a_body_without_legs_matches_arms_and_trunk():
     assert "mixamorig:LeftLeg" not in pairs
 
 
+def test_a_body_whose_arms_and_legs_follow_nothing_is_refused_however_many_names_are_equal():
+    ornaments = [f"ornament{k}" for k in range(60)]
+    source, target = chain(*ornaments), PERSON
+    for name in ornaments:
+        target = with_bone(target, name, "Head")
+    refused(source, target, "no arm and no leg has a driver, and no human body is recognised in the source")
+
+
 def test_a_map_that_leaves_nothing_is_refused():
     refused(PERSON, PERSON, "no joint of the target has a driver", dict.fromkeys(PERSON.keys))
 

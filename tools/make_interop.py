@@ -1,9 +1,9 @@
-"""Write the table of docs/interop.md: how far off other programs find the joints of written files.
+"""Write the tables of docs/interop.md: how far off other programs find the joints of files.
 
     DISTRETARGET_NODE=FOLDER DISTRETARGET_BLENDER=PYTHON python tools/make_interop.py
 
-FOLDER is where `npm install three assimpjs @babylonjs/core @babylonjs/loaders` was run, PYTHON that of an environment
-with the package bpy. A program that is missing gets its reason into the table.
+FOLDER is where the packages of that page were installed by npm, PYTHON that of an environment with the package bpy. A
+program that is missing gets its reason into the table.
 """
 
 from __future__ import annotations

@@ -7,32 +7,32 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, suppress
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path, PurePath
 from types import NoneType
 
 from distretarget.batch.alignment_spread import spread_warnings
-from distretarget.batch.manifest import VERSION, Manifest, ManifestRecord, Tally, new_record, worst
+from distretarget.batch.manifest import VERSION, Manifest, ManifestRecord, Tally, new_record, options_of, worst
 from distretarget.batch.plan import Clip, check_page, find_clips, plan
-from distretarget.batch.workers import Job, Processes, Result, Workers, convert_all
+from distretarget.batch.workers import Job, Processes, Reading, Result, Workers, convert_all
 from distretarget.checks import check_kind, check_number, check_path
 from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import (
-    Text,
     check_inside,
     check_writable,
     hash_of,
     hash_of_file,
     is_folder,
-    load_text,
     make_folder,
     read_bytes,
-    text_of,
     write_whole,
 )
+from distretarget.io.input_file import InputFile, load_file, with_files_beside
 from distretarget.io.map_json import MapFile, load_map
-from distretarget.io.target_file import parse_target
+from distretarget.io.motion_writer import DEFAULT_OUTPUT, OutputSettings, with_animations
+from distretarget.io.nodes import Animation
+from distretarget.io.target_file import TargetFile
 from distretarget.measure.figures import FIGURES
 from distretarget.numerics.parallel import cores
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
@@ -55,12 +55,26 @@ class Batch:
     folder: Path  # of results
     options: Options
     map_file: MapFile
+    reading: Reading
+    writing: OutputSettings
     about: Callable[[PurePath, PurePath], About]  # what a report says of a clip, from its path and that of its result
     index: Path | None = None  # the page over all clips; None for no pages
     reports: int | None = None  # how many clips get a report beside it, the worst first; None for all
     overwrite: bool = False  # retarget again what is done, and replace files that this program did not write
     fail_fast: bool = False  # end with the first failure
     problems: dict[Path, FileError] = field(default_factory=dict)  # why a report could not be written, by its path
+
+    def record_of(self, clip: Clip) -> ManifestRecord:
+        """Return the line of a clip that is not done."""
+        usual = asdict(Reading()) | asdict(OutputSettings())
+        given = asdict(self.reading) | asdict(self.writing)
+        settings = {key: value for key, value in given.items() if value != usual[key]}
+        return new_record(clip, options_of(self.options, self.map_file) | settings)
+
+    @cached_property
+    def _characters(self) -> dict[str, InputFile]:
+        """The files of the targets, by path."""
+        return {str(clip.target.path): clip.target.file for clip in self.clips if clip.target.file}
 
     @cached_property
     def manifest(self) -> Manifest:
@@ -120,7 +134,7 @@ class Batch:
         for clip in self.clips:
             split = clip.size > max(SPLIT_SIZE, left / workers)
             left -= clip.size
-            record = new_record(clip, self.options, self.map_file)
+            record = self.record_of(clip)
             try:
                 content = read_bytes(clip.path)
                 record["input_hash"] = hash_of(content)
@@ -129,12 +143,12 @@ class Batch:
                     self.manifest.confirm(record["output"], output_hash)
                     show(None)
                     continue
-                source = Text(text_of(content, clip.path), clip.path)
-            except FileError as error:
+                source = with_files_beside(InputFile(content, clip.path))
+            except DistretargetError as error:
                 self._finish(Result(record | {"error": str(error)}), show)
                 continue
             about = self.about(clip.path, clip.place) if self.index and self.reports is None else None
-            yield Job(source, clip.target, self.map_file, self.options, record, about, split)
+            yield self._job(source, clip, record, about, split)
 
     def _report_jobs(self, records: dict[str, ManifestRecord]) -> Iterator[Job]:
         """The clips that need a report on their present output."""
@@ -143,9 +157,15 @@ class Batch:
         for clip in self.clips:
             record = chosen.get(clip.place.as_posix())
             if record and not self._has_report(record) and self._report_path(record["output"]) not in self.problems:
-                with suppress(FileError):
-                    source, about = load_text(clip.path), self.about(clip.path, clip.place)
-                    yield Job(source, clip.target, self.map_file, self.options, record, about)
+                with suppress(DistretargetError):
+                    source, about = load_file(clip.path), self.about(clip.path, clip.place)
+                    yield self._job(source, clip, record, about)
+
+    def _job(
+        self, source: InputFile, clip: Clip, record: ManifestRecord, about: About | None, split: bool = False
+    ) -> Job:
+        target = replace(clip.target, file=None)  # a character's mesh stays here
+        return Job(source, target, self.map_file, self.options, self.reading, self.writing, record, about, split)
 
     def _finish(self, result: Result, show: Show) -> None:
         """Write the output of a clip, its line of the manifest, and its report."""
@@ -168,9 +188,12 @@ class Batch:
 
     def _put(self, result: Result) -> None:
         """Write an output; its line of the manifest comes just before the output is put in place."""
-        record = result.record
+        record, output = result.record, result.output
         path = self.folder / record["output"]
         check_inside(path, self.folder)
+        if isinstance(output, Animation):
+            output = with_animations(path, self._characters[record["target"]], [output], self.writing.animations)
+            record["output_hash"] = hash_of(output)
         make_folder(path.parent)
         with self.manifest.locked():
             output_hash = hash_of_file(path)
@@ -179,8 +202,8 @@ class Batch:
                 return
             if not self.overwrite:
                 self.manifest.check_replaceable(record, path, output_hash)
-            replace = self.overwrite or output_hash is not None
-            write_whole(path, result.output, replace, lambda: self.manifest.add(record))
+            replaces = self.overwrite or output_hash is not None
+            write_whole(path, output, replaces, lambda: self.manifest.add(record))
 
     def _write_report(self, result: Result) -> None:
         """Write the report on a clip, if any, or remember why that failed."""
@@ -228,6 +251,10 @@ def convert_folder(
     exclude: Sequence[str] = (),
     map_file: str | Path | None = None,
     rest: str | Path | None = None,
+    clip: str | None = None,
+    fps: float | None = None,
+    kind: str | None = None,
+    writing: OutputSettings = DEFAULT_OUTPUT,
     options: Options = DEFAULT_OPTIONS,
     jobs: int | None = None,
     overwrite: bool = False,
@@ -235,19 +262,23 @@ def convert_folder(
     report: str | Path | None = None,
     reports: int | None = 10,
 ) -> Tally:
-    """Retarget BVH files and folders of them to one target or several, as `distretarget batch` does.
+    """Retarget motion files and folders of them to one target or several, as `distretarget batch` does.
 
     Clips that are done and unchanged are skipped, so an interrupted call continues where it stopped. A script that
     calls this needs `if __name__ == "__main__":`, since worker processes may import it.
 
     Args:
-        sources: BVH files and folders.
-        targets: skeleton files or BVH files; with several targets each gets its own folder in `folder`.
+        sources: BVH, glTF, VRM animation and FBX files, and folders.
+        targets: characters, skeleton files or BVH files; with several targets each gets its own folder in `folder`.
         folder: the folder of results, which has the same tree as the sources.
         include: shell patterns for names or paths of files in folders, of which one must match.
         exclude: shell patterns for files to leave out.
         map_file: a map file, as `--map` takes it.
-        rest: a BVH file of the clips' rig whose first frame is a standing pose, as `--rest` takes it.
+        rest: a file of the clips' rig whose first frame is a standing pose, as `--rest` takes it.
+        clip: the animation to read of files that have several.
+        fps: the frame rate to sample animations at [frames/s]; their own keys by default.
+        kind: of the results, such as "glb"; by default that of the target if it is glTF, else "bvh".
+        writing: how motions are put into the files of characters.
         options: how to retarget.
         jobs: the number of processes; one for each core if not given.
         overwrite: whether to retarget everything again, and to replace files that no batch made.
@@ -274,13 +305,14 @@ def convert_folder(
     found, unread = find_clips(paths, (), include, exclude)
     if unread:
         raise unread[0]
-    clips = plan(found, load_targets(_listed("targets", targets)), Path(folder), paths)
+    clips = plan(found, load_targets(_listed("targets", targets)), Path(folder), paths, kind)
     index, pairs = Path(report) if report else None, load_map(map_file, rest)
 
     def about(clip: PurePath, result: PurePath) -> About:
         return About(a=clip.name, b=result.name)
 
-    batch = Batch(clips, Path(folder), options, pairs, about, index, reports, overwrite, fail_fast)
+    reading = Reading(clip, fps)
+    batch = Batch(clips, Path(folder), options, pairs, reading, writing, about, index, reports, overwrite, fail_fast)
     batch.check()
     tally = Tally(clips=len(batch.clips))
     with closing(Processes(jobs or cores(), options.objective)) as workers:
@@ -288,12 +320,9 @@ def convert_folder(
     return tally
 
 
-def load_targets(paths: Sequence[Path]) -> list[Text]:
-    """Read the files of targets, and check that each is one."""
-    targets = [load_text(path) for path in paths]
-    for target in targets:
-        parse_target(target.text, target.path)
-    return targets
+def load_targets(paths: Sequence[Path]) -> list[TargetFile]:
+    """Read the files of targets."""
+    return [TargetFile.of(load_file(path)) for path in paths]
 
 
 def _listed(name: str, paths: str | Path | Sequence[str | Path]) -> list[Path]:

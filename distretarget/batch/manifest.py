@@ -9,7 +9,7 @@ from __future__ import annotations
 import fnmatch
 import json
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
@@ -71,16 +71,16 @@ KINDS: dict[Any, tuple[str, ...]] = {  # the keys of a record by the kind of the
 }
 
 
-def new_record(clip: Clip, options: Options, map_file: MapFile) -> ManifestRecord:
-    """Return the line of a clip that is not done: failed, without a reason."""
+def new_record(clip: Clip, options: Mapping[str, object]) -> ManifestRecord:
+    """Return the line of a clip that is not done: failed, without a reason; `options` decide its output."""
     return {
         "input": str(clip.path),
         "input_hash": None,
         "output": clip.place.as_posix(),
         "output_hash": None,
         "target": str(clip.target.path),
-        "target_hash": clip.target.hash,
-        "options": asdict(options) | _of_map(map_file),
+        "target_hash": clip.target.file.hash if clip.target.file else "",
+        "options": dict(options),
         "version": VERSION,
         "frames": 0,
         "seconds": 0.0,
@@ -92,10 +92,10 @@ def new_record(clip: Clip, options: Options, map_file: MapFile) -> ManifestRecor
     }
 
 
-def _of_map(map_file: MapFile) -> dict[str, object]:
-    """What a map file says, among the options."""
+def options_of(options: Options, map_file: MapFile) -> dict[str, object]:
+    """Return options of retargeting and what a map file says, as a record has them."""
     pairs: dict[str, object] = {"map": dict(map_file.pairs) or None}
-    return pairs | ({"rest": dict(map_file.rest.rotations)} if map_file.rest else {})
+    return asdict(options) | pairs | ({"rest": dict(map_file.rest.rotations)} if map_file.rest else {})
 
 
 def parse_record(line: bytes) -> ManifestRecord | None:

@@ -10,11 +10,13 @@ from fnmatch import fnmatchcase
 from pathlib import Path, PurePath
 
 from distretarget.errors import BatchError, FileError
-from distretarget.io.files import Text, is_folder, reason_of
+from distretarget.io.files import is_folder, reason_of
+from distretarget.io.input_file import MOTION_SUFFIXES
+from distretarget.io.motion_writer import OUTPUTS, output_kind
+from distretarget.io.target_file import TargetFile
 from distretarget.scene.scene_file import SCENE_NAME
 
 MANIFEST = "manifest.jsonl"  # the name of the manifest in the folder of results
-SUFFIX = ".bvh"
 WILDCARDS = frozenset("*?[")
 
 
@@ -23,8 +25,8 @@ class Clip:
     """A clip to retarget to a target."""
 
     path: Path  # of the clip's file
-    target: Text  # the target's file
-    place: PurePath  # of the result, relative to the folder of results
+    target: TargetFile
+    place: PurePath  # of the result, relative to the folder of results; its suffix is the kind of file
     size: int  # of the clip's file [bytes]; 0 if it cannot be read
 
 
@@ -34,7 +36,8 @@ def find_clips(
     """Find the clips in files and folders: their paths, each with the place of its result in the folder of results; and
     the errors of files and folders that cannot be searched.
 
-    In folders, files named *.bvh are clips, except hidden ones and those in folders of scenes, which have a scene.json.
+    In folders, files named *.bvh, *.glb, *.gltf, *.vrma and *.fbx are clips, except hidden ones and those in folders of
+    scenes, which have a scene.json.
     Links are followed, but not in circles. Results keep the tree of a folder; with several sources, each folder's tree
     goes below the folder's name. Results of files in `sources` go to the top, those of `listed` files to their places
     below the deepest folder that contains them all.
@@ -61,11 +64,16 @@ def find_clips(
 
 
 def plan(
-    found: Sequence[tuple[Path, PurePath]], targets: Sequence[Text], folder: Path, sources: Sequence[Path]
+    found: Sequence[tuple[Path, PurePath]],
+    targets: Sequence[TargetFile],
+    folder: Path,
+    sources: Sequence[Path],
+    kind: str | None = None,
 ) -> list[Clip]:
     """Plan to retarget every clip found to every target, the largest clips first.
 
-    Results go into `folder`; with several targets, each target has a folder in it.
+    Results go into `folder`; with several targets, each target has a folder in it. `kind` is what they are, such as
+    "glb"; by default characters get their motions in files of their own kind, and all other targets BVH.
 
     Raises:
         BatchError: two results would have the same path, a result would replace a clip or a target, or `folder` is
@@ -79,7 +87,7 @@ def plan(
     names = [PurePath()] if len(targets) == 1 else [_folder_name(Path(target.path)) for target in targets]
     sizes = [status.st_size if (status := _status(path)) else 0 for path, _ in found]
     clips = [
-        Clip(path, target, name / place, size)
+        Clip(path, target, name / place.with_name(place.name + suffix_of(target, kind)), size)
         for target, name in zip(targets, names, strict=True)
         for (path, place), size in zip(found, sizes, strict=True)
     ]
@@ -107,7 +115,7 @@ def check_page(page: Path, clips: Sequence[Clip], folder: Path, map_path: str | 
 
 
 def _files_below(folder: Path, unread: list[FileError]) -> Iterator[PurePath]:
-    """The paths of the BVH files in the tree of a folder, relative to it."""
+    """The paths of the motion files in the tree of a folder, relative to it."""
 
     def refuse(error: OSError) -> None:
         unread.append(FileError(error.filename, reason_of(error)))
@@ -118,7 +126,7 @@ def _files_below(folder: Path, unread: list[FileError]) -> Iterator[PurePath]:
             continue
         folders[:] = [name for name in folders if name[0] != "." and not _leads_back(Path(inside, name), folder)]
         for path in (Path(inside, name) for name in files if name[0] != "."):
-            is_clip = path.suffix.lower() == SUFFIX
+            is_clip = path.suffix.lower() in MOTION_SUFFIXES
             try:
                 is_regular = stat.S_ISREG(path.stat().st_mode)
             except OSError as error:  # a link to nothing, to itself, or to a folder without permission
@@ -137,8 +145,17 @@ def _leads_back(path: Path, folder: Path) -> bool:
 
 
 def _result(place: PurePath) -> PurePath:
-    """The place of the result of a clip, with the suffix .bvh in lower case."""
-    return place.with_suffix(SUFFIX) if place.suffix.lower() == SUFFIX else place.with_name(place.name + SUFFIX)
+    """The place of the result of a clip, without suffix."""
+    return place.with_suffix("") if place.suffix.lower() in MOTION_SUFFIXES else place
+
+
+def suffix_of(target: TargetFile, kind: str | None) -> str:
+    """Return the suffix of results of a kind, or of the target's own kind; a FileError if it cannot be written so."""
+    own = Path(target.path).suffix.lower()
+    is_character = target.file is not None and target.file.kind == "glTF"
+    suffix = f".{kind}" if kind else own if is_character and own in OUTPUTS else ".glb" if is_character else ".bvh"
+    output_kind(f"*{suffix}", target.file)
+    return suffix
 
 
 def _matches_any(place: PurePath, patterns: Iterable[str]) -> bool:

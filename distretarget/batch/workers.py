@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from multiprocessing import resource_tracker
 from multiprocessing.process import BaseProcess
 from multiprocessing.util import get_temp_dir
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Protocol
 
 from distretarget.batch.alignment_spread import alignment_text
@@ -29,15 +29,20 @@ from distretarget.batch.interrupts import interrupts_held
 from distretarget.batch.manifest import VERSION, ManifestRecord
 from distretarget.errors import BatchError, DistretargetError
 from distretarget.ik.poses import Mapper
-from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import bvh_parts
-from distretarget.io.files import Text, encoded_parts, hash_of
+from distretarget.io.files import encoded_parts, hash_of
+from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import MapFile
+from distretarget.io.motion_file import parse_motion
+from distretarget.io.motion_writer import OUTPUTS, OutputSettings
+from distretarget.io.nodes import Animation
+from distretarget.io.target_file import CharacterTarget, TargetFile
+from distretarget.io.vrma import vrma
 from distretarget.pipeline.options import Objective, Options
 from distretarget.pipeline.retargeting import retarget_onto
 from distretarget.report.clip_page import run_page
 from distretarget.report.diff_document import About
-from distretarget.report.run_summary import unmatched
+from distretarget.report.unmatched import others_without_source, parts_without_source
 
 # These set the threads of a process: workers have one each, as there is a worker for each core.
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -46,13 +51,23 @@ QUEUED = 2  # jobs submitted at a time, running or waiting [jobs per worker]
 
 
 @dataclass(frozen=True)
+class Reading:
+    """Which animation of a file is read, and at which frame rate; see `read_motion`."""
+
+    clip: str | None = None
+    fps: float | None = None
+
+
+@dataclass(frozen=True)
 class Job:
     """A clip to retarget."""
 
-    source: Text  # the clip's file
-    target: Text  # the target's file
+    source: InputFile
+    target: TargetFile
     map_file: MapFile
     options: Options
+    reading: Reading
+    writing: OutputSettings
     record: ManifestRecord  # its line of the manifest while it is not done
     about: About | None = None  # what its report says; None for no report
     split: bool = False  # share its frames among all workers
@@ -64,10 +79,13 @@ class Job:
 
 @dataclass(frozen=True)
 class Result:
-    """What became of a clip: its line of the manifest and, if it is done, its output and the HTML of its report."""
+    """What became of a clip: its line of the manifest and, if it is done, its output and the HTML of its report.
+
+    The output of a character is the animation alone, which goes into the character's file where that is.
+    """
 
     record: ManifestRecord
-    output: bytes = b""
+    output: bytes | Animation = b""
     report: str = ""
 
 
@@ -93,19 +111,30 @@ def convert(job: Job, mapper: Mapper = map) -> Result:
 
 def _converted(job: Job, mapper: Mapper) -> Result:
     path = job.source.path
-    motion = parse_bvh(job.source.text, path)
+    motion, lost = parse_motion(job.source, job.reading.clip, job.reading.fps)
     result = retarget_onto(motion, job.target, source=path, map_file=job.map_file, options=job.options, mapper=mapper)
-    parts = bvh_parts(result.motion, mapper)  # other workers, if the mapper has any, make them while figures are made
+    clip = job.writing.clip(result.motion, PurePath(path).stem, result.world.up_vector)
+    kind, target = OUTPUTS[PurePath(job.record["output"]).suffix], job.target.target
+    parts: Iterable[str] = ()
+    output: bytes | Animation = b""
+    if kind == "BVH":
+        parts = bvh_parts(clip.motion, mapper)  # other workers, if the mapper has any, make them while figures are made
+    elif isinstance(target, CharacterTarget) and kind == "character":
+        output = replace(target.character.animation(clip.motion, clip.name), extras=clip.extras)
+    else:
+        output = vrma(clip.motion, clip.name, clip.extras)
     record = job.record | {
         "status": "done",
         "frames": len(result.motion),
         "figures": result.figures,
-        "notes": list(unmatched(result.matching)),
-        "warnings": list(result.warnings),
+        "notes": [*parts_without_source(result.matching), *others_without_source(result.matching)],
+        "warnings": [*lost, *result.warnings],
         "alignment": alignment_text(result.matching),
     }
     report = run_page(result, job.about) if job.about else ""
-    output = b"".join(encoded_parts(parts))
+    if isinstance(output, Animation):
+        return Result(record, output, report)
+    output = output or b"".join(encoded_parts(parts))
     return Result(record | {"output_hash": hash_of(output)}, output, report)
 
 

@@ -33,6 +33,8 @@ FINGER_NUMBER = re.compile(r"finger(\d)")  # a finger's number in a joint's name
 # The hips may have this name only where legs and trunk branch off; a joint above them with it just carries the body.
 CARRIER = "root"
 
+DEFORMING = ("def",)  # the prefix of the bones that deform the mesh in rigs with other copies of each bone
+
 HANDLE_WORDS = frozenset(("ik", "vb"))  # the name of a handle has one of these words; "VB" marks Unreal's virtual bones
 HANDLED_PARTS = ("Hand", "Foot", "Toes")  # the parts that have handles
 
@@ -108,7 +110,8 @@ class _Rig:
         """The joints of the fingers below a hand, by role without side, such as "Index1"."""
         names = self.meanings.names
         below = [joint for joint in range(hand + 1, len(self.parents)) if hand in self._paths[joint]]
-        stems = {joint: names[joint].stem for joint in below if not names[joint].helper}
+        deforming = [joint for joint in below if names[joint].prefix == DEFORMING]
+        stems = {joint: names[joint].stem for joint in deforming or below if not names[joint].helper}
         from_zero = any("finger0" in stem for stem in stems.values())
         joints: dict[str, list[int]] = {finger: [] for finger in FINGERS}
         next_finger: dict[int, str] = {}

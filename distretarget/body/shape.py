@@ -131,8 +131,8 @@ def _find_arms(skeleton: Skeleton, legs: LimbPair) -> LimbPair | None:
     leg = (legs[0].length + legs[1].length) / 2
     barred = {j for hip in legs for j in (*skeleton.line(hip.upper), *skeleton.subtree(hip.upper))}
     joints = [joint for joint in range(len(skeleton)) if joint not in barred]
-    pairs = [pair for joint in joints for pair in _like_chains(skeleton, skeleton.children[joint])]
-    long = [(a, b) for a, b in pairs if len(a) >= ARM_JOINTS and skeleton.lengths[a].sum() >= SHORTEST_LIMB * leg]
+    pairs = [pair for joint in joints for pair in _like_chains(skeleton, skeleton.children[joint], ARM_JOINTS)]
+    long = [(a, b) for a, b in pairs if skeleton.lengths[a].sum() >= SHORTEST_LIMB * leg]
     best = min(((*_best_arm(skeleton, a, leg), a, b) for a, b in long), default=None)
     if best is None or best[0] >= UNLIKE:
         return None
@@ -176,11 +176,12 @@ def _unlikeness(upper: float, fore: float, leg: float) -> float:
     return float(abs(np.log(fore / (FOREARM_RATIO * upper))) + abs(np.log((upper + fore) / (ARM_RATIO * leg))))
 
 
-def _like_chains(skeleton: Skeleton, tops: Sequence[int]) -> list[tuple[list[int], list[int]]]:
-    """The pairs of chains down from the joints `tops` whose bones have about equal lengths. The longer chain of a pair,
-    such as an arm that holds a sword, is cut to the length of the other.
+def _like_chains(skeleton: Skeleton, tops: Sequence[int], least: int = 1) -> list[tuple[list[int], list[int]]]:
+    """The pairs of chains down from the joints `tops`, of at least so many joints, with bones of about equal lengths.
+    The longer chain of a pair, such as an arm that holds a sword, is cut to the length of the other.
     """
     chains = [_chain(skeleton, top) for top in tops if not skeleton.end_sites[top]]
+    chains = [chain for chain in chains if len(chain) >= least]
     pairs = [(a, b) for a, b in combinations(chains, 2) if len(a) == len(b) or min(len(a), len(b)) >= ARM_JOINTS]
     equally_long = [(a[: len(b)], b[: len(a)]) for a, b in pairs]
     return [pair for pair in equally_long if are_alike(skeleton, *pair)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from pathlib import Path
 
@@ -13,14 +13,18 @@ import click
 from tqdm import tqdm
 
 from distretarget.batch.batch import Batch, load_targets
-from distretarget.batch.manifest import Manifest, ManifestRecord, Tally, new_record
+from distretarget.batch.manifest import Manifest, ManifestRecord, Tally
+from distretarget.batch.merge import clips_folder
+from distretarget.batch.merge import merge as write_merged
 from distretarget.batch.plan import find_clips, plan
-from distretarget.batch.workers import Processes, Workers
-from distretarget.cli.options import PATH, of_reports, quiet, retargeting
-from distretarget.cli.outputs import STANDARD, about, complain, is_quiet, say
-from distretarget.errors import BatchError, DistretargetError, FileError
+from distretarget.batch.workers import Processes, Reading, Workers
+from distretarget.cli.options import PATH, of_reports, quiet, reading, retargeting, writing
+from distretarget.cli.outputs import STANDARD, about, check_outputs, complain, is_quiet, say
+from distretarget.errors import BatchError, DistretargetError, FileError, counted
 from distretarget.io.files import hash_of, hash_of_file, is_folder, read_bytes
 from distretarget.io.map_json import load_map
+from distretarget.io.motion_writer import OUTPUTS, OutputSettings, output_kind
+from distretarget.io.target_file import TargetFile
 from distretarget.measure.figures import FIGURES
 from distretarget.numerics.parallel import cores
 from distretarget.pipeline.options import Options
@@ -56,7 +60,20 @@ INTERRUPTED = 130  # exit status
     metavar="FILE",
     help="Read the paths of clips from this file, one per line; - is standard input.",
 )
+@reading
 @retargeting
+@click.option(
+    "--format",
+    "kind",
+    type=click.Choice([suffix[1:] for suffix in OUTPUTS]),
+    help="What the results are. Default: the kind of TARGET if it is glTF or VRM, else bvh.",
+)
+@writing
+@click.option(
+    "--merge",
+    is_flag=True,
+    help="Write one file, which -o names: TARGET with each result as an animation, .glb, .gltf or .vrm.",
+)
 @click.option(
     "--jobs",
     type=click.IntRange(1),
@@ -91,6 +108,11 @@ def batch_command(
     include: tuple[str, ...],
     exclude: tuple[str, ...],
     input_list: Iterator[str] | None,
+    clip: str | None,
+    fps: float | None,
+    kind: str | None,
+    settings: OutputSettings,
+    merge: bool,
     map_path: Path | None,
     rest_path: Path | None,
     options: Options,
@@ -104,12 +126,13 @@ def batch_command(
 ) -> None:
     """Retarget many clips to one or several targets.
 
-    SOURCES are BVH files and folders; results keep the tree of each folder. Clips that are done and unchanged are
-    skipped, so an interrupted run continues where it stopped; clips that failed are tried again. manifest.jsonl in the
-    folder of results has a line for each clip.
+    SOURCES are motion files (BVH, glTF, VRM animations, FBX) and folders; results keep the tree of each folder. Clips
+    that are done and unchanged are skipped, so an interrupted run continues where it stopped; clips that failed are
+    tried again. manifest.jsonl in the folder of results has a line for each clip.
 
     \b
     distretarget batch mocap hero.json -o mocap_hero
+    distretarget batch mocap hero.vrm -o hero_all.vrm --merge
     distretarget batch mocap --target hero.json --target child.json -o converted
     find mocap -name '*walk*.bvh' | distretarget batch hero.json -o walks --input-list -
     """  # noqa: D301
@@ -132,11 +155,26 @@ def batch_command(
         raise click.UsageError(f"{missing[0]}: there is no such file or folder.")
     found, unread = find_clips(sources, listed, include, exclude)
     map_file = load_map(map_path, rest_path)
+    results = folder
+    if merge:
+        results, kind = _for_merge(folder, texts, kind, overwrite, dry_run), "bvh"
     try:
-        clips = plan(found, texts, folder, sources)
+        clips = plan(found, texts, results, sources, kind)
     except BatchError as error:
         raise click.UsageError(str(error)) from error
-    batch = Batch(clips, folder, options, map_file, about, index, reports, overwrite, fail_fast)
+    batch = Batch(
+        clips,
+        results,
+        options,
+        map_file,
+        Reading(clip, fps),
+        settings,
+        about,
+        index,
+        reports,
+        overwrite and not merge,
+        fail_fast,
+    )
     for each in unread:
         complain(f"not searched: {each}")
     if dry_run:
@@ -153,7 +191,22 @@ def batch_command(
         complain(f"no report: {problem}")
     if stopped:
         complain(f"distretarget: {stopped}")
+    elif merge and texts[0].file:
+        count = write_merged(folder, texts[0].file, clips, settings, overwrite)
+        say(f"{folder}: {counted(count, 'animation')}")
     sys.exit(status or int(bool(tally.failed or unread or batch.problems)))
+
+
+def _for_merge(file: Path, targets: Sequence[TargetFile], kind: str | None, overwrite: bool, dry_run: bool) -> Path:
+    """The folder of the clips that go into one file, after a check that it can be written."""
+    if kind:
+        raise click.UsageError("--merge writes what the name of -o says; leave out --format.")
+    if len(targets) != 1:
+        raise click.UsageError("--merge writes one file, for one target.")
+    if output_kind(file, targets[0].file) != "character":
+        raise FileError(file, "--merge puts all results into the target's file; expected .glb, .gltf or .vrm")
+    check_outputs([file], [Path(targets[0].path)], overwrite or dry_run)
+    return clips_folder(file)
 
 
 def _workers(dask: str | None, jobs: int | None, options: Options) -> Workers:
@@ -195,7 +248,7 @@ def _print_plan(batch: Batch) -> None:
     _print_broken(manifest)
     for clip in batch.clips:
         path = batch.folder / clip.place
-        record = new_record(clip, batch.options, batch.map_file)
+        record = batch.record_of(clip)
         try:
             record["input_hash"], output_hash = hash_of(read_bytes(clip.path)), hash_of_file(path)
             skip = not batch.overwrite and manifest.is_done(record, output_hash)

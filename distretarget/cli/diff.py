@@ -12,7 +12,7 @@ from distretarget.cli.diff_scenes import Account, is_scene, measure, measure_sce
 from distretarget.cli.options import OVERWRITE_OPTION, FileOrStandard, map_option, positive, quiet
 from distretarget.cli.outputs import LISTED, about, aligned, check_outputs, read_input, say, write_outputs
 from distretarget.errors import counted, quoted
-from distretarget.io.bvh import parse_bvh
+from distretarget.io.motion_file import parse_motion
 from distretarget.measure.figures import BY_KEY, FIGURES, Figure, figures_at
 from distretarget.report.clip_page import diff_page
 from distretarget.report.diff_document import DiffContact, DiffDocument, FigureValues, csv_text, document, json_text
@@ -74,7 +74,8 @@ def diff_command(
     world_scale: float | None,
     overwrite: bool,
 ) -> None:
-    """Measure the motion of B against that of A, the reference. Both are BVH files.
+    """Measure the motion of B against that of A, the reference. Both are files with motions: BVH,
+    glTF, VRM, VRMA or FBX.
 
     Their skeletons, frame times and numbers of frames may differ: A is resampled at B's frame time, and the longer clip
     is cut. - stands for standard input or output.
@@ -108,7 +109,7 @@ def diff_command(
 def _measure_clips(a: Path, b: Path, map_path: Path | None, limits: tuple[tuple[str, float], ...]) -> Account:
     """Measure clip B against clip A."""
     a_text, b_text = read_input(a), read_input(b)
-    first, second = (parse_bvh(text.text, text.path) for text in (a_text, b_text))
+    first, second = (parse_motion(file)[0] for file in (a_text, b_text))
     result = measure(first, second, a_text.path, b_text.path, map_path)
     figures = document(result, replace(about(Path(a_text.path), Path(b_text.path)), limits=limits))
     return Account(

@@ -9,9 +9,10 @@ from pathlib import Path
 from distretarget.body.body import Body
 from distretarget.cli.outputs import LISTED, about, aligned, check_outputs
 from distretarget.errors import DistretargetError, FileError, MatchingError, counted, quoted
-from distretarget.io.bvh import read_bvh
 from distretarget.io.files import is_folder, reason_of
+from distretarget.io.input_file import MOTION_SUFFIXES
 from distretarget.io.map_json import joint_map, load_map
+from distretarget.io.motion_file import read_motion
 from distretarget.measure.diff import Diff, diff
 from distretarget.measure.scene_gaps import diff_scenes
 from distretarget.motion import Motion
@@ -77,13 +78,15 @@ def read_scene(path: Path) -> SceneInput:
         files = {clip.name: clip.file for clip in setup.clips}
         return SceneInput(path, dict(zip(files, motions, strict=True)), files, setup)
     try:
-        found = sorted(each for each in path.iterdir() if each.suffix.lower() == ".bvh" and each.name[0] != ".")
+        found = sorted(
+            each for each in path.iterdir() if each.suffix.lower() in MOTION_SUFFIXES and each.name[0] != "."
+        )
     except OSError as error:
         raise FileError(path, reason_of(error)) from error
     if not found:
-        raise FileError(path, f"has no BVH file and no {SCENE_NAME} in it")
+        raise FileError(path, f"has no motion file and no {SCENE_NAME} in it")
     files = {each.stem: each for each in found}
-    return SceneInput(path, {name: read_bvh(file) for name, file in files.items()}, files)
+    return SceneInput(path, {name: read_motion(file) for name, file in files.items()}, files)
 
 
 def measure_scenes(

@@ -7,12 +7,15 @@ import os
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import click
 from click.core import ParameterSource
 
 from distretarget.cli.outputs import QUIET, STANDARD
+from distretarget.io.gltf_writer import Animations
+from distretarget.io.motion_writer import OutputSettings
+from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME
 from distretarget.pipeline.options import CHOICES, DEFAULT_OPTIONS, Options
 from distretarget.skeleton import LARGEST, SMALLEST
 
@@ -53,6 +56,18 @@ def positive(text: str) -> float:
     if not SMALLEST <= number <= LARGEST:
         raise click.BadParameter(f"expected a number above 0, from {SMALLEST:g} to {LARGEST:g}, found {text!r}")
     return number
+
+
+def of_rate(text: str) -> float:
+    """The frame rate in the text [frames/s]."""
+    try:
+        rate = float(text)
+    except ValueError:
+        rate = 0.0
+    if not 1 / LONGEST_FRAME <= rate <= 1 / SHORTEST_FRAME:
+        least, most = 1 / LONGEST_FRAME, 1 / SHORTEST_FRAME
+        raise click.BadParameter(f"expected frames per second, from {least:g} to {most:g}, found {text!r}")
+    return rate
 
 
 def of_reports(text: str) -> int | None:
@@ -139,6 +154,39 @@ OPTIONS = (
     SUPPORTS_OPTION,
     ENVIRONMENT_OPTION,
 )
+
+
+def reading(command: Callable[..., None]) -> Callable[..., None]:
+    """Add the options --clip and --fps to a command that reads a motion."""
+    clip = click.option("--clip", metavar="NAME", help="The animation of a file that has several; '#2' is the second.")
+    fps = click.option(
+        "--fps",
+        type=of_rate,
+        metavar="NUMBER",
+        help="Sample SOURCE at this frame rate [frames/s]. Default: at its own keys.",
+    )
+    return clip(fps(command))
+
+
+def writing(command: Callable[..., None]) -> Callable[..., None]:
+    """Add the options of writing to a command, which receives them as `settings`."""
+
+    def with_settings(animations: Animations, in_place: bool, **given: Any) -> None:
+        command(settings=OutputSettings(animations, in_place), **given)
+
+    kept = click.option(
+        "--animations",
+        type=click.Choice(get_args(Animations)),
+        default="add",
+        show_default=True,
+        help="In a character file: whether the motion is added to the animations in it, or replaces them.",
+    )
+    in_place = click.option(
+        "--in-place",
+        is_flag=True,
+        help="Leave out the root's path along the floor. Character files and .vrma keep it in the animation's extras.",
+    )
+    return kept(in_place(functools.update_wrapper(with_settings, command)))
 
 
 def retargeting(command: Callable[..., None]) -> Callable[..., None]:

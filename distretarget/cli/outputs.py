@@ -12,15 +12,15 @@ import click
 from distretarget.errors import FileError
 from distretarget.io.files import (
     STANDARD_INPUT,
-    Text,
     check_writable,
     encoded_parts,
-    load_text,
     reason_of,
-    text_of,
     write_whole,
 )
+from distretarget.io.input_file import InputFile, load_file, with_files_beside
 from distretarget.report.diff_document import About
+
+Content = str | bytes | Iterable[str]
 
 STANDARD = Path("-")
 LISTED = 12  # most names in a line
@@ -28,32 +28,32 @@ QUIET = "distretarget.quiet"  # key in a context's `meta`: whether --quiet is gi
 OUTPUT_TAKEN = "distretarget.output_taken"  # key in a context's `meta`: whether a file goes to standard output
 
 
-def read_input(path: Path) -> Text:
-    """Read a text file, or standard input; errors as in `read_text`."""
+def read_input(path: Path) -> InputFile:
+    """Read a file, or standard input; errors as in `load_file`."""
     if path != STANDARD:
-        return load_text(path)
+        return load_file(path)
     if sys.stdin is None:
         raise FileError(STANDARD_INPUT, "is closed")
     try:
-        return Text(text_of(sys.stdin.buffer.read(), STANDARD_INPUT), STANDARD_INPUT)
+        return with_files_beside(InputFile(sys.stdin.buffer.read(), STANDARD_INPUT))
     except OSError as error:
         raise FileError(STANDARD_INPUT, reason_of(error)) from error
 
 
-def write_output(path: Path, text: str | Iterable[str], overwrite: bool) -> None:
-    """Write a text, whole or in parts, to a file as `write_whole` does, or to standard output."""
+def write_output(path: Path, content: Content, overwrite: bool) -> None:
+    """Write a content, text whole or in parts, to a file as `write_whole` does, or to standard output."""
     if path != STANDARD:
-        write_whole(path, text, overwrite)
+        write_whole(path, content, overwrite)
         return
-    for part in encoded_parts(text):
+    for part in encoded_parts(content):
         click.echo(part, nl=False)
 
 
-def write_outputs(texts: Mapping[Path | None, Callable[[], str | Iterable[str]]], overwrite: bool) -> None:
-    """Make the text of each output that is asked for, and then write them; skips None."""
-    made = {path: text() for path, text in texts.items() if path}
-    for path, text in made.items():
-        write_output(path, text, overwrite)
+def write_outputs(contents: Mapping[Path | None, Callable[[], Content]], overwrite: bool) -> None:
+    """Make the content of each output that is asked for, and then write them; skips None."""
+    made = {path: content() for path, content in contents.items() if path}
+    for path, content in made.items():
+        write_output(path, content, overwrite)
 
 
 def check_outputs(outputs: Sequence[Path | None], inputs: Sequence[Path | None], overwrite: bool) -> None:

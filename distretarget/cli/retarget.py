@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args
@@ -14,37 +14,57 @@ from tqdm import tqdm
 from distretarget.baseline.world import RootOffset
 from distretarget.batch.compile_ahead import warm
 from distretarget.cli.matching_table import headline, unused
-from distretarget.cli.options import OVERWRITE_OPTION, STRIP_NAMESPACE_OPTION, FileOrStandard, quiet, retargeting
+from distretarget.cli.options import (
+    OVERWRITE_OPTION,
+    STRIP_NAMESPACE_OPTION,
+    FileOrStandard,
+    quiet,
+    reading,
+    retargeting,
+    writing,
+)
 from distretarget.cli.outputs import (
     LISTED,
+    STANDARD,
+    Content,
     about,
     check_outputs,
-    check_suffix,
     is_quiet,
     read_input,
     say,
     write_outputs,
 )
 from distretarget.errors import FileError, quoted
-from distretarget.io.bvh import declared_frames, parse_bvh
+from distretarget.io.bvh import declared_frames
 from distretarget.io.bvh_writer import bvh_parts
-from distretarget.io.files import Text
+from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import load_map
-from distretarget.io.target_file import is_json
+from distretarget.io.motion_file import parse_motion
+from distretarget.io.motion_writer import OutputSettings, content_of, output_kind
+from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.motion import Motion
 from distretarget.pipeline.options import Options
 from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.retargeting import argument, retarget_onto
 from distretarget.report.clip_page import run_page
-from distretarget.report.run_summary import figures_json, figures_line, summary_line, unmatched
+from distretarget.report.run_summary import figures_json, figures_line, summary_line
+from distretarget.report.unmatched import others_without_source, parts_without_source
 
 
 @click.command("retarget")
 @click.argument("source", type=FileOrStandard())
 @click.argument("target", type=FileOrStandard())
-@click.option("-o", "--output", required=True, type=FileOrStandard(), help="The BVH file to write.")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=FileOrStandard(),
+    help="The file to write: .bvh, .vrma, or TARGET with its motion, .glb, .gltf or .vrm.",
+)
 @OVERWRITE_OPTION
+@reading
 @retargeting
+@writing
 @STRIP_NAMESPACE_OPTION
 @click.option("--json", "figures", type=FileOrStandard(), help="Write the figures of each frame to this file.")
 @click.option(
@@ -61,6 +81,9 @@ def retarget_command(
     target: Path,
     output: Path,
     overwrite: bool,
+    clip: str | None,
+    fps: float | None,
+    settings: OutputSettings,
     map_path: Path | None,
     rest_path: Path | None,
     options: Options,
@@ -69,58 +92,69 @@ def retarget_command(
     strip_namespace: bool,
     verbose: bool,
 ) -> None:
-    """Retarget the motion of SOURCE, a BVH file, to the body of TARGET.
+    """Retarget the motion of SOURCE to the body of TARGET.
 
-    TARGET is a skeleton file (.json) or any BVH file of that body. Names, rest pose and axes may differ from those of
-    SOURCE; 'distretarget skeleton match' shows which joint drives which. - stands for standard input or output.
+    SOURCE is BVH, glTF (.glb, .gltf), VRM, a VRM animation (.vrma) or FBX. TARGET is a character, in the same formats,
+    or a skeleton file (.json). Names, rest pose and axes may differ from those of SOURCE; 'distretarget skeleton match'
+    shows which joint drives which. A glTF or VRM character can be written with its mesh and the motion. - stands for
+    standard input or output.
 
     \b
-    distretarget walk.bvh child.json -o walk_child.bvh
+    distretarget walk.bvh hero.glb -o hero_walk.glb
+    distretarget dance.fbx hero.vrm -o hero_dance.vrm
+    distretarget run.glb child.json -o run_child.bvh --clip Run
     distretarget walk.bvh hero.bvh -o walk_hero.bvh --json walk_hero.figures.json
     distretarget walk.bvh hero.bvh -o walk_hero.bvh --report walk_hero.html
     distretarget walk.bvh robot.bvh -o walk_robot.bvh --map walk_robot.map.json -v
     cat walk.bvh | distretarget - child.json -o - > walk_child.bvh
     """  # noqa: D301
     check_outputs([output, figures, report], [source, target, map_path, rest_path], overwrite)
-    check_suffix(output, ".bvh")
+    started = time.perf_counter()
+    source_file, target_file, map_file = read_input(source), read_input(target), load_map(map_path, rest_path)
+    kind = "BVH" if output == STANDARD else output_kind(output, target_file)
+    motion, lost = _source_motion(source_file, target_file, clip, fps)
+    body = TargetFile.of(target_file)
+    reading = time.perf_counter() - started
     warm(options.objective)
     started = time.perf_counter()
-    source_text, target_text, map_file = read_input(source), read_input(target), load_map(map_path, rest_path)
-    motion = _source_motion(source_text, target_text)
     with tqdm(total=len(motion), unit=" frames", desc=source.name, disable=is_quiet() or None, leave=False) as bar:
         result = retarget_onto(
-            motion, target_text, source=source_text.path, map_file=map_file, options=options, progress=bar.update
+            motion, body, source=source_file.path, map_file=map_file, options=options, progress=bar.update
         )
     motion, skeleton = result.motion, result.motion.skeleton
-    written = replace(motion, skeleton=skeleton.without_namespaces) if strip_namespace else motion
-    parts = bvh_parts(written)
-    seconds = time.perf_counter() - started
-    texts: dict[Path | None, Callable[[], str | Iterable[str]]] = {
-        output: lambda: parts,
+    written = replace(motion, skeleton=skeleton.without_namespaces) if strip_namespace and kind == "BVH" else motion
+    named = settings.clip(written, clip or Path(source_file.path).stem, result.world.up_vector)
+    content = bvh_parts(named.motion) if output == STANDARD else content_of(output, named, target_file, settings)
+    seconds = reading + time.perf_counter() - started
+    contents: dict[Path | None, Callable[[], Content]] = {
+        output: lambda: content,
         figures: lambda: figures_json(result),
-        report: lambda: run_page(result, about(Path(source_text.path), output)),
+        report: lambda: run_page(result, about(Path(source_file.path), output)),
     }
-    write_outputs(texts, overwrite)
-    short = (f"warning: {joints}; see -v" for joints in unmatched(result.matching))
-    for line in _account(result) if verbose else short:
+    write_outputs(contents, overwrite)
+    others = (f"{joints}; see -v" for joints in others_without_source(result.matching))
+    for line in _account(result) if verbose else others:
         say(line, err=True)
-    for warning in result.warnings:
+    left_out = body.target.character.warnings if isinstance(body.target, CharacterTarget) else ()
+    for warning in (*parts_without_source(result.matching), *lost, *left_out, *result.warnings):
         say(f"warning: {warning}", err=True)
-    if not strip_namespace and (names := [name for name in skeleton.names if ":" in name]):
+    if kind == "BVH" and not strip_namespace and (names := [name for name in skeleton.names if ":" in name]):
         plain = names[0].rpartition(":")[2]
         say(f"three.js cannot play joints with names like {names[0]!r}; --strip-namespace writes {plain!r}", err=True)
     say(summary_line(result, seconds))
 
 
-def _source_motion(source: Text, target: Text) -> Motion:
-    """The motion of the source; an error says so if source and target are swapped."""
+def _source_motion(
+    source: InputFile, target: InputFile, clip: str | None, fps: float | None
+) -> tuple[Motion, tuple[str, ...]]:
+    """The motion of the source, and what is left out; an error says so if source and target are swapped."""
     swapped = f"distretarget {argument(target.path)} {argument(source.path)} -o OUT.bvh"
     order = f"if it is the target, it comes last: {swapped}"
-    if is_json(source.text):
-        raise FileError(source.path, f"is a skeleton file, which has no motion, expected a BVH file as SOURCE; {order}")
-    if declared_frames(source.text) == 0 and declared_frames(target.text):
+    if source.kind == "skeleton":
+        raise FileError(source.path, f"is a skeleton file, which has no motion, expected a motion as SOURCE; {order}")
+    if source.kind == target.kind == "BVH" and declared_frames(source.text) == 0 and declared_frames(target.text):
         raise FileError(source.path, f"has no frames, expected a BVH file with motion as SOURCE; {order}")
-    return parse_bvh(source.text, source.path)
+    return parse_motion(source, clip, fps)
 
 
 def _account(result: RetargetResult) -> Iterator[str]:

@@ -22,10 +22,10 @@ from distretarget.cli.options import (
 )
 from distretarget.cli.outputs import STANDARD, aligned, check_outputs, check_suffix, read_input, say, write_output
 from distretarget.errors import FileError, closest, counted
-from distretarget.io.bvh import parse_bvh
-from distretarget.io.files import Text
+from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import joint_map, load_map, map_to_json
-from distretarget.io.target_file import is_json, parse_full_target, parse_target, skeleton_to_json
+from distretarget.io.motion_file import parse_motion
+from distretarget.io.target_file import parse_full_target, parse_target, skeleton_to_json
 from distretarget.matching.matching import find_matching, refusal
 from distretarget.skeleton import Skeleton
 from distretarget.target import SkeletonEdit, Target
@@ -133,14 +133,14 @@ def edit_command(
         raise click.UsageError("nothing to change; give --scale, --length or --factor.")
     check_outputs([output], [file], overwrite)
     check_suffix(output, ".json")
-    text = read_input(file)
-    name, target = _target_in(text)
+    given = read_input(file)
+    name, target = _target_in(given)
     options = [("--length", *each) for each in lengths] + [("--factor", *each) for each in factors]
-    chosen = _bones(text.path, target.skeleton, options)
+    chosen = _bones(given.path, target.skeleton, options)
     new_lengths, new_factors = (
         {key: number for key, (by, _, number) in chosen.items() if by == option} for option in ("--length", "--factor")
     )
-    edit = SkeletonEdit(1.0 if scale is None else scale, new_lengths, new_factors, text.path)
+    edit = SkeletonEdit(1.0 if scale is None else scale, new_lengths, new_factors, given.path)
     edited = edit.apply(target.skeleton)
     write_output(output, skeleton_to_json(edited, name, target.map), overwrite)
     changed = counted(int(np.sum(edited.lengths != target.skeleton.lengths)), "bone")
@@ -176,16 +176,13 @@ def match_command(
     """  # noqa: D301
     check_outputs([output], [source, target, map_path, rest_path], overwrite)
     check_suffix(output, ".json")
-    source_text, target_text = read_input(source), read_input(target)
-    if is_json(source_text.text):
-        source_body = Body.of(_target_in(source_text)[1].skeleton)
-    else:
-        source_body = Body.of_motion(parse_bvh(source_text.text, source_text.path))
-    whole_target = parse_target(target_text.text, target_text.path).for_source(source_body.skeleton)
+    source_file, target_file = read_input(source), read_input(target)
+    source_body = _body_in(source_file)
+    whole_target = parse_target(target_file).for_source(source_body.skeleton)
     map_file = load_map(map_path, rest_path)
     if map_file.rest:
         map_file.rest.on(source_body.skeleton)
-    pairs = joint_map(source_body.skeleton, whole_target, target_text.path, map_file)
+    pairs = joint_map(source_body.skeleton, whole_target, target_file.path, map_file)
     matching = find_matching(source_body, Body.of(whole_target.skeleton, whole_target.motion), pairs)
     for line in (*headline(matching), "", *rows(matching), ""):
         say(line)
@@ -195,13 +192,20 @@ def match_command(
         write_output(output, map_to_json(matching, map_file.rest), overwrite)
     if reason := refusal(matching):
         map_name = str(output) if output else "a map, which -o MAP.json writes,"
-        raise FileError(target_text.path, f"{reason}; fill in {map_name} and give it with --map")
+        raise FileError(target_file.path, f"{reason}; fill in {map_name} and give it with --map")
 
 
-def _target_in(text: Text) -> tuple[str, Target]:
-    """The target in a BVH file or a skeleton file of the full form, after its name or else the file's."""
-    target = parse_full_target(text.text, text.path)
-    return target.name or Path(text.path).stem, target
+def _target_in(file: InputFile) -> tuple[str, Target]:
+    """The whole skeleton in a file, after its name or else the file's."""
+    target = parse_full_target(file)
+    return target.name or Path(file.path).stem, target
+
+
+def _body_in(file: InputFile) -> Body:
+    """The body in a file that is a source: as its motion shows it, or of a file without one as it rests."""
+    if file.kind == "BVH":
+        return Body.of_motion(parse_motion(file)[0])
+    return Body.of(_target_in(file)[1].skeleton)
 
 
 def _bones(

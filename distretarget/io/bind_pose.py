@@ -41,17 +41,20 @@ def in_world(nodes: Nodes, order: Iterable[int]) -> Array:
     return world
 
 
-def bind_poses(skins: Sequence[Skin], shown: Array) -> dict[int, Array]:
-    """Return the transform in the world, (4, 4), of each joint of the skins in the bind pose; `shown`, (nodes, 4, 4), are
-    those of all nodes as the file shows them. The largest skin decides where several have a joint.
+def bind_poses(skins: Sequence[Skin], shown: Array, order: Sequence[int]) -> dict[int, Array]:
+    """Return the transform in the world, (4, 4), of each joint of the skins in the bind pose; `shown`, (nodes, 4, 4),
+    are those of all nodes as the file shows them. `order` has the nodes, parents before children. The largest skin
+    decides where several have a joint.
     """
     found: dict[int, Array] = {}
+    depth = np.argsort(order)
     for skin in sorted(skins, key=lambda skin: -len(skin.joints)):
         if skin.inverse_binds is None:
             found |= {joint: shown[joint] for joint in skin.joints.tolist() if joint not in found}
             continue
         regular = np.array([_is_regular(matrix) for matrix in skin.inverse_binds])
-        joints, inverse_binds = skin.joints[regular], skin.inverse_binds[regular]
+        chosen = np.flatnonzero(regular)[np.argsort(depth[skin.joints[regular]])]
+        joints, inverse_binds = skin.joints[chosen], skin.inverse_binds[chosen]
         if len(joints):
             space = _mesh_space(skin, joints, inverse_binds, shown)
             binds = space @ np.linalg.inv(inverse_binds)
@@ -69,7 +72,7 @@ def _mesh_space(skin: Skin, joints: NDArray[np.intp], inverse_binds: Array, show
 
     A joint that shows its bind pose brings the space there: its transform times its inverse bind matrix. The joints
     that agree decide. Where most joints show another pose, the space is the world's or that of a mesh's node, whichever
-    is nearer to what the first joint says, if its scale is right.
+    is nearer to what the topmost joint says, if its scale is right.
     """
     said = shown[joints] @ inverse_binds
     extent = float(np.ptp(shown[joints, :3, 3], axis=0).max())
@@ -79,20 +82,21 @@ def _mesh_space(skin: Skin, joints: NDArray[np.intp], inverse_binds: Array, show
     ]
     agreeing = [(int(_agree(said, space, scale, extent).sum()), space) for space in (*known, *_spread(said))]
     most, space = max(agreeing, key=lambda pair: pair[0])
-    if most >= SHARE * len(joints) or not known:
-        return space if most >= SHARE * len(joints) else said[0]
-    return min(known, key=lambda space: float(np.linalg.norm(space[:3, :3] - said[0, :3, :3])))
+    if most < SHARE * len(joints):
+        first = said[0]
+        space = min(known or [first], key=lambda each: float(np.linalg.norm(each[:3, :3] - first[:3, :3])))
+    return np.asarray(space)
 
 
 def _scales(spaces: Array) -> Array:
-    return np.cbrt(np.abs(np.linalg.det(spaces[:, :3, :3])))
+    return np.asarray(np.cbrt(np.abs(np.linalg.det(spaces[:, :3, :3]))))
 
 
 def _agree(said: Array, space: Array, scale: float, extent: float) -> NDArray[np.bool_]:
     """(joints,), whether each joint says the same space."""
     turned = np.abs(said[:, :3, :3] - space[:3, :3]).max(axis=(1, 2)) < AGREE * scale
     moved = np.abs(said[:, :3, 3] - space[:3, 3]).max(axis=1) < AGREE * max(extent, 1e-300)
-    return turned & moved
+    return np.asarray(turned & moved)
 
 
 def _spread(said: Array, most: int = 16) -> Iterator[Array]:

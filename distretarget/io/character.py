@@ -1,9 +1,9 @@
-"""Characters: a skeleton whose joints are nodes of a file, and the way from the nodes' transforms to its motion and back.
+"""Characters: a skeleton whose joints are nodes of a file, and the way from their transforms to its motion and back.
 
 A node's own axes are arbitrary, and so is the space that it is in; a joint of the skeleton has no rotation in the bind
 pose, as in BVH. Let Q_j be the rotation of node j in the world in the bind pose, b_j and r_j its rotations relative to
-its parent p, in the bind pose and in a frame. Then the rotation of the joint is q_j = Q_p (r_j b_j^-1) Q_p^-1, and that of
-the node r_j = Q_p^-1 q_j Q_p b_j. Uniform scales drop out, and so does mirroring, a scale of -1.
+its parent p, in the bind pose and in a frame. Then the rotation of the joint is q_j = Q_p (r_j b_j^-1) Q_p^-1, and that
+of the node r_j = Q_p^-1 q_j Q_p b_j. Uniform scales drop out, and so does mirroring, a scale of -1.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ def character_of(scene: Scene) -> Character:
     above = lines.up(nodes.parents.item(root), -1)[::-1] if nodes.parents[root] >= 0 else []
     line = [*above, *joints]
     shown = in_world(nodes, order)
-    binds = _settled(nodes, line, len(above), shown, bind_poses(scene.skins, shown))
+    binds = _settled(nodes, line, len(above), shown, bind_poses(scene.skins, shown, order))
     return _character(scene, line, len(above), binds, (*left_out, *_scale_warnings(scene, line)))
 
 
@@ -129,8 +129,8 @@ def _skeletons(groups: Sequence[Sequence[int]], lines: _Lines, meeting: int) -> 
 
 def _settled(nodes: Nodes, line: Sequence[int], above: int, shown: Array, binds: Mapping[int, Array]) -> Array:
     """The transforms of the nodes of a line of nodes in the world in the bind pose, (nodes, 4, 4), with the scales that
-    they show. Nodes above the joints, and those between that no skin uses, are as shown; so are, to the digit, those that
-    show their bind pose.
+    they show. Nodes above the joints, and those between that no skin uses, are as shown; so are, to the digit, those
+    that show their bind pose.
     """
     world, places = np.empty((len(line), 4, 4)), {-1: -1}
     size = float(np.ptp(shown[list(line), :3, 3], axis=0).max())
@@ -145,8 +145,8 @@ def _settled(nodes: Nodes, line: Sequence[int], above: int, shown: Array, binds:
 
 
 def _local(base: Array, bind: Array, shown: Array, scale: Array, size: float) -> Array:
-    """The bind pose of a node relative to its parent, `base`; parts that differ from what it shows by rounding are as it
-    shows them.
+    """The bind pose of a node relative to its parent, `base`; parts that differ from what it shows by rounding are as
+    it shows them.
     """
     local = np.linalg.inv(base) @ bind
     mirrored = np.sign(np.linalg.det(local[:3, :3])) * np.sign(scale.prod())
@@ -209,8 +209,8 @@ def _skeleton(scene: Scene, nodes: NDArray[np.intp], parents: NDArray[np.intp], 
 
 
 def _with_positions(skeleton: Skeleton) -> tuple[tuple[str, ...], ...]:
-    """The channels of the joints: positions for the root, and if the hips hang below it for the hips and all joints that
-    are not of the body, such as IK handles.
+    """The channels of the joints: positions for the root, and if the hips hang below it for the hips and all joints
+    that are not of the body, such as IK handles.
     """
     anatomy = by_names(skeleton)
     body = set(skeleton.subtree(anatomy.roles["hips"])[1:]) if anatomy else set(range(1, len(skeleton)))
@@ -219,8 +219,8 @@ def _with_positions(skeleton: Skeleton) -> tuple[tuple[str, ...], ...]:
 
 
 def _names(names: Sequence[str], nodes: Sequence[int], parents: Sequence[int]) -> tuple[str, ...]:
-    """The names of joints as BVH can hold them; the number of the node stands for an empty name, and follows a name that
-    a sibling has as well.
+    """The names of joints as BVH can hold them; the number of the node stands for an empty name, and follows a name
+    that a sibling has as well.
     """
     taken: set[tuple[int, str]] = set()
     result = []
@@ -237,7 +237,8 @@ def _scale_warnings(scene: Scene, line: Sequence[int]) -> Iterator[str]:
     nodes = scene.nodes
     spread = np.ptp(np.abs(nodes.scales[list(line)]), axis=1) > UNEVEN * np.abs(nodes.scales[list(line)]).max(axis=1)
     if uneven := [nodes.names[node] for node, is_uneven in zip(line, spread, strict=True) if is_uneven]:
-        yield f"{quoted(uneven)} scaled unevenly: what hangs on them is sheared where it turns, and a little off its place"
+        sheared = "what hangs on them is sheared where it turns, and a little off its place"
+        yield f"{quoted(uneven)} are scaled unevenly: {sheared}"
     scales = scene.animation.scales if scene.animation else {}
     changing = [
         nodes.names[node]

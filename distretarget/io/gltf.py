@@ -24,12 +24,13 @@ from distretarget.io.files import read_bytes
 from distretarget.io.json_node import Fields, Node, parse_json
 
 Array = NDArray[np.float64]
+Dtype = np.dtype[np.integer] | np.dtype[np.floating]
 Value = TypeVar("Value")
 
 MAGIC = b"glTF"
 JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942  # the types of chunks in a GLB
 HEADER, CHUNK_HEADER = struct.Struct("<4sII"), struct.Struct("<II")
-COMPONENTS = {  # of accessors, by the number that stands for them
+COMPONENTS: dict[int, Dtype] = {  # of accessors, by the number that stands for them
     5120: np.dtype("<i1"),
     5121: np.dtype("<u1"),
     5122: np.dtype("<i2"),
@@ -38,6 +39,7 @@ COMPONENTS = {  # of accessors, by the number that stands for them
     5126: np.dtype("<f4"),
 }
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+LARGEST_OF = {5120: 127, 5121: 255, 5122: 32767, 5123: 65535, 5125: 2**32 - 1}  # that stands for 1 if normalized
 INDICES = (5121, 5123, 5125)  # components of the indices of sparse accessors
 MOST_ENTRIES = 65536  # longest list of nodes, accessors and the like that is read
 DATA_URI = "data:"
@@ -79,7 +81,7 @@ class Gltf:
 
     def entries(self, key: str) -> list[Node]:
         """The entries of a list of the document; empty without it."""
-        entries = self.document.read(key, Node.items, [])
+        entries = self.document.listed(key)
         if len(entries) > MOST_ENTRIES:
             self.document[key].expected(f"at most {MOST_ENTRIES} entries")
         return entries
@@ -102,7 +104,8 @@ class Gltf:
         become fractions.
 
         Raises:
-            SkeletonFileError: the accessor has another kind or other components, leads out of its buffer, or has numbers
+            SkeletonFileError: the accessor has another kind or other components, leads out of its buffer, or has
+            numbers
                 that are not finite.
         """
         fields = self.entry("accessors", reference)
@@ -118,32 +121,32 @@ class Gltf:
         if "bufferView" in fields:
             raw = self._view(fields["bufferView"], _offset(fields), count, width, dtype, place)
         if "sparse" in fields:
-            raw = self._sparse(fields["sparse"], raw.copy())
+            raw = self._sparse(fields["sparse"], raw.copy(), dtype)
         numbers = raw.astype(np.float64)
         if dtype.kind != "f" and fields.read("normalized", Node.flag, False):
-            numbers = np.maximum(numbers / np.iinfo(dtype).max, -1.0)
+            numbers = np.maximum(numbers / LARGEST_OF[component], -1.0)
         if not np.isfinite(numbers).all():
             place.fail("has numbers that are not finite")
         return numbers[:, 0] if kind == "SCALAR" else numbers
 
-    def _sparse(self, sparse: Node, raw: NDArray[np.generic]) -> NDArray[np.generic]:
+    def _sparse(self, sparse: Node, raw: NDArray[np.generic], dtype: Dtype) -> NDArray[np.generic]:
         """Numbers with those replaced that a sparse accessor lists."""
         fields = sparse.entries(dotted)
         count = _required(sparse, fields, "count", whole)
         indices, values = (_required(sparse, fields, key, lambda node: node) for key in ("indices", "values"))
         parts = indices.entries(dotted)
-        dtype = COMPONENTS[_component(indices, parts, INDICES)]
+        index_type = COMPONENTS[_component(indices, parts, INDICES)]
         view = _required(indices, parts, "bufferView", lambda node: node)
-        places = self._view(view, _offset(parts), count, 1, dtype, indices)[:, 0].astype(np.intp)
+        places = self._view(view, _offset(parts), count, 1, index_type, indices)[:, 0].astype(np.intp)
         if len(places) and places.max() >= len(raw):
             indices.fail(f"has the index {places.max()}; the accessor has {len(raw)} elements")
         parts = values.entries(dotted)
         view = _required(values, parts, "bufferView", lambda node: node)
-        raw[places] = self._view(view, _offset(parts), count, raw.shape[1], raw.dtype, values)
+        raw[places] = self._view(view, _offset(parts), count, raw.shape[1], dtype, values)
         return raw
 
     def _view(
-        self, reference: Node, offset: int, count: int, width: int, dtype: np.dtype[np.generic], place: Node
+        self, reference: Node, offset: int, count: int, width: int, dtype: Dtype, place: Node
     ) -> NDArray[np.generic]:
         """`count` times `width` numbers of a bufferView, from an offset [bytes]."""
         view = self.entry("bufferViews", reference)
@@ -209,6 +212,8 @@ def parse_gltf(content: bytes, path: str | Path, beside: Mapping[str, bytes] | N
     """
     if content.startswith(MAGIC):
         return Gltf(path, _chunks(content, path), is_binary=True, beside=beside or {})
+    if not content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"{", b"[")):
+        raise FileError(path, "is no glTF: a GLB begins with 'glTF', a .gltf file with {" if content else "is empty")
     return Gltf(path, ((JSON_CHUNK, memoryview(content)),), is_binary=False, beside=beside or {})
 
 

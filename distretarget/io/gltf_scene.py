@@ -37,7 +37,7 @@ def gltf_scene(gltf: Gltf, clip: str | None = None, fps: float | None = None, an
     nodes = _nodes(gltf)
     names = tuple(entry.entries(dotted).read("name", Node.text, "") for entry in gltf.entries("animations"))
     chosen = choose_animation(gltf.path, names, clip) if animated else None
-    animation = None if chosen is None else _animation(gltf, chosen, names[chosen], len(nodes), fps)
+    animation = None if chosen is None else _animation(gltf, chosen, names[chosen], fps)
     return Scene(gltf.path, nodes, _skins(gltf), _humanoid(gltf), names, animation)
 
 
@@ -58,7 +58,7 @@ def _nodes(gltf: Gltf) -> Nodes:
 def _parents(gltf: Gltf, entries: list[Node], fields: list[Fields]) -> NDArray[np.intp]:
     parents = np.full(len(entries), -1)
     for number, values in enumerate(fields):
-        for child in values.read("children", Node.items, []):
+        for child in values.listed("children"):
             index = gltf.index("nodes", child)
             if parents[index] >= 0:
                 child.fail(f"nodes[{index}] is a child of nodes[{parents[index]}] already")
@@ -126,7 +126,7 @@ def _skins(gltf: Gltf) -> tuple[Skin, ...]:
 
 def _skin(gltf: Gltf, entry: Node, meshes: tuple[int, ...]) -> Skin:
     fields = entry.entries(dotted)
-    joints = [gltf.index("nodes", node) for node in fields.read("joints", Node.items, [])]
+    joints = [gltf.index("nodes", node) for node in fields.listed("joints")]
     if not joints:
         entry.fail("has no joints")
     if "inverseBindMatrices" not in fields:
@@ -171,12 +171,12 @@ def _vrm_0(gltf: Gltf, bones: Node) -> Iterator[tuple[str, int]]:
             yield f"{side}{thumb}" if thumb else bone, gltf.index("nodes", fields["node"])
 
 
-def _animation(gltf: Gltf, number: int, name: str, nodes: int, fps: float | None) -> Animation:
+def _animation(gltf: Gltf, number: int, name: str, fps: float | None) -> Animation:
     entry = gltf.entries("animations")[number]
     fields = entry.entries(dotted)
-    samplers = fields.read("samplers", Node.items, [])
+    samplers = fields.listed("samplers")
     curves: dict[str, dict[int, Curve]] = {path: {} for path in KINDS}
-    for channel in fields.read("channels", Node.items, []):
+    for channel in fields.listed("channels"):
         parts = channel.entries(dotted)
         target = parts["target"].entries(dotted) if "target" in parts else Fields()
         path = target.read("path", Node.text, "")

@@ -1,4 +1,6 @@
-"""Animations put into a glTF file, which otherwise stays as it is, to the byte: glTF 2.0 specification, section 3.11."""
+"""Animations put into a glTF file, which otherwise stays as it is, to the byte: glTF 2.0 specification, section
+3.11.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,7 @@ from numpy.typing import NDArray
 from distretarget.errors import FileError
 from distretarget.io.gltf import BINARY_CHUNK, CHUNK_HEADER, DATA_URI, HEADER, MAGIC, Gltf, dotted
 from distretarget.io.json_node import Node
-from distretarget.io.json_text import Edit, added, compact, edited, member, members
+from distretarget.io.json_text import Edit, Member, added, compact, edited, member, members
 from distretarget.io.nodes import Animation, Nodes
 
 Animations = Literal["add", "replace"]
@@ -37,7 +39,8 @@ class _Data:
         """Add numbers, (keys,) or (keys, 3 or 4), as float32; return their accessor."""
         kind = "SCALAR" if values.ndim == 1 else KINDS[values.shape[1]]
         data = np.ascontiguousarray(values, "<f4").tobytes()
-        view = {"buffer": self._buffer, "byteOffset": self._start + len(self.content), "byteLength": len(data)}
+        start = self._start + len(self.content)
+        view: dict[str, object] = {"buffer": self._buffer, "byteOffset": start, "byteLength": len(data)}
         self.accessors.append(
             {
                 "bufferView": self._first_view + len(self.views),
@@ -160,14 +163,11 @@ def _longer_buffer(text: str, buffers: int, chunk: bytes, as_binary: bool) -> It
         yield added(text, first.value, [f'"uri":{compact(data_uri(chunk))}'])
 
 
-def _embedding(text: str, top: Mapping[str, object], gltf: Gltf, embedded: Callable[[Node], bytes]) -> Iterator[Edit]:
+def _embedding(text: str, top: Mapping[str, Member], gltf: Gltf, embedded: Callable[[Node], bytes]) -> Iterator[Edit]:
     """The edits that put the files into the document that its buffers and images name."""
     for key in ("buffers", "images"):
-        list_ = member(text, 0, key)
-        if list_ is None:
-            continue
         nodes = gltf.entries(key)
-        for entry in members(text, list_.value):
+        for entry in members(text, top[key].value) if key in top else ():
             uri = member(text, entry.value, "uri")
             if uri is not None:
                 node = nodes[int(entry.key)].entries(dotted)["uri"]

@@ -29,7 +29,7 @@ def parse_json(path: str | Path, text: str) -> Node:
         place = f"line {error.lineno}, column {error.colno}"
         raise SkeletonFileError(path, place, f"is not valid JSON: {error.msg}") from None
     except RecursionError:
-        raise SkeletonFileError(path, "", "is nested too deeply; the format has four levels") from None
+        raise SkeletonFileError(path, "", "is nested too deeply") from None
 
 
 @dataclass(frozen=True)
@@ -132,6 +132,10 @@ class Fields(dict[str, Node]):
     def read(self, key: str, read: Callable[[Node], Value], default: Value) -> Value:
         """Return what `read` makes of the value at a key, or the default where the object lacks the key."""
         return read(self[key]) if key in self else default
+
+    def listed(self, key: str) -> list[Node]:
+        """Return the values of the list at a key; none where the object lacks the key."""
+        return self[key].items() if key in self else []
 
 
 def _field_place(place: str, key: str) -> str:

@@ -10,9 +10,10 @@ import numpy as np
 
 from distretarget.body.body import Body
 from distretarget.errors import FileError, MapError, MotionError, SkeletonFileError, difference, entry_place
-from distretarget.io.bvh import parse_bvh
 from distretarget.io.files import read_text
+from distretarget.io.input_file import load_file
 from distretarget.io.json_node import Node, parse_json
+from distretarget.io.motion_file import parse_motion
 from distretarget.io.target_file import pairs_to_json
 from distretarget.matching.matching import Matching
 from distretarget.matching.pairing import pairs_of_map
@@ -78,13 +79,13 @@ def load_map(path: str | Path | None, rest: str | Path | None = None) -> MapFile
 
 
 def load_rest(path: str | Path) -> RestPose:
-    """Return the first frame of a BVH file as a rest pose.
+    """Return the first frame of a motion file as a rest pose.
 
     Raises:
         FileError: the file cannot be read, or has no frames, or nobody stands in the first.
         BvhError: the file is no valid BVH file.
     """
-    motion = parse_bvh(read_text(path), path)
+    motion, _ = parse_motion(load_file(path))
     if not len(motion):
         raise FileError(path, "has no frames, expected one in which the body stands")
     skeleton = motion.skeleton

@@ -11,6 +11,7 @@ from distretarget.errors import DistretargetError, FileError, SkeletonError
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.character import Character
 from distretarget.io.character_skeleton import character_of
+from distretarget.io.fbx import parse_fbx
 from distretarget.io.gltf import parse_gltf
 from distretarget.io.gltf_scene import gltf_scene
 from distretarget.io.input_file import InputFile, load_file
@@ -75,8 +76,6 @@ def parse_character(file: InputFile) -> Character:
 def read_scene(file: InputFile, clip: str | None = None, fps: float | None = None, animated: bool = True) -> Scene:
     """Return the nodes, skins and an animation of a glTF or FBX file; without it if not `animated`."""
     if file.kind == "FBX":
-        from distretarget.io.fbx import parse_fbx
-
         return parse_fbx(file.content, file.path, clip, fps, animated)
     return gltf_scene(parse_gltf(file.content, file.path, file.beside), clip, fps, animated)
 

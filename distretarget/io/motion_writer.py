@@ -71,8 +71,8 @@ def write_motion(
     in_place: bool = False,
     overwrite: bool = False,
 ) -> None:
-    """Write a motion to a file, whole or not at all: BVH (.bvh), a VRM animation (.vrma), or, of a motion on the skeleton
-    of a character file, that file with an animation more (.glb, .gltf, .vrm).
+    """Write a motion to a file, whole or not at all: BVH (.bvh), a VRM animation (.vrma), or, of a motion on the
+    skeleton of a character file, that file with an animation more (.glb, .gltf, .vrm).
 
     Args:
         path: of the file; its ending says what it is.
@@ -92,7 +92,7 @@ def write_motion(
     check_choice("animations", animations, ("add", "replace"))
     file = load_file(character) if character is not None else None
     given = OutputSettings(animations, in_place)
-    content = written(path, given.clip(motion, name or Path(path).stem), file, given)
+    content = content_of(path, given.clip(motion, name or Path(path).stem), file, given)
     write_whole(path, content, overwrite)
 
 
@@ -107,8 +107,8 @@ class NamedClip:
 
 @dataclass(frozen=True)
 class OutputSettings:
-    """How motions are written: whether animations are added to those in the file or replace them, and whether the root's
-    path along the floor is left out.
+    """How motions are written: whether animations are added to those in the file or replace them, and whether the
+    root's path along the floor is left out.
     """
 
     animations: Animations = "add"
@@ -122,13 +122,16 @@ class OutputSettings:
         return NamedClip(in_place(motion, np.array([0.0, 1.0, 0.0]) if up is None else up), name, {PATH_KEY: path})
 
 
+DEFAULT_OUTPUT = OutputSettings()
+
+
 def in_place(motion: Motion, up: Array) -> Motion:
     """Return a motion whose root stays above the place on the floor where it begins; `up` is the unit vector up."""
     path = level(motion.root_positions, up)
     return replace(motion, root_positions=motion.root_positions - path + path[:1])
 
 
-def written(
+def content_of(
     path: str | Path, clip: NamedClip, target: InputFile | None, settings: OutputSettings
 ) -> bytes | Iterable[str]:
     """Return the content of a file with a clip; errors as in `write_motion`."""
@@ -151,8 +154,8 @@ def character_animation(target: InputFile, clip: NamedClip) -> Animation:
 
 
 def with_animations(path: str | Path, target: InputFile, animations: Sequence[Animation], mode: Animations) -> bytes:
-    """Return the file of a character with animations, for a file of this name: a GLB, or JSON for .gltf. What its buffers
-    and images are in is put into it, unless it is a .gltf file in the same folder.
+    """Return the file of a character with animations, for a file of this name: a GLB, or JSON for .gltf. What its
+    buffers and images are in is put into it, unless it is a .gltf file in the same folder.
     """
     gltf = parse_gltf(target.content, target.path, target.beside)
     as_binary = Path(path).suffix.lower() != ".gltf"

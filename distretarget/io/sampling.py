@@ -100,7 +100,7 @@ def sampled(
     if frames * len(every) > max(most, FREE_SAMPLES):
         duration = f"{times[-1] - times[0]:.6g} s"
         raise FileError(path, f"its animation {name!r} is {duration} long; at {rate:g} frames/s that is too much")
-    at = times[0] + np.arange(frames) / rate
+    at = _at_keys(times[0] + np.arange(frames) / rate, times, ON_GRID / rate)
     values = {
         kind: {node: curve.at(at, kind == "rotation") for node, curve in of_nodes.items()}
         for kind, of_nodes in curves.items()
@@ -109,9 +109,17 @@ def sampled(
     return Animation(name, frames, text, values["translation"], values["rotation"], values["scale"])
 
 
+def _at_keys(at: Array, times: Array, near: float) -> Array:
+    """Times, (n,), each moved to a key that is near, so that rounding puts no frame before its key; all in [s]."""
+    after = np.searchsorted(times, at).clip(0, len(times) - 1)
+    before = np.maximum(after - 1, 0)
+    nearest = np.where(at - times[before] < times[after] - at, times[before], times[after])
+    return np.where(np.abs(nearest - at) < near, nearest, at)
+
+
 def own_rate(times: Array) -> float:
-    """Return the frame rate of keys at some times, (keys,), ascending [s]: the slowest of at least `LEAST_RATE` on whose
-    frames all of them are, else `IRREGULAR_RATE` [frames/s].
+    """Return the frame rate of keys at some times, (keys,), ascending [s]: the slowest of at least `LEAST_RATE` on
+    whose frames all of them are, else `IRREGULAR_RATE` [frames/s].
     """
     steps = np.diff(times)
     steps = steps[steps > SAME_KEY]

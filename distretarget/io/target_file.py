@@ -1,5 +1,5 @@
-"""Target files: BVH, characters (glTF, VRM, FBX), or JSON with a whole skeleton (full form) or other bone lengths for the
-source's (short form).
+"""Target files: BVH, characters (glTF, VRM, FBX), or JSON with a whole skeleton (full form) or other bone lengths for
+the source's (short form).
 """
 
 from __future__ import annotations
@@ -42,16 +42,16 @@ class CharacterTarget(Target):
 
 @dataclass(frozen=True, eq=False)
 class TargetFile:
-    """The target in a file, the file's path for errors, and the hash of its content."""
+    """The target in a file, the file's path for errors, and the file itself; workers do without it."""
 
     target: Target | SkeletonEdit
     path: str | Path
-    hash: str
+    file: InputFile | None
 
     @classmethod
     def of(cls, file: InputFile) -> TargetFile:
         """Return the target in a file; errors as in `load_target`."""
-        return cls(parse_target(file), file.path, file.hash)
+        return cls(parse_target(file), file.path, file)
 
 
 def load_target(path: str | Path) -> Target | SkeletonEdit:

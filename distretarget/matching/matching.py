@@ -252,16 +252,20 @@ def refusal(matching: Matching) -> str:
     """Return why a motion cannot be retargeted by this matching; empty if it can."""
     joints = matching.target.skeleton.joints
     named = sum(matching.method[joint] in ("name", "map") for joint in joints)
-    if named >= NAMED_SHARE * len(joints) or "map" in matching.method:
-        return ""
     s, t = matching.source.anatomy, matching.target.anatomy
+    shared = s and t and any(role in s.roles and role in t.roles for role in LIMB_ROLES)
+    limbs = [t.roles[role] for role in LIMB_ROLES if role in t.roles] if t else []
+    lost = bool(limbs) and not shared and not (matching.drivers[limbs] >= 0).any()
+    enough = named >= NAMED_SHARE * len(joints)
+    if "map" in matching.method or (enough and not lost):
+        return ""
     if not (s and t):
         body = "the source" if t else "the target" if s else "either of them"
         few = f"only {named} of {len(joints)} joints of the target have a driver by name"
-        return f"{few}, and no human body is recognised in {body}"
+        return f"{'no arm and no leg has a driver' if enough else few}, and no human body is recognised in {body}"
     for name, side in (("source", matching.source), ("target", matching.target)):
         if side.on_all_fours:
             return f"the {name} seems to go on all fours: its trunk lies across its legs"
-    if not any(role in s.roles and role in t.roles for role in LIMB_ROLES):
+    if not shared:
         return "source and target share neither arms nor legs"
     return "" if (matching.drivers >= 0).any() else "no joint of the target has a driver"

@@ -11,9 +11,9 @@ from distretarget.baseline.rotation_copy import RootScale, find_root_scale
 from distretarget.checks import check_callable, check_kind
 from distretarget.errors import SAY_IN_A_MAP, DistretargetError, MatchingError
 from distretarget.ik.poses import Mapper, Progress, ignore_progress
-from distretarget.io.files import STANDARD_INPUT, Text
+from distretarget.io.files import STANDARD_INPUT
 from distretarget.io.map_json import MapFile, joint_map
-from distretarget.io.target_file import parse_target
+from distretarget.io.target_file import TargetFile
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import in_threads
 from distretarget.objectives.contact import solve_contact
@@ -82,7 +82,7 @@ def retarget(
 
 def retarget_onto(
     motion: Motion,
-    target: Text,
+    target: TargetFile,
     *,
     source: str | Path,
     map_file: MapFile,
@@ -95,9 +95,9 @@ def retarget_onto(
     `source` is the path of the motion's file, for error messages; `mapper` and `progress` are those of `retarget`.
 
     Raises:
-        DistretargetError: the motion cannot be retargeted, or the target's file is not valid; the error names the file.
+        DistretargetError: the motion cannot be retargeted, or the target does not fit it; the error names the file.
     """
-    whole_target = parse_target(target.text, target.path).for_source(motion.rigid_skeleton)
+    whole_target = target.target.for_source(motion.rigid_skeleton)
     pairs = joint_map(motion.rigid_skeleton, whole_target, target.path, map_file)
     rest = map_file.rest.on(motion.rigid_skeleton) if map_file.rest else None
     try:

@@ -1,15 +1,14 @@
-"""A run in words and numbers: its verdict, figures and unmatched joints as lines, and its figures as JSON."""
+"""A run in words and numbers: its verdict and figures as lines, and its figures as JSON."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal, TypedDict
 
 import numpy as np
 
-from distretarget.errors import counted, quoted
-from distretarget.matching.matching import Matching
+from distretarget.errors import counted
 from distretarget.measure.figures import BY_KEY, Variant, figures_at, frame_figures
 from distretarget.pipeline.result import RetargetResult
 from distretarget.report.diff_document import json_text
@@ -60,14 +59,6 @@ def figures_line(result: RetargetResult) -> str:
         f"rotation copy / result: {values}{solved}; "
         f"most stress in frame {worst} ({stress.brief(float(result.written_stress[worst]))})"
     )
-
-
-def unmatched(matching: Matching) -> Iterator[str]:
-    """A line with the joints that follow their parents, if there are any."""
-    if joints := matching.followers:
-        many = f"{len(joints)} joints of the target have no counterpart and follow their parents"
-        one = "1 joint of the target has no counterpart and follows its parent"
-        yield f"{one if len(joints) == 1 else many}: {quoted(joints)}"
 
 
 def figures_json(result: RetargetResult) -> str:

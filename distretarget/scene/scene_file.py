@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any, get_args
 
 from distretarget.errors import DistretargetError, MotionError, closest
-from distretarget.io.bvh import parse_bvh, read_bvh
 from distretarget.io.files import read_text
+from distretarget.io.input_file import load_file
 from distretarget.io.json_node import Node, parse_json
 from distretarget.io.map_json import joint_map, load_map
+from distretarget.io.motion_file import parse_motion
 from distretarget.io.obj import parse_obj
 from distretarget.io.target_file import load_target
 from distretarget.motion import Motion
@@ -137,11 +138,11 @@ class SceneSetup:
 def _read(clip: SceneClip) -> Motion:
     """The motion in a file from its start; a prop's file may be BVH or OBJ, and a prop of one frame has no start."""
     if isinstance(clip, PerformerFiles):
-        motion = read_bvh(clip.file)
+        motion, _ = parse_motion(load_file(clip.file))
     else:
-        text = read_text(clip.file)
-        is_bvh = text.lstrip().upper().startswith("HIERARCHY")
-        motion = parse_bvh(text, clip.file) if is_bvh else parse_obj(text, clip.file)
+        file = load_file(clip.file)
+        is_obj = file.kind == "BVH" and not file.text.lstrip().upper().startswith("HIERARCHY")
+        motion = parse_obj(file.text, clip.file) if is_obj else parse_motion(file)[0]
         if len(motion) == 1:
             return motion
     try:

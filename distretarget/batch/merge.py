@@ -1,0 +1,45 @@
+"""All results of a batch as animations of one character file."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from distretarget.batch.plan import Clip
+from distretarget.io.files import write_whole
+from distretarget.io.input_file import InputFile, load_file
+from distretarget.io.motion_file import parse_motion
+from distretarget.io.motion_writer import NamedClip, OutputSettings, character_animation, with_animations
+from distretarget.io.nodes import Animation
+
+
+def clips_folder(path: Path) -> Path:
+    """Return the folder beside a file that keeps its clips as BVH, with a manifest, until the file is written; so an
+    interrupted run continues where it stopped.
+    """
+    return path.with_name(f"{path.name}.clips")
+
+
+def merge(path: Path, target: InputFile, clips: Sequence[Clip], settings: OutputSettings, overwrite: bool) -> int:
+    """Write the character file with an animation for each clip that is done, in the order of their names, and return
+    how many; the folder of clips goes if all are done.
+
+    An animation has its clip's name, or in a tree of folders its path in it.
+
+    Raises:
+        DistretargetError: the file cannot be written.
+    """
+    folder = clips_folder(path)
+    done = sorted((clip for clip in clips if (folder / clip.place).is_file()), key=lambda clip: clip.place)
+    animations = list(_animations(folder, done, target))
+    write_whole(path, with_animations(path, target, animations, settings.animations), overwrite)
+    if len(done) == len(clips):
+        shutil.rmtree(folder, ignore_errors=True)
+    return len(animations)
+
+
+def _animations(folder: Path, clips: Sequence[Clip], target: InputFile) -> Iterator[Animation]:
+    for clip in clips:
+        motion, _ = parse_motion(load_file(folder / clip.place))
+        yield character_animation(target, NamedClip(motion, clip.place.with_suffix("").as_posix(), {}))

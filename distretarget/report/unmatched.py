@@ -1,0 +1,81 @@
+"""What of the target follows no joint of the source, by parts of the body."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Collection, Iterator, Sequence
+
+from distretarget.body.anatomy import ARM, FINGERS, LEG, Anatomy, side_and_part
+from distretarget.errors import counted, quoted
+from distretarget.matching.matching import Matching
+
+# The name of each part of the body without its side: one, and both or all.
+PARTS = {part: f"{part}s" for part in ("arm", "hand", "leg", "shoulder", "finger", "toe")} | {"foot": "feet"}
+ALL_OF_A_SIDE = {"finger": "fingers", "toe": "toes"}
+PART_OF_ROLE = {
+    **dict(zip(ARM, ("shoulder", "arm", "arm", "hand"), strict=True)),
+    **dict(zip(LEG, ("leg", "leg", "foot", "toe"), strict=True)),
+    **{f"{finger}{number}": "finger" for finger in FINGERS for number in (1, 2, 3)},
+}
+NAMED = 3  # so many other joints are named
+
+
+def parts_without_source(matching: Matching) -> Iterator[str]:
+    """A line with the parts of the target's body that follow nothing, if there are any."""
+    still = _still(matching)
+    anatomy = matching.target.anatomy
+    if anatomy and (parts := [*_parts(anatomy, still)]):
+        verb = "follow" if len(parts) > 1 or parts[0].endswith("s") else "follows"
+        yield f"{_listed(parts)} of the target {verb} nothing"
+
+
+def others_without_source(matching: Matching) -> Iterator[str]:
+    """A line with the other joints of the target that follow nothing but their parents, such as those of hair and
+    cloth, if there are any.
+    """
+    anatomy, keys = matching.target.anatomy, matching.target.skeleton.keys
+    of_body = _of_body(anatomy) if anatomy else ()
+    if others := [keys[joint] for joint in _still(matching) if joint not in of_body]:
+        what = f"{'other ' if of_body else ''}joint"
+        follow = "follows its parent" if len(others) == 1 else "follow their parents"
+        yield f"{counted(len(others), what)} of the target {follow}: {quoted(others, NAMED)}"
+
+
+def _still(matching: Matching) -> list[int]:
+    """The joints of the target that follow nothing but their parents."""
+    followers = set(matching.followers)
+    return [joint for joint in matching.target.skeleton.joints if matching.target.skeleton.keys[joint] in followers]
+
+
+def _of_body(anatomy: Anatomy) -> set[int]:
+    """The joints of the parts of a body; bones in the palm are none of them."""
+    roles = anatomy.roles.items()
+    return {*anatomy.spine, *anatomy.neck, *(joint for role, joint in roles if not role.endswith("0"))}
+
+
+def _parts(anatomy: Anatomy, still: Collection[int]) -> Iterator[str]:
+    """The names of the parts of a body of which some joints are `still`; those of which not all are, with a number."""
+    joints: dict[str, dict[str, list[int]]] = defaultdict(lambda: defaultdict(list))
+    for role, joint in anatomy.roles.items():
+        side, name = side_and_part(role)
+        if name in PART_OF_ROLE:
+            joints[PART_OF_ROLE[name]][side].append(joint)
+    for part, all_of in PARTS.items():
+        whole = [side for side, own in joints[part].items() if set(own) <= set(still)]
+        some = sum(joint in still for side, own in joints[part].items() if side not in whole for joint in own)
+        if len(whole) > 1:
+            yield all_of
+        elif whole:
+            yield f"{whole[0]} {ALL_OF_A_SIDE.get(part, part)}"
+        if some:
+            yield counted(some, f"{part} joint")
+    for part, own in (("spine", anatomy.spine), ("neck", anatomy.neck)):
+        if some := sum(joint in still for joint in own):
+            yield counted(some, f"{part} joint")
+    yield from (part for part in ("hips", "head") if anatomy.roles.get(part) in still)
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Names as in "fingers, shoulders and toes"."""
+    *first, last = names
+    return f"{', '.join(first)} and {last}" if first else last

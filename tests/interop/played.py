@@ -1,0 +1,134 @@
+"""Files of characters with animations whose positions are known, and how far off other programs play them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from bodies import SAMPLES
+from characters import (
+    ARMATURE,
+    LOOKING_BACK,
+    Bones,
+    Character,
+    Performance,
+    as_vrm0,
+    as_vrm1,
+    as_vrma,
+    box_mesh,
+    character,
+    with_unknown_parts,
+)
+
+from distretarget import read_bvh
+from interop.players import Players
+
+MOTION = read_bvh(SAMPLES / "walk.bvh")[:24]
+BONES, WALK = Bones.of(MOTION.skeleton), Performance.of(MOTION)
+ROLLED = BONES.along_bones(np.linspace(-2, 2, len(BONES.names)))
+ODD = [
+    "",
+    "same",
+    "same",
+    "Left Upper Arm",
+    "mixamorig:Neck",
+    "a/b",
+    "日本 語",
+    "[x].y",
+    "Bip001 L Thigh",
+    ".",
+    "same.001",
+]
+
+
+@dataclass(frozen=True, eq=False)
+class Expected:
+    """Where nodes of a file should be: `nodes` (nodes,), `times` (frames,) [s], `positions` (frames, nodes, 3) [m]."""
+
+    path: Path
+    animation: int | str | None
+    nodes: np.ndarray
+    times: np.ndarray
+    positions: np.ndarray
+    vrma: Path | None = None
+
+    @classmethod
+    def load(cls, path: Path, animation: int | str | None, npz: Path, vrma: Path | None = None) -> Expected:
+        """What an npz with `nodes`, `times` and `positions` says of a file."""
+        with np.load(npz) as arrays:
+            return cls(path, animation, arrays["nodes"], arrays["times"], arrays["positions"], vrma)
+
+    def farthest(self, players: Players, program: str, picture: Path | None = None) -> float:
+        """How far off a program plays any node in any frame [m]; NaN if it knows not all nodes."""
+        found = players.play(
+            program, self.path, self.animation, self.times, self.nodes, vrma=self.vrma, picture=picture
+        )
+        return float(np.linalg.norm(found - self.positions, axis=-1).max())
+
+
+def _walking(
+    folder: Path, made: Character, walk: Performance = WALK, name: str = "walk", ending: str = "glb", **options
+):
+    """The file of a character that walks, after another animation."""
+    made.animate("another", walk[:3])
+    number = made.animate(name, walk, **options)
+    path = made.write(folder / f"character.{ending}")
+    return Expected(path, number, np.array(made.joints), walk.times, walk.positions)
+
+
+def _vrma(folder: Path) -> Expected:
+    """A VRM animation on the VRM that it was made for, whose joints lie otherwise."""
+    vrm = as_vrm1(character(BONES, axes=ROLLED))
+    moving = as_vrma(character(BONES, above=ARMATURE, meshes=None))
+    moving.animate("", WALK)
+    path, vrma = vrm.write(folder / "character.vrm"), moving.write(folder / "walk.vrma")
+    return Expected(path, 0, np.array(vrm.joints), WALK.times, WALK.positions, vrma)
+
+
+def _late(folder: Path) -> Expected:
+    """Keys that begin late and are unequally far apart."""
+    times = 0.5 + np.cumsum(np.linspace(0.01, 0.1, len(WALK.times)))
+    return _walking(folder, character(BONES, axes=ROLLED), Performance(WALK.turns, WALK.positions, times))
+
+
+CASES: dict[str, Callable[[Path], Expected]] = {
+    "plain": lambda folder: _walking(folder, character(BONES)),
+    "armature in cm, rolled joints": lambda folder: _walking(
+        folder, character(BONES, axes=ROLLED, above=ARMATURE, helpers=[3, 9])
+    ),
+    "odd names": lambda folder: _walking(
+        folder, character(BONES.renamed([*ODD, *BONES.names[len(ODD) :]]), axes=ROLLED), name="a/b: c.001"
+    ),
+    "glTF, buffer beside": lambda folder: _walking(folder, character(BONES, axes=ROLLED), ending="gltf"),
+    "two skins, scales": lambda folder: _walking(
+        folder,
+        character(
+            BONES,
+            axes=ROLLED,
+            scales={0: 2.0, 3: 0.25},
+            meshes=[box_mesh(BONES, range(11)), box_mesh(BONES, range(11, 22))],
+            all_joints=False,
+        ),
+        scales=True,
+        all_translations=True,
+    ),
+    "cubic": lambda folder: _walking(folder, character(BONES, axes=ROLLED), interpolation="CUBICSPLINE"),
+    "sparse, signs flipped": lambda folder: _walking(
+        folder, character(BONES, axes=ROLLED), sparse=True, flipped=True, still=False
+    ),
+    "keys that begin late": _late,
+    "VRM 0": lambda folder: _walking(
+        folder, as_vrm0(character(BONES.turned(LOOKING_BACK))), WALK.turned(LOOKING_BACK), ending="vrm"
+    ),
+    "VRM 1": lambda folder: _walking(
+        folder, as_vrm1(with_unknown_parts(character(BONES, axes=ROLLED)), springs=["Neck"]), ending="vrm"
+    ),
+    "VRM animation": _vrma,
+}
+
+
+def plays(program: str, case: str) -> bool:
+    """Whether a case is for a program: VRM files for three-vrm, and VRM animations for no other."""
+    return ("VRM" in case) if program == "three-vrm" else case != "VRM animation"

@@ -1,0 +1,217 @@
+"""Other programs that play files of characters: glTF, VRM and VRM animations.
+
+    with Players() as players:
+        positions = players.play("three.js", path, "walk", times, nodes)    # (frames, nodes, 3) [m]
+
+Nodes count by their index in the file. `expected` files hold what a result should be: an npz with `times` [s], `nodes`
+and `positions`.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterable
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from urllib.parse import quote, unquote, urlsplit
+
+import gltf_player
+import numpy as np
+
+from interop.readers import BLENDER, HERE, PACKAGES
+
+PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+IN_BROWSER = {"three.js": "three", "Babylon.js": "@babylonjs/loaders", "three-vrm": "@pixiv/three-vrm"}
+PLAYERS = (*IN_BROWSER, "Blender")
+FLAGS = ("--no-sandbox", "--disable-background-networking", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+
+
+@dataclass(frozen=True)
+class Camera:
+    """An orthographic camera: what it looks at [m], half the height of what it shows [m], and whether from behind."""
+
+    centre: tuple[float, float, float]
+    half: float
+    back: bool = False
+
+    @classmethod
+    def on(cls, positions: np.ndarray, back: bool = False) -> Camera:
+        """The camera that sees positions (..., 3) and some room around them."""
+        points = positions.reshape(-1, 3)
+        low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
+        return cls(tuple((0.5 * (low + high)).tolist()), float(0.55 * np.linalg.norm(high - low)), back)
+
+
+def missing(program: str) -> str:
+    """Why a program cannot be asked here; empty if it can."""
+    if program == "Blender":
+        return "" if BLENDER in os.environ else f"{BLENDER} does not name a Python with the package bpy"
+    needs = ("gltf-validator",) if program == "validator" else ("esbuild", IN_BROWSER[program])
+    if PACKAGES not in os.environ:
+        return f"{PACKAGES} does not name a folder with the npm packages {' and '.join(needs)}"
+    for name in needs:
+        if not (Path(os.environ[PACKAGES]) / "node_modules" / name).is_dir():
+            return f"the npm package {name} is not in {os.environ[PACKAGES]}"
+    if program != "validator" and not _browser():
+        return "no Chromium or Chrome is installed"
+    return "" if shutil.which("node") else "node.js is not installed"
+
+
+def _browser() -> str | None:
+    return next(filter(None, map(shutil.which, PROGRAMS)), None)
+
+
+def problems(path: Path) -> set[tuple[str, str]]:
+    """The errors that the Khronos validator finds in a file: codes, and where they are."""
+    return {(issue["code"], issue["pointer"]) for issue in issues(path) if issue["severity"] == 0}
+
+
+def issues(path: Path) -> list[dict]:
+    """All that the Khronos validator has to say of a file; severity is 0 for errors, 1 for warnings."""
+    command = ["node", HERE / "gltf_validator.cjs", Path(os.environ[PACKAGES]).resolve(), path.resolve()]
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=True)
+    return json.loads(done.stdout.strip().splitlines()[-1])
+
+
+def number_of(path: Path, animation: int | str | None) -> int | None:
+    """The number of an animation, by number or name; VRM animations have one without a name."""
+    if not isinstance(animation, str):
+        return animation
+    document, _ = gltf_player.load(path)
+    return [entry.get("name", "") for entry in document["animations"]].index(animation)
+
+
+@dataclass
+class Players:
+    """The programs; the browser starts when it is first needed and stops at the end of the block."""
+
+    _open: ExitStack = field(default_factory=ExitStack)
+    _tab: object = None
+
+    def __enter__(self) -> Players:
+        return self
+
+    def __exit__(self, *about: object) -> None:
+        self._open.close()
+
+    def play(
+        self,
+        program: str,
+        path: Path,
+        animation: int | str | None,
+        times: Iterable[float],
+        nodes: Iterable[int],
+        *,
+        vrma: Path | None = None,
+        picture: Path | None = None,
+        camera: Camera | None = None,
+        size: int = 480,
+    ) -> np.ndarray:
+        """Return where a program has nodes at some times, (times, nodes, 3) [m]; NaN where it knows no such node.
+
+        Args:
+            program: one of `PLAYERS`.
+            path: the file.
+            animation: the animation, by name or number; None for the pose that the nodes show.
+            times: [s].
+            nodes: numbers of nodes in the file.
+            vrma: the file of the animation, for three-vrm to play on the VRM in `path`.
+            picture: a PNG file to write: the mesh at the last of the times.
+            camera: for the picture; one that sees the nodes, as this module's own player has them, if None.
+            size: of the picture [pixels].
+        """
+        path, nodes = path.resolve(), [int(node) for node in nodes]
+        task = {
+            "animation": number_of(vrma or path, animation),
+            "times": [float(time) for time in times],
+            "nodes": nodes,
+        }
+        if picture:
+            camera = camera or self._camera(path, None if vrma else task["animation"], task["times"], nodes)
+            task |= {"camera": vars(camera), "size": size}
+        if program == "Blender":
+            return _positions(_blender(task, path, picture))
+        answer = self._asked(program, path, task, vrma)
+        if picture:
+            picture.write_bytes(base64.b64decode(answer["picture"].partition(",")[2]))
+        return _positions(answer["positions"])
+
+    @staticmethod
+    def _camera(path: Path, animation: int | None, times: list[float], nodes: list[int]) -> Camera:
+        document, buffer = gltf_player.load(path)
+        places = gltf_player.worlds(document, buffer, animation, np.array(times[-1:]))[:, nodes, :3, 3]
+        return Camera.on(places, back="VRM" in document.get("extensions", {}))
+
+    def _asked(self, program: str, path: Path, task: dict, vrma: Path | None) -> dict:
+        if vrma:
+            task = task | {"vrma": _address(vrma.resolve())}
+        call = "([program, url, task]) => window.players[program](url, task)"
+        return self._page().evaluate(call, [program, _address(path), task])
+
+    def _page(self):
+        if self._tab is None:
+            from playwright.sync_api import sync_playwright
+
+            playwright = self._open.enter_context(sync_playwright())
+            browser = playwright.chromium.launch(executable_path=_browser(), args=list(FLAGS))
+            self._open.callback(browser.close)
+            tab = browser.new_page()
+            tab.route("http://players/**", _serve)
+            tab.goto("http://players/")
+            page = build(Path(self._open.enter_context(tempfile.TemporaryDirectory())))
+            tab.add_script_tag(url=_address(page), type="module")
+            tab.wait_for_function("window.players")
+            self._tab = tab
+        return self._tab
+
+
+def _address(path: Path) -> str:
+    return f"http://players{quote(str(path))}"
+
+
+def _serve(route) -> None:
+    """Answer the browser with a file, or an empty page."""
+    path = Path(unquote(urlsplit(route.request.url).path))
+    if path.is_file():
+        kind = "text/javascript" if path.suffix == ".js" else "application/octet-stream"
+        route.fulfill(body=path.read_bytes(), content_type=kind)
+    elif path == Path("/"):
+        route.fulfill(body="<!doctype html><meta charset=utf-8>", content_type="text/html")
+    else:
+        route.fulfill(status=404)
+
+
+def build(folder: Path) -> Path:
+    """Bundle the script of the page with the npm packages into a folder, and return it."""
+    packages = Path(os.environ[PACKAGES]).resolve() / "node_modules"
+    options = ["--bundle", "--format=esm", "--splitting", "--log-level=error", f"--outdir={folder}"]
+    command = [packages / ".bin" / "esbuild", HERE / "players_page.mjs", *options]
+    subprocess.run(list(map(str, command)), check=True, env=os.environ | {"NODE_PATH": str(packages)})
+    return folder / "players_page.js"
+
+
+def _blender(task: dict, path: Path, picture: Path | None) -> list:
+    with tempfile.TemporaryDirectory() as folder:
+        file = path
+        if path.suffix not in (".glb", ".gltf"):
+            file = Path(folder) / "character.glb"
+            shutil.copy(path, file)
+        asked = Path(folder) / "task.json"
+        asked.write_text(json.dumps(task | {"file": str(file)} | ({"picture": str(picture)} if picture else {})))
+        command = [os.environ[BLENDER], str(HERE / "blender_gltf.py"), str(asked)]
+        done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError(f"Blender fails on {path.name}: {(done.stderr.strip().splitlines() or ['no message'])[-1]}")
+    return json.loads(done.stdout.strip().splitlines()[-1])
+
+
+def _positions(found: list) -> np.ndarray:
+    """Positions (times, nodes, 3) of lists in which a node may be None."""
+    nowhere = [np.nan] * 3
+    return np.array([[place or nowhere for place in places] for places in found], float)

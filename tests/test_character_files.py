@@ -1,0 +1,278 @@
+"""Files of characters, read and written: joints are where a plain player has them, and all else stays as it is."""
+
+import json
+
+import gltf_player
+import numpy as np
+import pytest
+from bodies import SAMPLES
+from characters import (
+    ARMATURE,
+    LOOKING_BACK,
+    as_vrm0,
+    as_vrm1,
+    as_vrma,
+    character,
+    chunks,
+    with_unknown_parts,
+)
+from scipy.spatial.transform import Rotation
+from test_characters import BONES, KINDS, ROLLED, WALK
+
+from distretarget import load_target, read_bvh, read_motion, retarget, write_motion
+from distretarget.body.body import Body
+from distretarget.io.input_file import load_file
+from distretarget.io.motion_file import parse_character
+
+NEAR = 1e-5  # [m]
+
+
+def by_node(path, made):
+    """The numbers of a file's joints, in the order of those that it was made of."""
+    places = {node: place for place, node in enumerate(joint_nodes(path))}
+    return [places[node] for node in made.joints]
+
+
+def joint_nodes(path):
+    """The node of each joint."""
+    character = parse_character(load_file(path))
+    return character.nodes[-len(character.skeleton) :].tolist()
+
+
+def played(path, animation, times, nodes):
+    """Where a plain player has nodes in an animation, (times, nodes, 3) [m]."""
+    document, buffer = gltf_player.load(path)
+    return gltf_player.worlds(document, buffer, animation, times)[:, nodes][..., :3, 3]
+
+
+@pytest.mark.parametrize("ending", ["glb", "gltf"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_skeleton_is_the_bind_pose(tmp_path, kind, ending):
+    made = character(BONES, **KINDS[kind])
+    path = made.write(tmp_path / f"hero.{ending}")
+    skeleton = load_target(path).skeleton
+    places = (skeleton.rest_positions + skeleton.offsets[0])[by_node(path, made)]
+    assert places == pytest.approx(BONES.positions, abs=NEAR)
+    assert (skeleton.units, skeleton.up) == ("m", "Y")
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "matrices"])
+def test_a_motion_is_what_a_player_shows(tmp_path, kind):
+    made = character(BONES, **KINDS[kind])
+    made.animate("walk", WALK)
+    path = made.write(tmp_path / "hero.glb")
+    motion, joints = read_motion(path), by_node(path, made)
+    assert motion.positions[:, joints] == pytest.approx(WALK.positions, abs=NEAR)
+    turns = Rotation.from_quat(motion.world_rotations[:, joints]) * Rotation.from_quat(WALK.turns).inv()
+    assert turns.magnitude().max() < 1e-4
+    assert motion.frame_time == pytest.approx(WALK.times[1], rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("options", "error"),
+    [
+        ({"interpolation": "STEP"}, NEAR),
+        ({"interpolation": "CUBICSPLINE"}, NEAR),
+        ({"rotations": "i2"}, 2e-3),
+        ({"rotations": "i1"}, 0.1),
+        ({"stride": 24}, NEAR),
+        ({"sparse": True}, NEAR),
+        ({"scales": True, "all_translations": True}, NEAR),
+        ({"flipped": True, "still": False}, NEAR),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, dict) else "",
+)
+def test_all_ways_to_store_keys(tmp_path, options, error):
+    made = character(BONES, axes=ROLLED, above=ARMATURE)
+    made.animate("walk", WALK, **options)
+    path = made.write(tmp_path / "hero.glb")
+    assert read_motion(path).positions[:, by_node(path, made)] == pytest.approx(WALK.positions, abs=error)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_written_motion_is_where_a_player_shows_it(tmp_path, kind):
+    made = character(BONES, **KINDS[kind])
+    source, out = made.write(tmp_path / "hero.glb"), tmp_path / "hero_clap.glb"
+    result = retarget(read_bvh(SAMPLES / "clap.bvh")[:40], load_target(source)).motion
+    write_motion(out, result, source, name="clap")
+    times = result.frame_time * np.arange(len(result))
+    found = played(out, "clap", times, joint_nodes(source))
+    assert found == pytest.approx(result.positions, abs=NEAR)
+
+
+def test_the_bind_pose_counts_not_the_pose_shown(tmp_path):
+    made = character(BONES, axes=ROLLED, above=ARMATURE)
+    made.show(WALK, 3)
+    source, out = made.write(tmp_path / "hero.glb"), tmp_path / "hero_clap.glb"
+    skeleton = load_target(source).skeleton
+    places = (skeleton.rest_positions + skeleton.offsets[0])[by_node(source, made)]
+    assert places == pytest.approx(BONES.positions, abs=NEAR)
+    result = retarget(read_bvh(SAMPLES / "clap.bvh")[:20], load_target(source)).motion
+    write_motion(out, result, source)
+    found = played(out, "hero_clap", result.frame_time * np.arange(20), joint_nodes(source))
+    assert found == pytest.approx(result.positions, abs=NEAR)
+
+
+def clapping(source, frames=20):
+    return retarget(read_bvh(SAMPLES / "clap.bvh")[:frames], load_target(source)).motion
+
+
+def without_new(document, before):
+    """A document without what a writer may add to it."""
+    document = {**document}
+    for key in ("accessors", "bufferViews", "animations"):
+        document[key] = document[key][: len(before.get(key, []))]
+    document["buffers"] = before["buffers"]
+    return {key: value for key, value in document.items() if value or key in before}
+
+
+@pytest.mark.parametrize("animated", [False, True])
+def test_all_else_in_the_file_stays_as_it_is(tmp_path, animated):
+    made = with_unknown_parts(as_vrm1(character(BONES, axes=ROLLED, above=ARMATURE), springs=["Head"]))
+    if animated:
+        made.animate("walk", WALK)
+    source, out = made.write(tmp_path / "hero.vrm"), tmp_path / "hero_clap.vrm"
+    write_motion(out, clapping(source), source)
+    (before, old), (after, new) = chunks(source.read_bytes()), chunks(out.read_bytes())
+    assert without_new(after, before) == before
+    assert new.startswith(old)
+    assert after["buffers"][0]["byteLength"] == len(new)
+    assert [entry["name"] for entry in after["animations"]] == ["walk", "hero_clap"][not animated :]
+
+
+def test_numbers_in_the_document_keep_their_digits(tmp_path):
+    made = character(BONES)
+    source = made.write(tmp_path / "hero.glb")
+    document, buffer = chunks(source.read_bytes())
+    text = json.dumps(document)[:-1] + ', "extras": {"exact": 1.50000e-3, "long": 0.12345678901234567890123 }}'
+    source.write_bytes(glb(text, buffer))
+    out = tmp_path / "out.glb"
+    write_motion(out, clapping(source), source)
+    assert b'"extras": {"exact": 1.50000e-3, "long": 0.12345678901234567890123 }' in out.read_bytes()
+
+
+def glb(text, buffer=b"", more=()):
+    """A GLB of a JSON text, a binary chunk, and other chunks."""
+    chunks_ = [(b"JSON", text.encode() + b" " * (-len(text.encode()) % 4))]
+    chunks_ += [(b"BIN\0", buffer + b"\0" * (-len(buffer) % 4))] if buffer else []
+    parts = b"".join(len(data).to_bytes(4, "little") + kind + data for kind, data in (*chunks_, *more))
+    return b"glTF" + (2).to_bytes(4, "little") + (12 + len(parts)).to_bytes(4, "little") + parts
+
+
+def test_unknown_chunks_stay(tmp_path):
+    source = character(BONES).write(tmp_path / "hero.glb")
+    document, buffer = chunks(source.read_bytes())
+    source.write_bytes(glb(json.dumps(document), buffer, [(b"ACME", b"12345678")]))
+    out = tmp_path / "out.glb"
+    write_motion(out, clapping(source), source)
+    assert out.read_bytes().endswith(b"ACME12345678")
+
+
+@pytest.mark.parametrize("mode", ["add", "replace"])
+def test_animations_are_added_or_replaced(tmp_path, mode):
+    made = character(BONES)
+    for name in ("clap", "walk"):
+        made.animate(name, WALK)
+    source, out = made.write(tmp_path / "hero.glb"), tmp_path / "clap.glb"
+    motion = clapping(source)
+    write_motion(out, motion, source, animations=mode)
+    names = [entry["name"] for entry in chunks(out.read_bytes())[0]["animations"]]
+    assert names == (["clap", "walk", "clap 2"] if mode == "add" else ["clap"])
+    found = played(out, names[-1], motion.frame_time * np.arange(len(motion)), joint_nodes(source))
+    assert found == pytest.approx(motion.positions, abs=NEAR)
+
+
+@pytest.mark.parametrize(("source_ending", "out"), [("glb", "out.gltf"), ("gltf", "out.glb"), ("gltf", "out.gltf")])
+@pytest.mark.parametrize("elsewhere", [False, True])
+def test_each_container_can_be_written_from_each(tmp_path, source_ending, out, elsewhere):
+    source = character(BONES, axes=ROLLED).write(tmp_path / f"hero.{source_ending}")
+    folder = tmp_path / "other" if elsewhere else tmp_path
+    folder.mkdir(exist_ok=True)
+    motion = clapping(source)
+    write_motion(folder / out, motion, source, name="clap")
+    again = read_motion(folder / out)
+    assert again.positions == pytest.approx(motion.positions, abs=NEAR)
+    found = played(folder / out, "clap", motion.frame_time * np.arange(len(motion)), joint_nodes(source))
+    assert found == pytest.approx(motion.positions, abs=NEAR)
+
+
+def test_only_what_moves_has_keys(tmp_path):
+    source, out = character(BONES, axes=ROLLED).write(tmp_path / "hero.glb"), tmp_path / "clap.glb"
+    motion = clapping(source)
+    write_motion(out, motion, source)
+    document, _ = chunks(out.read_bytes())
+    channels = document["animations"][0]["channels"]
+    moving = [channel["target"]["node"] for channel in channels if channel["target"]["path"] == "translation"]
+    assert moving == [joint_nodes(source)[0]]
+    turning = [channel["target"]["node"] for channel in channels if channel["target"]["path"] == "rotation"]
+    still = np.abs(motion.rotations - [0, 0, 0, 1]).max(axis=(0, 2)) < 1e-9
+    assert sorted(turning) == sorted(node for node, rests in zip(joint_nodes(source), still, strict=True) if not rests)
+
+
+def test_motion_to_bvh_and_back_is_the_same(tmp_path):
+    made = character(BONES, axes=ROLLED, above=ARMATURE)
+    made.animate("walk", WALK)
+    source, bvh, out = made.write(tmp_path / "hero.glb"), tmp_path / "walk.bvh", tmp_path / "again.glb"
+    write_motion(bvh, read_motion(source))
+    write_motion(out, read_motion(bvh), source, name="again")
+    assert played(out, "again", WALK.times, made.joints) == pytest.approx(WALK.positions, abs=1e-4)
+
+
+def test_in_place_keeps_the_path_beside_the_motion(tmp_path):
+    source, out = character(BONES).write(tmp_path / "hero.glb"), tmp_path / "walk.glb"
+    motion = retarget(read_bvh(SAMPLES / "walk.bvh"), load_target(source)).motion
+    write_motion(out, motion, source, in_place=True)
+    document, _ = chunks(out.read_bytes())
+    path = np.array(document["animations"][0]["extras"]["root_path"])
+    again = read_motion(out).root_positions
+    assert path == pytest.approx(motion.root_positions, abs=1e-5)
+    assert np.ptp(again[:, [0, 2]], axis=0) == pytest.approx([0, 0], abs=NEAR)
+    assert again[:, 1] == pytest.approx(path[:, 1], abs=NEAR)
+
+
+@pytest.mark.parametrize("version", [0, 1])
+def test_the_humanoid_of_a_vrm_decides(tmp_path, version):
+    names = [f"bone {number}" for number in range(len(BONES.names))]
+    bones = BONES.turned(LOOKING_BACK) if version == 0 else BONES
+    made = character(bones, axes=ROLLED)
+    (as_vrm0 if version == 0 else as_vrm1)(made)
+    for node, name in zip(made.joints, names, strict=True):
+        made.document["nodes"][node]["name"] = name
+    source = made.write(tmp_path / "hero.vrm")
+    result = retarget(read_bvh(SAMPLES / "clap.bvh")[:20], load_target(source))
+    body = result.matching.target
+    assert body.anatomy.method == "humanoid"
+    assert body.anatomy.roles["leftHand"] == by_node(source, made)[BONES.names.index("LeftWrist")]
+    assert body.reference.axes[:, 2] == pytest.approx([0, 0, 1.0 if version else -1.0])
+    assert (result.drivers[[body.anatomy.roles[role] for role in ("hips", "leftFoot", "rightHand")]] >= 0).all()
+
+
+def test_vrm_animations_are_read_and_written(tmp_path):
+    made = as_vrma(character(BONES, above=ARMATURE, meshes=None))
+    made.animate("walk", WALK)
+    source = made.write(tmp_path / "walk.vrma")
+    motion = read_motion(source)
+    assert motion.positions[:, by_node(source, made)] == pytest.approx(WALK.positions, abs=NEAR)
+    out = tmp_path / "again.vrma"
+    write_motion(out, motion)
+    again = read_motion(out)
+    joint = dict(again.skeleton.humanoid)
+    for bone, number in motion.skeleton.humanoid:
+        assert again.positions[:, joint[bone]] == pytest.approx(motion.positions[:, number], abs=NEAR)
+
+
+def test_any_person_can_become_a_vrm_animation(tmp_path):
+    clip = read_bvh(SAMPLES / "walk.bvh")[:20]
+    target = load_target(SAMPLES / "rigs" / "unreal_a.json")  # an A-pose, in cm
+    result = retarget(clip, target)
+    write_motion(tmp_path / "walk.vrma", result.motion)
+    again = read_motion(tmp_path / "walk.vrma")
+    body, joints = Body.of(result.motion.skeleton), dict(again.skeleton.humanoid)
+    height = body.height
+    assert Body.of(again.skeleton).height * 100 == pytest.approx(height, rel=0.2)
+    for role in ("leftHand", "rightFoot", "head", "hips"):
+        found, wanted = again.positions[:, joints[role]], result.motion.positions[:, body.anatomy.roles[role]]
+        turned = Rotation.from_matrix(body.reference.axes.T).apply(wanted) / 100
+        assert found == pytest.approx(turned, abs=1e-4)
+    arms = again.skeleton.offsets[[joints["leftLowerArm"], joints["leftHand"]]]
+    assert arms / np.linalg.norm(arms, axis=1)[:, None] == pytest.approx(np.tile([1.0, 0.0, 0.0], (2, 1)), abs=1e-6)
