@@ -162,19 +162,8 @@ def batch_command(
         clips = plan(found, texts, results, sources, kind)
     except BatchError as error:
         raise click.UsageError(str(error)) from error
-    batch = Batch(
-        clips,
-        results,
-        options,
-        map_file,
-        Reading(clip, fps),
-        settings,
-        about,
-        index,
-        reports,
-        overwrite and not merge,
-        fail_fast,
-    )
+    ways = options, map_file, about, index, reports, overwrite and not merge, fail_fast
+    batch = Batch(clips, results, *ways, Reading(clip, fps), settings)
     for each in unread:
         complain(f"not searched: {each}")
     if dry_run:

@@ -6,6 +6,7 @@ import importlib.util
 import io
 import json
 import math
+import os
 import signal
 import subprocess
 import sys
@@ -33,6 +34,7 @@ COMMAND = (
     f"import sys; sys.path.insert(0, {str(ROOT)!r}); from distretarget.io.fbx_process import main; main()",
 )
 SECONDS, SECONDS_PER_BYTE = 120.0, 2e-6  # the longest time for any file, and for each byte of it
+ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "MKL", "OMP")}  # each would take memory
 ADVICE = "open the file in Blender and export it as GLB"
 STOPS = {0xC0000005: "access violation", 0xC00000FD: "stack overflow"}  # Windows
 SINGULAR = 1e-12  # a bind matrix whose axes span less than this part of a cube has no inverse
@@ -60,7 +62,7 @@ def parse_fbx(
         FileError: the file is not valid, its reader stopped, or the animation has to be chosen or is not there.
     """
     if importlib.util.find_spec("ufbx") is None:
-        raise MissingPackageError("reading FBX needs the package ufbx: pip install 'distretarget[fbx]'", path)
+        raise MissingPackageError("reading FBX needs the package ufbx; pip install 'distretarget[fbx]'", path)
     arrays = _read(content, path, {"clip": clip, "fps": fps, "with_animation": with_animation})
     try:
         return _scene(path, arrays)
@@ -71,10 +73,17 @@ def parse_fbx(
 def _read(content: bytes, path: str | Path, request: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arrays and the header that the process hands over; see `fbx_process.py`."""
     seconds = SECONDS + SECONDS_PER_BYTE * len(content)
-    command = [*COMMAND, json.dumps({"path": str(path), **request})]
+    command = [*COMMAND, json.dumps(request)]
     flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)
     try:
-        done = subprocess.run(command, input=content, capture_output=True, timeout=seconds, creationflags=flags)
+        done = subprocess.run(
+            command,
+            input=content,
+            capture_output=True,
+            timeout=seconds,
+            creationflags=flags,
+            env=os.environ | ONE_THREAD,
+        )
     except subprocess.TimeoutExpired:
         _stopped(path, f"no answer after {seconds:.0f} s")
     except OSError as error:
@@ -167,7 +176,7 @@ def _inverse(matrix: Array) -> Array:
     """The inverse of a matrix (4, 4); zeros if it has none."""
     sizes = np.linalg.norm(matrix[:3, :3], axis=0)
     regular = np.isfinite(matrix).all() and sizes.all() and abs(np.linalg.det(matrix[:3, :3] / sizes)) > SINGULAR
-    return np.linalg.inv(matrix) if regular else np.zeros((4, 4))
+    return np.asarray(np.linalg.inv(matrix) if regular else np.zeros((4, 4)), np.float64)
 
 
 def _bone_trees(parents: NDArray[np.intp], bones: NDArray[np.bool_]) -> list[NDArray[np.intp]]:

@@ -29,13 +29,13 @@ Array = NDArray[np.float64]
 Element = TypeVar("Element")
 
 TRANSFORMS = frozenset({"Lcl Translation", "Lcl Rotation", "Lcl Scaling"})
-MOST_SAMPLES = 10_000_000  # nodes times frames that are sampled, unless the file has as many keys
+FREE_SAMPLES = 4_000_000  # so many keys, and samples, may a file have, however small it is [frames x nodes]
 SAME_KEY = 1e-4  # keys that are nearer belong to one frame [s]
 NEAR = 0.05  # tolerance of a key's place on a grid of frames [frames]
 LONGEST_STEP = 0.1  # keys that are further apart are poses of an animator, not frames of a recording [s]
 SHORTEST_STEP = 1e-3
 PROBES = 16  # keys of a curve that are compared with those of another
-FREE_MEMORY, MEMORY_PER_BYTE = 1 << 31, 40  # bounds of the memory: for any file, and for each byte of it [bytes]
+FREE_MEMORY, MEMORY_PER_BYTE = 1 << 30, 40  # bounds of the memory: for any file, and for each byte of it [bytes]
 
 _increase = ctypes.pythonapi.Py_IncRef
 _increase.argtypes, _increase.restype = [ctypes.py_object], None
@@ -78,27 +78,28 @@ def _limit_memory(size: int) -> None:
 
 
 def _content(
-    data: bytes, path: str, clip: str | None, fps: float | None, with_animation: bool
+    data: bytes, clip: str | None, fps: float | None, with_animation: bool
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the arrays and the header of a file.
 
     Raises:
         FileError: the file is not valid, its animation is not chosen, or has too many frames.
     """
-    scene = _load(data, path)
+    scene = _load(data)
     nodes = list(_each(scene.nodes))[1:]  # the first is the root that ufbx adds
     stacks = [stack for stack in _each(scene.anim_stacks) if _has_keys(stack)]
     arrays, header = _still(scene, nodes)
     header["animations"] = [stack.name for stack in stacks]
     if with_animation:
-        chosen = choose_animation(path, header["animations"], clip)
+        chosen = choose_animation("", header["animations"], clip)
         if chosen is not None:
-            arrays["moving"], arrays["frames"], step = _sampled(path, scene, nodes, stacks[chosen], fps)
+            most = max(FREE_SAMPLES, len(data))
+            arrays["moving"], arrays["frames"], step = _sampled(scene, nodes, stacks[chosen], fps, most)
             header |= {"chosen": chosen, "step": step}
     return arrays, header
 
 
-def _load(data: bytes, path: str) -> ufbx.Scene:
+def _load(data: bytes) -> ufbx.Scene:
     """Return the scene; where nodes do not inherit scale as usual, helper nodes or scales make up for it."""
     import ufbx
 
@@ -112,8 +113,12 @@ def _load(data: bytes, path: str) -> ufbx.Scene:
                 inherit_mode_handling=ufbx.InheritModeHandling.COMPENSATE,
             )
         )
+    except ufbx.OutOfMemoryError as error:
+        raise MemoryError from error
     except ufbx.UfbxError as error:
-        raise FileError(path, f"is not a valid FBX file: {str(error).splitlines()[0]}") from error
+        raise FileError(
+            "", f"is not a valid FBX file: {str(error).splitlines()[0].lower()}; export it again"
+        ) from error
 
 
 def _held(element: Element) -> Element:
@@ -227,20 +232,24 @@ def _has_keys(stack: ufbx.AnimStack) -> bool:
 
 
 def _sampled(
-    path: str, scene: ufbx.Scene, nodes: list[ufbx.Node], stack: ufbx.AnimStack, fps: float | None
+    scene: ufbx.Scene, nodes: list[ufbx.Node], stack: ufbx.AnimStack, fps: float | None, most: int
 ) -> tuple[NDArray[np.int64], Array, float]:
-    """Return the nodes that move, their translations, rotations and scales (frames, nodes, 10), and the step [s]."""
+    """Return the nodes that move, their translations, rotations and scales (frames, nodes, 10), and the step [s].
+
+    Raises:
+        FileError: more than `most` keys or samples.
+    """
     import ufbx
 
-    keys, count, moving = _keys(stack)
+    keys, moving = _keys(stack, most)
     begin, end = stack.time_begin, stack.time_end
     inside = keys[(keys >= begin - SAME_KEY) & (keys <= end + SAME_KEY)]
     keys = inside if len(inside) > 1 else keys  # the keys in the animation's own time span, if that makes sense
     step = 1.0 / fps if fps else frame_step(keys, scene.settings.frames_per_second)
     chosen = [index for index, node in enumerate(nodes) if node.typed_id in moving or _follows_scale(node)]
     frames = (keys[-1] - keys[0]) / step + 1.0
-    if not frames * len(chosen) <= max(MOST_SAMPLES, count):
-        raise FileError(path, f"the animation {stack.name!r} would have {frames:.0f} frames; ask for fewer with --fps")
+    if not frames * len(chosen) <= most:
+        raise FileError("", f"the animation {stack.name!r} would have {frames:.0f} frames; ask for fewer with --fps")
     times = frame_times(keys, step)
     anim, parts = _held(stack.anim), [nodes[index] for index in chosen]
     samples = np.empty((len(times), len(parts), 10))
@@ -261,8 +270,8 @@ def _follows_scale(node: ufbx.Node) -> bool:
     return node.is_scale_helper or (parent is not None and _held(parent.scale_helper) is not None)
 
 
-def _keys(stack: ufbx.AnimStack) -> tuple[Array, int, set[int]]:
-    """Return the times of all keys of an animation, sorted [s], the number of keys, and the nodes that it moves.
+def _keys(stack: ufbx.AnimStack, most: int) -> tuple[Array, set[int]]:
+    """Return the times of all keys of an animation, sorted [s], and the nodes that it moves.
 
     Curves with the same keys are the rule: of those of the same length only a few keys are compared.
     """
@@ -272,13 +281,15 @@ def _keys(stack: ufbx.AnimStack) -> tuple[Array, int, set[int]]:
         moving.add(node.typed_id)
         keys = curve.keyframes
         count += len(keys)
+        if count > most:
+            raise FileError("", f"the animation {stack.name!r} has more than {most} keys; export it with fewer")
         probes = np.linspace(0, len(keys) - 1, PROBES).astype(int).tolist()
         kind = (len(keys), *(keys[probe].time for probe in probes))
         if kind not in seen:
             seen.add(kind)
             times.extend(keys[index].time for index in range(len(keys)))
     sorted_times: Array = np.unique(np.array(times))
-    return sorted_times[np.diff(sorted_times, prepend=-np.inf) > SAME_KEY], count, moving
+    return sorted_times[np.diff(sorted_times, prepend=-np.inf) > SAME_KEY], moving
 
 
 def frame_step(keys: Array, rate: float) -> float:

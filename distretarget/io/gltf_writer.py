@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from distretarget.errors import FileError
 from distretarget.io.gltf import BINARY_CHUNK, CHUNK_HEADER, DATA_URI, HEADER, MAGIC, Gltf, dotted
-from distretarget.io.json_node import Node
+from distretarget.io.json_node import Fields, Node
 from distretarget.io.json_text import Edit, Member, added, compact, edited, member, members
 from distretarget.io.nodes import Animation, Nodes
 
@@ -24,6 +24,7 @@ ALIGNED = 4  # accessors of floats, and chunks, begin at multiples of this [byte
 LARGEST_GLB = 2**32 - 1  # the header has no room for more [bytes]
 KINDS = {3: "VEC3", 4: "VEC4"}
 OCTETS = "application/octet-stream"
+START = 1, "0"  # the times of a track with a single key: frames, and the time between them
 
 
 class _Data:
@@ -85,7 +86,9 @@ def animated(
     start = _aligned(len(binary)) if extends and binary is not None else 0
     data = _Data(0 if has_room else len(lists["buffers"]), start, len(lists["bufferViews"]), len(lists["accessors"]))
     taken = {entry.entries(dotted).read("name", Node.text, "") for entry in lists["animations"]} - {""}
-    entries = list(_entries(animations, data, taken if mode == "add" else set()))
+    kept = lists["animations"] if mode == "add" else ()
+    moved = {target for entry in kept for target in _targets(gltf, entry)}
+    entries = list(_entries(animations, data, taken if mode == "add" else set(), nodes, moved))
 
     edits, new = [], {}
     for key, values in (("bufferViews", data.views), ("accessors", data.accessors), ("animations", entries)):
@@ -123,9 +126,30 @@ def animated(
     return _glb(gltf, chunks)
 
 
-def _entries(animations: Sequence[Animation], data: _Data, taken: set[str]) -> Iterator[dict[str, object]]:
-    """The entries of animations, whose numbers go into `data`."""
+def _targets(gltf: Gltf, animation: Node) -> Iterator[tuple[str, int]]:
+    """What an animation of the file has keys for: a path, such as "rotation", and a node."""
+    for channel in animation.entries(dotted).listed("channels"):
+        target = channel.entries(dotted).read("target", lambda node: node.entries(dotted), Fields())
+        if "node" in target:
+            yield target.read("path", Node.text, ""), gltf.index("nodes", target["node"])
+
+
+def _entries(
+    animations: Sequence[Animation], data: _Data, taken: set[str], nodes: Nodes, moved: set[tuple[str, int]]
+) -> Iterator[dict[str, object]]:
+    """The entries of animations, whose numbers go into `data`.
+
+    Players that go from one animation to another leave what has no keys in the other as it was. So what any of the
+    animations moves, by `moved` those in the file, has in each a key of its own: the transform that the node shows.
+    """
     inputs: dict[tuple[int, str], int] = {}
+    moved = moved | {
+        (path, node)
+        for animation in animations
+        for path, values in (("translation", animation.translations), ("rotation", animation.rotations))
+        for node in values
+    }
+    shown = {"translation": nodes.translations, "rotation": nodes.rotations, "scale": nodes.scales}
     for animation in animations:
         key = animation.frames, animation.frame_time_text
         if key not in inputs:
@@ -134,6 +158,13 @@ def _entries(animations: Sequence[Animation], data: _Data, taken: set[str]) -> I
         tracks = [("translation", node, values) for node, values in animation.translations.items()]
         tracks += [("rotation", node, values) for node, values in animation.rotations.items()]
         samplers = [{"input": inputs[key], "output": data.add(values)} for _, _, values in tracks]
+        keyed = {(path, node) for path, node, _ in tracks}
+        for path, node in sorted(moved - keyed):
+            if path in shown and node in animation.posed:
+                if START not in inputs:
+                    inputs[START] = data.add(np.zeros(1), min=[0.0], max=[0.0])
+                tracks.append((path, node, shown[path][[node]]))
+                samplers.append({"input": inputs[START], "output": data.add(shown[path][[node]])})
         channels = [
             {"sampler": number, "target": {"node": node, "path": path}} for number, (path, node, _) in enumerate(tracks)
         ]

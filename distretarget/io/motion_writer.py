@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.checks import check_choice, check_kind
-from distretarget.errors import FileError, MotionError, closest
+from distretarget.errors import FileError, MotionError
 from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import read_bytes, write_whole
 from distretarget.io.gltf import inside, parse_gltf
@@ -46,7 +46,9 @@ def output_kind(path: str | Path, target: InputFile | None) -> OutputKind:
     if suffix == ".fbx":
         raise FileError(path, NO_FBX)
     if suffix not in OUTPUTS:
-        raise FileError(path, f"the ending says what to write; {closest(suffix, tuple(OUTPUTS))}")
+        better = Path(path).with_suffix(".bvh") if Path(path).name else ".bvh"
+        endings = ", ".join(OUTPUTS)
+        raise FileError(path, f"the ending says what to write; expected one of {endings}, such as {str(better)!r}")
     kind = OUTPUTS[suffix]
     if kind == "character" and (target is None or target.kind != "glTF"):
         found = f"it is {target.kind}" if target else "none is given"
