@@ -6,6 +6,7 @@ keys of its translation as well.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 
@@ -102,7 +103,10 @@ def with_deform_bones(character: Character) -> Character:
 
 def _top_down(tree: Mapping[int, int]) -> list[int]:
     """The bones of a tree, each after its parent."""
-    bones = [bone for bone in sorted(tree) if tree[bone] < 0]
+    below: dict[int, list[int]] = defaultdict(list)
+    for bone in sorted(tree):
+        below[tree[bone]].append(bone)
+    bones = below[-1]
     for upper in bones:
-        bones.extend(bone for bone in sorted(tree) if tree[bone] == upper)
+        bones.extend(below[upper])
     return bones
