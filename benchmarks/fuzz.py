@@ -34,9 +34,9 @@ from distretarget.batch.compile_ahead import warm
 from distretarget.batch.manifest import Manifest
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
-from distretarget.io.files import Text
+from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import parse_map
-from distretarget.io.target_file import parse_target, skeleton_to_json
+from distretarget.io.target_file import TargetFile, parse_target, skeleton_to_json
 from distretarget.pipeline.options import OBJECTIVES
 from distretarget.pipeline.retargeting import retarget_onto
 
@@ -83,6 +83,11 @@ class TooLongError(Exception):
 # ---- what is done with an input
 
 
+def _file(text: str, path: str) -> InputFile:
+    """A file with a text."""
+    return InputFile(text.encode("utf-8", "surrogateescape"), path)
+
+
 def read(case: tuple[str, str]) -> None:
     """Parse a text, write the result, parse that, and compare."""
     kind, text = case
@@ -90,10 +95,10 @@ def read(case: tuple[str, str]) -> None:
         motion = parse_bvh(text, "clip.bvh")
         _same_motion(motion, _again(lambda: parse_bvh(format_bvh(motion), "again.bvh")))
     elif kind == "target":
-        target = parse_target(text, "target.json")
+        target = parse_target(_file(text, "target.json"))
         if isinstance(target, Target):
             written, body = skeleton_to_json(target.skeleton, target.name, target.map), target.skeleton
-            again = _again(lambda: parse_target(written, "again.json")).skeleton
+            again = _again(lambda: parse_target(_file(written, "again.json"))).skeleton
             if body.keys != again.keys or body.channels != again.channels:
                 raise NotReadBackError("joints or channels")
             _close(body.offsets, again.offsets, "offsets")
@@ -115,7 +120,8 @@ def convert(case: tuple[tuple[str, str], str, dict[str, Any]]) -> None:
     (source, target), joint_map, options = case
     chosen = Options(**{key: value for key, value in options.items() if key not in ("jobs", "q")})
     clip, pairs = parse_bvh(source, "clip.bvh"), parse_map(joint_map, "map.json")
-    result = retarget_onto(clip, Text(target, "target"), source="clip.bvh", map_file=pairs, options=chosen)
+    body = TargetFile.of(_file(target, "target"))
+    result = retarget_onto(clip, body, source="clip.bvh", map_file=pairs, options=chosen)
     again = _again(lambda: parse_bvh(format_bvh(result.motion), "again.bvh"))
     _same_motion(result.motion, again)
     if len(again) != len(result.source):

@@ -159,6 +159,30 @@ def ik() -> None:
         constraint.chain_count = 2
 
 
+def constraints() -> None:
+    """A hand held to the head, a limited foot, IK from a toe up to the root; bones that are locked or scaled."""
+    armature = human()
+    add_boxes(armature)
+    for name, kind, target in (("hand.L", "CHILD_OF", "spine.006"), ("toe.L", "IK", "hand.R")):
+        constraint = armature.pose.bones[name].constraints.new(kind)
+        constraint.target, constraint.subtarget = armature, target
+    limits = armature.pose.bones["foot.L"].constraints.new("LIMIT_ROTATION")
+    limits.use_limit_x = limits.use_limit_y = limits.use_limit_z = True
+    limits.owner_space = "LOCAL"
+    for bone in armature.pose.bones:
+        bone.lock_location = bone.lock_rotation = (True, True, True)
+    armature.data.bones["forearm.L"].use_local_location = False
+    armature.pose.bones["spine"].rotation_mode = "AXIS_ANGLE"
+    armature.pose.bones["spine"].scale = (2, 2, 2)
+
+
+def hidden() -> None:
+    """The armature is hidden in viewports."""
+    armature = human()
+    add_boxes(armature)
+    armature.hide_viewport = True
+
+
 def no_inherited_rotation() -> None:
     """Upper arms and head keep their direction when the trunk turns; hands do not inherit scale."""
     armature = human()
@@ -271,8 +295,8 @@ def rigify() -> None:
 
 
 CHARACTERS = (
-    plain, names_with_spaces, biped, odd_names, scale_001, scale_uneven, ik, no_inherited_rotation, drivers,
-    two_armatures, two_characters, two_roots, meshes_on_bones, two_animations, posed, rigify,
+    plain, names_with_spaces, biped, odd_names, scale_001, scale_uneven, ik, constraints, hidden, no_inherited_rotation,
+    drivers, two_armatures, two_characters, two_roots, meshes_on_bones, two_animations, posed, rigify,
 )  # fmt: skip
 
 

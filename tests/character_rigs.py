@@ -390,6 +390,48 @@ RIGS = {
         ),
         "Rigify",
     ),
+    "Rigify before 2019": Rig(
+        "root>DEF-hips(DEF-spine>DEF-chest(DEF-neck>DEF-head|{DEF-shoulder.@>DEF-upper_arm.01.@>DEF-upper_arm.02.@>"
+        "DEF-forearm.01.@>DEF-forearm.02.@>DEF-hand.@>DEF-palm.01.@>DEF-f_index.01.@>DEF-f_index.02.@})|"
+        "{DEF-thigh.01.@>DEF-thigh.02.@>DEF-shin.01.@>DEF-shin.02.@>DEF-foot.@>DEF-toe.@})",
+        ("L", "R"),
+        "DEF-hips",
+        ("DEF-spine", "DEF-chest"),
+        ("DEF-neck",),
+        "DEF-head",
+        ("DEF-shoulder.@", "DEF-upper_arm.01.@", "DEF-forearm.01.@", "DEF-hand.@"),
+        ("DEF-thigh.01.@", "DEF-shin.01.@", "DEF-foot.@", "DEF-toe.@"),
+        ((), ("DEF-palm.01.@", "DEF-f_index.01.@", "DEF-f_index.02.@")),
+        "Rigify",
+    ),
+    "XNALara": Rig(
+        "root ground>root hips(pelvis({leg @ thigh>leg @ knee>leg @ ankle>leg @ toes})|spine lower>spine middle>"
+        "spine upper(head neck lower>head neck upper(head jaw|head eyeball left|head eyeball right|head hair front)|"
+        "{arm @ shoulder 1>arm @ shoulder 2(arm @ shoulder 2 twist|arm @ elbow>arm @ wrist("
+        "arm @ finger 1a>arm @ finger 1b>arm @ finger 1c|arm @ finger 2a>arm @ finger 2b>arm @ finger 2c))}))",
+        ("left", "right"),
+        "root hips",
+        ("spine lower", "spine middle", "spine upper"),
+        ("head neck lower",),
+        "head neck upper",
+        ("arm @ shoulder 1", "arm @ shoulder 2", "arm @ elbow", "arm @ wrist"),
+        ("leg @ thigh", "leg @ knee", "leg @ ankle", "leg @ toes"),
+        tuple((None, *(f"arm @ finger {number}{letter}" for letter in "abc")) for number in (1, 2)),
+        "XNALara",
+    ),
+    "VRoid under another program's prefix": Rig(
+        "Hero_Root>Hero_J_Bip_C_Hips(Hero_J_Bip_C_Spine>Hero_J_Bip_C_Chest(Hero_J_Bip_C_Neck>Hero_J_Bip_C_Head|"
+        "{Hero_J_Bip_@_Shoulder>Hero_J_Bip_@_UpperArm>Hero_J_Bip_@_LowerArm>Hero_J_Bip_@_Hand})|"
+        "{Hero_J_Bip_@_UpperLeg>Hero_J_Bip_@_LowerLeg>Hero_J_Bip_@_Foot>Hero_J_Bip_@_ToeBase})",
+        ("L", "R"),
+        "Hero_J_Bip_C_Hips",
+        ("Hero_J_Bip_C_Spine", "Hero_J_Bip_C_Chest"),
+        ("Hero_J_Bip_C_Neck",),
+        "Hero_J_Bip_C_Head",
+        tuple(f"Hero_J_Bip_@_{part}" for part in ("Shoulder", "UpperArm", "LowerArm", "Hand")),
+        tuple(f"Hero_J_Bip_@_{part}" for part in ("UpperLeg", "LowerLeg", "Foot", "ToeBase")),
+        title="VRoid",
+    ),
     "Rigify for games, without dots": Rig(
         "root>DEF-hips(DEF-spine001>DEF-spine002>DEF-spine003(DEF-neck>DEF-head|{DEF-shoulder@>DEF-upper_arm@>DEF-forearm@>"
         "DEF-hand@(" + fingers("DEF-f_<f>0<n>@", FIVE[1:], (1, 2, 3)) + "|DEF-thumb01@>DEF-thumb02@>DEF-thumb03@)})|"

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from input_files import file_of
 
 from distretarget.io.target_file import load_target
 
@@ -27,7 +28,7 @@ def short(**others):
 def load_json(text):
     """The skeleton in a text, without a file of its own for each of many."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("distretarget.io.target_file.read_text", lambda _: text)
+        patch.setattr("distretarget.io.target_file.load_file", lambda path: file_of(text, path))
         return load_target("given.json").skeleton
 
 

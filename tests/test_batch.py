@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from bodies import other_lengths, person
+from input_files import file_of, target_of, text_hash
 
 from distretarget.batch import batch as batch_module
 from distretarget.batch import workers as batch_workers
@@ -15,12 +16,12 @@ from distretarget.batch.manifest import Manifest, Tally, parse_record
 from distretarget.batch.plan import find_clips, plan
 from distretarget.batch.workers import Result
 from distretarget.errors import BatchError, FileError
-from distretarget.io.files import Text, encoded_parts, text_hash
+from distretarget.io.files import encoded_parts
 from distretarget.io.map_json import MapFile
 from distretarget.io.target_file import skeleton_to_json
 from distretarget.pipeline.options import Options
 
-TARGET = Text(skeleton_to_json(other_lengths(person()), "body"), "body.json")
+TARGET = target_of(skeleton_to_json(other_lengths(person()), "body"), "body.json")
 
 
 class Inline(Executor):
@@ -138,7 +139,7 @@ def test_what_changed_is_done_again(folder):
     assert results(folder)["a.bvh"] == "body.json: one, changed"
     assert len(go(folder, options=Options(supports="free")).of("done")) == 3
     assert len(go(folder, map_file=MapFile({"Head": None}, "m.json")).of("done")) == 3
-    other = clips_in(folder, replace(TARGET, text="{}"))
+    other = clips_in(folder, replace(TARGET, file=file_of("{}", "body.json")))
     assert len(go(folder, clips=other).of("done")) == 3
 
 

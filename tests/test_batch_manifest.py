@@ -10,12 +10,13 @@ from dataclasses import fields
 from pathlib import PurePath
 
 import pytest
+from input_files import named_target, text_hash
 
 from distretarget.batch import manifest as batch_manifest
-from distretarget.batch.manifest import Manifest, ManifestRecord, new_record, parse_record
+from distretarget.batch.manifest import Manifest, ManifestRecord, new_record, options_of, parse_record
 from distretarget.batch.plan import MANIFEST, Clip
 from distretarget.errors import FileError
-from distretarget.io.files import Text, hash_of_file, text_hash
+from distretarget.io.files import hash_of_file
 from distretarget.io.map_json import MapFile
 from distretarget.pipeline.options import Options
 
@@ -24,11 +25,11 @@ OUTPUT = "HIERARCHY"
 
 
 def clip(name="a.bvh", target="{}"):
-    return Clip(PurePath(name), Text(target, "hero.json"), PurePath(name), 1)
+    return Clip(PurePath(name), named_target(target, "hero.json"), PurePath(name), 1)
 
 
 def record(one=None, input_hash="in", options=OPTIONS, joint_map=()):
-    return new_record(one or clip(), options, MapFile(dict(joint_map), "")) | {"input_hash": input_hash}
+    return new_record(one or clip(), options_of(options, MapFile(dict(joint_map), ""))) | {"input_hash": input_hash}
 
 
 def done(one=None):

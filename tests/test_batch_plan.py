@@ -6,10 +6,10 @@ import sys
 from pathlib import PurePath
 
 import pytest
+from input_files import named_target
 
 from distretarget.batch.plan import find_clips, plan
 from distretarget.errors import BatchError
-from distretarget.io.files import Text
 
 
 def made(root, *names):
@@ -21,8 +21,9 @@ def made(root, *names):
 
 
 def places(found):
+    """The places of results, which have no suffix yet."""
     clips, _ = found
-    return [place.as_posix() for _, place in clips]
+    return [f"{place.as_posix()}.bvh" for _, place in clips]
 
 
 def test_the_tree_of_a_folder_is_mirrored(tmp_path):
@@ -117,8 +118,8 @@ def test_folders_without_permission_are_reported(tmp_path):
     (tmp_path / "closed").chmod(0o700)
     assert done.stderr == ""
     assert done.stdout.splitlines() == [
-        "['a.bvh'] ['closed: permission denied', 'link: permission denied']",
-        "['b.bvh']",
+        "['a'] ['closed: permission denied', 'link: permission denied']",
+        "['b']",
     ]
 
 
@@ -150,17 +151,17 @@ def clip(tmp_path, name, size=0):
     if size:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text("x" * size)
-    return path, PurePath(name)
+    return path, PurePath(name.removesuffix(".bvh"))
 
 
 def target(tmp_path, name="hero.json"):
-    return Text("", tmp_path / name)
+    return named_target("{}", tmp_path / name)
 
 
 def test_the_largest_clips_come_first_each_onto_each_target(tmp_path):
     found = [clip(tmp_path, "a.bvh", 1), clip(tmp_path, "b.bvh", 3), clip(tmp_path, "c/d.bvh", 2), clip(tmp_path, "0")]
     clips = plan(found, [target(tmp_path)], tmp_path / "out", [])
-    assert [clip.place.as_posix() for clip in clips] == ["b.bvh", "c/d.bvh", "a.bvh", "0"]
+    assert [clip.place.as_posix() for clip in clips] == ["b.bvh", "c/d.bvh", "a.bvh", "0.bvh"]
     assert [clip.size for clip in clips] == [3, 2, 1, 0]
     clips = plan(found[:3], [target(tmp_path), target(tmp_path, "x.child.json")], tmp_path / "out", [])
     assert [clip.place.as_posix() for clip in clips[:3]] == ["hero/b.bvh", "x.child/b.bvh", "hero/c/d.bvh"]
@@ -168,7 +169,7 @@ def test_the_largest_clips_come_first_each_onto_each_target(tmp_path):
 
 
 def test_results_that_collide_are_refused(tmp_path):
-    one, other = clip(tmp_path, "a.bvh"), (tmp_path / "other" / "A.bvh", PurePath("A.bvh"))
+    one, other = clip(tmp_path, "a.bvh"), (tmp_path / "other" / "A.bvh", PurePath("A"))
     with pytest.raises(BatchError, match=r"would be the result of both .*in/a\.bvh onto .*other/A\.bvh onto"):
         plan([one, other], [target(tmp_path)], tmp_path / "out", [])
     with pytest.raises(BatchError, match="both"):

@@ -2,15 +2,14 @@
 
 from pathlib import Path, PurePath
 
+from input_files import named_target
+
 from distretarget.batch.manifest import Tally, new_record
 from distretarget.batch.plan import Clip
-from distretarget.io.files import Text
-from distretarget.io.map_json import MapFile
-from distretarget.pipeline.options import Options
 
 
 def record(name):
-    return new_record(Clip(Path(name), Text("{}", "hero.json"), PurePath(name), 1), Options(), MapFile({}, ""))
+    return new_record(Clip(Path(name), named_target("{}", "hero.json"), PurePath(name), 1), {})
 
 
 def done(name, contact):

@@ -7,6 +7,7 @@ from pathlib import Path, PurePath
 
 import pytest
 from bodies import other_lengths, person, swaying
+from input_files import file_of, target_of, text_hash
 
 from distretarget import retarget
 from distretarget.batch import workers
@@ -15,18 +16,17 @@ from distretarget.batch.plan import Clip
 from distretarget.batch.workers import Job, convert
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
-from distretarget.io.files import Text, text_hash
 from distretarget.io.map_json import MapFile
 from distretarget.io.target_file import skeleton_to_json
 from distretarget.pipeline.options import Options
 from distretarget.report.diff_document import About
 
-TARGET = Text(skeleton_to_json(other_lengths(person()), "body"), "body.json")
+TARGET = target_of(skeleton_to_json(other_lengths(person()), "body"), "body.json")
 
 
 def job_of(text, target=TARGET, about=None):
-    record = new_record(Clip(Path("in.bvh"), target, PurePath("out.bvh"), 0), Options(), MapFile({}, ""))
-    return Job(Text(text, "in.bvh"), target, MapFile({}, ""), Options(), record, about)
+    record = new_record(Clip(Path("in.bvh"), target, PurePath("out.bvh"), 0), {})
+    return Job(file_of(text, "in.bvh"), target, MapFile({}, ""), Options(), record, about)
 
 
 def test_a_worker_does_what_retargeting_does():
@@ -50,12 +50,11 @@ def error_of(job):
 
 def test_a_worker_says_what_went_wrong(monkeypatch):
     assert error_of(job_of("HIERARCHY")).startswith("in.bvh:1: ")
-    assert error_of(job_of(format_bvh(swaying(person())), Text("{}", "body.json"))).startswith("body.json: ")
 
     def fail(*_):
         raise ZeroDivisionError("two\nlines")
 
-    monkeypatch.setattr(workers, "parse_bvh", fail)
+    monkeypatch.setattr(workers, "parse_motion", fail)
     assert error_of(job_of("")) == "in.bvh: unexpected ZeroDivisionError: two lines; please report this"
 
 
@@ -63,7 +62,7 @@ def test_a_clip_too_large_for_the_memory_fails_alone(monkeypatch):
     def fill(*_):
         raise MemoryError
 
-    monkeypatch.setattr(workers, "parse_bvh", fill)
+    monkeypatch.setattr(workers, "parse_motion", fill)
     assert error_of(job_of("")) == "in.bvh: out of memory"
 
 

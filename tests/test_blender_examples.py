@@ -56,7 +56,7 @@ def characters(tmp_path_factory):
     """A folder of odd characters."""
     folder = tmp_path_factory.mktemp("characters")
     names = ["names_with_spaces", "odd_names", "scale_001", "scale_uneven", "ik", "no_inherited_rotation", "drivers"]
-    more = ["two_armatures", "two_characters", "two_roots", "meshes_on_bones", "posed"]
+    more = ["constraints", "hidden", "two_armatures", "two_characters", "two_roots", "meshes_on_bones", "posed"]
     blender(ROOT / "benchmarks" / "odd_characters.py", folder, *names, *more)
     return folder
 
@@ -91,6 +91,8 @@ def poses(path, armature, motion):
         ("odd_names", "Armature", (), ""),
         ("scale_001", "Armature", (), ""),
         ("ik", "Armature", (), "the constraints of 'forearm.L', 'forearm.R', 'shin.L', 'shin.R'"),
+        ("constraints", "Armature", (), "the constraints of 'hand.L', 'foot.L', 'toe.L'"),
+        ("hidden", "Armature", (), ""),
         ("no_inherited_rotation", "Armature", (), "do not inherit rotation"),
         ("drivers", "Armature", (), "the drivers of 'forearm.L'"),
         ("two_armatures", "Armature", (), ""),
@@ -163,8 +165,10 @@ def test_what_ends_with_one_line(characters, tmp_path):
         return line
 
     both = characters / "two_characters.blend"
-    assert "which armature? Give one as --armature; the scene has 'Armature', 'Armature 2'" in said(export, both, clip)
-    assert "no armature 'Hero'; the scene has 'Armature'" in said(export, hero, clip, "--armature", "Hero")
+    assert "which armature? Give one as --armature; scene 'Scene' has 'Armature', 'Armature 2'" in said(
+        export, both, clip
+    )
+    assert "no armature Hero; scene 'Scene' has 'Armature'" in said(export, hero, clip, "--armature", "Hero")
     assert "expected a .blend file" in said(export, "--", "hero.glb", clip)
     assert "none.blend" in said(export, "--", tmp_path / "none.blend", clip)
     assert "none.bvh" in said(apply, "--", hero, tmp_path / "none.bvh", out)

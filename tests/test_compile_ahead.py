@@ -18,8 +18,9 @@ from distretarget.batch.manifest import new_record
 from distretarget.batch.plan import Clip
 from distretarget.batch.workers import Job, convert
 from distretarget.pipeline.options import Options
-from distretarget.io.files import load_text
+from distretarget.io.input_file import load_file
 from distretarget.io.map_json import MapFile
+from distretarget.io.target_file import TargetFile
 from distretarget.batch.compile_ahead import warm
 from numba.core.dispatcher import Dispatcher
 
@@ -29,8 +30,8 @@ Dispatcher.compile = lambda self, signature: late.append(self.py_func.__name__) 
 for target in sys.argv[2:4]:
     for clip in sys.argv[4:]:
         options = Options(objective=sys.argv[1])
-        planned, no_map = Clip(clip, load_text(target), PurePath("out.bvh"), 0), MapFile({}, "")
-        job = Job(load_text(clip), planned.target, no_map, options, new_record(planned, options, no_map))
+        planned, no_map = Clip(clip, TargetFile.of(load_file(target)), PurePath("out.bvh"), 0), MapFile({}, "")
+        job = Job(load_file(clip), planned.target, no_map, options, new_record(planned, {}))
         assert convert(job).output
 print(late)
 """

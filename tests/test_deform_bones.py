@@ -18,6 +18,17 @@ GENERATED = (
 )
 
 
+# The same as Blender writes it if only the bones that deform are asked for.
+ALONE = (
+    "rig(DEF-spine>DEF-spine.001>DEF-spine.002>DEF-spine.003>DEF-spine.004>DEF-spine.005>DEF-spine.006|DEF-pelvis.L|"
+    "DEF-thigh.L>DEF-thigh.L.001>DEF-shin.L>DEF-shin.L.001>DEF-foot.L>DEF-toe.L|DEF-jaw|DEF-lid.B.L.001|DEF-brow.T.L|"
+    "DEF-thigh.R>DEF-thigh.R.001>DEF-shin.R>DEF-shin.R.001>DEF-foot.R>DEF-toe.R|DEF-shoulder.L|DEF-shoulder.R|"
+    "DEF-upper_arm.L>DEF-upper_arm.L.001>DEF-forearm.L>DEF-forearm.L.001>DEF-hand.L(DEF-palm.01.L|"
+    "DEF-f_index.01.L>DEF-f_index.02.L)|"
+    "DEF-upper_arm.R>DEF-upper_arm.R.001>DEF-forearm.R>DEF-forearm.R.001>DEF-hand.R)"
+)
+
+
 def deforming(text, rename=lambda name: name):
     """The tree of the bones that deform as a skeleton."""
     body = tree(text)
@@ -29,9 +40,18 @@ def deforming(text, rename=lambda name: name):
     return skeleton([names[bone] for bone in bones], [bones.index(found[b]) if found[b] >= 0 else -1 for b in bones])
 
 
-@pytest.mark.parametrize("rename", [str, lambda name: name.replace(".", ""), lambda name: f"{name}_0{len(name)}"])
-def test_bones_that_deform_hang_from_each_other_as_their_originals_do(rename):
-    body = deforming(GENERATED, rename)
+@pytest.mark.parametrize(
+    ("text", "rename"),
+    [
+        (GENERATED, str),
+        (GENERATED, lambda name: name.replace(".", "")),
+        (GENERATED, lambda name: f"{name}_0{len(name)}"),
+        (ALONE, str),
+        (ALONE, lambda name: f"{name}_0{len(name)}"),
+    ],
+)
+def test_bones_that_deform_hang_from_each_other_as_their_originals_do(text, rename):
+    body = deforming(text, rename)
     above = {name: body.names[parent] for name, parent in zip(body.names, body.parents, strict=True) if parent >= 0}
     expected = {
         "DEF-thigh.L": "DEF-spine",
@@ -40,7 +60,7 @@ def test_bones_that_deform_hang_from_each_other_as_their_originals_do(rename):
         "DEF-upper_arm.L": "DEF-shoulder.L",
         "DEF-upper_arm.L.001": "DEF-upper_arm.L",
         "DEF-palm.01.L": "DEF-hand.L",
-        "DEF-f_index.01.L": "DEF-palm.01.L",
+        "DEF-f_index.01.L": "DEF-palm.01.L" if text == GENERATED else "DEF-hand.L",
         "DEF-jaw": "DEF-spine.006",
     }
     assert {rename(name): above[rename(name)] for name in expected} == {
@@ -59,6 +79,7 @@ def test_bones_that_deform_hang_from_each_other_as_their_originals_do(rename):
     [
         "Hips>Spine>Head",
         "root>DEF-spine(DEF-spine.001|DEF-thigh.L>DEF-shin.L)",
+        "root(DEF-box>DEF-lid|DEF-wheel.L|DEF-wheel.R)",
         GENERATED.replace("DEF-", "my_"),
     ],
 )

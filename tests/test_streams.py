@@ -128,8 +128,8 @@ def test_on_a_terminal_such_a_name_is_asked_about(folder, monkeypatch, answer):
     monkeypatch.setattr(
         "distretarget.cli.outputs.sys", type("OnATerminal", (), {"stdin": Terminal(), "argv": sys.argv})
     )
-    done = run("in.bvh", "body.json", "-o", "y.txt", given=f"{answer}\n")
-    assert "y.txt: the name does not end in .bvh; write BVH to it all the same? [y/N]" in done.stderr
+    done = run("skeleton", "export", "in.bvh", "-o", "y.txt", given=f"{answer}\n")
+    assert "y.txt: the name does not end in .json; write JSON to it all the same? [y/N]" in done.stderr
     assert done.returncode == (0 if answer == "y" else 130)
     assert (folder / "y.txt").exists() == (answer == "y")
 

@@ -4,11 +4,12 @@ import json
 
 import numpy as np
 import pytest
+from input_files import file_of
 from skeleton_files import HEAD_END, HIPS, SPINE, assert_same, full, short
 from table_one import table_one
 
 from distretarget.errors import BvhError, FileError, SkeletonFileError
-from distretarget.io.target_file import is_json, load_target, parse_full_target
+from distretarget.io.target_file import load_target, parse_full_target
 
 BVH = """HIERARCHY
 ROOT Hips
@@ -33,9 +34,9 @@ Frame Time: 0.01
 
 
 def test_only_the_full_form_is_a_full_target():
-    assert parse_full_target(json.dumps(full()), "a.json").skeleton.names == ("Hips", "Spine")
+    assert parse_full_target(file_of(json.dumps(full()), "a.json")).skeleton.names == ("Hips", "Spine")
     with pytest.raises(SkeletonFileError, match="short form needs a source"):
-        parse_full_target(json.dumps(short(scale=2)), "a.json")
+        parse_full_target(file_of(json.dumps(short(scale=2)), "a.json"))
 
 
 def test_content_decides_between_json_and_bvh(tmp_path):
@@ -57,7 +58,21 @@ def test_missing_file(tmp_path):
         load_target(tmp_path / "none.json").for_source(table_one())
 
 
-def test_what_is_meant_as_json():
-    assert is_json(" \n{}")
-    assert is_json("[")
-    assert not is_json(BVH)
+@pytest.mark.parametrize(
+    ("content", "name", "kind"),
+    [
+        (" \n{}", "a", "skeleton"),
+        ("[", "a", "skeleton"),
+        ("\ufeff{", "a", "skeleton"),
+        (BVH, "a.glb", "glTF"),
+        (BVH, "a", "BVH"),
+        ('{"asset": {}}', "a.json", "glTF"),
+        ("{}", "a.gltf", "glTF"),
+        ("glTF", "a.bvh", "glTF"),
+        ("; FBX 7.4.0\nFBXHeaderExtension: {", "a.bvh", "FBX"),
+        ("Kaydara FBX Binary", "a", "FBX"),
+        ("", "a.fbx", "FBX"),
+    ],
+)
+def test_what_a_file_is(content, name, kind):
+    assert file_of(content, name).kind == kind

@@ -15,6 +15,8 @@ from pathlib import Path
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 from interop.judged import CASES, farthest, written
+from interop.played import WRITTEN, plays
+from interop.players import PLAYERS, Players, missing
 from interop.readers import READERS, Reader
 from tables import publish, table
 
@@ -32,5 +34,20 @@ def cells(reader: Reader) -> Iterator[str]:
                 yield f"{farthest(reader, *written(case, Path(folder))):.0e}"
 
 
+def played(program: str, players: Players) -> Iterator[str]:
+    """The cells of a player of characters: its largest error in each file [mm], or why it is missing."""
+    yield program
+    for case, make in WRITTEN.items():
+        if not plays(program, case):
+            yield ""
+        elif reason := missing(program):
+            yield reason
+        else:
+            with tempfile.TemporaryDirectory() as folder:
+                yield f"{1000 * make(Path(folder)).farthest(players, program):.0e}"
+
+
 if __name__ == "__main__":
-    publish({"interop": table(["", *CASES], map(cells, READERS))}, PAGE)
+    with Players() as players:
+        characters = table(["", *WRITTEN], [list(played(program, players)) for program in PLAYERS])
+    publish({"interop": table(["", *CASES], map(cells, READERS)), "players": characters}, PAGE)

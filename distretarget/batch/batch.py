@@ -15,7 +15,7 @@ from types import NoneType
 from distretarget.batch.alignment_spread import spread_warnings
 from distretarget.batch.manifest import VERSION, Manifest, ManifestRecord, Tally, new_record, options_of, worst
 from distretarget.batch.plan import Clip, check_page, find_clips, plan
-from distretarget.batch.workers import Job, Processes, Reading, Result, Workers, convert_all
+from distretarget.batch.workers import DEFAULT_READING, Job, Processes, Reading, Result, Workers, convert_all
 from distretarget.checks import check_kind, check_number, check_path
 from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import (
@@ -28,6 +28,7 @@ from distretarget.io.files import (
     read_bytes,
     write_whole,
 )
+from distretarget.io.gltf_writer import Parts
 from distretarget.io.input_file import InputFile, load_file, with_files_beside
 from distretarget.io.map_json import MapFile, load_map
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, OutputSettings, with_animations
@@ -55,26 +56,26 @@ class Batch:
     folder: Path  # of results
     options: Options
     map_file: MapFile
-    reading: Reading
-    writing: OutputSettings
     about: Callable[[PurePath, PurePath], About]  # what a report says of a clip, from its path and that of its result
     index: Path | None = None  # the page over all clips; None for no pages
     reports: int | None = None  # how many clips get a report beside it, the worst first; None for all
     overwrite: bool = False  # retarget again what is done, and replace files that this program did not write
     fail_fast: bool = False  # end with the first failure
+    reading: Reading = DEFAULT_READING
+    writing: OutputSettings = DEFAULT_OUTPUT
     problems: dict[Path, FileError] = field(default_factory=dict)  # why a report could not be written, by its path
 
     def record_of(self, clip: Clip) -> ManifestRecord:
         """Return the line of a clip that is not done."""
-        usual = asdict(Reading()) | asdict(OutputSettings())
+        usual = asdict(DEFAULT_READING) | asdict(OutputSettings())
         given = asdict(self.reading) | asdict(self.writing)
         settings = {key: value for key, value in given.items() if value != usual[key]}
         return new_record(clip, options_of(self.options, self.map_file) | settings)
 
     @cached_property
-    def _characters(self) -> dict[str, InputFile]:
-        """The files of the targets, by path."""
-        return {str(clip.target.path): clip.target.file for clip in self.clips if clip.target.file}
+    def _characters(self) -> dict[str, TargetFile]:
+        """The targets, by the paths of their files."""
+        return {str(clip.target.path): clip.target for clip in self.clips}
 
     @cached_property
     def manifest(self) -> Manifest:
@@ -165,7 +166,8 @@ class Batch:
         self, source: InputFile, clip: Clip, record: ManifestRecord, about: About | None, split: bool = False
     ) -> Job:
         target = replace(clip.target, file=None)  # a character's mesh stays here
-        return Job(source, target, self.map_file, self.options, self.reading, self.writing, record, about, split)
+        ways = self.map_file, self.options, record, about, split, self.reading, self.writing
+        return Job(source, target, *ways)
 
     def _finish(self, result: Result, show: Show) -> None:
         """Write the output of a clip, its line of the manifest, and its report."""
@@ -189,11 +191,12 @@ class Batch:
     def _put(self, result: Result) -> None:
         """Write an output; its line of the manifest comes just before the output is put in place."""
         record, output = result.record, result.output
+        parts: Parts = [output] if isinstance(output, bytes) else []
         path = self.folder / record["output"]
         check_inside(path, self.folder)
         if isinstance(output, Animation):
-            output = with_animations(path, self._characters[record["target"]], [output], self.writing.animations)
-            record["output_hash"] = hash_of(output)
+            parts = with_animations(path, self._characters[record["target"]], [output], self.writing.animations)
+            record["output_hash"] = hash_of(*parts)
         make_folder(path.parent)
         with self.manifest.locked():
             output_hash = hash_of_file(path)
@@ -203,7 +206,7 @@ class Batch:
             if not self.overwrite:
                 self.manifest.check_replaceable(record, path, output_hash)
             replaces = self.overwrite or output_hash is not None
-            write_whole(path, output, replaces, lambda: self.manifest.add(record))
+            write_whole(path, parts, replaces, lambda: self.manifest.add(record))
 
     def _write_report(self, result: Result) -> None:
         """Write the report on a clip, if any, or remember why that failed."""
@@ -311,8 +314,8 @@ def convert_folder(
     def about(clip: PurePath, result: PurePath) -> About:
         return About(a=clip.name, b=result.name)
 
-    reading = Reading(clip, fps)
-    batch = Batch(clips, Path(folder), options, pairs, reading, writing, about, index, reports, overwrite, fail_fast)
+    ways = options, pairs, about, index, reports, overwrite, fail_fast
+    batch = Batch(clips, Path(folder), *ways, Reading(clip, fps), writing)
     batch.check()
     tally = Tally(clips=len(batch.clips))
     with closing(Processes(jobs or cores(), options.objective)) as workers:

@@ -34,7 +34,7 @@ from distretarget.io.files import encoded_parts, hash_of
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import MapFile
 from distretarget.io.motion_file import parse_motion
-from distretarget.io.motion_writer import OUTPUTS, OutputSettings
+from distretarget.io.motion_writer import DEFAULT_OUTPUT, OUTPUTS, OutputSettings
 from distretarget.io.nodes import Animation
 from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.io.vrma import vrma
@@ -58,6 +58,9 @@ class Reading:
     fps: float | None = None
 
 
+DEFAULT_READING = Reading()
+
+
 @dataclass(frozen=True)
 class Job:
     """A clip to retarget."""
@@ -66,11 +69,11 @@ class Job:
     target: TargetFile
     map_file: MapFile
     options: Options
-    reading: Reading
-    writing: OutputSettings
     record: ManifestRecord  # its line of the manifest while it is not done
     about: About | None = None  # what its report says; None for no report
     split: bool = False  # share its frames among all workers
+    reading: Reading = DEFAULT_READING
+    writing: OutputSettings = DEFAULT_OUTPUT
 
     def failed(self, reason: str) -> Result:
         """Return the result of a clip that failed; the reason names the file."""
@@ -197,6 +200,8 @@ class Processes:
         for process in self._processes():
             process.kill()
         if self._executor:
+            if queue := getattr(self._executor, "_call_queue", None):
+                queue.cancel_join_thread()  # it may wait for ever to write to a process that is gone
             self._executor.shutdown(wait=False, cancel_futures=True)
             self._executor = None
 

@@ -101,8 +101,8 @@ def _joint_names(tree: NamedTree, prefixes: Iterable[NameWords]) -> tuple[JointN
     longest_first = sorted(prefixes, key=len, reverse=True)
     joint_prefixes = [_prefix(words(tree.names[joint]), longest_first) for joint in joints]
     full = [words(tree.names[joint].rpartition(":")[2]) for joint in joints]
-    parts: Sequence[NameWords] = [part[len(_prefix(part, longest_first)) :] or part for part in full]
-    parts = _without_numbers(_without_common(_without_common(parts, 0), -1))
+    parts = _without_prefix(_without_common(_without_prefix(full, longest_first), 0), longest_first)
+    parts = _without_numbers(_without_common(parts, -1))
     stems = [stem_and_side(part) for part in parts]
     unmarked = {stem for stem, side in stems if side is None}
     names = [JointName("", None, True, ())] * len(tree.names)
@@ -121,6 +121,11 @@ def _prefix(parts: NameWords, prefixes: Iterable[NameWords]) -> NameWords:
     """The first of the prefixes that the words begin with; empty without one."""
     plain = tuple(map(without_digits, parts))
     return next((prefix for prefix in prefixes if plain[: len(prefix)] == prefix), ())
+
+
+def _without_prefix(parts: Sequence[NameWords], prefixes: Iterable[NameWords]) -> Sequence[NameWords]:
+    """The names without those of the prefixes that they begin with; each keeps one word."""
+    return [part[len(_prefix(part, prefixes)) :] or part for part in parts]
 
 
 def _without_common(parts: Sequence[NameWords], place: Literal[0, -1]) -> Sequence[NameWords]:

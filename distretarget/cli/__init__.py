@@ -27,7 +27,7 @@ COMMANDS = {  # by name: where the command is, and its short help
     "diff": ("distretarget.cli.diff:diff_command", "Measure the motion of B against that of A, the reference."),
     "retarget": (
         "distretarget.cli.retarget:retarget_command",
-        "Retarget the motion of SOURCE, a BVH file, to the body of TARGET.",
+        "Retarget the motion of SOURCE to the body of TARGET.",
     ),
     "scene": ("distretarget.cli.scene:scene_command", "Retarget performers who share a world."),
     "skeleton": (

@@ -162,19 +162,8 @@ def batch_command(
         clips = plan(found, texts, results, sources, kind)
     except BatchError as error:
         raise click.UsageError(str(error)) from error
-    batch = Batch(
-        clips,
-        results,
-        options,
-        map_file,
-        Reading(clip, fps),
-        settings,
-        about,
-        index,
-        reports,
-        overwrite and not merge,
-        fail_fast,
-    )
+    ways = options, map_file, about, index, reports, overwrite and not merge, fail_fast
+    batch = Batch(clips, results, *ways, Reading(clip, fps), settings)
     for each in unread:
         complain(f"not searched: {each}")
     if dry_run:
@@ -191,8 +180,8 @@ def batch_command(
         complain(f"no report: {problem}")
     if stopped:
         complain(f"distretarget: {stopped}")
-    elif merge and texts[0].file:
-        count = write_merged(folder, texts[0].file, clips, settings, overwrite)
+    elif merge:
+        count = write_merged(folder, texts[0], clips, settings, overwrite)
         say(f"{folder}: {counted(count, 'animation')}")
     sys.exit(status or int(bool(tally.failed or unread or batch.problems)))
 

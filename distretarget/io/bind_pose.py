@@ -43,12 +43,12 @@ def in_world(nodes: Nodes, order: Iterable[int]) -> Array:
 
 def bind_poses(skins: Sequence[Skin], shown: Array, order: Sequence[int]) -> dict[int, Array]:
     """Return the transform in the world, (4, 4), of each joint of the skins in the bind pose; `shown`, (nodes, 4, 4),
-    are those of all nodes as the file shows them. `order` has the nodes, parents before children. The largest skin
-    decides where several have a joint.
+    are those of all nodes as the file shows them. `order` has the nodes, parents before children. Where several skins
+    have a joint, the one that reaches highest decides, and the largest of these; the others are bound where it is.
     """
     found: dict[int, Array] = {}
     depth = np.argsort(order)
-    for skin in sorted(skins, key=lambda skin: -len(skin.joints)):
+    for skin in sorted(skins, key=lambda skin: (depth[skin.joints].min(initial=len(order)), -len(skin.joints))):
         if skin.inverse_binds is None:
             found |= {joint: shown[joint] for joint in skin.joints.tolist() if joint not in found}
             continue
@@ -56,7 +56,11 @@ def bind_poses(skins: Sequence[Skin], shown: Array, order: Sequence[int]) -> dic
         chosen = np.flatnonzero(regular)[np.argsort(depth[skin.joints[regular]])]
         joints, inverse_binds = skin.joints[chosen], skin.inverse_binds[chosen]
         if len(joints):
-            space = _mesh_space(skin, joints, inverse_binds, shown)
+            shared = next((place for place, joint in enumerate(joints.tolist()) if joint in found), None)
+            if shared is None:
+                space = _mesh_space(skin, joints, inverse_binds, shown)
+            else:
+                space = found[joints[shared].item()] @ inverse_binds[shared]
             binds = space @ np.linalg.inv(inverse_binds)
             found |= {joint: bind for joint, bind in zip(joints.tolist(), binds, strict=True) if joint not in found}
     return found
@@ -70,9 +74,10 @@ def _is_regular(matrix: Array) -> bool:
 def _mesh_space(skin: Skin, joints: NDArray[np.intp], inverse_binds: Array, shown: Array) -> Array:
     """The transform of the mesh's space to the world, (4, 4).
 
-    A joint that shows its bind pose brings the space there: its transform times its inverse bind matrix. The joints
-    that agree decide. Where most joints show another pose, the space is the world's or that of a mesh's node, whichever
-    is nearer to what the topmost joint says, if its scale is right.
+    A joint that shows its bind pose brings the space there: its transform times its inverse bind matrix. If this is
+    the world's space or that of a mesh's node for the topmost joint, it decides: a bent spine takes all joints above it
+    along. Else the joints that agree decide. Where most joints show another pose, the space is the world's or that of a
+    mesh's node, whichever is nearer to what the topmost joint says, if its scale is right.
     """
     said = shown[joints] @ inverse_binds
     extent = float(np.ptp(shown[joints, :3, 3], axis=0).max())
@@ -80,6 +85,9 @@ def _mesh_space(skin: Skin, joints: NDArray[np.intp], inverse_binds: Array, show
     known = [
         space for space in (np.eye(4), *shown[list(skin.meshes)]) if abs(_scales(space[None])[0] / scale - 1) < AGREE
     ]
+    for space in known:
+        if _agree(said[:1], space, scale, extent)[0]:
+            return np.asarray(space)
     agreeing = [(int(_agree(said, space, scale, extent).sum()), space) for space in (*known, *_spread(said))]
     most, space = max(agreeing, key=lambda pair: pair[0])
     if most < SHARE * len(joints):

@@ -121,6 +121,7 @@ class Character:
             motion.frame_time_text,
             translations={nodes[joint]: translations[:, joint] for joint in np.flatnonzero(moving)},
             rotations={nodes[joint]: rotations[:, joint] for joint in np.flatnonzero(turning)},
+            posed=frozenset(self.nodes.tolist()),
         )
 
 

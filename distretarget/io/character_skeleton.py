@@ -15,6 +15,7 @@ from distretarget.errors import FileError, counted, quoted
 from distretarget.io.bind_pose import bind_poses, in_world, matrices
 from distretarget.io.bvh import clean_name
 from distretarget.io.character import Character
+from distretarget.io.deform_character import with_deform_bones
 from distretarget.io.nodes import Nodes, Scene
 from distretarget.numerics.rotations import nearest_rotations
 from distretarget.skeleton import POSITION_CHANNELS, SMALLEST, Skeleton
@@ -29,7 +30,8 @@ TURN_CHANNELS = ("Zrotation", "Xrotation", "Yrotation")
 
 def character_of(scene: Scene) -> Character:
     """Return the character of a file: the nodes that its skins use or, as in VRM animations, its humanoid bones, with
-    those between them; in a file without both, the nodes that its animation turns.
+    those between them; in a file without both, the nodes that its animation turns. Of bones that deform and controls
+    it has the former.
 
     Raises:
         FileError: the file has no such nodes, or too many.
@@ -46,7 +48,8 @@ def character_of(scene: Scene) -> Character:
     line = [*above, *joints]
     shown = in_world(nodes, order)
     binds = _settled(nodes, line, len(above), shown, bind_poses(scene.skins, shown, order))
-    return _character(scene, line, len(above), binds, (*left_out, *_scale_warnings(scene, line)))
+    character = _character(scene, line, len(above), binds, (*left_out, *_scale_warnings(scene, line)))
+    return with_deform_bones(character)
 
 
 class _Lines:

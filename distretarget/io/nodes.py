@@ -65,6 +65,7 @@ class Animation:
         rotations: the turning nodes, (frames, 4) each, unit quaternions x y z w.
         scales: the nodes with scales, (frames, 3) each.
         extras: what else is kept with it.
+        posed: the nodes that it decides on; those without keys stay as the file shows them.
     """
 
     name: str
@@ -74,6 +75,7 @@ class Animation:
     rotations: Mapping[int, Array] = field(default_factory=dict)
     scales: Mapping[int, Array] = field(default_factory=dict)
     extras: Mapping[str, object] = field(default_factory=dict)
+    posed: frozenset[int] = frozenset()
 
 
 @dataclass(frozen=True, eq=False)

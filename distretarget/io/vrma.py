@@ -24,6 +24,7 @@ from distretarget.numerics.vectors import normalised
 Array = NDArray[np.float64]
 
 METRES = {"mm": 0.001, "cm": 0.01, "m": 1.0, "dm": 0.1, "in": 0.0254, "ft": 0.3048}
+NEAR_FLOOR = 0.1  # a body stands whose lowest joint is this near to height 0 [heights of the body]
 USUAL_HEIGHT = 1.7  # of a body whose file does not state its units [m]
 EYES = ("leftEye", "rightEye")  # the specification leaves their directions to other nodes
 REQUIRED = (
@@ -52,8 +53,8 @@ def vrma(motion: Motion, name: str, extras: Mapping[str, object]) -> bytes:
     number = {joint: place for place, joint in enumerate(joints)}
     parents = np.array([_above(motion, joint, number) for joint in joints])
     places = motion.skeleton.posed(rest.as_quat())
-    floor = -float(places[:, 1].min())  # the lowest joint is at height 0
-    offsets = unit * (places[joints] - np.where((parents >= 0)[:, None], places[joints][parents], [0.0, -floor, 0.0]))
+    height = _height(places, float(upright.apply(np.array(motion.skeleton.offsets[0]))[1]))
+    offsets = unit * (places[joints] - np.where((parents >= 0)[:, None], places[joints][parents], [0.0, -height, 0.0]))
     world = upright * Rotation.from_quat(motion.world_rotations[:, joints]) * rest[joints].inv()
     above = Rotation.from_quat(
         np.concatenate([world.as_quat(), np.tile([0.0, 0, 0, 1], (len(motion), 1, 1))], axis=1)[:, parents]
@@ -72,7 +73,15 @@ def vrma(motion: Motion, name: str, extras: Mapping[str, object]) -> bytes:
     gltf = parse_gltf(text, "animation.vrma")
     still = np.zeros((len(joints), 3))
     nodes = Nodes((), parents, offsets, np.tile([0.0, 0.0, 0.0, 1.0], (len(joints), 1)), still + 1.0)
-    return animated(gltf, [animation], nodes)
+    return b"".join(animated(gltf, [animation], nodes))
+
+
+def _height(places: Array, stated: float) -> float:
+    """The height of the root at rest above the floor, on which players scale the path: as the file states it, or where
+    nobody could stand so, such that the lowest joint is on the floor; `places`, (joints, 3), are from the root on.
+    """
+    lowest, size = float(places[:, 1].min()), float(np.ptp(places[:, 1]))
+    return stated if abs(stated + lowest) < NEAR_FLOOR * size else -lowest
 
 
 def humanoid_bones(body: Body) -> dict[str, int]:

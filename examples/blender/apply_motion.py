@@ -8,6 +8,8 @@ motion in all frames; the exit code is 1 if one is off by more than a millimetre
 """
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
@@ -128,6 +130,20 @@ def set_times(scene: bpy.types.Scene, clip: Clip) -> None:
     scene.render.fps_base = scene.render.fps * clip.frame_time
 
 
+@contextmanager
+def visible(armature: bpy.types.Object) -> Iterator[None]:
+    """Show an armature for a while: Blender does not move what is hidden or in an excluded collection."""
+    objects, hidden = bpy.context.scene.collection.objects, armature.hide_viewport
+    linked = armature.name in objects
+    if not linked:
+        objects.link(armature)
+    armature.hide_viewport = False
+    yield
+    armature.hide_viewport = hidden
+    if not linked:
+        objects.unlink(armature)
+
+
 def farthest(armature: bpy.types.Object, clip: Clip) -> tuple[float, str, int]:
     """How far Blender has a joint from its place in the motion [mm on a body of 1.7 m], with joint and frame."""
     scene, worst = bpy.context.scene, (0.0, "", 0)
@@ -157,7 +173,8 @@ def main() -> None:
     clear_animation(armature, moved)
     set_keys(armature, moved, clip, files.motion.stem)
     set_times(bpy.context.scene, clip)
-    distance, joint, frame = farthest(armature, clip)
+    with visible(armature):
+        distance, joint, frame = farthest(armature, clip)
     bpy.context.scene.frame_set(1)
     bpy.ops.wm.save_as_mainfile(filepath=str(files.out.resolve()))
     print(f"{files.out}: {len(clip)} frames on {len(clip.parents)} bones of {armature.name!r}")

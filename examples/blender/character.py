@@ -58,8 +58,9 @@ def open_character(path: Path, name: str | None) -> bpy.types.Object:
     else:
         found = [each for each in armatures if skinned_meshes(each)] or armatures
     if len(found) != 1:
-        wanted = "which armature? Give one as --armature" if name is None else f"no armature {name!r}"
-        fail(f"{path}: {wanted}; the scene has {listed(each.name for each in armatures) or 'none'}")
+        wanted = "which armature? Give one as --armature" if name is None and found else f"no armature {name or ''}"
+        there = listed(each.name for each in armatures) or "none"
+        fail(f"{path}: {wanted.strip()}; scene {bpy.context.scene.name!r} has {there}")
     if not found[0].data.bones:
         fail(f"{path}: {found[0].name!r} has no bones")
     return found[0]

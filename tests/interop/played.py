@@ -22,7 +22,7 @@ from characters import (
     with_unknown_parts,
 )
 
-from distretarget import read_bvh
+from distretarget import load_target, read_bvh, retarget, write_motion
 from interop.players import Players
 
 MOTION = read_bvh(SAMPLES / "walk.bvh")[:24]
@@ -41,6 +41,7 @@ ODD = [
     ".",
     "same.001",
 ]
+ODD_NAMES = {"Chest": "", "RightElbow": "a/b", "RightWrist": "日本 語", "LeftHip": "mixamorig:LeftUpLeg"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,6 +130,49 @@ CASES: dict[str, Callable[[Path], Expected]] = {
 }
 
 
+def _retargeted(folder: Path, clip: str, made: Character, ending: str, out: str) -> Expected:
+    """A clip retargeted to a character that can sway already, and written as a file of the same kind, or as VRMA."""
+    if not made.matrices:  # nodes with a matrix cannot be animated
+        made.animate("sway", Performance.swaying(made.bones, 4), all_translations=True)
+    hero, path = made.write(folder / f"hero{ending}"), folder / f"out{out}"
+    target = load_target(hero)
+    motion = retarget(read_bvh(SAMPLES / clip)[:FRAMES], target).motion
+    write_motion(path, motion, hero)
+    times, nodes = motion.frame_time * np.arange(len(motion)), target.character.nodes[-len(motion.skeleton) :]
+    if out == ".vrma":
+        return Expected(hero, 0, nodes, times, motion.positions, path)
+    return Expected(path, "out", nodes, times, motion.positions)
+
+
+FRAMES = 8  # of each written clip
+WRITTEN: dict[str, Callable[[Path], Expected]] = {
+    "clap on a GLB in cm": lambda folder: _retargeted(
+        folder, "clap.bvh", character(BONES, axes=ROLLED, above=ARMATURE, helpers=[3, 9]), ".glb", ".glb"
+    ),
+    "cartwheel on odd names": lambda folder: _retargeted(
+        folder,
+        "supports/cartwheel.bvh",
+        character(BONES.renamed({**ODD_NAMES, "LeftShoulder": "Left Upper Arm"}), matrices=True),
+        ".glb",
+        ".glb",
+    ),
+    "wave on a glTF": lambda folder: _retargeted(folder, "wave.bvh", character(BONES, axes=ROLLED), ".gltf", ".gltf"),
+    "squat on a VRM 0": lambda folder: _retargeted(
+        folder, "squat.bvh", as_vrm0(character(BONES.turned(LOOKING_BACK))), ".vrm", ".vrm"
+    ),
+    "walk on a VRM 1": lambda folder: _retargeted(
+        folder,
+        "walk.bvh",
+        as_vrm1(with_unknown_parts(character(BONES, axes=ROLLED)), springs=["Neck"]),
+        ".vrm",
+        ".vrm",
+    ),
+    "turn as a VRM animation": lambda folder: _retargeted(
+        folder, "turn.bvh", as_vrm1(character(BONES, axes=ROLLED)), ".vrm", ".vrma"
+    ),
+}
+
+
 def plays(program: str, case: str) -> bool:
     """Whether a case is for a program: VRM files for three-vrm, and VRM animations for no other."""
-    return ("VRM" in case) if program == "three-vrm" else case != "VRM animation"
+    return ("VRM" in case) if program == "three-vrm" else "VRM animation" not in case

@@ -123,7 +123,7 @@ class Players:
             nodes: numbers of nodes in the file.
             vrma: the file of the animation, for three-vrm to play on the VRM in `path`.
             picture: a PNG file to write: the mesh at the last of the times.
-            camera: for the picture; one that sees the nodes, as this module's own player has them, if None.
+            camera: for the picture; one that sees the nodes if None.
             size: of the picture [pixels].
         """
         path, nodes = path.resolve(), [int(node) for node in nodes]
@@ -133,7 +133,8 @@ class Players:
             "nodes": nodes,
         }
         if picture:
-            camera = camera or self._camera(path, None if vrma else task["animation"], task["times"], nodes)
+            last = self.play(program, path, animation, task["times"][-1:], nodes, vrma=vrma) if camera is None else None
+            camera = camera or Camera.on(last, back="VRM" in gltf_player.load(path)[0].get("extensions", {}))
             task |= {"camera": vars(camera), "size": size}
         if program == "Blender":
             return _positions(_blender(task, path, picture))
@@ -141,12 +142,6 @@ class Players:
         if picture:
             picture.write_bytes(base64.b64decode(answer["picture"].partition(",")[2]))
         return _positions(answer["positions"])
-
-    @staticmethod
-    def _camera(path: Path, animation: int | None, times: list[float], nodes: list[int]) -> Camera:
-        document, buffer = gltf_player.load(path)
-        places = gltf_player.worlds(document, buffer, animation, np.array(times[-1:]))[:, nodes, :3, 3]
-        return Camera.on(places, back="VRM" in document.get("extensions", {}))
 
     def _asked(self, program: str, path: Path, task: dict, vrma: Path | None) -> dict:
         if vrma:
