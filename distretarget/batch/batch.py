@@ -28,6 +28,7 @@ from distretarget.io.files import (
     read_bytes,
     write_whole,
 )
+from distretarget.io.gltf_writer import Parts
 from distretarget.io.input_file import InputFile, load_file, with_files_beside
 from distretarget.io.map_json import MapFile, load_map
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, OutputSettings, with_animations
@@ -72,9 +73,9 @@ class Batch:
         return new_record(clip, options_of(self.options, self.map_file) | settings)
 
     @cached_property
-    def _characters(self) -> dict[str, InputFile]:
-        """The files of the targets, by path."""
-        return {str(clip.target.path): clip.target.file for clip in self.clips if clip.target.file}
+    def _characters(self) -> dict[str, TargetFile]:
+        """The targets, by the paths of their files."""
+        return {str(clip.target.path): clip.target for clip in self.clips}
 
     @cached_property
     def manifest(self) -> Manifest:
@@ -190,11 +191,12 @@ class Batch:
     def _put(self, result: Result) -> None:
         """Write an output; its line of the manifest comes just before the output is put in place."""
         record, output = result.record, result.output
+        parts: Parts = [output] if isinstance(output, bytes) else []
         path = self.folder / record["output"]
         check_inside(path, self.folder)
         if isinstance(output, Animation):
-            output = with_animations(path, self._characters[record["target"]], [output], self.writing.animations)
-            record["output_hash"] = hash_of(output)
+            parts = with_animations(path, self._characters[record["target"]], [output], self.writing.animations)
+            record["output_hash"] = hash_of(*parts)
         make_folder(path.parent)
         with self.manifest.locked():
             output_hash = hash_of_file(path)
@@ -204,7 +206,7 @@ class Batch:
             if not self.overwrite:
                 self.manifest.check_replaceable(record, path, output_hash)
             replaces = self.overwrite or output_hash is not None
-            write_whole(path, output, replaces, lambda: self.manifest.add(record))
+            write_whole(path, parts, replaces, lambda: self.manifest.add(record))
 
     def _write_report(self, result: Result) -> None:
         """Write the report on a clip, if any, or remember why that failed."""

@@ -200,8 +200,8 @@ class Processes:
         for process in self._processes():
             process.kill()
         if self._executor:
-            if self._executor._call_queue:
-                self._executor._call_queue.cancel_join_thread()  # it may wait for ever to write to a killed process
+            if queue := getattr(self._executor, "_call_queue", None):
+                queue.cancel_join_thread()  # it may wait for ever to write to a process that is gone
             self._executor.shutdown(wait=False, cancel_futures=True)
             self._executor = None
 

@@ -73,7 +73,7 @@ def vrma(motion: Motion, name: str, extras: Mapping[str, object]) -> bytes:
     gltf = parse_gltf(text, "animation.vrma")
     still = np.zeros((len(joints), 3))
     nodes = Nodes((), parents, offsets, np.tile([0.0, 0.0, 0.0, 1.0], (len(joints), 1)), still + 1.0)
-    return animated(gltf, [animation], nodes)
+    return b"".join(animated(gltf, [animation], nodes))
 
 
 def _height(places: Array, stated: float) -> float:
