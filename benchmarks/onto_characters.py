@@ -32,7 +32,7 @@ def write(out: Path, source: Path, clip: str, result: RetargetResult, target: Ch
     write_motion(path, motion, source, name=clip, overwrite=True)
     if is_fbx:
         return
-    nodes = character.nodes[-len(motion.skeleton) :]
+    nodes = character.joint_nodes
     times = motion.frame_time * np.arange(len(motion))
     seen = {"times": times, "animation": clip, "input": str(source.resolve())}
     np.savez(path.with_suffix(".npz"), nodes=nodes, positions=motion.positions, **seen)

@@ -8,9 +8,9 @@ import pytest
 from fbx_text import Y_UP, Z_UP, Node, Stack, fbx
 from scipy.spatial.transform import Rotation
 
+from distretarget.character.bind_pose import matrices
 from distretarget.errors import FileError, MissingPackageError
 from distretarget.io import fbx as reader
-from distretarget.io.bind_pose import matrices
 from distretarget.io.fbx import parse_fbx
 
 pytest.importorskip("ufbx", reason="the package ufbx reads FBX")

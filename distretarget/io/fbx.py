@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from distretarget.character.nodes import Animation, Nodes, Scene, Skin
 from distretarget.errors import FileError, MissingPackageError
-from distretarget.io.nodes import Animation, Nodes, Scene, Skin
 
 Array = NDArray[np.float64]
 
