@@ -236,6 +236,7 @@ FAULTS = {
     "cut header": b"Kaydara FBX Binary  \x00\x1a\x00" + bytes([232, 28, 0, 0, 99]),
     "cut text": CONTENT[: len(CONTENT) // 2],
     "nan": CONTENT.replace(b"90.0", b"nan"),
+    "huge": CONTENT.replace(b"90.0", b"1e200"),
     "infinite": CONTENT.replace(b"90.0", b"1e999"),
 }
 
