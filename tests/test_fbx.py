@@ -8,9 +8,9 @@ import pytest
 from fbx_text import Y_UP, Z_UP, Node, Stack, fbx
 from scipy.spatial.transform import Rotation
 
+from distretarget.character.bind_pose import matrices
 from distretarget.errors import FileError, MissingPackageError
 from distretarget.io import fbx as reader
-from distretarget.io.bind_pose import matrices
 from distretarget.io.fbx import parse_fbx
 
 pytest.importorskip("ufbx", reason="the package ufbx reads FBX")
@@ -236,6 +236,7 @@ FAULTS = {
     "cut header": b"Kaydara FBX Binary  \x00\x1a\x00" + bytes([232, 28, 0, 0, 99]),
     "cut text": CONTENT[: len(CONTENT) // 2],
     "nan": CONTENT.replace(b"90.0", b"nan"),
+    "huge": CONTENT.replace(b"90.0", b"1e200"),
     "infinite": CONTENT.replace(b"90.0", b"1e999"),
 }
 

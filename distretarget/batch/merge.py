@@ -7,11 +7,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from distretarget.batch.plan import Clip
+from distretarget.character.nodes import Animation
 from distretarget.io.files import write_whole
 from distretarget.io.input_file import load_file
 from distretarget.io.motion_file import parse_motion
 from distretarget.io.motion_writer import NamedClip, OutputSettings, character_animation, with_animations
-from distretarget.io.nodes import Animation
 from distretarget.io.target_file import TargetFile
 
 

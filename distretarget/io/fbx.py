@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from distretarget.character.nodes import Animation, Nodes, Scene, Skin
 from distretarget.errors import FileError, MissingPackageError
-from distretarget.io.nodes import Animation, Nodes, Scene, Skin
+from distretarget.skeleton import LARGEST, SMALLEST
 
 Array = NDArray[np.float64]
 
@@ -140,14 +141,16 @@ def _parts(
     FBX does not apply are taken away.
 
     Raises:
-        FileError: a number is not finite, or a quaternion is zero.
+        FileError: a number is not finite or too large, or a quaternion is zero.
     """
     pivots, idle = read["pivots"], read["idle"][numbers]
     above = np.vstack([pivots, np.zeros(3)])[read["parents"][numbers]]
     translations, rotations, scales = np.split(transforms, [3, 7], axis=-1)
+    if not all((np.abs(part) <= LARGEST).all() for part in (transforms, pivots, idle)):
+        raise FileError(path, f"has a node at a place, angle or scale that is not finite, or beyond {LARGEST:g}")
     sizes = np.linalg.norm(rotations, axis=-1, keepdims=True)
-    if not (all(np.isfinite(part).all() for part in (transforms, pivots, idle)) and (sizes > 0.0).all()):
-        raise FileError(path, "has a node whose position, rotation or scale is not a finite number; export it again")
+    if not (sizes > 0.0).all():
+        raise FileError(path, "has a node without a rotation; export it again")
     rotations, moved = rotations / sizes, scales * pivots[numbers]
     if pivots.any():
         turned = Rotation.from_quat(rotations.reshape(-1, 4)).apply(moved.reshape(-1, 3))
@@ -183,8 +186,10 @@ def _skin(joints: NDArray[np.intp], binds: Array, pivots: Array) -> Skin:
 
 def _inverse(matrix: Array) -> Array:
     """The inverse of a matrix (4, 4); zeros if it has none."""
+    if not (np.abs(matrix) <= LARGEST).all():
+        return np.zeros((4, 4))
     sizes = np.linalg.norm(matrix[:3, :3], axis=0)
-    regular = np.isfinite(matrix).all() and sizes.all() and abs(np.linalg.det(matrix[:3, :3] / sizes)) > SINGULAR
+    regular = (sizes > SMALLEST).all() and abs(np.linalg.det(matrix[:3, :3] / sizes)) > SINGULAR
     return np.asarray(np.linalg.inv(matrix) if regular else np.zeros((4, 4)), np.float64)
 
 

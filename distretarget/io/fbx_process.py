@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.character.nodes import choose_animation
 from distretarget.errors import FileError
-from distretarget.io.nodes import choose_animation
 
 if TYPE_CHECKING:
     import ufbx

@@ -12,11 +12,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import FileError
 from distretarget.io.gltf import BINARY_CHUNK, CHUNK_HEADER, DATA_URI, HEADER, JSON_CHUNK, MAGIC, Gltf, dotted
 from distretarget.io.json_node import Fields, Node
 from distretarget.io.json_text import Edit, Member, added, compact, edited, member, members
-from distretarget.io.nodes import Animation, Nodes
 
 Animations = Literal["add", "replace"]
 Parts = Sequence[bytes | memoryview]

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.character.nodes import Animation
 from distretarget.checks import check_choice, check_kind
 from distretarget.errors import FileError, MotionError
 from distretarget.io.bvh_writer import bvh_parts
@@ -20,7 +21,6 @@ from distretarget.io.gltf_scene import gltf_scene
 from distretarget.io.gltf_writer import Animations, Parts, animated
 from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Node
-from distretarget.io.nodes import Animation
 from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.io.vrma import vrma
 from distretarget.motion import Motion

@@ -12,11 +12,11 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.anatomy import ARM, FINGERS, SIDES
 from distretarget.body.body import Body
 from distretarget.body.humanoid import FINGER, THUMB
+from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import MotionError, quoted
 from distretarget.io.gltf import parse_gltf
 from distretarget.io.gltf_writer import animated
 from distretarget.io.json_text import compact
-from distretarget.io.nodes import Animation, Nodes
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import least
 from distretarget.numerics.vectors import normalised

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.deform_bones import deform_tree
-from distretarget.io.character import Character
-from distretarget.io.nodes import Animation
+from distretarget.character.character import Character
+from distretarget.character.nodes import Animation
 from distretarget.motion import Motion
 from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS
 
@@ -34,6 +34,11 @@ class DeformCharacter(Character):
 
     whole: Character
     bones: NDArray[np.intp]
+
+    @property
+    def joint_nodes(self) -> NDArray[np.intp]:
+        """(joints,), the node of each joint of the skeleton."""
+        return self.whole.joint_nodes[self.bones]
 
     def motion(self, animation: Animation, size: int) -> Motion:
         """Return an animation of the nodes as a motion of the skeleton; arguments and errors as in `Character`."""
