@@ -6,7 +6,7 @@ import shutil
 import numpy as np
 import pytest
 from bodies import SAMPLES
-from characters import LOOKING_BACK, as_vrm0, character, chunks
+from characters import LOOKING_BACK, Bones, as_vrm0, character, chunks
 from program import run
 from test_character_files import played
 from test_characters import BONES, ROLLED, WALK
@@ -156,7 +156,7 @@ def test_what_fails_is_left_out_of_the_file_and_tried_again(mocap, hero, tmp_pat
 )
 def test_batches_that_cannot_be(mocap, hero, monkeypatch, arguments, expected):
     monkeypatch.chdir(mocap.parent)
-    finished = run("batch", "mocap", "hero.glb", "--jobs", "1", *arguments)
+    finished = run("batch", "mocap", hero.name, "--jobs", "1", *arguments)
     assert finished.returncode in (1, 2)
     assert expected in finished.stderr
 
@@ -164,8 +164,6 @@ def test_batches_that_cannot_be(mocap, hero, monkeypatch, arguments, expected):
 def test_a_root_on_the_floor_carries_the_path(tmp_path):
     """The engine's root moves along the floor, and the hips above it, each with keys of its own."""
     skeleton = load_target(SAMPLES / "rigs" / "unreal_a.json").skeleton
-    from characters import Bones
-
     bones = Bones.of(skeleton)
     source, out = character(bones).write(tmp_path / "hero.glb"), tmp_path / "walk.glb"
     done(WALK_FILE, source, "-o", out)
