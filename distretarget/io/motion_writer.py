@@ -168,7 +168,8 @@ def character_animation(target: TargetFile, clip: NamedClip) -> Animation:
     found, expected = clip.motion.skeleton, character.skeleton
     if found.names != expected.names or not np.array_equal(found.parents, expected.parents):
         raise MotionError(f"the motion has other joints than {str(target.path)!r}; retarget it to that character")
-    return replace(character.animation(clip.motion, clip.name), extras=clip.extras)
+    motion = clip.motion if found.looks_back == expected.looks_back else clip.motion.turned_round()
+    return replace(character.animation(motion, clip.name), extras=clip.extras)
 
 
 def with_animations(path: str | Path, target: TargetFile, animations: Sequence[Animation], mode: Animations) -> Parts:
