@@ -40,7 +40,7 @@ def format_bvh(motion: Motion) -> str:
 
     Offsets have all their digits, angles 6 decimals, positions as many as 1e-8 of the body needs, at least 6. The
     root's OFFSET is zero where a channel replaces it: readers disagree on whether to add the two. Angles are continuous
-    from frame to frame.
+    from frame to frame. A body that looks to -Z, as in VRM 0, is turned round to +Z.
 
     Raises:
         SkeletonError: a name that BVH cannot hold.
