@@ -488,7 +488,10 @@ PERSON = {
 
 def as_vrm1(made: Character, humanoid: Mapping[str, str] = PERSON, *, springs: Iterable[str] = ()) -> Character:
     """Add what VRM 1.0 needs: bones of the humanoid, by names of joints, meta, and spring bones from some joints on."""
-    made.uses("VRMC_vrm", "VRMC_springBone")
+    made.uses("VRMC_vrm", "VRMC_springBone", "VRMC_materials_mtoon")
+    for material in made.document.get("materials", []):
+        toon = {"specVersion": "1.0", "shadeColorFactor": [0.4, 0.3, 0.3], "shadingToonyFactor": 0.9}
+        material["extensions"] = {"VRMC_materials_mtoon": toon}
     bones = {bone: {"node": _node(made, joint)} for bone, joint in humanoid.items()}
     extensions = made.document.setdefault("extensions", {})
     extensions["VRMC_vrm"] = {

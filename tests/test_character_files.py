@@ -35,8 +35,7 @@ def by_node(path, made):
 
 def joint_nodes(path):
     """The node of each joint."""
-    character = parse_character(load_file(path))
-    return character.nodes[-len(character.skeleton) :].tolist()
+    return parse_character(load_file(path)).joint_nodes.tolist()
 
 
 def played(path, animation, times, nodes):

@@ -7,11 +7,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from distretarget.batch.plan import Clip
+from distretarget.character.nodes import Animation
 from distretarget.io.files import write_whole
-from distretarget.io.input_file import InputFile, load_file
+from distretarget.io.input_file import load_file
 from distretarget.io.motion_file import parse_motion
 from distretarget.io.motion_writer import NamedClip, OutputSettings, character_animation, with_animations
-from distretarget.io.nodes import Animation
+from distretarget.io.target_file import TargetFile
 
 
 def clips_folder(path: Path) -> Path:
@@ -21,7 +22,7 @@ def clips_folder(path: Path) -> Path:
     return path.with_name(f"{path.name}.clips")
 
 
-def merge(path: Path, target: InputFile, clips: Sequence[Clip], settings: OutputSettings, overwrite: bool) -> int:
+def merge(path: Path, target: TargetFile, clips: Sequence[Clip], settings: OutputSettings, overwrite: bool) -> int:
     """Write the character file with an animation for each clip that is done, in the order of their names, and return
     how many; the folder of clips goes if all are done.
 
@@ -39,7 +40,7 @@ def merge(path: Path, target: InputFile, clips: Sequence[Clip], settings: Output
     return len(animations)
 
 
-def _animations(folder: Path, clips: Sequence[Clip], target: InputFile) -> Iterator[Animation]:
+def _animations(folder: Path, clips: Sequence[Clip], target: TargetFile) -> Iterator[Animation]:
     for clip in clips:
         motion, _ = parse_motion(load_file(folder / clip.place))
         yield character_animation(target, NamedClip(motion, clip.place.with_suffix("").as_posix(), {}))

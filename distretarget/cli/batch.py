@@ -180,8 +180,8 @@ def batch_command(
         complain(f"no report: {problem}")
     if stopped:
         complain(f"distretarget: {stopped}")
-    elif merge and texts[0].file:
-        count = write_merged(folder, texts[0].file, clips, settings, overwrite)
+    elif merge:
+        count = write_merged(folder, texts[0], clips, settings, overwrite)
         say(f"{folder}: {counted(count, 'animation')}")
     sys.exit(status or int(bool(tally.failed or unread or batch.problems)))
 

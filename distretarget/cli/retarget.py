@@ -26,7 +26,6 @@ from distretarget.cli.options import (
 from distretarget.cli.outputs import (
     LISTED,
     STANDARD,
-    Content,
     about,
     check_outputs,
     is_quiet,
@@ -37,6 +36,7 @@ from distretarget.cli.outputs import (
 from distretarget.errors import FileError, quoted
 from distretarget.io.bvh import declared_frames
 from distretarget.io.bvh_writer import bvh_parts
+from distretarget.io.files import Content
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import load_map
 from distretarget.io.motion_file import parse_motion
@@ -124,7 +124,7 @@ def retarget_command(
     motion, skeleton = result.motion, result.motion.skeleton
     written = replace(motion, skeleton=skeleton.without_namespaces) if strip_namespace and kind == "BVH" else motion
     named = settings.clip(written, clip or Path(source_file.path).stem, result.world.up_vector)
-    content = bvh_parts(named.motion) if output == STANDARD else content_of(output, named, target_file, settings)
+    content = bvh_parts(named.motion) if output == STANDARD else content_of(output, named, body, settings)
     seconds = reading + time.perf_counter() - started
     contents: dict[Path | None, Callable[[], Content]] = {
         output: lambda: content,

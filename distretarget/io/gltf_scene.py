@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from distretarget.character.nodes import Animation, Nodes, Scene, Skin, choose_animation
+from distretarget.character.sampling import Curve, sampled
 from distretarget.errors import SkeletonFileError
 from distretarget.io.gltf import Gltf, dotted, whole
 from distretarget.io.json_node import Fields, Node
-from distretarget.io.nodes import Animation, Nodes, Scene, Skin, choose_animation
-from distretarget.io.sampling import Curve, sampled
 from distretarget.numerics.rotations import nearest_rotations
 
 Array = NDArray[np.float64]

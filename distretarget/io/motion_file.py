@@ -6,16 +6,16 @@ import warnings
 from pathlib import Path
 from types import NoneType
 
+from distretarget.character.character import Character
+from distretarget.character.from_scene import character_of
+from distretarget.character.nodes import Scene
 from distretarget.checks import check_kind, check_number
 from distretarget.errors import DistretargetError, FileError, SkeletonError
 from distretarget.io.bvh import parse_bvh
-from distretarget.io.character import Character
-from distretarget.io.character_skeleton import character_of
 from distretarget.io.fbx import parse_fbx
 from distretarget.io.gltf import parse_gltf
 from distretarget.io.gltf_scene import gltf_scene
 from distretarget.io.input_file import InputFile, load_file
-from distretarget.io.nodes import Scene
 from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME, Motion
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import NoneType
@@ -11,17 +11,17 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.character.nodes import Animation
 from distretarget.checks import check_choice, check_kind
 from distretarget.errors import FileError, MotionError
 from distretarget.io.bvh_writer import bvh_parts
-from distretarget.io.files import read_bytes, write_whole
+from distretarget.io.files import Content, read_bytes, write_whole
 from distretarget.io.gltf import inside, parse_gltf
 from distretarget.io.gltf_scene import gltf_scene
-from distretarget.io.gltf_writer import Animations, animated
+from distretarget.io.gltf_writer import Animations, Parts, animated
 from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Node
-from distretarget.io.motion_file import parse_character
-from distretarget.io.nodes import Animation
+from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.io.vrma import vrma
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import level
@@ -92,9 +92,9 @@ def write_motion(
     check_kind("motion", motion, Motion)
     check_kind("name", name, str, NoneType)
     check_choice("animations", animations, ("add", "replace"))
-    file = load_file(character) if character is not None else None
+    target = TargetFile.of(load_file(character)) if character is not None else None
     given = OutputSettings(animations, in_place)
-    content = content_of(path, given.clip(motion, name or Path(path).stem), file, given)
+    content = content_of(path, given.clip(motion, name or Path(path).stem), target, given)
     write_whole(path, content, overwrite)
 
 
@@ -133,11 +133,9 @@ def in_place(motion: Motion, up: Array) -> Motion:
     return replace(motion, root_positions=motion.root_positions - path + path[:1])
 
 
-def content_of(
-    path: str | Path, clip: NamedClip, target: InputFile | None, settings: OutputSettings
-) -> bytes | Iterable[str]:
+def content_of(path: str | Path, clip: NamedClip, target: TargetFile | None, settings: OutputSettings) -> Content:
     """Return the content of a file with a clip; errors as in `write_motion`."""
-    match output_kind(path, target):
+    match output_kind(path, target.file if target else None):
         case "BVH":
             return bvh_parts(clip.motion)
         case "VRMA":
@@ -146,27 +144,30 @@ def content_of(
     return with_animations(path, target, [character_animation(target, clip)], settings.animations)
 
 
-def character_animation(target: InputFile, clip: NamedClip) -> Animation:
+def character_animation(target: TargetFile, clip: NamedClip) -> Animation:
     """Return a clip as an animation of the nodes of its character; a MotionError if it has other joints."""
-    character = parse_character(target)
+    assert isinstance(target.target, CharacterTarget)
+    character = target.target.character
     found, expected = clip.motion.skeleton, character.skeleton
     if found.names != expected.names or not np.array_equal(found.parents, expected.parents):
         raise MotionError(f"the motion has other joints than {str(target.path)!r}; retarget it to that character")
     return replace(character.animation(clip.motion, clip.name), extras=clip.extras)
 
 
-def with_animations(path: str | Path, target: InputFile, animations: Sequence[Animation], mode: Animations) -> bytes:
-    """Return the file of a character with animations, for a file of this name: a GLB, or JSON for .gltf. What its
-    buffers and images are in is put into it, unless it is a .gltf file in the same folder.
+def with_animations(path: str | Path, target: TargetFile, animations: Sequence[Animation], mode: Animations) -> Parts:
+    """Return the content of a character's file with animations, in parts, for a file of this name: a GLB, or JSON for
+    .gltf. What its buffers and images are in is put into it, unless it is a .gltf file in the same folder.
     """
-    gltf = parse_gltf(target.content, target.path, target.beside)
+    assert target.file is not None
+    file = target.file
+    gltf = parse_gltf(file.content, file.path, file.beside)
     as_binary = Path(path).suffix.lower() != ".gltf"
-    folder = Path(target.path).parent
+    folder = Path(file.path).parent
     stays = not as_binary and Path(path).parent.resolve() == folder.resolve()
 
     def embedded(uri: Node) -> bytes:
         name = uri.text()
-        return target.beside[name] if name in target.beside else read_bytes(inside(uri, folder, name))
+        return file.beside[name] if name in file.beside else read_bytes(inside(uri, folder, name))
 
     nodes = gltf_scene(gltf, animated=False).nodes
     return animated(gltf, animations, nodes, mode, as_binary, None if stays else embedded)

@@ -12,11 +12,11 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.anatomy import ARM, FINGERS, SIDES
 from distretarget.body.body import Body
 from distretarget.body.humanoid import FINGER, THUMB
+from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import MotionError, quoted
 from distretarget.io.gltf import parse_gltf
 from distretarget.io.gltf_writer import animated
 from distretarget.io.json_text import compact
-from distretarget.io.nodes import Animation, Nodes
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import least
 from distretarget.numerics.vectors import normalised
@@ -73,7 +73,7 @@ def vrma(motion: Motion, name: str, extras: Mapping[str, object]) -> bytes:
     gltf = parse_gltf(text, "animation.vrma")
     still = np.zeros((len(joints), 3))
     nodes = Nodes((), parents, offsets, np.tile([0.0, 0.0, 0.0, 1.0], (len(joints), 1)), still + 1.0)
-    return animated(gltf, [animation], nodes)
+    return b"".join(animated(gltf, [animation], nodes))
 
 
 def _height(places: Array, stated: float) -> float:

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from distretarget.character.nodes import Animation
 from distretarget.errors import FileError
-from distretarget.io.nodes import Animation
 from distretarget.numerics.vectors import lengths
 
 Array = NDArray[np.float64]

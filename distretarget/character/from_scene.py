@@ -1,9 +1,8 @@
-"""Which nodes of a file are joints of its character, and the skeleton that they are in the bind pose."""
+"""The character of a file: the skeleton that its nodes are in the bind pose."""
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,123 +10,37 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.named_anatomy import by_names
-from distretarget.errors import FileError, counted, quoted
-from distretarget.io.bind_pose import bind_poses, in_world, matrices
-from distretarget.io.bvh import clean_name
-from distretarget.io.character import Character
-from distretarget.io.deform_character import with_deform_bones
-from distretarget.io.nodes import Nodes, Scene
+from distretarget.character.bind_pose import bind_poses, in_world, matrices
+from distretarget.character.character import Character
+from distretarget.character.deform import with_deform_bones
+from distretarget.character.joint_nodes import joint_nodes, top_down
+from distretarget.character.nodes import Nodes, Scene
+from distretarget.errors import quoted
 from distretarget.numerics.rotations import nearest_rotations
 from distretarget.skeleton import POSITION_CHANNELS, SMALLEST, Skeleton
 
 Array = NDArray[np.float64]
 
-MOST_JOINTS = 4096  # of a character: skeletons have matrices of joints x joints
 NEAR_SHOWN = 1e-4  # a node whose bind pose differs by less than this from what it shows shows it [body sizes, rad]
 UNEVEN = 1e-3  # axes whose scales differ by more than this are scaled unevenly; a scale that changes more is animated
 TURN_CHANNELS = ("Zrotation", "Xrotation", "Yrotation")
 
 
 def character_of(scene: Scene) -> Character:
-    """Return the character of a file: the nodes that its skins use or, as in VRM animations, its humanoid bones, with
-    those between them; in a file without both, the nodes that its animation turns. Of bones that deform and controls
-    it has the former.
+    """Return the character of a file, whose joints are those of `joint_nodes`; of bones that deform and controls it has
+    the former.
 
     Raises:
         FileError: the file has no such nodes, or too many.
     """
     nodes = scene.nodes
-    order, lines = _top_down(nodes.parents), _Lines(nodes.parents)
-    wanted, left_out = _wanted(scene, lines)
-    root = lines.meeting(wanted)
-    inner = {node for joint in wanted for node in lines.up(joint, root)}
-    joints = [node for node in order if node in inner]
-    if len(joints) > MOST_JOINTS:
-        raise FileError(scene.path, f"its skeleton has {len(joints)} joints; expected at most {MOST_JOINTS}")
-    above = lines.up(nodes.parents.item(root), -1)[::-1] if nodes.parents[root] >= 0 else []
+    order = top_down(nodes.parents)
+    above, joints, left_out = joint_nodes(scene, order)
     line = [*above, *joints]
     shown = in_world(nodes, order)
     binds = _settled(nodes, line, len(above), shown, bind_poses(scene.skins, shown, order))
     character = _character(scene, line, len(above), binds, (*left_out, *_scale_warnings(scene, line)))
     return with_deform_bones(character)
-
-
-class _Lines:
-    """The lines of a forest from its nodes upwards."""
-
-    def __init__(self, parents: NDArray[np.intp]) -> None:
-        self._parents = parents.tolist()
-
-    def up(self, node: int, last: int) -> list[int]:
-        """The nodes from `node` up to `last`, both included; up to the top if that is -1."""
-        line = [node]
-        while line[-1] != last and self._parents[line[-1]] >= 0:
-            line.append(self._parents[line[-1]])
-        return line
-
-    def meeting(self, nodes: Iterable[int]) -> int:
-        """The lowest node from which all nodes hang; -1 if there is none."""
-        shared: list[int] | None = None
-        for node in nodes:
-            line = self.up(node, -1)[::-1]
-            shared = line if shared is None else shared[: _common(shared, line)]
-        return shared[-1] if shared else -1
-
-    def branch(self, node: int, above: int) -> int:
-        """The node just below `above` on the line of a node; the node itself if it is `above`."""
-        line = self.up(node, above)
-        return line[-2] if line[-1] == above and len(line) > 1 else line[-1]
-
-
-def _common(first: Sequence[int], second: Sequence[int]) -> int:
-    """How many entries at the beginning are the same."""
-    pairs = enumerate(zip(first, second, strict=False))
-    return next((place for place, (one, other) in pairs if one != other), min(len(first), len(second)))
-
-
-def _top_down(parents: NDArray[np.intp]) -> list[int]:
-    """All nodes, each followed by those below it, in the order of the file."""
-    children: dict[int, list[int]] = defaultdict(list)
-    for node, parent in enumerate(parents.tolist()):
-        children[parent].append(node)
-    order, stack = [], children[-1][::-1]
-    while stack:
-        order.append(stack.pop())
-        stack.extend(reversed(children[order[-1]]))
-    return order
-
-
-def _wanted(scene: Scene, lines: _Lines) -> tuple[list[int], tuple[str, ...]]:
-    """The nodes that are joints for certain, and a warning of those that are left out: other skeletons in the file,
-    whose skins share no branch with the humanoid's or, without one, with the largest.
-    """
-    groups = [list(scene.humanoid.values()), *(skin.joints.tolist() for skin in scene.skins)]
-    if not any(groups):
-        groups = [list(scene.animation.rotations) if scene.animation else []]
-    every = list(dict.fromkeys(node for group in groups for node in group))
-    if not every:
-        raise FileError(scene.path, "has no skin and no VRM humanoid, so no skeleton; expected a character")
-    skeletons = _skeletons(groups, lines, lines.meeting(every))
-    chosen = next((each for each in skeletons if groups[0] and groups[0][0] in each), max(skeletons, key=len))
-    others = [
-        scene.nodes.names[next(node for node in every if node in each)] for each in skeletons if each is not chosen
-    ]
-    if lines.meeting(chosen) < 0:
-        raise FileError(scene.path, "the joints of its skin hang from no common node; expected a single skeleton")
-    notes = [f"{counted(len(others), 'other skeleton')} in the file stays as it is: {quoted(others)}"] if others else []
-    return [node for node in every if node in chosen], tuple(notes)
-
-
-def _skeletons(groups: Sequence[Sequence[int]], lines: _Lines, meeting: int) -> list[set[int]]:
-    """Groups of nodes, joined where they have nodes on the same branch below the node at which all meet."""
-    joined: list[tuple[set[int], set[int]]] = []  # branches, and nodes
-    for group in filter(None, groups):
-        branches, nodes = {lines.branch(node, meeting) for node in group}, set(group)
-        for others in [each for each in joined if each[0] & branches]:
-            joined.remove(others)
-            branches, nodes = branches | others[0], nodes | others[1]
-        joined.append((branches, nodes))
-    return [nodes for _, nodes in joined]
 
 
 def _settled(nodes: Nodes, line: Sequence[int], above: int, shown: Array, binds: Mapping[int, Array]) -> Array:
@@ -228,11 +141,17 @@ def _names(names: Sequence[str], nodes: Sequence[int], parents: Sequence[int]) -
     taken: set[tuple[int, str]] = set()
     result = []
     for name, node, parent in zip(names, nodes, parents, strict=True):
-        clean = clean_name(name) or f"node {node}"
+        clean = _clean(name) or f"node {node}"
         clean = f"{clean} (node {node})" if (parent, clean) in taken else clean
         taken.add((parent, clean))
         result.append(clean)
     return tuple(result)
+
+
+def _clean(name: str) -> str:
+    """A name with _ for what BVH cannot hold in a name; empty where nothing is left."""
+    plain = "".join("_" if each in "{}" or not each.isprintable() else each for each in name)
+    return plain.strip()
 
 
 def _scale_warnings(scene: Scene, line: Sequence[int]) -> Iterator[str]:
