@@ -6,5 +6,5 @@ from distretarget.body.conventions import vocabulary
 
 def test_words_of_the_data_make_no_convention_twice():
     conventions = vocabulary().conventions
-    assert len({convention.title for convention in conventions}) == len(conventions)
+    assert len({(each.title, *each.parts) for each in conventions}) == len(conventions)
     assert all({"hips", "head", *ARM[1:], *LEG[:3]} <= set(convention.parts.values()) for convention in conventions)

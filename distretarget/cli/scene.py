@@ -31,7 +31,7 @@ from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup
     "targets",
     multiple=True,
     type=PATH,
-    help="A performer's body, a skeleton file or any BVH file: once for all, or once for each performer in order.",
+    help="A performer's body, a character or a skeleton file: once for all, or once for each performer in order.",
 )
 @click.option("-o", "--output", required=True, type=PATH, help="The folder to write to.")
 @OVERWRITE_OPTION
@@ -61,9 +61,10 @@ def scene_command(
 ) -> None:
     """Retarget performers who share a world.
 
-    SOURCES are their BVH files, with the same frames. Each performer gets a body; hands that hold each other still do
-    so on the new bodies. Results have the names of the sources. A single SCENE.json says all of that, and which props
-    the performers touch. Of a folder, every scene.json below it is retargeted, to the same place below OUTPUT.
+    SOURCES are the files of their motions, with the same frames. Each performer gets a body; hands that hold each other
+    still do so on the new bodies. Results have the names of the sources. A single SCENE.json says all of that, and
+    which props the performers touch. Of a folder, every scene.json below it is retargeted, to the same place below
+    OUTPUT.
 
     \b
     distretarget scene lead.bvh follow.bvh -t hero.json -t child.json -o duet

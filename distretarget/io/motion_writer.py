@@ -46,16 +46,25 @@ def output_kind(path: str | Path, target: InputFile | None) -> OutputKind:
     if suffix == ".fbx":
         raise FileError(path, NO_FBX)
     if suffix not in OUTPUTS:
-        better = Path(path).with_suffix(".bvh") if Path(path).name else ".bvh"
+        usual = ".glb" if target and target.kind == "glTF" else ".bvh"
+        better = Path(path).with_suffix(usual) if Path(path).name else usual
         endings = ", ".join(OUTPUTS)
         raise FileError(path, f"the ending says what to write; expected one of {endings}, such as {str(better)!r}")
     kind = OUTPUTS[suffix]
     if kind == "character" and (target is None or target.kind != "glTF"):
-        found = f"it is {target.kind}" if target else "none is given"
-        raise FileError(path, f"{suffix} is the target's own file with the motion, for targets that are glTF; {found}")
+        raise FileError(path, f"{suffix} is the target's own file with the motion, {_no_character(target)}")
     if suffix == ".vrm" and target and not _is_vrm(target):
         raise FileError(path, f"{str(target.path)!r} is no VRM model; write .glb")
     return kind
+
+
+def _no_character(target: InputFile | None) -> str:
+    """Why a target cannot be written as glTF, and what to do."""
+    if target is None:
+        return "and no target is given; give the character's file"
+    cures = {"FBX": "make a GLB of it in Blender first, or write .bvh"}
+    kinds = {"FBX": "FBX", "skeleton": "a skeleton file"}
+    return f"and {str(target.path)!r} is {kinds.get(target.kind, target.kind)}; {cures.get(target.kind, 'write .bvh')}"
 
 
 def _is_vrm(file: InputFile) -> bool:
