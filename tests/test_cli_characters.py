@@ -1,94 +1,197 @@
-"""Characters on the command line: files in and out, several clips in one file, and usual mistakes."""
+"""Characters on the command line: what a user gives, gets and is told."""
 
 import json
 import shutil
 
-import gltf_player
 import numpy as np
 import pytest
 from bodies import SAMPLES
-from make_samples import CHARACTERS
-from program import run as run_program
+from characters import LOOKING_BACK, Bones, as_vrm0, character, chunks
+from program import run
+from test_character_files import played
+from test_characters import BONES, ROLLED, WALK
 
-from distretarget import read_bvh, read_motion, write_bvh
+from distretarget import load_target, read_bvh, read_motion, retarget
 
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    """A folder with two short clips, two targets, and the character."""
-    (tmp_path / "clips").mkdir()
-    for name in ("walk", "wave"):
-        write_bvh(tmp_path / "clips" / f"{name}.bvh", read_bvh(SAMPLES / f"{name}.bvh")[:10])
-    shutil.copy(CHARACTERS / "hero.glb", tmp_path)
-    shutil.copy(SAMPLES / "child.json", tmp_path)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+WALK_FILE = SAMPLES / "walk.bvh"
 
 
-def run(text):
-    return run_program(*text.split())
+@pytest.fixture
+def hero(tmp_path):
+    return character(BONES, axes=ROLLED).write(tmp_path / "hero.glb")
 
 
-def animations(path):
-    return [entry["name"] for entry in gltf_player.load(path)[0]["animations"]]
+def animations_of(path):
+    return [entry["name"] for entry in chunks(path.read_bytes())[0].get("animations", [])]
 
 
-def test_the_animation_is_named_after_the_clip_and_found_by_its_name(folder):
-    run("clips/walk.bvh hero.glb -o one.glb")
-    run("clips/wave.bvh one.glb -o two.glb")
-    assert animations(folder / "two.glb") == ["walk", "wave"]
-    run("two.glb child.json -o second.bvh --clip #2")
-    run("two.glb child.json -o named.bvh --clip wave")
-    assert (folder / "second.bvh").read_bytes() == (folder / "named.bvh").read_bytes()
-    run("two.glb hero.glb -o other.glb --clip #2")
-    run("two.glb hero.glb -o wave.glb --clip wave")
-    assert [animations(folder / name) for name in ("other.glb", "wave.glb")] == [["two"], ["wave"]]
+def done(*arguments):
+    finished = run(*arguments)
+    assert finished.returncode == 0, finished.stderr
+    return finished
 
 
-def test_merge_writes_all_clips_into_one_file_and_keeps_the_manifest(folder):
-    done = run("batch clips hero.glb -o all.glb --merge")
-    assert done.stdout.endswith("all.glb: 2 animations\n")
-    assert animations(folder / "all.glb") == ["walk", "wave"]
-    records = [json.loads(line) for line in (folder / "all.glb.manifest.jsonl").read_text().splitlines()]
-    assert {record["output"] for record in records} == {"walk.bvh", "wave.bvh"}
-    assert not (folder / "all.glb.clips").exists()
+def failed(*arguments):
+    finished = run(*arguments)
+    assert finished.returncode in (1, 2)
+    assert finished.stderr.count("\n") == 1
+    return finished.stderr
 
 
-def test_merged_clips_in_place_keep_their_paths(folder):
-    run("batch clips hero.glb -o all.glb --merge --in-place")
-    run("clips/walk.bvh hero.glb -o walk.bvh")
-    document, _ = gltf_player.load(folder / "all.glb")
-    path = document["animations"][0]["extras"]["root_path"]
-    np.testing.assert_allclose(path, read_bvh(folder / "walk.bvh").root_positions, atol=1e-5)
-    places = read_motion(folder / "all.glb", "walk").root_positions
-    np.testing.assert_allclose(places[:, [0, 2]], places[:1, [0, 2]].repeat(10, axis=0), atol=1e-6)
+def test_a_clip_on_a_character(hero, tmp_path):
+    done(WALK_FILE, hero, "-o", tmp_path / "out.glb")
+    assert animations_of(tmp_path / "out.glb") == ["walk"]
+    motion = retarget(read_bvh(WALK_FILE), load_target(hero)).motion
+    assert read_motion(tmp_path / "out.glb").positions == pytest.approx(motion.positions, abs=1e-5)
+
+
+def test_a_chosen_animation_at_a_frame_rate(tmp_path):
+    made = character(BONES, axes=ROLLED)
+    made.animate("Run", WALK)
+    made.animate("Rest", WALK[:2])
+    library, out = made.write(tmp_path / "library.glb"), tmp_path / "run.glb"
+    line = failed(library, SAMPLES / "child.json", "-o", tmp_path / "out.bvh")
+    assert "has 2 animations: 'Run', 'Rest'; choose one with --clip NAME" in line
+    assert "no animation 'run'; did you mean 'Run'?" in failed(library, library, "-o", out, "--clip", "run")
+    done(library, library, "-o", out, "--clip", "Run", "--fps", "30", "--animations", "replace")
+    assert animations_of(out) == ["Run"]
+    again = read_motion(out)
+    assert again.frame_time == pytest.approx(1 / 30, rel=1e-5)
+    assert (len(again) - 1) / 30 <= WALK.times[-1] < len(again) / 30
+
+
+def test_a_vrm_stays_a_vrm(tmp_path):
+    made = as_vrm0(character(BONES.turned(LOOKING_BACK)))
+    source = made.write(tmp_path / "hero.vrm")
+    done(WALK_FILE, source, "-o", tmp_path / "out.vrm")
+    assert chunks((tmp_path / "out.vrm").read_bytes())[0]["extensions"] == made.document["extensions"]
+    done(WALK_FILE, source, "-o", tmp_path / "out.vrma")
+    moved = read_motion(tmp_path / "out.vrma")
+    path = moved.root_positions
+    clip = read_bvh(WALK_FILE)
+    forward = clip.root_positions[-1, 2] - clip.root_positions[0, 2]
+    assert np.sign(path[-1, 2] - path[0, 2]) == np.sign(forward)  # VRM animations look to +Z
 
 
 @pytest.mark.parametrize(
-    ("line", "expected"),
+    ("out", "target", "expected"),
     [
-        (
-            "hero.glb clips/walk.bvh -o out.glb",
-            "clips/walk.bvh: is BVH and cannot be written as .glb; if 'hero.glb' is the target, it comes last: "
-            "distretarget clips/walk.bvh hero.glb -o out.glb",
-        ),
-        ("hero.glb child.json -o out.bvh", "hero.glb: has no animation; expected a file with a motion"),
-        (
-            "clips/walk.bvh child.json -o out.glb",
-            "out.glb: .glb is the target's own file with the motion, and 'child.json' is a skeleton file; write .bvh",
-        ),
-        ("clips/walk.bvh hero.glb -o out.fbx", "out.fbx: FBX is read, but not written; write .glb, which Blender, "),
-        ("clips/walk.bvh hero.glb -o out", "expected one of .bvh, .glb, .gltf, .vrm, .vrma, such as 'out.glb'"),
-        ("clips/walk.bvh child.json -o out", "such as 'out.bvh'"),
-        ("clips/walk.bvh hero.glb -o out.vrm", "out.vrm: 'hero.glb' is no VRM model; write .glb"),
-        ("clips/walk.bvh hero.glb -o hero.glb --overwrite", "hero.glb: is an input as well"),
-        ("batch clips hero.glb -o all.glb", "all.glb: results go into a folder; with --merge, -o names a file"),
-        ("batch clips child.json -o all.glb --merge", "and 'child.json' is a skeleton file"),
+        ("out.fbx", "hero.glb", "FBX is read, but not written; write .glb"),
+        ("out.glb", "hero.bvh", "'hero.bvh' is BVH; write .bvh"),
+        ("out.vrm", "hero.glb", "'hero.glb' is no VRM model; write .glb"),
+        ("out.png", "hero.glb", "the ending says what to write"),
+        ("hero.glb", "hero.glb", "is an input as well"),
     ],
 )
-def test_usual_mistakes_end_in_a_line_that_helps(folder, line, expected):
-    before = sorted(folder.rglob("*"))
-    done = run(line)
-    assert done.returncode != 0
-    assert expected in done.stderr
-    assert sorted(folder.rglob("*")) == before
+def test_outputs_that_cannot_be_written(hero, monkeypatch, out, target, expected):
+    monkeypatch.chdir(hero.parent)
+    shutil.copy(WALK_FILE, "hero.bvh")
+    before = hero.read_bytes()
+    assert expected in failed(WALK_FILE, target, "-o", out, "--overwrite")
+    assert hero.read_bytes() == before
+    assert sorted(path.name for path in hero.parent.iterdir()) == ["hero.bvh", "hero.glb"]
+
+
+@pytest.fixture
+def mocap(tmp_path):
+    folder = tmp_path / "mocap"
+    (folder / "more").mkdir(parents=True)
+    shutil.copy(SAMPLES / "clap.bvh", folder / "clap.bvh")
+    shutil.copy(SAMPLES / "turn.bvh", folder / "more" / "turn.bvh")
+    made = character(BONES)
+    made.animate("anything", WALK)
+    made.write(folder / "step.glb")
+    return folder
+
+
+def test_a_folder_of_all_kinds_onto_a_character(mocap, hero, tmp_path):
+    out = tmp_path / "out"
+    done("batch", mocap, hero, "-o", out, "--jobs", "1")
+    assert [animations_of(out / name) for name in ("clap.glb", "more/turn.glb", "step.glb")] == [
+        ["clap"],
+        ["turn"],
+        ["step"],
+    ]
+    again = done("batch", mocap, hero, "-o", out, "--jobs", "1")
+    assert "3 done before" in again.stdout
+    done("batch", mocap, hero, "-o", tmp_path / "bvh", "--jobs", "1", "--format", "bvh")
+    assert (tmp_path / "bvh" / "step.bvh").is_file()
+
+
+def test_a_folder_as_animations_of_one_file(mocap, hero, tmp_path):
+    out = tmp_path / "all.glb"
+    assert "all.glb: 3 animations" in done("batch", mocap, hero, "-o", out, "--merge", "--jobs", "1").stdout
+    assert animations_of(out) == ["clap", "more/turn", "step"]
+    motion = retarget(read_bvh(SAMPLES / "clap.bvh"), load_target(hero)).motion
+    nodes = [number for number, node in enumerate(chunks(hero.read_bytes())[0]["nodes"]) if "mesh" not in node]
+    times = motion.frame_time * np.arange(len(motion))
+    order = load_target(hero).character.joint_nodes.tolist()
+    found = played(out, "clap", times, nodes)[:, [nodes.index(node) for node in order]]
+    assert found == pytest.approx(motion.positions, abs=1e-4)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "all.glb",
+        "all.glb.manifest.jsonl",
+        "hero.glb",
+        "mocap",
+    ]
+    assert "exists already; --overwrite replaces it" in failed("batch", mocap, hero, "-o", out, "--merge")
+
+
+def test_what_fails_is_left_out_of_the_file_and_tried_again(mocap, hero, tmp_path):
+    bad = mocap / "bad.bvh"
+    bad.write_text("HIERARCHY")
+    out = tmp_path / "all.glb"
+    finished = run("batch", mocap, hero, "-o", out, "--merge", "--jobs", "1")
+    assert finished.returncode == 1
+    assert animations_of(out) == ["clap", "more/turn", "step"]
+    shutil.copy(WALK_FILE, bad)
+    finished = done("batch", mocap, hero, "-o", out, "--merge", "--jobs", "1", "--overwrite")
+    assert "1 converted, 3 done before" in finished.stdout
+    assert animations_of(out) == ["bad", "clap", "more/turn", "step"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (("--merge", "-o", "all.bvh"), "expected .glb, .gltf or .vrm"),
+        (("--merge", "-o", "all.glb", "--format", "bvh"), "leave out --format"),
+        (("--format", "vrm", "-o", "out"), "is no VRM model"),
+        (("--clip", "none", "-o", "out"), ""),
+    ],
+)
+def test_batches_that_cannot_be(mocap, hero, monkeypatch, arguments, expected):
+    monkeypatch.chdir(mocap.parent)
+    finished = run("batch", "mocap", hero.name, "--jobs", "1", *arguments)
+    assert finished.returncode in (1, 2)
+    assert expected in finished.stderr
+
+
+def test_a_root_on_the_floor_carries_the_path(tmp_path):
+    """The engine's root moves along the floor, and the hips above it, each with keys of its own."""
+    skeleton = load_target(SAMPLES / "rigs" / "unreal_a.json").skeleton
+    bones = Bones.of(skeleton)
+    source, out = character(bones).write(tmp_path / "hero.glb"), tmp_path / "walk.glb"
+    done(WALK_FILE, source, "-o", out)
+    document, _ = chunks(out.read_bytes())
+    names = [node["name"] for node in document["nodes"]]
+    channels = document["animations"][0]["channels"]
+    moving = {names[each["target"]["node"]] for each in channels if each["target"]["path"] == "translation"}
+    assert {"root", "pelvis"} <= moving
+    done(WALK_FILE, source, "-o", tmp_path / "still.glb", "--root-follows", "nothing")
+    assert read_motion(tmp_path / "still.glb").root_positions == pytest.approx(0.0, abs=1e-6)
+    done(WALK_FILE, source, "-o", tmp_path / "in_place.glb", "--in-place")
+    document, _ = chunks((tmp_path / "in_place.glb").read_bytes())
+    path = np.array(document["animations"][0]["extras"]["root_path"])
+    hips = read_motion(tmp_path / "in_place.glb")
+    pelvis = hips.positions[:, hips.skeleton.index("pelvis")]
+    assert np.ptp(pelvis[:, [0, 2]], axis=0).max() < 0.05 * np.ptp(path[:, [0, 2]], axis=0).max()
+
+
+def test_diff_and_skeleton_take_characters(hero, tmp_path):
+    out = tmp_path / "out.glb"
+    done(WALK_FILE, hero, "-o", out)
+    assert "22 joints" in done("skeleton", "show", hero).stdout
+    done("skeleton", "export", hero, "-o", tmp_path / "hero.json")
+    assert json.loads((tmp_path / "hero.json").read_text())["units"] == "m"
+    assert "named as in" in done("skeleton", "match", out, hero).stdout
+    assert "frames compared" in done("diff", WALK_FILE, out).stdout

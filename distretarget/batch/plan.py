@@ -12,7 +12,7 @@ from pathlib import Path, PurePath
 from distretarget.errors import BatchError, FileError
 from distretarget.io.files import is_folder, reason_of
 from distretarget.io.input_file import MOTION_SUFFIXES
-from distretarget.io.motion_writer import OUTPUTS, output_kind
+from distretarget.io.motion_writer import suffix_of
 from distretarget.io.target_file import TargetFile
 from distretarget.scene.scene_file import SCENE_NAME
 
@@ -147,15 +147,6 @@ def _leads_back(path: Path, folder: Path) -> bool:
 def _result(place: PurePath) -> PurePath:
     """The place of the result of a clip, without suffix."""
     return place.with_suffix("") if place.suffix.lower() in MOTION_SUFFIXES else place
-
-
-def suffix_of(target: TargetFile, kind: str | None) -> str:
-    """Return the suffix of results of a kind, or of the target's own kind; a FileError if it cannot be written so."""
-    own = Path(target.path).suffix.lower()
-    is_character = target.file is not None and target.file.kind == "glTF"
-    suffix = f".{kind}" if kind else own if is_character and own in OUTPUTS else ".glb" if is_character else ".bvh"
-    output_kind(f"*{suffix}", target.file)
-    return suffix
 
 
 def _matches_any(place: PurePath, patterns: Iterable[str]) -> bool:

@@ -125,7 +125,7 @@ def _converted(job: Job, mapper: Mapper) -> Result:
     elif isinstance(target, CharacterTarget) and kind == "character":
         output = replace(target.character.animation(clip.motion, clip.name), extras=clip.extras)
     else:
-        output = vrma(clip.motion, clip.name, clip.extras)
+        output = b"".join(vrma(clip.motion, clip.name, clip.extras))
     record = job.record | {
         "status": "done",
         "frames": len(result.motion),

@@ -119,6 +119,7 @@ def _skeleton(scene: Scene, nodes: NDArray[np.intp], parents: NDArray[np.intp], 
         end_sites=np.zeros(len(nodes), bool),
         units=scene.units,
         up=scene.up,
+        looks_back=scene.looks_back,
         humanoid=tuple((bone, joints[node]) for bone, node in scene.humanoid.items()),
     )
     return replace(skeleton, channels=_with_positions(skeleton))

@@ -38,7 +38,9 @@ def gltf_scene(gltf: Gltf, clip: str | None = None, fps: float | None = None, an
     names = tuple(entry.entries(dotted).read("name", Node.text, "") for entry in gltf.entries("animations"))
     chosen = choose_animation(gltf.path, names, clip) if animated else None
     animation = None if chosen is None else _animation(gltf, chosen, names[chosen], fps)
-    return Scene(gltf.path, nodes, _skins(gltf), _humanoid(gltf), names, animation)
+    extensions = gltf.document.read("extensions", lambda node: node.entries(dotted), Fields())
+    is_vrm_0 = next((key for key in HUMANOIDS if key in extensions), "") == "VRM"
+    return Scene(gltf.path, nodes, _skins(gltf), _humanoid(gltf), names, animation, is_vrm_0)
 
 
 def _nodes(gltf: Gltf) -> Nodes:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import NoneType
@@ -15,7 +15,7 @@ from distretarget.character.nodes import Animation
 from distretarget.checks import check_choice, check_kind
 from distretarget.errors import FileError, MotionError
 from distretarget.io.bvh_writer import bvh_parts
-from distretarget.io.files import Content, read_bytes, write_whole
+from distretarget.io.files import read_bytes, write_whole
 from distretarget.io.gltf import inside, parse_gltf
 from distretarget.io.gltf_scene import gltf_scene
 from distretarget.io.gltf_writer import Animations, Parts, animated
@@ -36,6 +36,7 @@ OUTPUTS: dict[str, OutputKind] = {
     ".vrm": "character",
     ".vrma": "VRMA",
 }
+NAMES = {"BVH": "BVH", "FBX": "FBX", "skeleton": "a skeleton file"}
 NO_FBX = "FBX is read, but not written; write .glb, which Blender, Unreal, Unity, Godot and Maya read"
 PATH_KEY = "root_path"  # in the extras of an animation in place: where the root was in each frame [file units]
 
@@ -52,19 +53,25 @@ def output_kind(path: str | Path, target: InputFile | None) -> OutputKind:
         raise FileError(path, f"the ending says what to write; expected one of {endings}, such as {str(better)!r}")
     kind = OUTPUTS[suffix]
     if kind == "character" and (target is None or target.kind != "glTF"):
-        raise FileError(path, f"{suffix} is the target's own file with the motion, {_no_character(target)}")
+        what = f"{suffix} is the target's own file with the motion"
+        if target is None:
+            raise FileError(path, f"{what}; give the character's file")
+        advice = "open it in Blender and export it as GLB, or write .bvh" if target.kind == "FBX" else "write .bvh"
+        raise FileError(path, f"{what}, but {str(target.path)!r} is {NAMES[target.kind]}; {advice}")
     if suffix == ".vrm" and target and not _is_vrm(target):
         raise FileError(path, f"{str(target.path)!r} is no VRM model; write .glb")
     return kind
 
 
-def _no_character(target: InputFile | None) -> str:
-    """Why a target cannot be written as glTF, and what to do."""
-    if target is None:
-        return "and no target is given; give the character's file"
-    cures = {"FBX": "make a GLB of it in Blender first, or write .bvh"}
-    kinds = {"FBX": "FBX", "skeleton": "a skeleton file"}
-    return f"and {str(target.path)!r} is {kinds.get(target.kind, target.kind)}; {cures.get(target.kind, 'write .bvh')}"
+def suffix_of(target: TargetFile, kind: str | None = None) -> str:
+    """Return the suffix of results of a kind, such as "glb", or without one of the target's own kind: that of its file
+    if it is glTF, else .bvh; a FileError if the target cannot be written so.
+    """
+    own = Path(target.path).suffix.lower()
+    is_character = target.file is not None and target.file.kind == "glTF"
+    suffix = f".{kind}" if kind else own if is_character and own in OUTPUTS else ".glb" if is_character else ".bvh"
+    output_kind(f"*{suffix}", target.file)
+    return suffix
 
 
 def _is_vrm(file: InputFile) -> bool:
@@ -142,8 +149,10 @@ def in_place(motion: Motion, up: Array) -> Motion:
     return replace(motion, root_positions=motion.root_positions - path + path[:1])
 
 
-def content_of(path: str | Path, clip: NamedClip, target: TargetFile | None, settings: OutputSettings) -> Content:
-    """Return the content of a file with a clip; errors as in `write_motion`."""
+def content_of(
+    path: str | Path, clip: NamedClip, target: TargetFile | None, settings: OutputSettings
+) -> Iterable[str] | Parts:
+    """Return the content of a file with a clip, in parts; errors as in `write_motion`."""
     match output_kind(path, target.file if target else None):
         case "BVH":
             return bvh_parts(clip.motion)

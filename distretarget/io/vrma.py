@@ -15,7 +15,7 @@ from distretarget.body.humanoid import FINGER, THUMB
 from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import MotionError, quoted
 from distretarget.io.gltf import parse_gltf
-from distretarget.io.gltf_writer import animated
+from distretarget.io.gltf_writer import Parts, animated
 from distretarget.io.json_text import compact
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import least
@@ -35,7 +35,7 @@ REQUIRED = (
 )
 
 
-def vrma(motion: Motion, name: str, extras: Mapping[str, object]) -> bytes:
+def vrma(motion: Motion, name: str, extras: Mapping[str, object]) -> Parts:
     """Return the content of a VRM animation of a motion: rotations of the humanoid's bones, and the path of the hips
     [m], with Y up and the body towards Z at rest in T-pose.
 
@@ -73,7 +73,7 @@ def vrma(motion: Motion, name: str, extras: Mapping[str, object]) -> bytes:
     gltf = parse_gltf(text, "animation.vrma")
     still = np.zeros((len(joints), 3))
     nodes = Nodes((), parents, offsets, np.tile([0.0, 0.0, 0.0, 1.0], (len(joints), 1)), still + 1.0)
-    return b"".join(animated(gltf, [animation], nodes))
+    return animated(gltf, [animation], nodes)
 
 
 def _height(places: Array, stated: float) -> float:
