@@ -1,4 +1,4 @@
-"""Retarget BVH motion to another body by normalised joint distances.
+"""Retarget motion to another body by normalised joint distances.
 
 from distretarget import load_target, read_bvh, retarget, write_bvh
 

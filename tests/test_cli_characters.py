@@ -128,7 +128,12 @@ def test_a_folder_as_animations_of_one_file(mocap, hero, tmp_path):
     order = load_target(hero).character.joint_nodes.tolist()
     found = played(out, "clap", times, nodes)[:, [nodes.index(node) for node in order]]
     assert found == pytest.approx(motion.positions, abs=1e-4)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["all.glb", "hero.glb", "mocap"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "all.glb",
+        "all.glb.manifest.jsonl",
+        "hero.glb",
+        "mocap",
+    ]
     assert "exists already; --overwrite replaces it" in failed("batch", mocap, hero, "-o", out, "--merge")
 
 

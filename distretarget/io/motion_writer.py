@@ -47,7 +47,8 @@ def output_kind(path: str | Path, target: InputFile | None) -> OutputKind:
     if suffix == ".fbx":
         raise FileError(path, NO_FBX)
     if suffix not in OUTPUTS:
-        better = Path(path).with_suffix(".bvh") if Path(path).name else ".bvh"
+        usual = ".glb" if target and target.kind == "glTF" else ".bvh"
+        better = Path(path).with_suffix(usual) if Path(path).name else usual
         endings = ", ".join(OUTPUTS)
         raise FileError(path, f"the ending says what to write; expected one of {endings}, such as {str(better)!r}")
     kind = OUTPUTS[suffix]
