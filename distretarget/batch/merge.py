@@ -33,7 +33,9 @@ def merge(path: Path, target: TargetFile, clips: Sequence[Clip], settings: Outpu
         DistretargetError: the file cannot be written.
     """
     folder = clips_folder(path)
-    done = sorted((clip for clip in clips if (folder / clip.place).is_file()), key=lambda clip: clip.place)
+    done = sorted(
+        (clip for clip in clips if (folder / clip.place).is_file()), key=lambda clip: clip.place.with_suffix("")
+    )
     animations = list(_animations(folder, done, target, settings))
     write_whole(path, with_animations(path, target, animations, settings.animations), overwrite)
     if len(done) == len(clips):

@@ -161,7 +161,7 @@ def batch_command(
     if merge:
         results, kind = _for_merge(folder, texts, kind, overwrite, dry_run), "bvh"
     try:
-        clips = plan(found, texts, results, sources, kind)
+        clips = plan(found, texts, results, sources, kind, clip)
     except BatchError as error:
         raise click.UsageError(str(error)) from error
     ways = options, map_file, about, index, reports, overwrite and not merge, fail_fast

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Iterator
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -206,8 +207,9 @@ def _target_in(file: InputFile) -> tuple[str, Target]:
 
 def _body_in(file: InputFile) -> Body:
     """The body in a file that is a source: as its motion shows it, or of a file without one as it rests."""
-    if file.kind == "BVH":
-        return Body.of_motion(parse_motion(file)[0])
+    if file.kind != "skeleton":
+        with contextlib.suppress(FileError):  # no animation, or several
+            return Body.of_motion(parse_motion(file)[0])
     return Body.of(_target_in(file)[1].skeleton)
 
 

@@ -35,12 +35,17 @@ def gltf_scene(gltf: Gltf, clip: str | None = None, fps: float | None = None, an
         FileError, SkeletonFileError: the file is not valid, or has no such animation.
     """
     nodes = _nodes(gltf)
-    names = tuple(entry.entries(dotted).read("name", Node.text, "") for entry in gltf.entries("animations"))
+    names = animation_names(gltf)
     chosen = choose_animation(gltf.path, names, clip) if animated else None
     animation = None if chosen is None else _animation(gltf, chosen, names[chosen], fps)
     extensions = gltf.document.read("extensions", lambda node: node.entries(dotted), Fields())
     is_vrm_0 = next((key for key in HUMANOIDS if key in extensions), "") == "VRM"
     return Scene(gltf.path, nodes, _skins(gltf), _humanoid(gltf), names, animation, is_vrm_0)
+
+
+def animation_names(gltf: Gltf) -> tuple[str, ...]:
+    """Return the names of the animations in a file; they may be empty or the same."""
+    return tuple(entry.entries(dotted).read("name", Node.text, "") for entry in gltf.entries("animations"))
 
 
 def _nodes(gltf: Gltf) -> Nodes:
