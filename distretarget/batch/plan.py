@@ -12,10 +12,9 @@ from pathlib import Path, PurePath
 
 from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import is_folder, read_bytes, reason_of
-from distretarget.io.gltf import parse_gltf
 from distretarget.io.gltf_scene import animation_names
 from distretarget.io.gltf_writer import free_name
-from distretarget.io.input_file import KINDS, MOTION_SUFFIXES
+from distretarget.io.input_file import KINDS, MOTION_SUFFIXES, InputFile
 from distretarget.io.motion_writer import suffix_of
 from distretarget.io.target_file import TargetFile
 from distretarget.scene.scene_file import SCENE_NAME
@@ -121,7 +120,7 @@ def _parts(path: Path, place: PurePath) -> Iterator[tuple[Path, PurePath, str | 
     names: Sequence[str] = ()
     if KINDS.get(path.suffix.lower()) == "glTF":
         with suppress(DistretargetError):  # reading the clip will report it
-            names = animation_names(parse_gltf(read_bytes(path), path))
+            names = animation_names(InputFile(read_bytes(path), path).gltf)
     if len(names) < 2:
         yield path, place, None
         return

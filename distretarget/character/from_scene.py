@@ -157,11 +157,12 @@ def _clean(name: str) -> str:
 
 def _scale_warnings(scene: Scene, line: Sequence[int]) -> Iterator[str]:
     """A line for nodes that are scaled unevenly, and one for nodes whose scale changes."""
-    nodes = scene.nodes
-    spread = np.ptp(np.abs(nodes.scales[list(line)]), axis=1) > UNEVEN * np.abs(nodes.scales[list(line)]).max(axis=1)
-    if uneven := [nodes.names[node] for node, is_uneven in zip(line, spread, strict=True) if is_uneven]:
-        sheared = "what hangs on them is sheared where it turns, and a little off its place"
-        yield f"{quoted(uneven)} are scaled unevenly: {sheared}"
+    nodes, sizes = scene.nodes, np.abs(scene.nodes.scales[list(line)])
+    spread = np.ptp(sizes, axis=1) / sizes.max(axis=1)
+    if uneven := [nodes.names[node] for node, share in zip(line, spread, strict=True) if share > UNEVEN]:
+        change = "bones below change their length as they turn, so that hands and feet miss their places"
+        much = f"{100 * spread.max():.2g} %"
+        yield f"the scale of {quoted(uneven)} is uneven, by {much}: {change}; apply the scale and export it again"
     scales = scene.animation.scales if scene.animation else {}
     changing = [
         nodes.names[node]

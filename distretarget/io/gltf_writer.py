@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import FileError
 from distretarget.io.gltf import BINARY_CHUNK, CHUNK_HEADER, DATA_URI, HEADER, JSON_CHUNK, MAGIC, Gltf, dotted
-from distretarget.io.json_node import Fields, Node
+from distretarget.io.json_node import Fields, Node, without_collection
 from distretarget.io.json_text import Edit, Member, added, compact, edited, member, members
 
 Animations = Literal["add", "replace"]
@@ -79,7 +79,8 @@ def animated(
         FileError: it would be too large for a GLB.
     """
     text = gltf.text
-    top = {str(each.key): each for each in members(text, 0)}
+    with without_collection():
+        top = {str(each.key): each for each in members(text, 0)}
     lists = {key: gltf.entries(key) for key in ("buffers", "bufferViews", "accessors", "animations")}
     binary = gltf.binary
     extends = binary is not None and bool(lists["buffers"]) and "uri" not in lists["buffers"][0].entries(dotted)
@@ -114,8 +115,8 @@ def animated(
             new["buffers"] = [entry]
     moving = {node for animation in animations for node in (*animation.rotations, *animation.translations)}
     edits += _without_matrices(text, top, moving, nodes)
-    if new:
-        edits.append(added(text, 0, [f'"{key}":[{",".join(texts)}]' for key, texts in new.items()]))
+    end = max(each.end for each in top.values())
+    edits += [Edit(end, end, f',"{key}":[{",".join(texts)}]') for key, texts in new.items()]
     changed = edited(text, edits).encode()
     if not as_binary:
         return [changed]

@@ -16,7 +16,7 @@ from distretarget.checks import check_choice, check_kind
 from distretarget.errors import FileError, MotionError
 from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import read_bytes, write_whole
-from distretarget.io.gltf import inside, parse_gltf
+from distretarget.io.gltf import inside
 from distretarget.io.gltf_scene import gltf_scene
 from distretarget.io.gltf_writer import Animations, Parts, animated
 from distretarget.io.input_file import InputFile, load_file
@@ -75,7 +75,7 @@ def suffix_of(target: TargetFile, kind: str | None = None) -> str:
 
 
 def _is_vrm(file: InputFile) -> bool:
-    extensions = parse_gltf(file.content, file.path).document.get("extensions")
+    extensions = file.gltf.document.get("extensions")
     return extensions is not None and bool({"VRM", "VRMC_vrm"} & extensions.entries().keys())
 
 
@@ -179,7 +179,6 @@ def with_animations(path: str | Path, target: TargetFile, animations: Sequence[A
     """
     assert target.file is not None
     file = target.file
-    gltf = parse_gltf(file.content, file.path, file.beside)
     as_binary = Path(path).suffix.lower() != ".gltf"
     folder = Path(file.path).parent
     stays = not as_binary and Path(path).parent.resolve() == folder.resolve()
@@ -188,5 +187,5 @@ def with_animations(path: str | Path, target: TargetFile, animations: Sequence[A
         name = uri.text()
         return file.beside[name] if name in file.beside else read_bytes(inside(uri, folder, name))
 
-    nodes = gltf_scene(gltf, animated=False).nodes
-    return animated(gltf, animations, nodes, mode, as_binary, None if stays else embedded)
+    nodes = gltf_scene(file.gltf, animated=False).nodes
+    return animated(file.gltf, animations, nodes, mode, as_binary, None if stays else embedded)
