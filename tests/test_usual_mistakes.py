@@ -81,6 +81,11 @@ def test_merged_clips_in_place_keep_their_paths(folder):
         ),
         ("hero.glb child.json -o out.bvh", "hero.glb: has no animation; expected a file with a motion"),
         (
+            "hero.glb clips/walk.bvh -o out.bvh",
+            "hero.glb: has no animation, expected a motion as SOURCE; if it is the target, it comes last: distretarget "
+            "clips/walk.bvh hero.glb -o OUT.glb",
+        ),
+        (
             "clips/walk.bvh child.json -o out.glb",
             "out.glb: .glb is the target's own file with the motion, but 'child.json' is a skeleton file; write .bvh",
         ),
