@@ -3,27 +3,31 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.named_anatomy import by_names
-from distretarget.errors import FileError, counted, quoted
-from distretarget.io.bind_pose import bind_poses, in_world, matrices
+from distretarget.errors import FileError, counted, cut, quoted
+from distretarget.io.bind_pose import REGULAR, bind_poses, in_world, matrices
 from distretarget.io.bvh import clean_name
 from distretarget.io.character import Character
 from distretarget.io.deform_character import with_deform_bones
 from distretarget.io.nodes import Nodes, Scene
 from distretarget.numerics.rotations import nearest_rotations
-from distretarget.skeleton import POSITION_CHANNELS, SMALLEST, Skeleton
+from distretarget.skeleton import LARGEST, POSITION_CHANNELS, SMALLEST, Skeleton
 
 Array = NDArray[np.float64]
 
-MOST_JOINTS = 4096  # of a character: skeletons have matrices of joints x joints
+MOST_JOINTS = 4096  # of a character, with the nodes above: skeletons have matrices of joints x joints
+LONGEST_NAME = 200  # of a joint [characters]
 NEAR_SHOWN = 1e-4  # a node whose bind pose differs by less than this from what it shows shows it [body sizes, rad]
+FLAT = 1e-6  # axes that are shorter have the length 0 [of the longest axis of the node]
 UNEVEN = 1e-3  # axes whose scales differ by more than this are scaled unevenly; a scale that changes more is animated
 TURN_CHANNELS = ("Zrotation", "Xrotation", "Yrotation")
 
@@ -36,27 +40,32 @@ def character_of(scene: Scene) -> Character:
     Raises:
         FileError: the file has no such nodes, or too many.
     """
-    nodes = scene.nodes
-    order, lines = _top_down(nodes.parents), _Lines(nodes.parents)
+    scene, flat = _without_flat_scales(scene)
+    nodes, order = scene.nodes, _top_down(scene.nodes.parents)
+    lines = _Lines(nodes.parents, order)
     wanted, left_out = _wanted(scene, lines)
-    root = lines.meeting(wanted)
-    inner = {node for joint in wanted for node in lines.up(joint, root)}
-    joints = [node for node in order if node in inner]
-    if len(joints) > MOST_JOINTS:
-        raise FileError(scene.path, f"its skeleton has {len(joints)} joints; expected at most {MOST_JOINTS}")
+    root, carried = lines.meeting(wanted), lines.carried(wanted)
     above = lines.up(nodes.parents.item(root), -1)[::-1] if nodes.parents[root] >= 0 else []
+    are_above = set(above)
+    joints = [node for node in order if carried[node] and node not in are_above]
     line = [*above, *joints]
-    shown = in_world(nodes, order)
+    if len(line) > MOST_JOINTS:
+        counts = f"{counted(len(joints), 'joint')} and {counted(len(above), 'node')} above"
+        raise FileError(scene.path, f"its skeleton has {counts}; expected at most {MOST_JOINTS}")
+    with np.errstate(all="ignore"):
+        shown = in_world(nodes, order)
+    _check_scales(scene, line, shown)
     binds = _settled(nodes, line, len(above), shown, bind_poses(scene.skins, shown, order))
-    character = _character(scene, line, len(above), binds, (*left_out, *_scale_warnings(scene, line)))
+    warnings = (*left_out, *_flat_warnings(scene, flat, line), *_scale_warnings(scene, line))
+    character = _character(scene, line, len(above), binds, warnings)
     return with_deform_bones(character)
 
 
 class _Lines:
     """The lines of a forest from its nodes upwards."""
 
-    def __init__(self, parents: NDArray[np.intp]) -> None:
-        self._parents = parents.tolist()
+    def __init__(self, parents: NDArray[np.intp], order: Sequence[int]) -> None:
+        self._parents, self._order = parents.tolist(), order
 
     def up(self, node: int, last: int) -> list[int]:
         """The nodes from `node` up to `last`, both included; up to the top if that is -1."""
@@ -65,24 +74,28 @@ class _Lines:
             line.append(self._parents[line[-1]])
         return line
 
-    def meeting(self, nodes: Iterable[int]) -> int:
-        """The lowest node from which all nodes hang; -1 if there is none."""
-        shared: list[int] | None = None
+    def carried(self, nodes: Iterable[int]) -> list[int]:
+        """How many of some nodes each node of the forest carries, itself included."""
+        counts = [0] * len(self._parents)
         for node in nodes:
-            line = self.up(node, -1)[::-1]
-            shared = line if shared is None else shared[: _common(shared, line)]
-        return shared[-1] if shared else -1
+            counts[node] = 1
+        for node in reversed(self._order):
+            if (parent := self._parents[node]) >= 0:
+                counts[parent] += counts[node]
+        return counts
 
-    def branch(self, node: int, above: int) -> int:
-        """The node just below `above` on the line of a node; the node itself if it is `above`."""
-        line = self.up(node, above)
-        return line[-2] if line[-1] == above and len(line) > 1 else line[-1]
+    def meeting(self, nodes: Collection[int]) -> int:
+        """The lowest node from which all of some different nodes hang; -1 if there is none."""
+        counts = self.carried(nodes)
+        return next((node for node in reversed(self._order) if counts[node] == len(nodes)), -1)
 
-
-def _common(first: Sequence[int], second: Sequence[int]) -> int:
-    """How many entries at the beginning are the same."""
-    pairs = enumerate(zip(first, second, strict=False))
-    return next((place for place, (one, other) in pairs if one != other), min(len(first), len(second)))
+    def branches(self, above: int) -> list[int]:
+        """For each node, that just below `above` on its line; the node itself for `above`; else the top of its line."""
+        branches = list(range(len(self._parents)))
+        for node in self._order:
+            if self._parents[node] not in (-1, above) and node != above:
+                branches[node] = branches[self._parents[node]]
+        return branches
 
 
 def _top_down(parents: NDArray[np.intp]) -> list[int]:
@@ -107,27 +120,60 @@ def _wanted(scene: Scene, lines: _Lines) -> tuple[list[int], tuple[str, ...]]:
     every = list(dict.fromkeys(node for group in groups for node in group))
     if not every:
         raise FileError(scene.path, "has no skin and no VRM humanoid, so no skeleton; expected a character")
-    skeletons = _skeletons(groups, lines, lines.meeting(every))
+    skeletons = _skeletons(groups, lines.branches(lines.meeting(every)))
     chosen = next((each for each in skeletons if groups[0] and groups[0][0] in each), max(skeletons, key=len))
-    others = [
-        scene.nodes.names[next(node for node in every if node in each)] for each in skeletons if each is not chosen
-    ]
+    others = [scene.nodes.names[next(iter(each))] for each in skeletons if each is not chosen]
     if lines.meeting(chosen) < 0:
         raise FileError(scene.path, "the joints of its skin hang from no common node; expected a single skeleton")
     notes = [f"{counted(len(others), 'other skeleton')} in the file stays as it is: {quoted(others)}"] if others else []
     return [node for node in every if node in chosen], tuple(notes)
 
 
-def _skeletons(groups: Sequence[Sequence[int]], lines: _Lines, meeting: int) -> list[set[int]]:
-    """Groups of nodes, joined where they have nodes on the same branch below the node at which all meet."""
-    joined: list[tuple[set[int], set[int]]] = []  # branches, and nodes
-    for group in filter(None, groups):
-        branches, nodes = {lines.branch(node, meeting) for node in group}, set(group)
-        for others in [each for each in joined if each[0] & branches]:
-            joined.remove(others)
-            branches, nodes = branches | others[0], nodes | others[1]
-        joined.append((branches, nodes))
-    return [nodes for _, nodes in joined]
+def _skeletons(groups: Sequence[Sequence[int]], branches: Sequence[int]) -> list[dict[int, None]]:
+    """Groups of nodes, joined where they have nodes on the same branch; their nodes as the keys of dictionaries, in
+    order.
+    """
+    groups = [group for group in groups if group]
+    pairs = [(number, branches[node]) for number, group in enumerate(groups) for node in group]
+    numbers, shared = np.array(pairs).T
+    size = len(groups) + len(branches)
+    graph = coo_array((np.ones(len(pairs), bool), (numbers, len(groups) + shared)), shape=(size, size))
+    joined: dict[int, dict[int, None]] = {}
+    for group, label in zip(groups, connected_components(graph, directed=False)[1].tolist(), strict=False):
+        joined.setdefault(label, {}).update(dict.fromkeys(group))
+    return list(joined.values())
+
+
+def _without_flat_scales(scene: Scene) -> tuple[Scene, NDArray[np.bool_]]:
+    """The scene with scales that can be inverted, and which nodes had others, (nodes,): axes of length 0 get the length
+    of the longest, or 1.
+    """
+    scales = scene.nodes.scales
+    longest = np.abs(scales).max(axis=1, keepdims=True, initial=0.0)
+    flat = ~(np.abs(scales) > np.maximum(FLAT * longest, SMALLEST))
+    regular = np.where(flat, np.where(longest > SMALLEST, longest, 1.0), scales)
+    return replace(scene, nodes=replace(scene.nodes, scales=regular)), flat.any(axis=1)
+
+
+def _flat_warnings(scene: Scene, flat: NDArray[np.bool_], line: Sequence[int]) -> Iterator[str]:
+    """A line for nodes with axes of length 0."""
+    if names := [scene.nodes.names[node] for node in line if flat[node]]:
+        yield f"{quoted(names)} have the scale 0, as if they were hidden; they are taken as if they were not"
+
+
+def _check_scales(scene: Scene, line: Sequence[int], shown: Array) -> None:
+    """Check that the transforms of some nodes in the world, among all, (nodes, 4, 4), can be computed with."""
+    world = shown[list(line)]
+    sizes = np.abs(world[:, :3, :3]).max(axis=(1, 2))
+    with np.errstate(all="ignore"):
+        regular = (np.abs(np.linalg.det(world[:, :3, :3])) > REGULAR * sizes**3) & (sizes >= SMALLEST)
+        fits = regular & (sizes <= LARGEST) & (np.abs(world[:, :3, 3]) <= LARGEST).all(axis=1)
+    if not fits.all():
+        name = scene.nodes.names[line[int(fits.argmin())]]
+        limits = f"scales from {SMALLEST:g} to {LARGEST:g}, not too uneven, and places up to {LARGEST:g}"
+        raise FileError(
+            scene.path, f"the scale or place of {cut(name)!r} in the world is too extreme; expected {limits}"
+        )
 
 
 def _settled(nodes: Nodes, line: Sequence[int], above: int, shown: Array, binds: Mapping[int, Array]) -> Array:
@@ -228,7 +274,7 @@ def _names(names: Sequence[str], nodes: Sequence[int], parents: Sequence[int]) -
     taken: set[tuple[int, str]] = set()
     result = []
     for name, node, parent in zip(names, nodes, parents, strict=True):
-        clean = clean_name(name) or f"node {node}"
+        clean = clean_name(name[:LONGEST_NAME]) or f"node {node}"
         clean = f"{clean} (node {node})" if (parent, clean) in taken else clean
         taken.add((parent, clean))
         result.append(clean)

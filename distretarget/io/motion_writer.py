@@ -169,4 +169,7 @@ def with_animations(path: str | Path, target: InputFile, animations: Sequence[An
         return target.beside[name] if name in target.beside else read_bytes(inside(uri, folder, name))
 
     nodes = gltf_scene(gltf, animated=False).nodes
-    return animated(gltf, animations, nodes, mode, as_binary, None if stays else embedded)
+    try:
+        return animated(gltf, animations, nodes, mode, as_binary, None if stays else embedded)
+    except RecursionError:
+        raise FileError(target.path, "is nested too deeply") from None
