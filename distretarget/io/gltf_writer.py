@@ -84,6 +84,8 @@ def animated(
     lists = {key: gltf.entries(key) for key in ("buffers", "bufferViews", "accessors", "animations")}
     binary = gltf.binary
     extends = binary is not None and bool(lists["buffers"]) and "uri" not in lists["buffers"][0].entries(dotted)
+    if extends and "byteLength" not in lists["buffers"][0].entries(dotted):
+        lists["buffers"][0].fail('has no "byteLength"')
     has_room = extends or (as_binary and not lists["buffers"])
     start = _aligned(len(binary)) if extends and binary is not None else 0
     data = _Data(0 if has_room else len(lists["buffers"]), start, len(lists["bufferViews"]), len(lists["accessors"]))
@@ -223,7 +225,17 @@ def _without_matrices(text: str, top: Mapping[str, Member], moving: set[int], no
                 "rotation": nodes.rotations[node].tolist(),
                 "scale": nodes.scales[node].tolist(),
             }
-            yield Edit(matrix.start, matrix.end, compact(parts)[1:-1])
+            others = [each for each in members(text, entry.value) if each.key in parts]
+            for each in others:  # beside a matrix, against the specification
+                yield Edit(each.value, each.end, compact(parts.pop(str(each.key))))
+            yield Edit(matrix.start, matrix.end, compact(parts)[1:-1]) if parts else _removed(text, entry, matrix)
+
+
+def _removed(text: str, entry: Member, one: Member) -> Edit:
+    """The edit that removes one of several members of an entry."""
+    every = list(members(text, entry.value))
+    at = every.index(one)
+    return Edit(every[at - 1].end, one.end, "") if at else Edit(one.start, every[1].start, "")
 
 
 def data_uri(content: Parts, kind: str = OCTETS) -> str:

@@ -188,4 +188,7 @@ def with_animations(path: str | Path, target: TargetFile, animations: Sequence[A
         return file.beside[name] if name in file.beside else read_bytes(inside(uri, folder, name))
 
     nodes = gltf_scene(file.gltf, animated=False).nodes
-    return animated(file.gltf, animations, nodes, mode, as_binary, None if stays else embedded)
+    try:
+        return animated(file.gltf, animations, nodes, mode, as_binary, None if stays else embedded)
+    except RecursionError:
+        raise FileError(target.path, "is nested too deeply") from None
