@@ -31,7 +31,7 @@ from pathlib import Path
 import click
 import numpy as np
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
+sys.path += [str(Path(__file__).resolve().parents[1] / folder) for folder in ("tests", "tools")]
 import gltf_player
 from bodies import SAMPLES
 from characters import chunks

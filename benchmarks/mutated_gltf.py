@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
+sys.path += [str(Path(__file__).resolve().parents[1] / folder) for folder in ("tests", "tools")]
 import characters as made
 from bodies import SAMPLES
 from scipy.spatial.transform import Rotation
