@@ -31,7 +31,7 @@ from pathlib import Path
 import click
 import numpy as np
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
+sys.path += [str(Path(__file__).resolve().parents[1] / folder) for folder in ("tests", "tools")]
 import gltf_player
 from bodies import SAMPLES
 from characters import chunks
@@ -98,6 +98,7 @@ def through(path: Path, sample: Motion) -> None:
         except DistretargetError as error:
             raise NotReadBackError(f"cannot be BVH: {error}") from error
         again = _read_again(lambda: parse_bvh(text, "out.bvh"))
+        motion = motion.turned_round() if motion.skeleton.looks_back else motion  # as it is written
         order = list(motion.skeleton.depth_first)
         if not _is_collapsed(motion):
             _close(motion.positions[:, order], again.positions, _extent(motion), "BVH")

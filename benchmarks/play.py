@@ -1,13 +1,17 @@
 """Let other programs play files of characters, and show how far off they have the joints [mm].
 
     DISTRETARGET_NODE=PACKAGES DISTRETARGET_BLENDER=PYTHON python benchmarks/play.py FOLDER [--pictures FOLDER]
+    ... python benchmarks/play.py CHARACTERS --clip CLIP.bvh ... --written FOLDER [--pictures FOLDER]
 
 FOLDER holds files, GLB, glTF, VRM and VRMA, each with an npz beside it that says what should be seen: `NAME.glb` and
 `NAME.npz` with `nodes` (nodes,), `times` (frames,) [s] and `positions` (frames, nodes, 3) [m], and if need be
 `animation`, its name or number (the last one), `input`, the file whose faults do not count, and for VRMA `vrm`, the
-file of the character that it moves. A path is taken from FOLDER. The programs are those of tests/interop/players.py;
-PACKAGES is where `npm install three @babylonjs/core @babylonjs/loaders @pixiv/three-vrm @pixiv/three-vrm-animation
-esbuild gltf-validator` was run, PYTHON that of an environment with the package bpy.
+file of the character that it moves. A path is taken from FOLDER. With `--clip`, such files are made first: each clip
+retargeted to each character in CHARACTERS, VRM models as VRM and as VRMA; they go into the folder `--written`.
+
+The programs are those of tests/interop/players.py; PACKAGES is where `npm install three @babylonjs/core
+@babylonjs/loaders @pixiv/three-vrm @pixiv/three-vrm-animation esbuild gltf-validator` was run, PYTHON that of an
+environment with the package bpy.
 """
 
 from __future__ import annotations
@@ -26,7 +30,10 @@ from interop.played import Expected
 from interop.players import PLAYERS, Players, missing, problems
 from tables import table
 
+from distretarget import load_target, read_bvh, retarget, write_motion
+
 ENDINGS = (".glb", ".gltf", ".vrm", ".vrma")
+FRAMES = 120  # of each clip that is made
 
 
 def expected_in(folder: Path) -> Iterator[tuple[Expected, Path | None]]:
@@ -70,17 +77,44 @@ def cells(players: Players, expected: Expected, made_from: Path | None, pictures
         yield json.dumps(sorted(new)) if new else "0"
 
 
+def make(characters: Path, clips: tuple[Path, ...], folder: Path) -> None:
+    """Write each clip, or its beginning, on each character, and what should be seen."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for hero in sorted(path.resolve() for path in characters.iterdir() if path.suffix in ENDINGS[:3]):
+        target = load_target(hero)
+        for clip in clips:
+            motion = retarget(read_bvh(clip)[:FRAMES], target).motion
+            nodes = target.character.nodes[-len(motion.skeleton) :]
+            times = motion.frame_time * np.arange(len(motion))
+            seen = {"nodes": nodes, "times": times, "positions": motion.positions}
+            path = folder / f"{hero.stem}_{clip.stem}{hero.suffix}"
+            write_motion(path, motion, hero, overwrite=True)
+            np.savez(path.with_suffix(".npz"), input=str(hero), **seen)
+            if hero.suffix == ".vrm":
+                path = folder / f"{hero.stem}_{clip.stem}_humanoid.vrma"
+                write_motion(path, motion, hero, overwrite=True)
+                bones = [joint for _, joint in motion.skeleton.humanoid]
+                seen |= {"nodes": nodes[bones], "positions": motion.positions[:, bones]}
+                np.savez(path.with_suffix(".npz"), vrm=str(hero), **seen)
+
+
 @click.command(help=__doc__)
 @click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.option("--clip", "clips", multiple=True, type=click.Path(exists=True, path_type=Path), help="A BVH file.")
+@click.option("--written", type=click.Path(path_type=Path), help="Where files go that are made.")
 @click.option(
     "--pictures", type=click.Path(path_type=Path), help="A folder for a picture by each program of each file."
 )
-def main(folder: Path, pictures: Path | None) -> None:
+def main(folder: Path, clips: tuple[Path, ...], written: Path | None, pictures: Path | None) -> None:
     """Print the table."""
+    if clips:
+        if written is None:
+            raise click.UsageError("--clip needs --written")
+        make(folder, clips, written)
     if pictures:
         pictures.mkdir(parents=True, exist_ok=True)
     with Players() as players:
-        rows = [list(cells(players, *each, pictures)) for each in expected_in(folder)]
+        rows = [list(cells(players, *each, pictures)) for each in expected_in(written or folder)]
     print(table(["file", *PLAYERS, "new errors"], rows))
 
 

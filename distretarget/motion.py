@@ -218,6 +218,16 @@ class Motion:
         over_blocks(place, *positions.shape[:2])
         return positions
 
+    def turned_round(self) -> Motion:
+        """Return the motion of the body turned half round about Y, in its rest pose as well, so that it looks to +Z
+        where it looked to -Z (`Skeleton.looks_back`), and the other way round.
+        """
+        flip = np.array([-1.0, 1.0, -1.0])
+        skeleton = replace(self.skeleton, offsets=self.skeleton.offsets * flip, looks_back=not self.skeleton.looks_back)
+        moving = self.moving and MovingBones(self.moving.joints, self.moving.translations * flip)
+        rotations = self.rotations * np.append(flip, 1.0)
+        return Motion(skeleton, self.root_positions * flip, rotations, self.frame_time_text, moving)
+
     def resampled(self, frame_time_text: str) -> Motion:
         """Return the motion at another frame time: translations interpolated linearly, rotations spherically."""
         step = float(frame_time_text)

@@ -45,6 +45,7 @@ class Skeleton:
         up: up axis, one of `AXES`; None if the file does not state it.
         humanoid: pairs of a bone, by VRM 1.0's names of bones, such as "leftUpperArm", and its joint; empty if the file
             does not state them. Where it does, they alone say which joint is which part of the body.
+        looks_back: whether bodies in its file look to -Z by convention, as in VRM 0; all others look to +Z.
 
     Raises:
         SkeletonError: the arrays are not numbers or not such a tree, a name is not text, a channel is unknown or
@@ -60,6 +61,7 @@ class Skeleton:
     units: str | None = None
     up: str | None = None
     humanoid: tuple[tuple[str, int], ...] = ()
+    looks_back: bool = False
 
     def __post_init__(self) -> None:
         self._check_names()

@@ -47,7 +47,7 @@ def fbx(nodes, stacks=(), skin=None, pose=None, settings=None):
             )
             links.append(f'C: "OO",{9000 + number},{_id(number)}')
     for number, stack in enumerate(stacks):
-        _add_stack(objects, links, 1_000_000 * (number + 1), stack)
+        _add_stack(objects, links, 1_000_000 * (number + 1), stack, nodes)
     if skin is not None:
         _add_skin(objects, links, skin)
     if pose is not None:
@@ -95,7 +95,7 @@ def _array(values):
     return f"*{len(values)} {{ a: {','.join(map(repr, values))} }}"
 
 
-def _add_stack(objects, links, first, stack):
+def _add_stack(objects, links, first, stack, nodes):
     span = {name: round(time * SECOND) for name, time in zip(("LocalStart", "LocalStop"), stack.span, strict=True)}
     objects.append(
         f'AnimationStack: {first}, "AnimStack::{stack.name}", "" {{ {_properties(span)} }}'.replace('"int"', '"KTime"')
@@ -106,7 +106,10 @@ def _add_stack(objects, links, first, stack):
     for (node, letter, axis), (times, values) in stack.curves.items():
         if (node, letter) not in groups:
             group = groups[node, letter] = first + 10 + len(groups)
-            objects.append(f'AnimationCurveNode: {group}, "AnimCurveNode::{letter}", "" {{ }}')
+            still = _properties(
+                {f"d|{each}": value for each, value in zip("XYZ", getattr(nodes[node], letter), strict=True)}
+            )
+            objects.append(f'AnimationCurveNode: {group}, "AnimCurveNode::{letter}", "" {{ {still} }}')
             links.append(f'C: "OO",{group},{first + 1}')
             links.append(f'C: "OP",{group},{_id(node)}, "{PROPERTIES[letter]}"')
         group = groups[node, letter]

@@ -28,7 +28,7 @@ FLOORS = (
     "ik",
     "baseline",
     "io",
-    "matching",
+    "matching character",
     "body",
     "target",
     "distances",

@@ -91,3 +91,12 @@ def test_a_tree_that_shows_it_already_stays(text):
 def test_where_all_bones_are_joints_hands_are_those_that_deform():
     found = roles(tree(GENERATED))
     assert (found["leftHand"], found["leftIndex1"]) == ("DEF-hand.L", "DEF-f_index.01.L")
+
+
+def test_controls_are_left_out_also_where_the_bones_that_deform_hang_together():
+    body = tree("root(DEF-spine(DEF-spine.001|DEF-thigh.L)|torso(ORG-spine|spine_fk|thigh_fk.L|head))")
+    found = deform_tree(body.names, body.parents.tolist())
+    assert {body.names[bone]: body.names[parent] for bone, parent in found.items() if parent >= 0} == {
+        "DEF-spine.001": "DEF-spine",
+        "DEF-thigh.L": "DEF-spine",
+    }

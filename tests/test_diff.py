@@ -8,7 +8,7 @@ from bodies import SAMPLES, clapping, lengthened, moved, other_lengths, person, 
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, read_bvh, retarget
-from distretarget.baseline.world import turned
+from distretarget.baseline.world import World
 from distretarget.errors import MapError, MatchingError, MotionError
 from distretarget.io.target_file import load_target
 from distretarget.measure.diff import diff
@@ -173,7 +173,7 @@ def test_a_joint_that_one_of_them_has():
 
 def test_z_up_against_y_up():
     motion = read_bvh(SAMPLES / "squat.bvh")
-    result = diff(motion, turned(motion, "Y", "Z"))
+    result = diff(motion, World("Y", "Z", "replaced").turned(motion))
     assert result.notes == ("A was turned: Y is up in A, Z in B",)
     np.testing.assert_allclose(result.up, [0, 0, 1])
     np.testing.assert_allclose(result.comparison.direction_error, 0, atol=1e-5)

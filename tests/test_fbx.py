@@ -8,9 +8,9 @@ import pytest
 from fbx_text import Y_UP, Z_UP, Node, Stack, fbx
 from scipy.spatial.transform import Rotation
 
+from distretarget.character.bind_pose import matrices
 from distretarget.errors import FileError, MissingPackageError
 from distretarget.io import fbx as reader
-from distretarget.io.bind_pose import matrices
 from distretarget.io.fbx import parse_fbx
 
 pytest.importorskip("ufbx", reason="the package ufbx reads FBX")
@@ -34,14 +34,17 @@ def turn(angles, order="xyz"):
 
 def local_of(node, R=None):
     """A node's matrix as the FBX SDK defines it: T Roff Rp Rpre R Rpost^-1 Rp^-1 Soff Sp S Sp^-1."""
-    get = lambda name: np.array(node.properties.get(name, (0.0, 0.0, 0.0)))  # noqa: E731
-    pivot, scaling_pivot = get("RotationPivot"), get("ScalingPivot")
-    rotation = turn(get("PreRotation")) @ turn(
-        node.R if R is None else R, ORDERS[node.properties.get("RotationOrder", 0)]
-    )
-    rotation = rotation @ np.linalg.inv(turn(get("PostRotation")))
-    before = shift(node.T) @ shift(get("RotationOffset")) @ shift(pivot) @ rotation @ shift(-pivot)
-    return before @ shift(get("ScalingOffset")) @ shift(scaling_pivot) @ np.diag([*node.S, 1.0]) @ shift(-scaling_pivot)
+    idle = node.properties.get("RotationActive") == 0 or node.properties.get("RotationSpaceForLimitOnly")
+    ignored = ("PreRotation", "PostRotation") if idle else ()
+    names = ("PreRotation", "PostRotation", "RotationOffset", "RotationPivot", "ScalingOffset", "ScalingPivot")
+    values = [
+        np.zeros(3) if name in ignored else np.array(node.properties.get(name, (0.0, 0.0, 0.0))) for name in names
+    ]
+    before, after, offset, pivot, scaling_offset, scaling_pivot = values
+    rotation = turn(before) @ turn(node.R if R is None else R, ORDERS[node.properties.get("RotationOrder", 0)])
+    rotation = shift(pivot) @ rotation @ np.linalg.inv(turn(after)) @ shift(-pivot)
+    scaling = shift(scaling_pivot) @ np.diag([*node.S, 1.0]) @ shift(-scaling_pivot)
+    return shift(node.T) @ shift(offset) @ rotation @ shift(scaling_offset) @ scaling
 
 
 def worlds(scene, frame=None):
@@ -79,6 +82,8 @@ def chain(properties):
     [
         *({"RotationOrder": order} for order in range(6)),
         {"PreRotation": (30.0, -70.0, 20.0), "PostRotation": (5.0, 60.0, -15.0), "RotationOrder": 4},
+        {"PreRotation": (30.0, -70.0, 20.0), "PostRotation": (5.0, 60.0, -15.0), "RotationActive": 0},
+        {"PreRotation": (30.0, -70.0, 20.0), "RotationPivot": (3.0, -2.0, 7.0), "RotationSpaceForLimitOnly": 1},
         {"RotationOffset": (1.0, 2.0, 3.0), "PreRotation": (0.0, 90.0, 0.0)},
         {"RotationPivot": (3.0, -2.0, 7.0), "ScalingPivot": (3.0, -2.0, 7.0)},
         {"RotationPivot": (3.0, -2.0, 7.0), "ScalingPivot": (1.0, 1.0, 1.0), "ScalingOffset": (0.5, 0.0, 0.0)},
@@ -231,6 +236,7 @@ FAULTS = {
     "cut header": b"Kaydara FBX Binary  \x00\x1a\x00" + bytes([232, 28, 0, 0, 99]),
     "cut text": CONTENT[: len(CONTENT) // 2],
     "nan": CONTENT.replace(b"90.0", b"nan"),
+    "huge": CONTENT.replace(b"90.0", b"1e200"),
     "infinite": CONTENT.replace(b"90.0", b"1e999"),
 }
 

@@ -10,7 +10,7 @@ from sample_scenes import SCENES
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, MotionError, SettingsError, diff, diff_scenes, retarget_scene
-from distretarget.baseline.world import turned
+from distretarget.baseline.world import World
 from distretarget.measure.scene_gaps import TOUCH_DISTANCE, ScenePart, measure_gap
 from distretarget.report.clip_page import run_diff
 from distretarget.scene.scene_file import load_scene
@@ -140,7 +140,7 @@ def test_a_gap_at_a_prop_has_the_scale_of_the_prop():
 
 
 def test_a_scene_that_lies_on_its_side_is_turned_as_a_whole():
-    tipped = [turned(motion, "Y", "Z") for motion in handshake()]
+    tipped = [World("Y", "Z", "replaced").turned(motion) for motion in handshake()]
     performers = [diff(a, b, a_up="Y", b_up="Z") for a, b in zip(handshake(), tipped, strict=True)]
     assert diff_scenes(performers).mean_gaps[2] == pytest.approx(0, abs=1e-9)
 

@@ -1,5 +1,8 @@
 """What follows nothing, in words: by parts of the body, and the rest in one line."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 from bodies import SAMPLES, body_of, person, with_bone
 from named_bodies import tree
@@ -57,3 +60,14 @@ def test_joints_of_face_hair_and_twist_are_counted_in_a_line_of_their_own():
 def test_what_is_no_human_body_has_no_parts():
     line = "1 joint of the target follows its parent: 'end'"
     assert told(tree("a>b>c>d"), tree("a>b>c>d(end|other>tail)"), {"other": "c", "tail": "d"}) == ([], [line])
+
+
+def test_arms_that_are_not_recognised_are_told():
+    """Arms with other names, and shorter than a person's, so that the shape does not show them either."""
+    arms = [j for name in ("LeftCollar", "RightCollar") for j in PERSON.subtree(PERSON.index(name))]
+    offsets = np.array(PERSON.offsets)
+    offsets[arms] *= 0.05
+    names = tuple(f"b{joint}" if joint in arms else name for joint, name in enumerate(PERSON.names))
+    parts, others = told(PERSON, replace(PERSON, names=names, offsets=offsets))
+    assert parts[0] == "left arm and right arm of the target not recognised, so still: a map says which joints they are"
+    assert others == ["8 other joints of the target follow their parents: 'b6', 'b7', 'b8' and 5 more"]

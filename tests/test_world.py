@@ -10,7 +10,7 @@ from sample_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 
 from distretarget import Options, read_bvh, retarget
-from distretarget.baseline.world import find_root_offset, turned, with_root_offset
+from distretarget.baseline.world import World, find_root_offset, with_root_offset
 from distretarget.body.axes import axis_vector
 from distretarget.body.body import Body
 from distretarget.skeleton import AXES
@@ -46,18 +46,18 @@ def test_a_motion_in_another_world_has_its_postures():
 
 
 def test_y_up_and_facing_z_becomes_z_up_and_facing_minus_y_and_back():
-    there = turned(walk(), "Y", "Z")
+    there = World("Y", "Z", "replaced").turned(walk())
     np.testing.assert_allclose(spun(onto("Z"), [0, 0, 1]), [0, -1, 0], atol=1e-12)
     np.testing.assert_allclose(heading(there), spun(onto("Z"), heading(walk())), atol=1e-12)
     assert heading(there)[1] < -0.99
-    back = turned(there, "Z", "Y")
+    back = World("Z", "Y", "replaced").turned(there)
     np.testing.assert_allclose(back.positions, walk().positions, atol=1e-9)
-    assert turned(walk(), "X", "X") is walk()
+    assert World("X", "X", "replaced").turned(walk()) is walk()
 
 
 @ups
 def test_turning_keeps_postures(up):
-    there = turned(walk(), "Y", up)
+    there = World("Y", up, "replaced").turned(walk())
     np.testing.assert_allclose(there.positions @ axis_vector(up), walk().positions @ Y, atol=1e-9)
     np.testing.assert_allclose(there.rotations[:, 1:], walk().rotations[:, 1:])
 
@@ -108,7 +108,7 @@ def test_a_given_axis_is_the_one_that_would_be_found(up):
 def test_the_targets_axis_may_be_given(up):
     result = retarget(walk(), walk().skeleton, Options(target_up=up))
     assert result.world.up == up
-    near(result.motion.positions, turned(walk(), "Y", up).positions)
+    near(result.motion.positions, World("Y", up, "replaced").turned(walk()).positions)
 
 
 def test_one_frame_is_enough():
@@ -209,3 +209,13 @@ def test_a_root_without_positions_keeps_its_offset():
     channels = (motion.skeleton.channels[1], *motion.skeleton.channels[1:])
     fixed = replace(motion, skeleton=replace(motion.skeleton, channels=channels))
     assert find_root_offset(Body.of_motion(fixed), Y) == "replaced"
+
+
+def test_bodies_that_look_the_other_way_by_convention_turn_round():
+    clip = walk()
+    back = replace(clip.skeleton, looks_back=True)
+    result = retarget(clip, back)
+    half = Rotation.from_euler("Y", 180, degrees=True)
+    near(result.motion.positions, half.apply(clip.positions.reshape(-1, 3)).reshape(clip.positions.shape))
+    same = retarget(replace(clip, skeleton=back), back)
+    near(same.motion.positions, clip.positions)

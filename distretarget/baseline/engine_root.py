@@ -74,7 +74,7 @@ class EngineRoot:
             pelvis = body.pelvis_joint or 0
             path, axes = level(motion.positions[:, pelvis], up), _carried_axes(body, motion, pelvis)
         elif self.follows == "source":
-            leader, joint = self.matching.source_motion, _roots_on_floor(source)[-1]
+            leader, joint = self.matching.source_motion, _leader(self.matching)
             path = self.scale.places(leader.positions[:, joint], source.up_vector)
             axes = _carried_axes(source, leader, joint)
         if self.follows != "nothing":
@@ -130,12 +130,18 @@ def _roots_on_floor(body: Body) -> list[int]:
     return [joint for joint in reversed(body.above_hips) if heights[joint] < limit]
 
 
+def _leader(matching: Matching) -> int:
+    """The source's root on the floor: the one that drives the target's root, else the lowest in its tree."""
+    roots, driver = _roots_on_floor(matching.source), matching.drivers.item(0)
+    return driver if driver in roots else roots[-1]
+
+
 def _source_root_leads(matching: Matching) -> bool:
     """Whether the source's root stays on the floor, and moves or drives the target's root."""
     source, roots = matching.source, _roots_on_floor(matching.source)
     if not roots:
         return False
-    motion, root = matching.source_motion, roots[-1]
+    motion, root = matching.source_motion, _leader(matching)
     path = motion.positions[:, root] / source.leg_length
     turns = Rotation.from_quat(motion.world_rotations_of(root))
     moves = max(np.ptp(path, axis=0).max(), (turns[0].inv() * turns).magnitude().max()) > MOVES

@@ -13,7 +13,7 @@ from distretarget.body.axes import axis_vector
 from distretarget.body.body import OFF_FLOOR, Body
 from distretarget.checks import check_choice
 from distretarget.motion import Motion
-from distretarget.numerics.rotations import least_rotation
+from distretarget.numerics.rotations import least
 from distretarget.skeleton import AXES, POSITION_CHANNELS
 
 Array = NDArray[np.float64]
@@ -29,11 +29,13 @@ class World:
     Attributes:
         source_up, up: the up axis in the source's file and in the target's, one of `AXES`.
         root_offset: whether the position channels of the source's root replace its OFFSET, or are added to it.
+        half_turn: whether bodies of one of the two files look to -Z by convention, so that the source turns round.
     """
 
     source_up: str
     up: str
     root_offset: RootOffset
+    half_turn: bool = False
 
     def __post_init__(self) -> None:
         check_choice("source_up", self.source_up, AXES)
@@ -50,7 +52,19 @@ class World:
         if source.motion is None:
             return source.with_up(self.up)
         motion = with_root_offset(source.motion) if self.root_offset == "added" else source.motion
-        return source.with_motion(turned(motion, self.source_up, self.up), self.up)
+        return source.with_motion(self.turned(motion), self.up)
+
+    def turned(self, motion: Motion) -> Motion:
+        """Return a motion in the source's world in the axes of the target's: by the least rotation from one up axis to
+        the other, and half round if bodies look the other way.
+        """
+        if self.source_up == self.up and not self.half_turn:
+            return motion
+        up = self.up_vector
+        turn = Rotation.from_rotvec(np.pi * self.half_turn * up) * least(axis_vector(self.source_up)[None], up[None])
+        rotations = np.array(motion.rotations)
+        rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
+        return replace(motion, root_positions=turn.apply(np.array(motion.root_positions)), rotations=rotations)
 
 
 def find_world(
@@ -74,17 +88,8 @@ def find_world(
     motion_counts = target.anatomy is not None or source.anatomy is None
     up = target_up or target.skeleton.up or (target.found_up if motion_counts else None)
     up = up or (source_up if target.up_at_rest in (None, source.up_at_rest) else target.up_at_rest)
-    return World(source_up, up, root_offset or find_root_offset(source, axis_vector(source_up)))
-
-
-def turned(motion: Motion, up: str, onto: str) -> Motion:
-    """Return the motion with the up axis `onto` in place of `up`, by the least rotation from one to the other."""
-    if up == onto:
-        return motion
-    turn = Rotation.from_quat(least_rotation(axis_vector(up)[None], axis_vector(onto)[None])[0])
-    rotations = np.array(motion.rotations)
-    rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
-    return replace(motion, root_positions=turn.apply(np.array(motion.root_positions)), rotations=rotations)
+    half_turn = source.skeleton.looks_back != target.skeleton.looks_back
+    return World(source_up, up, root_offset or find_root_offset(source, axis_vector(source_up)), half_turn)
 
 
 def find_root_offset(body: Body, up: Array) -> RootOffset:

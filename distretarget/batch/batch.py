@@ -16,6 +16,7 @@ from distretarget.batch.alignment_spread import spread_warnings
 from distretarget.batch.manifest import VERSION, Manifest, ManifestRecord, Tally, new_record, options_of, worst
 from distretarget.batch.plan import Clip, check_page, find_clips, plan
 from distretarget.batch.workers import DEFAULT_READING, Job, Processes, Reading, Result, Workers, convert_all
+from distretarget.character.nodes import Animation
 from distretarget.checks import check_kind, check_number, check_path
 from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import (
@@ -28,10 +29,10 @@ from distretarget.io.files import (
     read_bytes,
     write_whole,
 )
+from distretarget.io.gltf_writer import Parts
 from distretarget.io.input_file import InputFile, load_file, with_files_beside
 from distretarget.io.map_json import MapFile, load_map
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, OutputSettings, with_animations
-from distretarget.io.nodes import Animation
 from distretarget.io.target_file import TargetFile
 from distretarget.measure.figures import FIGURES
 from distretarget.numerics.parallel import cores
@@ -66,15 +67,19 @@ class Batch:
 
     def record_of(self, clip: Clip) -> ManifestRecord:
         """Return the line of a clip that is not done."""
-        usual = asdict(DEFAULT_READING) | asdict(OutputSettings())
-        given = asdict(self.reading) | asdict(self.writing)
+        usual = asdict(DEFAULT_READING) | asdict(DEFAULT_OUTPUT)
+        given = asdict(self._reading(clip)) | asdict(self.writing)
         settings = {key: value for key, value in given.items() if value != usual[key]}
         return new_record(clip, options_of(self.options, self.map_file) | settings)
 
+    def _reading(self, clip: Clip) -> Reading:
+        """How a clip is read."""
+        return replace(self.reading, clip=clip.animation) if clip.animation else self.reading
+
     @cached_property
-    def _characters(self) -> dict[str, InputFile]:
-        """The files of the targets, by path."""
-        return {str(clip.target.path): clip.target.file for clip in self.clips if clip.target.file}
+    def _characters(self) -> dict[str, TargetFile]:
+        """The targets, by the paths of their files."""
+        return {str(clip.target.path): clip.target for clip in self.clips}
 
     @cached_property
     def manifest(self) -> Manifest:
@@ -165,7 +170,7 @@ class Batch:
         self, source: InputFile, clip: Clip, record: ManifestRecord, about: About | None, split: bool = False
     ) -> Job:
         target = replace(clip.target, file=None)  # a character's mesh stays here
-        ways = self.map_file, self.options, record, about, split, self.reading, self.writing
+        ways = self.map_file, self.options, record, about, split, self._reading(clip), self.writing
         return Job(source, target, *ways)
 
     def _finish(self, result: Result, show: Show) -> None:
@@ -190,11 +195,12 @@ class Batch:
     def _put(self, result: Result) -> None:
         """Write an output; its line of the manifest comes just before the output is put in place."""
         record, output = result.record, result.output
+        parts: Parts = [output] if isinstance(output, bytes) else []
         path = self.folder / record["output"]
         check_inside(path, self.folder)
         if isinstance(output, Animation):
-            output = with_animations(path, self._characters[record["target"]], [output], self.writing.animations)
-            record["output_hash"] = hash_of(output)
+            parts = with_animations(path, self._characters[record["target"]], [output], self.writing.animations)
+            record["output_hash"] = hash_of(*parts)
         make_folder(path.parent)
         with self.manifest.locked():
             output_hash = hash_of_file(path)
@@ -204,7 +210,7 @@ class Batch:
             if not self.overwrite:
                 self.manifest.check_replaceable(record, path, output_hash)
             replaces = self.overwrite or output_hash is not None
-            write_whole(path, output, replaces, lambda: self.manifest.add(record))
+            write_whole(path, parts, replaces, lambda: self.manifest.add(record))
 
     def _write_report(self, result: Result) -> None:
         """Write the report on a clip, if any, or remember why that failed."""
@@ -306,7 +312,7 @@ def convert_folder(
     found, unread = find_clips(paths, (), include, exclude)
     if unread:
         raise unread[0]
-    clips = plan(found, load_targets(_listed("targets", targets)), Path(folder), paths, kind)
+    clips = plan(found, load_targets(_listed("targets", targets)), Path(folder), paths, kind, clip)
     index, pairs = Path(report) if report else None, load_map(map_file, rest)
 
     def about(clip: PurePath, result: PurePath) -> About:

@@ -27,6 +27,7 @@ from distretarget.batch.alignment_spread import alignment_text
 from distretarget.batch.compile_ahead import warm
 from distretarget.batch.interrupts import interrupts_held
 from distretarget.batch.manifest import VERSION, ManifestRecord
+from distretarget.character.nodes import Animation
 from distretarget.errors import BatchError, DistretargetError
 from distretarget.ik.poses import Mapper
 from distretarget.io.bvh_writer import bvh_parts
@@ -35,7 +36,6 @@ from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import MapFile
 from distretarget.io.motion_file import parse_motion
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, OUTPUTS, OutputSettings
-from distretarget.io.nodes import Animation
 from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.io.vrma import vrma
 from distretarget.pipeline.options import Objective, Options
@@ -116,7 +116,7 @@ def _converted(job: Job, mapper: Mapper) -> Result:
     path = job.source.path
     motion, lost = parse_motion(job.source, job.reading.clip, job.reading.fps)
     result = retarget_onto(motion, job.target, source=path, map_file=job.map_file, options=job.options, mapper=mapper)
-    clip = job.writing.clip(result.motion, PurePath(path).stem, result.world.up_vector)
+    clip = job.writing.clip(result.motion, PurePath(job.record["output"]).stem, result.world.up_vector)
     kind, target = OUTPUTS[PurePath(job.record["output"]).suffix], job.target.target
     parts: Iterable[str] = ()
     output: bytes | Animation = b""
@@ -125,7 +125,7 @@ def _converted(job: Job, mapper: Mapper) -> Result:
     elif isinstance(target, CharacterTarget) and kind == "character":
         output = replace(target.character.animation(clip.motion, clip.name), extras=clip.extras)
     else:
-        output = vrma(clip.motion, clip.name, clip.extras)
+        output = b"".join(vrma(clip.motion, clip.name, clip.extras))
     record = job.record | {
         "status": "done",
         "frames": len(result.motion),
@@ -200,8 +200,8 @@ class Processes:
         for process in self._processes():
             process.kill()
         if self._executor:
-            if self._executor._call_queue:
-                self._executor._call_queue.cancel_join_thread()  # it may wait for ever to write to a killed process
+            if queue := getattr(self._executor, "_call_queue", None):
+                queue.cancel_join_thread()  # it may wait for ever to write to a process that is gone
             self._executor.shutdown(wait=False, cancel_futures=True)
             self._executor = None
 

@@ -13,10 +13,10 @@ from distretarget.body.anatomy import SIDES, Anatomy, Regions, find_regions
 from distretarget.body.arms import Arm, find_arms, with_hanging_arms
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, direction, nearest_axis, squared, upright
 from distretarget.body.legs import Legs, find_legs, foot_bone, leg_length, pelvis_joint
-from distretarget.body.named_anatomy import by_names, find_handles
+from distretarget.body.named_anatomy import find_handles
+from distretarget.body.recognition import find_anatomy
 from distretarget.body.reference_pose import FOOT_PITCH, stands_at_rest, t_pose, usual_pitch
 from distretarget.body.resting import feet_at_rest
-from distretarget.body.shape import by_shape
 from distretarget.checks import check_kind
 from distretarget.errors import MotionError, difference
 from distretarget.motion import Motion
@@ -70,7 +70,7 @@ class Body:
 
     @classmethod
     def of(cls, skeleton: Skeleton, motion: Motion | None = None) -> Body:
-        """Return the body of a skeleton, recognised by the names of its joints or else by its shape.
+        """Return the body of a skeleton, recognised by the names of its joints and by its shape (`find_anatomy`).
 
         `motion`, any motion of these joints, shows what the rest pose may not: shape, axes and bends of limbs.
         """
@@ -78,7 +78,7 @@ class Body:
         check_kind("motion", motion, Motion, NoneType)
         moving = motion if motion is not None and len(motion) else None
         positions = None if moving is None else moving.positions
-        return cls(skeleton, by_names(skeleton) or by_shape(skeleton, positions), moving)
+        return cls(skeleton, find_anatomy(skeleton, positions), moving)
 
     @classmethod
     def of_motion(cls, motion: Motion) -> Body:

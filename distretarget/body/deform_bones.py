@@ -26,7 +26,7 @@ SIDES = ("L", "R")
 
 def deform_tree(names: Sequence[str], parents: Sequence[int]) -> Mapping[int, int]:
     """Return the parent of each bone that deforms among these, -1 for those that hang from none, by bone; empty for
-    rigs without them, and for those in which each hangs from its parent among them already.
+    rigs without them, and for those without originals in which each hangs from its parent among them already.
 
     Args:
         names: of the bones.
@@ -44,7 +44,7 @@ def deform_tree(names: Sequence[str], parents: Sequence[int]) -> Mapping[int, in
     for name, bone in deforming.items():
         if tree[bone] < 0:
             tree[bone] = deforming.get(_usual_parent(name, deforming), -1)
-    return {} if shown == tree else tree
+    return {} if shown == tree and not originals else tree
 
 
 def _above(bone: int, parents: Sequence[int], known: Mapping[int, int]) -> int:

@@ -53,12 +53,12 @@ def by_names(skeleton: Skeleton) -> Anatomy | None:
     both arms or of both legs, hips and, unless the body is legs alone, a trunk above them. A part has a role only if a
     joint has a known name for it; spine and neck need no known names.
     """
-    return by_humanoid(skeleton) if skeleton.humanoid else _anatomy(NamedTree.of(skeleton))
+    return by_humanoid(skeleton) if skeleton.humanoid else by_tree(NamedTree.of(skeleton))
 
 
 @lru_cache(maxsize=64)
-def _anatomy(tree: NamedTree) -> Anatomy | None:
-    """The anatomy of a tree of joints; found once for all clips of a rig."""
+def by_tree(tree: NamedTree) -> Anatomy | None:
+    """Return the anatomy that a tree of names shows; found once for all clips of a rig."""
     return _Rig(tree.parents, name_meanings(tree)).anatomy()
 
 

@@ -117,7 +117,7 @@ ENVIRONMENT_OPTION = _choice(
 STRIP_NAMESPACE_OPTION = click.option(
     "--strip-namespace",
     is_flag=True,
-    help="Write names of joints without a namespace: Hips for mixamorig:Hips, which three.js cannot play.",
+    help="In BVH, write names of joints without a namespace: Hips for mixamorig:Hips, which three.js cannot play.",
 )
 OPTIONS = (
     map_option(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePath
 
 import click
@@ -12,6 +12,7 @@ import click
 from distretarget.errors import FileError
 from distretarget.io.files import (
     STANDARD_INPUT,
+    Content,
     check_writable,
     encoded_parts,
     reason_of,
@@ -19,8 +20,6 @@ from distretarget.io.files import (
 )
 from distretarget.io.input_file import InputFile, load_file, with_files_beside
 from distretarget.report.diff_document import About
-
-Content = str | bytes | Iterable[str]
 
 STANDARD = Path("-")
 LISTED = 12  # most names in a line

@@ -26,7 +26,6 @@ from distretarget.cli.options import (
 from distretarget.cli.outputs import (
     LISTED,
     STANDARD,
-    Content,
     about,
     check_outputs,
     is_quiet,
@@ -37,10 +36,11 @@ from distretarget.cli.outputs import (
 from distretarget.errors import FileError, quoted
 from distretarget.io.bvh import declared_frames
 from distretarget.io.bvh_writer import bvh_parts
+from distretarget.io.files import Content
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import load_map
 from distretarget.io.motion_file import parse_motion
-from distretarget.io.motion_writer import OutputSettings, content_of, output_kind
+from distretarget.io.motion_writer import OUTPUTS, OutputSettings, content_of, output_kind
 from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.motion import Motion
 from distretarget.pipeline.options import Options
@@ -111,6 +111,7 @@ def retarget_command(
     check_outputs([output, figures, report], [source, target, map_path, rest_path], overwrite)
     started = time.perf_counter()
     source_file, target_file, map_file = read_input(source), read_input(target), load_map(map_path, rest_path)
+    _check_order(source_file, target_file, output)
     kind = "BVH" if output == STANDARD else output_kind(output, target_file)
     motion, lost = _source_motion(source_file, target_file, clip, fps)
     body = TargetFile.of(target_file)
@@ -123,8 +124,9 @@ def retarget_command(
         )
     motion, skeleton = result.motion, result.motion.skeleton
     written = replace(motion, skeleton=skeleton.without_namespaces) if strip_namespace and kind == "BVH" else motion
-    named = settings.clip(written, clip or Path(source_file.path).stem, result.world.up_vector)
-    content = bvh_parts(named.motion) if output == STANDARD else content_of(output, named, target_file, settings)
+    name = clip if clip and not clip.startswith("#") else Path(source_file.path).stem
+    named = settings.clip(written, name, result.world.up_vector)
+    content = bvh_parts(named.motion) if output == STANDARD else content_of(output, named, body, settings)
     seconds = reading + time.perf_counter() - started
     contents: dict[Path | None, Callable[[], Content]] = {
         output: lambda: content,
@@ -142,6 +144,15 @@ def retarget_command(
         plain = names[0].rpartition(":")[2]
         say(f"three.js cannot play joints with names like {names[0]!r}; --strip-namespace writes {plain!r}", err=True)
     say(summary_line(result, seconds))
+
+
+def _check_order(source: InputFile, target: InputFile, output: Path) -> None:
+    """Raise a FileError if the character that is to be written comes first."""
+    is_character = OUTPUTS.get(output.suffix.lower()) == "character"
+    if is_character and source.kind == "glTF" and target.kind in ("BVH", "FBX"):
+        swapped = f"distretarget {argument(target.path)} {argument(source.path)} -o {argument(output)}"
+        why = f"is {target.kind} and cannot be written as {output.suffix}"
+        raise FileError(target.path, f"{why}; if {str(source.path)!r} is the target, it comes last: {swapped}")
 
 
 def _source_motion(

@@ -16,8 +16,11 @@ from distretarget.batch.compile_ahead import warm
 from distretarget.cli.options import ENVIRONMENT_OPTION, OVERWRITE_OPTION, PATH, SUPPORTS_OPTION, positive, quiet
 from distretarget.cli.outputs import check_outputs, say
 from distretarget.errors import FileError
-from distretarget.io.bvh_writer import format_bvh
+from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import is_folder, make_folder, write_whole
+from distretarget.io.input_file import MOTION_SUFFIXES, load_file
+from distretarget.io.motion_writer import DEFAULT_OUTPUT, content_of, suffix_of
+from distretarget.io.target_file import TargetFile
 from distretarget.report.run_summary import summary_line
 from distretarget.report.scene_page import scene_page
 from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup, load_scene
@@ -31,7 +34,7 @@ from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup
     "targets",
     multiple=True,
     type=PATH,
-    help="A performer's body, a skeleton file or any BVH file: once for all, or once for each performer in order.",
+    help="A performer's body, a character or a skeleton file: once for all, or once for each performer in order.",
 )
 @click.option("-o", "--output", required=True, type=PATH, help="The folder to write to.")
 @OVERWRITE_OPTION
@@ -61,9 +64,9 @@ def scene_command(
 ) -> None:
     """Retarget performers who share a world.
 
-    SOURCES are their BVH files, with the same frames. Each performer gets a body; hands that hold each other still do
-    so on the new bodies. Results have the names of the sources. A single SCENE.json says all of that, and which props
-    the performers touch. Of a folder, every scene.json below it is retargeted, to the same place below OUTPUT.
+    SOURCES are their motion files, with the same frames. Each performer gets a body; hands that hold each other still
+    do so on the new bodies. Results have the names of the sources. A single SCENE.json says all of that, and which
+    props the performers touch. Of a folder, every scene.json below it is retargeted, to the same place below OUTPUT.
 
     \b
     distretarget scene lead.bvh follow.bvh -t hero.json -t child.json -o duet
@@ -86,7 +89,7 @@ def scene_command(
 def _setups(sources: Sequence[Path], output: Path, options: dict[str, Any]) -> list[tuple[SceneSetup, Path]]:
     """The scene in a file, or all scenes in a folder, with the folders to write to."""
     path = sources[0]
-    if len(sources) > 1 or path.suffix.lower() == ".bvh":
+    if len(sources) > 1 or path.suffix.lower() in MOTION_SUFFIXES:
         raise click.UsageError("Missing option '-t' / '--target', or name one SCENE.json.")
     context = click.get_current_context()
     for option in context.command.params:
@@ -117,17 +120,21 @@ def _setup(sources: Sequence[Path], targets: Sequence[Path], options: dict[str, 
 
 def _retarget(setup: SceneSetup, folder: Path, overwrite: bool, report: bool) -> None:
     """Retarget a scene into a folder, and print how it went."""
-    outputs = [folder / f"{name}.bvh" for name in setup.names] + ([folder / "report.html"] if report else [])
+    targets = [TargetFile.of(load_file(performer.target)) for performer in setup.performers]
+    suffixes = [*map(suffix_of, targets), *[".bvh"] * (len(setup.names) - len(targets))]  # the others are props
+    outputs = [folder / f"{name}{suffix}" for name, suffix in zip(setup.names, suffixes, strict=True)]
+    outputs += [folder / "report.html"] if report else []
     check_outputs(outputs, setup.inputs, overwrite)
     began = time.perf_counter()
     result = setup.retargeted()
-    motions = [one.motion for one in result.results] + [prop.motion for prop in result.props]
-    texts = [format_bvh(motion) for motion in motions]
+    clips = [DEFAULT_OUTPUT.clip(one.motion, name) for one, name in zip(result.results, setup.names, strict=False)]
+    contents = [[*content_of(*each, DEFAULT_OUTPUT)] for each in zip(outputs, clips, targets, strict=False)]
+    contents += [[*bvh_parts(prop.motion)] for prop in result.props]
     seconds = time.perf_counter() - began
     if report:
-        texts.append(scene_page(result, setup.names))
-    for path, text in zip(outputs, texts, strict=True):
-        write_whole(path, text, overwrite=overwrite)
+        contents.append([scene_page(result, setup.names)])
+    for path, content in zip(outputs, contents, strict=True):
+        write_whole(path, content, overwrite=overwrite)
     for path, one in zip(outputs, result.results, strict=False):
         for warning in one.warnings:
             say(f"warning: {path.name}: {warning}", err=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Iterator
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -27,6 +28,7 @@ from distretarget.io.map_json import joint_map, load_map, map_to_json
 from distretarget.io.motion_file import parse_motion
 from distretarget.io.target_file import parse_full_target, parse_target, skeleton_to_json
 from distretarget.matching.matching import find_matching, refusal
+from distretarget.report.unmatched import parts_without_source
 from distretarget.skeleton import Skeleton
 from distretarget.target import SkeletonEdit, Target
 
@@ -186,6 +188,8 @@ def match_command(
     matching = find_matching(source_body, Body.of(whole_target.skeleton, whole_target.motion), pairs)
     for line in (*headline(matching), "", *rows(matching), ""):
         say(line)
+    for parts in parts_without_source(matching):
+        say(parts)
     say(f"joints of the target without a counterpart: {', '.join(matching.without_driver) or 'none'}")
     say(f"joints of the source not used: {', '.join(unused(matching)) or 'none'}")
     if output:
@@ -203,8 +207,9 @@ def _target_in(file: InputFile) -> tuple[str, Target]:
 
 def _body_in(file: InputFile) -> Body:
     """The body in a file that is a source: as its motion shows it, or of a file without one as it rests."""
-    if file.kind == "BVH":
-        return Body.of_motion(parse_motion(file)[0])
+    if file.kind != "skeleton":
+        with contextlib.suppress(FileError):  # no animation, or several
+            return Body.of_motion(parse_motion(file)[0])
     return Body.of(_target_in(file)[1].skeleton)
 
 

@@ -282,12 +282,6 @@ def is_name(word: str) -> bool:
     return bool(word) and NAME.fullmatch(word) is not None and word == word.strip(BLANKS)
 
 
-def clean_name(name: str) -> str:
-    """Return a name as BVH can hold it, with _ for characters that it cannot; empty where nothing is left."""
-    plain = "".join("_" if each in "{}" or not each.isprintable() else each for each in name)
-    return plain.strip(BLANKS)
-
-
 class _JointText(NamedTuple):
     """A joint or End Site in a HIERARCHY; `parent` counts in the order of the text, and is -1 for the root."""
 

@@ -41,7 +41,7 @@ def format_bvh(motion: Motion) -> str:
 
     Offsets have all their digits, angles 6 decimals, positions as many as 1e-8 of the body needs, at least 6. The
     root's OFFSET is zero where a channel replaces it: readers disagree on whether to add the two. Angles are continuous
-    from frame to frame.
+    from frame to frame. A body that looks to -Z, as in VRM 0, is turned round to +Z.
 
     Raises:
         SkeletonError: a name that BVH cannot hold.
@@ -54,6 +54,8 @@ def bvh_parts(motion: Motion, mapper: Callable[..., Iterable[str]] = map) -> Ite
     """The text of `format_bvh` in parts, which `mapper` makes: `map`, or the `map` of an executor."""
     check_kind("motion", motion, Motion)
     motion = _with_channels(motion)
+    if motion.skeleton.looks_back:
+        motion = motion.turned_round()  # as readers of BVH expect it
     head = [f"Frames: {len(motion)}", f"Frame Time: {motion.frame_time_text}"]
     lines = [*_hierarchy_lines(motion.skeleton), "MOTION", *head]
     decimals = _decimals(motion.skeleton)

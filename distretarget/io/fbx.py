@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from distretarget.character.nodes import Animation, Nodes, Scene, Skin
 from distretarget.errors import FileError, MissingPackageError
-from distretarget.io.nodes import Animation, Nodes, Scene, Skin
+from distretarget.skeleton import LARGEST, SMALLEST
 
 Array = NDArray[np.float64]
 
@@ -115,9 +116,8 @@ def _stop(code: int, said: bytes) -> str:
 
 def _scene(path: str | Path, read: dict[str, Any]) -> Scene:
     """Return the scene in the arrays and the header that were read."""
-    parents, pivots = read["parents"].astype(np.intp), read["pivots"]
-    above = np.vstack([pivots, np.zeros(3)])[parents]
-    nodes = Nodes(tuple(read["names"]), parents, *_parts(path, read["transforms"], pivots, above))
+    names, parents = tuple(read["names"]), read["parents"].astype(np.intp)
+    nodes = Nodes(names, parents, *_parts(path, read, read["transforms"], np.arange(len(names))))
     chosen = read.get("chosen")
     unit = read["unit"]
     return Scene(
@@ -126,28 +126,40 @@ def _scene(path: str | Path, read: dict[str, Any]) -> Scene:
         skins=_skins(nodes, read),
         humanoid={},
         animations=tuple(read["animations"]),
-        animation=None if chosen is None else _animation(path, nodes, above, read),
+        animation=None if chosen is None else _animation(path, nodes, read),
         units=next((name for name, metres in UNITS.items() if unit and math.isclose(unit, metres, rel_tol=1e-6)), None),
         up=dict(enumerate(UP)).get(read["up"]),
     )
 
 
-def _parts(path: str | Path, transforms: Array, pivots: Array, above: Array) -> tuple[Array, Array, Array]:
+def _parts(
+    path: str | Path, read: Mapping[str, Any], transforms: Array, numbers: NDArray[np.intp]
+) -> tuple[Array, Array, Array]:
     """Return translations, unit quaternions and scales of nodes, from their ten numbers each, (..., nodes, 10).
 
-    The nodes move from the origins of their spaces to their `pivots`, and so do the nodes `above` them, (nodes, 3).
+    The nodes move from the origins of their spaces to their pivots, and so do those above them; then rotations that
+    FBX does not apply are taken away.
 
     Raises:
-        FileError: a number is not finite, or a quaternion is zero.
+        FileError: a number is not finite or too large, or a quaternion is zero.
     """
+    pivots, idle = read["pivots"], read["idle"][numbers]
+    above = np.vstack([pivots, np.zeros(3)])[read["parents"][numbers]]
     translations, rotations, scales = np.split(transforms, [3, 7], axis=-1)
+    if not all((np.abs(part) <= LARGEST).all() for part in (transforms, pivots, idle)):
+        raise FileError(path, f"has a node at a place, angle or scale that is not finite, or beyond {LARGEST:g}")
     sizes = np.linalg.norm(rotations, axis=-1, keepdims=True)
-    if not (np.isfinite(transforms).all() and np.isfinite(pivots).all() and (sizes > 0.0).all()):
-        raise FileError(path, "has a node whose position, rotation or scale is not a finite number; export it again")
-    if pivots.any() or above.any():
-        turned = Rotation.from_quat(rotations.reshape(-1, 4)).apply((scales * pivots).reshape(-1, 3))
+    if not (sizes > 0.0).all():
+        raise FileError(path, "has a node without a rotation; export it again")
+    rotations, moved = rotations / sizes, scales * pivots[numbers]
+    if pivots.any():
+        turned = Rotation.from_quat(rotations.reshape(-1, 4)).apply(moved.reshape(-1, 3))
         translations = translations + turned.reshape(translations.shape) - above
-    return np.asarray(translations), np.asarray(rotations / sizes), scales
+    for node in np.flatnonzero(idle.any(axis=(1, 2))):
+        before, after = Rotation.from_euler("xyz", idle[node], degrees=True)
+        every = Rotation.from_quat(rotations[..., node, :].reshape(-1, 4))
+        rotations[..., node, :] = (before.inv() * every * after).as_quat().reshape(rotations[..., node, :].shape)
+    return np.asarray(translations), np.asarray(rotations), scales
 
 
 def _skins(nodes: Nodes, read: dict[str, Any]) -> tuple[Skin, ...]:
@@ -174,8 +186,10 @@ def _skin(joints: NDArray[np.intp], binds: Array, pivots: Array) -> Skin:
 
 def _inverse(matrix: Array) -> Array:
     """The inverse of a matrix (4, 4); zeros if it has none."""
+    if not (np.abs(matrix) <= LARGEST).all():
+        return np.zeros((4, 4))
     sizes = np.linalg.norm(matrix[:3, :3], axis=0)
-    regular = np.isfinite(matrix).all() and sizes.all() and abs(np.linalg.det(matrix[:3, :3] / sizes)) > SINGULAR
+    regular = (sizes > SMALLEST).all() and abs(np.linalg.det(matrix[:3, :3] / sizes)) > SINGULAR
     return np.asarray(np.linalg.inv(matrix) if regular else np.zeros((4, 4)), np.float64)
 
 
@@ -187,10 +201,10 @@ def _bone_trees(parents: NDArray[np.intp], bones: NDArray[np.bool_]) -> list[NDA
     return [np.flatnonzero(bones & (top[:-1] == highest)) for highest in np.unique(top[:-1][bones])]
 
 
-def _animation(path: str | Path, nodes: Nodes, above: Array, read: dict[str, Any]) -> Animation:
+def _animation(path: str | Path, nodes: Nodes, read: dict[str, Any]) -> Animation:
     """Return the animation that was sampled, with what moves."""
     moving = read["moving"].tolist()
-    parts = _parts(path, read["frames"], read["pivots"][moving], above[moving])
+    parts = _parts(path, read, read["frames"], read["moving"])
     still = (nodes.translations, nodes.rotations, nodes.scales)
     translations, rotations, scales = (
         {

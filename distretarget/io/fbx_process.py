@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.character.nodes import choose_animation
 from distretarget.errors import FileError
-from distretarget.io.nodes import choose_animation
 
 if TYPE_CHECKING:
     import ufbx
@@ -144,6 +144,7 @@ def _still(scene: ufbx.Scene, nodes: list[ufbx.Node]) -> tuple[dict[str, Any], d
         "parents": np.array([number.get(parent.typed_id, -1) if parent else -1 for parent in parents], np.int64),
         "transforms": np.array([_ten(node.local_transform) for node in nodes]).reshape(-1, 10),
         "pivots": np.array([_pivot(node) for node in nodes]).reshape(-1, 3),
+        "idle": np.array([_idle_rotations(node) for node in nodes]).reshape(-1, 2, 3),
         "bones": np.array([node.attrib_type == ufbx.ElementType.BONE for node in nodes], bool),
         "joints": np.array(joints, np.int64),
         "binds": _matrices(binds),
@@ -186,15 +187,27 @@ def _bind_poses(scene: ufbx.Scene, number: dict[int, int]) -> dict[str, Any]:
     }
 
 
-def _pivot(node: ufbx.Node) -> list[float]:
-    """Return the point about which a node turns, in its own space."""
-    names = ("RotationPivot", "ScalingPivot", "ScalingOffset", "Lcl Scaling")
-    props = [node.props.find_prop(name) for name in names]
-    turning, scaling, offset, scale = (None if prop is None else np.array(prop.value_vec4)[:3] for prop in props)
-    zero = np.zeros(3)
-    turning, scaling, offset = (zero if vector is None else vector for vector in (turning, scaling, offset))
-    unscaled = np.ones(3) if scale is None else np.where(scale == 0.0, 1.0, scale)
-    return [float(number) for number in scaling + (turning - scaling - offset) / unscaled]
+def _pivot(node: ufbx.Node) -> Array:
+    """(3,), the point about which a node turns, in its own space."""
+    turning, scaling, offset = (_vector(node, name) for name in ("RotationPivot", "ScalingPivot", "ScalingOffset"))
+    scale = _vector(node, "Lcl Scaling", 1.0)
+    return np.asarray(scaling + (turning - scaling - offset) / np.where(scale == 0.0, 1.0, scale))
+
+
+def _idle_rotations(node: ufbx.Node) -> Array:
+    """(2, 3), the angles before and after the rotation of a node, about fixed axes x, y, z, that FBX does not apply to
+    it; zeros for most nodes. ufbx 0.0.5 applies them, https://github.com/ufbx/ufbx/pull/260.
+    """
+    active, limit_only = node.props.find_prop("RotationActive"), node.props.find_prop("RotationSpaceForLimitOnly")
+    if (active is None or active.value_int) and (limit_only is None or not limit_only.value_int):
+        return np.zeros((2, 3))
+    return np.array([_vector(node, "PreRotation"), _vector(node, "PostRotation")])
+
+
+def _vector(node: ufbx.Node, name: str, default: float = 0.0) -> Array:
+    """(3,), a property of a node."""
+    prop = node.props.find_prop(name)
+    return np.full(3, default) if prop is None else np.array(prop.value_vec4)[:3]
 
 
 def _each_part(parts: Any) -> Iterator[Any]:

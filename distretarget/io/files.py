@@ -17,6 +17,8 @@ from distretarget.errors import FileError
 
 # Motion formats that other programs convert to BVH, by suffix.
 OTHER_FORMATS = {".c3d": "C3D", ".dae": "Collada", ".blend": "Blender"}
+Content = str | bytes | Iterable[str] | Iterable[bytes | memoryview]  # of a file to write; may be in parts
+
 CTRL_Z = "\x1a"
 STANDARD_INPUT = Path("standard input")  # its name in errors
 
@@ -78,9 +80,12 @@ def _decoded(path: str | Path, content: bytes) -> str:
     return content.removeprefix(codecs.BOM_UTF8).decode("utf-8", "surrogateescape")
 
 
-def hash_of(content: bytes) -> str:
-    """Return the SHA-256 of a content, as "sha256:" and hexadecimal digits."""
-    return f"sha256:{hashlib.sha256(content).hexdigest()}"
+def hash_of(*content: bytes | memoryview) -> str:
+    """Return the SHA-256 of a content, which may be in parts, as "sha256:" and hexadecimal digits."""
+    digest = hashlib.sha256()
+    for part in content:
+        digest.update(part)
+    return f"sha256:{digest.hexdigest()}"
 
 
 def hash_of_file(path: Path) -> str | None:
@@ -151,13 +156,13 @@ def _check_replaceable(path: str | Path, place: Path, overwrite: bool) -> None:
 
 def write_whole(
     path: str | Path,
-    content: str | bytes | Iterable[str],
+    content: Content,
     overwrite: bool = False,
     complete: Callable[[], None] = lambda: None,
 ) -> None:
     """Write a file under a temporary name in its folder, and rename it when it is complete.
 
-    Text, whole or in parts, is written as UTF-8, with line ends as given. A file that replaces another keeps its
+    A content may be in parts. Text is written as UTF-8, with line ends as given. A file that replaces another keeps its
     permissions and, where that is allowed, its owner. `complete` is called when everything is on the disk, before the
     file is renamed; if it raises an error, nothing changes.
 
@@ -188,12 +193,10 @@ def write_whole(
             temporary.unlink()
 
 
-def encoded_parts(content: str | bytes | Iterable[str]) -> Iterable[bytes]:
+def encoded_parts(content: Content) -> Iterable[bytes | memoryview]:
     """Return what `write_whole` writes for a content, in parts."""
-    if isinstance(content, bytes):
-        return [content]
-    parts = [content] if isinstance(content, str) else content
-    return (part.encode("utf-8", "surrogateescape") for part in parts)
+    parts = [content] if isinstance(content, str | bytes) else content
+    return (part.encode("utf-8", "surrogateescape") if isinstance(part, str) else part for part in parts)
 
 
 def _copy_owner_and_mode(place: Path, temporary: Path) -> None:

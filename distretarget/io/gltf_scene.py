@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from distretarget.character.nodes import Animation, Nodes, Scene, Skin, choose_animation
+from distretarget.character.sampling import Curve, sampled
 from distretarget.errors import SkeletonFileError
 from distretarget.io.gltf import Gltf, dotted, whole
 from distretarget.io.json_node import Fields, Node
-from distretarget.io.nodes import Animation, Nodes, Scene, Skin, choose_animation
-from distretarget.io.sampling import Curve, sampled
 from distretarget.numerics.rotations import nearest_rotations
 from distretarget.skeleton import LARGEST, SMALLEST
 
@@ -35,10 +35,17 @@ def gltf_scene(gltf: Gltf, clip: str | None = None, fps: float | None = None, an
         FileError, SkeletonFileError: the file is not valid, or has no such animation.
     """
     nodes = _nodes(gltf)
-    names = tuple(entry.entries(dotted).read("name", Node.text, "") for entry in gltf.entries("animations"))
+    names = animation_names(gltf)
     chosen = choose_animation(gltf.path, names, clip) if animated else None
     animation = None if chosen is None else _animation(gltf, chosen, names[chosen], fps)
-    return Scene(gltf.path, nodes, _skins(gltf), _humanoid(gltf), names, animation)
+    extensions = gltf.document.read("extensions", lambda node: node.entries(dotted), Fields())
+    is_vrm_0 = next((key for key in HUMANOIDS if key in extensions), "") == "VRM"
+    return Scene(gltf.path, nodes, _skins(gltf), _humanoid(gltf), names, animation, is_vrm_0)
+
+
+def animation_names(gltf: Gltf) -> tuple[str, ...]:
+    """Return the names of the animations in a file; they may be empty or the same."""
+    return tuple(entry.entries(dotted).read("name", Node.text, "") for entry in gltf.entries("animations"))
 
 
 def _nodes(gltf: Gltf) -> Nodes:
@@ -58,8 +65,8 @@ def _parents(gltf: Gltf, children: list[list[int]]) -> NDArray[np.intp]:
     for number, below in enumerate(children):
         for place, child in enumerate(below):
             if parents[child] >= 0:
-                reason = f"nodes[{child}] is a child of nodes[{parents[child]}] already"
-                raise SkeletonFileError(gltf.path, f"nodes[{number}].children[{place}]", reason)
+                node = gltf.entries("nodes")[number].entries(dotted).listed("children")[place]
+                node.fail(f"nodes[{child}] is a child of nodes[{parents[child]}] already")
             parents[child] = number
     above = parents.copy()  # follow all lines upwards at once; each step doubles their length
     for _ in range(len(parents).bit_length() + 1):

@@ -12,13 +12,25 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import FileError
-from distretarget.io.gltf import BINARY_CHUNK, CHUNK_HEADER, DATA_URI, HEADER, MAGIC, Gltf, dotted
-from distretarget.io.json_node import Fields, Node
+from distretarget.io.gltf import (
+    BINARY_CHUNK,
+    CHUNK_HEADER,
+    DATA_URI,
+    HEADER,
+    JSON_CHUNK,
+    MAGIC,
+    Gltf,
+    dotted,
+    required,
+    whole,
+)
+from distretarget.io.json_node import Fields, Node, without_collection
 from distretarget.io.json_text import Edit, Member, added, compact, edited, member, members
-from distretarget.io.nodes import Animation, Nodes
 
 Animations = Literal["add", "replace"]
+Parts = Sequence[bytes | memoryview]
 
 ALIGNED = 4  # accessors of floats, and chunks, begin at multiples of this [bytes]
 LARGEST_GLB = 2**32 - 1  # the header has no room for more [bytes]
@@ -63,13 +75,13 @@ def animated(
     mode: Animations = "add",
     as_binary: bool = True,
     embedded: Callable[[Node], bytes] | None = None,
-) -> bytes:
-    """Return the file with animations; `nodes` are all its nodes.
+) -> list[bytes | memoryview]:
+    """Return the content of the file with animations, in parts.
 
     Args:
         gltf: the file.
         animations: to add; the number of a name that is taken already follows it.
-        nodes: for nodes that are given as a matrix, which cannot be animated.
+        nodes: all of the file, as it shows them.
         mode: whether they are added to those in the file, or replace them.
         as_binary: whether to write a GLB.
         embedded: reads the file that a URI names, to put it into this one; None to leave the URIs.
@@ -78,12 +90,13 @@ def animated(
         FileError: it would be too large for a GLB.
     """
     text = gltf.text
-    top = {str(each.key): each for each in members(text, 0)}
+    with without_collection():
+        top = {str(each.key): each for each in members(text, 0)}
     lists = {key: gltf.entries(key) for key in ("buffers", "bufferViews", "accessors", "animations")}
     binary = gltf.binary
     extends = binary is not None and bool(lists["buffers"]) and "uri" not in lists["buffers"][0].entries(dotted)
-    if extends and "byteLength" not in lists["buffers"][0].entries(dotted):
-        lists["buffers"][0].fail('has no "byteLength"')
+    if extends:
+        required(lists["buffers"][0], lists["buffers"][0].entries(dotted), "byteLength", whole)
     has_room = extends or (as_binary and not lists["buffers"])
     start = _aligned(len(binary)) if extends and binary is not None else 0
     data = _Data(0 if has_room else len(lists["buffers"]), start, len(lists["bufferViews"]), len(lists["accessors"]))
@@ -101,31 +114,32 @@ def animated(
             edits.append(Edit(top[key].value, top[key].end, f"[{','.join(texts)}]"))
         else:
             new[key] = texts
-    chunk = _padded(bytes(binary), b"\0") + data.content if extends and binary is not None else bytes(data.content)
+    old = binary if extends and binary is not None else memoryview(b"")
+    chunk: Parts = [old, *_padding(old, b"\0"), bytes(data.content)]
     edits += _embedding(text, top, gltf, embedded) if embedded else ()
     if extends:
         edits += _longer_buffer(text, top["buffers"].value, chunk, as_binary)
     else:
         uri = {} if has_room and as_binary else {"uri": data_uri(chunk)}
-        entry = compact({"byteLength": len(chunk)} | uri)
+        entry = compact({"byteLength": len(data.content)} | uri)
         if "buffers" in top:
             edits.append(added(text, top["buffers"].value, [entry]))
         else:
             new["buffers"] = [entry]
     moving = {node for animation in animations for node in (*animation.rotations, *animation.translations)}
     edits += _without_matrices(text, top, moving, nodes)
-    if new:
-        edits.append(added(text, 0, [f'"{key}":[{",".join(texts)}]' for key, texts in new.items()]))
+    end = max(each.end for each in top.values())
+    edits += [Edit(end, end, f',"{key}":[{",".join(texts)}]') for key, texts in new.items()]
     changed = edited(text, edits).encode()
     if not as_binary:
-        return changed
-    chunks = [(kind, bytes(content)) for kind, content in gltf.chunks]
-    if extends:
-        chunks[1] = BINARY_CHUNK, chunk
-    elif has_room:
-        chunks.insert(1, (BINARY_CHUNK, chunk))
-    chunks[0] = chunks[0][0], _padded(changed, b" ")
-    return _glb(gltf, chunks)
+        return [changed]
+    others = gltf.chunks[2:] if gltf.binary is not None else gltf.chunks[1:]
+    chunks: list[tuple[int, Parts]] = [(JSON_CHUNK, [changed, *_padding(changed, b" ")])]
+    if extends or has_room:
+        chunks.append((BINARY_CHUNK, chunk))
+    elif binary is not None:
+        chunks.append((BINARY_CHUNK, [binary]))
+    return _glb(gltf, [*chunks, *((kind, [content]) for kind, content in others)])
 
 
 def _targets(gltf: Gltf, animation: Node) -> Iterator[tuple[str, int]]:
@@ -185,13 +199,13 @@ def free_name(name: str, taken: set[str]) -> str:
     return free
 
 
-def _longer_buffer(text: str, buffers: int, chunk: bytes, as_binary: bool) -> Iterator[Edit]:
+def _longer_buffer(text: str, buffers: int, chunk: Parts, as_binary: bool) -> Iterator[Edit]:
     """The edits that give the first buffer the length of a chunk and, outside a GLB, its content."""
     first = member(text, buffers, 0)
     length = first and member(text, first.value, "byteLength")
     if first is None or length is None:
         return
-    yield Edit(length.value, length.end, str(len(chunk)))
+    yield Edit(length.value, length.end, str(sum(map(len, chunk))))
     if not as_binary:
         yield added(text, first.value, [f'"uri":{compact(data_uri(chunk))}'])
 
@@ -206,7 +220,7 @@ def _embedding(text: str, top: Mapping[str, Member], gltf: Gltf, embedded: Calla
                 node = nodes[int(entry.key)].entries(dotted)["uri"]
                 if not node.text().startswith(DATA_URI):
                     kind = OCTETS if key == "buffers" else mimetypes.guess_type(node.text())[0] or OCTETS
-                    yield Edit(uri.value, uri.end, compact(data_uri(embedded(node), kind)))
+                    yield Edit(uri.value, uri.end, compact(data_uri([embedded(node)], kind)))
 
 
 def _without_matrices(text: str, top: Mapping[str, Member], moving: set[int], nodes: Nodes) -> Iterator[Edit]:
@@ -235,24 +249,26 @@ def _removed(text: str, entry: Member, one: Member) -> Edit:
     return Edit(every[at - 1].end, one.end, "") if at else Edit(one.start, every[1].start, "")
 
 
-def data_uri(content: bytes, kind: str = OCTETS) -> str:
-    """Return a content as a data URI."""
-    return f"{DATA_URI}{kind};base64,{base64.b64encode(content).decode('ascii')}"
+def data_uri(content: Parts, kind: str = OCTETS) -> str:
+    """Return a content, in parts, as a data URI."""
+    return f"{DATA_URI}{kind};base64,{base64.b64encode(b''.join(content)).decode('ascii')}"
 
 
-def _glb(gltf: Gltf, chunks: Sequence[tuple[int, bytes]]) -> bytes:
-    size = HEADER.size + sum(CHUNK_HEADER.size + len(content) for _, content in chunks)
+def _glb(gltf: Gltf, chunks: Sequence[tuple[int, Parts]]) -> list[bytes | memoryview]:
+    """A GLB, in parts."""
+    size = HEADER.size + sum(CHUNK_HEADER.size + sum(map(len, content)) for _, content in chunks)
     if size > LARGEST_GLB:
         raise FileError(gltf.path, "with this animation it would be larger than 4 GB, the most of a GLB")
-    parts = [HEADER.pack(MAGIC, 2, size)]
+    parts: list[bytes | memoryview] = [HEADER.pack(MAGIC, 2, size)]
     for kind, content in chunks:
-        parts += [CHUNK_HEADER.pack(len(content), kind), content]
-    return b"".join(parts)
+        parts += [CHUNK_HEADER.pack(sum(map(len, content)), kind), *content]
+    return parts
 
 
 def _aligned(size: int) -> int:
     return -(-size // ALIGNED) * ALIGNED
 
 
-def _padded(content: bytes, filler: bytes) -> bytes:
-    return content + filler * (_aligned(len(content)) - len(content))
+def _padding(content: bytes | memoryview, filler: bytes) -> list[bytes]:
+    """What makes a chunk of a content as long as it has to be."""
+    return [filler * (_aligned(len(content)) - len(content))]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -20,13 +22,26 @@ MOST_ENTRIES = 65536  # of a list or object that is read
 INVALID_SURROGATES = re.compile(r"[\ud800-\udc7f\udd00-\udfff]")  # the others hold bytes that are not valid UTF-8
 
 
+@contextmanager
+def without_collection() -> Iterator[None]:
+    """Make many objects without looking for garbage among them, which takes most of the time of reading JSON."""
+    was_collecting = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_collecting:
+            gc.enable()
+
+
 def parse_json(path: str | Path, text: str) -> Node:
     """Return the JSON value in a text; `path` is for errors.
 
     All numbers become floats, since Python refuses to read integers of too many digits.
     """
     try:
-        return Node(path, "", json.loads(text, object_pairs_hook=tuple, parse_int=shared_float))
+        with without_collection():
+            return Node(path, "", json.loads(text, object_pairs_hook=tuple, parse_int=shared_float))
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
         raise SkeletonFileError(path, place, f"is not valid JSON: {error.msg}") from None

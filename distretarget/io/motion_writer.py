@@ -11,17 +11,17 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.character.nodes import Animation
 from distretarget.checks import check_choice, check_kind
 from distretarget.errors import FileError, MotionError
 from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import read_bytes, write_whole
-from distretarget.io.gltf import inside, parse_gltf
+from distretarget.io.gltf import inside
 from distretarget.io.gltf_scene import gltf_scene
-from distretarget.io.gltf_writer import Animations, animated
+from distretarget.io.gltf_writer import Animations, Parts, animated
 from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Node
-from distretarget.io.motion_file import parse_character
-from distretarget.io.nodes import Animation
+from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.io.vrma import vrma
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import level
@@ -36,6 +36,7 @@ OUTPUTS: dict[str, OutputKind] = {
     ".vrm": "character",
     ".vrma": "VRMA",
 }
+NAMES = {"BVH": "BVH", "FBX": "FBX", "skeleton": "a skeleton file"}
 NO_FBX = "FBX is read, but not written; write .glb, which Blender, Unreal, Unity, Godot and Maya read"
 PATH_KEY = "root_path"  # in the extras of an animation in place: where the root was in each frame [file units]
 
@@ -46,20 +47,35 @@ def output_kind(path: str | Path, target: InputFile | None) -> OutputKind:
     if suffix == ".fbx":
         raise FileError(path, NO_FBX)
     if suffix not in OUTPUTS:
-        better = Path(path).with_suffix(".bvh") if Path(path).name else ".bvh"
+        usual = ".glb" if target and target.kind == "glTF" else ".bvh"
+        better = Path(path).with_suffix(usual) if Path(path).name else usual
         endings = ", ".join(OUTPUTS)
         raise FileError(path, f"the ending says what to write; expected one of {endings}, such as {str(better)!r}")
     kind = OUTPUTS[suffix]
     if kind == "character" and (target is None or target.kind != "glTF"):
-        found = f"it is {target.kind}" if target else "none is given"
-        raise FileError(path, f"{suffix} is the target's own file with the motion, for targets that are glTF; {found}")
+        what = f"{suffix} is the target's own file with the motion"
+        if target is None:
+            raise FileError(path, f"{what}; give the character's file")
+        advice = "open it in Blender and export it as GLB, or write .bvh" if target.kind == "FBX" else "write .bvh"
+        raise FileError(path, f"{what}, but {str(target.path)!r} is {NAMES[target.kind]}; {advice}")
     if suffix == ".vrm" and target and not _is_vrm(target):
         raise FileError(path, f"{str(target.path)!r} is no VRM model; write .glb")
     return kind
 
 
+def suffix_of(target: TargetFile, kind: str | None = None) -> str:
+    """Return the suffix of results of a kind, such as "glb", or without one of the target's own kind: that of its file
+    if it is glTF, else .bvh; a FileError if the target cannot be written so.
+    """
+    own = Path(target.path).suffix.lower()
+    is_character = target.file is not None and target.file.kind == "glTF"
+    suffix = f".{kind}" if kind else own if is_character and own in OUTPUTS else ".glb" if is_character else ".bvh"
+    output_kind(f"*{suffix}", target.file)
+    return suffix
+
+
 def _is_vrm(file: InputFile) -> bool:
-    extensions = parse_gltf(file.content, file.path).document.get("extensions")
+    extensions = file.gltf.document.get("extensions")
     return extensions is not None and bool({"VRM", "VRMC_vrm"} & extensions.entries().keys())
 
 
@@ -92,9 +108,9 @@ def write_motion(
     check_kind("motion", motion, Motion)
     check_kind("name", name, str, NoneType)
     check_choice("animations", animations, ("add", "replace"))
-    file = load_file(character) if character is not None else None
+    target = TargetFile.of(load_file(character)) if character is not None else None
     given = OutputSettings(animations, in_place)
-    content = content_of(path, given.clip(motion, name or Path(path).stem), file, given)
+    content = content_of(path, given.clip(motion, name or Path(path).stem), target, given)
     write_whole(path, content, overwrite)
 
 
@@ -134,10 +150,10 @@ def in_place(motion: Motion, up: Array) -> Motion:
 
 
 def content_of(
-    path: str | Path, clip: NamedClip, target: InputFile | None, settings: OutputSettings
-) -> bytes | Iterable[str]:
-    """Return the content of a file with a clip; errors as in `write_motion`."""
-    match output_kind(path, target):
+    path: str | Path, clip: NamedClip, target: TargetFile | None, settings: OutputSettings
+) -> Iterable[str] | Parts:
+    """Return the content of a file with a clip, in parts; errors as in `write_motion`."""
+    match output_kind(path, target.file if target else None):
         case "BVH":
             return bvh_parts(clip.motion)
         case "VRMA":
@@ -146,30 +162,33 @@ def content_of(
     return with_animations(path, target, [character_animation(target, clip)], settings.animations)
 
 
-def character_animation(target: InputFile, clip: NamedClip) -> Animation:
+def character_animation(target: TargetFile, clip: NamedClip) -> Animation:
     """Return a clip as an animation of the nodes of its character; a MotionError if it has other joints."""
-    character = parse_character(target)
+    assert isinstance(target.target, CharacterTarget)
+    character = target.target.character
     found, expected = clip.motion.skeleton, character.skeleton
     if found.names != expected.names or not np.array_equal(found.parents, expected.parents):
         raise MotionError(f"the motion has other joints than {str(target.path)!r}; retarget it to that character")
-    return replace(character.animation(clip.motion, clip.name), extras=clip.extras)
+    motion = clip.motion if found.looks_back == expected.looks_back else clip.motion.turned_round()
+    return replace(character.animation(motion, clip.name), extras=clip.extras)
 
 
-def with_animations(path: str | Path, target: InputFile, animations: Sequence[Animation], mode: Animations) -> bytes:
-    """Return the file of a character with animations, for a file of this name: a GLB, or JSON for .gltf. What its
-    buffers and images are in is put into it, unless it is a .gltf file in the same folder.
+def with_animations(path: str | Path, target: TargetFile, animations: Sequence[Animation], mode: Animations) -> Parts:
+    """Return the content of a character's file with animations, in parts, for a file of this name: a GLB, or JSON for
+    .gltf. What its buffers and images are in is put into it, unless it is a .gltf file in the same folder.
     """
-    gltf = parse_gltf(target.content, target.path, target.beside)
+    assert target.file is not None
+    file = target.file
     as_binary = Path(path).suffix.lower() != ".gltf"
-    folder = Path(target.path).parent
+    folder = Path(file.path).parent
     stays = not as_binary and Path(path).parent.resolve() == folder.resolve()
 
     def embedded(uri: Node) -> bytes:
         name = uri.text()
-        return target.beside[name] if name in target.beside else read_bytes(inside(uri, folder, name))
+        return file.beside[name] if name in file.beside else read_bytes(inside(uri, folder, name))
 
-    nodes = gltf_scene(gltf, animated=False).nodes
+    nodes = gltf_scene(file.gltf, animated=False).nodes
     try:
-        return animated(gltf, animations, nodes, mode, as_binary, None if stays else embedded)
+        return animated(file.gltf, animations, nodes, mode, as_binary, None if stays else embedded)
     except RecursionError:
-        raise FileError(target.path, "is nested too deeply") from None
+        raise FileError(file.path, "is nested too deeply") from None

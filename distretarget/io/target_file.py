@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from distretarget.character.character import Character
 from distretarget.errors import BvhError, SkeletonError, SkeletonFileError, closest, quoted
 from distretarget.io.bvh import parse_bvh, parse_bvh_skeleton
-from distretarget.io.character import Character
 from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Fields, Node, described, parse_json
 from distretarget.io.motion_file import parse_character

@@ -12,11 +12,11 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.anatomy import ARM, FINGERS, SIDES
 from distretarget.body.body import Body
 from distretarget.body.humanoid import FINGER, THUMB
+from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import MotionError, quoted
 from distretarget.io.gltf import parse_gltf
-from distretarget.io.gltf_writer import animated
+from distretarget.io.gltf_writer import Parts, animated
 from distretarget.io.json_text import compact
-from distretarget.io.nodes import Animation, Nodes
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import least
 from distretarget.numerics.vectors import normalised
@@ -35,7 +35,7 @@ REQUIRED = (
 )
 
 
-def vrma(motion: Motion, name: str, extras: Mapping[str, object]) -> bytes:
+def vrma(motion: Motion, name: str, extras: Mapping[str, object]) -> Parts:
     """Return the content of a VRM animation of a motion: rotations of the humanoid's bones, and the path of the hips
     [m], with Y up and the body towards Z at rest in T-pose.
 

@@ -115,9 +115,13 @@ def diff(
 
 
 def turned_note(world: World) -> tuple[str, ...]:
-    """A note if different axes point up in A and B."""
-    same = world.source_up == world.up
-    return () if same else (f"A was turned: {world.source_up} is up in A, {world.up} in B",)
+    """Notes on how A was turned into the axes of B."""
+    notes = []
+    if world.source_up != world.up:
+        notes.append(f"A was turned: {world.source_up} is up in A, {world.up} in B")
+    if world.half_turn:
+        notes.append("A was turned round: in one of the files bodies look to -Z, as in VRM 0")
+    return tuple(notes)
 
 
 def _check(motion: Motion, name: str) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.baseline.rotation_copy import find_root_scale, followed_scale, longest_strides
-from distretarget.baseline.world import World, turned
+from distretarget.baseline.world import World
 from distretarget.checks import check_kind, check_number
 from distretarget.errors import MotionError, SettingsError
 from distretarget.matching.matching import Matching
@@ -190,7 +190,7 @@ def diff_scenes(
 
 def prop_in_world(prop: Motion, world: World, frames: int, frame_time_text: str) -> Motion:
     """Return a prop of the source in the target's axes, resampled to `frames` frames; it stands still after its own."""
-    prop = turned(prop, world.source_up, world.up)
+    prop = world.turned(prop)
     if len(prop) > 1:
         prop = prop.resampled(frame_time_text)
     return replace(prop[np.minimum(np.arange(frames), len(prop) - 1)], frame_time_text=frame_time_text)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from distretarget.body.anatomy import ARM, FINGERS, LEG, Anatomy, side_and_part
 from distretarget.errors import counted, quoted
@@ -17,13 +17,19 @@ PART_OF_ROLE = {
     **dict(zip(LEG, ("leg", "leg", "foot", "toe"), strict=True)),
     **{f"{finger}{number}": "finger" for finger in FINGERS for number in (1, 2, 3)},
 }
+LONG_BONES = 2  # of an arm or a leg
 NAMED = 3  # so many other joints are named
 
 
 def parts_without_source(matching: Matching) -> Iterator[str]:
-    """A line with the parts of the target's body that follow nothing, if there are any."""
+    """A line with the parts of the target's body that follow nothing, if there are any, and one with the limbs that
+    are not recognised in it, if the source has them and the target has joints enough.
+    """
     still = _still(matching)
     anatomy = matching.target.anatomy
+    lost = _unrecognised(matching)
+    if anatomy and lost and len(set(still) - _of_body(anatomy)) >= LONG_BONES * len(lost):
+        yield f"{_listed(lost)} of the target not recognised, so still: a map says which joints they are"
     if anatomy and (parts := [*_parts(anatomy, still)]):
         verb = "follow" if len(parts) > 1 or parts[0].endswith("s") else "follows"
         yield f"{_listed(parts)} of the target {verb} nothing"
@@ -39,6 +45,18 @@ def others_without_source(matching: Matching) -> Iterator[str]:
         what = f"{'other ' if of_body else ''}joint"
         follow = "follows its parent" if len(others) == 1 else "follow their parents"
         yield f"{counted(len(others), what)} of the target {follow}: {quoted(others, NAMED)}"
+
+
+def _unrecognised(matching: Matching) -> list[str]:
+    """The arms and legs that the source has and the target has not, such as "left arm"."""
+    roles = [body.anatomy.roles if body.anatomy else {} for body in (matching.source, matching.target)]
+    limbs = {"left arm": ARM, "right arm": ARM, "left leg": LEG, "right leg": LEG}
+    return [name for name, limb in limbs.items() if _has(roles[0], name, limb) and not _has(roles[1], name, limb)]
+
+
+def _has(roles: Mapping[str, int], name: str, limb: Sequence[str]) -> bool:
+    """Whether a limb of this name has long bones."""
+    return any(f"{name.split()[0]}{part}" in roles for part in limb if part.startswith(("Upper", "Lower")))
 
 
 def _still(matching: Matching) -> list[int]:

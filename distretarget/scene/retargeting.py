@@ -125,6 +125,8 @@ def retarget_scene(
     first = match_performer(sources[0], targets[0], joint_map=maps[0], rest=stances[0])
     axes = Options(source_up=first.world.source_up, target_up=first.world.up)
     performers = [first, *map(match_performer, sources[1:], targets[1:], repeat(axes), maps[1:], stances[1:])]
+    if len({performer.world.half_turn for performer in performers}) > 1:
+        raise MotionError("some files have bodies that look to -Z, as in VRM 0, and others to +Z; use one kind")
     heights = [find_root_scale(performer.matching) for performer in performers]
     if max(heights) > SAME_UNITS * min(heights):
         raise MotionError(

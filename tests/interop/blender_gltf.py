@@ -67,17 +67,17 @@ if "camera" in task:
     view.location = centre + SIDE * half * Vector((0.5 * sign, -sign, 0.25))
     view.rotation_euler = (centre - view.location).to_track_quat("-Z", "Y").to_euler()
     sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
-    sun.data.energy, sun.rotation_euler = 1.5, view.rotation_euler
+    sun.data.energy, sun.rotation_euler = 0.5, view.rotation_euler
     for thing in (view, sun):
         scene.collection.objects.link(thing)
     for body in [thing for thing in scene.objects if thing.type == "ARMATURE"]:
         body.hide_render = True
     world = bpy.data.worlds.new("white")
     world.use_nodes = True
-    world.node_tree.nodes["Background"].inputs[0].default_value = (0.7, 0.7, 0.7, 1)
+    world.node_tree.nodes["Background"].inputs[0].default_value = (1, 1, 1, 1)
     scene.world, scene.camera = world, view
     scene.render.engine = "CYCLES"
-    scene.cycles.samples, scene.cycles.device, scene.cycles.max_bounces = 4, "CPU", 1
+    scene.cycles.samples, scene.cycles.device, scene.cycles.max_bounces = 2, "CPU", 1
     scene.view_settings.view_transform = "Standard"
     scene.render.resolution_x = scene.render.resolution_y = task["size"]
     scene.render.image_settings.file_format, scene.render.filepath = "PNG", task["picture"]

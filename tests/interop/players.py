@@ -45,7 +45,7 @@ class Camera:
         """The camera that sees positions (..., 3) and some room around them."""
         points = positions.reshape(-1, 3)
         low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
-        return cls(tuple((0.5 * (low + high)).tolist()), float(0.55 * np.linalg.norm(high - low)), back)
+        return cls(tuple((0.5 * (low + high)).tolist()), float(0.65 * np.linalg.norm(high - low)), back)
 
 
 def missing(program: str) -> str:

@@ -11,19 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from distretarget.character.nodes import Animation
 from distretarget.errors import FileError, cut
-from distretarget.io.nodes import Animation
 from distretarget.numerics.vectors import lengths, normalised
 from distretarget.skeleton import SMALLEST
 
 Array = NDArray[np.float64]
 
 RATES = (24, 25, 30, 48, 50, 60, 90, 100, 120, 200, 240)  # usual frame rates [frames/s]
-LEAST_RATE, MOST_RATE = 10.0, 1000.0  # keys at other rates are no frames [frames/s]
+LEAST_RATE, MOST_RATE = 9.9, 1000.0  # keys at other rates are no frames [frames/s]
 IRREGULAR_RATE = 60.0  # of keys that are on no such grid [frames/s]
 ON_GRID = 0.02  # a key is on a grid within this [frames]
 SAME_KEY = 1e-5  # keys this near to each other are at the same time [s]; times are float32
-WHOLE_RATE = 1e-3  # a rate this near to a whole number is that number [relative]
 BLOCK = 65536  # frames that are sampled at once
 FREE_SAMPLES = 1_000_000  # so many samples may a file have, however small it is [frames x curves]
 
@@ -143,13 +142,14 @@ def own_rate(times: Array) -> float:
     own = 1.0 / steps[steps < 1.05 * steps.min()].mean()
     if LEAST_RATE <= own <= MOST_RATE:
         own = _refined(times, own)
-        if _on_grid(times, own):
-            return own
+        for rate in (float(round(own)), own):
+            if _on_grid(times, rate):
+                return rate
     return next((float(rate) for rate in RATES if _on_grid(times, rate)), IRREGULAR_RATE)
 
 
 def _refined(times: Array, rate: float) -> float:
-    """The rate that fits all keys best, a whole number where it is near to one."""
+    """The rate that fits all keys best."""
     frames = np.rint((times - times[0]) * rate)
     for _ in range(3):  # a rough rate counts late frames wrong; each fit reaches farther
         near = np.abs((times - times[0]) * rate - frames) < 0.25
@@ -157,7 +157,7 @@ def _refined(times: Array, rate: float) -> float:
         if frames[last] > 0:
             rate = float(frames[last] / (times[last] - times[0]))
         frames = np.rint((times - times[0]) * rate)
-    return float(round(rate)) if abs(rate - round(rate)) < WHOLE_RATE * rate else rate
+    return rate
 
 
 def _on_grid(times: Array, rate: float) -> bool:

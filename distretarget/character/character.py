@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import FileError
-from distretarget.io.nodes import Animation, Nodes
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import extent, lengths
 from distretarget.skeleton import LARGEST, Skeleton
@@ -53,6 +53,11 @@ class Character:
     scales: Array
     origin: Array
     warnings: tuple[str, ...]
+
+    @property
+    def joint_nodes(self) -> NDArray[np.intp]:
+        """(joints,), the node of each joint of the skeleton."""
+        return self.nodes[self._above :]
 
     @property
     def _above(self) -> int:
@@ -130,7 +135,7 @@ class Character:
         away = (lengths(translations - self.shown.translations[joints]) * np.abs(scales[:, 0])).max(axis=0)
         turning = (1.0 - cosines).max(axis=0) > SAME_TURN
         moving = away > SAME_PLACE * extent(self.skeleton.rest_positions)
-        nodes = self.nodes[joints].tolist()
+        nodes = self.joint_nodes.tolist()
         return Animation(
             name,
             len(motion),

@@ -1,30 +1,26 @@
-"""Which nodes of a file are joints of its character, and the skeleton that they are in the bind pose."""
+"""The character of a file: the skeleton that its nodes are in the bind pose."""
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.named_anatomy import by_names
-from distretarget.errors import FileError, counted, cut, quoted
-from distretarget.io.bind_pose import REGULAR, bind_poses, in_world, matrices
-from distretarget.io.bvh import clean_name
-from distretarget.io.character import Character
-from distretarget.io.deform_character import with_deform_bones
-from distretarget.io.nodes import Nodes, Scene
+from distretarget.character.bind_pose import REGULAR, bind_poses, in_world, matrices
+from distretarget.character.character import Character
+from distretarget.character.deform import with_deform_bones
+from distretarget.character.joint_nodes import joint_nodes, top_down
+from distretarget.character.nodes import Nodes, Scene
+from distretarget.errors import FileError, cut, quoted
 from distretarget.numerics.rotations import nearest_rotations
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, SMALLEST, Skeleton
 
 Array = NDArray[np.float64]
 
-MOST_JOINTS = 4096  # of a character, with the nodes above: skeletons have matrices of joints x joints
 LONGEST_NAME = 200  # of a joint [characters]
 NEAR_SHOWN = 1e-4  # a node whose bind pose differs by less than this from what it shows shows it [body sizes, rad]
 FLAT = 1e-6  # axes that are shorter have the length 0 [of the longest axis of the node]
@@ -33,25 +29,16 @@ TURN_CHANNELS = ("Zrotation", "Xrotation", "Yrotation")
 
 
 def character_of(scene: Scene) -> Character:
-    """Return the character of a file: the nodes that its skins use or, as in VRM animations, its humanoid bones, with
-    those between them; in a file without both, the nodes that its animation turns. Of bones that deform and controls
-    it has the former.
+    """Return the character of a file, whose joints are those of `joint_nodes`; of bones that deform and controls it has
+    the former.
 
     Raises:
         FileError: the file has no such nodes, or too many.
     """
     scene, flat = _without_flat_scales(scene)
-    nodes, order = scene.nodes, _top_down(scene.nodes.parents)
-    lines = _Lines(nodes.parents, order)
-    wanted, left_out = _wanted(scene, lines)
-    root, carried = lines.meeting(wanted), lines.carried(wanted)
-    above = lines.up(nodes.parents.item(root), -1)[::-1] if nodes.parents[root] >= 0 else []
-    are_above = set(above)
-    joints = [node for node in order if carried[node] and node not in are_above]
+    nodes, order = scene.nodes, top_down(scene.nodes.parents)
+    above, joints, left_out = joint_nodes(scene, order)
     line = [*above, *joints]
-    if len(line) > MOST_JOINTS:
-        counts = f"{counted(len(joints), 'joint')} and {counted(len(above), 'node')} above"
-        raise FileError(scene.path, f"its skeleton has {counts}; expected at most {MOST_JOINTS}")
     with np.errstate(all="ignore"):
         shown = in_world(nodes, order)
     _check_scales(scene, line, shown)
@@ -59,89 +46,6 @@ def character_of(scene: Scene) -> Character:
     warnings = (*left_out, *_flat_warnings(scene, flat, line), *_scale_warnings(scene, line))
     character = _character(scene, line, len(above), binds, warnings)
     return with_deform_bones(character)
-
-
-class _Lines:
-    """The lines of a forest from its nodes upwards."""
-
-    def __init__(self, parents: NDArray[np.intp], order: Sequence[int]) -> None:
-        self._parents, self._order = parents.tolist(), order
-
-    def up(self, node: int, last: int) -> list[int]:
-        """The nodes from `node` up to `last`, both included; up to the top if that is -1."""
-        line = [node]
-        while line[-1] != last and self._parents[line[-1]] >= 0:
-            line.append(self._parents[line[-1]])
-        return line
-
-    def carried(self, nodes: Iterable[int]) -> list[int]:
-        """How many of some nodes each node of the forest carries, itself included."""
-        counts = [0] * len(self._parents)
-        for node in nodes:
-            counts[node] = 1
-        for node in reversed(self._order):
-            if (parent := self._parents[node]) >= 0:
-                counts[parent] += counts[node]
-        return counts
-
-    def meeting(self, nodes: Collection[int]) -> int:
-        """The lowest node from which all of some different nodes hang; -1 if there is none."""
-        counts = self.carried(nodes)
-        return next((node for node in reversed(self._order) if counts[node] == len(nodes)), -1)
-
-    def branches(self, above: int) -> list[int]:
-        """For each node, that just below `above` on its line; the node itself for `above`; else the top of its line."""
-        branches = list(range(len(self._parents)))
-        for node in self._order:
-            if self._parents[node] not in (-1, above) and node != above:
-                branches[node] = branches[self._parents[node]]
-        return branches
-
-
-def _top_down(parents: NDArray[np.intp]) -> list[int]:
-    """All nodes, each followed by those below it, in the order of the file."""
-    children: dict[int, list[int]] = defaultdict(list)
-    for node, parent in enumerate(parents.tolist()):
-        children[parent].append(node)
-    order, stack = [], children[-1][::-1]
-    while stack:
-        order.append(stack.pop())
-        stack.extend(reversed(children[order[-1]]))
-    return order
-
-
-def _wanted(scene: Scene, lines: _Lines) -> tuple[list[int], tuple[str, ...]]:
-    """The nodes that are joints for certain, and a warning of those that are left out: other skeletons in the file,
-    whose skins share no branch with the humanoid's or, without one, with the largest.
-    """
-    groups = [list(scene.humanoid.values()), *(skin.joints.tolist() for skin in scene.skins)]
-    if not any(groups):
-        groups = [list(scene.animation.rotations) if scene.animation else []]
-    every = list(dict.fromkeys(node for group in groups for node in group))
-    if not every:
-        raise FileError(scene.path, "has no skin and no VRM humanoid, so no skeleton; expected a character")
-    skeletons = _skeletons(groups, lines.branches(lines.meeting(every)))
-    chosen = next((each for each in skeletons if groups[0] and groups[0][0] in each), max(skeletons, key=len))
-    others = [scene.nodes.names[next(iter(each))] for each in skeletons if each is not chosen]
-    if lines.meeting(chosen) < 0:
-        raise FileError(scene.path, "the joints of its skin hang from no common node; expected a single skeleton")
-    notes = [f"{counted(len(others), 'other skeleton')} in the file stays as it is: {quoted(others)}"] if others else []
-    return [node for node in every if node in chosen], tuple(notes)
-
-
-def _skeletons(groups: Sequence[Sequence[int]], branches: Sequence[int]) -> list[dict[int, None]]:
-    """Groups of nodes, joined where they have nodes on the same branch; their nodes as the keys of dictionaries, in
-    order.
-    """
-    groups = [group for group in groups if group]
-    pairs = [(number, branches[node]) for number, group in enumerate(groups) for node in group]
-    numbers, shared = np.array(pairs).T
-    size = len(groups) + len(branches)
-    graph = coo_array((np.ones(len(pairs), bool), (numbers, len(groups) + shared)), shape=(size, size))
-    joined: dict[int, dict[int, None]] = {}
-    for group, label in zip(groups, connected_components(graph, directed=False)[1].tolist(), strict=False):
-        joined.setdefault(label, {}).update(dict.fromkeys(group))
-    return list(joined.values())
 
 
 def _without_flat_scales(scene: Scene) -> tuple[Scene, NDArray[np.bool_]]:
@@ -252,6 +156,7 @@ def _skeleton(scene: Scene, nodes: NDArray[np.intp], parents: NDArray[np.intp], 
         end_sites=np.zeros(len(nodes), bool),
         units=scene.units,
         up=scene.up,
+        looks_back=scene.looks_back,
         humanoid=tuple((bone, joints[node]) for bone, node in scene.humanoid.items()),
     )
     return replace(skeleton, channels=_with_positions(skeleton))
@@ -274,20 +179,27 @@ def _names(names: Sequence[str], nodes: Sequence[int], parents: Sequence[int]) -
     taken: set[tuple[int, str]] = set()
     result = []
     for name, node, parent in zip(names, nodes, parents, strict=True):
-        clean = clean_name(name[:LONGEST_NAME]) or f"node {node}"
+        clean = _clean(name[:LONGEST_NAME]) or f"node {node}"
         clean = f"{clean} (node {node})" if (parent, clean) in taken else clean
         taken.add((parent, clean))
         result.append(clean)
     return tuple(result)
 
 
+def _clean(name: str) -> str:
+    """A name with _ for what BVH cannot hold in a name; empty where nothing is left."""
+    plain = "".join("_" if each in "{}" or not each.isprintable() else each for each in name)
+    return plain.strip()
+
+
 def _scale_warnings(scene: Scene, line: Sequence[int]) -> Iterator[str]:
     """A line for nodes that are scaled unevenly, and one for nodes whose scale changes."""
-    nodes = scene.nodes
-    spread = np.ptp(np.abs(nodes.scales[list(line)]), axis=1) > UNEVEN * np.abs(nodes.scales[list(line)]).max(axis=1)
-    if uneven := [nodes.names[node] for node, is_uneven in zip(line, spread, strict=True) if is_uneven]:
-        sheared = "what hangs on them is sheared where it turns, and a little off its place"
-        yield f"{quoted(uneven)} are scaled unevenly: {sheared}"
+    nodes, sizes = scene.nodes, np.abs(scene.nodes.scales[list(line)])
+    spread = np.ptp(sizes, axis=1) / sizes.max(axis=1)
+    if uneven := [nodes.names[node] for node, share in zip(line, spread, strict=True) if share > UNEVEN]:
+        change = "bones below change their length as they turn, so that hands and feet miss their places"
+        much = f"{100 * spread.max():.2g} %"
+        yield f"the scale of {quoted(uneven)} is uneven, by {much}: {change}; apply the scale and export it again"
     scales = scene.animation.scales if scene.animation else {}
     changing = [
         nodes.names[node]

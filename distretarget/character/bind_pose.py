@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.io.nodes import Nodes, Skin
+from distretarget.character.nodes import Nodes, Skin
 
 Array = NDArray[np.float64]
 

@@ -6,6 +6,7 @@ keys of its translation as well.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 
@@ -14,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.deform_bones import deform_tree
-from distretarget.io.character import Character
-from distretarget.io.nodes import Animation
+from distretarget.character.character import Character
+from distretarget.character.nodes import Animation
 from distretarget.motion import Motion
 from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS
 
@@ -33,6 +34,11 @@ class DeformCharacter(Character):
 
     whole: Character
     bones: NDArray[np.intp]
+
+    @property
+    def joint_nodes(self) -> NDArray[np.intp]:
+        """(joints,), the node of each joint of the skeleton."""
+        return self.whole.joint_nodes[self.bones]
 
     def motion(self, animation: Animation, size: int) -> Motion:
         """Return an animation of the nodes as a motion of the skeleton; arguments and errors as in `Character`."""
@@ -102,7 +108,10 @@ def with_deform_bones(character: Character) -> Character:
 
 def _top_down(tree: Mapping[int, int]) -> list[int]:
     """The bones of a tree, each after its parent."""
-    bones = [bone for bone in sorted(tree) if tree[bone] < 0]
+    below: dict[int, list[int]] = defaultdict(list)
+    for bone in sorted(tree):
+        below[tree[bone]].append(bone)
+    bones = below[-1]
     for upper in bones:
-        bones.extend(bone for bone in sorted(tree) if tree[bone] == upper)
+        bones.extend(below[upper])
     return bones

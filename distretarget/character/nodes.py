@@ -91,6 +91,7 @@ class Scene:
             for other files.
         animations: the names of its animations, in the order of the file; they may be empty or the same.
         animation: the one that was asked for, or the only one; None where there is none.
+        looks_back: whether its characters look to -Z, as in VRM 0.
         units: of the nodes' translations; None if the file does not state it.
         up: the axis that points up; None if the file does not state it.
     """
@@ -101,6 +102,7 @@ class Scene:
     humanoid: Mapping[str, int]
     animations: tuple[str, ...]
     animation: Animation | None
+    looks_back: bool = False
     units: str | None = "m"
     up: str | None = "Y"
 

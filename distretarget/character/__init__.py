@@ -1,0 +1,1 @@
+"""Characters: nodes with skins and animations, as files hold them, and the skeletons and motions that they are."""

@@ -1,0 +1,40 @@
+"""Bodies whose names show some limbs and whose shape shows the others."""
+
+from dataclasses import replace
+
+import pytest
+from bodies import SAMPLES
+
+from distretarget.body.body import Body
+from distretarget.body.named_anatomy import by_names
+from distretarget.io.target_file import load_target
+
+RIGS = {path.stem: load_target(path).skeleton for path in sorted((SAMPLES / "rigs").glob("*_t.json"))}
+LIMBS = {
+    "arms": ("Shoulder", "UpperArm", "LowerArm", "Hand"),
+    "legs": ("UpperLeg", "LowerLeg", "Foot", "Toes"),
+}
+
+
+def unnamed(body, roles):
+    """The body whose joints of these roles have names that mean nothing."""
+    joints = {by_names(body).roles[role] for role in roles if role in by_names(body).roles}
+    return replace(body, names=tuple(f"b{j}" if j in joints else name for j, name in enumerate(body.names)))
+
+
+@pytest.mark.parametrize("sides", [("left", "right"), ("left",), ("right",)])
+@pytest.mark.parametrize("limbs", LIMBS)
+@pytest.mark.parametrize("name", RIGS)
+def test_limbs_without_names_are_found_by_shape(name, limbs, sides):
+    body = RIGS[name]
+    whole = Body.of(body).anatomy
+    lost = unnamed(body, [side + part for side in sides for part in LIMBS[limbs]])
+    found = Body.of(lost).anatomy
+    long = [side + part for side in ("left", "right") for part in ("UpperArm", "LowerArm", "UpperLeg", "LowerLeg")]
+    assert {role: found.roles[role] for role in long} == {role: whole.roles[role] for role in long}
+    assert (found.spine, found.method) == (whole.spine, "shape")
+
+
+def test_names_alone_count_where_they_show_all_limbs():
+    for body in RIGS.values():
+        assert Body.of(body).anatomy is by_names(body)
