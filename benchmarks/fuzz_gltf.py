@@ -98,6 +98,7 @@ def through(path: Path, sample: Motion) -> None:
         except DistretargetError as error:
             raise NotReadBackError(f"cannot be BVH: {error}") from error
         again = _read_again(lambda: parse_bvh(text, "out.bvh"))
+        motion = motion.turned_round() if motion.skeleton.looks_back else motion  # as it is written
         order = list(motion.skeleton.depth_first)
         if not _is_collapsed(motion):
             ahead = motion.turned_round() if motion.skeleton.looks_back else motion

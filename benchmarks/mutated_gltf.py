@@ -25,6 +25,7 @@ Draw = np.random.Generator
 Document = dict[str, Any]
 
 FRAMES = 5  # of the animations
+LARGEST = 4_000_000  # of what is put in many times [bytes]
 ODD_NUMBERS = (
     *(0, -1, 1, 2, 3, 65535, 65536, 10**9, 2**31, 2**32 - 1, 2**53, 2**63, 2**64, 10**30, -(2**31), 10**400),
     *(0.5, -0.5, 1e-3, 1e-30, 1e-160, 1e-320, 1e12, 1.1e12, 1e30, 1e200, 1e308, float("nan"), float("inf"), -0.0),
@@ -239,7 +240,8 @@ def _grow(draw: Draw, document: Document) -> None:
     elif kind == 1:
         key = ("nodes", "skins", "animations", "accessors", "bufferViews", "buffers", "meshes")[draw.integers(7)]
         if isinstance(entries := document.get(key), list) and entries:
-            entries += [copy.deepcopy(entries[draw.integers(len(entries))])] * many
+            entry = copy.deepcopy(entries[draw.integers(len(entries))])
+            entries += [entry] * min(many, LARGEST // len(json.dumps(entry)))
     elif kind == 2:
         deep: Any = 0
         for _ in range(min(many, 900)):
@@ -249,7 +251,7 @@ def _grow(draw: Draw, document: Document) -> None:
     elif kind == 3:
         holder, key = _places(draw, document)
         if isinstance(holder, list):
-            holder += [holder[key]] * many
+            holder += [holder[key]] * min(many, LARGEST // len(json.dumps(holder[key])))
         else:
             holder[key] = "n" * (20 * many)
     elif kind == 4 and document.get("animations"):

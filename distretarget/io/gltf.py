@@ -137,7 +137,7 @@ class Gltf:
         if fields.read("type", Node.text, "") != kind:
             place.fail(f"expected type {kind}")
         component = _component(place, fields, components)
-        count = _required(place, fields, "count", whole)
+        count = required(place, fields, "count", whole)
         width = WIDTHS[kind]
         if count * width > self.size:
             fields["count"].expected(f"no more numbers than the file has bytes, {self.size}")
@@ -167,16 +167,16 @@ class Gltf:
     def _sparse(self, sparse: Node, raw: NDArray[np.generic], dtype: Dtype) -> NDArray[np.generic]:
         """Numbers with those replaced that a sparse accessor lists."""
         fields = sparse.entries(dotted)
-        count = _required(sparse, fields, "count", whole)
-        indices, values = (_required(sparse, fields, key, lambda node: node) for key in ("indices", "values"))
+        count = required(sparse, fields, "count", whole)
+        indices, values = (required(sparse, fields, key, lambda node: node) for key in ("indices", "values"))
         parts = indices.entries(dotted)
         index_type = COMPONENTS[_component(indices, parts, INDICES)]
-        view = _required(indices, parts, "bufferView", lambda node: node)
+        view = required(indices, parts, "bufferView", lambda node: node)
         places = self._view(view, _offset(parts), count, 1, index_type, indices)[:, 0].astype(np.intp)
         if len(places) and places.max() >= len(raw):
             indices.fail(f"has the index {places.max()}; the accessor has {len(raw)} elements")
         parts = values.entries(dotted)
-        view = _required(values, parts, "bufferView", lambda node: node)
+        view = required(values, parts, "bufferView", lambda node: node)
         raw[places] = self._view(view, _offset(parts), count, raw.shape[1], dtype, values)
         return raw
 
@@ -188,8 +188,8 @@ class Gltf:
         if "extensions" in view and "EXT_meshopt_compression" in view["extensions"].entries(dotted):
             place.fail("is compressed by meshopt, which is not read for joints and animations; export it uncompressed")
         at = self._lists["bufferViews"][self.index("bufferViews", reference)]
-        buffer = self._buffer(_required(at, view, "buffer", lambda node: node))
-        start, length = _offset(view), _required(at, view, "byteLength", whole)
+        buffer = self._buffer(required(at, view, "buffer", lambda node: node))
+        start, length = _offset(view), required(at, view, "byteLength", whole)
         if start + length > len(buffer):
             at.fail(f"ends at byte {start + length}; its buffer has {len(buffer)}")
         row = width * dtype.itemsize
@@ -209,7 +209,7 @@ class Gltf:
     def _buffer_at(self, number: int) -> memoryview:
         place = self._lists["buffers"][number]
         fields = place.entries(dotted)
-        length = _required(place, fields, "byteLength", whole)
+        length = required(place, fields, "byteLength", whole)
         content = self._content(number, place, fields)
         if len(content) < length:
             place.fail(f"has {len(content)} of the {length} bytes that it should have: the file is cut or incomplete")
@@ -343,13 +343,14 @@ def _offset(fields: Fields) -> int:
 
 
 def _component(place: Node, fields: Fields, known: tuple[int, ...]) -> int:
-    component = _required(place, fields, "componentType", whole)
+    component = required(place, fields, "componentType", whole)
     if component not in known:
         fields["componentType"].expected(f"one of {', '.join(map(str, known))}")
     return component
 
 
-def _required(place: Node, fields: Fields, key: str, read: Callable[[Node], Value]) -> Value:
+def required(place: Node, fields: Fields, key: str, read: Callable[[Node], Value]) -> Value:
+    """Return what `read` makes of the value at a key of an entry, or raise a SkeletonFileError if it lacks the key."""
     if key not in fields:
         place.fail(f'has no "{key}"')
     return read(fields[key])

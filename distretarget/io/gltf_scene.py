@@ -65,8 +65,8 @@ def _parents(gltf: Gltf, children: list[list[int]]) -> NDArray[np.intp]:
     for number, below in enumerate(children):
         for place, child in enumerate(below):
             if parents[child] >= 0:
-                reason = f"nodes[{child}] is a child of nodes[{parents[child]}] already"
-                raise SkeletonFileError(gltf.path, f"nodes[{number}].children[{place}]", reason)
+                node = gltf.entries("nodes")[number].entries(dotted).listed("children")[place]
+                node.fail(f"nodes[{child}] is a child of nodes[{parents[child]}] already")
             parents[child] = number
     above = parents.copy()  # follow all lines upwards at once; each step doubles their length
     for _ in range(len(parents).bit_length() + 1):

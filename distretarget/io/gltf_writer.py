@@ -9,9 +9,20 @@ from dataclasses import dataclass
 
 from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import FileError
-from distretarget.io.gltf import BINARY_CHUNK, CHUNK_HEADER, DATA_URI, HEADER, JSON_CHUNK, MAGIC, Gltf, dotted
+from distretarget.io.gltf import (
+    BINARY_CHUNK,
+    CHUNK_HEADER,
+    DATA_URI,
+    HEADER,
+    JSON_CHUNK,
+    MAGIC,
+    Gltf,
+    dotted,
+    required,
+    whole,
+)
 from distretarget.io.gltf_animation import Mode, Numbers, animation_entries
-from distretarget.io.json_node import Node, without_collection
+from distretarget.io.json_node import Fields, Node, without_collection
 from distretarget.io.json_text import Edit, Member, added, compact, edited, member, members
 
 Parts = Sequence[bytes | memoryview]
@@ -42,7 +53,9 @@ class _Room:
     @classmethod
     def of(cls, gltf: Gltf, as_binary: bool) -> _Room:
         buffers, binary = gltf.entries("buffers"), gltf.binary
-        if binary is not None and buffers and "uri" not in buffers[0].entries(dotted):
+        first = buffers[0].entries(dotted) if buffers else Fields()
+        if binary is not None and buffers and "uri" not in first:
+            required(buffers[0], first, "byteLength", whole)
             return cls(0, binary, extends=True, in_chunk=as_binary)
         return cls(len(buffers), memoryview(b""), extends=False, in_chunk=as_binary and not buffers)
 
