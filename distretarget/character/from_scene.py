@@ -41,7 +41,7 @@ def character_of(scene: Scene) -> Character:
         shown = in_world(nodes, order)
     check_scales(scene, line, shown)
     binds = _settled(nodes, line, len(above), shown, bind_poses(scene.skins, shown, order))
-    warnings = (*left_out, *flat_warnings(scene, flat, line), *scale_warnings(scene, line))
+    warnings = (*scene.notes, *left_out, *flat_warnings(scene, flat, line), *scale_warnings(scene, line))
     character = _character(scene, line, len(above), binds, warnings)
     return with_deform_bones(character)
 
