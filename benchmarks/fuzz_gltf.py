@@ -45,7 +45,7 @@ from distretarget.io.target_file import CharacterTarget
 RIGHT, REFUSED, TRACEBACK, WRONG = "written right", "refused in one line", "traceback", "not finite or not read back"
 HANG, MEMORY = "no end within 10 s", "memory above 10 times the file"
 OUTCOMES = (RIGHT, REFUSED, TRACEBACK, HANG, MEMORY, WRONG)
-LIMIT = 10  # [s]
+LIMIT = 10  # of processor time [s]
 GIVEN_UP = 30  # after which a process that does not even notice its alarm is ended [s]
 FREE_MEMORY, PER_BYTE = 128 * 2**20, 10  # [bytes]; [bytes per byte of the file]
 ALL_MEMORY = 6 * 2**30  # of a process [bytes]
@@ -90,7 +90,8 @@ def through(path: Path, sample: Motion) -> None:
     try:
         motion = read_motion(path)
     except DistretargetError as error:
-        refused = error
+        _check_line(error, path)
+        refused = refused or (None if "has no animation" in str(error) else error)
     else:
         _finite(motion)
         try:
@@ -207,8 +208,8 @@ def outcome_of(seed: int, of: str | None, sample: Motion, folder: Path, processe
     path.write_bytes(content)
     size, memory = len(content), Memory()
     del content
-    signal.signal(signal.SIGALRM, _late)
-    signal.alarm(0 if processes else LIMIT)
+    signal.signal(signal.SIGPROF, _late)
+    signal.setitimer(signal.ITIMER_PROF, 0 if processes else LIMIT)
     outcome, known = RIGHT, ""
     try:
         if processes:
@@ -230,7 +231,7 @@ def outcome_of(seed: int, of: str | None, sample: Motion, folder: Path, processe
     except Exception as error:
         outcome, known = TRACEBACK, "".join(traceback.format_exception(error)[-4:])
     finally:
-        signal.alarm(0)
+        signal.setitimer(signal.ITIMER_PROF, 0)
     if not processes and outcome in (RIGHT, REFUSED) and memory.peak() > FREE_MEMORY + PER_BYTE * size:
         outcome, known = MEMORY, f"{memory.peak() / 2**20:.0f} MB for a file of {size} bytes; {outcome}"
     return outcome, known

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.character.nodes import Animation, Nodes, Scene, Skin, choose_animation
@@ -88,20 +89,18 @@ def _parents(gltf: Gltf, children: list[list[int]]) -> NDArray[np.intp]:
     return parents
 
 
-def _transform(entry: Node, fields: Fields) -> tuple[Array, Array, Array]:
+def _transform(entry: Node, fields: Fields) -> tuple[ArrayLike, ArrayLike, ArrayLike]:
     """Translation, rotation and scale of a node, from these or its matrix."""
     if "matrix" in fields:
         translation, rotation, scale = decomposed(np.array(_floats(fields["matrix"], 16)).reshape(4, 4).T)
         if not ((np.abs(scale) >= SMALLEST) & (np.abs(scale) <= LARGEST)).all():
             fields["matrix"].fail(f"has an axis of length 0, or longer than {LARGEST:g}")
         return translation, rotation, scale
-    translation, rotation, scale = (
-        np.array(_floats(fields[key], len(rest)) if key in fields else rest) for key, rest in REST.items()
-    )
-    length = np.linalg.norm(rotation)
+    shift, turn, size = (_floats(fields[key], len(rest)) if key in fields else rest for key, rest in REST.items())
+    length = math.hypot(*turn)
     if not length >= SMALLEST:
         entry.fail("has a rotation of length 0")
-    return translation, rotation / length, scale
+    return shift, [number / length for number in turn], size
 
 
 def decomposed(matrix: Array) -> tuple[Array, Array, Array]:
@@ -114,7 +113,14 @@ def decomposed(matrix: Array) -> tuple[Array, Array, Array]:
     return matrix[:3, 3], Rotation.from_matrix(nearest_rotations(axes[None])[0]).as_quat(), scale
 
 
+def _is_usual(number: object) -> bool:
+    return isinstance(number, float) and abs(number) <= LARGEST
+
+
 def _floats(node: Node, count: int) -> list[float]:
+    found = node.value
+    if isinstance(found, list) and len(found) == count and all(map(_is_usual, found)):
+        return found
     numbers = node.items()
     if len(numbers) != count:
         node.expected(f"a list of {count} numbers")
