@@ -271,6 +271,33 @@ def divided(body, name, middle):
     return replace(body, names=names, parents=np.array(parents), offsets=offsets, channels=channels, end_sites=ends)
 
 
+@pytest.mark.parametrize(("role", "axis"), [("head", 0), ("leftUpperArm", 2), ("rightUpperArm", 2)])
+@conventions
+def test_bones_of_neck_and_shoulders_are_built_differently_at_any_angle(convention, role, axis):
+    """A bone of the trunk that lies elsewhere at rest turns no joint: neither neck nor head, shoulder nor hand."""
+    plain = rig(convention, "A")
+    offsets, joint = np.array(plain.offsets), by_names(plain).roles[role]
+    sign = -1.0 if role == "rightUpperArm" else 1.0
+    turn = Rotation.from_rotvec(sign * np.radians(80) * Body.of(plain).at_rest.axes[:, axis])
+    offsets[joint] = turn.apply(offsets[joint])
+    result, usual = (
+        Rotation.from_quat(retarget(read(CLIPS[0]), body).rotation_copy.world_rotations)
+        for body in (plain.with_offsets(offsets), plain)
+    )
+    assert np.degrees((result * usual.inv()).magnitude()).max() < 1e-6
+
+
+def test_a_joint_between_hips_and_thigh_does_not_turn_the_thigh():
+    """In CMU's files such a joint is at the hips, and its bone has a direction of its own on every body."""
+    plain = divided(rig("mixamo", "T"), "mixamorig:LeftUpLeg", "LHipJoint")
+    at, offsets = plain.index("LHipJoint"), np.array(plain.offsets)
+    offsets[at : at + 2] += [[0.0, 0.0, 4.0], [0.0, 0.0, -4.0]]
+    motion = retarget(read(CLIPS[5]), plain).motion
+    result = retarget(motion, plain.with_offsets(offsets)).rotation_copy
+    rest = [joint for joint in range(len(plain)) if joint != at]
+    np.testing.assert_allclose(result.positions[:, rest], motion.positions[:, rest], rtol=0, atol=0.5)
+
+
 @pytest.mark.parametrize("angle", [90, 180])
 @clips
 def test_a_motion_of_the_target_shows_a_roll_that_its_rest_pose_hides(clip, angle):

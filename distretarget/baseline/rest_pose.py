@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,7 +20,9 @@ from distretarget.numerics.vectors import level
 Array = NDArray[np.float64]
 
 FINGER_BONES = tuple(f"{finger}{number}" for finger in FINGERS for number in (1, 2, 3))  # also aligned bone by bone
-LONG_BONES = ("UpperArm", "LowerArm", "UpperLeg", "LowerLeg")  # roles whose bones are always aligned bone by bone
+FIRST_BONES = ("UpperArm", "UpperLeg")  # roles of the bones with which limbs begin
+LONG_BONES = (*FIRST_BONES, "LowerArm", "LowerLeg")  # roles whose bones are always aligned bone by bone
+TRUNK = ("hips", "head")  # roles at the ends of the trunk
 
 
 def rest_alignment(matching: Matching) -> Array:
@@ -78,16 +81,21 @@ class _Bodies:
         }
 
     @cached_property
-    def built_differently(self) -> set[int]:
-        """The target's joints of trunk, shoulders, palms and feet, whose bones point differently in every build."""
+    def trunk(self) -> set[int]:
+        """The target's joints of trunk, shoulders, neck and head: all from which upper arms and thighs hang."""
         target = self.matching.target
         if not self.roles or target.anatomy is None:
             return set()
-        joints = {joint for joint, role in self.roles.items() if not role.endswith((*LONG_BONES, *FINGER_BONES))}
-        return joints | {
-            *target.skeleton.line(target.anatomy.roles.get("hips", 0)),
-            *target.anatomy.spine,
-            *target.anatomy.neck,
+        line, roles = target.skeleton.line, target.anatomy.roles
+        limbs = [line(joint)[1:] for role, joint in roles.items() if role.endswith(FIRST_BONES)]
+        tops = [*target.anatomy.spine, *target.anatomy.neck, *(roles[role] for role in TRUNK if role in roles)]
+        return set(itertools.chain(*limbs, *map(line, tops)))
+
+    @cached_property
+    def built_differently(self) -> set[int]:
+        """The target's joints of trunk, palms and feet, whose bones point differently in every build."""
+        return self.trunk | {
+            joint for joint, role in self.roles.items() if not role.endswith((*LONG_BONES, *FINGER_BONES))
         }
 
 
@@ -116,7 +124,7 @@ def _joint_alignments(bodies: _Bodies) -> Array:
                 turn = least_matrix(a[:1] @ turn.T, outwards[role][None]) @ turn
             onto = least_matrix(a @ turn.T, b)
             far = (np.trace(onto) - 1.0) / 2.0 < np.cos(BUILD_ANGLE)
-            another_pose = len(a) == 1 and far and role != "head" and joint not in bodies.sole_normals
+            another_pose = len(a) == 1 and far and joint not in bodies.trunk and joint not in bodies.sole_normals
             if another_pose or joint not in bodies.built_differently:
                 turn = onto @ turn
         alignments.append(turn)
