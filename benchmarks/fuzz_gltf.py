@@ -102,7 +102,8 @@ def through(path: Path, sample: Motion) -> None:
         motion = motion.turned_round() if motion.skeleton.looks_back else motion  # as it is written
         order = list(motion.skeleton.depth_first)
         if not _is_collapsed(motion):
-            _close(motion.positions[:, order], again.positions, _extent(motion), "BVH")
+            ahead = motion.turned_round() if motion.skeleton.looks_back else motion
+            _close(ahead.positions[:, order], again.positions, _extent(motion), "BVH")
     if refused:
         raise refused
 
@@ -125,10 +126,9 @@ def _as_target(path: Path, sample: Motion) -> None:
     if not target.character.warnings and len(target.character.nodes) < 300 and out.suffix != ".gltf":
         document, buffer = chunks(out.read_bytes())
         times = sample.frame_time * np.arange(len(motion))
-        nodes = target.character.nodes[-len(motion.skeleton) :]
+        nodes = target.character.joint_nodes
         placed = gltf_player.worlds(document, buffer, "the new one", times.astype("f4"))[:, nodes]
-        if type(target.character).__name__ == "Character":
-            _close(motion.positions, placed[..., :3, 3], extent, "the animation played")
+        _close(motion.positions, placed[..., :3, 3], extent, "the animation played")
 
 
 def _is_collapsed(motion: Motion) -> bool:

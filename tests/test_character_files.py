@@ -293,3 +293,13 @@ def test_what_scales_lose_is_said(tmp_path):
     entry["output"] = made.accessor(np.linspace([1, 1, 1], [2, 2, 2], len(WALK.times)))
     with pytest.warns(UserWarning, match="the scales of 'Hips' change in the animation; they are left out"):
         read_motion(made.write(tmp_path / "growing.glb"))
+
+
+def test_a_compressed_mesh_stays_and_is_said(tmp_path):
+    made = character(BONES)
+    made.uses("KHR_draco_mesh_compression")
+    source, out = made.write(tmp_path / "hero.glb"), tmp_path / "clap.glb"
+    (warning,) = load_target(source).character.warnings
+    assert "its mesh is compressed by Draco" in warning
+    write_motion(out, clapping(source), source)
+    assert chunks(out.read_bytes())[0]["meshes"] == made.document["meshes"]

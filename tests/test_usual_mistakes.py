@@ -45,6 +45,13 @@ def test_the_animation_is_named_after_the_clip_and_found_by_its_name(folder):
     assert [animations(folder / name) for name in ("other.glb", "wave.glb")] == [["two"], ["wave"]]
 
 
+def test_diff_chooses_from_a_file_with_several_animations():
+    run("batch clips hero.glb -o all.glb --merge")
+    assert "choose one with --clip" in run("diff clips/wave.bvh all.glb").stderr
+    assert run("diff clips/wave.bvh all.glb --clip wave --json figures.json").returncode == 0
+    assert "did you mean 'wave'?" in run("diff clips/wave.bvh all.glb --clip waves").stderr
+
+
 def test_merge_writes_all_clips_into_one_file_and_keeps_the_manifest(folder):
     done = run("batch clips hero.glb -o all.glb --merge")
     assert done.stdout.endswith("all.glb: 2 animations\n")
@@ -73,6 +80,11 @@ def test_merged_clips_in_place_keep_their_paths(folder):
             "distretarget clips/walk.bvh hero.glb -o out.glb",
         ),
         ("hero.glb child.json -o out.bvh", "hero.glb: has no animation; expected a file with a motion"),
+        (
+            "hero.glb clips/walk.bvh -o out.bvh",
+            "hero.glb: has no animation, expected a motion as SOURCE; if it is the target, it comes last: distretarget "
+            "clips/walk.bvh hero.glb -o OUT.glb",
+        ),
         (
             "clips/walk.bvh child.json -o out.glb",
             "out.glb: .glb is the target's own file with the motion, but 'child.json' is a skeleton file; write .bvh",

@@ -6,6 +6,7 @@ and what stands above them turns and scales them: there Z is up, and the unit is
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -197,16 +198,53 @@ PARTS = (  # body, colour, box, cell, whether of the left side alone
 )
 
 
-def parts() -> list[tuple[tuple[float, float, float], Surface]]:
-    """The surfaces of the body, each with its colour."""
-    found = []
+@dataclass(frozen=True, eq=False)
+class Part:
+    """The parts of the mesh of one colour.
+
+    Attributes:
+        name: of the material.
+        colour: linear red, green, blue.
+        surface: of the bodies.
+        joints: (points, 4), of `joints()`.
+        shares: (points, 4), how much they move each point, in 255ths.
+    """
+
+    name: str
+    colour: tuple[float, float, float]
+    surface: Surface
+    joints: NDArray[np.intp]
+    shares: NDArray[np.intp]
+
+
+def mesh(bones: Joints) -> list[Part]:
+    """The mesh in the bind pose."""
+    made = [(colour, each) for *part, colour in _bodies() for each in part]
+    colours = (("Suit", SUIT), ("Skin", SKIN), ("Dark", DARK))
+    return [_part(name, colour, [each for other, each in made if other == colour], bones) for name, colour in colours]
+
+
+def _bodies() -> Iterator[tuple]:
+    """The surfaces of each body, one or two, and its colour."""
     for body, colour, (low, high), cell, left in PARTS:
         made = surface(body(), low, high, cell)
-        found.append((colour, made))
         if left:
             flip = (-1.0, 1.0, 1.0)
-            found.append((colour, Surface(made.points * flip, made.normals * flip, made.triangles[:, ::-1])))
-    return found
+            yield made, Surface(made.points * flip, made.normals * flip, made.triangles[:, ::-1]), colour
+        else:
+            yield made, colour
+
+
+def _part(name: str, colour: tuple[float, float, float], surfaces: Sequence[Surface], bones: Joints) -> Part:
+    points, normals = (np.concatenate([getattr(each, key) for each in surfaces]) for key in ("points", "normals"))
+    starts = np.cumsum([0, *(len(each.points) for each in surfaces[:-1])])
+    triangles = np.concatenate([each.triangles + start for each, start in zip(surfaces, starts, strict=True)])
+    sides = np.array([name.startswith("Left") * 1 - name.startswith("Right") * 1 for name in bones.names])
+    movers = np.flatnonzero([not name.endswith("_End") for name in bones.names])
+    local, share = weights(points, bones.places[movers], bones.ends[movers], BLEND, sides[movers])
+    shares = np.round(255 * share).astype(int)
+    shares[:, 0] += 255 - shares.sum(axis=1)
+    return Part(name, colour, Surface(points, normals, triangles), np.where(shares > 0, movers[local], 0), shares)
 
 
 # ---- the file
@@ -235,52 +273,27 @@ def glb() -> bytes:
     binds = np.linalg.inv(worlds)
     binds[:, 3] = [0, 0, 0, 1]
     skin = made.add("skins", name="Hero", joints=numbers, inverseBindMatrices=made.accessor(binds), skeleton=numbers[0])
-    primitives = [_primitive(made, colour, surfaces, bones) for colour, surfaces in _by_colour()]
-    mesh = made.add("meshes", name="Hero", primitives=primitives)
-    body = made.add("nodes", name="Hero", mesh=mesh, skin=skin)
+    primitives = [_primitive(made, part) for part in mesh(bones)]
+    shape = made.add("meshes", name="Hero", primitives=primitives)
+    body = made.add("nodes", name="Hero", mesh=shape, skin=skin)
     made.document |= {"scene": 0, "scenes": [{"name": "Scene", "nodes": [top, body]}]}
     return made.glb()
-
-
-def _by_colour() -> list[tuple[tuple[float, float, float], list[Surface]]]:
-    found = parts()
-    return [(colour, [made for other, made in found if other == colour]) for colour in (SUIT, SKIN, DARK)]
 
 
 def _numbers(values: Array, decimals: int = 6) -> list[float]:
     return (np.round(values, decimals) + 0.0).tolist()
 
 
-def _primitive(made: Gltf, colour: tuple[float, float, float], surfaces: list[Surface], bones: Joints) -> dict:
-    """The part of the mesh with one material."""
-    points = np.concatenate([each.points for each in surfaces])
-    normals = np.concatenate([each.normals for each in surfaces])
-    starts = np.cumsum([0, *(len(each.points) for each in surfaces)])
-    triangles = np.concatenate([each.triangles + start for each, start in zip(surfaces, starts, strict=False)])
-    sides = np.array([name.startswith("Left") * 1 - name.startswith("Right") * 1 for name in bones.names])
-    movers = np.flatnonzero([not name.endswith("_End") for name in bones.names])
-    local, share = weights(points, bones.places[movers], bones.ends[movers], BLEND, sides[movers])
-    whole = _of_255(share)
-    indices = np.where(whole > 0, movers[local], 0)
-    name = {SUIT: "Suit", SKIN: "Skin", DARK: "Dark"}[colour]
-    rough = {"baseColorFactor": [*colour, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.8}
+def _primitive(made: Gltf, part: Part) -> dict:
+    """A part of the mesh with one material."""
+    rough = {"baseColorFactor": [*part.colour, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.8}
+    normals = np.round(part.surface.normals, 4)
     attributes = {
-        "POSITION": made.accessor(np.round(0.01 * points, 5), bounds=True, target=34962),
-        "NORMAL": made.accessor(_unit(np.round(normals, 4)), target=34962),
-        "JOINTS_0": made.accessor(indices, "u1", target=34962),
-        "WEIGHTS_0": made.accessor(whole / 255, "u1", target=34962),
+        "POSITION": made.accessor(np.round(0.01 * part.surface.points, 5), bounds=True, target=34962),
+        "NORMAL": made.accessor(normals / np.linalg.norm(normals, axis=1, keepdims=True), target=34962),
+        "JOINTS_0": made.accessor(part.joints, "u1", target=34962),
+        "WEIGHTS_0": made.accessor(part.shares / 255, "u1", target=34962),
     }
-    material = made.add("materials", name=name, pbrMetallicRoughness=rough)
-    indices = made.accessor(triangles.reshape(-1), "u2", target=34963)
+    material = made.add("materials", name=part.name, pbrMetallicRoughness=rough)
+    indices = made.accessor(part.surface.triangles.reshape(-1), "u2", target=34963)
     return {"attributes": attributes, "indices": indices, "material": material}
-
-
-def _unit(vectors: Array) -> Array:
-    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-
-
-def _of_255(share: Array) -> NDArray[np.intp]:
-    """Shares (points, 4) that add up to 1, as whole numbers that add up to 255."""
-    whole = np.round(255 * share).astype(int)
-    whole[:, 0] += 255 - whole.sum(axis=1)
-    return whole

@@ -12,8 +12,8 @@ from pathlib import Path, PurePath
 
 from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import is_folder, read_bytes, reason_of
+from distretarget.io.gltf_animation import free_name
 from distretarget.io.gltf_scene import animation_names
-from distretarget.io.gltf_writer import free_name
 from distretarget.io.input_file import KINDS, MOTION_SUFFIXES, InputFile
 from distretarget.io.motion_writer import suffix_of
 from distretarget.io.target_file import TargetFile

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,21 +10,19 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.named_anatomy import by_names
-from distretarget.character.bind_pose import REGULAR, bind_poses, in_world, matrices
+from distretarget.character.bind_pose import bind_poses, in_world, matrices
 from distretarget.character.character import Character
 from distretarget.character.deform import with_deform_bones
 from distretarget.character.joint_nodes import joint_nodes, top_down
 from distretarget.character.nodes import Nodes, Scene
-from distretarget.errors import FileError, cut, quoted
+from distretarget.character.scales import check_scales, flat_warnings, scale_warnings, without_flat_scales
 from distretarget.numerics.rotations import nearest_rotations
-from distretarget.skeleton import LARGEST, POSITION_CHANNELS, SMALLEST, Skeleton
+from distretarget.skeleton import POSITION_CHANNELS, SMALLEST, Skeleton
 
 Array = NDArray[np.float64]
 
 LONGEST_NAME = 200  # of a joint [characters]
 NEAR_SHOWN = 1e-4  # a node whose bind pose differs by less than this from what it shows shows it [body sizes, rad]
-FLAT = 1e-6  # axes that are shorter have the length 0 [of the longest axis of the node]
-UNEVEN = 1e-3  # axes whose scales differ by more than this are scaled unevenly; a scale that changes more is animated
 TURN_CHANNELS = ("Zrotation", "Xrotation", "Yrotation")
 
 
@@ -35,49 +33,17 @@ def character_of(scene: Scene) -> Character:
     Raises:
         FileError: the file has no such nodes, or too many.
     """
-    scene, flat = _without_flat_scales(scene)
+    scene, flat = without_flat_scales(scene)
     nodes, order = scene.nodes, top_down(scene.nodes.parents)
     above, joints, left_out = joint_nodes(scene, order)
     line = [*above, *joints]
     with np.errstate(all="ignore"):
         shown = in_world(nodes, order)
-    _check_scales(scene, line, shown)
+    check_scales(scene, line, shown)
     binds = _settled(nodes, line, len(above), shown, bind_poses(scene.skins, shown, order))
-    warnings = (*left_out, *_flat_warnings(scene, flat, line), *_scale_warnings(scene, line))
+    warnings = (*scene.notes, *left_out, *flat_warnings(scene, flat, line), *scale_warnings(scene, line))
     character = _character(scene, line, len(above), binds, warnings)
     return with_deform_bones(character)
-
-
-def _without_flat_scales(scene: Scene) -> tuple[Scene, NDArray[np.bool_]]:
-    """The scene with scales that can be inverted, and which nodes had others, (nodes,): axes of length 0 get the length
-    of the longest, or 1.
-    """
-    scales = scene.nodes.scales
-    longest = np.abs(scales).max(axis=1, keepdims=True, initial=0.0)
-    flat = ~(np.abs(scales) > np.maximum(FLAT * longest, SMALLEST))
-    regular = np.where(flat, np.where(longest > SMALLEST, longest, 1.0), scales)
-    return replace(scene, nodes=replace(scene.nodes, scales=regular)), flat.any(axis=1)
-
-
-def _flat_warnings(scene: Scene, flat: NDArray[np.bool_], line: Sequence[int]) -> Iterator[str]:
-    """A line for nodes with axes of length 0."""
-    if names := [scene.nodes.names[node] for node in line if flat[node]]:
-        yield f"{quoted(names)} have the scale 0, as if they were hidden; they are taken as if they were not"
-
-
-def _check_scales(scene: Scene, line: Sequence[int], shown: Array) -> None:
-    """Check that the transforms of some nodes in the world, among all, (nodes, 4, 4), can be computed with."""
-    world = shown[list(line)]
-    sizes = np.abs(world[:, :3, :3]).max(axis=(1, 2))
-    with np.errstate(all="ignore"):
-        regular = (np.abs(np.linalg.det(world[:, :3, :3])) > REGULAR * sizes**3) & (sizes >= SMALLEST)
-        fits = regular & (sizes <= LARGEST) & (np.abs(world[:, :3, 3]) <= LARGEST).all(axis=1)
-    if not fits.all():
-        name = scene.nodes.names[line[int(fits.argmin())]]
-        limits = f"scales from {SMALLEST:g} to {LARGEST:g}, not too uneven, and places up to {LARGEST:g}"
-        raise FileError(
-            scene.path, f"the scale or place of {cut(name)!r} in the world is too extreme; expected {limits}"
-        )
 
 
 def _settled(nodes: Nodes, line: Sequence[int], above: int, shown: Array, binds: Mapping[int, Array]) -> Array:
@@ -190,21 +156,3 @@ def _clean(name: str) -> str:
     """A name with _ for what BVH cannot hold in a name; empty where nothing is left."""
     plain = "".join("_" if each in "{}" or not each.isprintable() else each for each in name)
     return plain.strip()
-
-
-def _scale_warnings(scene: Scene, line: Sequence[int]) -> Iterator[str]:
-    """A line for nodes that are scaled unevenly, and one for nodes whose scale changes."""
-    nodes, sizes = scene.nodes, np.abs(scene.nodes.scales[list(line)])
-    spread = np.ptp(sizes, axis=1) / sizes.max(axis=1)
-    if uneven := [nodes.names[node] for node, share in zip(line, spread, strict=True) if share > UNEVEN]:
-        change = "bones below change their length as they turn, so that hands and feet miss their places"
-        much = f"{100 * spread.max():.2g} %"
-        yield f"the scale of {quoted(uneven)} is uneven, by {much}: {change}; apply the scale and export it again"
-    scales = scene.animation.scales if scene.animation else {}
-    changing = [
-        nodes.names[node]
-        for node in line
-        if node in scales and (np.abs(scales[node] - scales[node][:1]) > UNEVEN * np.abs(scales[node][:1])).any()
-    ]
-    if changing:
-        yield f"the scales of {quoted(changing)} change in the animation; they are left out"

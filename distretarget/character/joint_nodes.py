@@ -35,7 +35,7 @@ def joint_nodes(scene: Scene, order: Sequence[int]) -> tuple[list[int], list[int
     above = lines.up(parents.item(root), -1)[::-1] if parents[root] >= 0 else []
     are_above = set(above)
     joints = [node for node in order if carried[node] and node not in are_above]
-    if len(above) + len(joints) > MOST_JOINTS:
+    if len(joints) + len(above) > MOST_JOINTS:
         counts = f"{counted(len(joints), 'joint')} and {counted(len(above), 'node')} above"
         raise FileError(scene.path, f"its skeleton has {counts}; expected at most {MOST_JOINTS}")
     return above, joints, left_out

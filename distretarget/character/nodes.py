@@ -92,6 +92,7 @@ class Scene:
         animations: the names of its animations, in the order of the file; they may be empty or the same.
         animation: the one that was asked for, or the only one; None where there is none.
         looks_back: whether its characters look to -Z, as in VRM 0.
+        notes: what of it is not read, a line each.
         units: of the nodes' translations; None if the file does not state it.
         up: the axis that points up; None if the file does not state it.
     """
@@ -103,6 +104,7 @@ class Scene:
     animations: tuple[str, ...]
     animation: Animation | None
     looks_back: bool = False
+    notes: tuple[str, ...] = ()
     units: str | None = "m"
     up: str | None = "Y"
 

@@ -39,7 +39,7 @@ from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import Content
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import load_map
-from distretarget.io.motion_file import parse_motion
+from distretarget.io.motion_file import parse_motion, read_scene
 from distretarget.io.motion_writer import OUTPUTS, OutputSettings, content_of, output_kind
 from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.motion import Motion
@@ -159,13 +159,20 @@ def _source_motion(
     source: InputFile, target: InputFile, clip: str | None, fps: float | None
 ) -> tuple[Motion, tuple[str, ...]]:
     """The motion of the source, and what is left out; an error says so if source and target are swapped."""
-    swapped = f"distretarget {argument(target.path)} {argument(source.path)} -o OUT.bvh"
+    usual = ".glb" if source.kind == "glTF" else ".bvh"
+    swapped = f"distretarget {argument(target.path)} {argument(source.path)} -o OUT{usual}"
     order = f"if it is the target, it comes last: {swapped}"
     if source.kind == "skeleton":
         raise FileError(source.path, f"is a skeleton file, which has no motion, expected a motion as SOURCE; {order}")
     if source.kind == target.kind == "BVH" and declared_frames(source.text) == 0 and declared_frames(target.text):
         raise FileError(source.path, f"has no frames, expected a BVH file with motion as SOURCE; {order}")
-    return parse_motion(source, clip, fps)
+    try:
+        return parse_motion(source, clip, fps)
+    except FileError:
+        is_character = source.kind in ("glTF", "FBX") and target.kind != "skeleton"
+        if is_character and not read_scene(source, animated=False).animations:
+            raise FileError(source.path, f"has no animation, expected a motion as SOURCE; {order}") from None
+        raise
 
 
 def _account(result: RetargetResult) -> Iterator[str]:

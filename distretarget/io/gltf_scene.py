@@ -23,6 +23,7 @@ REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale
 KINDS = {"translation": "VEC3", "rotation": "VEC4", "scale": "VEC3"}  # of the outputs of animations
 FLOATS, SIGNED = (5126,), (5126, 5120, 5121, 5122, 5123)  # components of key times; of keys
 
+COMPRESSIONS = {"KHR_draco_mesh_compression": "Draco", "EXT_meshopt_compression": "meshopt"}
 # The extensions with a humanoid: of VRM 1.0, VRM animations, and VRM 0.
 HUMANOIDS = ("VRMC_vrm", "VRMC_vrm_animation", "VRM")
 VRM_0_THUMBS = {"ThumbProximal": "ThumbMetacarpal", "ThumbIntermediate": "ThumbProximal"}  # VRM 1.0's names of them
@@ -41,7 +42,18 @@ def gltf_scene(gltf: Gltf, clip: str | None = None, fps: float | None = None, an
     animation = None if chosen is None else _animation(gltf, chosen, names[chosen], fps)
     extensions = gltf.document.read("extensions", lambda node: node.entries(dotted), Fields())
     is_vrm_0 = next((key for key in HUMANOIDS if key in extensions), "") == "VRM"
-    return Scene(gltf.path, nodes, _skins(gltf), _humanoid(gltf), names, animation, is_vrm_0)
+    notes = () if animated else tuple(_compression(gltf))
+    return Scene(gltf.path, nodes, _skins(gltf), _humanoid(gltf), names, animation, is_vrm_0, notes)
+
+
+def _compression(gltf: Gltf) -> Iterator[str]:
+    """A line for each compression of the mesh."""
+    used = [node.text() for node in gltf.document.listed("extensionsUsed")]
+    yield from (
+        f"its mesh is compressed by {name}: it stays as it is in the result, but its skin is not read"
+        for extension, name in COMPRESSIONS.items()
+        if extension in used
+    )
 
 
 def animation_names(gltf: Gltf) -> tuple[str, ...]:

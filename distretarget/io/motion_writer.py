@@ -17,8 +17,9 @@ from distretarget.errors import FileError, MotionError
 from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import read_bytes, write_whole
 from distretarget.io.gltf import inside
+from distretarget.io.gltf_animation import Mode
 from distretarget.io.gltf_scene import gltf_scene
-from distretarget.io.gltf_writer import Animations, Parts, animated
+from distretarget.io.gltf_writer import Parts, animated
 from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Node
 from distretarget.io.target_file import CharacterTarget, TargetFile
@@ -85,7 +86,7 @@ def write_motion(
     character: str | Path | None = None,
     *,
     name: str | None = None,
-    animations: Animations = "add",
+    animations: Mode = "add",
     in_place: bool = False,
     overwrite: bool = False,
 ) -> None:
@@ -129,7 +130,7 @@ class OutputSettings:
     root's path along the floor is left out.
     """
 
-    animations: Animations = "add"
+    animations: Mode = "add"
     in_place: bool = False
 
     def clip(self, motion: Motion, name: str, up: Array | None = None) -> NamedClip:
@@ -173,7 +174,7 @@ def character_animation(target: TargetFile, clip: NamedClip) -> Animation:
     return replace(character.animation(motion, clip.name), extras=clip.extras)
 
 
-def with_animations(path: str | Path, target: TargetFile, animations: Sequence[Animation], mode: Animations) -> Parts:
+def with_animations(path: str | Path, target: TargetFile, animations: Sequence[Animation], mode: Mode) -> Parts:
     """Return the content of a character's file with animations, in parts, for a file of this name: a GLB, or JSON for
     .gltf. What its buffers and images are in is put into it, unless it is a .gltf file in the same folder.
     """
@@ -191,4 +192,4 @@ def with_animations(path: str | Path, target: TargetFile, animations: Sequence[A
     try:
         return animated(file.gltf, animations, nodes, mode, as_binary, None if stays else embedded)
     except RecursionError:
-        raise FileError(file.path, "is nested too deeply") from None
+        raise FileError(target.path, "is nested too deeply") from None
