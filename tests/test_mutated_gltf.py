@@ -44,6 +44,10 @@ def line_of_nodes(count, name, **more):
     return {"asset": {"version": "2.0"}, "nodes": [*nodes, {"name": name}]} | more
 
 
+def test_a_file_without_nodes(tmp_path):
+    assert "has no skin" in refused(tmp_path, glb('{"asset": {"version": "2.0"}}'), load_target)
+
+
 def test_names_that_are_too_long_for_a_line_are_cut(tmp_path):
     document, buffer = made()
     document["animations"] = [{"name": "x\n" * 10**5, "channels": [], "samplers": []}]

@@ -128,7 +128,7 @@ def _skeletons(groups: Sequence[Sequence[int]], branches: Sequence[int]) -> list
 
 def _named(nodes: Nodes, order: Sequence[int]) -> list[int]:
     """The nodes that have the names of the parts of a body."""
-    if len(nodes) > MOST_JOINTS:
+    if not 0 < len(nodes) <= MOST_JOINTS:
         return []
     places = {node: place for place, node in enumerate(order)}
     parents = tuple(places.get(nodes.parents.item(node), -1) for node in order)
