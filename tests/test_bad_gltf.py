@@ -177,7 +177,7 @@ def test_a_vrm_without_humanoid(tmp_path):
 
 
 def test_a_million_nodes(tmp_path):
-    text = '{"asset": {"version": "2.0"}, "nodes": [' + ",".join(["{}"] * 10**6) + "]}"
+    text = '{"asset": {"version": "2.0"}, "nodes": [' + ",".join(['{"name": "a"}'] * 10**6) + "]}"
     assert "nodes: expected at most 65536 entries" in refused(tmp_path, glb(text), load_target)
 
 
@@ -201,3 +201,8 @@ def test_nothing_is_written_for_a_bad_character(tmp_path):
     )
     assert done.stderr.count("\n") == 1
     assert not out.exists()
+
+
+def test_lists_of_nothing(tmp_path):
+    text = '{"asset": {"version": "2.0"}, "extras": [' + ",".join(["[]"] * 10**6) + "]}"
+    assert "lists and objects" in refused(tmp_path, glb(text), load_target)

@@ -303,3 +303,20 @@ def test_a_compressed_mesh_stays_and_is_said(tmp_path):
     assert "its mesh is compressed by Draco" in warning
     write_motion(out, clapping(source), source)
     assert chunks(out.read_bytes())[0]["meshes"] == made.document["meshes"]
+
+
+def test_a_character_of_rigid_parts_has_the_joints_that_names_show(tmp_path):
+    """No skin: each part is a mesh that hangs on a node, and the nodes have the names of a body."""
+    made = character(BONES, axes=ROLLED, above=ARMATURE, meshes=None)
+    for joint in range(len(BONES.names)):
+        made.rigid(f"part {joint}", joint)
+    source, out = made.write(tmp_path / "robot.glb"), tmp_path / "clap.glb"
+    target = load_target(source)
+    joints = [BONES.names.index(name) for name in target.skeleton.names]
+    places = target.skeleton.rest_positions + target.skeleton.offsets[0]
+    assert places == pytest.approx(BONES.positions[joints], abs=NEAR)
+    assert len(joints) == len(BONES.names)
+    motion = clapping(source)
+    write_motion(out, motion, source)
+    found = played(out, "clap", motion.frame_time * np.arange(len(motion)), joint_nodes(source))
+    assert found == pytest.approx(motion.positions, abs=NEAR)

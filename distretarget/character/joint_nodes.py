@@ -23,7 +23,7 @@ def joint_nodes(scene: Scene, order: Sequence[int]) -> tuple[list[int], list[int
     if the file has other skeletons as well. `order` has all nodes, parents before children.
 
     Joints are the nodes that skins use, and the bones of a humanoid, and those between them. Without skins and humanoid
-    they are those that an animation turns and those with names of the parts of a body.
+    they are those with names of the parts of a body, or else those that an animation turns.
 
     Raises:
         FileError: the file has no such nodes, or too many, or they hang from no common node.
@@ -97,7 +97,7 @@ def _wanted(scene: Scene, order: Sequence[int], lines: _Lines) -> tuple[list[int
     groups = [list(scene.humanoid.values()), *(skin.joints.tolist() for skin in scene.skins)]
     if not any(groups):
         turning = list(scene.animation.rotations) if scene.animation else []
-        groups = [[*turning, *_named(scene.nodes, order)]]
+        groups = [_named(scene.nodes, order) or turning]
     every = list(dict.fromkeys(node for group in groups for node in group))
     if not every:
         found = "has no skin, no VRM humanoid, and no nodes with the names of a body"
