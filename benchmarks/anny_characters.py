@@ -23,7 +23,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
+sys.path += [str(Path(__file__).resolve().parents[1] / folder) for folder in ("tests", "tools")]
 from characters import ARMATURE, LOOKING_BACK, Bones, Character, Mesh, Performance, as_vrm0, as_vrm1, character
 
 from distretarget.numerics.rotations import least_rotation

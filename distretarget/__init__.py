@@ -1,9 +1,9 @@
-"""Retarget BVH motion to another body by normalised joint distances.
+"""Retarget motion to another body by normalised joint distances.
 
-from distretarget import load_target, read_bvh, retarget, write_bvh
+from distretarget import load_target, read_motion, retarget, write_motion
 
-result = retarget(read_bvh("walk.bvh"), load_target("hero.json"))
-write_bvh("walk_hero.bvh", result.motion)
+result = retarget(read_motion("walk.bvh"), load_target("hero.glb"))
+write_motion("hero_walk.glb", result.motion, "hero.glb", name="walk")
 """
 
 from importlib import import_module

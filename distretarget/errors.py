@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Self
 
+LONGEST_SHOWN = 60  # of a name that is longer, only the beginning is in messages [characters]
 SAY_IN_A_MAP = "say in a map which source joint drives which target joint"
 
 
@@ -110,11 +111,16 @@ class BatchError(DistretargetError):
     """A batch that cannot run, or that stopped."""
 
 
+def cut(name: str) -> str:
+    """Return a name, or only its beginning if it is too long for a message."""
+    return name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}..."
+
+
 def quoted(names: Iterable[str], most: int = 6) -> str:
     """Return up to `most` names in quotes, separated by commas, and the number of the others."""
     names = list(names)
     more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(repr(name) for name in names[:most]) + more
+    return ", ".join(repr(cut(name)) for name in names[:most]) + more
 
 
 def difference(names: Iterable[str], expected: Iterable[str]) -> str:
@@ -137,4 +143,5 @@ def closest(name: str, available: Sequence[str]) -> str:
 
 def entry_place(place: str, key: str) -> str:
     """Return the place of the entry `key` in a file, such as `map["Hips"]`, with unprintable characters escaped."""
+    key = cut(key)
     return f"{place}[{json.dumps(key, ensure_ascii=not key.isprintable())}]"

@@ -21,6 +21,7 @@ ROTATION_CHANNELS = ("Xrotation", "Yrotation", "Zrotation")
 AXES = ("X", "Y", "Z", "-X", "-Y", "-Z")  # possible up axes of a file
 UNITS = ("mm", "cm", "m", "dm", "in", "ft")  # length units a file may state
 # Bounds within which all computations stay finite and exact to a few digits [file units].
+MOST_LETTERS = 1_000_000  # that keys may have in addition to 20 times those of the names
 LARGEST = 1e12  # largest coordinate of an offset or position; also the largest scale
 SMALLEST = 1e-12  # least length of the longest bone; also the least scale
 
@@ -158,6 +159,8 @@ class Skeleton:
             again = [j for j, key in enumerate(keys) if times[key] > 1 and tops[j] >= 0]
             if not again:
                 return tuple(keys)
+            if sum(map(len, keys)) > MOST_LETTERS + 20 * sum(map(len, self.names)):
+                raise SkeletonError(f"too many joints have the same names: {quoted(dict.fromkeys(keys))}; rename them")
             for j in again:
                 keys[j] = f"{self.names[tops[j]]}/{keys[j]}"
                 tops[j] = self.parents.item(tops[j])

@@ -9,10 +9,9 @@ import json
 import struct
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from urllib.parse import quote
 
 import numpy as np
+from gltf_file import Gltf
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton
@@ -23,9 +22,6 @@ METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "dm": 0.1, "in": 0.0254, "ft": 0.304
 ARMATURE = np.diag([0.01, 0.01, 0.01, 1.0])
 ARMATURE[:3, :3] = 0.01 * Rotation.from_euler("X", -90, degrees=True).as_matrix()
 """What stands above the joints of a character in cm, Z up, as exporters write it."""
-
-COMPONENTS = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}
-TYPES = {(): "SCALAR", (2,): "VEC2", (3,): "VEC3", (4,): "VEC4", (4, 4): "MAT4"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,108 +181,6 @@ def box_mesh(bones: Bones, joints: Iterable[int] | None = None) -> Mesh:
         weights.append(np.stack([1 - share, share, 0 * share, 0 * share], axis=1))
     indices, weights = np.concatenate(indices), np.concatenate(weights)
     return Mesh(np.concatenate(points), np.concatenate(triangles), np.where(weights > 0, indices, 0), weights)
-
-
-@dataclass
-class Gltf:
-    """A glTF file in the making: its JSON, which may be edited, and its only buffer."""
-
-    document: dict = field(default_factory=lambda: {"asset": {"version": "2.0", "generator": "a test"}})
-    binary: bytearray = field(default_factory=bytearray)
-
-    def add(self, kind: str, **entry: object) -> int:
-        """Append an entry to a list of the document, without what is None, and return its number."""
-        entries = self.document.setdefault(kind, [])
-        entries.append({key: value for key, value in entry.items() if value is not None})
-        return len(entries) - 1
-
-    def view(self, data: bytes, stride: int | None = None, target: int | None = None) -> int:
-        """Append bytes to the buffer, on a multiple of four, as a bufferView."""
-        self.binary += bytes(-len(self.binary) % 4)
-        start = len(self.binary)
-        self.binary += data
-        return self.add(
-            "bufferViews", buffer=0, byteOffset=start, byteLength=len(data), byteStride=stride, target=target
-        )
-
-    def accessor(
-        self,
-        values: np.ndarray,
-        dtype: str = "f4",
-        *,
-        bounds: bool = False,
-        stride: int | None = None,
-        sparse: bool = False,
-        target: int | None = None,
-    ) -> int:
-        """Append an accessor of values (count, ...); integers that hold fractions are normalized.
-
-        Args:
-            values: the elements; matrices as usual, row by row.
-            dtype: the type of the numbers, one of `COMPONENTS`.
-            bounds: state least and largest values.
-            stride: bytes from one element to the next; the length of an element if None.
-            sparse: store the first element for all, and those that differ as sparse ones.
-            target: what the graphics card takes it for.
-        """
-        values = np.asarray(values)
-        normalized = dtype != "f4" and values.dtype.kind == "f"
-        if normalized:
-            values = np.round(values * np.iinfo(dtype).max)
-        stored = np.ascontiguousarray(values, f"<{dtype}")
-        shape, count = stored.shape[1:], len(stored)
-        entry = {
-            "componentType": COMPONENTS[dtype],
-            "type": TYPES[shape],
-            "count": count,
-            "normalized": normalized or None,
-        }
-        if bounds:
-            flat = stored.reshape(count, -1)
-            entry |= {"min": flat.min(axis=0).tolist(), "max": flat.max(axis=0).tolist()}
-        if shape == (4, 4):
-            stored = np.ascontiguousarray(stored.transpose(0, 2, 1))
-        if sparse:
-            changed = np.flatnonzero((stored != stored[0]).reshape(count, -1).any(axis=1)).astype("<u2")
-            entry["sparse"] = {
-                "count": len(changed),
-                "indices": {"bufferView": self.view(changed.tobytes()), "componentType": COMPONENTS["u2"]},
-                "values": {"bufferView": self.view(stored[changed].tobytes())},
-            }
-            stored = np.repeat(stored[:1], count, axis=0)
-        if stride:
-            rows = stored.reshape(count, -1).view(np.uint8).reshape(count, -1)
-            padded = np.full((count, stride), 0xAB, np.uint8)
-            padded[:, : rows.shape[1]] = rows
-            return self.add("accessors", bufferView=self.view(padded.tobytes(), stride, target), byteOffset=0, **entry)
-        return self.add("accessors", bufferView=self.view(stored.tobytes(), None, target), **entry)
-
-    def uses(self, *extensions: str) -> None:
-        used = self.document.setdefault("extensionsUsed", [])
-        used += [name for name in extensions if name not in used]
-
-    def glb(self) -> bytes:
-        """The file as GLB."""
-        binary = bytes(self.binary) + bytes(-len(self.binary) % 4)
-        if binary:
-            self.document["buffers"] = [{"byteLength": len(self.binary)}]
-        text = json.dumps(self.document).encode()
-        text += b" " * (-len(text) % 4)
-        parts = struct.pack("<II", len(text), 0x4E4F534A) + text
-        if binary:
-            parts += struct.pack("<II", len(binary), 0x004E4942) + binary
-        return struct.pack("<4sII", b"glTF", 2, 12 + len(parts)) + parts
-
-    def write(self, path: Path) -> Path:
-        """Write the file: `.gltf` with its buffer in a file beside it, every other name as GLB."""
-        if path.suffix != ".gltf":
-            path.write_bytes(self.glb())
-            return path
-        buffer = path.with_suffix(".bin")
-        buffer.write_bytes(self.binary)
-        self.document["buffers"] = [{"uri": quote(buffer.name), "byteLength": len(self.binary)}]
-        path.write_text(json.dumps(self.document), "utf-8")
-        return path
 
 
 def chunks(glb: bytes) -> tuple[dict, bytes]:

@@ -275,3 +275,31 @@ def test_any_person_can_become_a_vrm_animation(tmp_path):
         assert found == pytest.approx(turned, abs=1e-4)
     arms = again.skeleton.offsets[[joints["leftLowerArm"], joints["leftHand"]]]
     assert arms / np.linalg.norm(arms, axis=1)[:, None] == pytest.approx(np.tile([1.0, 0.0, 0.0], (2, 1)), abs=1e-6)
+
+
+def test_what_scales_lose_is_said(tmp_path):
+    made = character(BONES, above=np.diag([0.01, 0.01, 0.01, 1.0]))
+    made.animate("walk", WALK, scales=True)
+    assert load_target(made.write(tmp_path / "even.glb")).character.warnings == ()
+    made.document["nodes"][0]["scale"] = [0.01, 0.012, 0.01]
+    (warning,) = load_target(made.write(tmp_path / "uneven.glb")).character.warnings
+    assert "the scale of 'Armature' is uneven, by 17 %" in warning
+    made = character(BONES)
+    number = made.animate("walk", WALK, scales=True)
+    channel = next(
+        each for each in made.document["animations"][number]["channels"] if each["target"]["path"] == "scale"
+    )
+    entry = made.document["animations"][number]["samplers"][channel["sampler"]]
+    entry["output"] = made.accessor(np.linspace([1, 1, 1], [2, 2, 2], len(WALK.times)))
+    with pytest.warns(UserWarning, match="the scales of 'Hips' change in the animation; they are left out"):
+        read_motion(made.write(tmp_path / "growing.glb"))
+
+
+def test_a_compressed_mesh_stays_and_is_said(tmp_path):
+    made = character(BONES)
+    made.uses("KHR_draco_mesh_compression")
+    source, out = made.write(tmp_path / "hero.glb"), tmp_path / "clap.glb"
+    (warning,) = load_target(source).character.warnings
+    assert "its mesh is compressed by Draco" in warning
+    write_motion(out, clapping(source), source)
+    assert chunks(out.read_bytes())[0]["meshes"] == made.document["meshes"]

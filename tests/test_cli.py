@@ -280,6 +280,6 @@ def test_every_sample_is_retargeted_to_every_sample_target(tmp_path):
 
 
 def test_help_and_version():
-    assert "SOURCE.bvh TARGET -o OUT.bvh" in run("--help").stdout
+    assert "walk.bvh hero.glb -o hero_walk.glb" in run("--help").stdout
     assert run("--version").stdout.startswith("distretarget, version ")
     assert run().returncode == 2

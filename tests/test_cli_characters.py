@@ -128,7 +128,12 @@ def test_a_folder_as_animations_of_one_file(mocap, hero, tmp_path):
     order = load_target(hero).character.joint_nodes.tolist()
     found = played(out, "clap", times, nodes)[:, [nodes.index(node) for node in order]]
     assert found == pytest.approx(motion.positions, abs=1e-4)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["all.glb", "hero.glb", "mocap"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "all.glb",
+        "all.glb.manifest.jsonl",
+        "hero.glb",
+        "mocap",
+    ]
     assert "exists already; --overwrite replaces it" in failed("batch", mocap, hero, "-o", out, "--merge")
 
 
@@ -204,3 +209,21 @@ def test_a_vrm_0_looks_ahead_in_every_file(tmp_path):
     assert read_motion(tmp_path / "again.vrm").positions == pytest.approx(own.positions, abs=1e-4)
     done("batch", WALK_FILE, source, "-o", tmp_path / "all.vrm", "--merge", "--jobs", "1")
     assert read_motion(tmp_path / "all.vrm").positions == pytest.approx(own.positions, abs=1e-4)
+
+
+def test_each_animation_of_a_library_is_a_clip(hero, tmp_path):
+    made = character(BONES)
+    for name in ("Run", "Run", "a/b", ""):
+        made.animate(name, WALK[:4])
+    made.write(tmp_path / "library.glb")
+    done("batch", tmp_path / "library.glb", hero, "-o", tmp_path / "out", "--jobs", "1")
+    assert sorted(path.name for path in (tmp_path / "out" / "library").iterdir()) == [
+        "Run 2.glb",
+        "Run.glb",
+        "a_b.glb",
+        "animation 4.glb",
+    ]
+    done("batch", tmp_path / "library.glb", hero, "-o", tmp_path / "all.glb", "--merge", "--jobs", "1")
+    assert animations_of(tmp_path / "all.glb") == [f"library/{name}" for name in ("Run", "Run 2", "a_b", "animation 4")]
+    done("batch", tmp_path / "library.glb", hero, "-o", tmp_path / "one", "--clip", "#2", "--jobs", "1")
+    assert (tmp_path / "one" / "library.glb").is_file()

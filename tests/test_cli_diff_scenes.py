@@ -134,7 +134,7 @@ def test_scenes_that_cannot_be_compared_are_refused(results, folder):
         ((results / "staff", result), 1, f"{result}: lacks 'performer', 'staff', in "),
         ((result, "empty"), 1, "empty: has no motion file and no scene.json in it"),
         ((result / "one.bvh", result), 1, f"{result / 'one.bvh'}: is not a scene, but {str(result)!r} is"),
-        ((scene, result / "one.bvh"), 1, "name two scenes or two BVH files"),
+        ((scene, result / "one.bvh"), 1, "name two scenes or two clips"),
         ((scene, "missing.json"), 1, "missing.json: there is no such file"),
         ((scene, result, "-o", result / "one.bvh", "--overwrite"), 1, "is an input"),
         ((scene, result, "--json", "d", "--csv", "d"), 1, "another output"),

@@ -10,6 +10,7 @@ from pathlib import Path
 import make_docs
 import pytest
 from bodies import SAMPLES
+from make_samples import CHARACTERS
 from program import run
 
 import distretarget
@@ -87,7 +88,8 @@ def test_the_api_page_has_every_public_name():
 
 @each(WITH_EXAMPLES)
 def test_every_example_runs_and_prints_what_the_page_says(page, tmp_path, monkeypatch):
-    shutil.copytree(SAMPLES, tmp_path / SAMPLES.name)
+    for folder in (SAMPLES, CHARACTERS):
+        shutil.copytree(folder, tmp_path / folder.name)
     monkeypatch.chdir(tmp_path)
     names, printed = {}, None
     for language, text, follows in examples(page):

@@ -24,8 +24,9 @@ GAP = "…"  # stands for what differs from message to message
 SAYING = {"refuse": 1, "error": 0, "fail": 0, "expected": 0}  # methods that raise, and their argument with the text
 BEFORE = {"refuse": f"found {GAP}, expected ", "expected": "expected "}  # what they put before it
 HEADINGS = {  # the headings, and the beginnings of the paths of files whose messages stand below them
-    "Reading and writing files": "io/files.py cli/outputs.py",
+    "Reading and writing files": "io/files.py io/motion cli/outputs.py",
     "BVH files": "io/bvh.py io/bvh_writer.py",
+    "Characters: glTF, VRM, FBX": "character/ io/gltf io/vrma.py io/fbx",
     "Skeleton files and maps": "io/json_node.py io/target io/map_json.py io/obj.py target.py matching/pairing.py",
     "Skeletons and motions": "skeleton.py motion.py io/interop.py",
     "Retargeting": "body/ pipeline/ matching/ baseline/ measure/ objectives/",

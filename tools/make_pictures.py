@@ -16,6 +16,8 @@ from pathlib import Path
 import click
 import numpy as np
 from draw import VIEWS, Cell, cells, figures_of, tallest, write_loop, write_picture
+from draw_mesh import write_figures
+from make_samples import CHARACTERS
 from sample_scenes import SCENES, facing
 from zoo import MEMBERS, member
 
@@ -32,6 +34,7 @@ ACROSS = 5  # bodies in a row of the zoo
 
 # For each sample clip the frame of the sheet; for each body of the sheet its file.
 SAMPLE_FRAMES = {"clap": 93, "hands_on_hips": 150, "squat": 130, "turn": 160, "walk": 60, "wave": 150}
+HERO_FRAMES = {"walk": 60, "clap": 147, "supports/kneel": 150, "squat": 120, "hands_on_hips": 150}
 SAMPLE_BODIES = ("child", "giant", "long_arms", "rigs/unreal_a")
 FLOOR_FRAMES = {"cartwheel": 80, "crawl": 60, "kneel": 150, "push_up": 60, "sit": 160, "climb_ladder": 150}
 PROP_FRAMES = {"sit_on_chair": 120, "drum_on_table": 43, "staff": 20}
@@ -48,6 +51,13 @@ def draw_front_page(path: Path) -> None:
     motions = (result.source, result.rotation_copy, result.motion)
     columns = [cells(motion, range(*FRONT_FRAMES, STEP), tallest(motions)) for motion in motions]
     write_loop(path, METHODS, columns, STEP * result.source.frame_time, "front", FRONT_DPI, still=0)
+
+
+def draw_hero(path: Path) -> None:
+    """Draw the sample character in a frame of some clips."""
+    target = load_target(CHARACTERS / "hero.glb")
+    results = [retarget(read_bvh(SAMPLES / f"{clip}.bvh"), target).motion for clip in HERO_FRAMES]
+    write_figures(path, [*zip(results, HERO_FRAMES.values(), strict=True)])
 
 
 def draw_samples(path: Path) -> None:
@@ -150,6 +160,7 @@ def _write_scenes(path: Path, columns: dict[str, list[Motion]], view: str) -> No
 
 PICTURES: dict[str, Callable[[Path], None]] = {
     "clap_long_arms.gif": draw_front_page,
+    "hero.png": draw_hero,
     "high_five.png": draw_high_five,
     "props.png": draw_props,
     "gallery/samples.png": draw_samples,

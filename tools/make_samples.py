@@ -1,8 +1,9 @@
-"""Write the clips and props of `sample_bvh`. Its JSON files (targets, rigs, scenes) are edited by hand.
+"""Write the clips and props of `sample_bvh`, and `sample_characters`. JSON files (targets, rigs, scenes) are edited by
+hand.
 
     python tools/make_samples.py [FOLDER]
 
-FOLDER is `sample_bvh` by default. Every run writes the same bytes.
+With FOLDER, everything goes there. Every run writes the same bytes.
 """
 
 from __future__ import annotations
@@ -10,13 +11,15 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import sample_character
 from sample_motions import CLIPS
 from sample_scenes import SCENES, obj_text
 from sample_supports import SUPPORTED
 
 from distretarget import Motion, write_bvh
 
-SAMPLES = Path(__file__).resolve().parents[1] / "sample_bvh"
+ROOT = Path(__file__).resolve().parents[1]
+SAMPLES, CHARACTERS = ROOT / "sample_bvh", ROOT / "sample_characters"
 
 
 def write_samples(folder: Path) -> None:
@@ -33,6 +36,12 @@ def write_samples(folder: Path) -> None:
         write(folder / name, motion)
 
 
+def write_characters(folder: Path) -> None:
+    """Write the sample character into a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "hero.glb").write_bytes(sample_character.glb())
+
+
 def write(path: Path, motion: Motion) -> None:
     """Write a motion as BVH, or a prop that stands still, which has one frame, as OBJ."""
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -43,4 +52,6 @@ def write(path: Path, motion: Motion) -> None:
 
 
 if __name__ == "__main__":
-    write_samples(Path(sys.argv[1]) if len(sys.argv) > 1 else SAMPLES)
+    chosen = Path(sys.argv[1]) if len(sys.argv) > 1 else None
+    write_samples(chosen or SAMPLES)
+    write_characters(chosen or CHARACTERS)

@@ -67,10 +67,14 @@ class Batch:
 
     def record_of(self, clip: Clip) -> ManifestRecord:
         """Return the line of a clip that is not done."""
-        usual = asdict(DEFAULT_READING) | asdict(OutputSettings())
-        given = asdict(self.reading) | asdict(self.writing)
+        usual = asdict(DEFAULT_READING) | asdict(DEFAULT_OUTPUT)
+        given = asdict(self._reading(clip)) | asdict(self.writing)
         settings = {key: value for key, value in given.items() if value != usual[key]}
         return new_record(clip, options_of(self.options, self.map_file) | settings)
+
+    def _reading(self, clip: Clip) -> Reading:
+        """How a clip is read."""
+        return replace(self.reading, clip=clip.animation) if clip.animation else self.reading
 
     @cached_property
     def _characters(self) -> dict[str, TargetFile]:
@@ -166,7 +170,7 @@ class Batch:
         self, source: InputFile, clip: Clip, record: ManifestRecord, about: About | None, split: bool = False
     ) -> Job:
         target = replace(clip.target, file=None)  # a character's mesh stays here
-        ways = self.map_file, self.options, record, about, split, self.reading, self.writing
+        ways = self.map_file, self.options, record, about, split, self._reading(clip), self.writing
         return Job(source, target, *ways)
 
     def _finish(self, result: Result, show: Show) -> None:
@@ -308,7 +312,7 @@ def convert_folder(
     found, unread = find_clips(paths, (), include, exclude)
     if unread:
         raise unread[0]
-    clips = plan(found, load_targets(_listed("targets", targets)), Path(folder), paths, kind)
+    clips = plan(found, load_targets(_listed("targets", targets)), Path(folder), paths, kind, clip)
     index, pairs = Path(report) if report else None, load_map(map_file, rest)
 
     def about(clip: PurePath, result: PurePath) -> About:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import gc
-
 import numpy as np
 
 from distretarget.batch.interrupts import interrupts_kept
@@ -11,6 +9,7 @@ from distretarget.body.axes import axis_vector
 from distretarget.body.resting import above_lowest, joint_speeds, still_joints
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
+from distretarget.io.json_node import without_collection
 from distretarget.motion import Motion
 from distretarget.pipeline.options import Objective, Options
 from distretarget.pipeline.retargeting import retarget
@@ -23,15 +22,10 @@ JOINTS = 6  # enough for a pair of joints so far apart along the tree that the s
 @interrupts_kept()
 def warm(objective: Objective) -> None:
     """Read, retarget, measure and write a clip of two frames, so that all code for `objective` is ready."""
-    was_collecting = gc.isenabled()
-    gc.disable()  # to look for garbage takes a tenth of the time of compiling
-    try:
+    with without_collection():  # it takes a tenth of the time of compiling
         source, target = _clip()
         _run_for_legs(source)
         retarget(source, target, Options(objective=objective)).figures  # noqa: B018 - what it needs is compiled
-    finally:
-        if was_collecting:
-            gc.enable()
 
 
 def _clip() -> tuple[Motion, Skeleton]:

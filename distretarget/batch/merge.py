@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 
-from distretarget.batch.plan import Clip
+from distretarget.batch.plan import MANIFEST, Clip
 from distretarget.character.nodes import Animation
 from distretarget.io.files import write_whole
 from distretarget.io.input_file import load_file
 from distretarget.io.motion_file import parse_motion
-from distretarget.io.motion_writer import NamedClip, OutputSettings, character_animation, with_animations
+from distretarget.io.motion_writer import OutputSettings, character_animation, with_animations
 from distretarget.io.target_file import TargetFile
 
 
@@ -24,7 +25,7 @@ def clips_folder(path: Path) -> Path:
 
 def merge(path: Path, target: TargetFile, clips: Sequence[Clip], settings: OutputSettings, overwrite: bool) -> int:
     """Write the character file with an animation for each clip that is done, in the order of their names, and return
-    how many; the folder of clips goes if all are done.
+    how many; if all are done, the folder of clips goes, and its manifest stays beside the file.
 
     An animation has its clip's name, or in a tree of folders its path in it.
 
@@ -32,15 +33,21 @@ def merge(path: Path, target: TargetFile, clips: Sequence[Clip], settings: Outpu
         DistretargetError: the file cannot be written.
     """
     folder = clips_folder(path)
-    done = sorted((clip for clip in clips if (folder / clip.place).is_file()), key=lambda clip: clip.place)
-    animations = list(_animations(folder, done, target))
+    done = sorted(
+        (clip for clip in clips if (folder / clip.place).is_file()), key=lambda clip: clip.place.with_suffix("")
+    )
+    animations = list(_animations(folder, done, target, settings))
     write_whole(path, with_animations(path, target, animations, settings.animations), overwrite)
     if len(done) == len(clips):
+        with suppress(OSError):
+            (folder / MANIFEST).replace(path.with_name(f"{path.name}.{MANIFEST}"))
         shutil.rmtree(folder, ignore_errors=True)
     return len(animations)
 
 
-def _animations(folder: Path, clips: Sequence[Clip], target: TargetFile) -> Iterator[Animation]:
+def _animations(
+    folder: Path, clips: Sequence[Clip], target: TargetFile, settings: OutputSettings
+) -> Iterator[Animation]:
     for clip in clips:
         motion, _ = parse_motion(load_file(folder / clip.place))
-        yield character_animation(target, NamedClip(motion, clip.place.with_suffix("").as_posix(), {}))
+        yield character_animation(target, settings.clip(motion, clip.place.with_suffix("").as_posix()))

@@ -5,19 +5,23 @@ from __future__ import annotations
 import os
 import stat
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path, PurePath
 
-from distretarget.errors import BatchError, FileError
-from distretarget.io.files import is_folder, reason_of
-from distretarget.io.input_file import MOTION_SUFFIXES
+from distretarget.errors import BatchError, DistretargetError, FileError
+from distretarget.io.files import is_folder, read_bytes, reason_of
+from distretarget.io.gltf_animation import free_name
+from distretarget.io.gltf_scene import animation_names
+from distretarget.io.input_file import KINDS, MOTION_SUFFIXES, InputFile
 from distretarget.io.motion_writer import suffix_of
 from distretarget.io.target_file import TargetFile
 from distretarget.scene.scene_file import SCENE_NAME
 
 MANIFEST = "manifest.jsonl"  # the name of the manifest in the folder of results
 WILDCARDS = frozenset("*?[")
+UNSAFE = frozenset('/\\:*?"<>|')  # in names of files on some system
 
 
 @dataclass(frozen=True)
@@ -28,6 +32,7 @@ class Clip:
     target: TargetFile
     place: PurePath  # of the result, relative to the folder of results; its suffix is the kind of file
     size: int  # of the clip's file [bytes]; 0 if it cannot be read
+    animation: str | None = None  # which of several in the file, such as "#2"
 
 
 def find_clips(
@@ -69,11 +74,13 @@ def plan(
     folder: Path,
     sources: Sequence[Path],
     kind: str | None = None,
+    animation: str | None = None,
 ) -> list[Clip]:
     """Plan to retarget every clip found to every target, the largest clips first.
 
     Results go into `folder`; with several targets, each target has a folder in it. `kind` is what they are, such as
-    "glb"; by default characters get their motions in files of their own kind, and all other targets BVH.
+    "glb"; by default characters get their motions in files of their own kind, and all other targets BVH. A glTF file
+    with several animations is as many clips, in a folder of their own, unless `animation` names one.
 
     Raises:
         BatchError: two results would have the same path, a result would replace a clip or a target, or `folder` is
@@ -85,11 +92,12 @@ def plan(
                 f"{folder}: is inside {source}, whose clips are to be converted; choose a folder elsewhere with -o"
             )
     names = [PurePath()] if len(targets) == 1 else [_folder_name(Path(target.path)) for target in targets]
-    sizes = [status.st_size if (status := _status(path)) else 0 for path, _ in found]
+    parts = [part for path, place in found for part in ([(path, place, None)] if animation else _parts(path, place))]
+    sizes = [status.st_size if (status := _status(path)) else 0 for path, _, _ in parts]
     clips = [
-        Clip(path, target, name / place.with_name(place.name + suffix_of(target, kind)), size)
+        Clip(path, target, name / place.with_name(place.name + suffix_of(target, kind)), size, number)
         for target, name in zip(targets, names, strict=True)
-        for (path, place), size in zip(found, sizes, strict=True)
+        for (path, place, number), size in zip(parts, sizes, strict=True)
     ]
     taken: dict[str, Clip] = {}
     inputs = _inputs(clips)
@@ -105,6 +113,23 @@ def plan(
         if _file(result) in inputs:
             raise BatchError(f"{result} is an input and would be replaced; choose another folder with -o")
     return sorted(clips, key=lambda clip: -clip.size)
+
+
+def _parts(path: Path, place: PurePath) -> Iterator[tuple[Path, PurePath, str | None]]:
+    """The animations of a file: its path, the place of the result, and which animation it is; None for the only one."""
+    names: Sequence[str] = ()
+    if KINDS.get(path.suffix.lower()) == "glTF":
+        with suppress(DistretargetError):  # reading the clip will report it
+            names = animation_names(InputFile(read_bytes(path), path).gltf)
+    if len(names) < 2:
+        yield path, place, None
+        return
+    taken: set[str] = set()
+    for number, name in enumerate(names, start=1):
+        clean = "".join("_" if each in UNSAFE or not each.isprintable() else each for each in name).strip(". ")
+        clean = free_name(clean or f"animation {number}", taken)
+        taken.add(clean)
+        yield path, place / clean, f"#{number}"
 
 
 def check_page(page: Path, clips: Sequence[Clip], folder: Path, map_path: str | Path) -> None:

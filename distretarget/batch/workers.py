@@ -116,7 +116,7 @@ def _converted(job: Job, mapper: Mapper) -> Result:
     path = job.source.path
     motion, lost = parse_motion(job.source, job.reading.clip, job.reading.fps)
     result = retarget_onto(motion, job.target, source=path, map_file=job.map_file, options=job.options, mapper=mapper)
-    clip = job.writing.clip(result.motion, PurePath(path).stem, result.world.up_vector)
+    clip = job.writing.clip(result.motion, PurePath(job.record["output"]).stem, result.world.up_vector)
     kind, target = OUTPUTS[PurePath(job.record["output"]).suffix], job.target.target
     parts: Iterable[str] = ()
     output: bytes | Animation = b""

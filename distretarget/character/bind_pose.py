@@ -49,6 +49,8 @@ def bind_poses(skins: Sequence[Skin], shown: Array, order: Sequence[int]) -> dic
     found: dict[int, Array] = {}
     depth = np.argsort(order)
     for skin in sorted(skins, key=lambda skin: (depth[skin.joints].min(initial=len(order)), -len(skin.joints))):
+        if found.keys() >= set(skin.joints.tolist()):
+            continue
         if skin.inverse_binds is None:
             found |= {joint: shown[joint] for joint in skin.joints.tolist() if joint not in found}
             continue
@@ -83,7 +85,9 @@ def _mesh_space(skin: Skin, joints: NDArray[np.intp], inverse_binds: Array, show
     extent = float(np.ptp(shown[joints, :3, 3], axis=0).max())
     scale = float(np.median(_scales(said)))
     known = [
-        space for space in (np.eye(4), *shown[list(skin.meshes)]) if abs(_scales(space[None])[0] / scale - 1) < AGREE
+        space
+        for space in (np.eye(4), *_spread(shown[list(skin.meshes)]))
+        if abs(_scales(space[None])[0] / scale - 1) < AGREE
     ]
     for space in known:
         if _agree(said[:1], space, scale, extent)[0]:
@@ -109,4 +113,4 @@ def _agree(said: Array, space: Array, scale: float, extent: float) -> NDArray[np
 
 def _spread(said: Array, most: int = 16) -> Iterator[Array]:
     """Some of the spaces, spread over all."""
-    yield from said[np.unique(np.linspace(0, len(said) - 1, most).astype(int))]
+    yield from said if len(said) <= most else said[np.unique(np.linspace(0, len(said) - 1, most).astype(int))]

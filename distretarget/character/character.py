@@ -18,11 +18,12 @@ from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import FileError
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import extent, lengths
-from distretarget.skeleton import Skeleton
+from distretarget.skeleton import LARGEST, Skeleton
 
 Array = NDArray[np.float64]
 
-FREE_POSES = 10_000_000  # so many poses of joints may a file have, however small it is [frames x joints]
+BLOCK = 65536  # poses that are computed at once [frames x joints]
+FREE_POSES = 1_000_000  # so many poses of joints may a file have, however small it is [frames x joints]
 SAME_PLACE = 1e-6  # a node that is off by less than this needs no keys of its translation [body sizes]
 SAME_TURN = 1e-12  # a node needs no keys of its rotation if 1 - |dot product of quaternions| stays below this
 
@@ -82,12 +83,26 @@ class Character:
         frames, count = animation.frames, len(self.nodes)
         if frames * count > max(FREE_POSES, size):
             raise FileError("", f"{frames} frames of {count} joints are too many for a file of {size} bytes")
+        joints = len(self.skeleton)
+        rotations, moved = np.empty((frames, joints, 4)), np.empty((frames, joints, 3))
+        for first in range(0, frames, max(BLOCK // count, 1)):
+            block = slice(first, first + max(BLOCK // count, 1))
+            rotations[block], moved[block] = self._local(animation, block)
+        if not extent(moved) <= LARGEST:
+            raise FileError("", f"its animation leads beyond {LARGEST:g}; expected smaller translations")
+        return Motion.of_translations(self.skeleton, self._settled(moved), rotations, animation.frame_time_text)
+
+    def _local(self, animation: Animation, block: slice) -> tuple[Array, Array]:
+        """Rotations and translations of the joints relative to their parents, (frames, joints, 4 and 3), in a block of
+        frames of an animation.
+        """
+        frames = min(block.stop, animation.frames) - block.start
         rotations = np.tile(self.shown.rotations, (frames, 1, 1))
         translations = np.tile(self.shown.translations, (frames, 1, 1))
         for values, moving in ((rotations, animation.rotations), (translations, animation.translations)):
             for place, node in enumerate(self.nodes.tolist()):
                 if node in moving:
-                    values[:, place] = moving[node]
+                    values[:, place] = moving[node][block]
         parents = self._parent_binds
         turned = parents * Rotation.from_quat(rotations) * Rotation.from_quat(self.locals).inv() * parents.inv()
         rotations, moved = turned.as_quat(), parents.apply(translations) * self._parent_scales[:, None]
@@ -95,15 +110,16 @@ class Character:
             above = Rotation.from_quat(rotations[:, place - 1])
             moved[:, place] = moved[:, place - 1] + above.apply(moved[:, place])
             rotations[:, place] = (above * Rotation.from_quat(rotations[:, place])).as_quat()
-        rotations, moved = rotations[:, self._above :], self._settled(moved[:, self._above :])
-        return Motion.of_translations(self.skeleton, moved, rotations, animation.frame_time_text)
+        return rotations[:, self._above :], moved[:, self._above :]
 
     def _settled(self, translations: Array) -> Array:
-        """Translations of joints that are at their offsets but for rounding, at their offsets."""
+        """The translations of joints, of which those at their offsets but for rounding are put there."""
         offsets = self.skeleton.offsets
-        still = lengths(translations - offsets).max(axis=0) < SAME_PLACE * extent(self.skeleton.rest_positions)
+        away = [lengths(translations[:, joint] - offset).max(initial=0.0) for joint, offset in enumerate(offsets)]
+        still = np.array(away) < SAME_PLACE * extent(self.skeleton.rest_positions)
         still[0] = False
-        return np.where(still[:, None], offsets, translations)
+        translations[:, still] = offsets[still]
+        return translations
 
     def animation(self, motion: Motion, name: str) -> Animation:
         """Return a motion of the skeleton as an animation of the nodes that turn or move."""

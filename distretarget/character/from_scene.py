@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,14 +15,14 @@ from distretarget.character.character import Character
 from distretarget.character.deform import with_deform_bones
 from distretarget.character.joint_nodes import joint_nodes, top_down
 from distretarget.character.nodes import Nodes, Scene
-from distretarget.errors import quoted
+from distretarget.character.scales import check_scales, flat_warnings, scale_warnings, without_flat_scales
 from distretarget.numerics.rotations import nearest_rotations
 from distretarget.skeleton import POSITION_CHANNELS, SMALLEST, Skeleton
 
 Array = NDArray[np.float64]
 
+LONGEST_NAME = 200  # of a joint [characters]
 NEAR_SHOWN = 1e-4  # a node whose bind pose differs by less than this from what it shows shows it [body sizes, rad]
-UNEVEN = 1e-3  # axes whose scales differ by more than this are scaled unevenly; a scale that changes more is animated
 TURN_CHANNELS = ("Zrotation", "Xrotation", "Yrotation")
 
 
@@ -33,13 +33,16 @@ def character_of(scene: Scene) -> Character:
     Raises:
         FileError: the file has no such nodes, or too many.
     """
-    nodes = scene.nodes
-    order = top_down(nodes.parents)
+    scene, flat = without_flat_scales(scene)
+    nodes, order = scene.nodes, top_down(scene.nodes.parents)
     above, joints, left_out = joint_nodes(scene, order)
     line = [*above, *joints]
-    shown = in_world(nodes, order)
+    with np.errstate(all="ignore"):
+        shown = in_world(nodes, order)
+    check_scales(scene, line, shown)
     binds = _settled(nodes, line, len(above), shown, bind_poses(scene.skins, shown, order))
-    character = _character(scene, line, len(above), binds, (*left_out, *_scale_warnings(scene, line)))
+    warnings = (*scene.notes, *left_out, *flat_warnings(scene, flat, line), *scale_warnings(scene, line))
+    character = _character(scene, line, len(above), binds, warnings)
     return with_deform_bones(character)
 
 
@@ -142,7 +145,7 @@ def _names(names: Sequence[str], nodes: Sequence[int], parents: Sequence[int]) -
     taken: set[tuple[int, str]] = set()
     result = []
     for name, node, parent in zip(names, nodes, parents, strict=True):
-        clean = _clean(name) or f"node {node}"
+        clean = _clean(name[:LONGEST_NAME]) or f"node {node}"
         clean = f"{clean} (node {node})" if (parent, clean) in taken else clean
         taken.add((parent, clean))
         result.append(clean)
@@ -153,20 +156,3 @@ def _clean(name: str) -> str:
     """A name with _ for what BVH cannot hold in a name; empty where nothing is left."""
     plain = "".join("_" if each in "{}" or not each.isprintable() else each for each in name)
     return plain.strip()
-
-
-def _scale_warnings(scene: Scene, line: Sequence[int]) -> Iterator[str]:
-    """A line for nodes that are scaled unevenly, and one for nodes whose scale changes."""
-    nodes = scene.nodes
-    spread = np.ptp(np.abs(nodes.scales[list(line)]), axis=1) > UNEVEN * np.abs(nodes.scales[list(line)]).max(axis=1)
-    if uneven := [nodes.names[node] for node, is_uneven in zip(line, spread, strict=True) if is_uneven]:
-        sheared = "what hangs on them is sheared where it turns, and a little off its place"
-        yield f"{quoted(uneven)} are scaled unevenly: {sheared}"
-    scales = scene.animation.scales if scene.animation else {}
-    changing = [
-        nodes.names[node]
-        for node in line
-        if node in scales and (np.abs(scales[node] - scales[node][:1]) > UNEVEN * np.abs(scales[node][:1])).any()
-    ]
-    if changing:
-        yield f"the scales of {quoted(changing)} change in the animation; they are left out"

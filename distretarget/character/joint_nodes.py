@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from distretarget.body.conventions import NamedTree
 from distretarget.body.named_anatomy import by_tree
 from distretarget.character.nodes import Nodes, Scene
 from distretarget.errors import FileError, counted, quoted
 
-MOST_JOINTS = 4096  # of a character: skeletons have matrices of joints x joints
+MOST_JOINTS = 4096  # of a character, with the nodes above: skeletons have matrices of joints x joints
 
 
 def joint_nodes(scene: Scene, order: Sequence[int]) -> tuple[list[int], list[int], tuple[str, ...]]:
@@ -27,22 +29,23 @@ def joint_nodes(scene: Scene, order: Sequence[int]) -> tuple[list[int], list[int
         FileError: the file has no such nodes, or too many, or they hang from no common node.
     """
     parents = scene.nodes.parents
-    lines = _Lines(parents)
+    lines = _Lines(parents, order)
     wanted, left_out = _wanted(scene, order, lines)
-    root = lines.meeting(wanted)
-    inner = {node for joint in wanted for node in lines.up(joint, root)}
-    joints = [node for node in order if node in inner]
-    if len(joints) > MOST_JOINTS:
-        raise FileError(scene.path, f"its skeleton has {len(joints)} joints; expected at most {MOST_JOINTS}")
+    root, carried = lines.meeting(wanted), lines.carried(wanted)
     above = lines.up(parents.item(root), -1)[::-1] if parents[root] >= 0 else []
+    are_above = set(above)
+    joints = [node for node in order if carried[node] and node not in are_above]
+    if len(joints) + len(above) > MOST_JOINTS:
+        counts = f"{counted(len(joints), 'joint')} and {counted(len(above), 'node')} above"
+        raise FileError(scene.path, f"its skeleton has {counts}; expected at most {MOST_JOINTS}")
     return above, joints, left_out
 
 
 class _Lines:
     """The lines of a forest from its nodes upwards."""
 
-    def __init__(self, parents: NDArray[np.intp]) -> None:
-        self._parents = parents.tolist()
+    def __init__(self, parents: NDArray[np.intp], order: Sequence[int]) -> None:
+        self._parents, self._order = parents.tolist(), order
 
     def up(self, node: int, last: int) -> list[int]:
         """The nodes from `node` up to `last`, both included; up to the top if that is -1."""
@@ -51,24 +54,28 @@ class _Lines:
             line.append(self._parents[line[-1]])
         return line
 
-    def meeting(self, nodes: Iterable[int]) -> int:
-        """The lowest node from which all nodes hang; -1 if there is none."""
-        shared: list[int] | None = None
+    def carried(self, nodes: Iterable[int]) -> list[int]:
+        """How many of some nodes each node of the forest carries, itself included."""
+        counts = [0] * len(self._parents)
         for node in nodes:
-            line = self.up(node, -1)[::-1]
-            shared = line if shared is None else shared[: _common(shared, line)]
-        return shared[-1] if shared else -1
+            counts[node] = 1
+        for node in reversed(self._order):
+            if (parent := self._parents[node]) >= 0:
+                counts[parent] += counts[node]
+        return counts
 
-    def branch(self, node: int, above: int) -> int:
-        """The node just below `above` on the line of a node; the node itself if it is `above`."""
-        line = self.up(node, above)
-        return line[-2] if line[-1] == above and len(line) > 1 else line[-1]
+    def meeting(self, nodes: Collection[int]) -> int:
+        """The lowest node from which all of some different nodes hang; -1 if there is none."""
+        counts = self.carried(nodes)
+        return next((node for node in reversed(self._order) if counts[node] == len(nodes)), -1)
 
-
-def _common(first: Sequence[int], second: Sequence[int]) -> int:
-    """How many entries at the beginning are the same."""
-    pairs = enumerate(zip(first, second, strict=False))
-    return next((place for place, (one, other) in pairs if one != other), min(len(first), len(second)))
+    def branches(self, above: int) -> list[int]:
+        """For each node, that just below `above` on its line; the node itself for `above`; else the top of its line."""
+        branches = list(range(len(self._parents)))
+        for node in self._order:
+            if self._parents[node] not in (-1, above) and node != above:
+                branches[node] = branches[self._parents[node]]
+        return branches
 
 
 def top_down(parents: NDArray[np.intp]) -> list[int]:
@@ -95,32 +102,33 @@ def _wanted(scene: Scene, order: Sequence[int], lines: _Lines) -> tuple[list[int
     if not every:
         found = "has no skin, no VRM humanoid, and no nodes with the names of a body"
         raise FileError(scene.path, f"{found}; expected a character")
-    skeletons = _skeletons(groups, lines, lines.meeting(every))
+    skeletons = _skeletons(groups, lines.branches(lines.meeting(every)))
     chosen = next((each for each in skeletons if groups[0] and groups[0][0] in each), max(skeletons, key=len))
-    others = [
-        scene.nodes.names[next(node for node in every if node in each)] for each in skeletons if each is not chosen
-    ]
+    others = [scene.nodes.names[next(iter(each))] for each in skeletons if each is not chosen]
     if lines.meeting(chosen) < 0:
         raise FileError(scene.path, "the joints of its skin hang from no common node; expected a single skeleton")
     notes = [f"{counted(len(others), 'other skeleton')} in the file stays as it is: {quoted(others)}"] if others else []
     return [node for node in every if node in chosen], tuple(notes)
 
 
-def _skeletons(groups: Sequence[Sequence[int]], lines: _Lines, meeting: int) -> list[set[int]]:
-    """Groups of nodes, joined where they have nodes on the same branch below the node at which all meet."""
-    joined: list[tuple[set[int], set[int]]] = []  # branches, and nodes
-    for group in filter(None, groups):
-        branches, nodes = {lines.branch(node, meeting) for node in group}, set(group)
-        for others in [each for each in joined if each[0] & branches]:
-            joined.remove(others)
-            branches, nodes = branches | others[0], nodes | others[1]
-        joined.append((branches, nodes))
-    return [nodes for _, nodes in joined]
+def _skeletons(groups: Sequence[Sequence[int]], branches: Sequence[int]) -> list[dict[int, None]]:
+    """Groups of nodes, joined where they have nodes on the same branch; their nodes as the keys of dictionaries, in
+    order.
+    """
+    groups = [group for group in groups if group]
+    pairs = [(number, branches[node]) for number, group in enumerate(groups) for node in group]
+    numbers, shared = np.array(pairs).T
+    size = len(groups) + len(branches)
+    graph = coo_array((np.ones(len(pairs), bool), (numbers, len(groups) + shared)), shape=(size, size))
+    joined: dict[int, dict[int, None]] = {}
+    for group, label in zip(groups, connected_components(graph, directed=False)[1].tolist(), strict=False):
+        joined.setdefault(label, {}).update(dict.fromkeys(group))
+    return list(joined.values())
 
 
 def _named(nodes: Nodes, order: Sequence[int]) -> list[int]:
     """The nodes that have the names of the parts of a body."""
-    if len(nodes) > MOST_JOINTS:
+    if not 0 < len(nodes) <= MOST_JOINTS:
         return []
     places = {node: place for place, node in enumerate(order)}
     parents = tuple(places.get(nodes.parents.item(node), -1) for node in order)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.errors import FileError, closest, quoted
+from distretarget.errors import FileError, closest, cut, quoted
 
 Array = NDArray[np.float64]
 
@@ -91,6 +92,7 @@ class Scene:
         animations: the names of its animations, in the order of the file; they may be empty or the same.
         animation: the one that was asked for, or the only one; None where there is none.
         looks_back: whether its characters look to -Z, as in VRM 0.
+        notes: what of it is not read, a line each.
         units: of the nodes' translations; None if the file does not state it.
         up: the axis that points up; None if the file does not state it.
     """
@@ -102,6 +104,7 @@ class Scene:
     animations: tuple[str, ...]
     animation: Animation | None
     looks_back: bool = False
+    notes: tuple[str, ...] = ()
     units: str | None = "m"
     up: str | None = "Y"
 
@@ -113,7 +116,8 @@ def choose_animation(path: str | Path, names: Sequence[str], clip: str | None) -
     Raises:
         FileError: there is no such animation, or there are several and none is asked for.
     """
-    shown = [name if name and names.count(name) == 1 else f"#{number}" for number, name in enumerate(names, start=1)]
+    times = Counter(names)
+    shown = [name if name and times[name] == 1 else f"#{number}" for number, name in enumerate(names, start=1)]
     if clip is None:
         if len(names) > 1:
             listed = quoted(shown, 12)
@@ -123,4 +127,4 @@ def choose_animation(path: str | Path, names: Sequence[str], clip: str | None) -
         return shown.index(clip)
     if clip.startswith("#") and clip[1:].isdecimal() and 0 < int(clip[1:]) <= len(names):
         return int(clip[1:]) - 1
-    raise FileError(path, f"has no animation {clip!r}; {closest(clip, shown) if names else 'it has none'}")
+    raise FileError(path, f"has no animation {cut(clip)!r}; {closest(clip, shown) if names else 'it has none'}")

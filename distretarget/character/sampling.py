@@ -12,18 +12,19 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.character.nodes import Animation
-from distretarget.errors import FileError
-from distretarget.numerics.vectors import lengths
+from distretarget.errors import FileError, cut
+from distretarget.numerics.vectors import lengths, normalised
+from distretarget.skeleton import SMALLEST
 
 Array = NDArray[np.float64]
 
 RATES = (24, 25, 30, 48, 50, 60, 90, 100, 120, 200, 240)  # usual frame rates [frames/s]
-LEAST_RATE, MOST_RATE = 10.0, 1000.0  # keys at other rates are no frames [frames/s]
+LEAST_RATE, MOST_RATE = 9.9, 1000.0  # keys at other rates are no frames [frames/s]
 IRREGULAR_RATE = 60.0  # of keys that are on no such grid [frames/s]
 ON_GRID = 0.02  # a key is on a grid within this [frames]
 SAME_KEY = 1e-5  # keys this near to each other are at the same time [s]; times are float32
-WHOLE_RATE = 1e-3  # a rate this near to a whole number is that number [relative]
-FREE_SAMPLES = 4_000_000  # so many samples may a file have, however small it is [frames x curves]
+BLOCK = 65536  # frames that are sampled at once
+FREE_SAMPLES = 1_000_000  # so many samples may a file have, however small it is [frames x curves]
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +59,7 @@ class Curve:
             result = _slerp(values[before], values[after], share)
         else:
             result = values[before] + share[:, None] * (values[after] - values[before])
-        return result / lengths(result)[:, None] if rotates else result
+        return _unit(result, values[before]) if rotates else result
 
     def _cubic(self, before: NDArray[np.intp], after: NDArray[np.intp], share: Array, span: Array) -> Array:
         """Hermite's spline, glTF 2.0 specification, appendix C.5."""
@@ -72,6 +73,12 @@ class Curve:
             + (-2 * t3 + 3 * t2) * end
             + d * (t3 - t2) * into
         )
+
+
+def _unit(rotations: Array, before: Array) -> Array:
+    """Unit quaternions, (n, 4); where a spline passes through 0, those of the keys before."""
+    sizes = lengths(rotations)[:, None]
+    return normalised(np.where(sizes > SMALLEST * lengths(before)[:, None], rotations, before))
 
 
 def _slerp(start: Array, end: Array, share: Array) -> Array:
@@ -93,20 +100,27 @@ def sampled(
     """
     every = [curve for of_nodes in curves.values() for curve in of_nodes.values()]
     if not every:
-        raise FileError(path, f"nothing moves in its animation {name!r}")
-    times = np.unique(np.concatenate([curve.times for curve in every]))
+        raise FileError(path, f"nothing moves in its animation {cut(name)!r}")
+    times = np.unique(np.concatenate([*{id(curve.times): curve.times for curve in every}.values()]))
     rate = fps or own_rate(times)
     frames = int((times[-1] - times[0]) * rate + ON_GRID) + 1
     if frames * len(every) > max(most, FREE_SAMPLES):
         duration = f"{times[-1] - times[0]:.6g} s"
-        raise FileError(path, f"its animation {name!r} is {duration} long; at {rate:g} frames/s that is too much")
+        raise FileError(path, f"its animation {cut(name)!r} is {duration} long; at {rate:g} frames/s that is too much")
     at = _at_keys(times[0] + np.arange(frames) / rate, times, ON_GRID / rate)
     values = {
-        kind: {node: curve.at(at, kind == "rotation") for node, curve in of_nodes.items()}
+        kind: {node: _at(curve, at, kind == "rotation") for node, curve in of_nodes.items()}
         for kind, of_nodes in curves.items()
     }
     text = f"{1 / rate:.9g}"
     return Animation(name, frames, text, values["translation"], values["rotation"], values["scale"])
+
+
+def _at(curve: Curve, times: Array, rotates: bool) -> Array:
+    """`Curve.at`, block by block."""
+    if len(times) <= BLOCK:
+        return curve.at(times, rotates)
+    return np.concatenate([curve.at(times[first : first + BLOCK], rotates) for first in range(0, len(times), BLOCK)])
 
 
 def _at_keys(at: Array, times: Array, near: float) -> Array:
@@ -128,13 +142,14 @@ def own_rate(times: Array) -> float:
     own = 1.0 / steps[steps < 1.05 * steps.min()].mean()
     if LEAST_RATE <= own <= MOST_RATE:
         own = _refined(times, own)
-        if _on_grid(times, own):
-            return own
+        for rate in (float(round(own)), own):
+            if _on_grid(times, rate):
+                return rate
     return next((float(rate) for rate in RATES if _on_grid(times, rate)), IRREGULAR_RATE)
 
 
 def _refined(times: Array, rate: float) -> float:
-    """The rate that fits all keys best, a whole number where it is near to one."""
+    """The rate that fits all keys best."""
     frames = np.rint((times - times[0]) * rate)
     for _ in range(3):  # a rough rate counts late frames wrong; each fit reaches farther
         near = np.abs((times - times[0]) * rate - frames) < 0.25
@@ -142,7 +157,7 @@ def _refined(times: Array, rate: float) -> float:
         if frames[last] > 0:
             rate = float(frames[last] / (times[last] - times[0]))
         frames = np.rint((times - times[0]) * rate)
-    return float(round(rate)) if abs(rate - round(rate)) < WHOLE_RATE * rate else rate
+    return rate
 
 
 def _on_grid(times: Array, rate: float) -> bool:

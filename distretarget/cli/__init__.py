@@ -80,15 +80,15 @@ class ImportedCommand(click.Command):
 @click.group(cls=DefaultGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="distretarget")
 def cli() -> None:
-    """Retarget BVH motion to another body, so that hands that touch still touch and feet stay where they stand.
+    """Retarget motion to another body, so that hands that touch still touch and feet stay where they stand.
 
     \b
-    distretarget SOURCE.bvh TARGET -o OUT.bvh           one clip; short for: distretarget retarget
-    distretarget batch FOLDER TARGET -o FOLDER          a folder of clips
-    distretarget scene A.bvh B.bvh -t TARGET -o FOLDER  performers who share a world
-    distretarget diff A.bvh B.bvh -o REPORT.html        how far B is from A
-    distretarget skeleton match SOURCE.bvh TARGET       which joint drives which
-    distretarget skeleton show FILE                     the joints of a file and their bone lengths
+    distretarget walk.bvh hero.glb -o hero_walk.glb   one clip; short for: distretarget retarget
+    distretarget batch FOLDER TARGET -o FOLDER        a folder of clips
+    distretarget scene A.bvh B.bvh -t TARGET -o DUET  performers who share a world
+    distretarget diff A.bvh B.bvh -o REPORT.html      how far B is from A
+    distretarget skeleton match SOURCE TARGET         which joint drives which
+    distretarget skeleton show FILE                   the joints of a file and their bone lengths
     """  # noqa: D301
     # Imported here, like the commands, so that --help does not wait for numba.
     from distretarget.cli.outputs import say

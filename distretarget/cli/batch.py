@@ -23,7 +23,7 @@ from distretarget.cli.outputs import STANDARD, about, check_outputs, complain, i
 from distretarget.errors import BatchError, DistretargetError, FileError, counted
 from distretarget.io.files import hash_of, hash_of_file, is_folder, read_bytes
 from distretarget.io.map_json import load_map
-from distretarget.io.motion_writer import OUTPUTS, OutputSettings, output_kind
+from distretarget.io.motion_writer import DEFAULT_OUTPUT, OUTPUTS, OutputSettings, output_kind
 from distretarget.io.target_file import TargetFile
 from distretarget.measure.figures import FIGURES
 from distretarget.numerics.parallel import cores
@@ -155,15 +155,17 @@ def batch_command(
         raise click.UsageError(f"{missing[0]}: there is no such file or folder.")
     found, unread = find_clips(sources, listed, include, exclude)
     map_file = load_map(map_path, rest_path)
+    if not merge and folder.suffix.lower() in OUTPUTS and not is_folder(folder):
+        raise click.UsageError(f"{folder}: results go into a folder; with --merge, -o names a file for all of them.")
     results = folder
     if merge:
         results, kind = _for_merge(folder, texts, kind, overwrite, dry_run), "bvh"
     try:
-        clips = plan(found, texts, results, sources, kind)
+        clips = plan(found, texts, results, sources, kind, clip)
     except BatchError as error:
         raise click.UsageError(str(error)) from error
     ways = options, map_file, about, index, reports, overwrite and not merge, fail_fast
-    batch = Batch(clips, results, *ways, Reading(clip, fps), settings)
+    batch = Batch(clips, results, *ways, Reading(clip, fps), DEFAULT_OUTPUT if merge else settings)
     for each in unread:
         complain(f"not searched: {each}")
     if dry_run:

@@ -12,8 +12,10 @@ from distretarget.cli.diff_scenes import Account, is_scene, measure, measure_sce
 from distretarget.cli.options import OVERWRITE_OPTION, FileOrStandard, map_option, positive, quiet
 from distretarget.cli.outputs import LISTED, about, aligned, check_outputs, read_input, say, write_outputs
 from distretarget.errors import counted, quoted
-from distretarget.io.motion_file import parse_motion
+from distretarget.io.input_file import InputFile
+from distretarget.io.motion_file import parse_motion, read_scene
 from distretarget.measure.figures import BY_KEY, FIGURES, Figure, figures_at
+from distretarget.motion import Motion
 from distretarget.report.clip_page import diff_page
 from distretarget.report.diff_document import DiffContact, DiffDocument, FigureValues, csv_text, document, json_text
 from distretarget.report.scene_diff_document import GAP_ERROR
@@ -49,6 +51,7 @@ def of_figure(text: str) -> tuple[str, float]:
 @click.option("-o", "--output", type=FileOrStandard(), help="The HTML report to write: one file, no network.")
 @click.option("--json", "json_path", type=FileOrStandard(), help="Write all figures to this file.")
 @click.option("--csv", "csv_path", type=FileOrStandard(), help="Write the figures to this file, a row for each frame.")
+@click.option("--clip", metavar="NAME", help="The animation of a file that has several; '#2' is the second.")
 @map_option(
     'A JSON file with {"joint of B": "joint of A"}, null for joints to leave out; the others are matched by names or '
     "shape."
@@ -69,6 +72,7 @@ def diff_command(
     output: Path | None,
     json_path: Path | None,
     csv_path: Path | None,
+    clip: str | None,
     map_path: Path | None,
     limits: tuple[tuple[str, float], ...],
     world_scale: float | None,
@@ -80,8 +84,8 @@ def diff_command(
     Their skeletons, frame times and numbers of frames may differ: A is resampled at B's frame time, and the longer clip
     is cut. - stands for standard input or output.
 
-    To compare two scenes, give two folders of BVH files, one for each performer and prop, with the same names in both,
-    or a SCENE.json for either. Each performer is measured, and the gaps in B between what touches in A.
+    To compare two scenes, give two folders with a file for each performer and prop, with the same names in both, or a
+    SCENE.json for either. Each performer is measured, and the gaps in B between what touches in A.
 
     \b
     distretarget diff walk.bvh walk_hero.bvh
@@ -91,13 +95,15 @@ def diff_command(
     """  # noqa: D301
     outputs = (output, json_path, csv_path)
     if is_scene(a) or is_scene(b):
+        if clip:
+            raise click.UsageError("--clip chooses an animation of a file; leave it out to compare two scenes.")
         account = measure_scenes(a, b, outputs, map_path, limits, world_scale, overwrite)
     else:
         if world_scale is not None or any(key == GAP_ERROR for key, _ in limits):
             option = f"--fail-over {GAP_ERROR}" if world_scale is None else "--world-scale"
             raise click.UsageError(f"{option} is for scenes; leave it out to compare two clips.")
         check_outputs(outputs, [a, b, map_path], overwrite)
-        account = _measure_clips(a, b, map_path, limits)
+        account = _measure_clips(a, b, clip, map_path, limits)
     texts = {output: account.page, json_path: lambda: json_text(account.document), csv_path: account.csv}
     write_outputs(texts, overwrite)
     for line in account.lines:
@@ -106,10 +112,12 @@ def diff_command(
         raise click.ClickException(f"{account.path}: {'; '.join(account.faults)}")
 
 
-def _measure_clips(a: Path, b: Path, map_path: Path | None, limits: tuple[tuple[str, float], ...]) -> Account:
+def _measure_clips(
+    a: Path, b: Path, clip: str | None, map_path: Path | None, limits: tuple[tuple[str, float], ...]
+) -> Account:
     """Measure clip B against clip A."""
     a_text, b_text = read_input(a), read_input(b)
-    first, second = (parse_motion(file)[0] for file in (a_text, b_text))
+    first, second = (_motion(file, clip) for file in (a_text, b_text))
     result = measure(first, second, a_text.path, b_text.path, map_path)
     figures = document(result, replace(about(Path(a_text.path), Path(b_text.path)), limits=limits))
     return Account(
@@ -120,6 +128,12 @@ def _measure_clips(a: Path, b: Path, map_path: Path | None, limits: tuple[tuple[
         lines=[*_lines(figures)],
         faults=[*over(figures["limits"])],
     )
+
+
+def _motion(file: InputFile, clip: str | None) -> Motion:
+    """The motion in a file; `clip` is for one that has several animations."""
+    several = clip and file.kind in ("glTF", "FBX") and len(read_scene(file, animated=False).animations) > 1
+    return parse_motion(file, clip if several else None)[0]
 
 
 def _lines(figures: DiffDocument) -> Iterator[str]:

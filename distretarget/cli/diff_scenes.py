@@ -69,7 +69,7 @@ def is_scene(path: Path) -> bool:
 
 
 def read_scene(path: Path) -> SceneInput:
-    """Read the scene in a file, or in a folder: its scene.json, or else all BVH files in it."""
+    """Read the scene in a file, or in a folder: its scene.json, or else all motion files in it."""
     file = path / SCENE_NAME if is_folder(path) else path
     if file == path or file.is_file():
         setup = load_scene(file)
@@ -101,7 +101,7 @@ def measure_scenes(
     """Measure scene B against scene A, after a check that the outputs can be written."""
     for path, other in ((a_path, b_path), (b_path, a_path)):
         if not is_scene(path):
-            raise FileError(path, f"is not a scene, but {str(other)!r} is; name two scenes or two BVH files")
+            raise FileError(path, f"is not a scene, but {str(other)!r} is; name two scenes or two clips")
     a, b = read_scene(a_path), read_scene(b_path)
     check_outputs(outputs, [*a.files.values(), *b.files.values(), a_path, b_path, map_path], overwrite)
     for scene, less in ((a, b), (b, a)):

@@ -13,7 +13,7 @@ import click
 from click.core import ParameterSource
 
 from distretarget.cli.outputs import QUIET, STANDARD
-from distretarget.io.gltf_writer import Animations
+from distretarget.io.gltf_animation import Mode
 from distretarget.io.motion_writer import OutputSettings
 from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME
 from distretarget.pipeline.options import CHOICES, DEFAULT_OPTIONS, Options
@@ -117,7 +117,7 @@ ENVIRONMENT_OPTION = _choice(
 STRIP_NAMESPACE_OPTION = click.option(
     "--strip-namespace",
     is_flag=True,
-    help="Write names of joints without a namespace: Hips for mixamorig:Hips, which three.js cannot play.",
+    help="In BVH, write names of joints without a namespace: Hips for mixamorig:Hips, which three.js cannot play.",
 )
 OPTIONS = (
     map_option(
@@ -171,12 +171,12 @@ def reading(command: Callable[..., None]) -> Callable[..., None]:
 def writing(command: Callable[..., None]) -> Callable[..., None]:
     """Add the options of writing to a command, which receives them as `settings`."""
 
-    def with_settings(animations: Animations, in_place: bool, **given: Any) -> None:
+    def with_settings(animations: Mode, in_place: bool, **given: Any) -> None:
         command(settings=OutputSettings(animations, in_place), **given)
 
     kept = click.option(
         "--animations",
-        type=click.Choice(get_args(Animations)),
+        type=click.Choice(get_args(Mode)),
         default="add",
         show_default=True,
         help="In a character file: whether the motion is added to the animations in it, or replaces them.",

@@ -39,8 +39,8 @@ from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import Content
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import load_map
-from distretarget.io.motion_file import parse_motion
-from distretarget.io.motion_writer import OutputSettings, content_of, output_kind
+from distretarget.io.motion_file import parse_motion, read_scene
+from distretarget.io.motion_writer import OUTPUTS, OutputSettings, content_of, output_kind
 from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.motion import Motion
 from distretarget.pipeline.options import Options
@@ -111,6 +111,7 @@ def retarget_command(
     check_outputs([output, figures, report], [source, target, map_path, rest_path], overwrite)
     started = time.perf_counter()
     source_file, target_file, map_file = read_input(source), read_input(target), load_map(map_path, rest_path)
+    _check_order(source_file, target_file, output)
     kind = "BVH" if output == STANDARD else output_kind(output, target_file)
     motion, lost = _source_motion(source_file, target_file, clip, fps)
     body = TargetFile.of(target_file)
@@ -123,7 +124,8 @@ def retarget_command(
         )
     motion, skeleton = result.motion, result.motion.skeleton
     written = replace(motion, skeleton=skeleton.without_namespaces) if strip_namespace and kind == "BVH" else motion
-    named = settings.clip(written, clip or Path(source_file.path).stem, result.world.up_vector)
+    name = clip if clip and not clip.startswith("#") else Path(source_file.path).stem
+    named = settings.clip(written, name, result.world.up_vector)
     content = bvh_parts(named.motion) if output == STANDARD else content_of(output, named, body, settings)
     seconds = reading + time.perf_counter() - started
     contents: dict[Path | None, Callable[[], Content]] = {
@@ -144,17 +146,33 @@ def retarget_command(
     say(summary_line(result, seconds))
 
 
+def _check_order(source: InputFile, target: InputFile, output: Path) -> None:
+    """Raise a FileError if the character that is to be written comes first."""
+    is_character = OUTPUTS.get(output.suffix.lower()) == "character"
+    if is_character and source.kind == "glTF" and target.kind in ("BVH", "FBX"):
+        swapped = f"distretarget {argument(target.path)} {argument(source.path)} -o {argument(output)}"
+        why = f"is {target.kind} and cannot be written as {output.suffix}"
+        raise FileError(target.path, f"{why}; if {str(source.path)!r} is the target, it comes last: {swapped}")
+
+
 def _source_motion(
     source: InputFile, target: InputFile, clip: str | None, fps: float | None
 ) -> tuple[Motion, tuple[str, ...]]:
     """The motion of the source, and what is left out; an error says so if source and target are swapped."""
-    swapped = f"distretarget {argument(target.path)} {argument(source.path)} -o OUT.bvh"
+    usual = ".glb" if source.kind == "glTF" else ".bvh"
+    swapped = f"distretarget {argument(target.path)} {argument(source.path)} -o OUT{usual}"
     order = f"if it is the target, it comes last: {swapped}"
     if source.kind == "skeleton":
         raise FileError(source.path, f"is a skeleton file, which has no motion, expected a motion as SOURCE; {order}")
     if source.kind == target.kind == "BVH" and declared_frames(source.text) == 0 and declared_frames(target.text):
         raise FileError(source.path, f"has no frames, expected a BVH file with motion as SOURCE; {order}")
-    return parse_motion(source, clip, fps)
+    try:
+        return parse_motion(source, clip, fps)
+    except FileError:
+        is_character = source.kind in ("glTF", "FBX") and target.kind != "skeleton"
+        if is_character and not read_scene(source, animated=False).animations:
+            raise FileError(source.path, f"has no animation, expected a motion as SOURCE; {order}") from None
+        raise
 
 
 def _account(result: RetargetResult) -> Iterator[str]:

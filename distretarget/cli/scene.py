@@ -34,7 +34,7 @@ from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup
     "targets",
     multiple=True,
     type=PATH,
-    help="A performer's body, a skeleton file or any BVH file: once for all, or once for each performer in order.",
+    help="A performer's body, a character or a skeleton file: once for all, or once for each performer in order.",
 )
 @click.option("-o", "--output", required=True, type=PATH, help="The folder to write to.")
 @OVERWRITE_OPTION

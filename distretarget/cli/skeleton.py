@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Iterator
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -48,10 +49,10 @@ def skeleton_group() -> None:
 @skeleton_group.command("show")
 @click.argument("file", type=FileOrStandard())
 def show_command(file: Path) -> None:
-    """Print the tree of FILE, a BVH or skeleton file, with its bone lengths.
+    """Print the tree of joints of FILE, a character, BVH or skeleton file, with its bone lengths.
 
     \b
-    distretarget skeleton show walk.bvh
+    distretarget skeleton show hero.glb
     """  # noqa: D301
     skeleton = _target_in(read_input(file))[1].skeleton
     unit = f" {skeleton.units}" if skeleton.units else ""
@@ -162,7 +163,7 @@ def match_command(
 ) -> None:
     """Print which joint of SOURCE drives which joint of TARGET, and write it as a map to edit.
 
-    Both are BVH or skeleton files. The method says how a pair was found: by a map, by equal names, by names or shape
+    Both may be files of any kind. The method says how a pair was found: by a map, by equal names, by names or shape
     (both joints are the same part of the body, by their names or by their place in it), or as tips of matched joints.
     If source and target have different numbers of joints in the spine or neck, a target joint may blend two source
     joints.
@@ -206,8 +207,9 @@ def _target_in(file: InputFile) -> tuple[str, Target]:
 
 def _body_in(file: InputFile) -> Body:
     """The body in a file that is a source: as its motion shows it, or of a file without one as it rests."""
-    if file.kind == "BVH":
-        return Body.of_motion(parse_motion(file)[0])
+    if file.kind != "skeleton":
+        with contextlib.suppress(FileError):  # no animation, or several
+            return Body.of_motion(parse_motion(file)[0])
     return Body.of(_target_in(file)[1].skeleton)
 
 

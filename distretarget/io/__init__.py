@@ -1,1 +1,1 @@
-"""Files: BVH, target skeletons and joint maps. Errors name the place of a fault; files are written whole or not."""
+"""Files: BVH, glTF, VRM, FBX, skeletons and joint maps. Errors name the place of a fault; files are written whole."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -54,12 +55,30 @@ def bvh_parts(motion: Motion, mapper: Callable[..., Iterable[str]] = map) -> Ite
     check_kind("motion", motion, Motion)
     if motion.skeleton.looks_back:
         motion = motion.turned_round()  # as readers of BVH expect it
+    motion = _with_channels(motion)
     head = [f"Frames: {len(motion)}", f"Frame Time: {motion.frame_time_text}"]
     lines = [*_hierarchy_lines(motion.skeleton), "MOTION", *head]
     decimals = _decimals(motion.skeleton)
     values = _channel_values(motion, decimals)
     blocks = [values[first : first + TEXT_FRAMES] for first in range(0, len(values), TEXT_FRAMES)]
     return itertools.chain(["\n".join([*lines, ""])], mapper(rows_text, blocks, itertools.repeat(decimals)))
+
+
+def _with_channels(motion: Motion) -> Motion:
+    """The motion with a channel for each position of a joint that changes."""
+    if motion.moving is None:
+        return motion
+    channels = list(motion.skeleton.channels)
+    offsets = motion.skeleton.offsets[motion.moving.joints]
+    changing = (motion.moving.translations != offsets).any(axis=0)
+    for joint, axes in zip(motion.moving.joints.tolist(), changing, strict=True):
+        if motion.skeleton.end_sites[joint]:
+            continue
+        missing = [each for each, moves in zip(POSITION_CHANNELS, axes, strict=True) if moves]
+        channels[joint] = (*(each for each in missing if each not in channels[joint]), *channels[joint])
+    if tuple(channels) == motion.skeleton.channels:
+        return motion
+    return replace(motion, skeleton=replace(motion.skeleton, channels=tuple(channels)))
 
 
 def _hierarchy_lines(skeleton: Skeleton) -> Iterator[str]:

@@ -19,9 +19,10 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.errors import FileError, SkeletonFileError
+from distretarget.errors import FileError, SkeletonFileError, cut
 from distretarget.io.files import read_bytes
-from distretarget.io.json_node import Fields, Node, parse_json
+from distretarget.io.json_node import Fields, Node, field_place, parse_json
+from distretarget.numerics.compiled import read_only
 
 Array = NDArray[np.float64]
 Dtype = np.dtype[np.integer] | np.dtype[np.floating]
@@ -41,8 +42,26 @@ COMPONENTS: dict[int, Dtype] = {  # of accessors, by the number that stands for 
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 LARGEST_OF = {5120: 127, 5121: 255, 5122: 32767, 5123: 65535, 5125: 2**32 - 1}  # that stands for 1 if normalized
 INDICES = (5121, 5123, 5125)  # components of the indices of sparse accessors
-MOST_ENTRIES = 65536  # longest list of nodes, accessors and the like that is read
+FREE_NUMBERS = 4_000_000  # so many numbers may a file refer to, however small it is
+PER_BYTE = 2  # so many numbers may it refer to for each of its bytes: channels share accessors
 DATA_URI = "data:"
+
+
+@dataclass(eq=False)
+class _Read:
+    """What of a file has been read already.
+
+    Attributes:
+        entries: of lists, by list and number.
+        accessors: the numbers of accessors, by number and kind.
+        buffers: the content of buffers, by number.
+        numbers: how many numbers all references to accessors had that were followed.
+    """
+
+    entries: dict[tuple[str, int], Fields] = field(default_factory=dict)
+    accessors: dict[tuple[int, str], Array] = field(default_factory=dict)
+    buffers: dict[int, memoryview] = field(default_factory=dict)
+    numbers: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,15 +95,12 @@ class Gltf:
         asset = document["asset"].entries(dotted) if "asset" in document else Fields()
         version = asset.read("version", Node.text, "")
         if version.partition(".")[0] != "2":
-            raise SkeletonFileError(self.path, "asset.version", f"expected glTF 2.0, found {version or 'none'!r}")
+            raise SkeletonFileError(self.path, "asset.version", f"expected glTF 2.0, found {cut(version) or 'none'!r}")
         return document
 
     def entries(self, key: str) -> list[Node]:
         """The entries of a list of the document; empty without it."""
-        entries = self.document.listed(key)
-        if len(entries) > MOST_ENTRIES:
-            self.document[key].expected(f"at most {MOST_ENTRIES} entries")
-        return entries
+        return self.document.listed(key)
 
     @cached_property
     def _lists(self) -> dict[str, list[Node]]:
@@ -92,8 +108,15 @@ class Gltf:
 
     def entry(self, key: str, reference: Node) -> Fields:
         """The values of the entry of a list that a reference, an index, leads to."""
-        entries = self._lists[key]
-        return entries[self.index(key, reference)].entries(dotted)
+        number = self.index(key, reference)
+        read = self._read.entries
+        if (key, number) not in read:
+            read[key, number] = self._lists[key][number].entries(dotted)
+        return read[key, number]
+
+    @cached_property
+    def _read(self) -> _Read:
+        return _Read()
 
     def index(self, key: str, reference: Node) -> int:
         """The index in a reference to an entry of a list."""
@@ -109,20 +132,32 @@ class Gltf:
                 that are not finite.
         """
         fields = self.entry("accessors", reference)
-        place = self._lists["accessors"][self.index("accessors", reference)]
+        accessor = self.index("accessors", reference)
+        place = self._lists["accessors"][accessor]
         if fields.read("type", Node.text, "") != kind:
             place.fail(f"expected type {kind}")
         component = _component(place, fields, components)
-        count = _required(place, fields, "count", whole)
-        width, dtype = WIDTHS[kind], COMPONENTS[component]
+        count = required(place, fields, "count", whole)
+        width = WIDTHS[kind]
         if count * width > self.size:
             fields["count"].expected(f"no more numbers than the file has bytes, {self.size}")
+        read = self._read
+        read.numbers += count * width
+        if read.numbers > max(PER_BYTE * self.size, FREE_NUMBERS):
+            place.fail("is referred to too often for a file of this size")
+        if (accessor, kind) not in read.accessors:
+            read.accessors[accessor, kind] = read_only(self._numbers(place, fields, kind, count, component))
+        return read.accessors[accessor, kind]
+
+    def _numbers(self, place: Node, fields: Fields, kind: str, count: int, component: int) -> Array:
+        width, dtype = WIDTHS[kind], COMPONENTS[component]
         raw: NDArray[np.generic] = np.zeros((count, width), dtype)
         if "bufferView" in fields:
             raw = self._view(fields["bufferView"], _offset(fields), count, width, dtype, place)
         if "sparse" in fields:
             raw = self._sparse(fields["sparse"], raw.copy(), dtype)
-        numbers = raw.astype(np.float64)
+        with np.errstate(invalid="ignore"):  # of numbers that are not finite
+            numbers = raw.astype(np.float64)
         if dtype.kind != "f" and fields.read("normalized", Node.flag, False):
             numbers = np.maximum(numbers / LARGEST_OF[component], -1.0)
         if not np.isfinite(numbers).all():
@@ -132,16 +167,16 @@ class Gltf:
     def _sparse(self, sparse: Node, raw: NDArray[np.generic], dtype: Dtype) -> NDArray[np.generic]:
         """Numbers with those replaced that a sparse accessor lists."""
         fields = sparse.entries(dotted)
-        count = _required(sparse, fields, "count", whole)
-        indices, values = (_required(sparse, fields, key, lambda node: node) for key in ("indices", "values"))
+        count = required(sparse, fields, "count", whole)
+        indices, values = (required(sparse, fields, key, lambda node: node) for key in ("indices", "values"))
         parts = indices.entries(dotted)
         index_type = COMPONENTS[_component(indices, parts, INDICES)]
-        view = _required(indices, parts, "bufferView", lambda node: node)
+        view = required(indices, parts, "bufferView", lambda node: node)
         places = self._view(view, _offset(parts), count, 1, index_type, indices)[:, 0].astype(np.intp)
         if len(places) and places.max() >= len(raw):
             indices.fail(f"has the index {places.max()}; the accessor has {len(raw)} elements")
         parts = values.entries(dotted)
-        view = _required(values, parts, "bufferView", lambda node: node)
+        view = required(values, parts, "bufferView", lambda node: node)
         raw[places] = self._view(view, _offset(parts), count, raw.shape[1], dtype, values)
         return raw
 
@@ -153,8 +188,8 @@ class Gltf:
         if "extensions" in view and "EXT_meshopt_compression" in view["extensions"].entries(dotted):
             place.fail("is compressed by meshopt, which is not read for joints and animations; export it uncompressed")
         at = self._lists["bufferViews"][self.index("bufferViews", reference)]
-        buffer = self._buffer(_required(at, view, "buffer", lambda node: node))
-        start, length = _offset(view), _required(at, view, "byteLength", whole)
+        buffer = self._buffer(required(at, view, "buffer", lambda node: node))
+        start, length = _offset(view), required(at, view, "byteLength", whole)
         if start + length > len(buffer):
             at.fail(f"ends at byte {start + length}; its buffer has {len(buffer)}")
         row = width * dtype.itemsize
@@ -166,13 +201,15 @@ class Gltf:
 
     def _buffer(self, reference: Node) -> memoryview:
         """The content of a buffer."""
-        number = self.index("buffers", reference)
-        return self._buffer_at(number)
+        number, read = self.index("buffers", reference), self._read
+        if number not in read.buffers:
+            read.buffers[number] = self._buffer_at(number)
+        return read.buffers[number]
 
     def _buffer_at(self, number: int) -> memoryview:
         place = self._lists["buffers"][number]
         fields = place.entries(dotted)
-        length = _required(place, fields, "byteLength", whole)
+        length = required(place, fields, "byteLength", whole)
         content = self._content(number, place, fields)
         if len(content) < length:
             place.fail(f"has {len(content)} of the {length} bytes that it should have: the file is cut or incomplete")
@@ -188,7 +225,7 @@ class Gltf:
         if uri.startswith(DATA_URI):
             return memoryview(_decoded(fields["uri"], uri))
         if uri not in self.beside:
-            fields["uri"].fail(f"there is no file {uri!r} beside it")
+            fields["uri"].fail(f"there is no file {cut(uri)!r} beside it")
         return memoryview(self.beside[uri])
 
     @property
@@ -201,7 +238,9 @@ class Gltf:
     @cached_property
     def size(self) -> int:
         """The size of the file and those that it names [bytes]."""
-        return sum(len(content) for _, content in self.chunks) + sum(map(len, self.beside.values()))
+        return sum(len(content) for _, content in self.chunks) + sum(
+            map(len, {id(content): content for content in self.beside.values()}.values())
+        )
 
 
 def parse_gltf(content: bytes, path: str | Path, beside: Mapping[str, bytes] | None = None) -> Gltf:
@@ -247,12 +286,16 @@ def read_beside(content: bytes, path: str | Path) -> dict[str, bytes]:
         FileError: a file is missing or cannot be read.
     """
     found: dict[str, bytes] = {}
+    contents: dict[Path, bytes] = {}  # by path, as several names may lead to one file
     folder = Path(path).parent
     for place in parse_gltf(content, path).entries("buffers"):
         fields = place.entries(dotted)
         uri = fields.read("uri", Node.text, "")
         if uri and not uri.startswith(DATA_URI) and uri not in found:
-            found[uri] = read_bytes(inside(fields["uri"], folder, uri))
+            place_of = inside(fields["uri"], folder, uri)
+            if place_of.resolve() not in contents:
+                contents[place_of.resolve()] = read_bytes(place_of)
+            found[uri] = contents[place_of.resolve()]
     return found
 
 
@@ -261,13 +304,13 @@ def inside(place: Node, folder: Path, uri: str) -> Path:
     name = unquote(uri)
     path = Path(name)
     if ":" in name or "\\" in name or "\0" in name or path.is_absolute() or ".." in path.parts:
-        place.fail(f"leads to {name!r}; expected a file in the folder of the .gltf file")
+        place.fail(f"leads to {cut(name)!r}; expected a file in the folder of the .gltf file")
     try:
         inside = (folder / path).resolve().is_relative_to(folder.resolve())
     except (OSError, ValueError, RuntimeError):
         inside = False
     if not inside:
-        place.fail(f"{name!r} leads out of the folder by a link")
+        place.fail(f"{cut(name)!r} leads out of the folder by a link")
     return folder / path
 
 
@@ -284,7 +327,7 @@ def _decoded(place: Node, uri: str) -> bytes:
 
 def dotted(place: str, key: str) -> str:
     """Return the place of a key of an object."""
-    return f"{place}.{key}".lstrip(".")
+    return field_place(place, key)
 
 
 def whole(node: Node, most: int = 2**53, key: str = "") -> int:
@@ -300,13 +343,14 @@ def _offset(fields: Fields) -> int:
 
 
 def _component(place: Node, fields: Fields, known: tuple[int, ...]) -> int:
-    component = _required(place, fields, "componentType", whole)
+    component = required(place, fields, "componentType", whole)
     if component not in known:
         fields["componentType"].expected(f"one of {', '.join(map(str, known))}")
     return component
 
 
-def _required(place: Node, fields: Fields, key: str, read: Callable[[Node], Value]) -> Value:
+def required(place: Node, fields: Fields, key: str, read: Callable[[Node], Value]) -> Value:
+    """Return what `read` makes of the value at a key of an entry, or raise a SkeletonFileError if it lacks the key."""
     if key not in fields:
         place.fail(f'has no "{key}"')
     return read(fields[key])

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
-from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.character.nodes import Animation, Nodes, Scene, Skin, choose_animation
@@ -15,6 +15,7 @@ from distretarget.errors import SkeletonFileError
 from distretarget.io.gltf import Gltf, dotted, whole
 from distretarget.io.json_node import Fields, Node
 from distretarget.numerics.rotations import nearest_rotations
+from distretarget.skeleton import LARGEST, SMALLEST
 
 Array = NDArray[np.float64]
 
@@ -22,6 +23,7 @@ REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale
 KINDS = {"translation": "VEC3", "rotation": "VEC4", "scale": "VEC3"}  # of the outputs of animations
 FLOATS, SIGNED = (5126,), (5126, 5120, 5121, 5122, 5123)  # components of key times; of keys
 
+COMPRESSIONS = {"KHR_draco_mesh_compression": "Draco", "EXT_meshopt_compression": "meshopt"}
 # The extensions with a humanoid: of VRM 1.0, VRM animations, and VRM 0.
 HUMANOIDS = ("VRMC_vrm", "VRMC_vrm_animation", "VRM")
 VRM_0_THUMBS = {"ThumbProximal": "ThumbMetacarpal", "ThumbIntermediate": "ThumbProximal"}  # VRM 1.0's names of them
@@ -35,68 +37,70 @@ def gltf_scene(gltf: Gltf, clip: str | None = None, fps: float | None = None, an
         FileError, SkeletonFileError: the file is not valid, or has no such animation.
     """
     nodes = _nodes(gltf)
-    names = tuple(entry.entries(dotted).read("name", Node.text, "") for entry in gltf.entries("animations"))
+    names = animation_names(gltf)
     chosen = choose_animation(gltf.path, names, clip) if animated else None
     animation = None if chosen is None else _animation(gltf, chosen, names[chosen], fps)
     extensions = gltf.document.read("extensions", lambda node: node.entries(dotted), Fields())
     is_vrm_0 = next((key for key in HUMANOIDS if key in extensions), "") == "VRM"
-    return Scene(gltf.path, nodes, _skins(gltf), _humanoid(gltf), names, animation, is_vrm_0)
+    notes = () if animated else tuple(_compression(gltf))
+    return Scene(gltf.path, nodes, _skins(gltf), _humanoid(gltf), names, animation, is_vrm_0, notes)
+
+
+def _compression(gltf: Gltf) -> Iterator[str]:
+    """A line for each compression of the mesh."""
+    used = [node.text() for node in gltf.document.listed("extensionsUsed")]
+    yield from (
+        f"its mesh is compressed by {name}: it stays as it is in the result, but its skin is not read"
+        for extension, name in COMPRESSIONS.items()
+        if extension in used
+    )
+
+
+def animation_names(gltf: Gltf) -> tuple[str, ...]:
+    """Return the names of the animations in a file; they may be empty or the same."""
+    return tuple(entry.entries(dotted).read("name", Node.text, "") for entry in gltf.entries("animations"))
 
 
 def _nodes(gltf: Gltf) -> Nodes:
     entries = gltf.entries("nodes")
-    fields = [entry.entries(dotted) for entry in entries]
-    transforms = [_transform(entry, values) for entry, values in zip(entries, fields, strict=True)]
-    translations, rotations, scales = zip(*transforms, strict=True) if transforms else ((), (), ())
-    return Nodes(
-        names=tuple(values.read("name", Node.text, "") for values in fields),
-        parents=_parents(gltf, entries, fields),
-        translations=np.array(translations).reshape(-1, 3),
-        rotations=np.array(rotations).reshape(-1, 4),
-        scales=np.array(scales).reshape(-1, 3),
-    )
+    names, children = [], []
+    translations, rotations, scales = (np.empty((len(entries), len(rest))) for rest in REST.values())
+    for number, entry in enumerate(entries):
+        fields = entry.entries(dotted)
+        translations[number], rotations[number], scales[number] = _transform(entry, fields)
+        names.append(fields.read("name", Node.text, ""))
+        children.append([gltf.index("nodes", child) for child in fields.listed("children")])
+    return Nodes(tuple(names), _parents(gltf, children), translations, rotations, scales)
 
 
-def _parents(gltf: Gltf, entries: list[Node], fields: list[Fields]) -> NDArray[np.intp]:
-    parents = np.full(len(entries), -1)
-    for number, values in enumerate(fields):
-        for child in values.listed("children"):
-            index = gltf.index("nodes", child)
-            if parents[index] >= 0:
-                child.fail(f"nodes[{index}] is a child of nodes[{parents[index]}] already")
-            parents[index] = number
+def _parents(gltf: Gltf, children: list[list[int]]) -> NDArray[np.intp]:
+    parents = np.full(len(children), -1)
+    for number, below in enumerate(children):
+        for place, child in enumerate(below):
+            if parents[child] >= 0:
+                node = gltf.entries("nodes")[number].entries(dotted).listed("children")[place]
+                node.fail(f"nodes[{child}] is a child of nodes[{parents[child]}] already")
+            parents[child] = number
     above = parents.copy()  # follow all lines upwards at once; each step doubles their length
-    for _ in range(len(entries).bit_length() + 1):
+    for _ in range(len(parents).bit_length() + 1):
         above = np.where(above >= 0, above[above], -1)
-    if circle := np.flatnonzero(above >= 0).tolist():
-        number = next(n for n in circle if _is_above_itself(n, parents))
-        raise SkeletonFileError(gltf.path, f"nodes[{number}].children", "lead back to the node itself")
+    if (above >= 0).any():  # all of these are in a circle
+        raise SkeletonFileError(gltf.path, f"nodes[{above[above >= 0].min()}].children", "lead back to the node itself")
     return parents
 
 
-def _is_above_itself(number: int, parents: NDArray[np.intp]) -> bool:
-    seen, node = set(), parents.item(number)
-    while node >= 0 and node not in seen and node != number:
-        seen.add(node)
-        node = parents.item(node)
-    return node == number
-
-
-def _transform(entry: Node, fields: Fields) -> tuple[list[float], list[float], list[float]]:
+def _transform(entry: Node, fields: Fields) -> tuple[ArrayLike, ArrayLike, ArrayLike]:
     """Translation, rotation and scale of a node, from these or its matrix."""
     if "matrix" in fields:
-        matrix = np.array(_floats(fields["matrix"], 16)).reshape(4, 4).T
-        translation, rotation, scale = decomposed(matrix)
-        if not np.isfinite(matrix).all() or not scale.all():
-            fields["matrix"].fail("has an axis of length 0")
-        return translation.tolist(), rotation.tolist(), scale.tolist()
-    translation, rotation, scale = (
-        np.array(_floats(fields[key], len(rest)) if key in fields else rest) for key, rest in REST.items()
-    )
-    length = np.linalg.norm(rotation)
-    if not length > 0:
+        translation, rotation, scale = decomposed(np.array(_floats(fields["matrix"], 16)).reshape(4, 4).T)
+        if not ((np.abs(scale) >= SMALLEST) & (np.abs(scale) <= LARGEST)).all():
+            fields["matrix"].fail(f"has an axis of length 0, or longer than {LARGEST:g}")
+        return translation, rotation, scale
+    shift, turn, size = (_floats(fields[key], len(rest)) if key in fields else rest for key, rest in REST.items())
+    length = math.hypot(*turn)
+    if not length >= SMALLEST:
         entry.fail("has a rotation of length 0")
-    return translation.tolist(), (rotation / length).tolist(), scale.tolist()
+    return shift, [number / length for number in turn], size
 
 
 def decomposed(matrix: Array) -> tuple[Array, Array, Array]:
@@ -109,7 +113,14 @@ def decomposed(matrix: Array) -> tuple[Array, Array, Array]:
     return matrix[:3, 3], Rotation.from_matrix(nearest_rotations(axes[None])[0]).as_quat(), scale
 
 
+def _is_usual(number: object) -> bool:
+    return isinstance(number, float) and abs(number) <= LARGEST
+
+
 def _floats(node: Node, count: int) -> list[float]:
+    found = node.value
+    if isinstance(found, list) and len(found) == count and all(map(_is_usual, found)):
+        return found
     numbers = node.items()
     if len(numbers) != count:
         node.expected(f"a list of {count} numbers")
@@ -123,20 +134,26 @@ def _skins(gltf: Gltf) -> tuple[Skin, ...]:
         fields = entry.entries(dotted)
         if "skin" in fields:
             shown.setdefault(gltf.index("skins", fields["skin"]), []).append(number)
-    return tuple(_skin(gltf, entry, tuple(shown.get(n, ()))) for n, entry in enumerate(gltf.entries("skins")))
+    binds: dict[int, Array] = {}
+    return tuple(_skin(gltf, entry, tuple(shown.get(n, ())), binds) for n, entry in enumerate(gltf.entries("skins")))
 
 
-def _skin(gltf: Gltf, entry: Node, meshes: tuple[int, ...]) -> Skin:
+def _skin(gltf: Gltf, entry: Node, meshes: tuple[int, ...], binds: dict[int, Array]) -> Skin:
+    """A skin; `binds` keeps the inverse bind matrices of each accessor, which skins may share."""
     fields = entry.entries(dotted)
-    joints = [gltf.index("nodes", node) for node in fields.listed("joints")]
-    if not joints:
+    joints = np.array([gltf.index("nodes", node) for node in fields.listed("joints")])
+    if not len(joints):
         entry.fail("has no joints")
     if "inverseBindMatrices" not in fields:
-        return Skin(np.array(joints), None, meshes)
-    matrices = gltf.numbers(fields["inverseBindMatrices"], "MAT4", FLOATS)
-    if len(matrices) < len(joints):
-        fields["inverseBindMatrices"].fail(f"{len(matrices)} matrices for {len(joints)} joints")
-    return Skin(np.array(joints), matrices[: len(joints)].reshape(-1, 4, 4).transpose(0, 2, 1), meshes)
+        return Skin(joints, None, meshes)
+    accessor = gltf.index("accessors", fields["inverseBindMatrices"])
+    if accessor not in binds:
+        numbers = gltf.numbers(fields["inverseBindMatrices"], "MAT4", FLOATS)
+        binds[accessor] = numbers.reshape(-1, 4, 4).transpose(0, 2, 1).copy()
+        binds[accessor][:, 3] = 0.0, 0.0, 0.0, 1.0  # as the specification demands
+    if len(binds[accessor]) < len(joints):
+        fields["inverseBindMatrices"].fail(f"{len(binds[accessor])} matrices for {len(joints)} joints")
+    return Skin(joints, binds[accessor][: len(joints)], meshes)
 
 
 def _humanoid(gltf: Gltf) -> Mapping[str, int]:
@@ -202,8 +219,8 @@ def _curve(gltf: Gltf, sampler: Node, path: str) -> Curve:
     each = 3 if interpolation == "CUBICSPLINE" else 1
     if not len(times) or len(keys) != each * len(times):
         fields["output"].fail(f"{len(keys)} values for {len(times)} keys; expected {each * max(len(times), 1)}")
-    if any(later < earlier for earlier, later in pairwise(times.tolist())):
+    if (times[1:] < times[:-1]).any():
         fields["input"].fail("the times of keys go back")
-    if path == "rotation" and not (np.linalg.norm(keys[each // 2 :: each], axis=1) > 0).all():
+    if path == "rotation" and not (np.linalg.norm(keys[each // 2 :: each], axis=1) >= SMALLEST).all():
         fields["output"].fail("has a rotation of length 0")
     return Curve(times, keys.reshape(len(times), each, -1), interpolation)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from distretarget.io.files import hash_of, read_bytes, text_of
-from distretarget.io.gltf import MAGIC, read_beside
+from distretarget.io.gltf import MAGIC, Gltf, parse_gltf, read_beside
 
 Kind = Literal["BVH", "skeleton", "glTF", "FBX"]
 
@@ -53,6 +53,15 @@ class InputFile:
         if self.content.lstrip(b"\xef\xbb\xbf\xff\xfe \t\r\n\0")[:1] in (b"{", b"["):
             return "glTF" if suffix == ".gltf" or GLTF_ASSET.search(self.content) else "skeleton"
         return KINDS.get(suffix, "BVH")
+
+    def __reduce__(self) -> tuple[type[InputFile], tuple[bytes, str | Path, Mapping[str, bytes]]]:
+        """What goes to a worker: what was read, not what was made of it."""
+        return InputFile, (self.content, self.path, dict(self.beside))
+
+    @cached_property
+    def gltf(self) -> Gltf:
+        """The file as glTF; errors as in `parse_gltf`."""
+        return parse_gltf(self.content, self.path, self.beside)
 
     @cached_property
     def text(self) -> str:

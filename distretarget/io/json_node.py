@@ -2,20 +2,36 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
-from distretarget.errors import SkeletonFileError, closest, entry_place, quoted
+from distretarget.errors import SkeletonFileError, closest, cut, entry_place, quoted
 from distretarget.io.bvh import is_name
 from distretarget.skeleton import LARGEST, SMALLEST
 
 Value = TypeVar("Value")
 
+MOST_ENTRIES = 65536  # of a list or object that is read
 INVALID_SURROGATES = re.compile(r"[\ud800-\udc7f\udd00-\udfff]")  # the others hold bytes that are not valid UTF-8
+
+
+@contextmanager
+def without_collection() -> Iterator[None]:
+    """Make many objects without looking for garbage among them, which takes most of the time of reading JSON."""
+    was_collecting = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_collecting:
+            gc.enable()
 
 
 def parse_json(path: str | Path, text: str) -> Node:
@@ -24,7 +40,8 @@ def parse_json(path: str | Path, text: str) -> Node:
     All numbers become floats, since Python refuses to read integers of too many digits.
     """
     try:
-        return Node(path, "", json.loads(text, object_pairs_hook=tuple, parse_int=float))
+        with without_collection():
+            return Node(path, "", json.loads(text, object_pairs_hook=tuple, parse_int=shared_float))
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
         raise SkeletonFileError(path, place, f"is not valid JSON: {error.msg}") from None
@@ -32,7 +49,13 @@ def parse_json(path: str | Path, text: str) -> Node:
         raise SkeletonFileError(path, "", "is nested too deeply") from None
 
 
-@dataclass(frozen=True)
+@lru_cache(maxsize=65536)
+def shared_float(digits: str) -> float:
+    """Return the value of a whole number; one float for all that are the same, as files have many."""
+    return float(digits)
+
+
+@dataclass(frozen=True, slots=True)
 class Node:
     """A JSON value and its place in the file; objects are tuples of (key, value), lists are lists."""
 
@@ -52,6 +75,7 @@ class Node:
         """Return the values of an object by key, each with the place `place_of(self.place, key)`."""
         if not isinstance(self.value, tuple):
             self.expected("an object")
+        self._check_length(self.value)
         nodes = Fields()
         for key, value in self.value:
             node = Node(self.path, place_of(self.place, key), value)
@@ -62,7 +86,7 @@ class Node:
 
     def fields(self, required: Sequence[str], optional: Sequence[str] = ()) -> Fields:
         """Return the values of an object by key; all other keys are errors."""
-        fields = self.entries(_field_place)
+        fields = self.entries(field_place)
         for key, node in fields.items():
             if key not in (*required, *optional):
                 node.fail(f"unknown key; {closest(key, (*required, *optional))}")
@@ -73,7 +97,7 @@ class Node:
 
     def check_header(self, **header: object) -> None:
         """Check that an object has these values at these keys, such as its format and version."""
-        fields = self.entries(_field_place)
+        fields = self.entries(field_place)
         for key, known in header.items():
             if key not in fields:
                 self.fail(f'has no "{key}"; expected "{key}": {json.dumps(known)}')
@@ -84,7 +108,12 @@ class Node:
         """Return the values of a list."""
         if not isinstance(self.value, list):
             self.expected("a list")
+        self._check_length(self.value)
         return [Node(self.path, f"{self.place}[{i}]", value) for i, value in enumerate(self.value)]
+
+    def _check_length(self, entries: Sequence[object]) -> None:
+        if len(entries) > MOST_ENTRIES:
+            self.fail(f"expected at most {MOST_ENTRIES} entries, found {len(entries)}")
 
     def text(self) -> str:
         if not isinstance(self.value, str):
@@ -138,9 +167,10 @@ class Fields(dict[str, Node]):
         return self[key].items() if key in self else []
 
 
-def _field_place(place: str, key: str) -> str:
-    """The place of a key that the format defines."""
-    return f"{place}.{key}".lstrip(".") if key.isidentifier() else entry_place(place, key)
+def field_place(place: str, key: str) -> str:
+    """Return the place of a key that the format defines."""
+    named = key.isidentifier() and cut(key) == key
+    return f"{place}.{key}".lstrip(".") if named else entry_place(place, key)
 
 
 def described(value: object) -> str:

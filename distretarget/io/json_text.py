@@ -7,8 +7,10 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+from distretarget.io.json_node import shared_float
+
 BLANK = re.compile(r"[ \t\n\r]*")
-DECODER = json.JSONDecoder()
+DECODER = json.JSONDecoder(parse_int=shared_float)  # Python refuses to read integers of too many digits
 
 
 class Member(NamedTuple):

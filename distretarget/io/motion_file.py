@@ -13,7 +13,6 @@ from distretarget.checks import check_kind, check_number
 from distretarget.errors import DistretargetError, FileError, SkeletonError
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.fbx import parse_fbx
-from distretarget.io.gltf import parse_gltf
 from distretarget.io.gltf_scene import gltf_scene
 from distretarget.io.input_file import InputFile, load_file
 from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME, Motion
@@ -77,7 +76,7 @@ def read_scene(file: InputFile, clip: str | None = None, fps: float | None = Non
     """Return the nodes, skins and an animation of a glTF or FBX file; without it if not `animated`."""
     if file.kind == "FBX":
         return parse_fbx(file.content, file.path, clip, fps, animated)
-    return gltf_scene(parse_gltf(file.content, file.path, file.beside), clip, fps, animated)
+    return gltf_scene(file.gltf, clip, fps, animated)
 
 
 def _character(scene: Scene) -> Character:

@@ -16,9 +16,10 @@ from distretarget.checks import check_choice, check_kind
 from distretarget.errors import FileError, MotionError
 from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import read_bytes, write_whole
-from distretarget.io.gltf import inside, parse_gltf
+from distretarget.io.gltf import inside
+from distretarget.io.gltf_animation import Mode
 from distretarget.io.gltf_scene import gltf_scene
-from distretarget.io.gltf_writer import Animations, Parts, animated
+from distretarget.io.gltf_writer import Parts, animated
 from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Node
 from distretarget.io.target_file import CharacterTarget, TargetFile
@@ -47,7 +48,8 @@ def output_kind(path: str | Path, target: InputFile | None) -> OutputKind:
     if suffix == ".fbx":
         raise FileError(path, NO_FBX)
     if suffix not in OUTPUTS:
-        better = Path(path).with_suffix(".bvh") if Path(path).name else ".bvh"
+        usual = ".glb" if target and target.kind == "glTF" else ".bvh"
+        better = Path(path).with_suffix(usual) if Path(path).name else usual
         endings = ", ".join(OUTPUTS)
         raise FileError(path, f"the ending says what to write; expected one of {endings}, such as {str(better)!r}")
     kind = OUTPUTS[suffix]
@@ -74,7 +76,7 @@ def suffix_of(target: TargetFile, kind: str | None = None) -> str:
 
 
 def _is_vrm(file: InputFile) -> bool:
-    extensions = parse_gltf(file.content, file.path).document.get("extensions")
+    extensions = file.gltf.document.get("extensions")
     return extensions is not None and bool({"VRM", "VRMC_vrm"} & extensions.entries().keys())
 
 
@@ -84,7 +86,7 @@ def write_motion(
     character: str | Path | None = None,
     *,
     name: str | None = None,
-    animations: Animations = "add",
+    animations: Mode = "add",
     in_place: bool = False,
     overwrite: bool = False,
 ) -> None:
@@ -128,7 +130,7 @@ class OutputSettings:
     root's path along the floor is left out.
     """
 
-    animations: Animations = "add"
+    animations: Mode = "add"
     in_place: bool = False
 
     def clip(self, motion: Motion, name: str, up: Array | None = None) -> NamedClip:
@@ -172,13 +174,12 @@ def character_animation(target: TargetFile, clip: NamedClip) -> Animation:
     return replace(character.animation(motion, clip.name), extras=clip.extras)
 
 
-def with_animations(path: str | Path, target: TargetFile, animations: Sequence[Animation], mode: Animations) -> Parts:
+def with_animations(path: str | Path, target: TargetFile, animations: Sequence[Animation], mode: Mode) -> Parts:
     """Return the content of a character's file with animations, in parts, for a file of this name: a GLB, or JSON for
     .gltf. What its buffers and images are in is put into it, unless it is a .gltf file in the same folder.
     """
     assert target.file is not None
     file = target.file
-    gltf = parse_gltf(file.content, file.path, file.beside)
     as_binary = Path(path).suffix.lower() != ".gltf"
     folder = Path(file.path).parent
     stays = not as_binary and Path(path).parent.resolve() == folder.resolve()
@@ -187,5 +188,8 @@ def with_animations(path: str | Path, target: TargetFile, animations: Sequence[A
         name = uri.text()
         return file.beside[name] if name in file.beside else read_bytes(inside(uri, folder, name))
 
-    nodes = gltf_scene(gltf, animated=False).nodes
-    return animated(gltf, animations, nodes, mode, as_binary, None if stays else embedded)
+    nodes = gltf_scene(file.gltf, animated=False).nodes
+    try:
+        return animated(file.gltf, animations, nodes, mode, as_binary, None if stays else embedded)
+    except RecursionError:
+        raise FileError(target.path, "is nested too deeply") from None

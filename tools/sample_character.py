@@ -1,0 +1,299 @@
+"""The sample character: a person with a mesh of its own, joints named as in Mixamo, in T-pose.
+
+Centimetres, Y up, facing +Z, the left side at +X. As in files of other programs, the joints' axes lie along the bones,
+and what stands above them turns and scales them: there Z is up, and the unit is 1 cm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from gltf_file import Gltf
+from numpy.typing import NDArray
+from sample_mesh import Body, Surface, behind, both_sides, cut, ellipsoid, joined, limb, surface, weights
+from scipy.spatial.transform import Rotation
+
+from distretarget.numerics.rotations import least_rotation
+
+Array = NDArray[np.float64]
+
+# name, parent, place
+MIDDLE = (
+    ("Hips", "", (0, 93, 0)),
+    ("Spine", "Hips", (0, 103, 0.5)),
+    ("Spine1", "Spine", (0, 114, 0)),
+    ("Spine2", "Spine1", (0, 126, -1.5)),
+    ("Neck", "Spine2", (0, 145, -2)),
+    ("Head", "Neck", (0, 153, -0.5)),
+    ("HeadTop_End", "Head", (0, 176, 0)),
+)
+LEFT = (
+    ("Shoulder", "Spine2", (3, 141, -1)),
+    ("Arm", "Shoulder", (17, 140, -2)),
+    ("ForeArm", "Arm", (43.5, 140, -2.8)),
+    ("Hand", "ForeArm", (68, 140, -2)),
+    ("UpLeg", "Hips", (9, 88, 0)),
+    ("Leg", "UpLeg", (9.5, 49, 0.8)),
+    ("Foot", "Leg", (10, 9, -1.5)),
+    ("ToeBase", "Foot", (10.5, 2.5, 11.5)),
+    ("Toe_End", "ToeBase", (11, 2.5, 18)),
+)
+ROLLS = {
+    "Shoulder": 1.2,
+    "Arm": 1.6,
+    "ForeArm": 1.6,
+    "Hand": 1.6,
+    "UpLeg": 3.1,
+    "Leg": 3.1,
+    "Foot": 0.1,
+    "ToeBase": 3.0,
+}
+"""How far joints of the left side are rolled about their bones [rad]."""
+HAND_LENGTH = 17.0
+BLEND = 9.0  # over which length a joint bends the mesh
+
+ARMATURE_SCALE = 0.01
+ARMATURE_TURN = Rotation.from_euler("X", -90, degrees=True)
+
+SUIT, SKIN, DARK = (0.09, 0.30, 0.46), (0.80, 0.55, 0.42), (0.06, 0.05, 0.07)  # linear colours
+
+
+@dataclass(frozen=True, eq=False)
+class Joints:
+    """The joints in the bind pose: names, parents, -1 for the root, places (joints, 3), ends of bones (joints, 3) and
+    rotations in the world.
+    """
+
+    names: tuple[str, ...]
+    parents: tuple[int, ...]
+    places: Array
+    ends: Array
+    rotations: Rotation
+
+
+def joints() -> Joints:
+    """The joints of the sample character."""
+    rows = [*MIDDLE]
+    names = {name for name, *_ in LEFT}
+    for side, sign in (("Left", 1), ("Right", -1)):
+        rows += [
+            (side + name, side + parent if parent in names else parent, (sign * x, y, z))
+            for name, parent, (x, y, z) in LEFT
+        ]
+    order = tuple(name for name, *_ in rows)
+    parents = tuple(order.index(parent) if parent else -1 for _, parent, _ in rows)
+    places = np.array([place for *_, place in rows], float)
+    ends = np.array([_end(joint, order, parents, places) for joint in range(len(order))])
+    rolls = np.array([_roll(name) for name in order])
+    along = ends - places
+    least = Rotation.from_quat(least_rotation(np.tile([0.0, 1.0, 0.0], (len(along), 1)), along))
+    return Joints(order, parents, places, ends, least * Rotation.from_rotvec(rolls[:, None] * [0.0, 1.0, 0.0]))
+
+
+def _end(joint: int, names: tuple[str, ...], parents: tuple[int, ...], places: Array) -> Array:
+    """Where the bone of a joint ends: at the first joint below it, or some way on."""
+    if joint in parents:
+        return places[parents.index(joint)]
+    along = places[joint] - places[parents[joint]]
+    return places[joint] + (HAND_LENGTH if "Hand" in names[joint] else 4.0) * along / np.linalg.norm(along)
+
+
+def _roll(name: str) -> float:
+    side = next((side for side in ("Left", "Right") if name.startswith(side)), "")
+    return ROLLS.get(name.removeprefix(side), 0.0) * (-1 if side == "Right" else 1)
+
+
+# ---- the parts of the body
+
+
+def suit() -> Body:
+    """Jacket and trousers."""
+    trunk = joined(
+        [
+            ellipsoid((0, 94, -0.5), (14.8, 11.5, 10.8)),
+            ellipsoid((0, 108, 0), (13.6, 16, 9.6)),
+            ellipsoid((0, 126.5, -1.5), (17.6, 16.5, 11)),
+            limb((0, 136, -2), (0, 143, -2), 9.0, 7.0),
+        ],
+        6.0,
+    )
+    arm = joined(
+        [
+            limb((8, 138.5, -2), (17.5, 139, -2), 6.8, 7.0),
+            limb((17, 139.4, -2), (43, 140, -2.8), 6.3, 4.8),
+            limb((43, 140, -2.8), (66, 140, -2), 4.9, 3.9),
+        ],
+        3.0,
+    )
+    leg = joined(
+        [
+            limb((9, 88, -0.5), (9.5, 49, 0.8), 9.6, 6.2),
+            limb((9.5, 49, 0.8), (10, 12, -1.5), 6.2, 5.4),
+            ellipsoid((9.8, 37, -2.2), (5.7, 11, 6.0)),
+        ],
+        3.0,
+    )
+    return joined([trunk, both_sides(arm), both_sides(leg)], 5.0)
+
+
+def head() -> Body:
+    """Neck and head."""
+    ear = ellipsoid((8.5, 161, -1), (1.3, 3.0, 2.0))
+    return joined(
+        [
+            limb((0, 139, -2), (0, 155, -0.5), 5.2, 5.0),
+            ellipsoid((0, 164.5, 0.5), (8.8, 11.3, 10.2)),
+            ellipsoid((0, 157, 3.5), (6.3, 6.4, 6.6)),
+            limb((0, 162.5, 10.6), (0, 159.8, 11.8), 0.9, 1.5),
+            both_sides(ear),
+        ],
+        2.2,
+    )
+
+
+def hair() -> Body:
+    """Hair."""
+    cap = ellipsoid((0, 166, -0.6), (9.7, 11.4, 10.8))
+    return cut(cap, behind((0, 168, 4.6), (0, -0.55, 1)), 1.5)
+
+
+def eye() -> Body:
+    """The left eye."""
+    return ellipsoid((3.4, 163.6, 9.75), (1.15, 1.5, 0.9))
+
+
+def hand() -> Body:
+    """The left hand."""
+    fingers = [
+        limb((76, 139.6, z), (76 + length, 138.8, 1.12 * (z + 2) - 2), 1.35, 1.0)
+        for z, length in ((1.4, 7.2), (-0.8, 8.2), (-3.0, 7.6), (-5.1, 5.8))
+    ]
+    palm = [limb((64, 140, -2), (70, 140, -2), 2.9, 2.6), ellipsoid((73, 139.8, -1.9), (5.4, 2.0, 4.6))]
+    thumb = [limb((70, 139.6, 1), (76, 138.6, 5), 1.8, 1.2)]
+    return joined([*palm, *thumb, *fingers], 1.2)
+
+
+def shoe() -> Body:
+    """The left shoe."""
+    whole = joined(
+        [
+            limb((10, 10, -1.8), (10, 6, -2), 3.7, 4.6),
+            limb((10, 4.2, -3), (10.6, 3.4, 8), 5.2, 5.0),
+            ellipsoid((10.9, 2.6, 12.5), (5.6, 4.3, 8.2)),
+        ],
+        3.0,
+    )
+    return cut(whole, behind((0, 0, 0), (0, -1, 0)), 1.5)
+
+
+PARTS = (  # body, colour, box, cell, whether of the left side alone
+    (suit, SUIT, ((-72, 3, -17), (72, 156, 17)), 4.2, False),
+    (head, SKIN, ((-12, 131, -13), (12, 178, 16)), 2.25, False),
+    (hand, SKIN, ((58, 133, -12), (90, 145, 10)), 1.5, True),
+    (hair, DARK, ((-12, 152, -14), (12, 180, 13)), 2.7, False),
+    (eye, DARK, ((1.5, 161, 7.5), (6, 166, 12)), 0.9, True),
+    (shoe, DARK, ((2, -2, -11), (20, 19, 24)), 2.7, True),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """The parts of the mesh of one colour.
+
+    Attributes:
+        name: of the material.
+        colour: linear red, green, blue.
+        surface: of the bodies.
+        joints: (points, 4), of `joints()`.
+        shares: (points, 4), how much they move each point, in 255ths.
+    """
+
+    name: str
+    colour: tuple[float, float, float]
+    surface: Surface
+    joints: NDArray[np.intp]
+    shares: NDArray[np.intp]
+
+
+def mesh(bones: Joints) -> list[Part]:
+    """The mesh in the bind pose."""
+    made = [(colour, each) for *part, colour in _bodies() for each in part]
+    colours = (("Suit", SUIT), ("Skin", SKIN), ("Dark", DARK))
+    return [_part(name, colour, [each for other, each in made if other == colour], bones) for name, colour in colours]
+
+
+def _bodies() -> Iterator[tuple]:
+    """The surfaces of each body, one or two, and its colour."""
+    for body, colour, (low, high), cell, left in PARTS:
+        made = surface(body(), low, high, cell)
+        if left:
+            flip = (-1.0, 1.0, 1.0)
+            yield made, Surface(made.points * flip, made.normals * flip, made.triangles[:, ::-1]), colour
+        else:
+            yield made, colour
+
+
+def _part(name: str, colour: tuple[float, float, float], surfaces: Sequence[Surface], bones: Joints) -> Part:
+    points, normals = (np.concatenate([getattr(each, key) for each in surfaces]) for key in ("points", "normals"))
+    starts = np.cumsum([0, *(len(each.points) for each in surfaces[:-1])])
+    triangles = np.concatenate([each.triangles + start for each, start in zip(surfaces, starts, strict=True)])
+    sides = np.array([name.startswith("Left") * 1 - name.startswith("Right") * 1 for name in bones.names])
+    movers = np.flatnonzero([not name.endswith("_End") for name in bones.names])
+    local, share = weights(points, bones.places[movers], bones.ends[movers], BLEND, sides[movers])
+    shares = np.round(255 * share).astype(int)
+    shares[:, 0] += 255 - shares.sum(axis=1)
+    return Part(name, colour, Surface(points, normals, triangles), np.where(shares > 0, movers[local], 0), shares)
+
+
+# ---- the file
+
+
+def glb() -> bytes:
+    """The sample character as GLB."""
+    made, bones = Gltf(), joints()
+    armature = np.eye(4)
+    armature[:3, :3] = ARMATURE_SCALE * ARMATURE_TURN.as_matrix()
+    worlds = np.tile(np.eye(4), (len(bones.names), 1, 1))
+    worlds[:, :3, :3] = ARMATURE_SCALE * bones.rotations.as_matrix()
+    worlds[:, :3, 3] = 0.01 * bones.places
+    top = made.add(
+        "nodes", name="Armature", rotation=_numbers(ARMATURE_TURN.as_quat()), scale=[ARMATURE_SCALE] * 3, children=[]
+    )
+    numbers: list[int] = []
+    for joint, parent in enumerate(bones.parents):
+        local = np.linalg.inv(worlds[parent] if parent >= 0 else armature) @ worlds[joint]
+        scaled = local[:3, :3] / np.cbrt(np.linalg.det(local[:3, :3]))
+        turn = Rotation.from_matrix(scaled).as_quat(canonical=True)
+        numbers.append(
+            made.add("nodes", name=bones.names[joint], translation=_numbers(local[:3, 3]), rotation=_numbers(turn, 8))
+        )
+        made.document["nodes"][numbers[parent] if parent >= 0 else top].setdefault("children", []).append(numbers[-1])
+    binds = np.linalg.inv(worlds)
+    binds[:, 3] = [0, 0, 0, 1]
+    skin = made.add("skins", name="Hero", joints=numbers, inverseBindMatrices=made.accessor(binds), skeleton=numbers[0])
+    primitives = [_primitive(made, part) for part in mesh(bones)]
+    shape = made.add("meshes", name="Hero", primitives=primitives)
+    body = made.add("nodes", name="Hero", mesh=shape, skin=skin)
+    made.document |= {"scene": 0, "scenes": [{"name": "Scene", "nodes": [top, body]}]}
+    return made.glb()
+
+
+def _numbers(values: Array, decimals: int = 6) -> list[float]:
+    return (np.round(values, decimals) + 0.0).tolist()
+
+
+def _primitive(made: Gltf, part: Part) -> dict:
+    """A part of the mesh with one material."""
+    rough = {"baseColorFactor": [*part.colour, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.8}
+    normals = np.round(part.surface.normals, 4)
+    attributes = {
+        "POSITION": made.accessor(np.round(0.01 * part.surface.points, 5), bounds=True, target=34962),
+        "NORMAL": made.accessor(normals / np.linalg.norm(normals, axis=1, keepdims=True), target=34962),
+        "JOINTS_0": made.accessor(part.joints, "u1", target=34962),
+        "WEIGHTS_0": made.accessor(part.shares / 255, "u1", target=34962),
+    }
+    material = made.add("materials", name=part.name, pbrMetallicRoughness=rough)
+    indices = made.accessor(part.surface.triangles.reshape(-1), "u2", target=34963)
+    return {"attributes": attributes, "indices": indices, "material": material}
