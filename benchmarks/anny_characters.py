@@ -253,9 +253,11 @@ def rig_of(data: Path, name: str, points: Array) -> Rig:
     parents = np.array([names.index(entries[name]["parent"]) if entries[name]["parent"] else -1 for name in names])
     heads, tips = (np.array([_place(entries[bone][end], base, points) for bone in names]) for end in ("head", "tail"))
     kept = json.loads(next(folder.glob(f"*/weights.{name}.json")).read_text())["weights"]
+    kept = {bone.replace("DEF-eye_master", "DEF-eye"): shares for bone, shares in kept.items()}
     names, parents, heads, tips = _with_halves(names, parents, heads, tips, kept)
     rolls = np.array([entries.get(bone, {"roll": 0.0})["roll"] for bone in names])
-    rows = [(point, names.index(bone), share) for bone in kept if bone in names for point, share in kept[bone]]
+    known = {bone: names.index(own) for bone in kept for own in (bone, bone.removeprefix("DEF-")) if own in names}
+    rows = [(point, joint, share) for bone, joint in known.items() for point, share in kept[bone]]
     point, joint, share = (np.array(column) for column in zip(*rows, strict=True))
     weights = csr_array((share, (point.astype(int), joint.astype(int))), shape=(len(points), len(names)))
     return Rig(Bones(tuple(names), parents, heads), tips, rolls, weights)
