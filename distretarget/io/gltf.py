@@ -95,9 +95,8 @@ class Gltf:
         """The values of the JSON, by key."""
         nested = self.text.count("[") + self.text.count("{")
         if NESTED_SIZE * nested > MOST_MEMORY * len(self.text) + FREE_MEMORY:
-            raise FileError(
-                self.path, f"its JSON has {nested} lists and objects in {len(self.text)} characters: too many"
-            )
+            counts = f"{nested} lists and objects in {len(self.text)} characters"
+            raise FileError(self.path, f"its JSON has {counts}, most of them empty; expected fewer")
         document = parse_json(self.path, self.text).entries(dotted)
         asset = document["asset"].entries(dotted) if "asset" in document else Fields()
         version = asset.read("version", Node.text, "")
