@@ -46,6 +46,8 @@ class Skeleton:
         humanoid: pairs of a bone, by VRM 1.0's names of bones, such as "leftUpperArm", and its joint; empty if the file
             does not state them. Where it does, they alone say which joint is which part of the body.
         looks_back: whether bodies in its file look to -Z by convention, as in VRM 0; all others look to +Z.
+        floor_at_zero: whether the rest pose, with the root at its offset, is above a floor at height 0, as in files of
+            characters.
 
     Raises:
         SkeletonError: the arrays are not numbers or not such a tree, a name is not text, a channel is unknown or
@@ -62,6 +64,7 @@ class Skeleton:
     up: str | None = None
     humanoid: tuple[tuple[str, int], ...] = ()
     looks_back: bool = False
+    floor_at_zero: bool = False
 
     def __post_init__(self) -> None:
         self._check_names()

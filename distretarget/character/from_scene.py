@@ -123,6 +123,7 @@ def _skeleton(scene: Scene, nodes: NDArray[np.intp], parents: NDArray[np.intp], 
         units=scene.units,
         up=scene.up,
         looks_back=scene.looks_back,
+        floor_at_zero=True,
         humanoid=tuple((bone, joints[node]) for bone, node in scene.humanoid.items()),
     )
     return replace(skeleton, channels=_with_positions(skeleton))

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.baseline.standing import on_own_soles
 from distretarget.baseline.world import World, find_root_offset, find_world, with_root_offset
 from distretarget.body.body import Body
 from distretarget.checks import check_kind
@@ -95,8 +96,8 @@ def diff(
     world = find_world(*bodies, source_up=a_up, target_up=b_up)
     notes = list(turned_note(world))
     source, target = world.to_target_axes(bodies[0]), bodies[1].with_up(world.up)
-    matching = match(source, target, joint_map)
-    a, b = source.motion or a, replace(b, skeleton=b.rigid_skeleton)
+    matching = on_own_soles(match(source, target, joint_map))
+    a, b = matching.source_motion, replace(b, skeleton=b.rigid_skeleton)
     if find_root_offset(target, world.up_vector) == "added":
         b = with_root_offset(b)
     apart = abs(a.frame_time - b.frame_time) / b.frame_time

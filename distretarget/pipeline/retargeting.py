@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import NoneType
 
 from distretarget.baseline.rotation_copy import RootScale, find_root_scale
+from distretarget.baseline.standing import on_own_soles
 from distretarget.checks import check_callable, check_kind
 from distretarget.errors import SAY_IN_A_MAP, DistretargetError, MatchingError
 from distretarget.ik.poses import Mapper, Progress, ignore_progress
@@ -71,6 +73,7 @@ def retarget(
     check_callable("mapper", mapper)
     check_callable("progress", progress)
     match = match_performer(source, target, options, joint_map, rest)
+    match = replace(match, matching=on_own_soles(match.matching, options.root_scale))
     performer = match.performer(RootScale.even(options.root_scale or find_root_scale(match.matching)), options)
     if options.objective == "paper":
         return performer.result(*solve_paper(performer.clip, progress))
