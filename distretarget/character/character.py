@@ -110,6 +110,8 @@ class Character:
             above = Rotation.from_quat(rotations[:, place - 1])
             moved[:, place] = moved[:, place - 1] + above.apply(moved[:, place])
             rotations[:, place] = (above * Rotation.from_quat(rotations[:, place])).as_quat()
+        shown = parents.apply(self.shown.translations) * self._parent_scales[:, None]
+        moved[:, self._above] += self.origin - shown[: self._above].sum(axis=0)  # not 0 where a scale is uneven
         return rotations[:, self._above :], moved[:, self._above :]
 
     def _settled(self, translations: Array) -> Array:

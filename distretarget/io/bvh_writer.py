@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from distretarget.checks import check_kind
 from distretarget.errors import MotionError, SkeletonError
-from distretarget.io.bvh import is_name
+from distretarget.io.bvh import MAX_DEPTH, is_name
 from distretarget.io.decimals import rows_text
 from distretarget.io.files import write_whole
 from distretarget.motion import Motion
@@ -84,6 +84,8 @@ def _with_channels(motion: Motion) -> Motion:
 def _hierarchy_lines(skeleton: Skeleton) -> Iterator[str]:
     """The HIERARCHY, joints depth first."""
     depths = skeleton.path_sizes[0] - 1
+    if (deepest := int(depths.max())) > MAX_DEPTH:
+        raise SkeletonError(f"a joint is inside {deepest} others; BVH files have {MAX_DEPTH} at most")
     order = skeleton.depth_first
     following = [*depths[list(order[1:])], 0]
     yield "HIERARCHY"
