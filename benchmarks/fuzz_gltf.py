@@ -38,7 +38,7 @@ from characters import chunks
 from mutated_gltf import mutated
 
 from distretarget import DistretargetError, Motion, load_target, read_bvh, read_motion, retarget, write_motion
-from distretarget.io.bvh import parse_bvh
+from distretarget.io.bvh import MAX_DEPTH, parse_bvh
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.target_file import CharacterTarget
 
@@ -94,18 +94,23 @@ def through(path: Path, sample: Motion) -> None:
         refused = refused or (None if "has no animation" in str(error) else error)
     else:
         _finite(motion)
-        try:
-            text = format_bvh(motion)
-        except DistretargetError as error:
-            raise NotReadBackError(f"cannot be BVH: {error}") from error
-        again = _read_again(lambda: parse_bvh(text, "out.bvh"))
-        motion = motion.turned_round() if motion.skeleton.looks_back else motion  # as it is written
-        order = list(motion.skeleton.depth_first)
-        if not _is_collapsed(motion):
-            ahead = motion.turned_round() if motion.skeleton.looks_back else motion
-            _close(ahead.positions[:, order], again.positions, _extent(motion), "BVH")
+        _as_bvh(motion)
     if refused:
         raise refused
+
+
+def _as_bvh(motion: Motion) -> None:
+    """Write a motion as BVH and read it again, unless it is too deep a tree for BVH."""
+    if motion.skeleton.path_sizes[0].max() - 1 > MAX_DEPTH:
+        return
+    try:
+        text = format_bvh(motion)
+    except DistretargetError as error:
+        raise NotReadBackError(f"cannot be BVH: {error}") from error
+    again = _read_again(lambda: parse_bvh(text, "out.bvh"))
+    motion = motion.turned_round() if motion.skeleton.looks_back else motion  # as it is written
+    if not _is_collapsed(motion):
+        _close(motion.positions[:, list(motion.skeleton.depth_first)], again.positions, _extent(motion), "BVH")
 
 
 def _as_target(path: Path, sample: Motion) -> None:

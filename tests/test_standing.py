@@ -45,3 +45,12 @@ def test_other_targets_have_no_floor():
     bare = replace(target.skeleton, floor_at_zero=False)
     source = read_bvh(SAMPLES / "clap.bvh")[:40]
     np.testing.assert_array_equal(retarget(source, bare).source.root_positions, source.root_positions)
+
+
+def test_legs_without_length_are_no_legs():
+    skeleton = load_target(HERO).skeleton
+    legs = [joint for joint, name in enumerate(skeleton.names) if "Leg" in name or "Foot" in name or "Toe" in name]
+    offsets = np.array(skeleton.offsets)
+    offsets[legs] = 0.0
+    result = retarget(read_bvh(SAMPLES / "clap.bvh")[:5], skeleton.with_offsets(offsets))
+    assert np.isfinite(result.motion.positions).all()

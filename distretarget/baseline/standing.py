@@ -35,7 +35,7 @@ def on_own_soles(matching: Matching, scale: float | None = None) -> Matching:
         heights.append(heights_of(motion.positions[rests], sole.joints, up).min(axis=1))
     resting = np.concatenate(heights)
     found = float(np.median(resting)) if len(resting) else np.inf
-    if abs(found) > LOW * source_leg or not 0.0 <= own <= LOW * leg or not leg:
+    if abs(found) > LOW * source_leg or not 0.0 <= own <= LOW * leg:
         return matching
     rise = own / (scale or find_root_scale(matching)) - found
     raised = replace(motion, root_positions=motion.root_positions + rise * up)

@@ -90,8 +90,9 @@ class Body:
 
     @cached_property
     def legs(self) -> Legs | None:
-        """The two legs; None where the body has none."""
-        return find_legs(self.skeleton, self.anatomy)
+        """The two legs; None where the body has none, or they have no length."""
+        legs = find_legs(self.skeleton, self.anatomy)
+        return legs if legs and leg_length(self.skeleton, legs) > 0.0 else None
 
     @cached_property
     def arms(self) -> tuple[Arm, ...]:
