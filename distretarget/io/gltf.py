@@ -134,8 +134,7 @@ class Gltf:
 
         Raises:
             SkeletonFileError: the accessor has another kind or other components, leads out of its buffer, or has
-            numbers
-                that are not finite.
+                numbers that are not finite.
         """
         fields = self.entry("accessors", reference)
         accessor = self.index("accessors", reference)
