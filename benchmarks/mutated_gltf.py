@@ -172,7 +172,9 @@ def _nudge(draw: Draw, document: Document) -> None:
         holder, key = _places(draw, document)
         value = holder[key]
         if isinstance(value, int | float) and not isinstance(value, bool):
-            holder[key] = [value + 1, value - 1, -value, value * 1000, value * 1e-9, value * 1e13][draw.integers(6)]
+            small = value if abs(value) < 10**300 else 1e300  # an integer may have more digits than a float
+            steps = [small + 1, small - 1, -small, small * 1000, small * 1e-9, small * 1e13]
+            holder[key] = steps[draw.integers(6)]
             return
 
 

@@ -45,8 +45,8 @@ INDICES = (5121, 5123, 5125)  # components of the indices of sparse accessors
 FREE_NUMBERS = 4_000_000  # so many numbers may a file refer to, however small it is
 PER_BYTE = 2  # so many numbers may it refer to for each of its bytes: channels share accessors
 DATA_URI = "data:"
-NESTED_SIZE = 64  # memory that an empty list takes, with its place in another [bytes]
-MOST_MEMORY, FREE_MEMORY = 5, 2**25  # memory that lists may take [sizes of the JSON, and beside that bytes]
+NESTED_SIZE, PAIR_SIZE = 64, 120  # memory that an empty list and a key with its value take in others [bytes]
+MOST_MEMORY, FREE_MEMORY = 9, 2**26  # memory that these may take [sizes of the JSON, and beside that bytes]
 
 
 @dataclass(eq=False)
@@ -94,8 +94,9 @@ class Gltf:
     def document(self) -> Fields:
         """The values of the JSON, by key."""
         nested = self.text.count("[") + self.text.count("{")
-        if NESTED_SIZE * nested > MOST_MEMORY * len(self.text) + FREE_MEMORY:
-            counts = f"{nested} lists and objects in {len(self.text)} characters"
+        pairs = self.text.count('":')
+        if NESTED_SIZE * nested + PAIR_SIZE * pairs > MOST_MEMORY * len(self.text) + FREE_MEMORY:
+            counts = f"{nested} lists and objects and {pairs} keys in {len(self.text)} characters"
             raise FileError(self.path, f"its JSON has {counts}, most of them empty; expected fewer")
         document = parse_json(self.path, self.text).entries(dotted)
         asset = document["asset"].entries(dotted) if "asset" in document else Fields()
