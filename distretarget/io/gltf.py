@@ -46,7 +46,7 @@ FREE_NUMBERS = 4_000_000  # so many numbers may a file refer to, however small i
 PER_BYTE = 2  # so many numbers may it refer to for each of its bytes: channels share accessors
 DATA_URI = "data:"
 NESTED_SIZE, PAIR_SIZE = 64, 120  # memory that an empty list and a key with its value take in others [bytes]
-MOST_MEMORY, FREE_MEMORY = 9, 2**26  # memory that these may take [sizes of the JSON, and beside that bytes]
+MOST_MEMORY, FREE_MEMORY = 7, 2**26  # memory that these may take [sizes of the JSON, and beside that bytes]
 
 
 @dataclass(eq=False)
@@ -97,7 +97,7 @@ class Gltf:
         pairs = self.text.count('":')
         if NESTED_SIZE * nested + PAIR_SIZE * pairs > MOST_MEMORY * len(self.text) + FREE_MEMORY:
             counts = f"{nested} lists and objects and {pairs} keys in {len(self.text)} characters"
-            raise FileError(self.path, f"its JSON has {counts}, most of them empty; expected fewer")
+            raise FileError(self.path, f"its JSON has {counts}: too large to read; expected a file of a character")
         document = parse_json(self.path, self.text).entries(dotted)
         asset = document["asset"].entries(dotted) if "asset" in document else Fields()
         version = asset.read("version", Node.text, "")
