@@ -177,7 +177,7 @@ def test_a_vrm_without_humanoid(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("count", "expected"), [(10**5, "nodes: expected at most 65536"), (10**6, "too large to read")]
+    ("count", "expected"), [(10**5, "nodes: expected at most"), (10**6, "too large to read")]
 )
 def test_a_million_nodes(tmp_path, count, expected):
     text = '{"asset": {"version": "2.0"}, "nodes": [' + ",".join(['{"name": "a"}'] * count) + "]}"
