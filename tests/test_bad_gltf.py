@@ -176,9 +176,7 @@ def test_a_vrm_without_humanoid(tmp_path):
     assert "extensions.VRMC_vrm: has no humanoid bones" in refused(tmp_path, content, load_target, "hero.vrm")
 
 
-@pytest.mark.parametrize(
-    ("count", "expected"), [(10**5, "nodes: expected at most"), (10**6, "too large to read")]
-)
+@pytest.mark.parametrize(("count", "expected"), [(10**5, "nodes: expected at most"), (10**6, "too large to read")])
 def test_a_million_nodes(tmp_path, count, expected):
     text = '{"asset": {"version": "2.0"}, "nodes": [' + ",".join(['{"name": "a"}'] * count) + "]}"
     assert expected in refused(tmp_path, glb(text), load_target)
