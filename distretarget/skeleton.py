@@ -19,7 +19,8 @@ from distretarget.numerics.kinematics import joint_positions
 POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
 ROTATION_CHANNELS = ("Xrotation", "Yrotation", "Zrotation")
 AXES = ("X", "Y", "Z", "-X", "-Y", "-Z")  # possible up axes of a file
-UNITS = ("mm", "cm", "m", "dm", "in", "ft")  # length units a file may state
+METRES = {"mm": 0.001, "cm": 0.01, "m": 1.0, "dm": 0.1, "in": 0.0254, "ft": 0.3048}  # length units [m]
+UNITS = tuple(METRES)  # length units a file may state
 # Bounds within which all computations stay finite and exact to a few digits [file units].
 MOST_LETTERS = 1_000_000  # that keys may have in addition to 20 times those of the names
 LARGEST = 1e12  # largest coordinate of an offset or position; also the largest scale

@@ -35,8 +35,8 @@ from distretarget.io.files import encoded_parts, hash_of
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import MapFile
 from distretarget.io.motion_file import parse_motion
-from distretarget.io.motion_writer import DEFAULT_OUTPUT, OUTPUTS, OutputSettings
-from distretarget.io.target_file import CharacterTarget, TargetFile
+from distretarget.io.motion_writer import DEFAULT_OUTPUT, OUTPUTS, OutputSettings, character_animation
+from distretarget.io.target_file import TargetFile
 from distretarget.io.vrma import vrma
 from distretarget.pipeline.options import Objective, Options
 from distretarget.pipeline.retargeting import retarget_onto
@@ -117,13 +117,13 @@ def _converted(job: Job, mapper: Mapper) -> Result:
     motion, lost = parse_motion(job.source, job.reading.clip, job.reading.fps)
     result = retarget_onto(motion, job.target, source=path, map_file=job.map_file, options=job.options, mapper=mapper)
     clip = job.writing.clip(result.motion, PurePath(job.record["output"]).stem, result.world.up_vector)
-    kind, target = OUTPUTS[PurePath(job.record["output"]).suffix], job.target.target
+    kind = OUTPUTS[PurePath(job.record["output"]).suffix]
     parts: Iterable[str] = ()
     output: bytes | Animation = b""
     if kind == "BVH":
         parts = bvh_parts(clip.motion, mapper)  # other workers, if the mapper has any, make them while figures are made
-    elif isinstance(target, CharacterTarget) and kind == "character":
-        output = replace(target.character.animation(clip.motion, clip.name), extras=clip.extras)
+    elif kind == "character":
+        output = character_animation(job.target, clip)
     else:
         output = b"".join(vrma(clip.motion, clip.name, clip.extras))
     record = job.record | {

@@ -21,11 +21,10 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.character.nodes import Animation, Nodes, Scene, Skin
 from distretarget.errors import FileError, MissingPackageError
-from distretarget.skeleton import LARGEST, SMALLEST
+from distretarget.skeleton import LARGEST, METRES, SMALLEST
 
 Array = NDArray[np.float64]
 
-UNITS = {"mm": 0.001, "cm": 0.01, "dm": 0.1, "m": 1.0, "in": 0.0254, "ft": 0.3048}  # [m]
 UP = ("X", "-X", "Y", "-Y", "Z", "-Z")  # in the order of ufbx
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND = (
@@ -127,7 +126,9 @@ def _scene(path: str | Path, read: dict[str, Any]) -> Scene:
         humanoid={},
         animations=tuple(read["animations"]),
         animation=None if chosen is None else _animation(path, nodes, read),
-        units=next((name for name, metres in UNITS.items() if unit and math.isclose(unit, metres, rel_tol=1e-6)), None),
+        units=next(
+            (name for name, metres in METRES.items() if unit and math.isclose(unit, metres, rel_tol=1e-6)), None
+        ),
         up=dict(enumerate(UP)).get(read["up"]),
     )
 

@@ -20,10 +20,10 @@ from distretarget.io.json_text import compact
 from distretarget.motion import Motion
 from distretarget.numerics.rotations import least
 from distretarget.numerics.vectors import normalised
+from distretarget.skeleton import METRES
 
 Array = NDArray[np.float64]
 
-METRES = {"mm": 0.001, "cm": 0.01, "m": 1.0, "dm": 0.1, "in": 0.0254, "ft": 0.3048}
 NEAR_FLOOR = 0.1  # a body stands whose lowest joint is this near to height 0 [heights of the body]
 USUAL_HEIGHT = 1.7  # of a body whose file does not state its units [m]
 EYES = ("leftEye", "rightEye")  # the specification leaves their directions to other nodes
