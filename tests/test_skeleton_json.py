@@ -11,7 +11,7 @@ from skeleton_files import HEAD_END, HIPS, MANUAL, SPINE, full, short, valid
 from table_one import table_one
 
 from distretarget.errors import SkeletonFileError
-from distretarget.io.target_file import JOINT_CHANNELS, ROOT_CHANNELS, load_target
+from distretarget.io.target_file import ROOT_CHANNELS, USUAL_ROTATIONS, load_target
 from distretarget.skeleton import Skeleton
 
 
@@ -31,7 +31,7 @@ def test_full_form(written):
     assert skeleton.names == ("Hips", "Spine", "Spine_End", "Leg")
     assert skeleton.parents.tolist() == [-1, 0, 1, 0]
     assert skeleton.offsets.tolist() == [[0, 96.4, 0], [0, 24, 0], [0, 18, 0], [0, 24, 0]]
-    assert skeleton.channels == (ROOT_CHANNELS, ("Yrotation",), (), JOINT_CHANNELS)
+    assert skeleton.channels == (ROOT_CHANNELS, ("Yrotation",), (), USUAL_ROTATIONS)
     assert skeleton.end_sites.tolist() == [False, False, True, False]
     assert (skeleton.units, skeleton.up) == ("cm", "-Z")
     assert target.map == {"Spine": "Chest"}

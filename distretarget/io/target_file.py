@@ -17,7 +17,7 @@ from distretarget.io.bvh import parse_bvh, parse_bvh_skeleton
 from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Fields, Node, described, parse_json
 from distretarget.io.motion_file import parse_character
-from distretarget.skeleton import AXES, POSITION_CHANNELS, ROTATION_CHANNELS, UNITS, JointMap, Skeleton
+from distretarget.skeleton import AXES, POSITION_CHANNELS, ROTATION_CHANNELS, UNITS, USUAL_ROTATIONS, JointMap, Skeleton
 from distretarget.target import SkeletonEdit, Target, with_bones
 
 FORMAT = "distretarget-skeleton"
@@ -25,8 +25,7 @@ VERSION = 1
 FULL_KEYS = ("joints", "units", "up", "map")
 SHORT_KEYS = ("scale", "lengths", "factors")
 ALL_CHANNELS = POSITION_CHANNELS + ROTATION_CHANNELS
-JOINT_CHANNELS = ("Zrotation", "Xrotation", "Yrotation")  # of a joint for which the file states none
-ROOT_CHANNELS = POSITION_CHANNELS + JOINT_CHANNELS  # of a root for which the file states none
+ROOT_CHANNELS = POSITION_CHANNELS + USUAL_ROTATIONS  # of a root for which the file states none
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -166,7 +165,7 @@ def _offset(node: Node) -> list[float]:
 def _channels(joint: Mapping[str, Node], end: bool) -> tuple[str, ...]:
     """The channels of a joint: those that the file states, else the usual ones."""
     if "channels" not in joint:
-        usual = JOINT_CHANNELS if joint["parent"].value is not None else ROOT_CHANNELS
+        usual = USUAL_ROTATIONS if joint["parent"].value is not None else ROOT_CHANNELS
         return () if end else usual
     channels: list[str] = []
     for node in joint["channels"].items():
