@@ -31,6 +31,7 @@ FLOORS = (
     "matching character",
     "body",
     "target",
+    "skin",
     "distances",
     "motion",
     "skeleton",
