@@ -26,6 +26,7 @@ from distretarget.body.legs import pelvis_joint
 from distretarget.ik.articulation import Articulation, Scratch
 from distretarget.ik.pose_solver import CopiedBones, Workspace, pose_solver
 from distretarget.ik.poses import Mapper, Poses, Progress, ignore_progress, solve_in_chunks
+from distretarget.ik.pushes import Pushes
 from distretarget.ik.rigid_parts import subtree_lengths
 from distretarget.ik.springs import NEGLIGIBLE, Springs, is_negligible, joined, room_for, spring_energy
 from distretarget.numerics.compiled import compiled, inlined
@@ -34,6 +35,7 @@ from distretarget.numerics.vectors import cross, lengths, normalised
 from distretarget.objectives.activation import SelfContact
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact_pairs import (
+    CandidatePairs,
     NearPairs,
     candidate_pairs,
     near_pairs,
@@ -42,6 +44,8 @@ from distretarget.objectives.contact_pairs import (
 from distretarget.objectives.discontinuities import smooth_flips, smooth_landings
 from distretarget.objectives.floor import Floor, add_floor, floor_energy
 from distretarget.objectives.settings import ContactSettings
+from distretarget.objectives.skin import Skin, no_skin, skin_energy, skin_in_frame, skin_pushes
+from distretarget.objectives.skin_plan import LEAD, plan_skin
 from distretarget.objectives.supports import STIFFNESS as SUPPORT_STIFFNESS
 from distretarget.objectives.supports import Supports, support_springs
 
@@ -134,23 +138,45 @@ def _solve_frames(clip: Clip, supports: Supports, frames: slice, settings: Conta
     for solved in blocks_of(count):
         block = slice(frames.start + solved.start, frames.start + solved.stop)
         held = supports[block]
-        near = near_pairs(
-            pairs,
-            source,
-            copy,
-            held.standing,
-            clip.shots,
-            raised,
-            block=block,
-            frame_time=clip.frame_time,
-            settings=settings,
-        )
+        near, skin = _near_and_skin(clip, pairs, (source, copy, raised), supports, block, settings)
         springs = joined(support_springs(held, body, bones[block], unit, firmness), held.scene_springs)
         room = room_for(len(near.a) + len(springs.a) + len(held.floor.joints))
-        given = Given(near, springs, held.floor, room)
+        given = Given(near, springs, held.floor, skin, room)
         _solve(body, CopiedBones(bones[block], root[block]), given, TOLERANCE, v, solved.start, log, work)
     v[:, -1] *= unit
     return Poses(v, log)
+
+
+def _near_and_skin(
+    clip: Clip,
+    pairs: CandidatePairs,
+    points: tuple[Array, Array, Array],
+    supports: Supports,
+    block: slice,
+    settings: ContactSettings,
+) -> tuple[NearPairs, Skin]:
+    """The contact pairs and the skin of a block of frames; `points` are those of the source, of the rotation copy, and
+    how far their arms are raised.
+    """
+    around = 2 * round(LEAD / clip.frame_time) + 1 if clip.skins else 0
+    wide = slice(max(block.start - around, 0), min(block.stop + around, len(clip)))
+    source, copy, raised = points
+    near = near_pairs(
+        pairs,
+        source,
+        copy,
+        supports[wide].standing,
+        clip.shots,
+        raised,
+        block=wide,
+        frame_time=clip.frame_time,
+        settings=settings,
+    )
+    if not clip.skins:
+        return near, no_skin(len(near.f))
+    skin = plan_skin(clip[wide], clip.skins, near)
+    inside = slice(block.start - wide.start, block.stop - wide.start)
+    return near.of_frames(inside), skin.of_frames(inside)
 
 
 def _with_bent_knees(clip: Clip) -> Array:
@@ -176,6 +202,7 @@ class Given(NamedTuple):
     near: NearPairs  # contacts in all frames of the block
     springs: Springs  # those of supports and scene contacts in all frames of the block
     floor: Floor  # the floor in all frames of the block
+    skin: Skin  # the surfaces of the body in all frames of the block
     room: Springs  # scratch for the springs of one frame
 
 
@@ -185,11 +212,13 @@ class Terms(NamedTuple):
     springs: Springs  # those of contacts and supports, then room for a spring per joint that the floor pushes up
     acting: int  # the number of springs in use
     floor: Floor  # the floor in this frame
+    skin: Skin  # the surfaces of the body in this frame
 
 
 @inlined(fastmath=True)
-def _energy(scratch: Scratch, terms: Terms) -> float:
-    return spring_energy(scratch, terms.springs, terms.acting) + floor_energy(scratch, terms.floor)
+def _energy(scratch: Scratch, body: Articulation, terms: Terms) -> float:
+    energy = spring_energy(scratch, terms.springs, terms.acting) + floor_energy(scratch, terms.floor)
+    return energy + skin_energy(scratch, body, terms.skin)
 
 
 @inlined(fastmath=True)
@@ -198,10 +227,16 @@ def _like_springs(scratch: Scratch, terms: Terms) -> tuple[Springs, int]:
 
 
 @inlined(fastmath=True)
+def _like_pushes(scratch: Scratch, body: Articulation, terms: Terms) -> tuple[Pushes, int]:
+    return terms.skin.pushes, skin_pushes(scratch, body, terms.skin)
+
+
+@inlined(fastmath=True)
 def _terms_of(given: Given, frame: int, start: Array) -> Terms:  # noqa: ARG001
     floor = given.floor
     of_frame = Floor(floor.joints, floor.heights[frame], floor.stiffness[frame], floor.up)
-    return Terms(given.room, _write_springs(given.near, given.springs, frame, given.room), of_frame)
+    acting = _write_springs(given.near, given.springs, frame, given.room)
+    return Terms(given.room, acting, of_frame, skin_in_frame(given.skin, frame))
 
 
 @inlined(fastmath=True)
@@ -224,7 +259,7 @@ def _write_springs(near: NearPairs, springs: Springs, frame: int, room: Springs)
     return count
 
 
-_solve_poses = pose_solver(_terms_of, _energy, _like_springs)
+_solve_poses = pose_solver(_terms_of, _energy, _like_springs, _like_pushes)
 
 
 @compiled()

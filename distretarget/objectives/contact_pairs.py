@@ -79,6 +79,13 @@ class NearPairs(NamedTuple):
     f: Array  # (frames, pairs), activation
     w: Array  # (frames, pairs), stiffness
 
+    def of_frames(self, frames: slice) -> NearPairs:
+        """Return the pairs in some of their frames."""
+        if frames == slice(0, len(self.f)):
+            return self
+        source, copy, f, w = (np.ascontiguousarray(each[frames]) for each in (self.source, self.copy, self.f, self.w))
+        return self._replace(source=source, copy=copy, f=f, w=w)
+
 
 def near_pairs(
     pairs: CandidatePairs,

@@ -23,6 +23,7 @@ from distretarget.objectives.foot_lock import find_foot_lock, hips_rise
 from distretarget.objectives.paper import Postures
 from distretarget.objectives.resting_joints import find_resting_joints, root_shift, with_resting_joints
 from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
+from distretarget.objectives.skins import Skins
 from distretarget.objectives.supports import Supports, no_supports
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.result import RetargetResult
@@ -37,6 +38,7 @@ class Match:
 
     world: World  # from the source's world to the target's
     matching: Matching  # which source joint drives which target joint
+    skins: Skins | None = None  # their surfaces; None for bodies without thickness
 
     def performer(self, scale: RootScale, options: Options = DEFAULT_OPTIONS) -> Performer:
         """Return the performer at a scale, without supports.
@@ -45,7 +47,7 @@ class Match:
             MotionError: the root is to follow the source's root, and the source has none on the floor.
         """
         engine_root = find_engine_root(self.matching, scale, options.root_follows)
-        clip = Clip.of(self.matching, scale)
+        clip = Clip.of(self.matching, scale, self.skins)
         return Performer(self, engine_root, clip, no_supports(len(clip)), DEFAULT_SETTINGS)
 
 
