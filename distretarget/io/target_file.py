@@ -16,6 +16,7 @@ from distretarget.errors import BvhError, SkeletonError, SkeletonFileError, clos
 from distretarget.io.bvh import parse_bvh, parse_bvh_skeleton
 from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Fields, Node, described, parse_json
+from distretarget.io.mesh_file import CharacterMesh
 from distretarget.io.motion_file import parse_character
 from distretarget.skeleton import AXES, POSITION_CHANNELS, ROTATION_CHANNELS, UNITS, USUAL_ROTATIONS, JointMap, Skeleton
 from distretarget.target import SkeletonEdit, Target, with_bones
@@ -75,7 +76,8 @@ def parse_target(file: InputFile) -> Target | SkeletonEdit:
         case "BVH":
             return _bvh_target(file.text, file.path)
     character = parse_character(file)
-    return CharacterTarget(with_bones(character.skeleton, file.path), {}, "", character=character)
+    skeleton = with_bones(character.skeleton, file.path)
+    return CharacterTarget(skeleton, {}, "", character=character, mesh=CharacterMesh(file, character))
 
 
 def parse_full_target(file: InputFile) -> Target:

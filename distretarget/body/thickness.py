@@ -1,0 +1,69 @@
+"""The capsules that stand for the surface of a body."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from distretarget.body.body import Body
+from distretarget.body.segments import find_segments
+from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
+from distretarget.skin.fit import Part, fit_capsules
+from distretarget.skin.mesh import SkinnedMesh
+
+TIPS = {"UpperArm": "LowerArm", "LowerArm": "Hand", "UpperLeg": "LowerLeg", "LowerLeg": "Foot"}
+
+
+def capsules_of(body: Body, mesh: SkinnedMesh | None = None, radii: Mapping[int, float] | None = None) -> Capsules:
+    """Return the capsules of a body; none where it has no anatomy.
+
+    Args:
+        body: the body.
+        mesh: its mesh; None where there is none.
+        radii: of what single joints carry, by joint, as the file states them [file units].
+    """
+    if body.anatomy is None or mesh is None:
+        return no_capsules()
+    bound = body.motion.skeleton if body.motion else body.skeleton
+    return _as_thick(fit_capsules(mesh, bound, tuple(_parts(body))), radii or {})
+
+
+def _as_thick(capsules: Capsules, radii: Mapping[int, float]) -> Capsules:
+    """The capsules with these mean radii of what single joints carry."""
+    thick = capsules.radii.copy()
+    for joint, radius in radii.items():
+        on = capsules.joints == joint
+        if on.any():
+            thick[on] *= radius / thick[on].mean()
+    return replace(capsules, radii=thick)
+
+
+def _parts(body: Body) -> Iterator[Part]:
+    """The parts of a body with an anatomy whose capsules single joints carry."""
+    assert body.anatomy is not None
+    roles, segments = body.anatomy.roles, find_segments(body)
+    left, up, _ = body.rest.axes.T
+    trunk = [roles["hips"], *body.anatomy.spine]
+    names = {joint: role for role, joint in roles.items()}
+    for carrier in np.unique(segments.carriers[segments.carriers >= 0]).tolist():
+        joints, segment = segments.joints(carrier), segments.of_joint.item(carrier)
+        name = SEGMENTS[segment]
+        side, _, limb = name.partition(" ")
+        if carrier in trunk:
+            closed = carrier == trunk[0], carrier == trunk[-1]
+            yield Part(carrier, joints, segment, axis=up, across=left, closed=closed)
+        elif name == "head":
+            yield Part(carrier, joints, segment, axis=up)
+        elif limb == "foot":
+            is_toes = names.get(carrier, "").endswith("Toes")
+            yield Part(carrier, joints, segment, level=up, closed=(not is_toes, True), most=2)
+        elif limb == "hand":
+            is_palm = carrier == roles.get(f"{side}Hand")
+            is_thumb = "Thumb" in names.get(carrier, "")
+            yield Part(carrier, joints, segment, closed=(False, True), most=3 if is_palm else 1 if is_thumb else 2)
+        else:
+            role = names.get(carrier, "")
+            below = next((side + tip for part, tip in TIPS.items() if role == side + part), "head")
+            yield Part(carrier, joints, segment, tip=roles.get(below), closed=(False, False), most=1)

@@ -1,0 +1,47 @@
+"""The mesh of a character's file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from distretarget.character.character import Character
+from distretarget.character.mesh import skinned_mesh
+from distretarget.errors import DistretargetError
+from distretarget.io.gltf_mesh import gltf_parts
+from distretarget.io.gltf_scene import gltf_scene
+from distretarget.io.input_file import InputFile
+from distretarget.skin.mesh import SkinnedMesh
+
+
+@dataclass(frozen=True, eq=False)
+class CharacterMesh:
+    """The mesh of a character, read from its file when it is first asked for; called, it returns it.
+
+    A file without a mesh, or with one that cannot be read, has none: all else in the file is not to blame.
+
+    Attributes:
+        file: the file.
+        character: the character in it.
+    """
+
+    file: InputFile
+    character: Character
+
+    def __call__(self) -> SkinnedMesh | None:
+        return self._read[0]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A line that says why the mesh is not read, where it is not."""
+        return self._read[1]
+
+    @cached_property
+    def _read(self) -> tuple[SkinnedMesh | None, tuple[str, ...]]:
+        if self.file.kind != "glTF":
+            return None, ()
+        try:
+            scene = gltf_scene(self.file.gltf, animated=False)
+            return skinned_mesh(self.character, scene.nodes, tuple(gltf_parts(self.file.gltf, scene.skins))), ()
+        except DistretargetError as error:
+            return None, (f"its mesh is not read, so that the body gets an average thickness: {error}",)
