@@ -15,6 +15,7 @@ places of resting joints, which are averaged over about the whole rest.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -25,12 +26,14 @@ from distretarget.body.axes import perpendicular
 from distretarget.body.legs import pelvis_joint
 from distretarget.ik.articulation import Articulation, Scratch
 from distretarget.ik.pose_solver import CopiedBones, Workspace, pose_solver
-from distretarget.ik.poses import Mapper, Poses, Progress, ignore_progress, solve_in_chunks
+from distretarget.ik.poses import Mapper, Poses, Progress, ignore_progress, solve_again, solve_in_chunks
 from distretarget.ik.pushes import Pushes
 from distretarget.ik.rigid_parts import subtree_lengths
 from distretarget.ik.springs import NEGLIGIBLE, Springs, is_negligible, joined, room_for, spring_energy
 from distretarget.numerics.compiled import compiled, inlined
+from distretarget.numerics.loops import copy_to
 from distretarget.numerics.parallel import blocks_of
+from distretarget.numerics.time_series import spans_of
 from distretarget.numerics.vectors import cross, lengths, normalised
 from distretarget.objectives.activation import SelfContact
 from distretarget.objectives.clip import Clip
@@ -44,8 +47,8 @@ from distretarget.objectives.contact_pairs import (
 from distretarget.objectives.discontinuities import smooth_flips, smooth_landings
 from distretarget.objectives.floor import Floor, add_floor, floor_energy
 from distretarget.objectives.settings import ContactSettings
-from distretarget.objectives.skin import Skin, no_skin, skin_energy, skin_in_frame, skin_pushes
-from distretarget.objectives.skin_plan import LEAD, plan_skin
+from distretarget.objectives.skin import Skin, skin_energy, skin_in_frame, skin_pushes
+from distretarget.objectives.skin_plan import SkinPlan, meant_contacts, no_plan, plan_skin
 from distretarget.objectives.supports import STIFFNESS as SUPPORT_STIFFNESS
 from distretarget.objectives.supports import Supports, support_springs
 
@@ -76,10 +79,24 @@ def solve_contact(
     """
     margin = SelfContact.of(settings, clip.frame_time).window
     solve = partial(_solve_frames, settings=settings)
-    poses = solve_in_chunks(solve, clip, supports, margin, mapper, progress)
+    poses = solve_in_chunks(solve, (clip, supports, no_plan(clip)), margin, mapper, progress)
+    if clip.skins:
+        plan = plan_skin(clip, clip.skins, poses, _meant_contacts(clip, supports, settings))
+        poses = solve_again(solve, (clip, supports, plan), margin, mapper, poses, spans_of(plan.acts))
     smooth_flips(poses.v, _held_parts(clip, supports, settings), clip.shots, clip.frame_time)
     smooth_landings(poses.v, clip.loose_parts, clip.shots, clip.frame_time)
     return poses
+
+
+def _meant_contacts(clip: Clip, supports: Supports, settings: ContactSettings) -> Array:
+    """(frames, pairs of segments), how much each pair is meant to touch in the source, 0 to 1."""
+    assert clip.skins
+    skin, contacts, points = clip.skins.target, _Contacts.of(clip, settings), clip.distances.targets
+    meant = np.empty((len(clip), len(skin.balls.pairs)))
+    for block in blocks_of(len(clip)):
+        near = contacts.near(block, supports[block].standing)
+        meant[block] = meant_contacts(skin, points, near.u, near.v, near.f)
+    return meant
 
 
 def _held_parts(clip: Clip, supports: Supports, settings: ContactSettings) -> Array:
@@ -120,63 +137,63 @@ def part_stiffness(clip: Clip) -> Array:
     return np.append(stiffness, ROOT_STIFFNESS)
 
 
-def _solve_frames(clip: Clip, supports: Supports, frames: slice, settings: ContactSettings) -> Poses:
+@dataclass(frozen=True, eq=False)
+class _Contacts:
+    """What contact pairs are found from, over the frames of a clip."""
+
+    clip: Clip
+    settings: ContactSettings
+    pairs: CandidatePairs
+    source: Array  # (frames, points, 3), the points of the source [file units]
+    copy: Array  # (frames, points, 3), those of the rotation copy [body units]
+    raised: Array  # (frames, points), how far the arm of each is raised
+
+    @classmethod
+    def of(cls, clip: Clip, settings: ContactSettings) -> _Contacts:
+        distances = clip.distances
+        pairs = candidate_pairs(distances, clip.regions, clip.target_legs, clip.unit, clip.hanging)
+        # One layout of arrays, for which the solver is compiled once.
+        source = np.take(clip.source.positions, distances.sources, axis=1)
+        copy = np.take(clip.copy.positions, distances.targets, axis=1)
+        copy /= clip.unit
+        return cls(clip, settings, pairs, source, copy, clip.raised_arms[:, distances.sources])
+
+    def near(self, block: slice, standing: Array) -> NearPairs:
+        """Return the pairs in contact in a block of frames."""
+        return near_pairs(
+            self.pairs,
+            self.source,
+            self.copy,
+            standing,
+            self.clip.shots,
+            self.raised,
+            block=block,
+            frame_time=self.clip.frame_time,
+            settings=self.settings,
+        )
+
+
+def _solve_frames(clip: Clip, supports: Supports, plan: SkinPlan, frames: slice, settings: ContactSettings) -> Poses:
     """Solve some frames of a clip."""
-    distances, unit = clip.distances, clip.unit
+    unit = clip.unit
     body = Articulation.of(clip.skeleton, clip.parts, part_stiffness(clip))
-    pairs = candidate_pairs(distances, clip.regions, clip.target_legs, unit, clip.hanging)
-    # One layout of arrays, for which the solver is compiled once.
-    source = np.take(clip.source.positions, distances.sources, axis=1)
-    copy = np.take(clip.copy.positions, distances.targets, axis=1)
+    contacts = _Contacts.of(clip, settings)
     bones, root = _with_bent_knees(clip), np.ascontiguousarray(clip.root / unit)
-    copy /= unit
     bones /= unit
-    raised, firmness = clip.raised_arms[:, distances.sources], settings.foot_lock * SUPPORT_STIFFNESS
+    firmness = settings.foot_lock * SUPPORT_STIFFNESS
     count = frames.stop - frames.start
     v, log = np.zeros((count, len(body.stiffness), 3)), np.zeros((4, count))
     work = Workspace.of(body)
     for solved in blocks_of(count):
         block = slice(frames.start + solved.start, frames.start + solved.stop)
-        held = supports[block]
-        near, skin = _near_and_skin(clip, pairs, (source, copy, raised), supports, block, settings)
-        springs = joined(support_springs(held, body, bones[block], unit, firmness), held.scene_springs)
+        held, planned = supports[block], plan[block]
+        near = contacts.near(block, held.standing)._replace(shift=planned.shift_of(clip.distances.targets))
+        springs = joined(support_springs(held, body, bones[block], unit, firmness), held.scene_springs, planned.springs)
         room = room_for(len(near.a) + len(springs.a) + len(held.floor.joints))
-        given = Given(near, springs, held.floor, skin, room)
+        given = Given(near, springs, held.floor, planned.skin, planned.start(unit), room)
         _solve(body, CopiedBones(bones[block], root[block]), given, TOLERANCE, v, solved.start, log, work)
     v[:, -1] *= unit
     return Poses(v, log)
-
-
-def _near_and_skin(
-    clip: Clip,
-    pairs: CandidatePairs,
-    points: tuple[Array, Array, Array],
-    supports: Supports,
-    block: slice,
-    settings: ContactSettings,
-) -> tuple[NearPairs, Skin]:
-    """The contact pairs and the skin of a block of frames; `points` are those of the source, of the rotation copy, and
-    how far their arms are raised.
-    """
-    around = 2 * round(LEAD / clip.frame_time) + 1 if clip.skins else 0
-    wide = slice(max(block.start - around, 0), min(block.stop + around, len(clip)))
-    source, copy, raised = points
-    near = near_pairs(
-        pairs,
-        source,
-        copy,
-        supports[wide].standing,
-        clip.shots,
-        raised,
-        block=wide,
-        frame_time=clip.frame_time,
-        settings=settings,
-    )
-    if not clip.skins:
-        return near, no_skin(len(near.f))
-    skin = plan_skin(clip[wide], clip.skins, near)
-    inside = slice(block.start - wide.start, block.stop - wide.start)
-    return near.of_frames(inside), skin.of_frames(inside)
 
 
 def _with_bent_knees(clip: Clip) -> Array:
@@ -203,6 +220,7 @@ class Given(NamedTuple):
     springs: Springs  # those of supports and scene contacts in all frames of the block
     floor: Floor  # the floor in all frames of the block
     skin: Skin  # the surfaces of the body in all frames of the block
+    start: Array  # (frames, parts + 1, 3), the poses that frames start from
     room: Springs  # scratch for the springs of one frame
 
 
@@ -232,7 +250,8 @@ def _like_pushes(scratch: Scratch, body: Articulation, terms: Terms) -> tuple[Pu
 
 
 @inlined(fastmath=True)
-def _terms_of(given: Given, frame: int, start: Array) -> Terms:  # noqa: ARG001
+def _terms_of(given: Given, frame: int, start: Array) -> Terms:
+    copy_to(start, given.start[frame])
     floor = given.floor
     of_frame = Floor(floor.joints, floor.heights[frame], floor.stiffness[frame], floor.up)
     acting = _write_springs(given.near, given.springs, frame, given.room)

@@ -26,18 +26,19 @@ Numbers = NDArray[np.intp]
 
 STIFFNESS = 300.0  # K
 CUSHION = 0.006  # the way over which the force sets in [body units]
-NEARLY = 0.01  # pairs that lack less than this to touch may move the parts that carry them [body units]
+NEARLY = 0.002  # pairs that lack less than this to touch may move the parts that carry them [body units]
 MOST_PUSHES = 512  # balls and capsules that touch in one frame
 
 
 class Skin(NamedTuple):
     """The surfaces of a body, and what keeps them apart. All lengths are in body units. With several frames, `ends`,
-    `near`, `rest` and `k` have the frames as first axis.
+    `near`, `soft`, `rest` and `k` have the frames as first axis.
     """
 
     balls: Balls
     ends: Array  # (capsules, 2, 3), the ends of the capsules less their joints, in the rotation copy
     near: NDArray[np.bool_]  # (pairs,), whether a pair of segments may touch
+    soft: Array  # (pairs,), how far they may overlap, because flesh gives way
     rest: Array  # (pairs,), G, the gap of each pair of segments
     k: Array  # (pairs,), the stiffness with which it is kept
     posed: Array  # (capsules, 2, 3), scratch
@@ -45,29 +46,19 @@ class Skin(NamedTuple):
     force: Array  # (3, 3), scratch
     pushes: Pushes  # scratch
 
-    def of_frames(self, frames: slice) -> Skin:
-        """Return the skin in some of its frames."""
-        return self._replace(
-            ends=np.ascontiguousarray(self.ends[frames]),
-            near=np.ascontiguousarray(self.near[frames]),
-            rest=np.ascontiguousarray(self.rest[frames]),
-            k=np.ascontiguousarray(self.k[frames]),
-        )
 
-
-def no_skin(frames: int) -> Skin:
-    """Return the skin of a body without thickness."""
+def no_balls() -> Balls:
+    """Return the balls and capsules of a body without thickness."""
     none, numbers = np.zeros(0), np.zeros(0, np.intp)
-    balls = Balls(
-        numbers, none, none, numbers, np.zeros((0, 2)), numbers, numbers, np.zeros((0, 2), np.intp), np.zeros((0, 0))
-    )
-    return skin_of(balls, np.zeros((frames, 0, 2, 3)), np.zeros((frames, 0), bool), *np.zeros((2, frames, 0)))
+    pairs = np.zeros((0, 2), np.intp)
+    return Balls(numbers, none, none, numbers, np.zeros((0, 2)), numbers, numbers, pairs, np.zeros((0, 0)))
 
 
-def skin_of(balls: Balls, ends: Array, near: NDArray[np.bool_], rest: Array, k: Array) -> Skin:
+def skin_of(balls: Balls, ends: Array, near: NDArray[np.bool_], soft: Array, rest: Array, k: Array) -> Skin:
     """Return the skin of some frames."""
     posed, centres = np.zeros(ends.shape[1:]), np.zeros((len(balls.carriers), 3))
-    return Skin(balls, ends, near, rest, k, posed, centres, np.zeros((3, 3)), room_for_pushes(MOST_PUSHES))
+    ends, near, soft, rest, k = (np.ascontiguousarray(each) for each in (ends, near, soft, rest, k))
+    return Skin(balls, ends, near, soft, rest, k, posed, centres, np.zeros((3, 3)), room_for_pushes(MOST_PUSHES))
 
 
 @inlined(fastmath=True)
@@ -77,6 +68,7 @@ def skin_in_frame(skin: Skin, frame: int) -> Skin:
         skin.balls,
         skin.ends[frame],
         skin.near[frame],
+        skin.soft[frame],
         skin.rest[frame],
         skin.k[frame],
         skin.posed,
@@ -140,7 +132,7 @@ def _pair_energy(scratch: Scratch, body: Articulation, skin: Skin, pair: int) ->
                 skin.centres[ball], balls.radii[ball], ends, radii, reach
             ):
                 continue
-            gap = _write_push(skin, ball, capsule, force[0], force[1])
+            gap = _write_push(skin, ball, capsule, force[0], force[1]) + skin.soft[pair]
             lack, cushion = rest - gap, 0.5 * CUSHION - gap
             pull = 0.0
             if lack > 0.0:
@@ -177,7 +169,7 @@ def _write_pushes(scratch: Scratch, skin: Skin, pair: int, count: int) -> int:
                 skin.centres[ball], balls.radii[ball], ends, radii, reach
             ):
                 continue
-            gap = _write_push(skin, ball, capsule, force[0], force[1])
+            gap = _write_push(skin, ball, capsule, force[0], force[1]) + skin.soft[pair]
             if gap < reach and count < MOST_PUSHES:
                 limb = balls.joints[balls.carriers[ball]]
                 lack, cushion = rest - gap, 0.5 * CUSHION - gap

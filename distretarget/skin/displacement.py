@@ -1,8 +1,8 @@
-"""How far limbs have to move so that their balls leave the capsules of other parts: displacements of elbows and wrists.
+"""How far elbows and wrists have to move so that the balls of the arms leave the capsules of other parts.
 
-A ball on the upper arm moves by a share of the elbow's displacement, one on the forearm by shares of the elbow's and the
-wrist's, and the hand by the wrist's. Each frame begins with the displacement of the frame before, so that a limb leaves
-a body on the side on which it entered; then the displacement shrinks in small steps, after each of which balls that are
+A ball on the upper arm moves by a share of the elbow's displacement, one on the forearm by shares of the elbow's and
+the wrist's, and the hand by the wrist's. Each frame begins with the displacement of the frame before, so that a limb
+leaves a body on the side on which it entered; then the displacement shrinks in small steps, after each of which balls that are
 inside a capsule are moved out along the shortest way (position based dynamics: Mueller, Heidelberger, Hennix, Ratcliff,
 J. Vis. Commun. Image Represent. 18 (2007), doi:10.1016/j.jvcir.2007.01.005). So a limb whose way leads through a body
 slides round it.
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import compiled, inlined
-from distretarget.skin.balls import NEVER, Balls, out_of_reach
+from distretarget.skin.balls import NEVER, Balls, out_of_reach, place_ball
 from distretarget.skin.closest import LEAST, place_on_axis
 
 Array = NDArray[np.float64]
@@ -25,10 +25,13 @@ Numbers = NDArray[np.intp]
 SWEEPS = 12  # of each frame
 SETTLING = 4  # the last sweeps, in which displacements do not shrink
 SHRINK = 0.8  # the share of a displacement that a sweep leaves
-LEAST_SHARE = 0.3  # balls that move by a smaller share of a displacement stay where they are
+REACH = 0.06  # balls and capsules that are farther apart than this do not meet [body units]
+MOST_MEETINGS = 2048  # balls and capsules that may meet in one frame
+NOTHING = 1e-6  # displacements that add up to less are none [unit of length]
+LEAST_SHARE = 0.5  # balls that move by a smaller share of a displacement stay where they are
 
 
-class Joints(NamedTuple):
+class Displaced(NamedTuple):
     """The joints that can be displaced, and what moves with them. A share is that of a joint's displacement."""
 
     of_ball: Numbers  # (balls, 2), the numbers of the displaced joints that move each ball, or -1
@@ -39,112 +42,148 @@ class Joints(NamedTuple):
 
 
 def displacements(
-    balls: Balls, joints: Joints, posed: Array, wanted: Array, firmness: Array, fresh: NDArray[np.bool_], start: Array
+    balls: Balls,
+    joints: Displaced,
+    posed: Array,
+    arms: Array,
+    near: NDArray[np.bool_],
+    soft: Array,
+    wanted: Array,
+    firmness: Array,
+    start: Array,
+    *,
+    given: bool,
 ) -> Array:
     """Return the displacements of the joints in each frame, (frames, joints, 3), that bring the parts of a body apart.
 
-    `posed`, (frames, capsules, 2, 3), are the ends of the capsules; `wanted`, (frames, pairs), is the gap that pairs of
-    segments that touch are brought to, as far as `firmness`, (frames, pairs), says, 0 to 1. Frames that are `fresh`,
-    (frames,), do not begin with the frame before. `start`, (frames, joints, 3), if it has frames, is what the result
-    begins with instead, and it does not shrink.
+    Args:
+        balls: of the body, with its capsules.
+        joints: what moves with the displaced joints.
+        posed: (frames, capsules, 2, 3), the ends of the capsules.
+        arms: (frames, arms, 3, 3), the places of shoulders, elbows and wrists, whose distances stay the same.
+        near: (frames, pairs), whether two segments can meet.
+        soft: (frames, pairs), how far they may overlap, because flesh gives way.
+        wanted: (frames, pairs), the gap that segments that touch are brought to.
+        firmness: (frames, pairs), how far they are brought there, 0 to 1.
+        start: (joints, 3), the displacement before the first frame. If displacements are `given`, (frames, joints, 3),
+            what each frame begins with; then nothing shrinks.
     """
     result = np.zeros((len(posed), joints.count, 3))
-    room = np.zeros((len(balls.carriers), 3)), np.zeros(balls.cap_radii.shape + (3,)), np.zeros((2, 3))
-    _write_displacements(balls, joints, posed, wanted, firmness, fresh, start, room, result)
+    before = start if given else np.broadcast_to(start, result.shape)
+    found, room = np.zeros((MOST_MEETINGS, 3), np.intp), np.zeros((4, 3))
+    before = np.ascontiguousarray(before)
+    _write_displacements(balls, joints, posed, arms, near, soft, wanted, firmness, before, given, found, room, result)
     return result
 
 
 @compiled(fastmath=True)
-def _write_displacements(balls, joints, posed, wanted, firmness, fresh, start, room, result):  # type: ignore[no-untyped-def]
+def _write_displacements(balls, joints, posed, arms, near, soft, wanted, firmness, before, given, found, room, result):  # type: ignore[no-untyped-def]
     for frame in range(len(posed)):
         d = result[frame]
-        given = len(start) > 0
-        if given or (frame > 0 and not fresh[frame]):
-            for j in range(joints.count):
-                for i in range(3):
-                    d[j, i] = start[frame, j, i] if given else result[frame - 1, j, i]
+        for j in range(joints.count):
+            for i in range(3):
+                d[j, i] = before[frame, j, i] if given or frame == 0 else result[frame - 1, j, i]
+        count = _find_meetings(balls, joints, posed[frame], near[frame], found, room)
         for sweep in range(SWEEPS):
-            if not given and sweep < SWEEPS - SETTLING:
-                for j in range(joints.count):
-                    for i in range(3):
-                        d[j, i] *= SHRINK
-            moved = 0.0
-            for pair in range(len(balls.pairs)):
-                limb, part = balls.pairs[pair, 0], balls.pairs[pair, 1]
-                if balls.of_ball[limb + 1] > balls.of_ball[limb] and joints.of_ball[balls.of_ball[limb], 0] >= 0:
-                    _place(balls, joints, posed[frame], d, limb, part, room)
-                    moved += _separate(balls, joints, limb, part, d, room)
-                    if firmness[frame, pair] > 0.0:
-                        _touch(balls, joints, limb, part, wanted[frame, pair], firmness[frame, pair], d, room)
-            if moved == 0.0 and (given or sweep >= SWEEPS - SETTLING):
+            settles = given or sweep >= SWEEPS - SETTLING
+            size = _shrink(d, 1.0 if settles else SHRINK)
+            moved, first = 0.0, 0
+            while first < count:
+                pair, last = found[first, 0], first + 1
+                while last < count and found[last, 0] == pair:
+                    last += 1
+                least, nearest = NEVER, first
+                for meeting in range(first, last):
+                    gap, t = _gap(balls, joints, posed[frame], d, found[meeting, 1], found[meeting, 2], room)
+                    depth = -gap - soft[frame, pair]
+                    if depth > 0.0:
+                        _move(joints, found[meeting, 1], found[meeting, 2], t, depth, room[0], d)
+                        moved += depth
+                        gap += depth
+                    if gap < least:
+                        least, nearest = gap, meeting
+                if firmness[frame, pair] > 0.0:
+                    gap, t = _gap(balls, joints, posed[frame], d, found[nearest, 1], found[nearest, 2], room)
+                    way = firmness[frame, pair] * (wanted[frame, pair] - gap)
+                    _move(joints, found[nearest, 1], found[nearest, 2], t, way, room[0], d)
+                    moved += abs(way)
+                first = last
+            for arm in range(len(arms[frame])):
+                _keep_lengths(arms[frame, arm], d[2 * arm : 2 * arm + 2])
+            if moved < NOTHING and (settles or size < NOTHING):
                 break
 
 
 @inlined(fastmath=True)
-def _place(balls, joints, posed, d, limb, part, room):  # type: ignore[no-untyped-def]
-    """Write the places of a limb's balls and of the ends of a part's capsules with the displacements d."""
-    centres, ends = room[0], room[1]
-    for capsule in range(balls.of_capsule[part], balls.of_capsule[part + 1]):
-        for end in range(2):
-            for i in range(3):
-                ends[capsule, end, i] = posed[capsule, end, i]
-                for s in range(2):
-                    j = joints.of_end[capsule, end, s]
-                    if j >= 0:
-                        ends[capsule, end, i] += joints.end_shares[capsule, end, s] * d[j, i]
-    for ball in range(balls.of_ball[limb], balls.of_ball[limb + 1]):
-        capsule, t = balls.carriers[ball], balls.places[ball]
+def _shrink(d: Array, share: float) -> float:
+    """Shrink displacements to a share, those that are hardly any to 0; return the sum of their absolute values."""
+    size = 0.0
+    for j in range(len(d)):
         for i in range(3):
-            centres[ball, i] = (1.0 - t) * posed[capsule, 0, i] + t * posed[capsule, 1, i]
-            for s in range(2):
-                j = joints.of_ball[ball, s]
-                if j >= 0:
-                    centres[ball, i] += joints.ball_shares[ball, s] * d[j, i]
+            size += abs(d[j, i])
+    share = 0.0 if size < NOTHING else share
+    for j in range(len(d)):
+        for i in range(3):
+            d[j, i] *= share
+    return size
 
 
 @inlined(fastmath=True)
-def _separate(balls, joints, limb, part, d, room):  # type: ignore[no-untyped-def]
-    """Move the balls of a limb out of the capsules of a part; return the sum of the ways."""
-    centres, ends, n = room[0], room[1], room[2][0]
-    moved = 0.0
-    for capsule in range(balls.of_capsule[part], balls.of_capsule[part + 1]):
-        radii = balls.cap_radii[capsule]
+def _keep_lengths(arm: Array, d: Array) -> None:
+    """Change the displacements of elbow and wrist, (2, 3), by the least that gives the bones of an arm their lengths."""
+    for bone in range(2):
+        old, new = 0.0, 0.0
+        for i in range(3):
+            rest = arm[bone + 1, i] - arm[bone, i]
+            moved = rest + d[bone, i] - (d[bone - 1, i] if bone > 0 else 0.0)
+            old += rest * rest
+            new += moved * moved
+        if new < LEAST:
+            continue
+        share = (np.sqrt(old / new) - 1.0) * (1.0 if bone == 0 else 0.5)
+        for i in range(3):
+            moved = arm[bone + 1, i] - arm[bone, i] + d[bone, i] - (d[bone - 1, i] if bone > 0 else 0.0)
+            d[bone, i] += share * moved
+            if bone > 0:
+                d[bone - 1, i] -= share * moved
+
+
+@inlined(fastmath=True)
+def _find_meetings(balls, joints, posed, near, found, room):  # type: ignore[no-untyped-def]
+    """Write the pair, the ball and the capsule of all that may meet to `found`; return how many they are."""
+    count, p = 0, room[1]
+    for pair in range(len(balls.pairs)):
+        limb, part = balls.pairs[pair, 0], balls.pairs[pair, 1]
+        if not near[pair] or joints.of_ball[balls.of_ball[limb], 0] < 0:
+            continue
         for ball in range(balls.of_ball[limb], balls.of_ball[limb + 1]):
-            if balls.spare[ball, capsule] == NEVER or out_of_reach(
-                centres[ball], balls.radii[ball], ends[capsule], radii, 0.0
-            ):
-                continue
-            gap, t = _gap(balls, ball, capsule, centres[ball], ends[capsule], n)
-            if gap < 0.0:
-                _move(balls, joints, ball, capsule, t, -gap, n, d, centres, ends)
-                moved -= gap
-    return moved
+            place_ball(balls, ball, posed, p)
+            for capsule in range(balls.of_capsule[part], balls.of_capsule[part + 1]):
+                if balls.spare[ball, capsule] < NEVER and not out_of_reach(
+                    p, balls.radii[ball], posed[capsule], balls.cap_radii[capsule], REACH
+                ):
+                    if count < len(found):
+                        found[count, 0], found[count, 1], found[count, 2] = pair, ball, capsule
+                        count += 1
+    return count
 
 
 @inlined(fastmath=True)
-def _touch(balls, joints, limb, part, wanted, firmness, d, room):  # type: ignore[no-untyped-def]
-    """Move the ball of a limb that is nearest to a part to the gap that is wanted."""
-    centres, ends, n = room[0], room[1], room[2][0]
-    least, at, on = NEVER, -1, -1
-    for capsule in range(balls.of_capsule[part], balls.of_capsule[part + 1]):
-        radii = balls.cap_radii[capsule]
-        for ball in range(balls.of_ball[limb], balls.of_ball[limb + 1]):
-            if balls.spare[ball, capsule] == NEVER or out_of_reach(
-                centres[ball], balls.radii[ball], ends[capsule], radii, least
-            ):
-                continue
-            gap, _ = _gap(balls, ball, capsule, centres[ball], ends[capsule], n)
-            if gap < least:
-                least, at, on = gap, ball, capsule
-    if at >= 0:
-        gap, t = _gap(balls, at, on, centres[at], ends[on], n)
-        _move(balls, joints, at, on, t, firmness * (wanted - gap), n, d, centres, ends)
-
-
-@inlined(fastmath=True)
-def _gap(balls, ball, capsule, p, ends, n):  # type: ignore[no-untyped-def]
-    """The gap between a ball and a capsule, and where on the axis it is; the direction to the ball is written to n."""
-    radii = balls.cap_radii[capsule]
+def _gap(balls, joints, posed, d, ball, capsule, room):  # type: ignore[no-untyped-def]
+    """The gap between a ball and a capsule with the displacements d, and where on the axis it is; the direction from
+    the capsule to the ball is written to `room[0]`.
+    """
+    n, p, ends, radii = room[0], room[1], room[2:], balls.cap_radii[capsule]
+    place_ball(balls, ball, posed, p)
+    for i in range(3):
+        for end in range(2):
+            ends[end, i] = posed[capsule, end, i]
+        for s in range(2):
+            if joints.of_ball[ball, s] >= 0:
+                p[i] += joints.ball_shares[ball, s] * d[joints.of_ball[ball, s], i]
+            for end in range(2):
+                if joints.of_end[capsule, end, s] >= 0:
+                    ends[end, i] += joints.end_shares[capsule, end, s] * d[joints.of_end[capsule, end, s], i]
     t = place_on_axis(p, ends, radii)
     square = 0.0
     for i in range(3):
@@ -158,7 +197,7 @@ def _gap(balls, ball, capsule, p, ends, n):  # type: ignore[no-untyped-def]
 
 
 @inlined(fastmath=True)
-def _move(balls, joints, ball, capsule, t, way, n, d, centres, ends):  # type: ignore[no-untyped-def]
+def _move(joints, ball, capsule, t, way, n, d):  # type: ignore[no-untyped-def]
     """Displace joints by the least so that a ball and the point t of a capsule move apart by `way` along n."""
     squares = 0.0
     for s in range(2):
@@ -169,17 +208,11 @@ def _move(balls, joints, ball, capsule, t, way, n, d, centres, ends):  # type: i
     if squares < LEAST_SHARE * LEAST_SHARE:
         return
     step = way / squares
-    for i in range(3):
-        by = 0.0
-        for s in range(2):
-            j = joints.of_ball[ball, s]
-            if j >= 0:
-                change = joints.ball_shares[ball, s] * step * n[i]
-                d[j, i] += change
-                by += joints.ball_shares[ball, s] * change
+    for s in range(2):
+        for i in range(3):
+            if joints.of_ball[ball, s] >= 0:
+                d[joints.of_ball[ball, s], i] += joints.ball_shares[ball, s] * step * n[i]
             for end in range(2):
-                k = joints.of_end[capsule, end, s]
-                if k >= 0:
+                if joints.of_end[capsule, end, s] >= 0:
                     weight = t if end == 1 else 1.0 - t
-                    d[k, i] -= weight * joints.end_shares[capsule, end, s] * step * n[i]
-        centres[ball, i] += by
+                    d[joints.of_end[capsule, end, s], i] -= weight * joints.end_shares[capsule, end, s] * step * n[i]
