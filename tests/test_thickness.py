@@ -1,17 +1,21 @@
 """The thickness of bodies: capsules found from meshes whose capsules are known, and the segments of joints."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from bodies import SAMPLES, person, posed
 from capsule_bodies import capsule_surface, mesh_of
+from input_files import file_of
 from scipy.spatial.transform import Rotation
 
 from distretarget import Skeleton, load_target
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
-from distretarget.body.thickness import capsules_of
+from distretarget.body.thickness import capsules_of, radii_of
+from distretarget.errors import SkeletonFileError
+from distretarget.io.target_file import parse_target, skeleton_to_json
 from distretarget.skin.capsules import SEGMENTS
 from distretarget.skin.fit import distances
 
@@ -179,3 +183,34 @@ def test_an_average_body_does_not_depend_on_the_rest_pose():
     arm = other.segments == SEGMENTS.index("left forearm")
     elbow, wrist = (lowered.rest_positions[BODY.anatomy.roles[f"left{role}"]] for role in ("LowerArm", "Hand"))
     np.testing.assert_allclose(ends[arm, 1] - ends[arm, 0], [wrist - elbow], atol=0.01 * HEIGHT)
+
+
+def test_radii_of_a_skeleton_file_are_read_and_written():
+    joints = [
+        {"name": "Hips", "parent": None, "offset": [0, 0, 0], "radius": 12},
+        {"name": "Spine", "parent": "Hips", "offset": [0, 20, 0]},
+    ]
+    document = {"format": "distretarget-skeleton", "version": 1, "joints": joints}
+    target = parse_target(file_of(json.dumps(document), "given.json"))
+    assert target.radii == {0: 12.0}
+    again = parse_target(file_of(skeleton_to_json(target.skeleton, "", radii=target.radii), "given.json"))
+    assert again.radii == target.radii
+
+
+@pytest.mark.parametrize(("joint", "says"), [({"radius": 0}, "above 0"), ({"radius": 1, "end": True}, "moves no part")])
+def test_radii_without_a_meaning_are_errors(joint, says):
+    joints = [
+        {"name": "Hips", "parent": None, "offset": [0, 0, 0]},
+        {"name": "B", "parent": "Hips", "offset": [0, 1, 0]},
+    ]
+    document = {"format": "distretarget-skeleton", "version": 1, "joints": [joints[0], joints[1] | joint]}
+    with pytest.raises(SkeletonFileError, match=says):
+        parse_target(file_of(json.dumps(document), "given.json"))
+
+
+def test_an_exported_character_is_as_thick_as_its_mesh():
+    target = load_target(SAMPLES.parent / "sample_characters" / "hero.glb")
+    radii = radii_of(capsules_of(HERO, target.mesh()))
+    bare = capsules_of(HERO, radii=radii)
+    for joint, radius in radii_of(bare).items():
+        assert radius == pytest.approx(radii.get(joint, radius))

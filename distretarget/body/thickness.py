@@ -33,6 +33,13 @@ def capsules_of(body: Body, mesh: SkinnedMesh | None = None, radii: Mapping[int,
     return _as_thick(fit_capsules(mesh, bound, tuple(_parts(body))), radii or {})
 
 
+def radii_of(capsules: Capsules) -> dict[int, float]:
+    """Return the mean radius of what each joint carries, by joint [file units]."""
+    return {
+        joint: float(capsules.radii[capsules.joints == joint].mean()) for joint in np.unique(capsules.joints).tolist()
+    }
+
+
 def _as_thick(capsules: Capsules, radii: Mapping[int, float]) -> Capsules:
     """The capsules with these mean radii of what single joints carry."""
     thick = capsules.radii.copy()
