@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -17,6 +17,7 @@ from distretarget.skin.mesh import SkinnedMesh
 Array = NDArray[np.float64]
 Number = TypeVar("Number", bound=np.generic)
 
+MOST_TRIANGLES = 30_000  # of a mesh; of a finer one every second, third ... triangle is taken
 LEAST_WEIGHT = 1e-6  # vertices whose weights sum to less are bound to nothing
 
 
@@ -40,6 +41,20 @@ class MeshPart:
     weights: Array
     triangles: NDArray[np.intp]
 
+    def thinned(self, step: int) -> MeshPart:
+        """Return the part with one of every `step` triangles, and the vertices that these have."""
+        triangles = self.triangles[::step]
+        used = np.zeros(len(self.vertices), bool)
+        used[triangles] = True
+        numbers = np.cumsum(used) - 1
+        return replace(
+            self,
+            vertices=self.vertices[used],
+            joints=self.joints[used],
+            weights=self.weights[used],
+            triangles=numbers[triangles],
+        )
+
 
 def skinned_mesh(character: Character, nodes: Nodes, parts: Sequence[MeshPart]) -> SkinnedMesh | None:
     """Return the mesh of a character from its parts, or None if none of them hangs on its joints; `nodes` are those of
@@ -48,9 +63,10 @@ def skinned_mesh(character: Character, nodes: Nodes, parts: Sequence[MeshPart]) 
     Each vertex is where its bones bring it while the skeleton is in its rest pose. Nodes that are no joints move with
     the nearest joint above them.
     """
+    step = max(-(-sum(len(part.triangles) for part in parts) // MOST_TRIANGLES), 1)
     binds = character.bind_transforms
     joints = {node: joint for joint, node in enumerate(character.joint_nodes.tolist())}
-    bound = [_bound(part, nodes, binds, joints) for part in parts]
+    bound = [_bound(part.thinned(step), nodes, binds, joints) for part in parts]
     found = [part for part in bound if part is not None]
     if not found:
         return None

@@ -53,7 +53,7 @@ def gltf_parts(gltf: Gltf, skins: tuple[Skin, ...]) -> Iterator[MeshPart]:
 def _part(
     gltf: Gltf, primitives: list[tuple[Node, Fields]], bones: NDArray[np.intp], binds: Array, skinned: bool
 ) -> MeshPart:
-    """The part of primitives with the same vertices, without those that no triangle has."""
+    """The part of primitives with the same vertices."""
     for place, primitive in primitives:
         if "extensions" in primitive and DRACO in primitive["extensions"].entries(dotted):
             raise FileError(gltf.path, f"{place.place} is compressed by Draco")
@@ -64,10 +64,7 @@ def _part(
     if skinned:
         joints, weights = _influences(gltf, place, attributes, len(vertices), len(bones))
     triangles = np.concatenate([_triangles(gltf, each, fields, len(vertices)) for each, fields in primitives])
-    used = np.zeros(len(vertices), bool)
-    used[triangles] = True
-    numbers = np.cumsum(used) - 1
-    return MeshPart(vertices[used], bones, binds, joints[used], weights[used], numbers[triangles])
+    return MeshPart(vertices, bones, binds, joints, weights, triangles)
 
 
 def _influences(

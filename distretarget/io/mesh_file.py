@@ -15,6 +15,16 @@ from distretarget.skin.mesh import SkinnedMesh
 
 
 @dataclass(frozen=True, eq=False)
+class HeldMesh:
+    """Returns a mesh that was read already."""
+
+    mesh: SkinnedMesh | None
+
+    def __call__(self) -> SkinnedMesh | None:
+        return self.mesh
+
+
+@dataclass(frozen=True, eq=False)
 class CharacterMesh:
     """The mesh of a character, read from its file when it is first asked for; called, it returns it.
 
@@ -30,6 +40,10 @@ class CharacterMesh:
 
     def __call__(self) -> SkinnedMesh | None:
         return self._read[0]
+
+    def __reduce__(self) -> tuple[type[HeldMesh], tuple[SkinnedMesh | None]]:
+        """What goes to a worker: the mesh, not the file."""
+        return HeldMesh, (self(),)
 
     @property
     def warnings(self) -> tuple[str, ...]:

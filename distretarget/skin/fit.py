@@ -20,7 +20,7 @@ from distretarget.skin.mesh import SkinnedMesh
 
 Array = NDArray[np.float64]
 
-MOST_POINTS = 20_000  # on the mesh that are looked at
+MOST_POINTS = 30_000  # on the mesh that are looked at
 FEWEST_POINTS = 6  # of a part that gets capsules, or of half of it
 QUARTERS = np.array([[2, 2, 2], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6  # the middles of a triangle's four quarters
 EDGES = 3.0, 97.0  # percentiles of the surface at which a part ends [%]
