@@ -43,14 +43,12 @@ class Scratch(NamedTuple):
     series: Array  # (parts, 2), (1 - cos t) / t^2 and (t - sin t) / t^3 of the angle t = |v| of each part
     # (joints, 3), the gradient with respect to the positions; `pose_gradient` accumulates it to the root
     gradient: Array
-    torque: Array  # (parts, 3), the gradient with respect to small rotations of parts alone, from points beside joints
 
     @classmethod
     def of(cls, body: Articulation) -> Scratch:
         """Scratch arrays for a body."""
         joints, parts = len(body.parents), len(body.stiffness) - 1
-        shapes = (joints, 3), (joints, 3), (parts, 9), (parts, 2), (joints, 3), (parts, 3)
-        return cls(*map(np.zeros, shapes))
+        return cls(*(np.zeros(shape) for shape in ((joints, 3), (joints, 3), (parts, 9), (parts, 2), (joints, 3))))
 
 
 @inlined(fastmath=True)
@@ -63,7 +61,6 @@ def pose_body(v: Array, body: Articulation, bones: Array, root: Array, scratch: 
     parts = len(scratch.rotations)
     for part in range(parts):
         _exp(v[part, 0], v[part, 1], v[part, 2], scratch.rotations[part], scratch.series[part])
-        scratch.torque[part, 0], scratch.torque[part, 1], scratch.torque[part, 2] = 0.0, 0.0, 0.0
     for i in range(3):
         scratch.x[0, i] = root[i] + v[parts, i]
         scratch.gradient[0, i] = 0.0
@@ -105,7 +102,7 @@ def stiffness_energy(v: Array, body: Articulation) -> float:
 @inlined(fastmath=True)
 def pose_gradient(v: Array, body: Articulation, scratch: Scratch, gradient: Array) -> None:
     """Write the gradient with respect to the pose, of the stiffness terms and of the objective whose gradient with
-    respect to the positions is `scratch.gradient`, and with respect to rotations of parts alone `scratch.torque`.
+    respect to the positions is `scratch.gradient`.
 
     A small rotation dw of a part about the upper end of its bone b moves the whole subtree by dw x b, so the torque on
     the part is b x (sum of the gradients in the subtree). As dw = J dv with the left Jacobian J of the exponential map,
@@ -113,8 +110,7 @@ def pose_gradient(v: Array, body: Articulation, scratch: Scratch, gradient: Arra
     """
     parts = len(scratch.rotations)
     for part in range(parts):
-        for i in range(3):
-            gradient[part, i] = scratch.torque[part, i]
+        gradient[part, 0], gradient[part, 1], gradient[part, 2] = 0.0, 0.0, 0.0
     for joint in range(len(body.parents) - 1, 0, -1):
         parent = body.parents[joint]
         part = body.parts[parent]

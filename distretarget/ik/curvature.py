@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.ik.articulation import Articulation, Scratch, to_rotation_vector
-from distretarget.ik.pushes import Pushes, add_pushes, mark_carriers
 from distretarget.ik.springs import Below, Springs, couples, write_nodes, write_stiffness_below
 from distretarget.numerics.compiled import inlined, merged
 from distretarget.numerics.loops import indices
@@ -109,7 +108,6 @@ class Curvature(NamedTuple):
     bones: Numbers  # (joints,), the way that H is for, then -1
     below: Below  # what is below bones
     flat: Array  # (3 parts + 3,), scratch for what is solved
-    row: Array  # (parts + 1, 3), scratch for the torques of one push
 
     @classmethod
     def of(cls, body: Articulation) -> Curvature:
@@ -117,7 +115,7 @@ class Curvature(NamedTuple):
         joints, parts, size = len(body.parents), len(body.stiffness), 3 * len(body.stiffness)
         active, place, rows, bones = (np.full(n, -1, np.intp) for n in (parts, parts, joints, joints))
         H, M, below = np.zeros((size, size)), np.zeros((joints, 3, 3)), Below.of(body)
-        return cls(H, active, place, rows, M, bones, below, np.zeros(size), np.zeros((parts, 3)))
+        return cls(H, active, place, rows, M, bones, below, np.zeros(size))
 
 
 @inlined(fastmath=True)
@@ -131,23 +129,15 @@ def are_first(bones: Numbers, way: Numbers, count: int) -> bool:
 
 @merged
 def write_curvature(
-    bones: int,
-    v: Array,
-    body: Articulation,
-    scratch: Scratch,
-    springs: Springs,
-    count: int,
-    pushes: Pushes,
-    pushing: int,
-    curvature: Curvature,
+    bones: int, v: Array, body: Articulation, scratch: Scratch, springs: Springs, count: int, curvature: Curvature
 ) -> int:
     """Write the active parts at the pose `v` and the upper triangle of their curvature, (3 active, 3 active), and
-    return their number. The first `count` springs and `pushing` pushes depend on the first `bones` bones of
-    `below.way`; `scratch` has the posed bones.
+    return their number. The first `count` springs depend on the first `bones` bones of `below.way`; `scratch` has the
+    posed bones.
 
-    A part is active if a spring or push acts on it; the last active part stands for the root's position. All others
-    keep the rotation copy's rotation and are no unknowns. Parts farthest from the root come first, which keeps the
-    Cholesky factor sparse.
+    A part is active if a spring acts on it; the last active part stands for the root's position. All others keep the
+    rotation copy's rotation and are no unknowns. Parts farthest from the root come first, which keeps the Cholesky
+    factor sparse.
     """
     H, below, way = curvature.H, curvature.below, curvature.below.way
     for i in range(len(curvature.bones)):
@@ -155,9 +145,6 @@ def write_curvature(
     nodes = write_nodes(bones, body.parents, below)
     write_stiffness_below(springs, count, nodes, body.parents, below)
     _write_moment_matrices(bones, way, v, body, scratch, curvature.M)
-    for part in range(len(curvature.place)):
-        curvature.place[part] = -1
-    mark_carriers(pushes, pushing, body.parts, curvature.place)
     parts = _write_active(bones, way, body, scratch.bones, curvature)
     for part in range(parts):
         stiffness = body.stiffness[curvature.active[part]]
@@ -169,7 +156,6 @@ def write_curvature(
         for n in range(m, nodes):
             if couples(below.G[m, n]):
                 _add_nodes(m, n, below.first, below.G[m, n], curvature.M, curvature.rows, H)
-    add_pushes(v, body, scratch, pushes, pushing, curvature.place, curvature.row, H)
     return parts
 
 
@@ -179,6 +165,8 @@ def _write_active(count: int, way: Numbers, body: Articulation, bones: Array, cu
     root's position if the root is among them. Write their places and the rows of bones too, and return their number.
     """
     active, place, rows = curvature.active, curvature.place, curvature.rows
+    for part in range(len(place)):
+        place[part] = -1
     for i in range(count):
         joint = way[i]
         rows[i] = body.parts[body.parents[joint]] if joint > 0 else len(place) - 1

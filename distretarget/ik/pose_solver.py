@@ -67,19 +67,15 @@ class _Problem(NamedTuple):
 
 
 def pose_solver(
-    terms_of: Callable[..., Any],
-    energy: Callable[..., Any],
-    like_springs: Callable[..., Any],
-    like_pushes: Callable[..., Any],
+    terms_of: Callable[..., Any], energy: Callable[..., Any], like_springs: Callable[..., Any]
 ) -> Callable[..., Any]:
-    """Return the solver of one kind of objective, given as four `inlined` functions.
+    """Return the solver of one kind of objective, given as three `inlined` functions.
 
     terms_of(given, frame, start) -> terms: the terms of a frame; it may overwrite `start`, which is zero, the rotation
         copy, with another start pose.
-    energy(scratch, body, terms) -> float: the value at the positions `scratch.x`; it adds the gradient to
-        `scratch.gradient` and `scratch.torque`.
-    like_springs(scratch, terms) -> (Springs, int), like_pushes(scratch, body, terms) -> (Pushes, int): springs and
-        pushes, and how many of them count, that together have the same Gauss-Newton curvature at `scratch.x`.
+    energy(scratch, terms) -> float: the value at the positions `scratch.x`; it adds the gradient to `scratch.gradient`.
+    like_springs(scratch, terms) -> (Springs, int): springs, and how many of them count, that have the same Gauss-Newton
+        curvature at `scratch.x`.
 
     Returns a `merged` solve(body, copy, given, tolerance, v, first, log, work). It solves the frames of `copy`, the
     first of which is frame `first` of `v` and `log`, and writes their poses and efforts there. A frame starts from the
@@ -92,7 +88,7 @@ def pose_solver(
     def objective(v, problem, gradient):  # type: ignore[no-untyped-def]
         body, scratch = problem.body, problem.scratch
         pose_body(v, body, problem.bones, problem.root, scratch)
-        potential = energy(scratch, body, problem.terms)
+        potential = energy(scratch, problem.terms)
         pose_gradient(v, body, scratch, gradient)
         return potential + stiffness_energy(v, body)
 
@@ -107,7 +103,7 @@ def pose_solver(
                 break  # the body is in the best one
             start = starts[trial if trial < count else best]
             pose_body(start, body, bones, root, scratch)
-            potential = energy(scratch, body, terms)
+            potential = energy(scratch, terms)
             sigma = potential + stiffness_energy(start, body)
             tried += 1
             if trial == 0 or sigma < least:
@@ -132,11 +128,10 @@ def pose_solver(
                 sigma, tried = pose_best(work.starts, count, body, bones, root, terms, scratch, pose, work.gradient)
                 evaluations += tried
                 springs, acting = like_springs(scratch, terms)
-                pushes, pushing = like_pushes(scratch, body, terms)
-                moved = write_way(springs, acting, pushes, pushing, body, curvature.below)
-                kept = pushing == 0 and calm >= wait and are_first(curvature.bones, curvature.below.way, moved)
+                moved = write_way(springs, acting, body, curvature.below)
+                kept = calm >= wait and are_first(curvature.bones, curvature.below.way, moved)
                 if not kept:
-                    parts = write_curvature(moved, pose, body, scratch, springs, acting, pushes, pushing, curvature)
+                    parts = write_curvature(moved, pose, body, scratch, springs, acting, curvature)
                     factorise(curvature.H, 3 * parts)
                 if _reset_others(pose, curvature.place):  # new terms may act then: joints may sink below the floor
                     copy_to(work.starts[0], pose)

@@ -5,7 +5,7 @@ Only the number of frames decides where a clip is split, so the result is bit-id
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from distretarget.ik.spg import Effort
 
 Array = NDArray[np.float64]
-Spans = NDArray[np.intp]
 Mapper = Callable[..., Iterable[Any]]  # like `map` and an executor's: calls a function on items, results in order
 Progress = Callable[[int], Any]
 
@@ -53,56 +52,33 @@ class Chunk:
     keep: slice  # the frames whose poses are kept, relative to `solve`
 
 
-def chunks_of(frames: slice, count: int, margin: int, lead_in: int = LEAD_IN) -> list[Chunk]:
-    """The chunks of some frames of a clip with `count` frames, in which each depends on `margin` frames before and
-    after it.
-    """
-    length = frames.stop - frames.start
-    edges = np.linspace(frames.start, frames.stop, max(1, round(length / CHUNK_FRAMES)) + 1).astype(int).tolist()
+def chunks_of(frames: int, margin: int, lead_in: int = LEAD_IN) -> list[Chunk]:
+    """The chunks of a clip in which each frame depends on `margin` frames before and after it."""
+    edges = np.linspace(0, frames, max(1, round(frames / CHUNK_FRAMES)) + 1).astype(int).tolist()
     chunks = []
     for first, end in pairwise(edges):
-        start = max(first - lead_in, frames.start)
-        context = slice(max(start - margin, 0), min(end + margin, count))
+        start = max(first - lead_in, 0)
+        context = slice(max(start - margin, 0), min(end + margin, frames))
         solve = slice(start - context.start, end - context.start)
         chunks.append(Chunk(slice(first, end), context, solve, slice(first - start, end - start)))
     return chunks
 
 
 def solve_in_chunks(
-    solve: Callable[..., Poses], wholes: Sequence[Any], margin: int, mapper: Mapper, progress: Progress
+    solve: Callable[[Any, Any, slice], Poses], clip: Any, supports: Any, margin: int, mapper: Mapper, progress: Progress
 ) -> Poses:
-    """Concatenate the chunks' results of `solve(*wholes, frames)` into one preallocated array.
+    """Concatenate the chunks' results of `solve(clip, supports, frames)` into one preallocated array.
 
-    The `wholes`, the first of which has a length, can be sliced by frames. `mapper` calls `solve` on every chunk and
-    returns results in order; `progress` is called with the number of frames of each.
+    `clip` and `supports` can be sliced by frames. `mapper` calls `solve` on every chunk and returns results in order;
+    `progress` is called with the number of frames of each.
     """
-    count = len(wholes[0])
-    v, log = np.empty(0), np.empty((4, count))
-    for chunk, poses in _solved(solve, wholes, chunks_of(slice(0, count), count, margin), mapper):
+    chunks = chunks_of(len(clip), margin)
+    slices = [[whole[chunk.context] for chunk in chunks] for whole in (clip, supports)]
+    solved = zip(chunks, mapper(solve, *slices, [chunk.solve for chunk in chunks]), strict=True)
+    v, log = np.empty(0), np.empty((4, len(clip)))
+    for chunk, poses in solved:
         if not v.size:
-            v = np.empty((count, *poses.v.shape[1:]))
+            v = np.empty((len(clip), *poses.v.shape[1:]))
         v[chunk.frames], log[:, chunk.frames] = poses.v[chunk.keep], poses.log[:, chunk.keep]
         progress(chunk.frames.stop - chunk.frames.start)
     return Poses(v, log)
-
-
-def solve_again(
-    solve: Callable[..., Poses], wholes: Sequence[Any], margin: int, mapper: Mapper, poses: Poses, spans: Spans
-) -> Poses:
-    """Return the poses with those of the `spans`, (spans, 2), from the first frame to the last but one, solved again as
-    in `solve_in_chunks`. Iterations and evaluations of both times add up.
-    """
-    count, v, log = len(wholes[0]), poses.v.copy(), poses.log.copy()
-    chunks = [chunk for first, end in spans.tolist() for chunk in chunks_of(slice(first, end), count, margin)]
-    for chunk, again in _solved(solve, wholes, chunks, mapper):
-        v[chunk.frames] = again.v[chunk.keep]
-        log[[0, 3], chunk.frames] = again.log[[0, 3]][:, chunk.keep]
-        log[1:3, chunk.frames] += again.log[1:3, chunk.keep]
-    return Poses(v, log)
-
-
-def _solved(
-    solve: Callable[..., Poses], wholes: Sequence[Any], chunks: list[Chunk], mapper: Mapper
-) -> Iterator[tuple[Chunk, Poses]]:
-    slices = [[whole[chunk.context] for chunk in chunks] for whole in wholes]
-    return zip(chunks, mapper(solve, *slices, [chunk.solve for chunk in chunks]), strict=True)

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.ik.articulation import Articulation, Scratch
-from distretarget.ik.pushes import Pushes, mark_ends
 from distretarget.numerics.compiled import inlined
 
 Array = NDArray[np.float64]
@@ -109,10 +108,10 @@ class Below(NamedTuple):
 
 
 @inlined(fastmath=True)
-def write_way(springs: Springs, count: int, pushes: Pushes, pushing: int, body: Articulation, below: Below) -> int:
+def write_way(springs: Springs, count: int, body: Articulation, below: Below) -> int:
     """Write the moving bones to `below.way`, and return their number: the bones whose rotation changes one of the first
-    `count` springs or of the first `pushing` pushes. A bone is given by its lower joint, in descending order; the root,
-    0, follows if a spring is tied to the world.
+    `count` springs. A bone is given by its lower joint, in descending order; the root, 0, follows if a spring is tied
+    to the world.
 
     A spring between two joints depends on the bones on the path between them.
     """
@@ -129,7 +128,6 @@ def write_way(springs: Springs, count: int, pushes: Pushes, pushing: int, body: 
             ends[b] += 1
             is_end[b] = True
             ends[body.meets[a, b]] -= 2
-    mark_ends(pushes, pushing, body, ends)
     bones = 0
     for joint in range(len(ends) - 1, -1, -1):  # all below the joint has been added to `ends[joint]`
         if joint > 0:

@@ -15,6 +15,7 @@ places of resting joints, which are averaged over about the whole rest.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -26,14 +27,11 @@ from distretarget.body.axes import perpendicular
 from distretarget.body.legs import pelvis_joint
 from distretarget.ik.articulation import Articulation, Scratch
 from distretarget.ik.pose_solver import CopiedBones, Workspace, pose_solver
-from distretarget.ik.poses import Mapper, Poses, Progress, ignore_progress, solve_again, solve_in_chunks
-from distretarget.ik.pushes import Pushes
+from distretarget.ik.poses import Mapper, Poses, Progress, ignore_progress, solve_in_chunks
 from distretarget.ik.rigid_parts import subtree_lengths
 from distretarget.ik.springs import NEGLIGIBLE, Springs, is_negligible, joined, room_for, spring_energy
 from distretarget.numerics.compiled import compiled, inlined
-from distretarget.numerics.loops import copy_to
 from distretarget.numerics.parallel import blocks_of
-from distretarget.numerics.time_series import spans_of
 from distretarget.numerics.vectors import cross, lengths, normalised
 from distretarget.objectives.activation import SelfContact
 from distretarget.objectives.clip import Clip
@@ -47,8 +45,6 @@ from distretarget.objectives.contact_pairs import (
 from distretarget.objectives.discontinuities import smooth_flips, smooth_landings
 from distretarget.objectives.floor import Floor, add_floor, floor_energy
 from distretarget.objectives.settings import ContactSettings
-from distretarget.objectives.skin import Skin, skin_energy, skin_in_frame, skin_pushes
-from distretarget.objectives.skin_plan import SkinPlan, meant_contacts, no_plan, plan_skin
 from distretarget.objectives.supports import STIFFNESS as SUPPORT_STIFFNESS
 from distretarget.objectives.supports import Supports, support_springs
 
@@ -79,24 +75,17 @@ def solve_contact(
     """
     margin = SelfContact.of(settings, clip.frame_time).window
     solve = partial(_solve_frames, settings=settings)
-    poses = solve_in_chunks(solve, (clip, supports, no_plan(clip)), margin, mapper, progress)
-    if clip.skins:
-        plan = plan_skin(clip, clip.skins, poses, _meant_contacts(clip, supports, settings))
-        poses = solve_again(solve, (clip, supports, plan), margin, mapper, poses, spans_of(plan.acts))
+    poses = solve_in_chunks(solve, clip, supports, margin, mapper, progress)
     smooth_flips(poses.v, _held_parts(clip, supports, settings), clip.shots, clip.frame_time)
     smooth_landings(poses.v, clip.loose_parts, clip.shots, clip.frame_time)
     return poses
 
 
-def _meant_contacts(clip: Clip, supports: Supports, settings: ContactSettings) -> Array:
-    """(frames, pairs of segments), how much each pair is meant to touch in the source, 0 to 1."""
-    assert clip.skins
-    skin, contacts, points = clip.skins.target, _Contacts.of(clip, settings), clip.distances.targets
-    meant = np.empty((len(clip), len(skin.balls.pairs)))
+def contact_activation(clip: Clip, supports: Supports, settings: ContactSettings) -> Iterator[tuple[slice, NearPairs]]:
+    """Yield the contact pairs of a clip, a block of frames at a time."""
+    contacts = _Contacts.of(clip, settings)
     for block in blocks_of(len(clip)):
-        near = contacts.near(block, supports[block].standing)
-        meant[block] = meant_contacts(skin, points, near.u, near.v, near.f)
-    return meant
+        yield block, contacts.near(block, supports[block].standing)
 
 
 def _held_parts(clip: Clip, supports: Supports, settings: ContactSettings) -> Array:
@@ -173,7 +162,7 @@ class _Contacts:
         )
 
 
-def _solve_frames(clip: Clip, supports: Supports, plan: SkinPlan, frames: slice, settings: ContactSettings) -> Poses:
+def _solve_frames(clip: Clip, supports: Supports, frames: slice, settings: ContactSettings) -> Poses:
     """Solve some frames of a clip."""
     unit = clip.unit
     body = Articulation.of(clip.skeleton, clip.parts, part_stiffness(clip))
@@ -186,11 +175,11 @@ def _solve_frames(clip: Clip, supports: Supports, plan: SkinPlan, frames: slice,
     work = Workspace.of(body)
     for solved in blocks_of(count):
         block = slice(frames.start + solved.start, frames.start + solved.stop)
-        held, planned = supports[block], plan[block]
-        near = contacts.near(block, held.standing)._replace(shift=planned.shift_of(clip.distances.targets))
-        springs = joined(support_springs(held, body, bones[block], unit, firmness), held.scene_springs, planned.springs)
+        held = supports[block]
+        near = contacts.near(block, held.standing)
+        springs = joined(support_springs(held, body, bones[block], unit, firmness), held.scene_springs)
         room = room_for(len(near.a) + len(springs.a) + len(held.floor.joints))
-        given = Given(near, springs, held.floor, planned.skin, planned.start(unit), room)
+        given = Given(near, springs, held.floor, room)
         _solve(body, CopiedBones(bones[block], root[block]), given, TOLERANCE, v, solved.start, log, work)
     v[:, -1] *= unit
     return Poses(v, log)
@@ -219,8 +208,6 @@ class Given(NamedTuple):
     near: NearPairs  # contacts in all frames of the block
     springs: Springs  # those of supports and scene contacts in all frames of the block
     floor: Floor  # the floor in all frames of the block
-    skin: Skin  # the surfaces of the body in all frames of the block
-    start: Array  # (frames, parts + 1, 3), the poses that frames start from
     room: Springs  # scratch for the springs of one frame
 
 
@@ -230,13 +217,11 @@ class Terms(NamedTuple):
     springs: Springs  # those of contacts and supports, then room for a spring per joint that the floor pushes up
     acting: int  # the number of springs in use
     floor: Floor  # the floor in this frame
-    skin: Skin  # the surfaces of the body in this frame
 
 
 @inlined(fastmath=True)
-def _energy(scratch: Scratch, body: Articulation, terms: Terms) -> float:
-    energy = spring_energy(scratch, terms.springs, terms.acting) + floor_energy(scratch, terms.floor)
-    return energy + skin_energy(scratch, body, terms.skin)
+def _energy(scratch: Scratch, terms: Terms) -> float:
+    return spring_energy(scratch, terms.springs, terms.acting) + floor_energy(scratch, terms.floor)
 
 
 @inlined(fastmath=True)
@@ -245,17 +230,10 @@ def _like_springs(scratch: Scratch, terms: Terms) -> tuple[Springs, int]:
 
 
 @inlined(fastmath=True)
-def _like_pushes(scratch: Scratch, body: Articulation, terms: Terms) -> tuple[Pushes, int]:
-    return terms.skin.pushes, skin_pushes(scratch, body, terms.skin)
-
-
-@inlined(fastmath=True)
-def _terms_of(given: Given, frame: int, start: Array) -> Terms:
-    copy_to(start, given.start[frame])
+def _terms_of(given: Given, frame: int, start: Array) -> Terms:  # noqa: ARG001
     floor = given.floor
     of_frame = Floor(floor.joints, floor.heights[frame], floor.stiffness[frame], floor.up)
-    acting = _write_springs(given.near, given.springs, frame, given.room)
-    return Terms(given.room, acting, of_frame, skin_in_frame(given.skin, frame))
+    return Terms(given.room, _write_springs(given.near, given.springs, frame, given.room), of_frame)
 
 
 @inlined(fastmath=True)
@@ -278,7 +256,7 @@ def _write_springs(near: NearPairs, springs: Springs, frame: int, room: Springs)
     return count
 
 
-_solve_poses = pose_solver(_terms_of, _energy, _like_springs, _like_pushes)
+_solve_poses = pose_solver(_terms_of, _energy, _like_springs)
 
 
 @compiled()

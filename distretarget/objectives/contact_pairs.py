@@ -78,7 +78,6 @@ class NearPairs(NamedTuple):
     copy: Array  # (frames, points, 3), the points of the rotation copy [body units]
     f: Array  # (frames, pairs), activation
     w: Array  # (frames, pairs), stiffness
-    shift: Array  # (frames, points, 3), how far each point is moved by what is planned for the skin [body units]
 
 
 def near_pairs(
@@ -111,8 +110,7 @@ def near_pairs(
     f *= 1.0 - np.outer(standing, pairs.passing[on])
     D = D[inside]
     w = pair_stiffness(f, D, (u, v), pairs.points, settings) / (1.0 + (D / settings.reach) ** 4)
-    copy = copy[block]
-    return NearPairs(pairs.a[on], pairs.b[on], u, v, pairs.ratio[on], window[inside], copy, f, w, np.zeros_like(copy))
+    return NearPairs(pairs.a[on], pairs.b[on], u, v, pairs.ratio[on], window[inside], copy[block], f, w)
 
 
 @inlined()
@@ -125,9 +123,8 @@ def share_across(square):  # type: ignore[no-untyped-def]
 
 @inlined(fastmath=True)
 def write_pair_spring(near: NearPairs, frame: int, pair: int, rest: Array, A: Array) -> None:
-    """Write the spring of a pair in a frame: its rest vector d_copy + f (ratio d_source - d_copy), plus the shift of u
-    less that of v, to `rest`, (3,), and its stiffness, w along d_source and k w perpendicular to it (`share_across`),
-    to `A`, (3, 3).
+    """Write the spring of a pair in a frame: its rest vector d_copy + f (ratio d_source - d_copy) to `rest`, (3,), and
+    its stiffness, w along d_source and k w perpendicular to it (`share_across`), to `A`, (3, 3).
 
     The stiffness is bounded by the length c of the change that the pair asks for, f |ratio d_source - d_copy|: it is
     divided by (1 + (c / WITHIN)^4)^(1/4). So contacts in reach are firm, and others hardly bend the body.
@@ -141,7 +138,7 @@ def write_pair_spring(near: NearPairs, frame: int, pair: int, rest: Array, A: Ar
     for i in range(3):
         copied = near.copy[frame, u, i] - near.copy[frame, v, i]
         asked = f * (ratio * rest[i] - copied)
-        rest[i] = copied + asked + (near.shift[frame, u, i] - near.shift[frame, v, i])
+        rest[i] = copied + asked
         change += asked * asked
     change /= WITHIN * WITHIN
     w /= np.sqrt(np.sqrt(1.0 + change * change))

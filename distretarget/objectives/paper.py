@@ -18,7 +18,6 @@ from distretarget.distances import DistanceProblem, columns, filled, stress_and_
 from distretarget.ik.articulation import Articulation, Scratch
 from distretarget.ik.pose_solver import CopiedBones, Workspace, pose_solver
 from distretarget.ik.poses import Poses, Progress, ignore_progress
-from distretarget.ik.pushes import Pushes, room_for_pushes
 from distretarget.ik.rigid_parts import fit_rotations
 from distretarget.ik.spg import Effort, record, scratch_for, spectral_gradient, steepest
 from distretarget.ik.springs import Springs
@@ -151,7 +150,6 @@ class Terms(NamedTuple):
     gradient: Array  # (3, points), scratch
     priorities: Array  # (springs,), pi of each pair whose pi is not 0
     springs: Springs  # one for each of these pairs, scratch for the curvature
-    pushes: Pushes  # none
 
 
 class Given(NamedTuple):
@@ -193,11 +191,11 @@ def _terms(distances: DistanceProblem) -> Terms:
     joints, pi = distances.targets, distances.priorities
     springs = Springs(joints[u], joints[v], np.zeros((len(u), 3)), np.zeros((len(u), 3, 3)))
     columns = np.zeros((2, 3, points))
-    return Terms(joints, np.zeros((points, points)), pi, columns[0], columns[1], pi[u, v], springs, room_for_pushes(0))
+    return Terms(joints, np.zeros((points, points)), pi, columns[0], columns[1], pi[u, v], springs)
 
 
 @inlined(fastmath=True)
-def _stress(scratch: Scratch, body: Articulation, terms: Terms) -> float:  # noqa: ARG001
+def _stress(scratch: Scratch, terms: Terms) -> float:
     for point, joint in enumerate(terms.points):
         for i in range(3):
             terms.x[i, point] = scratch.x[joint, i]
@@ -224,18 +222,13 @@ def _pair_springs(scratch: Scratch, terms: Terms) -> tuple[Springs, int]:
 
 
 @inlined()
-def _no_pushes(scratch: Scratch, body: Articulation, terms: Terms) -> tuple[Pushes, int]:  # noqa: ARG001
-    return terms.pushes, 0
-
-
-@inlined()
 def _terms_of(given: Given, frame: int, start: Array) -> Terms:
     copy_to(start, given.guess[frame])
     target_distances(given.source[frame], given.ratio, given.terms.delta)
     return given.terms
 
 
-_pose_solver = pose_solver(_terms_of, _stress, _pair_springs, _no_pushes)
+_pose_solver = pose_solver(_terms_of, _stress, _pair_springs)
 
 
 @compiled()

@@ -1,203 +1,170 @@
-"""Skin: one-sided springs that keep the surfaces of a body's parts apart.
+"""Skin: limbs bend so that skin touches where it touches in the source, and sinks in nowhere.
 
-    1/2 sum over balls and capsules   k_p max(0, G_p - gap)^2   +   K c(gap)
-
-gap is that between a ball of a limb and a capsule of another part (`skin.balls`). The first term holds the two parts of
-a pair p at the gap G_p that the plan of the clip asks for (`skin_plan`), which leads in time. The second keeps the
-surfaces apart everywhere; its force, K (-gap) where they overlap, begins CUSHION / 2 before they touch and grows as the
-square of the way up to there, so that the curvature is continuous.
+It begins with the motion that keeps the contacts of joints. In each frame `skin.displacement` finds the displacements
+of elbows, wrists and knees that bring limbs out of the body, and skins that touch to the gap of the source. These lead
+in time: a limb that is about to sink in begins to leave its way before it arrives, and comes back afterwards.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.ik.articulation import Articulation, Scratch
-from distretarget.ik.pushes import Pushes, add_force, room_for_pushes
-from distretarget.numerics.compiled import inlined
-from distretarget.skin.balls import NEVER, Balls, out_of_reach, place_ball
-from distretarget.skin.closest import LEAST, place_on_axis
+from distretarget.motion import Motion
+from distretarget.numerics.time_series import averaged, by_shot, smoothstep, widened
+from distretarget.numerics.vectors import lengths, normalised
+from distretarget.objectives.clip import Clip
+from distretarget.objectives.contact import contact_activation
+from distretarget.objectives.settings import ContactSettings
+from distretarget.objectives.skins import BodySkin, Skins
+from distretarget.objectives.supports import Supports
+from distretarget.skin.balls import Balls, segment_gaps
+from distretarget.skin.capsules import SEGMENTS
+from distretarget.skin.displacement import displacements
+from distretarget.skin.limbs import bent
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 Numbers = NDArray[np.intp]
 
-STIFFNESS = 300.0  # K
-CUSHION = 0.006  # the way over which the force sets in [body units]
-NEARLY = 0.002  # pairs that lack less than this to touch may move the parts that carry them [body units]
-MOST_PUSHES = 512  # balls and capsules that touch in one frame
+FARTHEST = 0.06  # parts that are farther apart than this have nothing to do with each other [body units]
+NEAR = 0.06  # parts that are nearer than this can meet once limbs are bent [body units]
+TOUCH, APART = 0.01, 0.04  # parts touch up to the first gap, and from the second on they do not [body units]
+MARGIN = 0.01  # only what is less than this farther than the nearest touches [body units]
+LEAD = 0.12  # a limb leaves its way over twice this time before it would sink in [s]
+SETTLE = 0.04  # displacements are averaged over this time before and after, at last [s]
+
+SOFT = {"upper arm": 0.01, "thigh": 0.01}  # how far the flesh of these gives way [body units]
+
+# Segments that are one place to be touched: what is meant for one of them is meant for all.
+PLACES = (
+    ("head", "neck"),
+    ("chest", "belly", "pelvis", "left thigh", "right thigh"),
+    ("left shin", "right shin", "left foot", "right foot"),
+    ("left hand", "left forearm", "left upper arm"),
+    ("right hand", "right forearm", "right upper arm"),
+)
 
 
-class Skin(NamedTuple):
-    """The surfaces of a body, and what keeps them apart. All lengths are in body units. With several frames, `ends`,
-    `near`, `soft`, `rest` and `k` have the frames as first axis.
+def with_skin(clip: Clip, skins: Skins, posed: Motion, supports: Supports, settings: ContactSettings) -> Motion:
+    """Return the motion of a target with its limbs bent as its skin asks; `posed` is the motion before."""
+    body, source = skins.target, skins.source
+    balls = body.balls
+    ends = body.posed(posed)
+    gaps = segment_gaps(balls, ends, FARTHEST)
+    in_source = segment_gaps(source.balls, source.posed(clip.source), FARTHEST)
+    in_source = _of_pairs(in_source, source.balls.pairs, balls.pairs)
+    soft = _softness(balls, in_source)
+    firmness = _firmness(clip, body, in_source, supports, settings)
+    acts = (gaps + soft < 0.0) | (firmness > 0.0)
+    if not acts.any():
+        return posed
+    wanted = gaps + firmness * (np.maximum(in_source, 0.0) - gaps)
+    limbs = np.stack([posed.positions[:, [*limb.joints]] for limb in body.limbs], axis=1) / body.unit
+    free = _free(clip, body, supports, settings)
+    given = ends, limbs, free, gaps < NEAR, soft
+
+    def find(*of_shot: Any) -> Array:
+        return displacements(balls, body.displaced, *of_shot)
+
+    def over_time(change: Callable[[Array], Array], values: Array) -> Array:
+        return by_shot(change, clip.shots, values.reshape(len(values), -1)).reshape(values.shape)
+
+    lead = LEAD / clip.frame_time
+    raw = by_shot(find, clip.shots, *given, wanted, firmness)
+    size = over_time(lambda each: widened(each, lead), lengths(raw))
+    direction = over_time(lambda each: averaged(each, 2 * round(lead) + 1), raw)
+    led = size[..., None] * normalised(direction)
+    out = displacements(balls, body.displaced, *given, wanted, np.zeros_like(firmness), led)
+    settled = over_time(lambda each: averaged(each, max(round(SETTLE / clip.frame_time), 1)), out)
+    return bent(posed, body.limbs, body.unit * settled)
+
+
+def _firmness(clip: Clip, body: BodySkin, in_source: Array, supports: Supports, settings: ContactSettings) -> Array:
+    """(frames, pairs), how firmly pairs of segments touch, 0 to 1: they touch in the source, and are meant to."""
+    touching = smoothstep((APART - in_source) / (APART - TOUCH)) * _nearest(body.balls, in_source)
+    touching[:, ~_are_arms(body.balls)] = 0.0
+    if not touching.any():
+        return touching
+    return touching * _meant(clip, body, supports, settings)
+
+
+def _free(clip: Clip, body: BodySkin, supports: Supports, settings: ContactSettings) -> Array:
+    """(frames, limbs, 2), how far middle and end of each limb can move, 0 to 1: not while they or what is beyond them
+    rest on the world; feet never.
     """
-
-    balls: Balls
-    ends: Array  # (capsules, 2, 3), the ends of the capsules less their joints, in the rotation copy
-    near: NDArray[np.bool_]  # (pairs,), whether a pair of segments may touch
-    soft: Array  # (pairs,), how far they may overlap, because flesh gives way
-    rest: Array  # (pairs,), G, the gap of each pair of segments
-    k: Array  # (pairs,), the stiffness with which it is kept
-    posed: Array  # (capsules, 2, 3), scratch
-    centres: Array  # (balls, 3), scratch
-    force: Array  # (3, 3), scratch
-    pushes: Pushes  # scratch
-
-
-def no_balls() -> Balls:
-    """Return the balls and capsules of a body without thickness."""
-    none, numbers = np.zeros(0), np.zeros(0, np.intp)
-    pairs = np.zeros((0, 2), np.intp)
-    return Balls(numbers, none, none, numbers, np.zeros((0, 2)), numbers, numbers, pairs, np.zeros((0, 0)))
+    free = np.ones((len(clip), len(body.limbs), 2))
+    rests = supports.weights if settings.foot_lock else np.zeros_like(supports.weights)
+    for number, limb in enumerate(body.limbs):
+        below = {*clip.skeleton.subtree(limb.end)}
+        for joint, weight in zip(supports.joints.tolist(), rests.T, strict=True):
+            if joint in below:
+                free[:, number, 1] = np.minimum(free[:, number, 1], 1.0 - weight)
+            elif joint == limb.middle:
+                free[:, number, 0] = np.minimum(free[:, number, 0], 1.0 - weight)
+        if limb.top in {leg.hip for leg in clip.target_legs or ()}:
+            free[:, number, 1] = 0.0
+    return free
 
 
-def skin_of(balls: Balls, ends: Array, near: NDArray[np.bool_], soft: Array, rest: Array, k: Array) -> Skin:
-    """Return the skin of some frames."""
-    posed, centres = np.zeros(ends.shape[1:]), np.zeros((len(balls.carriers), 3))
-    ends, near, soft, rest, k = (np.ascontiguousarray(each) for each in (ends, near, soft, rest, k))
-    return Skin(balls, ends, near, soft, rest, k, posed, centres, np.zeros((3, 3)), room_for_pushes(MOST_PUSHES))
-
-
-@inlined(fastmath=True)
-def skin_in_frame(skin: Skin, frame: int) -> Skin:
-    """The skin in one of its frames."""
-    return Skin(
-        skin.balls,
-        skin.ends[frame],
-        skin.near[frame],
-        skin.soft[frame],
-        skin.rest[frame],
-        skin.k[frame],
-        skin.posed,
-        skin.centres,
-        skin.force,
-        skin.pushes,
-    )
-
-
-@inlined(fastmath=True)
-def skin_energy(scratch: Scratch, body: Articulation, skin: Skin) -> float:
-    """Return the energy of the skin at the pose of `scratch`, and add its gradient there."""
-    energy = 0.0
-    for pair in range(len(skin.near)):
-        if skin.near[pair]:
-            _pose_pair(scratch, body, skin, pair)
-            energy += _pair_energy(scratch, body, skin, pair)
-    return energy
-
-
-@inlined(fastmath=True)
-def skin_pushes(scratch: Scratch, body: Articulation, skin: Skin) -> int:
-    """Write pushes with the Gauss-Newton curvature of the skin at the pose of `scratch`; return how many they are."""
-    count = 0
-    for pair in range(len(skin.near)):
-        if skin.near[pair]:
-            _pose_pair(scratch, body, skin, pair)
-            count = _write_pushes(scratch, skin, pair, count)
-    return count
-
-
-@inlined(fastmath=True)
-def _pose_pair(scratch: Scratch, body: Articulation, skin: Skin, pair: int) -> None:
-    """Pose the capsules and the balls of a pair of segments."""
-    balls = skin.balls
-    for side in range(2):
-        segment = balls.pairs[pair, side]
-        for capsule in range(balls.of_capsule[segment], balls.of_capsule[segment + 1]):
-            joint = balls.joints[capsule]
-            E = scratch.rotations[body.parts[joint]]
-            for end in range(2):
-                x, y, z = skin.ends[capsule, end, 0], skin.ends[capsule, end, 1], skin.ends[capsule, end, 2]
-                for i in range(3):
-                    at = E[3 * i] * x + E[3 * i + 1] * y + E[3 * i + 2] * z
-                    skin.posed[capsule, end, i] = scratch.x[joint, i] + at
-    segment = balls.pairs[pair, 0]
-    for ball in range(balls.of_ball[segment], balls.of_ball[segment + 1]):
-        place_ball(balls, ball, skin.posed, skin.centres[ball])
-
-
-@inlined(fastmath=True)
-def _pair_energy(scratch: Scratch, body: Articulation, skin: Skin, pair: int) -> float:
-    balls, force = skin.balls, skin.force
-    a, b = balls.pairs[pair, 0], balls.pairs[pair, 1]
-    rest, k, energy = skin.rest[pair], skin.k[pair], 0.0
-    reach = max(rest, 0.5 * CUSHION)
-    for capsule in range(balls.of_capsule[b], balls.of_capsule[b + 1]):
-        ends, radii, holder = skin.posed[capsule], balls.cap_radii[capsule], balls.joints[capsule]
-        for ball in range(balls.of_ball[a], balls.of_ball[a + 1]):
-            if balls.spare[ball, capsule] == NEVER or out_of_reach(
-                skin.centres[ball], balls.radii[ball], ends, radii, reach
-            ):
-                continue
-            gap = _write_push(skin, ball, capsule, force[0], force[1]) + skin.soft[pair]
-            lack, cushion = rest - gap, 0.5 * CUSHION - gap
-            pull = 0.0
-            if lack > 0.0:
-                energy += 0.5 * k * lack * lack
-                pull += k * lack
-            if cushion > CUSHION:
-                energy += STIFFNESS * (CUSHION * CUSHION / 24.0 + 0.5 * gap * gap)
-                pull -= STIFFNESS * gap
-            elif cushion > 0.0:
-                energy += STIFFNESS * cushion * cushion * cushion / (6.0 * CUSHION)
-                pull += 0.5 * STIFFNESS * cushion * cushion / CUSHION
-            if pull > 0.0:
-                limb = balls.joints[balls.carriers[ball]]
-                n = force[0]
-                for i in range(3):
-                    force[2, i] = skin.centres[ball, i] - scratch.x[limb, i]
-                add_force(scratch, body, limb, force[2], n, -pull)
-                for i in range(3):
-                    force[2, i] = force[1, i] - scratch.x[holder, i]
-                add_force(scratch, body, holder, force[2], n, pull)
-    return energy
-
-
-@inlined(fastmath=True)
-def _write_pushes(scratch: Scratch, skin: Skin, pair: int, count: int) -> int:
-    balls, pushes, force = skin.balls, skin.pushes, skin.force
-    a, b = balls.pairs[pair, 0], balls.pairs[pair, 1]
-    rest, k = skin.rest[pair], skin.k[pair]
-    reach = max(rest, 0.5 * CUSHION) + NEARLY
-    for capsule in range(balls.of_capsule[b], balls.of_capsule[b + 1]):
-        ends, radii, holder = skin.posed[capsule], balls.cap_radii[capsule], balls.joints[capsule]
-        for ball in range(balls.of_ball[a], balls.of_ball[a + 1]):
-            if balls.spare[ball, capsule] == NEVER or out_of_reach(
-                skin.centres[ball], balls.radii[ball], ends, radii, reach
-            ):
-                continue
-            gap = _write_push(skin, ball, capsule, force[0], force[1]) + skin.soft[pair]
-            if gap < reach and count < MOST_PUSHES:
-                limb = balls.joints[balls.carriers[ball]]
-                lack, cushion = rest - gap, 0.5 * CUSHION - gap
-                pushes.a[count], pushes.b[count] = limb, holder
-                for i in range(3):
-                    pushes.direction[count, i] = force[0, i]
-                    pushes.at_a[count, i] = skin.centres[ball, i] - scratch.x[limb, i]
-                    pushes.at_b[count, i] = force[1, i] - scratch.x[holder, i]
-                share = max(min(cushion / CUSHION, 1.0), 0.0)
-                pushes.k[count] = STIFFNESS * share + (k if lack > 0.0 else 0.0)
-                count += 1
-    return count
-
-
-@inlined(fastmath=True)
-def _write_push(skin: Skin, ball: int, capsule: int, n: Array, q: Array) -> float:
-    """Write the unit vector from a capsule to a ball, and the point of the capsule's axis that counts; return the gap
-    between the two.
+def _nearest(balls: Balls, gaps: Array) -> Array:
+    """(frames, pairs), 1 for the pair with the least gap of all pairs of a limb and one place, 0 for pairs whose gap is
+    larger by `MARGIN` and more.
     """
-    balls, p, ends = skin.balls, skin.centres[ball], skin.posed[capsule]
-    radii = balls.cap_radii[capsule]
-    t = place_on_axis(p, ends, radii)
-    square = 0.0
-    for i in range(3):
-        q[i] = (1.0 - t) * ends[0, i] + t * ends[1, i]
-        n[i] = p[i] - q[i]
-        square += n[i] * n[i]
-    distance = np.sqrt(square)
-    for i in range(3):
-        n[i] /= max(distance, LEAST)
-    return float(distance - (1.0 - t) * radii[0] - t * radii[1] - balls.radii[ball] - balls.spare[ball, capsule])
+    place = _places()[balls.pairs[:, 1]]
+    nearest = np.empty_like(gaps)
+    for limb, where in {*zip(balls.pairs[:, 0].tolist(), place.tolist(), strict=True)}:
+        on = (balls.pairs[:, 0] == limb) & (place == where)
+        nearest[:, on] = gaps[:, on].min(axis=1)[:, None]
+    return 1.0 - smoothstep((gaps - nearest) / MARGIN)
+
+
+def _places() -> Numbers:
+    """(segments + 1,), the number of the place that each segment belongs to; -1 for the last, which is none."""
+    place = np.full(len(SEGMENTS) + 1, -1)
+    for number, names in enumerate(PLACES):
+        place[[SEGMENTS.index(name) for name in names]] = number
+    return place
+
+
+def _softness(balls: Balls, in_source: Array) -> Array:
+    """(frames, pairs), how far segments may overlap [body units]: as far as their flesh gives way, and all but hands
+    and forearms as far as the source's do.
+    """
+    soft = np.array([next((by for part, by in SOFT.items() if part in name), 0.0) for name in SEGMENTS])
+    tender = np.array(["hand" not in SEGMENTS[limb] and "forearm" not in SEGMENTS[limb] for limb in balls.pairs[:, 0]])
+    return np.asarray(np.maximum(soft[balls.pairs].sum(axis=1), np.where(tender, -in_source, 0.0)))
+
+
+def _are_arms(balls: Balls) -> Flags:
+    """(pairs,), whether the first segment of each pair belongs to an arm."""
+    return np.array(["arm" in SEGMENTS[limb] or "hand" in SEGMENTS[limb] for limb in balls.pairs[:, 0]], bool)
+
+
+def _of_pairs(gaps: Array, pairs: Numbers, wanted: Numbers) -> Array:
+    """(frames, wanted pairs), the gaps of pairs, (frames, pairs); `FARTHEST` for those that are not there."""
+    columns = {pair: column for column, pair in enumerate(map(tuple, pairs.tolist()))}
+    result = np.full((len(gaps), len(wanted)), FARTHEST)
+    for column, pair in enumerate(map(tuple, wanted.tolist())):
+        if pair in columns:
+            result[:, column] = gaps[:, columns[pair]]
+    return result
+
+
+def _meant(clip: Clip, body: BodySkin, supports: Supports, settings: ContactSettings) -> Array:
+    """(frames, pairs), how much each pair of segments is meant to touch, 0 to 1: the largest activation of a contact
+    pair of the first segment and of the place that the second belongs to.
+    """
+    place, pairs = _places(), body.balls.pairs
+    of_point = body.of_joint[clip.distances.targets]
+    meant = np.zeros((len(clip), len(pairs)))
+    for block, near in contact_activation(clip, supports, settings):
+        of_u, of_v = of_point[near.u], of_point[near.v]
+        for column, (limb, other) in enumerate(pairs.tolist()):
+            on = ((of_u == limb) & (place[of_v] == place[other])) | ((of_v == limb) & (place[of_u] == place[other]))
+            if on.any():
+                meant[block, column] = near.f[:, on].max(axis=1)
+    return meant

@@ -23,6 +23,7 @@ from distretarget.objectives.foot_lock import find_foot_lock, hips_rise
 from distretarget.objectives.paper import Postures
 from distretarget.objectives.resting_joints import find_resting_joints, root_shift, with_resting_joints
 from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
+from distretarget.objectives.skin import with_skin
 from distretarget.objectives.skins import Skins
 from distretarget.objectives.supports import Supports, no_supports
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
@@ -94,8 +95,11 @@ class Performer:
         return replace(self, clip=clip, supports=supports, settings=settings)
 
     def posed(self, poses: Poses) -> Motion:
-        """Return the motion of the poses, before the root on the floor is placed."""
-        return posed_motion(self.clip.copy, poses.v, self.clip.parts, self.clip.root + poses.v[:, -1])
+        """Return the motion of the poses, with the skin kept, before the root on the floor is placed."""
+        posed = posed_motion(self.clip.copy, poses.v, self.clip.parts, self.clip.root + poses.v[:, -1])
+        if self.clip.skins is None:
+            return posed
+        return with_skin(self.clip, self.clip.skins, posed, self.supports, self.settings)
 
     def result(self, poses: Poses, postures: Postures | None = None) -> RetargetResult:
         """Return the result of the poses, with the paper's solved points where there are any.

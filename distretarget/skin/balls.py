@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from distretarget.numerics.compiled import compiled, inlined
+from distretarget.numerics.compiled import compiled, inlined, read_only
+from distretarget.numerics.parallel import over_blocks
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.closest import place_on_axis
 
@@ -141,26 +142,55 @@ def segment_gaps(balls: Balls, posed: Array, farthest: float) -> Array:
     count only beyond those of the reference pose.
     """
     gaps = np.empty((len(posed), len(balls.pairs)))
-    _write_gaps(balls, posed, farthest, np.empty((len(balls.carriers), 3)), gaps)
+    count = len(balls.carriers)
+
+    def write(block: slice) -> None:
+        room = np.empty((count, 3)), np.empty((len(balls.of_ball), 4))
+        _write_gaps(balls, read_only(posed[block]), farthest, *room, gaps[block])
+
+    over_blocks(write, len(posed), count)
     return gaps
 
 
 @compiled(fastmath=True)
-def _write_gaps(balls, posed, farthest, centres, gaps):  # type: ignore[no-untyped-def]
+def _write_gaps(balls, posed, farthest, centres, spheres, gaps):  # type: ignore[no-untyped-def]
     for frame in range(len(posed)):
         for ball in range(len(balls.carriers)):
             place_ball(balls, ball, posed[frame], centres[ball])
+        for segment in range(len(balls.of_capsule) - 1):
+            _write_sphere(balls, segment, posed[frame], spheres[segment])
         for pair in range(len(balls.pairs)):
             a, b = balls.pairs[pair, 0], balls.pairs[pair, 1]
             least = farthest
-            for capsule in range(balls.of_capsule[b], balls.of_capsule[b + 1]):
-                ends, radii = posed[frame, capsule], balls.cap_radii[capsule]
-                for ball in range(balls.of_ball[a], balls.of_ball[a + 1]):
-                    spare = balls.spare[ball, capsule]
-                    if spare == NEVER or out_of_reach(centres[ball], balls.radii[ball], ends, radii, least):
-                        continue
-                    least = min(least, gap_between(centres[ball], balls.radii[ball], ends, radii) - spare)
+            apart = 0.0
+            for i in range(3):
+                apart += (spheres[a, i] - spheres[b, i]) ** 2
+            if apart < (spheres[a, 3] + spheres[b, 3] + farthest) ** 2:
+                for capsule in range(balls.of_capsule[b], balls.of_capsule[b + 1]):
+                    ends, radii = posed[frame, capsule], balls.cap_radii[capsule]
+                    for ball in range(balls.of_ball[a], balls.of_ball[a + 1]):
+                        spare = balls.spare[ball, capsule]
+                        if spare < NEVER and not out_of_reach(centres[ball], balls.radii[ball], ends, radii, least):
+                            least = min(least, gap_between(centres[ball], balls.radii[ball], ends, radii) - spare)
             gaps[frame, pair] = least
+
+
+@inlined(fastmath=True)
+def _write_sphere(balls, segment, posed, sphere):  # type: ignore[no-untyped-def]
+    """Write the centre and the radius of a sphere round the capsules of a segment."""
+    first, last = balls.of_capsule[segment], balls.of_capsule[segment + 1]
+    for i in range(4):
+        sphere[i] = 0.0
+    for capsule in range(first, last):
+        for end in range(2):
+            for i in range(3):
+                sphere[i] += posed[capsule, end, i] / (2 * (last - first))
+    for capsule in range(first, last):
+        for end in range(2):
+            square = 0.0
+            for i in range(3):
+                square += (posed[capsule, end, i] - sphere[i]) ** 2
+            sphere[3] = max(sphere[3], np.sqrt(square) + balls.cap_radii[capsule, end])
 
 
 @inlined(fastmath=True)

@@ -1,11 +1,11 @@
-"""How far elbows and wrists have to move so that the balls of the arms leave the capsules of other parts.
+"""How far elbows, wrists and knees have to move so that the balls of limbs leave the capsules of other parts.
 
 A ball on the upper arm moves by a share of the elbow's displacement, one on the forearm by shares of the elbow's and
-the wrist's, and the hand by the wrist's. Each frame begins with the displacement of the frame before, so that a limb
-leaves a body on the side on which it entered; then the displacement shrinks in small steps, after each of which balls that are
-inside a capsule are moved out along the shortest way (position based dynamics: Mueller, Heidelberger, Hennix, Ratcliff,
-J. Vis. Commun. Image Represent. 18 (2007), doi:10.1016/j.jvcir.2007.01.005). So a limb whose way leads through a body
-slides round it.
+the wrist's, and the hand by the wrist's; legs are alike. Each frame begins with the displacement of the frame before,
+so that a limb leaves a body on the side on which it entered; then the displacement shrinks in small steps, after each
+of which balls that are inside a capsule are moved out along the shortest way (position based dynamics: Mueller,
+Heidelberger, Hennix, Ratcliff, J. Vis. Commun. Image Represent. 18 (2007), doi:10.1016/j.jvcir.2007.01.005). So a
+limb whose way leads through a body slides round it.
 """
 
 from __future__ import annotations
@@ -32,58 +32,66 @@ LEAST_SHARE = 0.5  # balls that move by a smaller share of a displacement stay w
 
 
 class Displaced(NamedTuple):
-    """The joints that can be displaced, and what moves with them. A share is that of a joint's displacement."""
+    """What moves with the joints that can be displaced: the middle of each limb, such as an elbow, and its end. A share
+    is that of a joint's displacement.
+    """
 
-    of_ball: Numbers  # (balls, 2), the numbers of the displaced joints that move each ball, or -1
+    of_ball: Numbers  # (balls,), the limb that each ball belongs to; -1 for none
     ball_shares: Array  # (balls, 2)
-    of_end: Numbers  # (capsules, 2, 2), the same for the ends of the capsules
-    end_shares: Array  # (capsules, 2, 2)
-    count: int  # the number of joints
+    of_end: Numbers  # (capsules,), the limb that each capsule belongs to; -1 for none
+    end_shares: Array  # (capsules, 2, 2), of its ends
+    mutual: NDArray[np.bool_]  # (pairs,), whether both segments of a pair give way, or that of the balls alone
 
 
 def displacements(
     balls: Balls,
-    joints: Displaced,
+    displaced: Displaced,
     posed: Array,
-    arms: Array,
+    limbs: Array,
+    free: Array,
     near: NDArray[np.bool_],
     soft: Array,
     wanted: Array,
     firmness: Array,
-    start: Array,
-    *,
-    given: bool,
+    start: Array | None = None,
 ) -> Array:
-    """Return the displacements of the joints in each frame, (frames, joints, 3), that bring the parts of a body apart.
+    """Return how far to displace joints in each frame so that the parts of a body come apart, (frames, limbs, 2, 3).
 
     Args:
         balls: of the body, with its capsules.
-        joints: what moves with the displaced joints.
+        displaced: what moves with the displaced joints.
         posed: (frames, capsules, 2, 3), the ends of the capsules.
-        arms: (frames, arms, 3, 3), the places of shoulders, elbows and wrists, whose distances stay the same.
+        limbs: (frames, limbs, 3, 3), the top, the middle and the end of each limb; its bones keep their lengths.
+        free: (frames, limbs, 2), how far middle and end can move, 0 to 1.
         near: (frames, pairs), whether two segments can meet.
         soft: (frames, pairs), how far they may overlap, because flesh gives way.
         wanted: (frames, pairs), the gap that segments that touch are brought to.
         firmness: (frames, pairs), how far they are brought there, 0 to 1.
-        start: (joints, 3), the displacement before the first frame. If displacements are `given`, (frames, joints, 3),
-            what each frame begins with; then nothing shrinks.
+        start: (frames, limbs, 2, 3), what each frame begins with; then nothing shrinks. None for the result of the
+            frame before.
     """
-    result = np.zeros((len(posed), joints.count, 3))
-    before = start if given else np.broadcast_to(start, result.shape)
+    result = np.zeros((len(posed), limbs.shape[1], 2, 3))
+    given, before = start is not None, np.zeros_like(result) if start is None else start
     found, room = np.zeros((MOST_MEETINGS, 3), np.intp), np.zeros((4, 3))
-    before = np.ascontiguousarray(before)
-    _write_displacements(balls, joints, posed, arms, near, soft, wanted, firmness, before, given, found, room, result)
+    _write_displacements(
+        balls, displaced, posed, limbs, free, near, soft, wanted, firmness, before, given, found, room, result
+    )
     return result
 
 
 @compiled(fastmath=True)
-def _write_displacements(balls, joints, posed, arms, near, soft, wanted, firmness, before, given, found, room, result):  # type: ignore[no-untyped-def]
+def _write_displacements(  # type: ignore[no-untyped-def]
+    balls, displaced, posed, limbs, free, near, soft, wanted, firmness, before, given, found, room, result
+):
     for frame in range(len(posed)):
-        d = result[frame]
-        for j in range(joints.count):
-            for i in range(3):
-                d[j, i] = before[frame, j, i] if given or frame == 0 else result[frame - 1, j, i]
-        count = _find_meetings(balls, joints, posed[frame], near[frame], found, room)
+        d, at, loose = result[frame], posed[frame], free[frame]
+        for limb in range(len(d)):
+            for joint in range(2):
+                for i in range(3):
+                    d[limb, joint, i] = before[frame, limb, joint, i] if given else 0.0
+                    if not given and frame > 0:
+                        d[limb, joint, i] = result[frame - 1, limb, joint, i]
+        count = _find_meetings(balls, at, near[frame], found, room)
         for sweep in range(SWEEPS):
             settles = given or sweep >= SWEEPS - SETTLING
             size = _shrink(d, 1.0 if settles else SHRINK)
@@ -93,23 +101,26 @@ def _write_displacements(balls, joints, posed, arms, near, soft, wanted, firmnes
                 while last < count and found[last, 0] == pair:
                     last += 1
                 least, nearest = NEVER, first
+                both = displaced.mutual[pair]
                 for meeting in range(first, last):
-                    gap, t = _gap(balls, joints, posed[frame], d, found[meeting, 1], found[meeting, 2], room)
+                    ball, capsule = found[meeting, 1], found[meeting, 2]
+                    gap, t = _gap(balls, displaced, at, d, ball, capsule, room)
                     depth = -gap - soft[frame, pair]
                     if depth > 0.0:
-                        _move(joints, found[meeting, 1], found[meeting, 2], t, depth, room[0], d)
+                        _move(displaced, ball, capsule, t, depth, room[0], both, loose, d)
                         moved += depth
                         gap += depth
                     if gap < least:
                         least, nearest = gap, meeting
                 if firmness[frame, pair] > 0.0:
-                    gap, t = _gap(balls, joints, posed[frame], d, found[nearest, 1], found[nearest, 2], room)
+                    ball, capsule = found[nearest, 1], found[nearest, 2]
+                    gap, t = _gap(balls, displaced, at, d, ball, capsule, room)
                     way = firmness[frame, pair] * (wanted[frame, pair] - gap)
-                    _move(joints, found[nearest, 1], found[nearest, 2], t, way, room[0], d)
+                    _move(displaced, ball, capsule, t, way, room[0], both, loose, d)
                     moved += abs(way)
                 first = last
-            for arm in range(len(arms[frame])):
-                _keep_lengths(arms[frame, arm], d[2 * arm : 2 * arm + 2])
+            for limb in range(len(d)):
+                _keep_lengths(limbs[frame, limb], loose[limb], d[limb])
             if moved < NOTHING and (settles or size < NOTHING):
                 break
 
@@ -118,72 +129,77 @@ def _write_displacements(balls, joints, posed, arms, near, soft, wanted, firmnes
 def _shrink(d: Array, share: float) -> float:
     """Shrink displacements to a share, those that are hardly any to 0; return the sum of their absolute values."""
     size = 0.0
-    for j in range(len(d)):
-        for i in range(3):
-            size += abs(d[j, i])
+    for limb in range(len(d)):
+        for joint in range(2):
+            for i in range(3):
+                size += abs(d[limb, joint, i])
     share = 0.0 if size < NOTHING else share
-    for j in range(len(d)):
-        for i in range(3):
-            d[j, i] *= share
+    for limb in range(len(d)):
+        for joint in range(2):
+            for i in range(3):
+                d[limb, joint, i] *= share
     return size
 
 
 @inlined(fastmath=True)
-def _keep_lengths(arm: Array, d: Array) -> None:
-    """Change the displacements of elbow and wrist, (2, 3), by the least that gives the bones of an arm their lengths."""
+def _keep_lengths(limb: Array, free: Array, d: Array) -> None:
+    """Change the displacements of a limb's middle and end, (2, 3), by the least that gives its bones their lengths."""
     for bone in range(2):
         old, new = 0.0, 0.0
         for i in range(3):
-            rest = arm[bone + 1, i] - arm[bone, i]
-            moved = rest + d[bone, i] - (d[bone - 1, i] if bone > 0 else 0.0)
+            rest = limb[bone + 1, i] - limb[bone, i]
+            moved = rest + d[bone, i] - (d[0, i] if bone == 1 else 0.0)
             old += rest * rest
             new += moved * moved
-        if new < LEAST:
+        upper, lower = free[0] if bone == 1 else 0.0, free[bone]
+        if new < LEAST or upper + lower <= 0.0:
             continue
-        share = (np.sqrt(old / new) - 1.0) * (1.0 if bone == 0 else 0.5)
+        share = (np.sqrt(old / new) - 1.0) / (upper + lower)
         for i in range(3):
-            moved = arm[bone + 1, i] - arm[bone, i] + d[bone, i] - (d[bone - 1, i] if bone > 0 else 0.0)
-            d[bone, i] += share * moved
-            if bone > 0:
-                d[bone - 1, i] -= share * moved
+            moved = limb[bone + 1, i] - limb[bone, i] + d[bone, i] - (d[0, i] if bone == 1 else 0.0)
+            d[bone, i] += share * lower * moved
+            if bone == 1:
+                d[0, i] -= share * upper * moved
 
 
 @inlined(fastmath=True)
-def _find_meetings(balls, joints, posed, near, found, room):  # type: ignore[no-untyped-def]
+def _find_meetings(balls, posed, near, found, room):  # type: ignore[no-untyped-def]
     """Write the pair, the ball and the capsule of all that may meet to `found`; return how many they are."""
     count, p = 0, room[1]
     for pair in range(len(balls.pairs)):
-        limb, part = balls.pairs[pair, 0], balls.pairs[pair, 1]
-        if not near[pair] or joints.of_ball[balls.of_ball[limb], 0] < 0:
+        if not near[pair]:
             continue
+        limb, part = balls.pairs[pair, 0], balls.pairs[pair, 1]
         for ball in range(balls.of_ball[limb], balls.of_ball[limb + 1]):
             place_ball(balls, ball, posed, p)
             for capsule in range(balls.of_capsule[part], balls.of_capsule[part + 1]):
-                if balls.spare[ball, capsule] < NEVER and not out_of_reach(
-                    p, balls.radii[ball], posed[capsule], balls.cap_radii[capsule], REACH
+                if (
+                    balls.spare[ball, capsule] < NEVER
+                    and not out_of_reach(p, balls.radii[ball], posed[capsule], balls.cap_radii[capsule], REACH)
+                    and count < len(found)
                 ):
-                    if count < len(found):
-                        found[count, 0], found[count, 1], found[count, 2] = pair, ball, capsule
-                        count += 1
+                    found[count, 0], found[count, 1], found[count, 2] = pair, ball, capsule
+                    count += 1
     return count
 
 
 @inlined(fastmath=True)
-def _gap(balls, joints, posed, d, ball, capsule, room):  # type: ignore[no-untyped-def]
+def _gap(balls, displaced, posed, d, ball, capsule, room):  # type: ignore[no-untyped-def]
     """The gap between a ball and a capsule with the displacements d, and where on the axis it is; the direction from
     the capsule to the ball is written to `room[0]`.
     """
     n, p, ends, radii = room[0], room[1], room[2:], balls.cap_radii[capsule]
     place_ball(balls, ball, posed, p)
+    limb, other = displaced.of_ball[ball], displaced.of_end[capsule]
     for i in range(3):
         for end in range(2):
             ends[end, i] = posed[capsule, end, i]
-        for s in range(2):
-            if joints.of_ball[ball, s] >= 0:
-                p[i] += joints.ball_shares[ball, s] * d[joints.of_ball[ball, s], i]
-            for end in range(2):
-                if joints.of_end[capsule, end, s] >= 0:
-                    ends[end, i] += joints.end_shares[capsule, end, s] * d[joints.of_end[capsule, end, s], i]
+        for joint in range(2):
+            if limb >= 0:
+                p[i] += displaced.ball_shares[ball, joint] * d[limb, joint, i]
+            if other >= 0:
+                for end in range(2):
+                    ends[end, i] += displaced.end_shares[capsule, end, joint] * d[other, joint, i]
     t = place_on_axis(p, ends, radii)
     square = 0.0
     for i in range(3):
@@ -197,22 +213,22 @@ def _gap(balls, joints, posed, d, ball, capsule, room):  # type: ignore[no-untyp
 
 
 @inlined(fastmath=True)
-def _move(joints, ball, capsule, t, way, n, d):  # type: ignore[no-untyped-def]
+def _move(displaced, ball, capsule, t, way, n, both, free, d):  # type: ignore[no-untyped-def]
     """Displace joints by the least so that a ball and the point t of a capsule move apart by `way` along n."""
-    squares = 0.0
-    for s in range(2):
-        squares += joints.ball_shares[ball, s] ** 2
-        for end in range(2):
-            weight = t if end == 1 else 1.0 - t
-            squares += (weight * joints.end_shares[capsule, end, s]) ** 2
+    limb, other = displaced.of_ball[ball], displaced.of_end[capsule] if both else -1
+    squares, share = 0.0, displaced.end_shares[capsule]
+    for joint in range(2):
+        if limb >= 0:
+            squares += free[limb, joint] * displaced.ball_shares[ball, joint] ** 2
+        if other >= 0:
+            squares += free[other, joint] * ((1.0 - t) * share[0, joint] + t * share[1, joint]) ** 2
     if squares < LEAST_SHARE * LEAST_SHARE:
         return
     step = way / squares
-    for s in range(2):
+    for joint in range(2):
         for i in range(3):
-            if joints.of_ball[ball, s] >= 0:
-                d[joints.of_ball[ball, s], i] += joints.ball_shares[ball, s] * step * n[i]
-            for end in range(2):
-                if joints.of_end[capsule, end, s] >= 0:
-                    weight = t if end == 1 else 1.0 - t
-                    d[joints.of_end[capsule, end, s], i] -= weight * joints.end_shares[capsule, end, s] * step * n[i]
+            if limb >= 0:
+                d[limb, joint, i] += free[limb, joint] * displaced.ball_shares[ball, joint] * step * n[i]
+            if other >= 0:
+                along = (1.0 - t) * share[0, joint] + t * share[1, joint]
+                d[other, joint, i] -= free[other, joint] * along * step * n[i]
