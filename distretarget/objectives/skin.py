@@ -55,17 +55,17 @@ def with_skin(clip: Clip, skins: Skins, posed: Motion, supports: Supports, setti
     balls = body.balls
     ends = body.posed(posed)
     gaps = segment_gaps(balls, ends, FARTHEST)
-    in_source = segment_gaps(source.balls, source.posed(clip.source), FARTHEST)
+    in_source = segment_gaps(source.balls, source.posed(clip.source), APART)
     in_source = _of_pairs(in_source, source.balls.pairs, balls.pairs)
     soft = _softness(balls, in_source)
     firmness = _firmness(clip, body, in_source, supports, settings)
-    acts = (gaps + soft < 0.0) | (firmness > 0.0)
+    acts = ((gaps + soft < 0.0) | (firmness > 0.0)).any(axis=1)
     if not acts.any():
         return posed
     wanted = gaps + firmness * (np.maximum(in_source, 0.0) - gaps)
     limbs = np.stack([posed.positions[:, [*limb.joints]] for limb in body.limbs], axis=1) / body.unit
     free = _free(clip, body, supports, settings)
-    given = ends, limbs, free, gaps < NEAR, soft
+    given: tuple[Any, ...] = ends, limbs, free, acts, gaps < NEAR, soft
 
     def find(*of_shot: Any) -> Array:
         return displacements(balls, body.displaced, *of_shot)
@@ -145,9 +145,9 @@ def _are_arms(balls: Balls) -> Flags:
 
 
 def _of_pairs(gaps: Array, pairs: Numbers, wanted: Numbers) -> Array:
-    """(frames, wanted pairs), the gaps of pairs, (frames, pairs); `FARTHEST` for those that are not there."""
+    """(frames, wanted pairs), the gaps of pairs, (frames, pairs); `APART` for those that are not there."""
     columns = {pair: column for column, pair in enumerate(map(tuple, pairs.tolist()))}
-    result = np.full((len(gaps), len(wanted)), FARTHEST)
+    result = np.full((len(gaps), len(wanted)), APART)
     for column, pair in enumerate(map(tuple, wanted.tolist())):
         if pair in columns:
             result[:, column] = gaps[:, columns[pair]]

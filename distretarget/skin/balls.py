@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import compiled, inlined, read_only
 from distretarget.numerics.parallel import over_blocks
+from distretarget.numerics.vectors import lengths
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.closest import place_on_axis
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
 
-SPACING = 0.9  # between the balls of a limb [radii]
+SPACING = 1.2  # between the balls of a limb [radii]
 MOST_BALLS = 7  # of a capsule
 NEVER = 1e9  # the spare gap of a ball and a capsule that never meet
 OVERLAP = 0.5  # balls that are deeper than this in another part in the reference pose do not meet it [radii]
@@ -57,6 +58,7 @@ class Balls(NamedTuple):
     radii: Array  # (balls,)
     joints: Numbers  # (capsules,), the joint that carries each capsule
     cap_radii: Array  # (capsules, 2)
+    reaches: Array  # (capsules,), the radius of a ball about the middle of each that holds it
     of_ball: Numbers  # (segments + 1,), the first ball of each segment
     of_capsule: Numbers  # (segments + 1,), the first capsule of each segment
     pairs: Numbers  # (pairs, 2), the segments that can touch: that of the balls, that of the capsules
@@ -81,7 +83,8 @@ def balls_of(capsules: Capsules, posed: Array) -> Balls:
     of_capsule = np.searchsorted(capsules.segments, segments)
     pairs = np.array([pair for pair in TOUCHING if _has_both(pair, of_ball, of_capsule)], np.intp).reshape(-1, 2)
     spare = np.full((len(carriers), len(capsules)), NEVER)
-    balls = Balls(carriers, places, radii, capsules.joints, capsules.radii, of_ball, of_capsule, pairs, spare)
+    reaches = 0.5 * lengths(capsules.ends[:, 1] - capsules.ends[:, 0]) + capsules.radii.max(axis=1, initial=0.0)
+    balls = Balls(carriers, places, radii, capsules.joints, capsules.radii, reaches, of_ball, of_capsule, pairs, spare)
     _write_spare(balls, posed, np.zeros(3), spare)
     return balls
 
@@ -169,9 +172,12 @@ def _write_gaps(balls, posed, farthest, centres, spheres, gaps):  # type: ignore
                 for capsule in range(balls.of_capsule[b], balls.of_capsule[b + 1]):
                     ends, radii = posed[frame, capsule], balls.cap_radii[capsule]
                     for ball in range(balls.of_ball[a], balls.of_ball[a + 1]):
-                        spare = balls.spare[ball, capsule]
-                        if spare < NEVER and not out_of_reach(centres[ball], balls.radii[ball], ends, radii, least):
-                            least = min(least, gap_between(centres[ball], balls.radii[ball], ends, radii) - spare)
+                        square, reach = 0.0, least + balls.radii[ball] + balls.reaches[capsule]
+                        for i in range(3):
+                            square += (centres[ball, i] - 0.5 * (ends[0, i] + ends[1, i])) ** 2
+                        if balls.spare[ball, capsule] < NEVER and reach > 0.0 and square < reach * reach:
+                            gap = gap_between(centres[ball], balls.radii[ball], ends, radii)
+                            least = min(least, gap - balls.spare[ball, capsule])
             gaps[frame, pair] = least
 
 
@@ -191,14 +197,3 @@ def _write_sphere(balls, segment, posed, sphere):  # type: ignore[no-untyped-def
             for i in range(3):
                 square += (posed[capsule, end, i] - sphere[i]) ** 2
             sphere[3] = max(sphere[3], np.sqrt(square) + balls.cap_radii[capsule, end])
-
-
-@inlined(fastmath=True)
-def out_of_reach(p: Array, radius: float, ends: Array, radii: Array, reach: float) -> bool:
-    """Whether a ball about p, (3,), is certainly farther than `reach` from a capsule."""
-    square, length = 0.0, 0.0
-    for i in range(3):
-        square += (p[i] - 0.5 * (ends[0, i] + ends[1, i])) ** 2
-        length += (ends[1, i] - ends[0, i]) ** 2
-    farthest = reach + radius + max(radii[0], radii[1]) + 0.5 * np.sqrt(length)
-    return bool(farthest < 0.0 or square > farthest * farthest)

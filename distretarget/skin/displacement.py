@@ -16,18 +16,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import compiled, inlined
-from distretarget.skin.balls import NEVER, Balls, out_of_reach, place_ball
+from distretarget.skin.balls import NEVER, Balls, place_ball
 from distretarget.skin.closest import LEAST, place_on_axis
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
 
-SWEEPS = 12  # of each frame
+SWEEPS = 10  # of each frame
 SETTLING = 4  # the last sweeps, in which displacements do not shrink
-SHRINK = 0.8  # the share of a displacement that a sweep leaves
+SHRINK = 0.75  # the share of a displacement that a sweep leaves
+SETTLED = 2e-4  # sweeps end where limbs move by less than this in sum [body units]
+SLACK = 0.01  # gaps are computed anew when limbs have moved by more than this [body units]
 REACH = 0.06  # balls and capsules that are farther apart than this do not meet [body units]
 MOST_MEETINGS = 2048  # balls and capsules that may meet in one frame
-NOTHING = 1e-6  # displacements that add up to less are none [unit of length]
+NOTHING = 1e-6  # displacements that add up to less are none [body units]
 LEAST_SHARE = 0.5  # balls that move by a smaller share of a displacement stay where they are
 
 
@@ -49,6 +51,7 @@ def displacements(
     posed: Array,
     limbs: Array,
     free: Array,
+    acts: NDArray[np.bool_],
     near: NDArray[np.bool_],
     soft: Array,
     wanted: Array,
@@ -63,6 +66,7 @@ def displacements(
         posed: (frames, capsules, 2, 3), the ends of the capsules.
         limbs: (frames, limbs, 3, 3), the top, the middle and the end of each limb; its bones keep their lengths.
         free: (frames, limbs, 2), how far middle and end can move, 0 to 1.
+        acts: (frames,), whether anything is to be displaced where nothing was in the frame before.
         near: (frames, pairs), whether two segments can meet.
         soft: (frames, pairs), how far they may overlap, because flesh gives way.
         wanted: (frames, pairs), the gap that segments that touch are brought to.
@@ -73,16 +77,19 @@ def displacements(
     result = np.zeros((len(posed), limbs.shape[1], 2, 3))
     given, before = start is not None, np.zeros_like(result) if start is None else start
     found, room = np.zeros((MOST_MEETINGS, 3), np.intp), np.zeros((4, 3))
-    _write_displacements(
-        balls, displaced, posed, limbs, free, near, soft, wanted, firmness, before, given, found, room, result
-    )
+    seen = np.zeros(MOST_MEETINGS), np.zeros((len(balls.pairs), *result.shape[1:]))
+    constraints = limbs, free, acts, near, soft, wanted, firmness
+    _write_displacements(balls, displaced, posed, constraints, before, given, found, seen, room, result)
     return result
 
 
 @compiled(fastmath=True)
-def _write_displacements(  # type: ignore[no-untyped-def]
-    balls, displaced, posed, limbs, free, near, soft, wanted, firmness, before, given, found, room, result
-):
+def _write_displacements(balls, displaced, posed, constraints, before, given, found, seen, room, result):  # type: ignore[no-untyped-def]
+    """Write the displacements. `seen`, (meetings,), is the gap of each meeting with the displacements `known[pair]`:
+    while its limbs have moved less than that from there, the two do not meet.
+    """
+    limbs, free, acts, near, soft, wanted, firmness = constraints
+    gaps, known = seen
     for frame in range(len(posed)):
         d, at, loose = result[frame], posed[frame], free[frame]
         for limb in range(len(d)):
@@ -91,38 +98,71 @@ def _write_displacements(  # type: ignore[no-untyped-def]
                     d[limb, joint, i] = before[frame, limb, joint, i] if given else 0.0
                     if not given and frame > 0:
                         d[limb, joint, i] = result[frame - 1, limb, joint, i]
-        count = _find_meetings(balls, at, near[frame], found, room)
+        if _shrink(d, 1.0) < NOTHING and not acts[frame]:
+            continue
+        count = _find_meetings(balls, at, near[frame], found)
         for sweep in range(SWEEPS):
             settles = given or sweep >= SWEEPS - SETTLING
-            size = _shrink(d, 1.0 if settles else SHRINK)
+            if not settles:
+                _shrink(d, SHRINK)
             moved, first = 0.0, 0
             while first < count:
                 pair, last = found[first, 0], first + 1
                 while last < count and found[last, 0] == pair:
                     last += 1
-                least, nearest = NEVER, first
-                both = displaced.mutual[pair]
+                way = NEVER if sweep == 0 else _way_from(d, known[pair])
+                if way > SLACK:
+                    _copy(d, known[pair])
+                touches, least, nearest = firmness[frame, pair] > 0.0, NEVER, -1
                 for meeting in range(first, last):
+                    if way <= SLACK and gaps[meeting] - 2.0 * way > (least if touches else -soft[frame, pair]):
+                        continue
                     ball, capsule = found[meeting, 1], found[meeting, 2]
                     gap, t = _gap(balls, displaced, at, d, ball, capsule, room)
+                    if way > SLACK:
+                        gaps[meeting] = gap
                     depth = -gap - soft[frame, pair]
-                    if depth > 0.0:
-                        _move(displaced, ball, capsule, t, depth, room[0], both, loose, d)
+                    if depth > 0.0 and _move(
+                        displaced, ball, capsule, t, depth, room[0], displaced.mutual[pair], loose, d
+                    ):
                         moved += depth
                         gap += depth
+                        if way <= SLACK:
+                            way = _way_from(d, known[pair])
                     if gap < least:
                         least, nearest = gap, meeting
-                if firmness[frame, pair] > 0.0:
+                if touches and nearest >= 0:
                     ball, capsule = found[nearest, 1], found[nearest, 2]
                     gap, t = _gap(balls, displaced, at, d, ball, capsule, room)
-                    way = firmness[frame, pair] * (wanted[frame, pair] - gap)
-                    _move(displaced, ball, capsule, t, way, room[0], both, loose, d)
-                    moved += abs(way)
+                    change = firmness[frame, pair] * (wanted[frame, pair] - gap)
+                    if _move(displaced, ball, capsule, t, change, room[0], displaced.mutual[pair], loose, d):
+                        moved += abs(change)
                 first = last
             for limb in range(len(d)):
                 _keep_lengths(limbs[frame, limb], loose[limb], d[limb])
-            if moved < NOTHING and (settles or size < NOTHING):
+            if moved < SETTLED and (settles or _shrink(d, 1.0) < NOTHING):
                 break
+
+
+@inlined(fastmath=True)
+def _way_from(d: Array, known: Array) -> float:
+    """The largest distance of a displacement from what it was."""
+    largest = 0.0
+    for limb in range(len(d)):
+        for joint in range(2):
+            square = 0.0
+            for i in range(3):
+                square += (d[limb, joint, i] - known[limb, joint, i]) ** 2
+            largest = max(largest, square)
+    return np.sqrt(largest)
+
+
+@inlined(fastmath=True)
+def _copy(d: Array, known: Array) -> None:
+    for limb in range(len(d)):
+        for joint in range(2):
+            for i in range(3):
+                known[limb, joint, i] = d[limb, joint, i]
 
 
 @inlined(fastmath=True)
@@ -163,21 +203,24 @@ def _keep_lengths(limb: Array, free: Array, d: Array) -> None:
 
 
 @inlined(fastmath=True)
-def _find_meetings(balls, posed, near, found, room):  # type: ignore[no-untyped-def]
+def _find_meetings(balls, posed, near, found):  # type: ignore[no-untyped-def]
     """Write the pair, the ball and the capsule of all that may meet to `found`; return how many they are."""
-    count, p = 0, room[1]
+    count = 0
     for pair in range(len(balls.pairs)):
         if not near[pair]:
             continue
         limb, part = balls.pairs[pair, 0], balls.pairs[pair, 1]
         for ball in range(balls.of_ball[limb], balls.of_ball[limb + 1]):
-            place_ball(balls, ball, posed, p)
+            carrier, t = balls.carriers[ball], balls.places[ball]
+            x = (1.0 - t) * posed[carrier, 0, 0] + t * posed[carrier, 1, 0]
+            y = (1.0 - t) * posed[carrier, 0, 1] + t * posed[carrier, 1, 1]
+            z = (1.0 - t) * posed[carrier, 0, 2] + t * posed[carrier, 1, 2]
             for capsule in range(balls.of_capsule[part], balls.of_capsule[part + 1]):
-                if (
-                    balls.spare[ball, capsule] < NEVER
-                    and not out_of_reach(p, balls.radii[ball], posed[capsule], balls.cap_radii[capsule], REACH)
-                    and count < len(found)
-                ):
+                ends, reach = posed[capsule], REACH + balls.radii[ball] + balls.reaches[capsule]
+                u = x - 0.5 * (ends[0, 0] + ends[1, 0])
+                v = y - 0.5 * (ends[0, 1] + ends[1, 1])
+                w = z - 0.5 * (ends[0, 2] + ends[1, 2])
+                if balls.spare[ball, capsule] < NEVER and u * u + v * v + w * w < reach * reach and count < len(found):
                     found[count, 0], found[count, 1], found[count, 2] = pair, ball, capsule
                     count += 1
     return count
@@ -214,7 +257,9 @@ def _gap(balls, displaced, posed, d, ball, capsule, room):  # type: ignore[no-un
 
 @inlined(fastmath=True)
 def _move(displaced, ball, capsule, t, way, n, both, free, d):  # type: ignore[no-untyped-def]
-    """Displace joints by the least so that a ball and the point t of a capsule move apart by `way` along n."""
+    """Displace joints by the least so that a ball and the point t of a capsule move apart by `way` along n; return
+    whether they can.
+    """
     limb, other = displaced.of_ball[ball], displaced.of_end[capsule] if both else -1
     squares, share = 0.0, displaced.end_shares[capsule]
     for joint in range(2):
@@ -223,7 +268,7 @@ def _move(displaced, ball, capsule, t, way, n, both, free, d):  # type: ignore[n
         if other >= 0:
             squares += free[other, joint] * ((1.0 - t) * share[0, joint] + t * share[1, joint]) ** 2
     if squares < LEAST_SHARE * LEAST_SHARE:
-        return
+        return False
     step = way / squares
     for joint in range(2):
         for i in range(3):
@@ -232,3 +277,4 @@ def _move(displaced, ball, capsule, t, way, n, both, free, d):  # type: ignore[n
             if other >= 0:
                 along = (1.0 - t) * share[0, joint] + t * share[1, joint]
                 d[other, joint, i] -= free[other, joint] * along * step * n[i]
+    return True

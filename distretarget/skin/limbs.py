@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from distretarget.motion import Motion
+from distretarget.numerics.compiled import compiled
+from distretarget.numerics.kinematics import multiply
 from distretarget.numerics.rotations import least_rotation
 from distretarget.skeleton import Skeleton
 
@@ -38,19 +39,21 @@ def shares_of(
     """
     numbers, shares = np.full(len(joints), -1), np.zeros((len(joints), 2))
     for number, limb in enumerate(limbs):
-        below = set(skeleton.subtree(limb.top))
+        on = np.isin(joints, skeleton.subtree(limb.top))
         top, middle, end = places[[*limb.joints]]
-        for k in (k for k, joint in enumerate(joints.tolist()) if joint in below):
-            upper, lower = _along(top, middle, points[k]), _along(middle, end, points[k])
-            numbers[k] = number
-            shares[k] = (1.0 - lower, lower) if upper >= 1.0 or lower > 0.0 else (upper, 0.0)
+        upper, lower = _along(top, middle, points[on]), _along(middle, end, points[on])
+        bends = (upper >= 1.0) | (lower > 0.0)
+        numbers[on] = number
+        shares[on] = np.where(
+            bends[:, None], np.stack([1.0 - lower, lower], axis=1), np.stack([upper, 0.0 * upper], axis=1)
+        )
     return numbers, shares
 
 
-def _along(a: Array, b: Array, point: Array) -> float:
-    """How far a point is along the line from a to b, 0 to 1."""
+def _along(a: Array, b: Array, points: Array) -> Array:
+    """(points,), how far points, (points, 3), are along the line from a to b, 0 to 1."""
     square = float((b - a) @ (b - a))
-    return float(np.clip((point - a) @ (b - a) / square, 0.0, 1.0)) if square else 1.0
+    return np.clip((points - a) @ (b - a) / square, 0.0, 1.0) if square else np.ones(len(points))
 
 
 def bent(motion: Motion, limbs: tuple[Limb, ...], displacements: Array) -> Motion:
@@ -64,28 +67,34 @@ def bent(motion: Motion, limbs: tuple[Limb, ...], displacements: Array) -> Motio
         return motion
     skeleton, some = motion.skeleton, motion[frames]
     world, x, moved = some.world_rotations, some.positions, displacements[frames]
-    rotations = np.array(motion.rotations)
-    local = np.array(some.rotations)
-    still = np.tile([0.0, 0.0, 0.0, 1.0], (len(frames), 1))
+    local = some.rotations.copy()
+    turns = np.zeros((3, len(frames), 4))  # of the upper part, the lower part, and what is beyond
+    turns[2, :, 3] = 1.0
     for number, limb in enumerate(limbs):
-        upper = x[:, limb.middle] - x[:, limb.top]
-        lower = x[:, limb.end] - x[:, limb.middle]
-        turns = (
-            least_rotation(upper, upper + moved[:, number, 0]),
-            least_rotation(lower, lower + moved[:, number, 1] - moved[:, number, 0]),
-        )
-        below, beyond = set(skeleton.subtree(limb.middle)), set(skeleton.subtree(limb.end))
-        turn_of = {
-            joint: still if joint in beyond else turns[1] if joint in below else turns[0]
-            for joint in skeleton.subtree(limb.top)
-        }
-        for joint, turn in turn_of.items():
-            parent = skeleton.parents.item(joint)
-            above = turn_of.get(parent, still)
-            if turn is not above and skeleton.children[joint]:
-                base = Rotation.from_quat(above) * Rotation.from_quat(world[:, parent])
-                local[:, joint] = (
-                    base.inv() * Rotation.from_quat(turn) * Rotation.from_quat(world[:, joint])
-                ).as_quat()
+        upper, lower = x[:, limb.middle] - x[:, limb.top], x[:, limb.end] - x[:, limb.middle]
+        turns[0] = least_rotation(upper, upper + moved[:, number, 0])
+        turns[1] = least_rotation(lower, lower + moved[:, number, 1] - moved[:, number, 0])
+        of_joint = np.full(len(skeleton), 2)
+        for part, joint in enumerate(limb.joints):
+            of_joint[skeleton.subtree(joint)] = part
+        edges = np.flatnonzero((of_joint != of_joint[skeleton.parents]) & [bool(below) for below in skeleton.children])
+        _turn_edges(turns, of_joint, skeleton.parents, edges[edges > 0], world, local)
+    rotations = motion.rotations.copy()
     rotations[frames] = local
     return Motion(skeleton, motion.root_positions, rotations, motion.frame_time_text, motion.moving)
+
+
+@compiled()
+def _turn_edges(turns, of_joint, parents, edges, world, local):  # type: ignore[no-untyped-def]
+    """Write the local rotation of each joint that turns otherwise than its parent: with the turns P and Q of parent and
+    joint and the parent's rotation W, it becomes W^-1 P^-1 Q W times what it was.
+    """
+    for frame in range(len(world)):
+        for joint in edges:
+            parent = parents[joint]
+            w, p, q = world[frame, parent], turns[of_joint[parent], frame], turns[of_joint[joint], frame]
+            target = local[frame, joint]
+            multiply(w[0], w[1], w[2], w[3], target, target)
+            multiply(q[0], q[1], q[2], q[3], target, target)
+            multiply(-p[0], -p[1], -p[2], p[3], target, target)
+            multiply(-w[0], -w[1], -w[2], w[3], target, target)
