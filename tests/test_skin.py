@@ -4,13 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import person
+from bodies import SAMPLES, person
 from capsule_bodies import capsule_surface, mesh_of
 from scipy.spatial.transform import Rotation
 
-from distretarget import Motion
+from distretarget import Motion, load_target, read_bvh, retarget
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
+from distretarget.body.thickness import capsules_of
+from distretarget.matching.matching import match
 from distretarget.measure.skin import find_skin, find_source_skin
 from distretarget.skin.balls import inner_balls
 from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
@@ -173,6 +175,26 @@ def test_two_hands_touch_each_other_once_each():
     np.testing.assert_array_equal(found.touching, [[1, 1, 0, 0]])
     apart = np.linalg.norm(clap.positions[0, HANDS[0]] - clap.positions[0, HANDS[1]])
     np.testing.assert_allclose(found.deepest, 100 / BODY.height * np.array([[2 * HAND - apart] * 2 + [0, 0]]), atol=0.3)
+
+
+# ---- in a run
+
+
+def test_a_run_onto_a_character_has_the_figures_of_skin():
+    target = load_target(SAMPLES.parent / "sample_characters" / "hero.glb")
+    run = retarget(read_bvh(SAMPLES / "hands_on_hips.bvh")[::8], target)
+    made = replace(run, source_skin=no_capsules(), target_skin=no_capsules(), mesh=None)
+    assert made.figures["result"]["skin_depth"] is None
+    mesh = target.mesh()
+    capsules = capsules_of(run.matching.target, mesh)
+    for made in (replace(run, target_skin=capsules), replace(run, mesh=mesh)):
+        figures = made.figures
+        assert figures["rotation_copy"]["skin_depth"] >= 0
+        assert 0 <= figures["result"]["skin_depth"] < 20
+        assert figures["result"]["skin_gap"] is None  # the source has no thickness
+        assert "sinks up to" in made.verdict or "skin stays outside" in made.verdict
+    same = replace(made, source=made.motion, matching=match(made.matching.target, made.matching.target))
+    assert replace(same, source_skin=capsules, target_skin=capsules, mesh=None).figures["result"]["skin_gap"] == 0
 
 
 # ---- against winding numbers

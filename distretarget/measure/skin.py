@@ -12,6 +12,7 @@ from distretarget.body.anatomy import SIDES
 from distretarget.body.arms import raised
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
+from distretarget.measure.figures import Track, Tracks
 from distretarget.measure.skin_clusters import Clusters, Patches, clusters_of, patches_of
 from distretarget.measure.skin_depths import find_depths
 from distretarget.measure.skin_points import LIMBS, SkinPoints, points_of_capsules, points_of_mesh
@@ -19,7 +20,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.parallel import blocks_of, over_blocks
 from distretarget.skeleton import Skeleton
 from distretarget.skin.balls import inner_balls
-from distretarget.skin.capsules import SEGMENTS, Capsules
+from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
 from distretarget.skin.fit import distances
 from distretarget.skin.mesh import SkinnedMesh
 
@@ -27,6 +28,7 @@ Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
 
 TOUCHING = 1.0  # skins nearer than this in the source touch [% of height]
+VISIBLE = 1.0  # in frames with more than this inside, skin is inside [% of the vertices]
 OWN_ARM = ("hand", "forearm", "upper arm")
 BESIDE_ARM = ("chest", "belly", "pelvis", "thigh", "shin")  # a hanging arm is near these, which is no contact
 
@@ -64,8 +66,15 @@ def find_skin(body: Body, capsules: Capsules, mesh: SkinnedMesh | None = None) -
     Points that are inside in the bind pose are left out.
     """
     if mesh is None:
-        return _skin(points_of_capsules(capsules), capsules, body)
-    return _skin(*_of_mesh(mesh, body.skeleton, tuple(find_segments(body).of_joint.tolist())), body)
+        points, solid = points_of_capsules(capsules), capsules
+    else:
+        points, solid = _of_mesh(mesh, body.skeleton, tuple(find_segments(body).of_joint.tolist()))
+    return _skin(points, solid, body.skeleton.rest_positions, body.height)
+
+
+def no_skin() -> Skin:
+    """Return the skin of a body whose thickness is not known."""
+    return _skin(points_of_capsules(no_capsules()), no_capsules(), np.zeros((0, 3)), 1.0)
 
 
 @lru_cache(maxsize=2)
@@ -75,8 +84,9 @@ def _of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: tuple[int, ...]) -
     return points_of_mesh(mesh, skeleton, of_joint), inner_balls(mesh, skeleton, of_joint)
 
 
-def _skin(points: SkinPoints, solid: Capsules, body: Body) -> Skin:
-    rest, outside = body.skeleton.rest_positions, np.ones(len(points), bool)
+def _skin(points: SkinPoints, solid: Capsules, rest: Array, height: float) -> Skin:
+    """The skin without the points inside while the joints are at `rest`, (joints, 3)."""
+    outside = np.ones(len(points), bool)
     places, ends = rest[points.joints[:, 0]] + points.offsets[:, 0], rest[solid.joints][:, None] + solid.ends
     for limb in range(len(LIMBS)):
         on, others = points.limbs == limb, TOUCHABLE[limb, solid.segments]
@@ -86,7 +96,7 @@ def _skin(points: SkinPoints, solid: Capsules, body: Body) -> Skin:
     there = np.zeros(len(SEGMENTS), bool)
     there[solid.segments] = True
     can_touch = TOUCHABLE & there & np.isin(np.arange(len(LIMBS)), points.limbs)[:, None]
-    return Skin(patches_of(points), clusters_of(solid), body.height, can_touch)
+    return Skin(patches_of(points), clusters_of(solid), height, can_touch)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -104,6 +114,15 @@ class SkinMeasured:
     inside: Array
     gap_error: Array
     touching: Numbers
+
+    @property
+    def tracks(self) -> Tracks:
+        """The values of the figures of skin."""
+        return {
+            "skin_depth": Track(self.deepest, parts=LIMBS),
+            "skin_frames": Track(np.where(self.inside > VISIBLE, 100.0, 0.0)),
+            "skin_gap": Track(self.gap_error, self.touching > 0, LIMBS),
+        }
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
