@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from distretarget.body.body import Body
+from distretarget.body.build import average_adult
 from distretarget.body.segments import find_segments
 from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
 from distretarget.skin.fit import Part, fit_capsules
@@ -21,13 +22,22 @@ def capsules_of(body: Body, mesh: SkinnedMesh | None = None, radii: Mapping[int,
 
     Args:
         body: the body.
-        mesh: its mesh; None where there is none.
+        mesh: its mesh; without one the body gets the thickness of an average adult.
         radii: of what single joints carry, by joint, as the file states them [file units].
     """
-    if body.anatomy is None or mesh is None:
+    if body.anatomy is None:
         return no_capsules()
+    if mesh is None:
+        return _as_thick(average_adult().on(body), radii or {})
     bound = body.motion.skeleton if body.motion else body.skeleton
     return _as_thick(fit_capsules(mesh, bound, tuple(_parts(body))), radii or {})
+
+
+def radii_of(capsules: Capsules) -> dict[int, float]:
+    """Return the mean radius of what each joint carries, by joint [file units]."""
+    return {
+        joint: float(capsules.radii[capsules.joints == joint].mean()) for joint in np.unique(capsules.joints).tolist()
+    }
 
 
 def _as_thick(capsules: Capsules, radii: Mapping[int, float]) -> Capsules:

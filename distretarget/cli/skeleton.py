@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import click
 import numpy as np
 
 from distretarget.body.body import Body
+from distretarget.body.thickness import capsules_of, radii_of
 from distretarget.cli.matching_table import headline, recognised, rows, unused
 from distretarget.cli.options import (
     OVERWRITE_OPTION,
@@ -89,7 +90,7 @@ def export_command(file: Path, output: Path, strip_namespace: bool, overwrite: b
     if strip_namespace:
         skeleton = skeleton.without_namespaces
         joint_map = {skeleton.keys[target.skeleton.index(key)]: driver for key, driver in joint_map.items()}
-    write_output(output, skeleton_to_json(skeleton, name, joint_map), overwrite)
+    write_output(output, skeleton_to_json(skeleton, name, joint_map, _radii(target)), overwrite)
 
 
 @skeleton_group.command("edit")
@@ -143,8 +144,9 @@ def edit_command(
         {key: number for key, (by, _, number) in chosen.items() if by == option} for option in ("--length", "--factor")
     )
     edit = SkeletonEdit(1.0 if scale is None else scale, new_lengths, new_factors, given.path)
+    radii = {joint: edit.scale * radius for joint, radius in _radii(target).items()}
     edited = edit.apply(target.skeleton)
-    write_output(output, skeleton_to_json(edited, name, target.map), overwrite)
+    write_output(output, skeleton_to_json(edited, name, target.map, radii), overwrite)
     changed = counted(int(np.sum(edited.lengths != target.skeleton.lengths)), "bone")
     unit = f" {edited.units}" if edited.units else ""
     say(f"{changed} changed; height {Body.of(target.skeleton).height:.6g} -> {Body.of(edited).height:.6g}{unit}")
@@ -203,6 +205,12 @@ def _target_in(file: InputFile) -> tuple[str, Target]:
     """The whole skeleton in a file, after its name or else the file's."""
     target = parse_full_target(file)
     return target.name or Path(file.path).stem, target
+
+
+def _radii(target: Target) -> Mapping[int, float]:
+    """The radii of joints that a target's file states, or that its mesh shows [file units]."""
+    mesh = target.mesh()
+    return target.radii if mesh is None else radii_of(capsules_of(Body.of(target.skeleton), mesh))
 
 
 def _body_in(file: InputFile) -> Body:
