@@ -14,8 +14,8 @@ from distretarget.skin.capsules import Capsules
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
 
-CLUSTER = 16  # most capsules of a cluster
-PATCH = 16  # most points of a patch
+CLUSTER = 8  # most capsules of a cluster
+PATCH = 8  # most points of a patch
 BLENDED = 1.2  # room for points that other joints move as well [radii of a patch]
 STEEP = 1e9  # slope of a capsule of which one end is within the other
 

@@ -191,13 +191,18 @@ def _find(  # type: ignore[no-untyped-def]
             for patch in range(limbs[limb], limbs[limb + 1] if near_groups else limbs[limb]):
                 found = 0  # near clusters
                 for n in range(near_groups):
-                    group = near[0, n]
+                    group, ball = near[0, n], placed_patches[patch]
                     reach = _reach(deepest_of[groups[group, 1]])
-                    if _meet(placed[group], placed_patches[patch], reach):
-                        for cluster in range(groups[group, 2], groups[group + 1, 2]):
-                            if _meet(placed[all_groups + cluster], placed_patches[patch], reach):
-                                near[1, found], near[3, found] = cluster, group
-                                found += 1
+                    if not _meet(placed[group], ball, reach):
+                        continue
+                    joint, limit = groups[group, 0], -reach - ball[3]
+                    i, j, k = _relative(x[joint], q[joint], ball[0], ball[1], ball[2])
+                    for cluster in range(groups[group, 2], groups[group + 1, 2]):
+                        if not _meet(placed[all_groups + cluster], ball, reach):
+                            continue
+                        if _depth(capsules, first[cluster], first[cluster + 1], limit, i, j, k) > limit:
+                            near[1, found], near[3, found] = cluster, group
+                            found += 1
                 if found == 0:
                     continue
                 for point in range(patches[patch, 1], patches[patch + 1, 1]):
