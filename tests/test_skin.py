@@ -111,16 +111,35 @@ def test_another_mesh_of_the_same_body_measures_the_same():
     np.testing.assert_allclose(fine.inside, coarse.inside, atol=3)
 
 
-@pytest.mark.parametrize("order", [1, -1])
-def test_balls_fill_a_mesh_and_hardly_stick_out(order):
+@pytest.mark.parametrize("inside_out", [0.0, 0.5, 1.0])
+def test_balls_fill_a_mesh_and_hardly_stick_out_whichever_way_triangles_face(inside_out):
     mesh, _ = round_body()
-    mesh = replace(mesh, triangles=mesh.triangles[:, ::order])
+    triangles = mesh.triangles.copy()
+    flipped = mesh.joints[triangles[:, 0], 0] <= np.quantile(mesh.joints, inside_out) - (inside_out == 0)
+    triangles[flipped] = triangles[flipped, ::-1]
+    mesh = replace(mesh, triangles=triangles)
     segments = find_segments(BODY).of_joint
     balls = inner_balls(mesh, PERSON, segments)
     places, size = PERSON.rest_positions[balls.joints, None] + balls.ends, BODY.height
     away, _ = distances(mesh.vertices, places, balls.radii)
     assert np.abs(away).max() < 0.006 * size
     assert (balls.segments == segments[balls.joints]).all()
+
+
+def test_loose_points_and_open_sheets_have_no_inside():
+    mesh, _ = round_body()
+    corners = np.array([[0.0, 5.0, 0.0], [0.3, 5.0, 0.0], [0.0, 5.0, 0.3], [9.0, 9.0, 9.0]])
+    more = replace(
+        mesh,
+        vertices=np.concatenate([mesh.vertices, corners]),
+        joints=np.concatenate([mesh.joints, np.full((4, 1), ROLES["hips"])]),
+        weights=np.concatenate([mesh.weights, np.ones((4, 1))]),
+        triangles=np.concatenate([mesh.triangles, len(mesh.vertices) + np.array([[0, 1, 2]])]),
+    )
+    segments = find_segments(BODY).of_joint
+    balls = inner_balls(more, PERSON, segments)
+    places = PERSON.rest_positions[balls.joints, 1] + balls.ends[:, 0, 1]
+    assert (places + balls.radii[:, 0] < 2).all()
 
 
 def test_a_body_without_skin_has_no_figures():

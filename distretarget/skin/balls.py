@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from distretarget.numerics.vectors import cross, lengths, normalised
@@ -46,15 +48,15 @@ def inner_balls(mesh: SkinnedMesh, skeleton: Skeleton, segments: Numbers) -> Cap
     size = float(np.ptp(mesh.vertices, axis=0).max())
     surface = _surface(mesh, SPACING * size)
     _, first = np.unique(np.floor(surface.places / (SPACING * size)).astype(np.int64), axis=0, return_index=True)
-    first.sort()
+    first = np.sort(first[lengths(surface.normals[first]) > 0.5])
     centres, radii, others = _shrunk(surface, first, LARGEST_BALL * size)
     shares = np.zeros((len(first), len(skeleton)))
     for touched in (surface.vertices[first], surface.vertices[others]):
         rows = np.arange(len(first))[:, None]
         np.add.at(shares, (rows, mesh.joints[touched]), mesh.weights[touched])
     joints = shares.argmax(axis=1)
-    kept = _not_within_others(centres, radii, joints, SAME * size)
-    kept = kept[segments[joints[kept]] >= 0]
+    closed = np.flatnonzero((radii < LARGEST_BALL * size) & (segments[joints] >= 0))
+    kept = closed[_not_within_others(centres[closed], radii[closed], joints[closed], SAME * size)]
     joints = joints[kept]
     ends = np.repeat((centres[kept] - skeleton.rest_positions[joints])[:, None], 2, axis=1)
     return Capsules(joints, ends, np.repeat(radii[kept, None], 2, axis=1), segments[joints])
@@ -68,11 +70,11 @@ def _surface(mesh: SkinnedMesh, spacing: float) -> _Surface:
     )
     corners = mesh.vertices[mesh.triangles]
     areas = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    if (corners[:, 0] * areas).sum() < 0.0:  # six times the volume
-        areas = -areas
+    joined = same.ravel()[mesh.triangles]
+    areas[_inside_out(corners, areas, joined, len(first))] *= -1.0
     normals = np.zeros((len(first), 3))
     for corner in range(3):
-        np.add.at(normals, same.ravel()[mesh.triangles[:, corner]], areas)
+        np.add.at(normals, joined[:, corner], areas)
     longest = np.max([lengths(corners[:, k] - corners[:, k - 1]) for k in range(3)], axis=0)
     parts = np.minimum(np.ceil(longest / spacing), MOST_PARTS).astype(int)
     places, directions, vertices = [mesh.vertices[first]], [normals], [first]
@@ -83,6 +85,20 @@ def _surface(mesh: SkinnedMesh, spacing: float) -> _Surface:
             directions.append(areas[large])
             vertices.append(mesh.triangles[large, shares.argmax()])
     return _Surface(np.concatenate(places), normalised(np.concatenate(directions)), np.concatenate(vertices))
+
+
+def _inside_out(corners: Array, areas: Array, joined: Numbers, count: int) -> NDArray[np.bool_]:
+    """(triangles,), whether each belongs to a part of the mesh whose triangles face inwards, by the sign of its volume.
+
+    `joined`, (triangles, 3), are the numbers of their corners, below `count`.
+    """
+    edges = np.concatenate([joined[:, :2], joined[:, 1:]])
+    graph = coo_array((np.ones(len(edges)), edges.T), shape=(count, count))
+    part = connected_components(graph, directed=False)[1][joined[:, 0]]
+    sums = np.stack([np.bincount(part, corners[:, 0, axis]) for axis in range(3)], axis=1)
+    middles = sums / np.maximum(np.bincount(part), 1)[:, None]
+    volumes = np.bincount(part, ((corners[:, 0] - middles[part]) * areas).sum(axis=1))
+    return np.asarray(volumes[part] < 0.0)
 
 
 def _grid(count: int) -> Array:
