@@ -11,6 +11,7 @@ from distretarget.checks import check_callable, check_kind, check_number
 from distretarget.errors import SkeletonError, SkeletonFileError, closest, entry_place
 from distretarget.motion import Motion
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
+from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import MeshReader, no_mesh
 
 
@@ -25,6 +26,7 @@ class Target:
         motion: the motion of a BVH file, if it has a valid one; it may show axes that the rest pose does not.
         mesh: returns the mesh of a character, or None; it is called where the mesh is needed.
         radii: of what single joints carry, by joint, as the file states them [file units].
+        capsules: its surface, where it is known already; else mesh or radii show it, or it is an average adult's.
     """
 
     skeleton: Skeleton
@@ -33,6 +35,7 @@ class Target:
     motion: Motion | None = None
     mesh: MeshReader = no_mesh
     radii: Mapping[int, float] = field(default_factory=dict)
+    capsules: Capsules | None = None
 
     def __post_init__(self) -> None:
         check_kind("skeleton", self.skeleton, Skeleton)
@@ -40,6 +43,7 @@ class Target:
         check_kind("motion", self.motion, Motion, NoneType)
         check_callable("mesh", self.mesh)
         check_kind("radii", self.radii, Mapping)
+        check_kind("capsules", self.capsules, Capsules, NoneType)
 
     def for_source(self, source: Skeleton) -> Target:  # noqa: ARG002
         """Return the target itself: it is the same for every source."""

@@ -6,11 +6,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from types import NoneType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,7 @@ from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
 from distretarget.body.part_frames import frames
 from distretarget.body.segments import find_segments
+from distretarget.checks import check_kind
 from distretarget.skin.capsules import Capsules, no_capsules
 
 Array = NDArray[np.float64]
@@ -36,6 +39,11 @@ class Build:
     """
 
     parts: Mapping[str, Array]
+
+    @property
+    def hash(self) -> str:
+        """A hash of the capsules."""
+        return hashlib.sha256(b"".join(self.parts[part].tobytes() for part in sorted(self.parts))).hexdigest()
 
     @classmethod
     def of(cls, body: Body, capsules: Capsules) -> Build:
@@ -68,6 +76,26 @@ class Build:
             return no_capsules()
         joints, ends, radii = zip(*found, strict=True)
         return Capsules(np.array(joints), np.array(ends), np.array(radii), find_segments(body).of_joint[list(joints)])
+
+
+@dataclass(frozen=True, eq=False)
+class Builds:
+    """The builds of source and target, where something else than their own files says how thick they are.
+
+    Attributes:
+        source: of the source; None for what its file shows, or an average adult.
+        target: of the target; None for what its file shows, or an average adult.
+    """
+
+    source: Build | None = None
+    target: Build | None = None
+
+    def __post_init__(self) -> None:
+        check_kind("source", self.source, Build, NoneType)
+        check_kind("target", self.target, Build, NoneType)
+
+
+OWN_BUILDS = Builds()
 
 
 @cache

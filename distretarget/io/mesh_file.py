@@ -16,9 +16,10 @@ from distretarget.skin.mesh import SkinnedMesh
 
 @dataclass(frozen=True, eq=False)
 class HeldMesh:
-    """Returns a mesh that was read already."""
+    """Returns a mesh that was read already; `warnings` are as in `CharacterMesh`."""
 
     mesh: SkinnedMesh | None
+    warnings: tuple[str, ...] = ()
 
     def __call__(self) -> SkinnedMesh | None:
         return self.mesh
@@ -41,14 +42,14 @@ class CharacterMesh:
     def __call__(self) -> SkinnedMesh | None:
         return self._read[0]
 
-    def __reduce__(self) -> tuple[type[HeldMesh], tuple[SkinnedMesh | None]]:
+    def __reduce__(self) -> tuple[type[HeldMesh], tuple[SkinnedMesh | None, tuple[str, ...]]]:
         """What goes to a worker: the mesh, not the file."""
-        return HeldMesh, (self(),)
+        return HeldMesh, self._read
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A line that says why the mesh is not read, where it is not."""
-        return self._read[1]
+        """A line that says why the mesh could not be read, if that was tried."""
+        return self._read[1] if "_read" in vars(self) else ()
 
     @cached_property
     def _read(self) -> tuple[SkinnedMesh | None, tuple[str, ...]]:

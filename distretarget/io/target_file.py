@@ -16,7 +16,7 @@ from distretarget.errors import BvhError, SkeletonError, SkeletonFileError, clos
 from distretarget.io.bvh import parse_bvh, parse_bvh_skeleton
 from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Fields, Node, described, parse_json
-from distretarget.io.mesh_file import CharacterMesh
+from distretarget.io.mesh_file import CharacterMesh, HeldMesh
 from distretarget.io.motion_file import parse_character
 from distretarget.skeleton import AXES, POSITION_CHANNELS, ROTATION_CHANNELS, UNITS, USUAL_ROTATIONS, JointMap, Skeleton
 from distretarget.target import SkeletonEdit, Target, with_bones
@@ -35,9 +35,16 @@ class CharacterTarget(Target):
 
     Attributes:
         character: which nodes they are.
+        mesh: its mesh, read from the file when it is first asked for.
     """
 
     character: Character
+    mesh: CharacterMesh | HeldMesh
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What of the file is not kept or not read, a line each."""
+        return *self.character.warnings, *self.mesh.warnings
 
 
 @dataclass(frozen=True, eq=False)

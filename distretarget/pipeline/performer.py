@@ -11,6 +11,8 @@ from distretarget.baseline.engine_root import EngineRoot, find_engine_root
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.baseline.world import World, find_world
 from distretarget.body.body import Body
+from distretarget.body.build import OWN_BUILDS, Builds, average_adult
+from distretarget.body.thickness import capsules_of
 from distretarget.errors import MotionError
 from distretarget.ik.poses import Poses
 from distretarget.ik.rigid_parts import LEAST_TURN, fit_rotations, posed_motion
@@ -28,6 +30,7 @@ from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.soundness import check_finite, check_places
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
+from distretarget.skin.capsules import Capsules
 from distretarget.target import SkeletonEdit, Target
 
 
@@ -37,6 +40,7 @@ class Match:
 
     world: World  # from the source's world to the target's
     matching: Matching  # which source joint drives which target joint
+    capsules: tuple[Capsules, Capsules] | None = None  # the surfaces of source and target; None for stick figures
 
     def performer(self, scale: RootScale, options: Options = DEFAULT_OPTIONS) -> Performer:
         """Return the performer at a scale, without supports.
@@ -55,6 +59,7 @@ def match_performer(
     options: Options = DEFAULT_OPTIONS,
     joint_map: JointMap | None = None,
     rest: Motion | None = None,
+    builds: Builds = OWN_BUILDS,
 ) -> Match:
     """Match a source to its target, with the parameters and errors of `retarget`."""
     goal = _target_for(source, target)
@@ -64,7 +69,20 @@ def match_performer(
     ups = {"source_up": options.source_up, "target_up": options.target_up}
     world = find_world(of_source, of_target, **ups, root_offset=options.root_offset)
     pairs = {**goal.map, **(joint_map or {})}
-    return Match(world, match(world.to_target_axes(of_source), of_target.with_up(world.up), pairs))
+    matching = match(world.to_target_axes(of_source), of_target.with_up(world.up), pairs)
+    if options.skin == "none" or options.objective == "paper":
+        return Match(world, matching)
+    as_source = isinstance(target, SkeletonEdit) and builds.target is None
+    worn = builds.source if as_source else builds.target
+    surface = target_capsules(goal, of_target) if worn is None else worn.on(of_target)
+    return Match(world, matching, ((builds.source or average_adult()).on(of_source), surface))
+
+
+def target_capsules(target: Target, body: Body | None = None) -> Capsules:
+    """Return the capsules of a target, whose body may be given."""
+    if target.capsules is not None:
+        return target.capsules
+    return capsules_of(body or Body.of(target.skeleton, target.motion), target.mesh(), target.radii)
 
 
 @dataclass(frozen=True, eq=False)
