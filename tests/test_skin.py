@@ -13,8 +13,8 @@ from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
 from distretarget.body.thickness import capsules_of
 from distretarget.matching.matching import match
+from distretarget.measure.inner_balls import inner_balls
 from distretarget.measure.skin import find_skin, find_source_skin
-from distretarget.skin.balls import inner_balls
 from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
 from distretarget.skin.fit import distances
 

@@ -13,13 +13,13 @@ from distretarget.body.arms import raised
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
 from distretarget.measure.figures import Track, Tracks
+from distretarget.measure.inner_balls import inner_balls
 from distretarget.measure.skin_clusters import Clusters, Patches, clusters_of, patches_of
 from distretarget.measure.skin_depths import find_depths
 from distretarget.measure.skin_points import LIMBS, SkinPoints, points_of_capsules, points_of_mesh
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import blocks_of, over_blocks
 from distretarget.skeleton import Skeleton
-from distretarget.skin.balls import inner_balls
 from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
 from distretarget.skin.fit import distances
 from distretarget.skin.mesh import SkinnedMesh
