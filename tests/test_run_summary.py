@@ -224,7 +224,10 @@ def test_a_chain_without_legs_or_contacts_has_a_line_and_json():
     )
     source = swaying(chain)
     made = retarget(source, chain.with_offsets(2 * offsets))
-    assert "contact error - / -, direction error [°] 0.0 / 0.0, foot slide [legs/s] - / -" in figures_line(made)
+    assert (
+        "contact error - / -, skin inside [% height] - / -, direction error [°] 0.0 / 0.0, foot slide [legs/s] - / -"
+        in figures_line(made)
+    )
     assert set(document(made)["frames"]["contact_error"]) == {None}
     assert list(made.warnings) == []
     assert made.verdict == "The source has no self-contacts; no foot rests in the source."

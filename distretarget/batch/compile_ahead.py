@@ -6,14 +6,17 @@ import numpy as np
 
 from distretarget.batch.interrupts import interrupts_kept
 from distretarget.body.axes import axis_vector
+from distretarget.body.body import Body
 from distretarget.body.resting import above_lowest, joint_speeds, still_joints
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.json_node import without_collection
+from distretarget.measure.skin import find_skin, find_source_skin
 from distretarget.motion import Motion
 from distretarget.pipeline.options import Objective, Options
 from distretarget.pipeline.retargeting import retarget
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
+from distretarget.skin.capsules import SEGMENTS, Capsules
 
 ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")
 JOINTS = 6  # enough for a pair of joints so far apart along the tree that the solver keeps it as a contact
@@ -26,6 +29,7 @@ def warm(objective: Objective) -> None:
         source, target = _clip()
         _run_for_legs(source)
         retarget(source, target, Options(objective=objective)).figures  # noqa: B018 - what it needs is compiled
+        _measure_skin(source)
 
 
 def _clip() -> tuple[Motion, Skeleton]:
@@ -39,6 +43,14 @@ def _clip() -> tuple[Motion, Skeleton]:
     bent = np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, np.sin(0.6), np.cos(0.6)]])
     motion = Motion(body, np.zeros((2, 3)), np.tile(bent[:, None], (1, JOINTS, 1)), "0.01")
     return parse_bvh(format_bvh(motion), "joints"), body.with_offsets(1.5 * offsets)
+
+
+def _measure_skin(source: Motion) -> None:
+    """Run what only bodies with a skin need."""
+    body, segments = Body.of_motion(source), [SEGMENTS.index(name) for name in ("pelvis", "left hand")]
+    ends, radii = np.zeros((2, 2, 3)), np.ones((2, 2))
+    skin = find_skin(body, Capsules(np.array([0, JOINTS - 1]), ends, radii, np.array(segments)))
+    find_source_skin(source, body, axis_vector("Y"), skin, skin).in_result(source)
 
 
 def _run_for_legs(source: Motion) -> None:

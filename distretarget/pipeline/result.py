@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -17,11 +17,14 @@ from distretarget.matching.matching import Matching
 from distretarget.measure.figures import NOT_RUN, Track, Tracks, Variant, clip_figures
 from distretarget.measure.jumps import find_pops, find_snaps
 from distretarget.measure.metrics import Comparison, Reference
+from distretarget.measure.skin import find_skin
 from distretarget.measure.verdict import verdict, what_needs_a_look
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import lengths
 from distretarget.objectives.paper import Postures
 from distretarget.objectives.supports import RESTS, Supports
+from distretarget.skin.capsules import Capsules, no_capsules
+from distretarget.skin.mesh import SkinnedMesh
 
 Array = NDArray[np.float64]
 
@@ -45,6 +48,9 @@ class RetargetResult:
             objective.
         postures: the paper's solved points; None for the contact objective.
         distances: the points that source and target share, with their path lengths.
+        source_skin: the surface of the source's body.
+        target_skin: that of the target's.
+        mesh: of the target, by which the figures of skin are measured; None to measure them by `target_skin`.
     """
 
     source: Motion
@@ -57,6 +63,9 @@ class RetargetResult:
     supports: Supports
     postures: Postures | None
     distances: DistanceProblem
+    source_skin: Capsules = field(default_factory=no_capsules)
+    target_skin: Capsules = field(default_factory=no_capsules)
+    mesh: SkinnedMesh | None = None
 
     def __repr__(self) -> str:
         return f"<RetargetResult of {len(self.motion)} frames, mean stress {self.written_stress.mean():.3g}>"
@@ -97,7 +106,11 @@ class RetargetResult:
     @cached_property
     def _comparisons(self) -> tuple[Comparison, Comparison]:
         """Result and rotation copy measured against the source, which is itself measured once."""
-        reference = Reference(self.source, self.matching, self.world.up_vector)
+        skins = (
+            find_skin(self.matching.source, self.source_skin),
+            find_skin(self.matching.target, self.target_skin, self.mesh),
+        )
+        reference = Reference(self.source, self.matching, self.world.up_vector, skins)
         return reference.compare(self.motion), reference.compare(self.rotation_copy)
 
     @cached_property
