@@ -20,7 +20,6 @@ from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import lowest_heights
 from distretarget.numerics.time_series import Shots
-from distretarget.objectives.skins import Skins
 from distretarget.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -63,10 +62,9 @@ class Clip:
     distances: DistanceProblem  # the points that source and target share, with their path lengths
     roots: Joints  # (joints,), the topmost joint of the rigid part that each joint belongs to
     parts: Joints  # (joints,), the rigid part that carries the bones below each joint
-    skins: Skins | None  # the surfaces of source and target; None for bodies without thickness
 
     @classmethod
-    def of(cls, matching: Matching, scale: RootScale, skins: Skins | None = None) -> Clip:
+    def of(cls, matching: Matching, scale: RootScale) -> Clip:
         """Return the clip of a source matched to its target, with its root on the source's path, scaled."""
         source, body, motion = matching.source, matching.target, matching.source_motion
         copy, roots = rotation_copy(matching, scale), rigid_part_roots(matching)
@@ -93,7 +91,6 @@ class Clip:
             distances=distance_problem(source.skeleton, body.skeleton, matching.drivers),
             roots=roots,
             parts=part_of_joint(body.skeleton, roots),
-            skins=skins,
         )
 
     def __len__(self) -> int:

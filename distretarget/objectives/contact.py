@@ -15,7 +15,6 @@ places of resting joints, which are averaged over about the whole rest.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -81,13 +80,6 @@ def solve_contact(
     return poses
 
 
-def contact_activation(clip: Clip, supports: Supports, settings: ContactSettings) -> Iterator[tuple[slice, NearPairs]]:
-    """Yield the contact pairs of a clip, a block of frames at a time."""
-    contacts = _Contacts.of(clip, settings)
-    for block in blocks_of(len(clip)):
-        yield block, contacts.near(block, supports[block].standing)
-
-
 def _held_parts(clip: Clip, supports: Supports, settings: ContactSettings) -> Array:
     """(frames, parts), 1 while a joint below a part rests on something or touches another performer, blended to 0."""
     held, touched = np.zeros((len(clip), clip.parts.max() + 1)), supports.scene_springs
@@ -127,7 +119,7 @@ def part_stiffness(clip: Clip) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class _Contacts:
+class Contacts:
     """What contact pairs are found from, over the frames of a clip."""
 
     clip: Clip
@@ -138,9 +130,11 @@ class _Contacts:
     raised: Array  # (frames, points), how far the arm of each is raised
 
     @classmethod
-    def of(cls, clip: Clip, settings: ContactSettings) -> _Contacts:
+    def of(cls, clip: Clip, settings: ContactSettings, points: NDArray[np.bool_] | None = None) -> Contacts:
+        """Return it for all contact pairs of a clip, or for those of two of the `points`, (points,)."""
         distances = clip.distances
         pairs = candidate_pairs(distances, clip.regions, clip.target_legs, clip.unit, clip.hanging)
+        pairs = pairs if points is None else pairs.among(points)
         # One layout of arrays, for which the solver is compiled once.
         source = np.take(clip.source.positions, distances.sources, axis=1)
         copy = np.take(clip.copy.positions, distances.targets, axis=1)
@@ -166,7 +160,7 @@ def _solve_frames(clip: Clip, supports: Supports, frames: slice, settings: Conta
     """Solve some frames of a clip."""
     unit = clip.unit
     body = Articulation.of(clip.skeleton, clip.parts, part_stiffness(clip))
-    contacts = _Contacts.of(clip, settings)
+    contacts = Contacts.of(clip, settings)
     bones, root = _with_bent_knees(clip), np.ascontiguousarray(clip.root / unit)
     bones /= unit
     firmness = settings.foot_lock * SUPPORT_STIFFNESS

@@ -46,6 +46,12 @@ class CandidatePairs:
     passing: NDArray[np.bool_]  # (pairs,), whether the pair joins feet or shins, which pass each other in a stride
     points: int  # the number of points
 
+    def among(self, points: NDArray[np.bool_]) -> CandidatePairs:
+        """Return the pairs of two of these points, (points,)."""
+        on = points[self.u] & points[self.v]
+        lists = (self.u, self.v, self.a, self.b, self.tau1, self.ratio, self.hanging, self.passing)
+        return CandidatePairs(*(each[on] for each in lists), self.points)
+
 
 def candidate_pairs(
     distances: DistanceProblem, regions: Regions, legs: Legs | None, unit: float, hanging: Array | None

@@ -8,16 +8,18 @@ in time: a limb that is about to sink in begins to leave its way before it arriv
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.motion import Motion
+from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.time_series import averaged, by_shot, smoothstep, widened
 from distretarget.numerics.vectors import lengths, normalised
 from distretarget.objectives.clip import Clip
-from distretarget.objectives.contact import contact_activation
+from distretarget.objectives.contact import Contacts
 from distretarget.objectives.settings import ContactSettings
 from distretarget.objectives.skins import BodySkin, Skins
 from distretarget.objectives.supports import Supports
@@ -31,13 +33,14 @@ Flags = NDArray[np.bool_]
 Numbers = NDArray[np.intp]
 
 FARTHEST = 0.06  # parts that are farther apart than this have nothing to do with each other [body units]
-NEAR = 0.06  # parts that are nearer than this can meet once limbs are bent [body units]
 TOUCH, APART = 0.01, 0.04  # parts touch up to the first gap, and from the second on they do not [body units]
 MARGIN = 0.01  # only what is less than this farther than the nearest touches [body units]
-LEAD = 0.12  # a limb leaves its way over twice this time before it would sink in [s]
-SETTLE = 0.04  # displacements are averaged over this time before and after, at last [s]
+LEAD = 0.16  # a limb leaves its way over twice this time before it would sink in [s]
+SETTLE = (0.2, 0.05)  # brought out again, displacements are averaged over these times before and after [s]
 
-SOFT = {"upper arm": 0.01, "thigh": 0.01}  # how far the flesh of these gives way [body units]
+# How far flesh gives way, and capsules, which hold nearly all of a part's skin, stand off from it [body units].
+SOFT = {"upper arm": 0.01, "thigh": 0.01, "belly": 0.01, "pelvis": 0.01}
+HARD = 0.5  # hands and forearms press in by this share of the flesh of what they touch
 
 # Segments that are one place to be touched: what is meant for one of them is meant for all.
 PLACES = (
@@ -65,7 +68,7 @@ def with_skin(clip: Clip, skins: Skins, posed: Motion, supports: Supports, setti
     wanted = gaps + firmness * (np.maximum(in_source, 0.0) - gaps)
     limbs = np.stack([posed.positions[:, [*limb.joints]] for limb in body.limbs], axis=1) / body.unit
     free = _free(clip, body, supports, settings)
-    given: tuple[Any, ...] = ends, limbs, free, acts, gaps < NEAR, soft
+    given: tuple[Any, ...] = ends, limbs, free, acts, gaps, soft
 
     def find(*of_shot: Any) -> Array:
         return displacements(balls, body.displaced, *of_shot)
@@ -78,9 +81,10 @@ def with_skin(clip: Clip, skins: Skins, posed: Motion, supports: Supports, setti
     size = over_time(lambda each: widened(each, lead), lengths(raw))
     direction = over_time(lambda each: averaged(each, 2 * round(lead) + 1), raw)
     led = size[..., None] * normalised(direction)
-    out = displacements(balls, body.displaced, *given, wanted, np.zeros_like(firmness), led)
-    settled = over_time(lambda each: averaged(each, max(round(SETTLE / clip.frame_time), 1)), out)
-    return bent(posed, body.limbs, body.unit * settled)
+    for time in SETTLE:
+        out = find(*given, wanted, np.zeros_like(firmness), led)
+        led = over_time(partial(averaged, reach=max(round(time / clip.frame_time), 1)), out)
+    return bent(posed, body.limbs, body.unit * led)
 
 
 def _firmness(clip: Clip, body: BodySkin, in_source: Array, supports: Supports, settings: ContactSettings) -> Array:
@@ -89,7 +93,7 @@ def _firmness(clip: Clip, body: BodySkin, in_source: Array, supports: Supports, 
     touching[:, ~_are_arms(body.balls)] = 0.0
     if not touching.any():
         return touching
-    return touching * _meant(clip, body, supports, settings)
+    return touching * _meant(clip, body, touching, supports, settings)
 
 
 def _free(clip: Clip, body: BodySkin, supports: Supports, settings: ContactSettings) -> Array:
@@ -134,9 +138,10 @@ def _softness(balls: Balls, in_source: Array) -> Array:
     """(frames, pairs), how far segments may overlap [body units]: as far as their flesh gives way, and all but hands
     and forearms as far as the source's do.
     """
-    soft = np.array([next((by for part, by in SOFT.items() if part in name), 0.0) for name in SEGMENTS])
-    tender = np.array(["hand" not in SEGMENTS[limb] and "forearm" not in SEGMENTS[limb] for limb in balls.pairs[:, 0]])
-    return np.asarray(np.maximum(soft[balls.pairs].sum(axis=1), np.where(tender, -in_source, 0.0)))
+    flesh = np.array([next((by for part, by in SOFT.items() if part in name), 0.0) for name in SEGMENTS])
+    limbs, parts = balls.pairs.T
+    hard = np.array(["hand" in SEGMENTS[limb] or "forearm" in SEGMENTS[limb] for limb in limbs], bool)
+    return np.asarray(np.where(hard, HARD * flesh[parts], np.maximum(flesh[limbs] + flesh[parts], -in_source)))
 
 
 def _are_arms(balls: Balls) -> Flags:
@@ -154,16 +159,27 @@ def _of_pairs(gaps: Array, pairs: Numbers, wanted: Numbers) -> Array:
     return result
 
 
-def _meant(clip: Clip, body: BodySkin, supports: Supports, settings: ContactSettings) -> Array:
+def _meant(clip: Clip, body: BodySkin, touching: Array, supports: Supports, settings: ContactSettings) -> Array:
     """(frames, pairs), how much each pair of segments is meant to touch, 0 to 1: the largest activation of a contact
-    pair of the first segment and of the place that the second belongs to.
+    pair of the first segment and of the place that the second belongs to. Only blocks of frames in which any pair is
+    `touching`, (frames, pairs), count, and of the hands' joints only wrists and what is farthest from them.
     """
-    place, pairs = _places(), body.balls.pairs
-    of_point = body.of_joint[clip.distances.targets]
-    meant = np.zeros((len(clip), len(pairs)))
-    for block, near in contact_activation(clip, supports, settings):
+    place, pairs, targets = _places(), body.balls.pairs, clip.distances.targets
+    of_point = body.of_joint[targets]
+    chosen = np.ones(len(targets), bool)
+    for segment in (number for number, name in enumerate(SEGMENTS) if "hand" in name):
+        points = np.flatnonzero(of_point == segment)
+        if len(points):
+            reach = clip.skeleton.path_lengths[targets[points[0]], targets[points]]
+            chosen[points] = (points == points[0]) | (points == points[reach.argmax()])
+    contacts, meant = Contacts.of(clip, settings, chosen), np.zeros((len(clip), len(pairs)))
+    for block in blocks_of(len(clip)):
+        if not touching[block].any():
+            continue
+        near = contacts.near(block, supports[block].standing)
         of_u, of_v = of_point[near.u], of_point[near.v]
-        for column, (limb, other) in enumerate(pairs.tolist()):
+        for column in np.flatnonzero(touching[block].any(axis=0)):
+            limb, other = pairs[column]
             on = ((of_u == limb) & (place[of_v] == place[other])) | ((of_v == limb) & (place[of_u] == place[other]))
             if on.any():
                 meant[block, column] = near.f[:, on].max(axis=1)

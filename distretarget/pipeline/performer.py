@@ -33,6 +33,7 @@ from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.soundness import check_finite, check_places
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
 from distretarget.skin.capsules import Capsules
+from distretarget.skin.mesh import SkinnedMesh
 from distretarget.target import SkeletonEdit, Target
 
 
@@ -43,6 +44,7 @@ class Match:
     world: World  # from the source's world to the target's
     matching: Matching  # which source joint drives which target joint
     skins: Skins | None = None  # their surfaces; None for stick figures
+    mesh: SkinnedMesh | None = None  # of the target; None where its thickness is not that of a mesh
 
     def performer(self, scale: RootScale, options: Options = DEFAULT_OPTIONS) -> Performer:
         """Return the performer at a scale, without supports.
@@ -51,7 +53,7 @@ class Match:
             MotionError: the root is to follow the source's root, and the source has none on the floor.
         """
         engine_root = find_engine_root(self.matching, scale, options.root_follows)
-        clip = Clip.of(self.matching, scale, self.skins)
+        clip = Clip.of(self.matching, scale)
         return Performer(self, engine_root, clip, no_supports(len(clip)), DEFAULT_SETTINGS)
 
 
@@ -77,9 +79,11 @@ def match_performer(
     as_source = isinstance(target, SkeletonEdit) and builds.target is None
     worn = builds.source if as_source else builds.target
     surface = target_capsules(goal, of_target) if worn is None else worn.on(of_target)
-    return Match(world, matching, Skins.of(matching, (builds.source or average_adult()).on(matching.source), surface))
+    skins = Skins.of(matching, (builds.source or average_adult()).on(matching.source), surface)
+    return Match(world, matching, skins, goal.mesh() if worn is None else None)
 
 
+@lru_cache(maxsize=1)
 def target_capsules(target: Target, body: Body | None = None) -> Capsules:
     """Return the capsules of a target, whose body may be given."""
     if target.capsules is not None:
@@ -112,11 +116,8 @@ class Performer:
         return replace(self, clip=clip, supports=supports, settings=settings)
 
     def posed(self, poses: Poses) -> Motion:
-        """Return the motion of the poses, with the skin kept, before the root on the floor is placed."""
-        posed = posed_motion(self.clip.copy, poses.v, self.clip.parts, self.clip.root + poses.v[:, -1])
-        if self.clip.skins is None:
-            return posed
-        return with_skin(self.clip, self.clip.skins, posed, self.supports, self.settings)
+        """Return the motion of the poses, before skin is kept apart and the root on the floor is placed."""
+        return posed_motion(self.clip.copy, poses.v, self.clip.parts, self.clip.root + poses.v[:, -1])
 
     def result(self, poses: Poses, postures: Postures | None = None) -> RetargetResult:
         """Return the result of the poses, with the paper's solved points where there are any.
@@ -124,7 +125,10 @@ class Performer:
         Raises:
             MotionError: a frame of the result is wrong; the message names joint and frame.
         """
-        posed = self._as_channels_allow(self.posed(poses))
+        posed, skins = self.posed(poses), self.match.skins
+        if skins:
+            posed = with_skin(self.clip, skins, posed, self.supports, self.settings)
+        posed = self._as_channels_allow(posed)
         motion, copy = self.engine_root.placed(posed), self.engine_root.placed(self.clip.copy)
         check_finite(motion)
         check_places(posed, self.clip)
@@ -139,6 +143,8 @@ class Performer:
             supports=self.supports if self.settings.foot_lock else no_supports(len(motion)),
             postures=postures,
             distances=self.clip.distances,
+            skins=skins,
+            mesh=self.match.mesh,
         )
 
     def _as_channels_allow(self, posed: Motion) -> Motion:

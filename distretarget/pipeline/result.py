@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -22,8 +22,8 @@ from distretarget.measure.verdict import verdict, what_needs_a_look
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import lengths
 from distretarget.objectives.paper import Postures
+from distretarget.objectives.skins import Skins
 from distretarget.objectives.supports import RESTS, Supports
-from distretarget.skin.capsules import Capsules, no_capsules
 from distretarget.skin.mesh import SkinnedMesh
 
 Array = NDArray[np.float64]
@@ -48,9 +48,8 @@ class RetargetResult:
             objective.
         postures: the paper's solved points; None for the contact objective.
         distances: the points that source and target share, with their path lengths.
-        source_skin: the surface of the source's body.
-        target_skin: that of the target's.
-        mesh: of the target, by which the figures of skin are measured; None to measure them by `target_skin`.
+        skins: the surfaces of source and target; None for stick figures.
+        mesh: of the target, by which the figures of skin are measured; None to measure them by its surface.
     """
 
     source: Motion
@@ -63,8 +62,7 @@ class RetargetResult:
     supports: Supports
     postures: Postures | None
     distances: DistanceProblem
-    source_skin: Capsules = field(default_factory=no_capsules)
-    target_skin: Capsules = field(default_factory=no_capsules)
+    skins: Skins | None = None
     mesh: SkinnedMesh | None = None
 
     def __repr__(self) -> str:
@@ -106,9 +104,9 @@ class RetargetResult:
     @cached_property
     def _comparisons(self) -> tuple[Comparison, Comparison]:
         """Result and rotation copy measured against the source, which is itself measured once."""
-        skins = (
-            find_skin(self.matching.source, self.source_skin),
-            find_skin(self.matching.target, self.target_skin, self.mesh),
+        skins = self.skins and (
+            find_skin(self.matching.source, self.skins.source.capsules),
+            find_skin(self.matching.target, self.skins.target.capsules, self.mesh),
         )
         reference = Reference(self.source, self.matching, self.world.up_vector, skins)
         return reference.compare(self.motion), reference.compare(self.rotation_copy)

@@ -22,14 +22,15 @@ from distretarget.skin.closest import LEAST, place_on_axis
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
 
-SWEEPS = 10  # of each frame
-SETTLING = 4  # the last sweeps, in which displacements do not shrink
+SWEEPS = 14  # of each frame
+SETTLING = 8  # the last sweeps, in which displacements do not shrink
+PARTING = 4  # the last sweeps, in which limbs only come apart
 SHRINK = 0.75  # the share of a displacement that a sweep leaves
-SETTLED = 2e-4  # sweeps end where limbs move by less than this in sum [body units]
+SETTLED = 5e-4  # sweeps end where limbs move by less than this in sum [body units]
 SLACK = 0.01  # gaps are computed anew when limbs have moved by more than this [body units]
 REACH = 0.06  # balls and capsules that are farther apart than this do not meet [body units]
 MOST_MEETINGS = 2048  # balls and capsules that may meet in one frame
-NOTHING = 1e-6  # displacements that add up to less are none [body units]
+NOTHING = 1e-4  # displacements that add up to less are none [body units]
 LEAST_SHARE = 0.5  # balls that move by a smaller share of a displacement stay where they are
 
 
@@ -52,7 +53,7 @@ def displacements(
     limbs: Array,
     free: Array,
     acts: NDArray[np.bool_],
-    near: NDArray[np.bool_],
+    gaps: Array,
     soft: Array,
     wanted: Array,
     firmness: Array,
@@ -67,7 +68,7 @@ def displacements(
         limbs: (frames, limbs, 3, 3), the top, the middle and the end of each limb; its bones keep their lengths.
         free: (frames, limbs, 2), how far middle and end can move, 0 to 1.
         acts: (frames,), whether anything is to be displaced where nothing was in the frame before.
-        near: (frames, pairs), whether two segments can meet.
+        gaps: (frames, pairs), those of all pairs of segments as they are, or a smaller one than there is.
         soft: (frames, pairs), how far they may overlap, because flesh gives way.
         wanted: (frames, pairs), the gap that segments that touch are brought to.
         firmness: (frames, pairs), how far they are brought there, 0 to 1.
@@ -78,7 +79,7 @@ def displacements(
     given, before = start is not None, np.zeros_like(result) if start is None else start
     found, room = np.zeros((MOST_MEETINGS, 3), np.intp), np.zeros((4, 3))
     seen = np.zeros(MOST_MEETINGS), np.zeros((len(balls.pairs), *result.shape[1:]))
-    constraints = limbs, free, acts, near, soft, wanted, firmness
+    constraints = limbs, free, acts, gaps, soft, wanted, firmness
     _write_displacements(balls, displaced, posed, constraints, before, given, found, seen, room, result)
     return result
 
@@ -88,7 +89,7 @@ def _write_displacements(balls, displaced, posed, constraints, before, given, fo
     """Write the displacements. `seen`, (meetings,), is the gap of each meeting with the displacements `known[pair]`:
     while its limbs have moved less than that from there, the two do not meet.
     """
-    limbs, free, acts, near, soft, wanted, firmness = constraints
+    limbs, free, acts, apart, soft, wanted, firmness = constraints
     gaps, known = seen
     for frame in range(len(posed)):
         d, at, loose = result[frame], posed[frame], free[frame]
@@ -100,7 +101,7 @@ def _write_displacements(balls, displaced, posed, constraints, before, given, fo
                         d[limb, joint, i] = result[frame - 1, limb, joint, i]
         if _shrink(d, 1.0) < NOTHING and not acts[frame]:
             continue
-        count = _find_meetings(balls, at, near[frame], found)
+        count = _find_meetings(balls, at, apart[frame], found)
         for sweep in range(SWEEPS):
             settles = given or sweep >= SWEEPS - SETTLING
             if not settles:
@@ -110,10 +111,16 @@ def _write_displacements(balls, displaced, posed, constraints, before, given, fo
                 pair, last = found[first, 0], first + 1
                 while last < count and found[last, 0] == pair:
                     last += 1
-                way = NEVER if sweep == 0 else _way_from(d, known[pair])
+                if sweep == 0:
+                    _copy(d, known[pair], NEVER)
+                if apart[frame, pair] + soft[frame, pair] > 2.0 * _largest(d) and firmness[frame, pair] == 0.0:
+                    first = last
+                    continue
+                way = _way_from(d, known[pair])
                 if way > SLACK:
-                    _copy(d, known[pair])
-                touches, least, nearest = firmness[frame, pair] > 0.0, NEVER, -1
+                    _copy(d, known[pair], 1.0)
+                least, nearest = NEVER, -1
+                touches = firmness[frame, pair] > 0.0 and sweep < SWEEPS - PARTING
                 for meeting in range(first, last):
                     if way <= SLACK and gaps[meeting] - 2.0 * way > (least if touches else -soft[frame, pair]):
                         continue
@@ -154,15 +161,26 @@ def _way_from(d: Array, known: Array) -> float:
             for i in range(3):
                 square += (d[limb, joint, i] - known[limb, joint, i]) ** 2
             largest = max(largest, square)
-    return np.sqrt(largest)
+    return float(np.sqrt(largest))
 
 
 @inlined(fastmath=True)
-def _copy(d: Array, known: Array) -> None:
+def _largest(d: Array) -> float:
+    """The largest displacement."""
+    largest = 0.0
+    for limb in range(len(d)):
+        for joint in range(2):
+            largest = max(largest, d[limb, joint, 0] ** 2 + d[limb, joint, 1] ** 2 + d[limb, joint, 2] ** 2)
+    return float(np.sqrt(largest))
+
+
+@inlined(fastmath=True)
+def _copy(d: Array, known: Array, share: float) -> None:
+    """Write a displacement, plus `share` - 1, to `known`."""
     for limb in range(len(d)):
         for joint in range(2):
             for i in range(3):
-                known[limb, joint, i] = d[limb, joint, i]
+                known[limb, joint, i] = d[limb, joint, i] + (share - 1.0)
 
 
 @inlined(fastmath=True)
@@ -203,11 +221,11 @@ def _keep_lengths(limb: Array, free: Array, d: Array) -> None:
 
 
 @inlined(fastmath=True)
-def _find_meetings(balls, posed, near, found):  # type: ignore[no-untyped-def]
+def _find_meetings(balls, posed, gaps, found):  # type: ignore[no-untyped-def]
     """Write the pair, the ball and the capsule of all that may meet to `found`; return how many they are."""
     count = 0
     for pair in range(len(balls.pairs)):
-        if not near[pair]:
+        if gaps[pair] >= REACH:
             continue
         limb, part = balls.pairs[pair, 0], balls.pairs[pair, 1]
         for ball in range(balls.of_ball[limb], balls.of_ball[limb + 1]):
