@@ -49,8 +49,9 @@ class CandidatePairs:
     def among(self, points: NDArray[np.bool_]) -> CandidatePairs:
         """Return the pairs of two of these points, (points,)."""
         on = points[self.u] & points[self.v]
-        lists = (self.u, self.v, self.a, self.b, self.tau1, self.ratio, self.hanging, self.passing)
-        return CandidatePairs(*(each[on] for each in lists), self.points)
+        ends = self.u[on], self.v[on], self.a[on], self.b[on]
+        numbers = self.tau1[on], self.ratio[on], self.hanging[on], self.passing[on]
+        return CandidatePairs(*ends, *numbers, self.points)
 
 
 def candidate_pairs(

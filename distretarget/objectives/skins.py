@@ -12,9 +12,9 @@ from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
-from distretarget.skin.balls import Balls, balls_of, ordered
+from distretarget.skin.balls import NEVER, Balls, balls_of, ordered
 from distretarget.skin.capsules import SEGMENTS, Capsules
-from distretarget.skin.displacement import Displaced
+from distretarget.skin.displacement import LEAST_SHARE, Displaced
 from distretarget.skin.limbs import Limb, shares_of
 
 Array = NDArray[np.float64]
@@ -49,6 +49,10 @@ class BodySkin:
         centres = (1.0 - t) * posed[on, 0] + t * posed[on, 1]
         of_ball, ball_shares = shares_of(limbs, skeleton, pose.positions, capsules.joints[on], centres)
         ends = [shares_of(limbs, skeleton, pose.positions, capsules.joints, posed[:, end]) for end in range(2)]
+        is_leg = np.array([limb.top in {leg.hip for leg in body.legs or ()} for limb in limbs] + [True])
+        moving = np.where(is_leg[of_ball, None], [1.0, 0.0], 1.0) * ball_shares  # feet stay
+        fixed = (moving**2).sum(axis=1) < LEAST_SHARE**2
+        balls.spare[fixed] = NEVER
         return cls(
             capsules=capsules,
             balls=balls,

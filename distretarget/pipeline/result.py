@@ -104,10 +104,11 @@ class RetargetResult:
     @cached_property
     def _comparisons(self) -> tuple[Comparison, Comparison]:
         """Result and rotation copy measured against the source, which is itself measured once."""
-        skins = self.skins and (
-            find_skin(self.matching.source, self.skins.source.capsules),
-            find_skin(self.matching.target, self.skins.target.capsules, self.mesh),
-        )
+        source, target = self.matching.source, self.matching.target
+        skins = None
+        if self.skins:
+            of_target = find_skin(target, self.skins.target.capsules, self.mesh)
+            skins = find_skin(source, self.skins.source.capsules), of_target
         reference = Reference(self.source, self.matching, self.world.up_vector, skins)
         return reference.compare(self.motion), reference.compare(self.rotation_copy)
 

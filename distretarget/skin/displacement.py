@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.numerics.compiled import compiled, inlined
+from distretarget.numerics.parallel import over_blocks
 from distretarget.skin.balls import NEVER, Balls, place_ball
 from distretarget.skin.closest import LEAST, place_on_axis
 
@@ -77,10 +78,20 @@ def displacements(
     """
     result = np.zeros((len(posed), limbs.shape[1], 2, 3))
     given, before = start is not None, np.zeros_like(result) if start is None else start
-    found, room = np.zeros((MOST_MEETINGS, 3), np.intp), np.zeros((4, 3))
-    seen = np.zeros(MOST_MEETINGS), np.zeros((len(balls.pairs), *result.shape[1:]))
-    constraints = limbs, free, acts, gaps, soft, wanted, firmness
-    _write_displacements(balls, displaced, posed, constraints, before, given, found, seen, room, result)
+
+    def write(frames: slice) -> None:
+        found, room = np.zeros((MOST_MEETINGS, 3), np.intp), np.zeros((4, 3))
+        seen = np.zeros(MOST_MEETINGS), np.zeros((len(balls.pairs), *result.shape[1:]))
+        arrays = limbs, free, acts, gaps, soft, wanted, firmness
+        constraints = tuple(each[frames] for each in arrays)
+        _write_displacements(
+            balls, displaced, posed[frames], constraints, before[frames], given, found, seen, room, result[frames]
+        )
+
+    if given:
+        over_blocks(write, len(posed), len(balls.carriers))
+    else:
+        write(slice(None))
     return result
 
 
@@ -101,7 +112,7 @@ def _write_displacements(balls, displaced, posed, constraints, before, given, fo
                         d[limb, joint, i] = result[frame - 1, limb, joint, i]
         if _shrink(d, 1.0) < NOTHING and not acts[frame]:
             continue
-        count = _find_meetings(balls, at, apart[frame], found)
+        count = _find_meetings(balls, at, apart[frame], _reach(apart[frame], d), found)
         for sweep in range(SWEEPS):
             settles = given or sweep >= SWEEPS - SETTLING
             if not settles:
@@ -113,7 +124,8 @@ def _write_displacements(balls, displaced, posed, constraints, before, given, fo
                     last += 1
                 if sweep == 0:
                     _copy(d, known[pair], NEVER)
-                if apart[frame, pair] + soft[frame, pair] > 2.0 * _largest(d) and firmness[frame, pair] == 0.0:
+                reached = apart[frame, pair] + soft[frame, pair] <= _largest_of(displaced, found[first], d)
+                if not reached and firmness[frame, pair] == 0.0:
                     first = last
                     continue
                 way = _way_from(d, known[pair])
@@ -166,12 +178,29 @@ def _way_from(d: Array, known: Array) -> float:
 
 @inlined(fastmath=True)
 def _largest(d: Array) -> float:
-    """The largest displacement."""
+    """The largest displacement of a limb, (2, 3)."""
     largest = 0.0
-    for limb in range(len(d)):
-        for joint in range(2):
-            largest = max(largest, d[limb, joint, 0] ** 2 + d[limb, joint, 1] ** 2 + d[limb, joint, 2] ** 2)
+    for joint in range(2):
+        largest = max(largest, d[joint, 0] ** 2 + d[joint, 1] ** 2 + d[joint, 2] ** 2)
     return float(np.sqrt(largest))
+
+
+@inlined(fastmath=True)
+def _largest_of(displaced, meeting, d):  # type: ignore[no-untyped-def]
+    """How far the two segments of a meeting may have moved towards each other."""
+    limb, other = displaced.of_ball[meeting[1]], displaced.of_end[meeting[2]]
+    return (_largest(d[limb]) if limb >= 0 else 0.0) + (_largest(d[other]) if other >= 0 else 0.0)
+
+
+@inlined(fastmath=True)
+def _reach(gaps: Array, d: Array) -> float:
+    """How far apart balls and capsules may be that meet while the displacements grow as far as segments overlap."""
+    deepest, largest = 0.0, 0.0
+    for pair in range(len(gaps)):
+        deepest = max(deepest, -gaps[pair])
+    for limb in range(len(d)):
+        largest = max(largest, _largest(d[limb]))
+    return min(2.0 * (largest + deepest) + SLACK, REACH)
 
 
 @inlined(fastmath=True)
@@ -221,11 +250,11 @@ def _keep_lengths(limb: Array, free: Array, d: Array) -> None:
 
 
 @inlined(fastmath=True)
-def _find_meetings(balls, posed, gaps, found):  # type: ignore[no-untyped-def]
+def _find_meetings(balls, posed, gaps, farthest, found):  # type: ignore[no-untyped-def]
     """Write the pair, the ball and the capsule of all that may meet to `found`; return how many they are."""
     count = 0
     for pair in range(len(balls.pairs)):
-        if gaps[pair] >= REACH:
+        if gaps[pair] >= farthest:
             continue
         limb, part = balls.pairs[pair, 0], balls.pairs[pair, 1]
         for ball in range(balls.of_ball[limb], balls.of_ball[limb + 1]):
@@ -234,7 +263,7 @@ def _find_meetings(balls, posed, gaps, found):  # type: ignore[no-untyped-def]
             y = (1.0 - t) * posed[carrier, 0, 1] + t * posed[carrier, 1, 1]
             z = (1.0 - t) * posed[carrier, 0, 2] + t * posed[carrier, 1, 2]
             for capsule in range(balls.of_capsule[part], balls.of_capsule[part + 1]):
-                ends, reach = posed[capsule], REACH + balls.radii[ball] + balls.reaches[capsule]
+                ends, reach = posed[capsule], farthest + balls.radii[ball] + balls.reaches[capsule]
                 u = x - 0.5 * (ends[0, 0] + ends[1, 0])
                 v = y - 0.5 * (ends[0, 1] + ends[1, 1])
                 w = z - 0.5 * (ends[0, 2] + ends[1, 2])
