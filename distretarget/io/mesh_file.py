@@ -64,4 +64,5 @@ class CharacterMesh:
             scene = gltf_scene(self.file.gltf, animated=False)
             return skinned_mesh(self.character, scene.nodes, tuple(gltf_parts(self.file.gltf, scene.skins))), ()
         except DistretargetError as error:
-            return None, (f"its mesh is not read, so that the body gets an average thickness: {error}",)
+            why = error.in_file(self.file.path)
+            return None, (f"its mesh is not read, so that the body gets an average thickness: {why}",)
