@@ -25,7 +25,7 @@ FEWEST_POINTS = 6  # of a part that gets capsules, or of half of it
 QUARTERS = np.array([[2, 2, 2], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6  # the middles of a triangle's four quarters
 EDGES = 3.0, 97.0  # percentiles of the surface at which a part ends [%]
 COVERED = 0.85  # of the surface of a part [0 to 1]
-ROUND = 1.25  # a cross-section is round if it is not more than this times as wide as high
+ROUND = 1.25  # of most parts, see `Part`
 DENT = 0.25  # how deep the dents between capsules side by side may be [radii]
 ROUNDS = 10  # of least squares
 SMOOTH = 0.01  # distances off the surface below this weigh the same [mean distances to the axis]
@@ -48,6 +48,7 @@ class Part:
         across: (3,), the direction in which it is wide; None for that in which its surface is.
         closed: whether the surface is closed at its start and at its end.
         most: the number of capsules side by side, at most.
+        round: a cross-section is round if it is not more than this times as wide as high.
     """
 
     carrier: int
@@ -59,6 +60,7 @@ class Part:
     across: Array | None = None
     closed: tuple[bool, bool] = (True, True)
     most: int = 3
+    round: float = ROUND
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +139,7 @@ def _fitted(surface: _Surface, part: Part, tip: Array | None) -> tuple[Array, Ar
     h, b = np.transpose([_width(surface, high, half) for half in halves])
     if a.sum() < b.sum():
         axes, w, a, h, b = axes[:, [0, 2, 1]], h, b, w, a
-    many = _count(a.max(), b.mean(), part.most)
+    many = _count(a.max(), b.mean(), part)
     starts = np.array([low + part.closed[0] * b[0], top - part.closed[1] * b[1]])
     if tip is None and starts[0] > starts[1]:
         starts[:] = starts.mean()
@@ -171,12 +173,12 @@ def _width(surface: _Surface, values: Array, chosen: NDArray[np.bool_]) -> tuple
     return 0.5 * (low + top), 0.5 * (top - low)
 
 
-def _count(wide: float, high: float, most: int) -> int:
+def _count(wide: float, high: float, part: Part) -> int:
     """How many capsules side by side stand for a cross-section, given by half its width and height."""
-    if wide <= ROUND * high:
+    if wide <= part.round * high:
         return 1
     gap = 2.0 * high * np.sqrt(1.0 - (1.0 - DENT) ** 2)
-    return min(1 + int(np.ceil(2.0 * (wide - high) / max(gap, 1e-9 * wide))), most)
+    return min(1 + int(np.ceil(2.0 * (wide - high) / max(gap, 1e-9 * wide))), part.most)
 
 
 def _covering(surface: _Surface, ends: Array) -> Array:
