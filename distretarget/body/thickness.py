@@ -19,6 +19,7 @@ from distretarget.skin.mesh import SkinnedMesh
 Array = NDArray[np.float64]
 
 ROUND_LIMB = 1.6  # one capsule is enough for a limb that is not more than this times as wide as high
+LEGS = ("thigh", "shin")
 TIPS = {"UpperArm": "LowerArm", "LowerArm": "Hand", "UpperLeg": "LowerLeg", "LowerLeg": "Foot"}
 
 
@@ -82,7 +83,16 @@ def _parts(body: Body) -> Iterator[Part]:
         else:
             role = names.get(carrier, "")
             below = next((side + tip for part, tip in TIPS.items() if role == side + part), "head")
-            yield Part(carrier, joints, segment, tip=roles.get(below), closed=(False, False), most=2, round=ROUND_LIMB)
+            yield Part(
+                carrier,
+                joints,
+                segment,
+                tip=roles.get(below),
+                closed=(False, False),
+                most=2,
+                round=ROUND_LIMB,
+                is_leg=limb in LEGS,
+            )
 
 
 def _foot_axis(body: Body, side: str) -> Array | None:
