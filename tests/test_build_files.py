@@ -59,7 +59,7 @@ def test_the_mesh_of_a_source_is_its_build():
 
 
 def test_a_file_without_thickness_is_no_build():
-    with pytest.raises(FileError, match="expected a GLB, glTF or VRM with a mesh"):
+    with pytest.raises(FileError, match="expected a GLB, VRM or FBX with a mesh"):
         load_build(CLAP)
 
 

@@ -20,6 +20,9 @@ RIGS = {
     "bones along Y": {"axes": BONES.along_bones(0.3)},
     "mirrored": {"above": np.diag([-1.0, 1.0, 1.0, 1.0])},
     "matrices": {"matrices": True},
+    "scaled joints": {"scales": {4: 1.3, 7: 0.5}, "axes": BONES.along_bones()},
+    "nodes between joints": {"helpers": [1, 5]},
+    "few joints in the skin": {"all_joints": False},
 }
 
 

@@ -19,6 +19,7 @@ from distretarget.errors import SkeletonFileError
 from distretarget.io.target_file import parse_target, skeleton_to_json
 from distretarget.skin.capsules import SEGMENTS
 from distretarget.skin.fit import distances
+from distretarget.skin.mesh import SkinnedMesh
 
 PERSON = person()
 BODY = Body.of(PERSON)
@@ -60,6 +61,20 @@ def test_the_capsules_of_limbs_are_found_again():
         (found,) = np.flatnonzero(capsules.segments == SEGMENTS.index(name))
         np.testing.assert_allclose(capsules.radii[found], known, atol=0.006 * HEIGHT)
         np.testing.assert_allclose(capsules.ends[found, 0], 0.0, atol=0.002 * HEIGHT)
+
+
+def test_a_skirt_does_not_make_thick_legs():
+    mesh, radii = dressed()
+    hip, knee = (BODY.anatomy.roles[f"left{part}"] for part in ("UpperLeg", "LowerLeg"))
+    skirt = capsule_surface(PERSON.rest_positions[[hip, knee]], [0.2, 0.25])
+    under, over = mesh, mesh_of([(hip, skirt)])
+    both = SkinnedMesh(
+        *(np.concatenate([getattr(under, name), getattr(over, name)]) for name in ("vertices", "joints", "weights")),
+        np.concatenate([under.triangles, over.triangles + len(under.vertices)]),
+    )
+    capsules = capsules_of(BODY, both)
+    on = capsules.segments == SEGMENTS.index("left thigh")
+    assert capsules.radii[on].max() < 1.3 * radii["left thigh"].max()
 
 
 def test_the_trunk_is_wider_than_deep():

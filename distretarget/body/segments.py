@@ -28,9 +28,7 @@ SEGMENT_OF_PART = {
 }
 # Fingers move together: those of each group hang on the first of its knuckles that the hand has.
 FINGER_GROUPS = (("Index", "Middle"), ("Ring", "Little"), ("Thumb",))
-HELPER = (
-    0.1  # joints that reach no farther from where they branch off are muscles or twists, others hair or cloth [units]
-)
+HELPER = 0.1  # joints that reach no farther from where they branch off are muscles or twists, no hair [body units]
 FACE = 0.14  # jaw, eyes and other joints of the face are nearer to the head's joint than this [body units] ...
 BELOW_HEAD = 0.03  # ... and not so far below it [body units]
 

@@ -6,7 +6,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
 from distretarget.body.build import average_adult
 from distretarget.body.segments import find_segments
@@ -14,6 +16,10 @@ from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
 from distretarget.skin.fit import Part, fit_capsules
 from distretarget.skin.mesh import SkinnedMesh
 
+Array = NDArray[np.float64]
+
+ROUND_LIMB = 1.6  # one capsule is enough for a limb that is not more than this times as wide as high
+LEGS = ("thigh", "shin")
 TIPS = {"UpperArm": "LowerArm", "LowerArm": "Hand", "UpperLeg": "LowerLeg", "LowerLeg": "Foot"}
 
 
@@ -68,7 +74,8 @@ def _parts(body: Body) -> Iterator[Part]:
             yield Part(carrier, joints, segment, axis=up)
         elif limb == "foot":
             is_toes = names.get(carrier, "").endswith("Toes")
-            yield Part(carrier, joints, segment, level=up, closed=(not is_toes, True), most=2)
+            axis = _foot_axis(body, side)
+            yield Part(carrier, joints, segment, axis=axis, level=up, closed=(not is_toes, True), most=2)
         elif limb == "hand":
             is_palm = carrier == roles.get(f"{side}Hand")
             is_thumb = "Thumb" in names.get(carrier, "")
@@ -76,4 +83,22 @@ def _parts(body: Body) -> Iterator[Part]:
         else:
             role = names.get(carrier, "")
             below = next((side + tip for part, tip in TIPS.items() if role == side + part), "head")
-            yield Part(carrier, joints, segment, tip=roles.get(below), closed=(False, False), most=1)
+            yield Part(
+                carrier,
+                joints,
+                segment,
+                tip=roles.get(below),
+                closed=(False, False),
+                most=2,
+                round=ROUND_LIMB,
+                is_leg=limb in LEGS,
+            )
+
+
+def _foot_axis(body: Body, side: str) -> Array | None:
+    """(3,), the direction from ankle to toes in the rest pose; None for a foot without length."""
+    leg = body.legs[SIDES.index(side)] if body.legs else None
+    if leg is None or leg.toe == leg.ankle:
+        return None
+    rest = body.skeleton.rest_positions
+    return np.asarray(rest[leg.toe] - rest[leg.ankle])

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from distretarget.character.bind_pose import matrices
 from distretarget.character.character import Character
 from distretarget.character.nodes import Nodes
+from distretarget.errors import FileError
+from distretarget.skeleton import LARGEST
 from distretarget.skin.mesh import SkinnedMesh
 
 Array = NDArray[np.float64]
@@ -62,6 +64,9 @@ def skinned_mesh(character: Character, nodes: Nodes, parts: Sequence[MeshPart]) 
 
     Each vertex is where its bones bring it while the skeleton is in its rest pose. Nodes that are no joints move with
     the nearest joint above them.
+
+    Raises:
+        FileError: a vertex is too far away.
     """
     step = max(-(-sum(len(part.triangles) for part in parts) // MOST_TRIANGLES), 1)
     binds = character.bind_transforms
@@ -70,6 +75,8 @@ def skinned_mesh(character: Character, nodes: Nodes, parts: Sequence[MeshPart]) 
     found = [part for part in bound if part is not None]
     if not found:
         return None
+    if not all((np.abs(part.vertices) <= LARGEST).all() for part in found):
+        raise FileError("", f"has vertices beyond {LARGEST:g}; expected a mesh of the size of its skeleton")
     influences = max(part.joints.shape[1] for part in found)
     starts = np.cumsum([0, *(len(part.vertices) for part in found)])
     return SkinnedMesh(

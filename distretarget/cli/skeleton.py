@@ -27,10 +27,13 @@ from distretarget.errors import FileError, closest, counted
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import joint_map, load_map, map_to_json
 from distretarget.io.motion_file import parse_motion
+from distretarget.io.obj import capsules_to_obj
 from distretarget.io.target_file import parse_full_target, parse_target, skeleton_to_json
 from distretarget.matching.matching import find_matching, refusal
+from distretarget.pipeline.performer import target_capsules
 from distretarget.report.unmatched import parts_without_source
 from distretarget.skeleton import Skeleton
+from distretarget.skin.capsules import LIMB_SEGMENTS, SEGMENTS, Capsules
 from distretarget.target import SkeletonEdit, Target
 
 
@@ -49,13 +52,20 @@ def skeleton_group() -> None:
 
 @skeleton_group.command("show")
 @click.argument("file", type=FileOrStandard())
-def show_command(file: Path) -> None:
-    """Print the tree of joints of FILE, a character, BVH or skeleton file, with its bone lengths.
+@click.option("-o", "--output", type=FileOrStandard(), help="An .obj file for the capsules that stand for the skin.")
+@OVERWRITE_OPTION
+def show_command(file: Path, output: Path | None, overwrite: bool) -> None:
+    """Print the tree of joints of FILE, a character, BVH or skeleton file, with its bone lengths, and how thick its
+    parts are.
 
     \b
     distretarget skeleton show hero.glb
+    distretarget skeleton show hero.glb -o hero_skin.obj
     """  # noqa: D301
-    skeleton = _target_in(read_input(file))[1].skeleton
+    check_outputs([output], [file], overwrite)
+    check_suffix(output, ".obj")
+    target = _target_in(read_input(file))[1]
+    skeleton = target.skeleton
     unit = f" {skeleton.units}" if skeleton.units else ""
     ends = int(skeleton.end_sites.sum())
     body = Body.of(skeleton)
@@ -64,6 +74,11 @@ def show_command(file: Path) -> None:
     say(f"{len(skeleton) - ends} joints, {ends} End Sites; {size}; {recognised(body)}")
     for line in _tree(skeleton):
         say(line)
+    capsules = target_capsules(target)
+    for line in _thickness(target, capsules, body.height):
+        say(line)
+    if output:
+        write_output(output, capsules_to_obj(capsules, skeleton), overwrite)
 
 
 @skeleton_group.command("export")
@@ -241,6 +256,23 @@ def _bones(
                 raise FileError(file, f"{both} are both for the bone {key!r}; each bone may be named only once")
             chosen[key] = option, name, number
     return chosen
+
+
+def _thickness(target: Target, capsules: Capsules, height: float) -> Iterator[str]:
+    """The lines on how thick a body is: each part, its mean thickness, and that in % of the height."""
+    if not len(capsules):
+        return
+    source = "its mesh" if target.mesh() else "its file and an average adult" if target.radii else "an average adult"
+    unit = f" [{target.skeleton.units}]" if target.skeleton.units else ""
+    yield f"thickness of {source}{unit}, and in % of the height:"
+    names = [SEGMENTS[segment].removeprefix("left ").removeprefix("right ") for segment in capsules.segments]
+    rows = []
+    for name in dict.fromkeys((*LIMB_SEGMENTS, *SEGMENTS)):
+        own = capsules.radii[[each == name for each in names]]
+        if len(own):
+            thick = 2.0 * float(own.mean())
+            rows.append((f"  {name}", f"{thick:.4g}", f"{100.0 * thick / height:.1f} %"))
+    yield from aligned(rows, "<>>")
 
 
 def _tree(skeleton: Skeleton) -> Iterator[str]:

@@ -8,10 +8,13 @@ from functools import cached_property
 from distretarget.character.character import Character
 from distretarget.character.mesh import skinned_mesh
 from distretarget.errors import DistretargetError
+from distretarget.io.fbx import fbx_mesh
 from distretarget.io.gltf_mesh import gltf_parts
 from distretarget.io.gltf_scene import gltf_scene
 from distretarget.io.input_file import InputFile
 from distretarget.skin.mesh import SkinnedMesh
+
+VERTICES = b"Vertices"  # in FBX files with a mesh, binary or text
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,10 +56,13 @@ class CharacterMesh:
 
     @cached_property
     def _read(self) -> tuple[SkinnedMesh | None, tuple[str, ...]]:
-        if self.file.kind != "glTF":
-            return None, ()
         try:
+            if self.file.kind == "FBX":
+                if VERTICES not in self.file.content:
+                    return None, ()
+                return skinned_mesh(self.character, *fbx_mesh(self.file.content, self.file.path)), ()
             scene = gltf_scene(self.file.gltf, animated=False)
             return skinned_mesh(self.character, scene.nodes, tuple(gltf_parts(self.file.gltf, scene.skins))), ()
         except DistretargetError as error:
-            return None, (f"its mesh is not read, so that the body gets an average thickness: {error}",)
+            why = error.in_file(self.file.path)
+            return None, (f"its mesh is not read, so that the body gets an average thickness: {why}",)

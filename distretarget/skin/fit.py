@@ -25,8 +25,10 @@ FEWEST_POINTS = 6  # of a part that gets capsules, or of half of it
 QUARTERS = np.array([[2, 2, 2], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6  # the middles of a triangle's four quarters
 EDGES = 3.0, 97.0  # percentiles of the surface at which a part ends [%]
 COVERED = 0.85  # of the surface of a part [0 to 1]
-ROUND = 1.25  # a cross-section is round if it is not more than this times as wide as high
+ROUND = 1.25  # of most parts, see `Part`
 DENT = 0.25  # how deep the dents between capsules side by side may be [radii]
+SIDES_OF_LEG, LEVELS_OF_LEG = 12, 8  # in which skin is compared with cloth
+CLOTH = 1.6  # what is farther than this from a leg's bone is cloth [distance of the skin there]
 ROUNDS = 10  # of least squares
 SMOOTH = 0.01  # distances off the surface below this weigh the same [mean distances to the axis]
 FLAT = 0.02  # weight of a slope of 1 of the radii along the axis [of the whole surface]
@@ -48,6 +50,8 @@ class Part:
         across: (3,), the direction in which it is wide; None for that in which its surface is.
         closed: whether the surface is closed at its start and at its end.
         most: the number of capsules side by side, at most.
+        is_leg: whether skirts and coats may hang round it.
+        round: a cross-section is round if it is not more than this times as wide as high.
     """
 
     carrier: int
@@ -59,6 +63,8 @@ class Part:
     across: Array | None = None
     closed: tuple[bool, bool] = (True, True)
     most: int = 3
+    is_leg: bool = False
+    round: float = ROUND
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +134,8 @@ def _fitted(surface: _Surface, part: Part, tip: Array | None) -> tuple[Array, Ar
     its carrier, as is the tip.
     """
     axes = _axes(surface, part, tip)
+    if part.is_leg:
+        surface = _under_cloth(surface, axes)
     along, wide, high = (surface.points @ axes).T
     reach = [surface.percentile(along, percent) for percent in EDGES]
     low, top = reach if tip is None else (0.0, float(np.linalg.norm(tip)))
@@ -137,7 +145,7 @@ def _fitted(surface: _Surface, part: Part, tip: Array | None) -> tuple[Array, Ar
     h, b = np.transpose([_width(surface, high, half) for half in halves])
     if a.sum() < b.sum():
         axes, w, a, h, b = axes[:, [0, 2, 1]], h, b, w, a
-    many = _count(a.max(), b.mean(), part.most)
+    many = _count(a.max(), b.mean(), part)
     starts = np.array([low + part.closed[0] * b[0], top - part.closed[1] * b[1]])
     if tip is None and starts[0] > starts[1]:
         starts[:] = starts.mean()
@@ -147,6 +155,21 @@ def _fitted(surface: _Surface, part: Part, tip: Array | None) -> tuple[Array, Ar
         sides = np.stack([np.full(many, starts[end]), w[end] + spread, np.full(many, h[end])])
         ends[:, end] = (axes @ sides).T
     return ends, np.tile(_covering(surface, ends), (many, 1))
+
+
+def _under_cloth(surface: _Surface, axes: Array) -> _Surface:
+    """The inner layer of a surface round a bone: what is much farther out than other skin on the same side of the bone,
+    at the same height, is a skirt or a coat.
+    """
+    along, wide, high = (surface.points @ axes).T
+    away = np.hypot(wide, high)
+    side = np.floor(SIDES_OF_LEG * (np.arctan2(high, wide) / (2.0 * np.pi) + 0.5)).astype(int)
+    low, top = along.min(), along.max()
+    level = np.floor(LEVELS_OF_LEG * (along - low) / max(top - low, 1e-300)).astype(int)
+    cell = side + (SIDES_OF_LEG + 1) * level
+    least = np.full(cell.max() + 1, np.inf)
+    np.minimum.at(least, cell, away)
+    return surface.part(away <= CLOTH * least[cell])
 
 
 def _axes(surface: _Surface, part: Part, tip: Array | None) -> Array:
@@ -171,12 +194,12 @@ def _width(surface: _Surface, values: Array, chosen: NDArray[np.bool_]) -> tuple
     return 0.5 * (low + top), 0.5 * (top - low)
 
 
-def _count(wide: float, high: float, most: int) -> int:
+def _count(wide: float, high: float, part: Part) -> int:
     """How many capsules side by side stand for a cross-section, given by half its width and height."""
-    if wide <= ROUND * high:
+    if wide <= part.round * high:
         return 1
     gap = 2.0 * high * np.sqrt(1.0 - (1.0 - DENT) ** 2)
-    return min(1 + int(np.ceil(2.0 * (wide - high) / max(gap, 1e-9 * wide))), most)
+    return min(1 + int(np.ceil(2.0 * (wide - high) / max(gap, 1e-9 * wide))), part.most)
 
 
 def _covering(surface: _Surface, ends: Array) -> Array:
