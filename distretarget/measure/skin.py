@@ -106,7 +106,8 @@ class SkinMeasured:
     Attributes:
         deepest: (frames, limbs), how deep each is inside other parts of the body [% of height].
         inside: (frames,), how much of them is [% of the vertices].
-        gap_error: (frames, limbs), the mean error of its gaps to what it touches in the source [% of height].
+        gap_error: (frames, limbs), the mean error of its gaps to what it touches in the source, in proportion to the
+            heights; what overlaps there may just touch [% of height].
         touching: (frames, limbs), the number of parts of the body that it touches there.
     """
 
@@ -132,7 +133,7 @@ class SourceSkin:
     Attributes:
         target: the skin of results.
         touches: (3, contacts), frame, limb and segment, by frames.
-        gaps: (contacts,), how far apart they are [% of height].
+        gaps: (contacts,), how far apart they are, negative where they overlap [% of height].
     """
 
     target: Skin
@@ -153,14 +154,16 @@ class SourceSkin:
             reach[frame, limb, segment] = np.inf
             depths, vertices[block] = _depths(skin, result, block, reach)
             deepest[block] = np.maximum(depths, 0.0).max(axis=2)
-            gaps[rows] = np.maximum(-depths[frame, limb, segment], 0.0)
+            gaps[rows] = -depths[frame, limb, segment]
 
         if frames:
             over_blocks(measure, *result.positions.shape[:2])
         to_percent = 100.0 / skin.height
         cell = self.touches[0] * len(LIMBS) + self.touches[1]
         counts = np.bincount(cell, minlength=frames * len(LIMBS))
-        errors = np.bincount(cell, np.abs(to_percent * gaps - self.gaps), minlength=frames * len(LIMBS))
+        too_far = to_percent * gaps - np.maximum(self.gaps, 0.0)
+        too_near = self.gaps - to_percent * gaps
+        errors = np.bincount(cell, np.maximum(np.maximum(too_far, too_near), 0.0), minlength=frames * len(LIMBS))
         return SkinMeasured(
             deepest=to_percent * deepest,
             inside=100.0 * vertices / max(skin.patches.points.counts.sum(), 1.0),
@@ -181,7 +184,7 @@ def find_source_skin(source: Motion, body: Body, up: Array, skin: Skin, target: 
             touching = (depths > -reach) & both & ~(hanging[block, :, None] & BESIDE)
             rows = np.nonzero(touching)
             found[0].append(np.stack([rows[0] + block.start, *rows[1:]]))
-            found[1].append(100.0 / skin.height * np.maximum(-depths[rows], 0.0))
+            found[1].append(-100.0 / skin.height * depths[rows])
     return SourceSkin(target=target, touches=np.concatenate(found[0], axis=1), gaps=np.concatenate(found[1]))
 
 

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
 
 LIMBS = ("left hand", "right hand", "left forearm", "right forearm")
-ON_A_LIMB = 96  # most points of a hand or forearm
+MOST = (128, 128, 64, 64)  # points of each limb
 INFLUENCES = 4  # most joints that move a point
 GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))  # between neighbouring points of a spiral over a surface [rad]
 
@@ -55,7 +55,7 @@ def points_of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: Numbers) -> 
     for limb, name in enumerate(LIMBS):
         on = np.flatnonzero(segments[strongest] == SEGMENTS.index(name))
         if len(on):
-            chosen.append(on[spread_out(mesh.vertices[on], ON_A_LIMB)])
+            chosen.append(on[spread_out(mesh.vertices[on], MOST[limb])])
             limbs.append(np.full(len(chosen[-1]), limb))
             nearest = KDTree(mesh.vertices[chosen[-1]]).query(mesh.vertices[on])[1]
             counts.append(np.bincount(nearest, minlength=len(chosen[-1])).astype(np.float64))
@@ -74,7 +74,7 @@ def points_of_capsules(capsules: Capsules) -> SkinPoints:
     for limb, name in enumerate(LIMBS):
         on = np.flatnonzero(capsules.segments == SEGMENTS.index(name))
         for capsule in on.tolist():
-            points = _spiral(capsules.ends[capsule], capsules.radii[capsule], max(ON_A_LIMB // len(on), 4))
+            points = _spiral(capsules.ends[capsule], capsules.radii[capsule], max(MOST[limb] // len(on), 4))
             joints += [capsules.joints[capsule]] * len(points)
             limbs += [limb] * len(points)
             offsets.append(points)
