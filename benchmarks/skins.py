@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
@@ -41,17 +41,16 @@ class Skin:
     Attributes:
         skeleton: the joints that move it.
         points: (points, 3) [file units].
-        joints, weights: (points, influences), the joints of the skeleton that move each point, and their shares.
+        weights: (points, joints), the shares of the skeleton's joints in moving each point.
         triangles: (triangles, 3), counter-clockwise from outside.
         parts: (points,), the part of the body that each point belongs to, a number of `PARTS`.
     """
 
     skeleton: Skeleton
     points: Array
-    joints: Numbers
-    weights: Array
+    weights: csr_array
     triangles: Numbers
-    parts: NDArray[np.intp]
+    parts: Numbers
 
     @classmethod
     def read(cls, path: Path, skeleton: Skeleton) -> Skin:
@@ -63,8 +62,11 @@ class Skin:
         document, buffer = load(path)
         pieces = list(_pieces(document, buffer, skeleton))
         starts = np.cumsum([0, *(len(piece.points) for piece in pieces)])
-        points, joints, weights = (
-            np.concatenate([getattr(piece, name) for piece in pieces]) for name in ("points", "joints", "weights")
+        widest = max(piece.joints.shape[1] for piece in pieces)
+        points = np.concatenate([piece.points for piece in pieces])
+        joints, weights = (
+            np.concatenate([_widened(getattr(piece, name), widest) for piece in pieces])
+            for name in ("joints", "weights")
         )
         triangles = np.concatenate([piece.triangles + start for piece, start in zip(pieces, starts, strict=False)])
         binds = np.concatenate([piece.binds for piece in pieces])
@@ -80,9 +82,10 @@ class Skin:
         )[1:]
         triangles = of_point.ravel()[triangles]
         whole = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
-        points, joints, weights = points[kept], joints[kept], weights[kept]
-        leading = np.take_along_axis(joints, weights.argmax(axis=1)[:, None], axis=1)[:, 0]
-        skin = cls(skeleton, points, joints, weights, triangles[whole], parts_of(skeleton)[leading])
+        rows = np.repeat(np.arange(len(kept)), joints.shape[1])
+        shares = csr_array((weights[kept].ravel(), (rows, joints[kept].ravel())), shape=(len(kept), len(skeleton)))
+        parts = parts_of(skeleton)[shares.argmax(axis=1)]
+        skin = cls(skeleton, points[kept], shares, triangles[whole], parts)
         return skin if skin.volume > 0 else replace(skin, triangles=skin.triangles[:, ::-1])
 
     @property
@@ -114,10 +117,8 @@ class Skin:
         """
         matrices = Rotation.from_quat(rotations).as_matrix()
         shifts = positions - np.einsum("jab,jb->ja", matrices, self.skeleton.rest_positions)
-        blended = np.einsum("pk,pkab->pab", self.weights, matrices[self.joints])
-        return np.einsum("pab,pb->pa", blended, self.points) + np.einsum(
-            "pk,pka->pa", self.weights, shifts[self.joints]
-        )
+        blended = (self.weights @ matrices.reshape(-1, 9)).reshape(-1, 3, 3)
+        return np.einsum("pab,pb->pa", blended, self.points) + self.weights @ shifts
 
     def frames(self, motion: Motion, frames: Numbers) -> Iterator[Array]:
         """The points in some frames of a motion, (points, 3) each; the motion may have further joints."""
@@ -128,7 +129,7 @@ class Skin:
             yield self.posed(positions, rotations)
 
 
-def parts_of(skeleton: Skeleton) -> NDArray[np.intp]:
+def parts_of(skeleton: Skeleton) -> Numbers:
     """(joints,), the part of the body that each joint moves, a number of `PARTS`."""
     anatomy = Body.of(skeleton).anatomy
     if anatomy is None:
@@ -187,6 +188,11 @@ def _pieces(document: dict, buffer: bytes, skeleton: Skeleton) -> Iterator[_Piec
             )
             triangles = corners.astype(int).reshape(-1, 3)
             yield _Piece(points, joints[moved], weights, triangles, binds[own], joints[own])
+
+
+def _widened(values: NDArray[np.generic], columns: int) -> NDArray[np.generic]:
+    """An array with columns of 0 behind its own, so many altogether."""
+    return np.pad(values, ((0, 0), (0, columns - values.shape[1])))
 
 
 def _similarity(places: Array, wanted: Array) -> tuple[Rotation, float, Array]:
