@@ -93,9 +93,14 @@ def source_places(run: RetargetResult, frames: Numbers) -> tuple[Array, Array]:
     return places, turns
 
 
+def near(of_source: Array) -> NDArray[np.bool_]:
+    """Whether gaps of the source, of any shape, are contacts."""
+    return of_source <= NEAR
+
+
 def gap_error(gaps: Array, of_source: Array) -> float:
     """Mean of how far gaps, (frames, pairs), are off the source's where the source is in contact [% of height]; nan
     where it never is.
     """
-    contact = of_source <= NEAR
+    contact = near(of_source)
     return float(np.abs(gaps - of_source)[contact].mean()) if contact.any() else np.nan
