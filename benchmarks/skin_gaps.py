@@ -42,15 +42,18 @@ class Gaps:
         gaps = np.full(len(PAIRS), np.nan)
         for number, (hand, part) in enumerate(PAIRS):
             if counts is None or counts[number]:
-                gaps[number] = self._gap(points, points[self._points[hand]], self._solids[part])
+                gaps[number] = gap_to(self._solids[part], points, points[self._points[hand]])
         return 100 * gaps / self.skin.height
 
-    @staticmethod
-    def _gap(points: Array, hand: Array, solid: Solid) -> float:
-        within = solid.contains(points, hand)
-        if within.any():
-            return -float(solid.distances(points, hand[within]).max())
-        return float(solid.distances(points, hand).min())
+
+def gap_to(solid: Solid, points: Array, hand: Array) -> float:
+    """The least distance of a hand's points, (n, 3), from the surface of a solid while the skin's points are at
+    `points`; where some are inside, the negative depth of the deepest [file units].
+    """
+    within = solid.contains(points, hand)
+    if within.any():
+        return -float(solid.distances(points, hand[within]).max())
+    return float(solid.distances(points, hand).min())
 
 
 def source_gaps(gaps: Gaps, run: RetargetResult, frames: Numbers) -> Array:
