@@ -223,7 +223,7 @@ COLUMNS = {
     "inside": "skin inside, %",
     "frames_inside": "frames with more than 1 % inside, %",
     "deepest": "deepest, mean / largest, % of height",
-    "above_copy": "runs deeper in than the copy",
+    "above_copy": "runs with more inside than the copy",
     "gap": "gap of contacts off the source's, % of height",
     "slide": "slide, legs/s",
     "foot_height": "feet off their height, % of leg",
