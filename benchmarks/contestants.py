@@ -101,7 +101,7 @@ def _copy_timer(case: Case) -> Callable[[], float]:
 def _three() -> Contestant:
     def timer(case: Case) -> Callable[[], float]:
         peer = three_js.ThreeJs(case.of_frames(LONG).run)
-        return lambda: float(np.median(peer.solve(3)[1])) / LONG
+        return lambda: float(np.median(peer.solve(5)[1])) / LONG
 
     missing = three_js.missing()
     name = "three.js, `retargetClip`" if missing else f"three.js {three_js.version()}, `retargetClip`"

@@ -53,7 +53,7 @@ class ThreeJs:
         return self.solve(1)[0]
 
     def solve(self, runs: int) -> tuple[Motion, NDArray[np.float64]]:
-        """The result, and the seconds of each of some runs in one process."""
+        """The result, and the seconds of processor time of each of some runs in one process."""
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "task.json"
             file.write_text(json.dumps(self._task(Path(folder) / "clip.bvh")))
