@@ -65,17 +65,18 @@ class Build:
         if body.anatomy is None:
             return no_capsules()
         pose = body.reference
-        found: list[tuple[int, Array, Array]] = []
+        carriers, places, radii = [], [], []
         for part, frame in frames(body):
             for capsule in self.parts.get(part, ()):
-                carrier = frame.carrier(capsule[:, 0].mean())
-                places = frame.origin + (capsule[:, :3] * frame.scales) @ frame.axes.T - pose.positions[carrier]
-                at_rest = Rotation.from_quat(pose.rotations[carrier]).inv().apply(places)
-                found.append((carrier, at_rest, capsule[:, 3] * frame.breadth))
-        if not found:
+                carriers.append(frame.carrier(capsule[:, 0].mean()))
+                places.append(frame.origin + (capsule[:, :3] * frame.scales) @ frame.axes.T)
+                radii.append(capsule[:, 3] * frame.breadth)
+        if not carriers:
             return no_capsules()
-        joints, ends, radii = zip(*found, strict=True)
-        return Capsules(np.array(joints), np.array(ends), np.array(radii), find_segments(body).of_joint[list(joints)])
+        joints = np.array(carriers)
+        turns = Rotation.from_quat(pose.rotations[joints]).inv().as_matrix()
+        ends = np.einsum("cij,cej->cei", turns, np.array(places) - pose.positions[joints][:, None])
+        return Capsules(joints, ends, np.array(radii), find_segments(body).of_joint[joints])
 
 
 @dataclass(frozen=True, eq=False)
