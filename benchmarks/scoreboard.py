@@ -32,7 +32,7 @@ from contestants import COPY, Case, Contestant, contestants
 from numpy.typing import NDArray
 from skin_gaps import Gaps, gap_error, near, source_gaps
 from skins import Skin
-from tables import mean_and_largest, publish, table
+from tables import mean_and_largest, publish, several, table
 from winding import Sinking
 
 from distretarget import Motion, RetargetResult, load_target, read_motion
@@ -224,7 +224,7 @@ COLUMNS = {
     "frames_inside": "frames with more than 1 % inside, %",
     "deepest": "deepest, mean / largest, % of height",
     "above_copy": "runs with more inside than the copy",
-    "gap": "gap of contacts off the source's, % of height",
+    "gap": "gap of contacts off the source's, samples / all clips, % of height",
     "slide": "slide, legs/s",
     "foot_height": "feet off their height, % of leg",
     "direction": "direction error, degrees",
@@ -232,10 +232,11 @@ COLUMNS = {
     "turn": "turn, largest, degrees",
     "speed": "frames/s",
 }
+SECOND = {"deepest": "deepest_largest", "gap": "gap_all"}  # the figure behind a column's first
 
 
 def summary(rows: Sequence[Row], names: Iterable[str], speed: Mapping[str, float]) -> dict[str, dict[str, float]]:
-    """The figures of each contestant over all runs, by the keys of `COLUMNS`; "deepest_largest" besides."""
+    """The figures of each contestant over all runs, by the keys of `COLUMNS`, and by those of `SECOND`."""
     copies = {(row.clip, row.body): row.figures for row in rows if row.contestant == COPY}
     return {
         name: _summed([row for row in rows if row.contestant == name], copies) | {"speed": speed[name]}
@@ -254,7 +255,8 @@ def _summed(rows: Sequence[Row], copies: Mapping[tuple[str, str], dict[str, floa
     return figures | {
         "deepest_largest": float(of("deepest").max()),
         "above_copy": float(sum(row.figures["inside"] > copy["inside"] for row, copy in zip(rows, own, strict=True))),
-        "gap": _mean(of("gap")),
+        "gap": _mean(np.array([row.figures["gap"] for row in rows if "/" not in row.clip])),
+        "gap_all": _mean(of("gap")),
         "foot_height": _mean(of("foot_height")),
         "direction": _mean(of("direction")),
         "jerk": _mean(of("jerk") / [copy["jerk"] for copy in own]),
@@ -270,9 +272,9 @@ def cells(figures: Mapping[str, float]) -> Iterator[str]:
     """The cells of a contestant's line behind its name."""
     forms = {"above_copy": ".0f", "slide": ".3f", "speed": ",.0f", "frames_inside": ".1f", "turn": ".1f"}
     for key in COLUMNS:
-        value = figures[key]
-        text = f"{value:{forms.get(key, '.2f')}}" if np.isfinite(value) else "-"
-        yield f"{text} / {figures['deepest_largest']:.1f}" if key == "deepest" else text
+        keys = [key, SECOND[key]] if key in SECOND else [key]
+        values = (figures[one] if np.isfinite(figures[one]) else None for one in keys)
+        yield several(values, forms.get(key, ".2f"))
 
 
 def score_table(all_of_them: Sequence[Contestant], figures: Mapping[str, Mapping[str, float]]) -> str:

@@ -1,12 +1,15 @@
 """How far the skins of hand and hand, hand and hips, and hand and head are apart, in a result and in its source.
 
 A BVH file has no skin. That of its source is defined here: the average adult of anny, each joint turned as its rotation
-copy turns it, and put where the source has the joint that drives it, scaled by the ratio of leg lengths, so that wrists
-and head are where they were captured. Joints of the trunk, which rigs place differently, keep their places
-about the middle of the hip joints instead, and joints without a counterpart, such as fingers, follow their parents.
+copy turns it, and put where the source has the joint that drives it, so that wrists and head are where they were
+captured. The source is scaled so that its leg and its trunk, from hip joints to shoulders, are together as long as the
+adult's. Joints of the trunk, which rigs place differently, are about the middle of the hip joints as in the copy,
+stretched to the source's trunk; and joints without a counterpart, such as fingers, follow their parents.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from skins import Skin
 from winding import Solid
 
-from distretarget import RetargetResult
+from distretarget import Motion, RetargetResult
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
@@ -24,6 +27,7 @@ PAIRS = (
     *((hand, part) for part in ("hips", "head") for hand in ("left hand", "right hand")),
 )
 NEAR = 1.5  # skins of the source that are closer than this are in contact [% of height]
+UPPER_ARMS = ("leftUpperArm", "rightUpperArm")
 TRUNK = ("hips", "spine", "chest", "upperChest", "neck")
 
 
@@ -74,26 +78,34 @@ def source_places(run: RetargetResult, frames: Numbers) -> tuple[Array, Array]:
     """Places (frames, joints, 3) and world rotations (frames, joints, 4) of the average adult's joints in the source's
     posture; the module says how they are defined.
     """
-    source, copy, drivers = run.source[frames], run.rotation_copy[frames], run.drivers
-    skeleton, turns = copy.skeleton, copy.world_rotations
-    own = source.positions * run.root_scale
     anatomy, legs = run.matching.target.anatomy, run.matching.target.legs
     assert anatomy is not None
     assert legs is not None
-    hips = [leg.hip for leg in legs]
-    trunk = {anatomy.roles[role] for role in TRUNK if role in anatomy.roles}
-    lift = own[:, drivers[hips]].mean(axis=1) - copy.positions[:, hips].mean(axis=1)
+    drivers, copy = run.drivers, run.rotation_copy[frames]
+    hips, arms = [leg.hip for leg in legs], [anatomy.roles[role] for role in UPPER_ARMS]
+    own_trunk = _trunk(run.source, drivers[hips], drivers[arms])
+    trunk = _trunk(run.rotation_copy, hips, arms)
+    own_leg, leg = run.matching.leg_lengths
+    scale = (leg + trunk) / (own_leg + own_trunk)
+    own = scale * run.source[frames].positions
+    middle, of_copy = own[:, drivers[hips]].mean(axis=1), copy.positions[:, hips].mean(axis=1)
+    of_trunk = {0, *(anatomy.roles[role] for role in TRUNK if role in anatomy.roles)}
+    turns, offsets = copy.world_rotations, copy.skeleton.offsets.copy()
     places = np.empty_like(copy.positions)
-    for joint in range(len(skeleton)):
-        if joint in trunk or not joint:
-            places[:, joint] = copy.positions[:, joint] + lift
+    for joint, parent in enumerate(copy.skeleton.parents):
+        if joint in of_trunk:
+            places[:, joint] = middle + scale * own_trunk / trunk * (copy.positions[:, joint] - of_copy)
         elif drivers[joint] >= 0:
             places[:, joint] = own[:, drivers[joint]]
         else:
-            parent = skeleton.parents[joint]
-            turned = Rotation.from_quat(turns[:, parent]).apply(skeleton.offsets[joint].copy())
-            places[:, joint] = places[:, parent] + turned
+            places[:, joint] = places[:, parent] + Rotation.from_quat(turns[:, parent]).apply(offsets[joint])
     return places, turns
+
+
+def _trunk(motion: Motion, hips: Sequence[int], arms: Sequence[int]) -> float:
+    """The median distance between the middles of two hip joints and of two shoulders [file units]."""
+    apart = motion.positions[:, arms].mean(axis=1) - motion.positions[:, hips].mean(axis=1)
+    return float(np.median(np.linalg.norm(apart, axis=1)))
 
 
 def near(of_source: Array) -> NDArray[np.bool_]:
