@@ -45,6 +45,11 @@ class Target:
         check_kind("radii", self.radii, Mapping)
         check_kind("capsules", self.capsules, Capsules, NoneType)
 
+    @property
+    def is_measured(self) -> bool:
+        """Whether the thickness of the body is known: its file has a mesh or radii."""
+        return bool(self.radii) or self.mesh() is not None
+
     def for_source(self, source: Skeleton) -> Target:  # noqa: ARG002
         """Return the target itself: it is the same for every source."""
         return self

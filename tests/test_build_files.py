@@ -22,8 +22,8 @@ STOUT = Build({part: capsules * [1, 1, 1, 2] for part, capsules in average_adult
 
 def surfaces(target, options=DEFAULT_OPTIONS, builds=OWN_BUILDS):
     """The mean radii of source and target."""
-    capsules = match_performer(read_motion(CLAP), target, options, builds=builds).capsules
-    return None if capsules is None else tuple(each.radii.mean() for each in capsules)
+    skins = match_performer(read_motion(CLAP), target, options, builds=builds).skins
+    return None if skins is None else tuple(side.capsules.radii.mean() for side in (skins.source, skins.target))
 
 
 def test_the_target_is_as_thick_as_its_mesh():

@@ -82,9 +82,7 @@ def solve_contact(
 
 def _held_parts(clip: Clip, supports: Supports, settings: ContactSettings) -> Array:
     """(frames, parts), 1 while a joint below a part rests on something or touches another performer, blended to 0."""
-    held, touched = np.zeros((len(clip), clip.parts.max() + 1)), supports.scene_springs
-    stiffness = np.trace(touched.A, axis1=-2, axis2=-1)
-    holds = [*zip(touched.a.tolist(), (stiffness / (stiffness + 1.0)).T, strict=True)]
+    held, holds = np.zeros((len(clip), clip.parts.max() + 1)), [*supports.touches]
     holds += zip(supports.joints.tolist(), supports.weights.T, strict=True) if settings.foot_lock else ()
     for joint, weight in holds:
         for part in np.unique(clip.parts[[*clip.skeleton.line(joint)[1:]]]):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import blocks_of
-from distretarget.numerics.time_series import averaged, by_shot, smoothstep, widened
+from distretarget.numerics.time_series import averaged, by_shot, median_of_three, smoothstep, widened
 from distretarget.numerics.vectors import lengths, normalised
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact import Contacts
@@ -38,6 +38,7 @@ MARGIN = 0.01  # only what is less than this farther than the nearest touches [b
 LEAD = 0.16  # a limb leaves its way over twice this time before it would sink in [s]
 SETTLE = (0.2, 0.05)  # brought out again, displacements are averaged over these times before and after [s]
 
+LITTLE = 1e-4  # overlaps and changes of less than this do not count [body units]
 # How far flesh gives way, and capsules, which hold nearly all of a part's skin, stand off from it [body units].
 SOFT = {"upper arm": 0.01, "thigh": 0.01, "belly": 0.01, "pelvis": 0.01}
 HARD = 0.5  # hands and forearms press in by this share of the flesh of what they touch
@@ -56,17 +57,17 @@ def with_skin(clip: Clip, skins: Skins, posed: Motion, supports: Supports, setti
     """Return the motion of a target with its limbs bent as its skin asks; `posed` is the motion before."""
     body, source = skins.target, skins.source
     balls = body.balls
-    ends = body.posed(posed)
+    ends = median_of_three(body.posed(posed))  # ignores a single faulty frame
     gaps = segment_gaps(balls, ends, FARTHEST)
-    in_source = segment_gaps(source.balls, source.posed(clip.source), APART)
+    in_source = segment_gaps(source.balls, median_of_three(source.posed(clip.source)), APART)
     in_source = _of_pairs(in_source, source.balls.pairs, balls.pairs)
-    soft = _softness(balls, in_source)
+    soft = _softness(balls, in_source, skins.assumed)
     firmness = _firmness(clip, body, in_source, supports, settings)
-    acts = ((gaps + soft < 0.0) | (firmness > 0.0)).any(axis=1)
+    wanted = gaps + firmness * ((in_source if skins.assumed else np.maximum(in_source, 0.0)) - gaps)
+    acts = ((gaps + soft < -LITTLE) | (np.abs(wanted - gaps) > LITTLE)).any(axis=1)
     if not acts.any():
         return posed
-    wanted = gaps + firmness * (np.maximum(in_source, 0.0) - gaps)
-    limbs = np.stack([posed.positions[:, [*limb.joints]] for limb in body.limbs], axis=1) / body.unit
+    limbs = median_of_three(np.stack([posed.positions[:, [*limb.joints]] for limb in body.limbs], axis=1)) / body.unit
     free = _free(clip, body, supports, settings)
     given: tuple[Any, ...] = ends, limbs, free, acts, gaps, soft
 
@@ -98,17 +99,21 @@ def _firmness(clip: Clip, body: BodySkin, in_source: Array, supports: Supports, 
 
 def _free(clip: Clip, body: BodySkin, supports: Supports, settings: ContactSettings) -> Array:
     """(frames, limbs, 2), how far middle and end of each limb can move, 0 to 1: not while they or what is beyond them
-    rest on the world; feet never.
+    rest on the world, nor while the limb touches another performer; feet never.
     """
     free = np.ones((len(clip), len(body.limbs), 2))
-    rests = supports.weights if settings.foot_lock else np.zeros_like(supports.weights)
+    held = [*zip(supports.joints.tolist(), supports.weights.T, strict=True)] if settings.foot_lock else []
+    touches = [*supports.touches]
     for number, limb in enumerate(body.limbs):
         below = {*clip.skeleton.subtree(limb.end)}
-        for joint, weight in zip(supports.joints.tolist(), rests.T, strict=True):
+        for joint, weight in held:
             if joint in below:
                 free[:, number, 1] = np.minimum(free[:, number, 1], 1.0 - weight)
             elif joint == limb.middle:
                 free[:, number, 0] = np.minimum(free[:, number, 0], 1.0 - weight)
+        for joint, weight in touches:
+            if joint in clip.skeleton.subtree(limb.top):
+                free[:, number] = np.minimum(free[:, number], 1.0 - weight[:, None])
         if limb.top in {leg.hip for leg in clip.target_legs or ()}:
             free[:, number, 1] = 0.0
     return free
@@ -134,14 +139,15 @@ def _places() -> Numbers:
     return place
 
 
-def _softness(balls: Balls, in_source: Array) -> Array:
-    """(frames, pairs), how far segments may overlap [body units]: as far as their flesh gives way, and all but hands
-    and forearms as far as the source's do.
+def _softness(balls: Balls, in_source: Array, assumed: bool) -> Array:
+    """(frames, pairs), how far segments may overlap [body units]: as far as their flesh gives way, and as far as the
+    source's do; but not hands and forearms, unless both skins are `assumed`: then what sinks in is the assumption.
     """
     flesh = np.array([next((by for part, by in SOFT.items() if part in name), 0.0) for name in SEGMENTS])
     limbs, parts = balls.pairs.T
     hard = np.array(["hand" in SEGMENTS[limb] or "forearm" in SEGMENTS[limb] for limb in limbs], bool)
-    return np.asarray(np.where(hard, HARD * flesh[parts], np.maximum(flesh[limbs] + flesh[parts], -in_source)))
+    as_source = np.where(hard & (not assumed), 0.0, -in_source)
+    return np.asarray(np.maximum(np.where(hard, HARD * flesh[parts], flesh[limbs] + flesh[parts]), as_source))
 
 
 def _are_arms(balls: Balls) -> Flags:

@@ -79,7 +79,9 @@ def match_performer(
     as_source = isinstance(target, SkeletonEdit) and builds.target is None
     worn = builds.source if as_source else builds.target
     surface = target_capsules(goal, of_target) if worn is None else worn.on(of_target)
-    skins = Skins.of(matching, (builds.source or average_adult()).on(matching.source), surface)
+    assumed = worn is None and builds.source is None and not goal.is_measured
+    source_surface = (builds.source or average_adult()).on(matching.source)
+    skins = Skins.of(matching, source_surface, surface, assumed=assumed)
     return Match(world, matching, skins, goal.mesh() if worn is None else None)
 
 
