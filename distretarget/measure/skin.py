@@ -65,11 +65,9 @@ def find_skin(body: Body, capsules: Capsules, mesh: SkinnedMesh | None = None) -
 
     Points that are inside in the bind pose are left out.
     """
-    if mesh is None:
-        points, solid = points_of_capsules(capsules), capsules
-    else:
-        points, solid = _of_mesh(mesh, body.skeleton, tuple(find_segments(body).of_joint.tolist()))
-    return _skin(points, solid, body.skeleton.rest_positions, body.height)
+    if mesh is not None:
+        return _of_mesh(mesh, body.skeleton, tuple(find_segments(body).of_joint.tolist()), body.height)
+    return _skin(points_of_capsules(capsules), capsules, body.skeleton.rest_positions, body.height)
 
 
 def no_skin() -> Skin:
@@ -78,10 +76,11 @@ def no_skin() -> Skin:
 
 
 @lru_cache(maxsize=2)
-def _of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: tuple[int, ...]) -> tuple[SkinPoints, Capsules]:
-    """Points and balls of a mesh, cached for a batch of clips with the same target."""
+def _of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: tuple[int, ...], height: float) -> Skin:
+    """The skin of a mesh, cached for a batch of clips with the same target."""
     of_joint = np.array(segments, np.intp)
-    return points_of_mesh(mesh, skeleton, of_joint), inner_balls(mesh, skeleton, of_joint)
+    points, balls = points_of_mesh(mesh, skeleton, of_joint), inner_balls(mesh, skeleton, of_joint)
+    return _skin(points, balls, skeleton.rest_positions, height)
 
 
 def _skin(points: SkinPoints, solid: Capsules, rest: Array, height: float) -> Skin:
