@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
 
 TOUCHING = 1.0  # skins nearer than this in the source touch [% of height]
+GRAZING = 0.1  # points that are less deep than this lie on the skin [% of height]
 VISIBLE = 1.0  # in frames with more than this inside, skin is inside [% of the vertices]
 OWN_ARM = ("hand", "forearm", "upper arm")
 BESIDE_ARM = ("chest", "belly", "pelvis", "thigh", "shin")  # a hanging arm is near these, which is no contact
@@ -189,7 +190,8 @@ def find_source_skin(source: Motion, body: Body, up: Array, skin: Skin, target: 
 
 def _depths(skin: Skin, motion: Motion, frames: slice, reach: Array) -> tuple[Array, Array]:
     """The depths of `find_depths`, where two limbs meet those of the first of the two, and the vertices inside."""
-    found, limbs = find_depths(skin.patches, skin.clusters, motion, frames, reach), len(LIMBS)
+    grazing, limbs = GRAZING / 100.0 * skin.height, len(LIMBS)
+    found = find_depths(skin.patches, skin.clusters, motion, frames, reach, grazing)
     between = found.depths[:, :, :limbs]
     between[:] = np.maximum(between, between.transpose(0, 2, 1))
     return found.depths, found.inside.sum(axis=1)
