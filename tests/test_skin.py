@@ -84,6 +84,16 @@ def test_the_share_inside_is_that_of_the_vertices():
     np.testing.assert_allclose(measured(skin, motion).inside, share, atol=2.5)
 
 
+@pytest.mark.parametrize(("depth", "inside"), [(0.06, False), (1.0, True)])
+def test_a_hand_that_lies_on_the_skin_is_not_inside(depth, inside):
+    motion, (_, capsules) = bending(), round_body()
+    depths = 100 / BODY.height * known_depths(motion)
+    at = int(np.flatnonzero(depths > 1)[0])
+    capsules.radii[0] -= (depths[at] - depth) * BODY.height / 100  # the belly, so that the hand is as deep as wanted
+    found = measured(find_skin(BODY, capsules), motion[at : at + 1])
+    assert (found.inside[0] > 0) == inside
+
+
 def test_nothing_is_inside_in_the_bind_pose_and_what_is_does_not_count():
     mesh, capsules = round_body()
     thick = replace(capsules, radii=np.array([[1.0, 1.0], [HAND, HAND], [HAND, HAND]]))
@@ -108,7 +118,7 @@ def test_another_mesh_of_the_same_body_measures_the_same():
         measured(find_skin(BODY, no_capsules(), round_body(rings=rings)[0]), bending()) for rings in (40, 16)
     )
     np.testing.assert_allclose(fine.deepest, coarse.deepest, atol=0.4)
-    np.testing.assert_allclose(fine.inside, coarse.inside, atol=3)
+    np.testing.assert_allclose(fine.inside, coarse.inside, atol=5)
 
 
 @pytest.mark.parametrize("inside_out", [0.0, 0.5, 1.0])
@@ -227,7 +237,8 @@ def test_winding_numbers_of_the_mesh_agree():
     of_hips = mesh.triangles[(mesh.joints[mesh.triangles[:, 0], 0] == ROLES["hips"])]
     hands = np.flatnonzero(mesh.joints[:, 0] != ROLES["hips"])
     posed = mesh.posed(motion)
-    share = [100 * (igl.winding_number(each, of_hips, each[hands]) > 0.5).mean() for each in posed]
+    share = np.array([100 * (igl.winding_number(each, of_hips, each[hands]) > 0.5).mean() for each in posed])
     found = measured(skin, motion).inside
     np.testing.assert_allclose(found, share, atol=2.5)
-    assert ((found > 1) == (np.array(share) > 1)).all()
+    assert (found[share > 3] > 1).all()
+    np.testing.assert_array_equal(found[share == 0], 0)
