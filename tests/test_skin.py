@@ -13,7 +13,9 @@ from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
 from distretarget.body.thickness import capsules_of
 from distretarget.matching.matching import match
+from distretarget.measure.figures import clip_figures
 from distretarget.measure.inner_balls import inner_balls
+from distretarget.measure.metrics import Reference
 from distretarget.measure.skin import find_skin, find_source_skin
 from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
 from distretarget.skin.fit import distances
@@ -213,18 +215,18 @@ def test_two_hands_touch_each_other_once_each():
 def test_a_run_onto_a_character_has_the_figures_of_skin():
     target = load_target(SAMPLES.parent / "sample_characters" / "hero.glb")
     run = retarget(read_bvh(SAMPLES / "hands_on_hips.bvh")[::8], target)
-    made = replace(run, source_skin=no_capsules(), target_skin=no_capsules(), mesh=None)
-    assert made.figures["result"]["skin_depth"] is None
-    mesh = target.mesh()
-    capsules = capsules_of(run.matching.target, mesh)
-    for made in (replace(run, target_skin=capsules), replace(run, mesh=mesh)):
-        figures = made.figures
-        assert figures["rotation_copy"]["skin_depth"] >= 0
-        assert 0 <= figures["result"]["skin_depth"] < 20
-        assert figures["result"]["skin_gap"] is None  # the source has no thickness
-        assert "sinks up to" in made.verdict or "skin stays outside" in made.verdict
-    same = replace(made, source=made.motion, matching=match(made.matching.target, made.matching.target))
-    assert replace(same, source_skin=capsules, target_skin=capsules, mesh=None).figures["result"]["skin_gap"] == 0
+    source, body, mesh = run.matching.source, run.matching.target, target.mesh()
+    up, capsules = run.world.up_vector, capsules_of(body, mesh)
+    by_mesh, by_capsules = find_skin(body, capsules, mesh), find_skin(body, capsules)
+    for skin in (by_mesh, by_capsules):
+        reference = Reference(run.source, run.matching, up, (find_skin(source, capsules_of(source)), skin))
+        figures = clip_figures(reference.compare(run.motion).tracks)
+        copied = clip_figures(reference.compare(run.rotation_copy).tracks)
+        assert 0 <= figures["skin_depth"] < 20
+        assert 0 <= copied["skin_frames"] <= 100
+        assert figures["skin_gap"] >= 0
+    same = Reference(run.motion, match(body, body), up, (by_capsules, by_capsules))
+    assert clip_figures(same.compare(run.motion).tracks)["skin_gap"] == 0
 
 
 # ---- against winding numbers
