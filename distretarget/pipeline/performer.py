@@ -128,7 +128,7 @@ class Performer:
             MotionError: a frame of the result is wrong; the message names joint and frame.
         """
         posed, skins = self.posed(poses), self.match.skins
-        if skins:
+        if skins and not (skins.assumed and len(self.supports.scene_springs.a)):
             posed = with_skin(self.clip, skins, posed, self.supports, self.settings)
         posed = self._as_channels_allow(posed)
         motion, copy = self.engine_root.placed(posed), self.engine_root.placed(self.clip.copy)
