@@ -4,12 +4,13 @@ robots: https://github.com/YanjieZe/GMR.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import mink
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from distretarget import Body, Motion, RetargetResult
 
@@ -21,7 +22,7 @@ DAMPING = 1e-3  # of mink's solver
 SETTLED = 1e-3  # a stage of GMR is over when a step lowers the norm of its tasks' errors by at most this ...
 MOST_STEPS = 10  # ... or after so many steps behind the first
 GMR_DAMPING, GMR_TASK_DAMPING = 0.5, 1.0  # of mink's solver, and of its tasks, in GMR
-WRISTS = {"lefthand", "righthand", "lhand", "rhand", "leftwrist", "rightwrist"}
+W_FIRST, W_LAST = [3, 0, 1, 2], [1, 2, 3, 0]  # quaternions from x y z w to MuJoCo's w x y z, and back
 TIMESTEP = 1.0  # mink solves for velocities; a step moves along them for so long [s]
 
 
@@ -29,17 +30,19 @@ class InverseKinematics:
     """The target as a MuJoCo model with ball joints and a free root, and mink's tasks on it.
 
     The tasks: hands, feet and hips are where the contact objective put them, and joints turn as in the rotation copy.
-    So mink balances what the contact objective balances, and is given its result for the ends.
+    So mink balances what the contact objective balances, and is given its result for the ends. Joints that follow
+    their parents, as fingers without a counterpart do, are fixed in the model.
     """
 
     def __init__(self, result: RetargetResult) -> None:
         skeleton = result.motion.skeleton
         self.unit = result.matching.target.unit
         self.bodies = [joint for joint in skeleton.depth_first if not skeleton.end_sites[joint]]
-        self.model = mujoco.MjModel.from_xml_string(_xml(result.motion, self.unit))
+        turning = [joint for joint in self.bodies if not joint or result.matching.rotation_sources[joint, 0] >= 0]
+        copy = self.copy = result.rotation_copy
+        self.model = mujoco.MjModel.from_xml_string(_xml(copy, turning, self.unit))
         self.configuration = mink.Configuration(self.model)
-        copy = result.rotation_copy  # MuJoCo's coordinates: the root's position, each body's quaternion w x y z
-        quaternions = copy.rotations[:, self.bodies][..., [3, 0, 1, 2]]
+        quaternions = copy.rotations[:, turning][..., W_FIRST]
         self.postures = np.concatenate([copy.root_positions / self.unit, quaternions.reshape(len(copy), -1)], axis=1)
         self.ends = _ends(result.matching.target)
         self.places = result.motion.positions[:, self.ends] / self.unit
@@ -48,20 +51,49 @@ class InverseKinematics:
 
     def solve(self, steps: int) -> Array:
         """(frames, bodies, 3), positions of the bodies [file units]; each frame is solved from the one before."""
-        positions = np.empty((len(self.postures), len(self.bodies), 3))
+        return np.array([data.xpos[1:].copy() for data in self.solved(steps)]) * self.unit
+
+    def motion(self, steps: int) -> Motion:
+        """The solved frames as a motion of the target."""
+        copy = self.copy
+        places, turns = zip(*((data.xpos[1].copy(), data.xquat[1:].copy()) for data in self.solved(steps)), strict=True)
+        world = np.tile([0.0, 0.0, 0.0, 1.0], (*copy.rotations.shape[:2], 1))
+        world[:, self.bodies] = np.array(turns)[..., W_LAST]
+        local = world.copy()
+        for joint in self.bodies[1:]:
+            above = Rotation.from_quat(world[:, copy.skeleton.parents[joint]])
+            local[:, joint] = (above.inv() * Rotation.from_quat(world[:, joint])).as_quat()
+        for joint in np.flatnonzero(copy.skeleton.end_sites):
+            local[:, joint] = [0.0, 0.0, 0.0, 1.0]
+        return Motion(copy.skeleton, np.array(places) * self.unit, local, copy.frame_time_text)
+
+    def solved(self, steps: int) -> Iterator[mujoco.MjData]:
+        """The state of the model in each frame."""
         self.configuration.update(self.postures[0])
-        for t, (posture, places) in enumerate(zip(self.postures, self.places, strict=True)):
+        for posture, places in zip(self.postures, self.places, strict=True):
             self.posture.set_target(posture)
             for task, place in zip(self.frames, places, strict=True):
                 task.set_target(mink.SE3.from_translation(place))
             for _ in range(steps):
                 _step(self.configuration, [*self.frames, self.posture], DAMPING)
-            positions[t] = self.configuration.data.xpos[1:]
-        return positions * self.unit
+            yield self.configuration.data
 
     def miss(self, positions: Array) -> float:
         """Mean distance of hands, feet and hips from their given places [% of leg length]."""
         return _miss(positions[:, [self.bodies.index(end) for end in self.ends]] / self.unit, self.places)
+
+
+class ScaledGoals(InverseKinematics):
+    """The same model and tasks, but hands, feet and hips are to be where they are in the source, scaled as the root's
+    path: what a user without the contact objective's result has.
+    """
+
+    def __init__(self, result: RetargetResult) -> None:
+        super().__init__(result)
+        drivers = result.matching.drivers
+        driven = [n for n, end in enumerate(self.ends) if drivers[end] >= 0]
+        self.ends, self.frames = ([each[n] for n in driven] for each in (self.ends, self.frames))
+        self.places = result.source.positions[:, drivers[self.ends]] * result.root_scale / self.unit
 
 
 class Gmr(InverseKinematics):
@@ -76,24 +108,22 @@ class Gmr(InverseKinematics):
         matching = result.matching
         self.driven = [body for body in self.bodies if matching.drivers[body] >= 0]
         self.places = result.source.positions[:, matching.drivers[self.driven]] * result.root_scale / self.unit
-        self.rotations = result.rotation_copy.world_rotations[:, self.driven][..., [3, 0, 1, 2]]
+        self.rotations = result.rotation_copy.world_rotations[:, self.driven][..., W_FIRST]
         feet = {leg.ankle for leg in matching.target.legs or ()}
         self.stages = [
             [_frame_task(body, *_weights(stage, body, feet), lm_damping=GMR_TASK_DAMPING) for body in self.driven]
             for stage in (1, 2)
         ]
 
-    def solve(self, _steps: int) -> Array:
-        """(frames, bodies, 3), positions of the bodies [file units]; each frame is solved from the one before."""
-        positions = np.empty((len(self.places), len(self.bodies), 3))
+    def solved(self, _steps: int = 0) -> Iterator[mujoco.MjData]:
+        """The state of the model in each frame."""
         self.configuration.update(self.postures[0])
-        for t, frame in enumerate(zip(self.places, self.rotations, strict=True)):
+        for frame in zip(self.places, self.rotations, strict=True):
             for tasks in self.stages:
                 for task, place, rotation in zip(tasks, *frame, strict=True):
                     task.set_target(mink.SE3.from_rotation_and_translation(mink.SO3(rotation), place))
                 self._solve_stage(tasks)
-            positions[t] = self.configuration.data.xpos[1:]
-        return positions * self.unit
+            yield self.configuration.data
 
     def _solve_stage(self, tasks: Sequence[mink.Task]) -> None:
         before = self._error(tasks)
@@ -139,16 +169,23 @@ def _step(configuration: mink.Configuration, tasks: Sequence[mink.Task], damping
     configuration.integrate_inplace(velocity, TIMESTEP)
 
 
-def _xml(motion: Motion, unit: float) -> str:
-    """The target as a MuJoCo model; lengths in body units."""
+def _xml(motion: Motion, turning: Sequence[int], unit: float) -> str:
+    """The target as a MuJoCo model in which some joints turn, and the others are as in the first frame; lengths in body
+    units.
+    """
     skeleton = motion.skeleton
 
+    def numbers(values: Array) -> str:
+        return " ".join(repr(float(x)) for x in values)
+
     def body(joint: int) -> str:
-        place = " ".join(repr(float(x)) for x in (skeleton.offsets[joint] / unit if joint else np.zeros(3)))
-        kind = "ball" if joint else "free"
+        place = numbers(skeleton.offsets[joint] / unit if joint else np.zeros(3))
+        still = joint not in turning
+        turn = f' quat="{numbers(motion.rotations[0, joint, W_FIRST])}"' if still else ""
+        freedom = "" if still else f'<joint type="{"ball" if joint else "free"}"/>'
         below = "".join(body(child) for child in skeleton.children[joint] if not skeleton.end_sites[child])
         return (
-            f'<body name="joint{joint}" pos="{place}"><joint type="{kind}"/>'
+            f'<body name="joint{joint}" pos="{place}"{turn}>{freedom}'
             f'<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>{below}</body>'
         )
 
@@ -156,6 +193,7 @@ def _xml(motion: Motion, unit: float) -> str:
 
 
 def _ends(body: Body) -> list[int]:
-    """The root, the ankles and the wrists."""
-    wrists = [joint for joint, name in enumerate(body.skeleton.names) if name.lower() in WRISTS]
-    return sorted({0, *(leg.ankle for leg in body.legs or ()), *wrists})
+    """Hips, ankles and wrists."""
+    roles = body.anatomy.roles if body.anatomy else {}
+    parts = [roles[role] for role in ("hips", "leftHand", "rightHand") if role in roles]
+    return sorted({*(parts or [0]), *(leg.ankle for leg in body.legs or ())})

@@ -6,6 +6,8 @@ from distretarget.batch.manifest import ManifestRecord as ManifestRecord
 from distretarget.batch.manifest import Tally as Tally
 from distretarget.body.anatomy import Anatomy as Anatomy
 from distretarget.body.body import Body as Body
+from distretarget.body.build import Build as Build
+from distretarget.body.build import Builds as Builds
 from distretarget.errors import BatchError as BatchError
 from distretarget.errors import BvhError as BvhError
 from distretarget.errors import DistretargetError as DistretargetError
@@ -18,6 +20,7 @@ from distretarget.errors import SettingsError as SettingsError
 from distretarget.errors import SkeletonError as SkeletonError
 from distretarget.errors import SkeletonFileError as SkeletonFileError
 from distretarget.ik.spg import Effort as Effort
+from distretarget.io.build_file import load_build as load_build
 from distretarget.io.bvh import read_bvh as read_bvh
 from distretarget.io.bvh_writer import write_bvh as write_bvh
 from distretarget.io.interop import from_bvhio as from_bvhio

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import NoneType
 
-from distretarget.checks import check_kind, check_number
+from distretarget.checks import check_callable, check_kind, check_number
 from distretarget.errors import SkeletonError, SkeletonFileError, closest, entry_place
 from distretarget.motion import Motion
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
+from distretarget.skin.capsules import Capsules
+from distretarget.skin.mesh import MeshReader, no_mesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,17 +24,31 @@ class Target:
         map: the joint map in the file; empty if it has none.
         name: the skeleton's name in the file; empty if it has none.
         motion: the motion of a BVH file, if it has a valid one; it may show axes that the rest pose does not.
+        mesh: returns the mesh of a character, or None; it is called where the mesh is needed.
+        radii: of what single joints carry, by joint, as the file states them [file units].
+        capsules: its surface, where it is known already; else mesh or radii show it, or it is an average adult's.
     """
 
     skeleton: Skeleton
     map: JointMap
     name: str
     motion: Motion | None = None
+    mesh: MeshReader = no_mesh
+    radii: Mapping[int, float] = field(default_factory=dict)
+    capsules: Capsules | None = None
 
     def __post_init__(self) -> None:
         check_kind("skeleton", self.skeleton, Skeleton)
         check_kind("map", self.map, Mapping)
         check_kind("motion", self.motion, Motion, NoneType)
+        check_callable("mesh", self.mesh)
+        check_kind("radii", self.radii, Mapping)
+        check_kind("capsules", self.capsules, Capsules, NoneType)
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether the thickness of the body is known: its file has a mesh or radii."""
+        return bool(self.radii) or self.mesh() is not None
 
     def for_source(self, source: Skeleton) -> Target:  # noqa: ARG002
         """Return the target itself: it is the same for every source."""
@@ -60,10 +76,10 @@ class SkeletonEdit:
 
     def __post_init__(self) -> None:
         check_number("scale", self.scale, SMALLEST, LARGEST)
-        for field, numbers in (("lengths", self.lengths), ("factors", self.factors)):
-            check_kind(field, numbers, Mapping)
+        for name, numbers in (("lengths", self.lengths), ("factors", self.factors)):
+            check_kind(name, numbers, Mapping)
             for key, number in numbers.items():
-                check_number(entry_place(field, str(key)), number, SMALLEST, LARGEST)
+                check_number(entry_place(name, str(key)), number, SMALLEST, LARGEST)
 
     def for_source(self, source: Skeleton) -> Target:
         """Return the edited skeleton as a target; errors as in `apply`."""

@@ -32,7 +32,8 @@ from distretarget.report.diff_document import (
 PERSON = person()
 ABOUT = About(a="a.bvh", b="b.bvh", command="distretarget diff a.bvh b.bvh", version="1.2.3")
 OF_RUN = ["snap", "pop", "unsolved"]
-ERRORS = [figure.key for figure in FIGURES if figure.judged == "value" and figure.key not in OF_RUN]
+OF_SKIN = ["skin_depth", "skin_frames", "skin_gap"]  # of bodies whose thickness is known
+ERRORS = [figure.key for figure in FIGURES if figure.judged == "value" and figure.key not in OF_RUN + OF_SKIN]
 NONE = {"support_slide", "support_height", "palm_turn"}  # where only feet rest, and there are no fingers
 OF_SOURCE = [figure.key for figure in FIGURES if figure.of_source]
 COLUMNS = [
@@ -40,6 +41,7 @@ COLUMNS = [
     *(
         "contact_error",
         "contact_gap",
+        *("skin_depth", "skin_frames", "skin_gap"),
         "direction_error",
         "slide_source",
         "slide",
@@ -177,7 +179,7 @@ def test_a_motion_against_itself_has_no_errors(sample):
     assert errors == pytest.approx(dict.fromkeys(errors, 0), abs=0.1)
     assert {errors[key] for key in errors if key != "ankle_height"} == {0}
     assert source == {key: result[key] for key in OF_SOURCE}
-    assert result.keys() == {*ERRORS, *OF_SOURCE, *OF_RUN}
+    assert result.keys() == {*ERRORS, *OF_SOURCE, *OF_RUN, *OF_SKIN}
     for key in ERRORS:
         if BY_KEY[key].of_frames and key != "ankle_height":
             assert set(column(key, found)) <= {0, None}

@@ -12,6 +12,8 @@ from distretarget.character.bind_pose import matrices
 from distretarget.errors import FileError, MissingPackageError
 from distretarget.io import fbx as reader
 from distretarget.io.fbx import parse_fbx
+from distretarget.io.input_file import InputFile
+from distretarget.io.target_file import parse_target
 
 pytest.importorskip("ufbx", reason="the package ufbx reads FBX")
 
@@ -110,6 +112,31 @@ def test_a_node_with_a_pivot_is_at_its_pivot_in_skins_too():
     scene = parse_fbx(fbx(nodes, skin={1: bind}), "a.fbx")
     (skin,) = scene.skins
     np.testing.assert_allclose(np.linalg.inv(skin.inverse_binds[0]), worlds(scene)["Knee"], atol=1e-4)
+
+
+def test_the_skin_is_where_it_was_bound():
+    """The vertex at the origin of the world, whatever the pivots of the joints that move it and the pose shown."""
+    nodes = chain({"RotationPivot": (3.0, -2.0, 7.0), "ScalingPivot": (3.0, -2.0, 7.0)})
+    bind = local_of(nodes[0]) @ local_of(nodes[1])
+    below = bind @ shift((0.0, -40.0, 3.0)) @ turn((5.0, 0.0, 30.0))
+    target = parse_target(InputFile(fbx(nodes, skin={1: bind, 2: below}), "a.fbx"))
+    mesh = target.mesh()
+    np.testing.assert_allclose(mesh.vertices + target.skeleton.offsets[0], [[0.0, 0.0, 0.0]], atol=1e-4)
+    assert {target.skeleton.names[joint] for joint in mesh.joints[0]} == {"Knee", "Foot"}
+
+
+def test_a_file_without_a_mesh_is_not_read_for_one(monkeypatch):
+    target = parse_target(InputFile(fbx(chain({})), "a.fbx"))
+    monkeypatch.setattr(reader, "_read", None)
+    assert target.mesh() is None
+
+
+def test_a_mesh_that_cannot_be_read_is_a_warning(monkeypatch):
+    bind = {1: shift((0.0, 50.0, 0.0)), 2: shift((0.0, 10.0, 0.0))}
+    target = parse_target(InputFile(fbx(chain({}), skin=bind), "a.fbx"))
+    monkeypatch.setattr(reader, "COMMAND", (sys.executable, "-c", "import os; os.abort()"))
+    assert target.mesh() is None
+    assert "the FBX reader stopped" in target.mesh.warnings[0]
 
 
 def test_bones_that_do_not_inherit_scale():

@@ -53,6 +53,7 @@ def test_everything_that_a_scene_may_say(tmp_path):
         "world_scale": 0.9,
         "supports": "feet",
         "environment": "scaled",
+        "skin": "none",
         "cut": True,
         "resample": True,
     }
@@ -73,6 +74,7 @@ def test_everything_that_a_scene_may_say(tmp_path):
         1,
         1,
     )
+    assert setup.skin == "none"
     assert setup.performers[0].start == 0.5
 
 

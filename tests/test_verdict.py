@@ -52,6 +52,15 @@ def test_feet(result, source, words):
     assert f"; {words};" in said(GOOD | {"slide": result}, source={"slide": source})
 
 
+def test_limbs_that_sink_into_the_body_are_named_with_their_frame():
+    deep = TRACKS | {"skin_depth": Track(np.array([[0.0, 0.1], [0.0, 2.34]]), parts=("left hand", "right hand"))}
+    text = said(GOOD | {"skin_depth": 2.34}, tracks=deep)
+    assert "; right hand sinks up to 2.3 % of the height into the body at frame 1; feet" in text
+    assert text.endswith(" Needs a look: skin inside.")
+    assert "; skin stays outside; feet" in said(GOOD | {"skin_depth": 0.2}, tracks=deep)
+    assert "skin" not in said(GOOD)
+
+
 def test_hips_that_are_off_are_named_with_their_frame_and_need_a_look():
     text = said(GOOD | {"hips_height_largest": 7.2})
     assert "hips height off by up to 7 % of a leg at frame 1" in text

@@ -16,6 +16,7 @@ from distretarget.batch.alignment_spread import spread_warnings
 from distretarget.batch.manifest import VERSION, Manifest, ManifestRecord, Tally, new_record, options_of, worst
 from distretarget.batch.plan import Clip, check_page, find_clips, plan
 from distretarget.batch.workers import DEFAULT_READING, Job, Processes, Reading, Result, Workers, convert_all
+from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.character.nodes import Animation
 from distretarget.checks import check_kind, check_number, check_path
 from distretarget.errors import BatchError, DistretargetError, FileError
@@ -33,12 +34,14 @@ from distretarget.io.gltf_writer import Parts
 from distretarget.io.input_file import InputFile, load_file, with_files_beside
 from distretarget.io.map_json import MapFile, load_map
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, OutputSettings, with_animations
-from distretarget.io.target_file import TargetFile
+from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.measure.figures import FIGURES
 from distretarget.numerics.parallel import cores
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
+from distretarget.pipeline.performer import target_capsules
 from distretarget.report.diff_document import About
 from distretarget.report.index_page import index_page
+from distretarget.target import SkeletonEdit, Target
 
 SPLIT_SIZE = 1 << 20  # smallest clip that is split into chunks if it would keep one worker busy at the end [bytes]
 MARK = '<meta name="generator" content="distretarget">'
@@ -63,6 +66,7 @@ class Batch:
     fail_fast: bool = False  # end with the first failure
     reading: Reading = DEFAULT_READING
     writing: OutputSettings = DEFAULT_OUTPUT
+    builds: Builds = OWN_BUILDS
     problems: dict[Path, FileError] = field(default_factory=dict)  # why a report could not be written, by its path
 
     def record_of(self, clip: Clip) -> ManifestRecord:
@@ -70,7 +74,7 @@ class Batch:
         usual = asdict(DEFAULT_READING) | asdict(DEFAULT_OUTPUT)
         given = asdict(self._reading(clip)) | asdict(self.writing)
         settings = {key: value for key, value in given.items() if value != usual[key]}
-        return new_record(clip, options_of(self.options, self.map_file) | settings)
+        return new_record(clip, options_of(self.options, self.map_file, self.builds) | settings)
 
     def _reading(self, clip: Clip) -> Reading:
         """How a clip is read."""
@@ -80,6 +84,21 @@ class Batch:
     def _characters(self) -> dict[str, TargetFile]:
         """The targets, by the paths of their files."""
         return {str(clip.target.path): clip.target for clip in self.clips}
+
+    @cached_property
+    def _prepared(self) -> dict[str, TargetFile]:
+        """The targets as workers get them: with the capsules of a character, and without its file."""
+        return {
+            path: replace(file, target=self._with_capsules(file), file=None) for path, file in self._characters.items()
+        }
+
+    def _with_capsules(self, file: TargetFile) -> Target | SkeletonEdit:
+        """The target in a file, with its capsules if its mesh shows them and they are needed."""
+        target = file.target
+        known = self.options.skin == "none" or self.options.objective == "paper" or self.builds.target is not None
+        if known or not isinstance(target, CharacterTarget):
+            return target
+        return replace(target, capsules=target_capsules(target))
 
     @cached_property
     def manifest(self) -> Manifest:
@@ -169,8 +188,8 @@ class Batch:
     def _job(
         self, source: InputFile, clip: Clip, record: ManifestRecord, about: About | None, split: bool = False
     ) -> Job:
-        target = replace(clip.target, file=None)  # a character's mesh stays here
-        ways = self.map_file, self.options, record, about, split, self._reading(clip), self.writing
+        target = self._prepared[str(clip.target.path)]
+        ways = self.map_file, self.options, record, about, split, self._reading(clip), self.writing, self.builds
         return Job(source, target, *ways)
 
     def _finish(self, result: Result, show: Show) -> None:
@@ -263,6 +282,7 @@ def convert_folder(
     kind: str | None = None,
     writing: OutputSettings = DEFAULT_OUTPUT,
     options: Options = DEFAULT_OPTIONS,
+    builds: Builds = OWN_BUILDS,
     jobs: int | None = None,
     overwrite: bool = False,
     fail_fast: bool = False,
@@ -287,6 +307,7 @@ def convert_folder(
         kind: of the results, such as "glb"; by default that of the target if it is glTF, else "bvh".
         writing: how motions are put into the files of characters.
         options: how to retarget.
+        builds: how thick the bodies are, if other files say it than their own.
         jobs: the number of processes; one for each core if not given.
         overwrite: whether to retarget everything again, and to replace files that no batch made.
         fail_fast: whether to stop at the first clip that fails.
@@ -302,6 +323,7 @@ def convert_folder(
         SettingsError: an argument has the wrong type, or is out of bounds.
     """
     check_kind("options", options, Options)
+    check_kind("builds", builds, Builds)
     check_kind("include", include, Sequence)
     check_kind("exclude", exclude, Sequence)
     for name, number, least in (("jobs", jobs, 1), ("reports", reports, 0)):
@@ -319,7 +341,7 @@ def convert_folder(
         return About(a=clip.name, b=result.name)
 
     ways = options, pairs, about, index, reports, overwrite, fail_fast
-    batch = Batch(clips, Path(folder), *ways, Reading(clip, fps), writing)
+    batch = Batch(clips, Path(folder), *ways, Reading(clip, fps), writing, builds)
     batch.check()
     tally = Tally(clips=len(batch.clips))
     with closing(Processes(jobs or cores(), options.objective)) as workers:

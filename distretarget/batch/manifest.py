@@ -20,6 +20,7 @@ from typing import Any, TypedDict, cast
 from filelock import FileLock
 
 from distretarget.batch.plan import MANIFEST, Clip
+from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.errors import FileError, counted
 from distretarget.io.files import check_inside, check_writable, make_folder, reason_of
 from distretarget.io.map_json import MapFile
@@ -92,10 +93,12 @@ def new_record(clip: Clip, options: Mapping[str, object]) -> ManifestRecord:
     }
 
 
-def options_of(options: Options, map_file: MapFile) -> dict[str, object]:
-    """Return options of retargeting and what a map file says, as a record has them."""
+def options_of(options: Options, map_file: MapFile, builds: Builds = OWN_BUILDS) -> dict[str, object]:
+    """Return options of retargeting, what a map file says and hashes of builds, as a record has them."""
     pairs: dict[str, object] = {"map": dict(map_file.pairs) or None}
-    return asdict(options) | pairs | ({"rest": dict(map_file.rest.rotations)} if map_file.rest else {})
+    sides = {"source_build": builds.source, "target_build": builds.target}
+    hashes = {side: build.hash for side, build in sides.items() if build is not None}
+    return asdict(options) | pairs | hashes | ({"rest": dict(map_file.rest.rotations)} if map_file.rest else {})
 
 
 def parse_record(line: bytes) -> ManifestRecord | None:

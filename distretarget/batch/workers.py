@@ -27,9 +27,11 @@ from distretarget.batch.alignment_spread import alignment_text
 from distretarget.batch.compile_ahead import warm
 from distretarget.batch.interrupts import interrupts_held
 from distretarget.batch.manifest import VERSION, ManifestRecord
+from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.character.nodes import Animation
 from distretarget.errors import BatchError, DistretargetError
 from distretarget.ik.poses import Mapper
+from distretarget.io.build_file import with_source
 from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import encoded_parts, hash_of
 from distretarget.io.input_file import InputFile
@@ -74,6 +76,7 @@ class Job:
     split: bool = False  # share its frames among all workers
     reading: Reading = DEFAULT_READING
     writing: OutputSettings = DEFAULT_OUTPUT
+    builds: Builds = OWN_BUILDS
 
     def failed(self, reason: str) -> Result:
         """Return the result of a clip that failed; the reason names the file."""
@@ -115,7 +118,10 @@ def convert(job: Job, mapper: Mapper = map) -> Result:
 def _converted(job: Job, mapper: Mapper) -> Result:
     path = job.source.path
     motion, lost = parse_motion(job.source, job.reading.clip, job.reading.fps)
-    result = retarget_onto(motion, job.target, source=path, map_file=job.map_file, options=job.options, mapper=mapper)
+    builds = job.builds if job.options.skin == "none" else with_source(job.builds, job.source)
+    result = retarget_onto(
+        motion, job.target, source=path, map_file=job.map_file, options=job.options, builds=builds, mapper=mapper
+    )
     clip = job.writing.clip(result.motion, PurePath(job.record["output"]).stem, result.world.up_vector)
     kind = OUTPUTS[PurePath(job.record["output"]).suffix]
     parts: Iterable[str] = ()

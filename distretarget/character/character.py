@@ -8,6 +8,7 @@ of the node r_j = Q_p^-1 q_j Q_p b_j. Uniform scales drop out, and so does mirro
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,6 +59,21 @@ class Character:
     def joint_nodes(self) -> NDArray[np.intp]:
         """(joints,), the node of each joint of the skeleton."""
         return self.nodes[self._above :]
+
+    @property
+    def bind_transforms(self) -> Mapping[int, Array]:
+        """The transform in the world, (4, 4), of each of the nodes in the bind pose, the skeleton's rest pose."""
+        turns = Rotation.from_quat(self.locals).as_matrix()
+        transforms = np.tile(np.eye(4), (len(self.nodes), 1, 1))
+        transforms[:, :3, :3] = turns * self.shown.scales[:, None]
+        transforms[: self._above, :3, 3] = self.shown.translations[: self._above]
+        places = self.skeleton.rest_positions + self.skeleton.offsets[0]
+        for node, parent in enumerate(self.parents.tolist()):
+            if parent >= 0:
+                transforms[node] = transforms[parent] @ transforms[node]
+            if node >= self._above:
+                transforms[node, :3, 3] = places[node - self._above]
+        return dict(zip(self.nodes.tolist(), transforms, strict=True))
 
     @property
     def _above(self) -> int:

@@ -40,6 +40,11 @@ class DeformCharacter(Character):
         """(joints,), the node of each joint of the skeleton."""
         return self.whole.joint_nodes[self.bones]
 
+    @property
+    def bind_transforms(self) -> Mapping[int, Array]:
+        """The transform in the world, (4, 4), of each of the file's nodes that matter in the bind pose."""
+        return self.whole.bind_transforms
+
     def motion(self, animation: Animation, size: int) -> Motion:
         """Return an animation of the nodes as a motion of the skeleton; arguments and errors as in `Character`."""
         whole = self.whole.motion(animation, size)

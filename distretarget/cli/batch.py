@@ -18,7 +18,7 @@ from distretarget.batch.merge import clips_folder
 from distretarget.batch.merge import merge as write_merged
 from distretarget.batch.plan import find_clips, plan
 from distretarget.batch.workers import Processes, Reading, Workers
-from distretarget.cli.options import PATH, of_reports, quiet, reading, retargeting, writing
+from distretarget.cli.options import PATH, SkinFiles, of_reports, quiet, reading, retargeting, writing
 from distretarget.cli.outputs import STANDARD, about, check_outputs, complain, is_quiet, say
 from distretarget.errors import BatchError, DistretargetError, FileError, counted
 from distretarget.io.files import hash_of, hash_of_file, is_folder, read_bytes
@@ -116,6 +116,7 @@ def batch_command(
     map_path: Path | None,
     rest_path: Path | None,
     options: Options,
+    skins: SkinFiles,
     jobs: int | None,
     dask: str | None,
     overwrite: bool,
@@ -165,7 +166,7 @@ def batch_command(
     except BatchError as error:
         raise click.UsageError(str(error)) from error
     ways = options, map_file, about, index, reports, overwrite and not merge, fail_fast
-    batch = Batch(clips, results, *ways, Reading(clip, fps), DEFAULT_OUTPUT if merge else settings)
+    batch = Batch(clips, results, *ways, Reading(clip, fps), DEFAULT_OUTPUT if merge else settings, skins.builds())
     for each in unread:
         complain(f"not searched: {each}")
     if dry_run:

@@ -5,14 +5,16 @@ from __future__ import annotations
 import functools
 import os
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, get_args
 
 import click
 from click.core import ParameterSource
 
+from distretarget.body.build import Builds
 from distretarget.cli.outputs import QUIET, STANDARD
+from distretarget.io.build_file import load_build
 from distretarget.io.gltf_animation import Mode
 from distretarget.io.motion_writer import OutputSettings
 from distretarget.motion import LONGEST_FRAME, SHORTEST_FRAME
@@ -22,6 +24,18 @@ from distretarget.skeleton import LARGEST, SMALLEST
 Decorator = Callable[[Callable[..., None]], Callable[..., None]]
 
 PATH = click.Path(path_type=Path)
+
+
+@dataclass(frozen=True)
+class SkinFiles:
+    """The files that say how thick source and target are; None for what their own files show."""
+
+    source: Path | None
+    target: Path | None
+
+    def builds(self) -> Builds:
+        """Return the builds in them; errors as in `load_build`."""
+        return Builds(*(load_build(path) if path else None for path in (self.source, self.target)))
 
 
 class FileOrStandard(click.Path):
@@ -114,6 +128,11 @@ ENVIRONMENT_OPTION = _choice(
     "TARGET meet them, on average. scaled: where they are in SOURCE, scaled like the root's path, for a set that is "
     "scaled with the body.",
 )
+SKIN_OPTION = _choice(
+    "skin",
+    "How thick the bodies are. auto: as their meshes or the radii in their files show, else as an average adult. none: "
+    "not at all; distances count from joint to joint.",
+)
 STRIP_NAMESPACE_OPTION = click.option(
     "--strip-namespace",
     is_flag=True,
@@ -153,6 +172,22 @@ OPTIONS = (
     ),
     SUPPORTS_OPTION,
     ENVIRONMENT_OPTION,
+    click.option(
+        "--skin",
+        metavar="[auto|average|none|FILE]",
+        default="auto",
+        show_default=True,
+        help="How thick TARGET is, so that skin touches and does not sink in. auto: as its mesh or the radii in its "
+        "file show; a TARGET with neither has no thickness. average: as an average adult. none: not at all; distances "
+        "count from joint to joint. FILE: as the character in this file, of any size and with any names.",
+    ),
+    click.option(
+        "--source-skin",
+        type=PATH,
+        metavar="FILE",
+        help="A character as thick as the performer of SOURCE, such as a scan. Default: what the mesh in SOURCE shows, "
+        "else an average adult.",
+    ),
 )
 
 
@@ -190,11 +225,15 @@ def writing(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def retargeting(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the options of retargeting to a command, which receives `map_path`, `rest_path`, and the
-    others as `options`.
+    """Add the options of retargeting to a command, which receives `map_path`, `rest_path`, the files `skins`, and
+    the others as `options`.
     """
 
-    def with_options(**given: Any) -> None:
+    def with_options(skin: str, source_skin: Path | None, **given: Any) -> None:
+        given["skin"] = skin if skin in CHOICES["skin"] else "auto"
+        skins = SkinFiles(source_skin, None if skin in CHOICES["skin"] else Path(skin))
+        if skin == "none" and source_skin:
+            raise click.UsageError("--skin none leaves out all thickness; leave out --source-skin.")
         options = Options(**{field.name: given.pop(field.name) for field in fields(Options)})
         chosen = click.get_current_context().get_parameter_source("supports") is not ParameterSource.DEFAULT
         if options.objective == "paper" and chosen and options.supports != "free":
@@ -202,7 +241,7 @@ def retargeting(command: Callable[..., None]) -> Callable[..., None]:
                 f"--supports {options.supports}: the paper's objective holds nothing in its place; use --objective "
                 "contact."
             )
-        command(options=options, **given)
+        command(options=options, skins=skins, **given)
 
     decorated: Callable[..., None] = functools.update_wrapper(with_options, command)
     for option in reversed(OPTIONS):

@@ -18,6 +18,7 @@ from distretarget.cli.options import (
     OVERWRITE_OPTION,
     STRIP_NAMESPACE_OPTION,
     FileOrStandard,
+    SkinFiles,
     quiet,
     reading,
     retargeting,
@@ -34,6 +35,7 @@ from distretarget.cli.outputs import (
     write_outputs,
 )
 from distretarget.errors import FileError, quoted
+from distretarget.io.build_file import with_source
 from distretarget.io.bvh import declared_frames
 from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import Content
@@ -87,6 +89,7 @@ def retarget_command(
     map_path: Path | None,
     rest_path: Path | None,
     options: Options,
+    skins: SkinFiles,
     figures: Path | None,
     report: Path | None,
     strip_namespace: bool,
@@ -108,19 +111,27 @@ def retarget_command(
     distretarget walk.bvh robot.bvh -o walk_robot.bvh --map walk_robot.map.json -v
     cat walk.bvh | distretarget - child.json -o - > walk_child.bvh
     """  # noqa: D301
-    check_outputs([output, figures, report], [source, target, map_path, rest_path], overwrite)
+    inputs = [source, target, map_path, rest_path, skins.source, skins.target]
+    check_outputs([output, figures, report], inputs, overwrite)
     started = time.perf_counter()
     source_file, target_file, map_file = read_input(source), read_input(target), load_map(map_path, rest_path)
     _check_order(source_file, target_file, output)
     kind = "BVH" if output == STANDARD else output_kind(output, target_file)
     motion, lost = _source_motion(source_file, target_file, clip, fps)
     body = TargetFile.of(target_file)
+    builds = skins.builds() if options.skin == "none" else with_source(skins.builds(), source_file)
     reading = time.perf_counter() - started
     warm(options.objective)
     started = time.perf_counter()
     with tqdm(total=len(motion), unit=" frames", desc=source.name, disable=is_quiet() or None, leave=False) as bar:
         result = retarget_onto(
-            motion, body, source=source_file.path, map_file=map_file, options=options, progress=bar.update
+            motion,
+            body,
+            source=source_file.path,
+            map_file=map_file,
+            options=options,
+            builds=builds,
+            progress=bar.update,
         )
     motion, skeleton = result.motion, result.motion.skeleton
     written = replace(motion, skeleton=skeleton.without_namespaces) if strip_namespace and kind == "BVH" else motion
@@ -137,7 +148,7 @@ def retarget_command(
     others = (f"{joints}; see -v" for joints in others_without_source(result.matching))
     for line in _account(result) if verbose else others:
         say(line, err=True)
-    left_out = body.target.character.warnings if isinstance(body.target, CharacterTarget) else ()
+    left_out = body.target.warnings if isinstance(body.target, CharacterTarget) else ()
     for warning in (*parts_without_source(result.matching), *lost, *left_out, *result.warnings):
         say(f"warning: {warning}", err=True)
     if kind == "BVH" and not strip_namespace and (names := [name for name in skeleton.names if ":" in name]):

@@ -13,7 +13,15 @@ import click
 from click.core import ParameterSource
 
 from distretarget.batch.compile_ahead import warm
-from distretarget.cli.options import ENVIRONMENT_OPTION, OVERWRITE_OPTION, PATH, SUPPORTS_OPTION, positive, quiet
+from distretarget.cli.options import (
+    ENVIRONMENT_OPTION,
+    OVERWRITE_OPTION,
+    PATH,
+    SKIN_OPTION,
+    SUPPORTS_OPTION,
+    positive,
+    quiet,
+)
 from distretarget.cli.outputs import check_outputs, say
 from distretarget.errors import FileError
 from distretarget.io.bvh_writer import bvh_parts
@@ -58,6 +66,7 @@ from distretarget.scene.scene_file import SCENE_NAME, PerformerFiles, SceneSetup
 )
 @SUPPORTS_OPTION
 @ENVIRONMENT_OPTION
+@SKIN_OPTION
 @quiet
 def scene_command(
     sources: tuple[Path, ...], targets: tuple[Path, ...], output: Path, overwrite: bool, report: bool, **options: Any

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import click
 import numpy as np
 
 from distretarget.body.body import Body
+from distretarget.body.thickness import capsules_of, radii_of
 from distretarget.cli.matching_table import headline, recognised, rows, unused
 from distretarget.cli.options import (
     OVERWRITE_OPTION,
@@ -26,10 +27,13 @@ from distretarget.errors import FileError, closest, counted
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import joint_map, load_map, map_to_json
 from distretarget.io.motion_file import parse_motion
+from distretarget.io.obj import capsules_to_obj
 from distretarget.io.target_file import parse_full_target, parse_target, skeleton_to_json
 from distretarget.matching.matching import find_matching, refusal
+from distretarget.pipeline.performer import target_capsules
 from distretarget.report.unmatched import parts_without_source
 from distretarget.skeleton import Skeleton
+from distretarget.skin.capsules import LIMB_SEGMENTS, SEGMENTS, Capsules
 from distretarget.target import SkeletonEdit, Target
 
 
@@ -48,13 +52,20 @@ def skeleton_group() -> None:
 
 @skeleton_group.command("show")
 @click.argument("file", type=FileOrStandard())
-def show_command(file: Path) -> None:
-    """Print the tree of joints of FILE, a character, BVH or skeleton file, with its bone lengths.
+@click.option("-o", "--output", type=FileOrStandard(), help="An .obj file for the capsules that stand for the skin.")
+@OVERWRITE_OPTION
+def show_command(file: Path, output: Path | None, overwrite: bool) -> None:
+    """Print the tree of joints of FILE, a character, BVH or skeleton file, with its bone lengths, and how thick its
+    parts are.
 
     \b
     distretarget skeleton show hero.glb
+    distretarget skeleton show hero.glb -o hero_skin.obj
     """  # noqa: D301
-    skeleton = _target_in(read_input(file))[1].skeleton
+    check_outputs([output], [file], overwrite)
+    check_suffix(output, ".obj")
+    target = _target_in(read_input(file))[1]
+    skeleton = target.skeleton
     unit = f" {skeleton.units}" if skeleton.units else ""
     ends = int(skeleton.end_sites.sum())
     body = Body.of(skeleton)
@@ -63,6 +74,11 @@ def show_command(file: Path) -> None:
     say(f"{len(skeleton) - ends} joints, {ends} End Sites; {size}; {recognised(body)}")
     for line in _tree(skeleton):
         say(line)
+    capsules = target_capsules(target)
+    for line in _thickness(target, capsules, body.height):
+        say(line)
+    if output:
+        write_output(output, capsules_to_obj(capsules, skeleton), overwrite)
 
 
 @skeleton_group.command("export")
@@ -89,7 +105,7 @@ def export_command(file: Path, output: Path, strip_namespace: bool, overwrite: b
     if strip_namespace:
         skeleton = skeleton.without_namespaces
         joint_map = {skeleton.keys[target.skeleton.index(key)]: driver for key, driver in joint_map.items()}
-    write_output(output, skeleton_to_json(skeleton, name, joint_map), overwrite)
+    write_output(output, skeleton_to_json(skeleton, name, joint_map, _radii(target)), overwrite)
 
 
 @skeleton_group.command("edit")
@@ -143,8 +159,9 @@ def edit_command(
         {key: number for key, (by, _, number) in chosen.items() if by == option} for option in ("--length", "--factor")
     )
     edit = SkeletonEdit(1.0 if scale is None else scale, new_lengths, new_factors, given.path)
+    radii = {joint: edit.scale * radius for joint, radius in _radii(target).items()}
     edited = edit.apply(target.skeleton)
-    write_output(output, skeleton_to_json(edited, name, target.map), overwrite)
+    write_output(output, skeleton_to_json(edited, name, target.map, radii), overwrite)
     changed = counted(int(np.sum(edited.lengths != target.skeleton.lengths)), "bone")
     unit = f" {edited.units}" if edited.units else ""
     say(f"{changed} changed; height {Body.of(target.skeleton).height:.6g} -> {Body.of(edited).height:.6g}{unit}")
@@ -205,6 +222,12 @@ def _target_in(file: InputFile) -> tuple[str, Target]:
     return target.name or Path(file.path).stem, target
 
 
+def _radii(target: Target) -> Mapping[int, float]:
+    """The radii of joints that a target's file states, or that its mesh shows [file units]."""
+    mesh = target.mesh()
+    return target.radii if mesh is None else radii_of(capsules_of(Body.of(target.skeleton), mesh))
+
+
 def _body_in(file: InputFile) -> Body:
     """The body in a file that is a source: as its motion shows it, or of a file without one as it rests."""
     if file.kind != "skeleton":
@@ -233,6 +256,23 @@ def _bones(
                 raise FileError(file, f"{both} are both for the bone {key!r}; each bone may be named only once")
             chosen[key] = option, name, number
     return chosen
+
+
+def _thickness(target: Target, capsules: Capsules, height: float) -> Iterator[str]:
+    """The lines on how thick a body is: each part, its mean thickness, and that in % of the height."""
+    if not len(capsules):
+        return
+    source = "its mesh" if target.mesh() else "its file and an average adult" if target.radii else "an average adult"
+    unit = f" [{target.skeleton.units}]" if target.skeleton.units else ""
+    yield f"thickness of {source}{unit}, and in % of the height:"
+    names = [SEGMENTS[segment].removeprefix("left ").removeprefix("right ") for segment in capsules.segments]
+    rows = []
+    for name in dict.fromkeys((*LIMB_SEGMENTS, *SEGMENTS)):
+        own = capsules.radii[[each == name for each in names]]
+        if len(own):
+            thick = 2.0 * float(own.mean())
+            rows.append((f"  {name}", f"{thick:.4g}", f"{100.0 * thick / height:.1f} %"))
+    yield from aligned(rows, "<>>")
 
 
 def _tree(skeleton: Skeleton) -> Iterator[str]:

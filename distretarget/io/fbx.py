@@ -11,19 +11,21 @@ import signal
 import subprocess
 import sys
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from distretarget.character.mesh import MeshPart
 from distretarget.character.nodes import Animation, Nodes, Scene, Skin
 from distretarget.errors import FileError, MissingPackageError
 from distretarget.skeleton import LARGEST, METRES, SMALLEST
 
 Array = NDArray[np.float64]
+Content = TypeVar("Content")
 
 UP = ("X", "-X", "Y", "-Y", "Z", "-Z")  # in the order of ufbx
 ROOT = Path(__file__).resolve().parents[2]
@@ -37,6 +39,7 @@ SECONDS, SECONDS_PER_BYTE = 120.0, 2e-6  # the longest time for any file, and fo
 ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "MKL", "OMP")}  # each would take memory
 ADVICE = "open the file in Blender and export it as GLB"
 STOPS = {0xC0000005: "access violation", 0xC00000FD: "stack overflow"}  # Windows
+INFLUENCES = 8  # the bones that move a vertex most; others do not count
 SINGULAR = 1e-12  # a bind matrix whose axes span less than this part of a cube has no inverse
 
 
@@ -61,11 +64,26 @@ def parse_fbx(
         MissingPackageError: the package ufbx is not installed.
         FileError: the file is not valid, its reader stopped, or the animation has to be chosen or is not there.
     """
+    return _parsed(content, path, {"clip": clip, "fps": fps, "with_animation": with_animation}, _scene)
+
+
+def fbx_mesh(content: bytes, path: str | Path) -> tuple[Nodes, list[MeshPart]]:
+    """Return the nodes of an FBX file and the meshes at them; errors as in `parse_fbx`."""
+    return _parsed(content, path, {"clip": None, "fps": None, "with_animation": False, "with_mesh": True}, _mesh)
+
+
+def _parsed(
+    content: bytes,
+    path: str | Path,
+    request: Mapping[str, Any],
+    made_of: Callable[[str | Path, dict[str, Any]], Content],
+) -> Content:
+    """What is made of the arrays that the process hands over for a request."""
     if importlib.util.find_spec("ufbx") is None:
         raise MissingPackageError("reading FBX needs the package ufbx; pip install 'distretarget[fbx]'", path)
-    arrays = _read(content, path, {"clip": clip, "fps": fps, "with_animation": with_animation})
+    arrays = _read(content, path, request)
     try:
-        return _scene(path, arrays)
+        return made_of(path, arrays)
     except (ValueError, KeyError, IndexError, TypeError, OverflowError) as error:
         raise FileError(path, f"the FBX reader returned no valid content; {ADVICE}") from error
 
@@ -113,10 +131,46 @@ def _stop(code: int, said: bytes) -> str:
     return STOPS.get(code & 0xFFFFFFFF, last[:200] or f"exit status {code}")
 
 
+def _nodes(path: str | Path, read: dict[str, Any]) -> Nodes:
+    names, parents = tuple(read["names"]), read["parents"].astype(np.intp)
+    return Nodes(names, parents, *_parts(path, read, read["transforms"], np.arange(len(names))))
+
+
+def _mesh(path: str | Path, read: dict[str, Any]) -> tuple[Nodes, list[MeshPart]]:
+    """Return the nodes and the parts of the mesh in the arrays that were read."""
+    ends = np.cumsum(read["sizes"], axis=0)[:-1].T
+    names = (("vertices",), ("triangles",), ("mesh_bones", "to_bones"), ("moved", "movers", "weights"))
+    columns = {name: np.split(read[name], at) for at, group in zip(ends, names, strict=True) for name in group}
+    parts = []
+    for vertices, triangles, bones, to_bones, *influences in zip(*columns.values(), strict=True):
+        to_bones[:, :3, 3] -= read["pivots"][bones]
+        joints, weights = _influences(len(vertices), *influences)
+        if not (np.isfinite(vertices).all() and np.isfinite(to_bones).all() and np.isfinite(weights).all()):
+            raise FileError(path, "has a mesh with numbers that are not finite; export it again")
+        parts.append(MeshPart(vertices, bones, to_bones, joints, weights, triangles))
+    return _nodes(path, read), parts
+
+
+def _influences(
+    vertices: int, moved: NDArray[np.intp], movers: NDArray[np.intp], weights: Array
+) -> tuple[NDArray[np.intp], Array]:
+    """The bones that move each vertex most and their weights, (vertices, influences) each; from the vertex, bone and
+    weight of each influence, (all influences,).
+    """
+    order = np.lexsort([-weights, moved])
+    moved, movers, weights = moved[order], movers[order], weights[order]
+    rank = np.arange(len(moved)) - np.searchsorted(moved, moved)
+    chosen = rank < INFLUENCES
+    joints = np.zeros((vertices, int(rank[chosen].max(initial=0)) + 1), np.intp)
+    shares = np.zeros(joints.shape)
+    joints[moved[chosen], rank[chosen]] = movers[chosen]
+    shares[moved[chosen], rank[chosen]] = weights[chosen]
+    return joints, shares
+
+
 def _scene(path: str | Path, read: dict[str, Any]) -> Scene:
     """Return the scene in the arrays and the header that were read."""
-    names, parents = tuple(read["names"]), read["parents"].astype(np.intp)
-    nodes = Nodes(names, parents, *_parts(path, read, read["transforms"], np.arange(len(names))))
+    nodes = _nodes(path, read)
     chosen = read.get("chosen")
     unit = read["unit"]
     return Scene(

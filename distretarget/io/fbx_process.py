@@ -78,14 +78,14 @@ def _limit_memory(size: int) -> None:
 
 
 def _content(
-    data: bytes, clip: str | None, fps: float | None, with_animation: bool
+    data: bytes, clip: str | None, fps: float | None, with_animation: bool, with_mesh: bool = False
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the arrays and the header of a file.
 
     Raises:
         FileError: the file is not valid, its animation is not chosen, or has too many frames.
     """
-    scene = _load(data)
+    scene = _load(data, with_mesh)
     nodes = list(_each(scene.nodes))[1:]  # the first is the root that ufbx adds
     stacks = [stack for stack in _each(scene.anim_stacks) if _has_keys(stack)]
     arrays, header = _still(scene, nodes)
@@ -96,10 +96,12 @@ def _content(
             most = max(FREE_SAMPLES, len(data))
             arrays["moving"], arrays["frames"], step = _sampled(scene, nodes, stacks[chosen], fps, most)
             header |= {"chosen": chosen, "step": step}
+    if with_mesh:
+        arrays |= _meshes(nodes)
     return arrays, header
 
 
-def _load(data: bytes) -> ufbx.Scene:
+def _load(data: bytes, with_mesh: bool) -> ufbx.Scene:
     """Return the scene; where nodes do not inherit scale as usual, helper nodes or scales make up for it."""
     import ufbx
 
@@ -108,7 +110,7 @@ def _load(data: bytes) -> ufbx.Scene:
             ufbx.load_memory(
                 data,
                 file_format=ufbx.FileFormat.FBX,
-                ignore_geometry=True,
+                ignore_geometry=not with_mesh,
                 ignore_embedded=True,
                 inherit_mode_handling=ufbx.InheritModeHandling.COMPENSATE,
             )
@@ -174,6 +176,63 @@ def _binds(scene: ufbx.Scene, number: dict[int, int]) -> tuple[list[int], list[A
                 binds.append(cluster.bind_to_world)
         counts.append(len(joints) - before)
     return joints, binds, counts
+
+
+def _meshes(nodes: list[ufbx.Node]) -> dict[str, Any]:
+    """Return the meshes at nodes, one after the other, with what moves their vertices.
+
+    A mesh has as many vertices, triangles, bones (its node, where it has no skin) and influences of bones on vertices
+    as its row of "sizes" says.
+    """
+    number = {node.typed_id: index for index, node in enumerate(nodes)}
+    rows = [row for node in nodes if (row := _mesh(node, number)) is not None]
+    names = ("vertices", "triangles", "mesh_bones", "to_bones", "moved", "movers", "weights")
+    empty = (np.empty((0, 3)), np.empty((0, 3), np.int64), *[np.empty(0, np.int64)] * 4, np.empty(0))
+    columns = zip(*rows, strict=True) if rows else ([each] for each in empty)
+    arrays = {name: np.concatenate(list(column)) for name, column in zip(names, columns, strict=True)}
+    sizes = [[len(row[0]), len(row[1]), len(row[2]), len(row[4])] for row in rows]
+    return arrays | {"sizes": np.array(sizes, np.int64).reshape(-1, 4)}
+
+
+def _mesh(node: ufbx.Node, number: dict[int, int]) -> tuple[Any, ...] | None:
+    """Return vertices, triangles, bones, matrices to these, and of each influence its vertex, which of the bones it is,
+    and its weight; None for a node without a mesh.
+    """
+    mesh = _held(node.mesh)
+    if mesh is None or not len(mesh.vertices):
+        return None
+    vertices = np.array(memoryview(mesh.vertices)).reshape(-1, 3)
+    skin = next(_each(mesh.skin_deformers), None)
+    if skin is None:
+        every = np.arange(len(vertices))
+        bones, matrices, none = [number[node.typed_id]], _matrices([node.geometry_to_node]), np.zeros_like(every)
+        return vertices, _triangles(mesh), bones, matrices, every, none, np.ones(len(vertices))
+    clusters = [(_held(cluster.bone_node), cluster) for cluster in _each(skin.clusters)]
+    moving = [(bone, cluster) for bone, cluster in clusters if bone is not None and len(cluster.vertices)]
+    known = [(number[bone.typed_id], cluster) for bone, cluster in moving if bone.typed_id in number]
+    moved = [np.array(list(cluster.vertices), np.int64) for _, cluster in known]
+    weights = [np.array(memoryview(cluster.weights)) for _, cluster in known]
+    if not known:
+        return None
+    return (
+        vertices,
+        _triangles(mesh),
+        [bone for bone, _ in known],
+        _matrices(cluster.geometry_to_bone for _, cluster in known),
+        np.concatenate(moved),
+        np.repeat(np.arange(len(known)), [len(each) for each in moved]),
+        np.concatenate(weights),
+    )
+
+
+def _triangles(mesh: ufbx.Mesh) -> NDArray[np.int64]:
+    """(triangles, 3), the vertices of the triangles that fan out over the faces of a mesh."""
+    corners = np.array(list(mesh.vertex_indices), np.int64)
+    faces = np.array([(face.index_begin, face.num_indices) for face in _each_part(mesh.faces)], np.int64).reshape(-1, 2)
+    begins, counts = faces[faces[:, 1] > 2].T
+    first = np.repeat(begins, counts - 2)
+    place = np.arange(len(first)) - np.repeat(np.cumsum(counts - 2) - (counts - 2), counts - 2)
+    return np.asarray(corners[np.stack([first, first + place + 1, first + place + 2], axis=1)])
 
 
 def _bind_poses(scene: ufbx.Scene, number: dict[int, int]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The points of Wavefront OBJ files: props that performers touch."""
+"""Wavefront OBJ files: the points of props that performers touch, and the surface of capsules."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from distretarget.errors import BvhError
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import spread_out
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, Skeleton
+from distretarget.skin.capsules import SEGMENTS, Capsules
+from distretarget.skin.surface import surface_of
 
 Array = NDArray[np.float64]
 
@@ -45,6 +47,19 @@ def parse_obj(text: str, path: str | Path) -> Motion:
     )
     rotations = np.tile([0.0, 0.0, 0.0, 1.0], (1, len(skeleton), 1))
     return Motion(skeleton, points[:1], rotations, "1")
+
+
+def capsules_to_obj(capsules: Capsules, skeleton: Skeleton) -> str:
+    """Return the text of an OBJ file with the surface of capsules in the rest pose of a skeleton, an object each."""
+    lines, before = [], 1
+    ends = capsules.ends + (skeleton.rest_positions + skeleton.offsets[0])[capsules.joints][:, None]
+    for number, segment in enumerate(capsules.segments):
+        points, triangles = surface_of(ends[number], capsules.radii[number])
+        lines.append(f"o {SEGMENTS[segment].replace(' ', '_')}_{number + 1}")
+        lines += [f"v {x:.6g} {y:.6g} {z:.6g}" for x, y, z in points]
+        lines += [f"f {a} {b} {c}" for a, b, c in triangles + before]
+        before += len(points)
+    return "\n".join(lines) + "\n"
 
 
 def _vertices(text: str, path: str | Path) -> Array:

@@ -16,6 +16,7 @@ from distretarget.errors import BvhError, SkeletonError, SkeletonFileError, clos
 from distretarget.io.bvh import parse_bvh, parse_bvh_skeleton
 from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Fields, Node, described, parse_json
+from distretarget.io.mesh_file import CharacterMesh, HeldMesh
 from distretarget.io.motion_file import parse_character
 from distretarget.skeleton import AXES, POSITION_CHANNELS, ROTATION_CHANNELS, UNITS, USUAL_ROTATIONS, JointMap, Skeleton
 from distretarget.target import SkeletonEdit, Target, with_bones
@@ -34,9 +35,16 @@ class CharacterTarget(Target):
 
     Attributes:
         character: which nodes they are.
+        mesh: its mesh, read from the file when it is first asked for.
     """
 
     character: Character
+    mesh: CharacterMesh | HeldMesh
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What of the file is not kept or not read, a line each."""
+        return *self.character.warnings, *self.mesh.warnings
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +83,8 @@ def parse_target(file: InputFile) -> Target | SkeletonEdit:
         case "BVH":
             return _bvh_target(file.text, file.path)
     character = parse_character(file)
-    return CharacterTarget(with_bones(character.skeleton, file.path), {}, "", character=character)
+    skeleton = with_bones(character.skeleton, file.path)
+    return CharacterTarget(skeleton, {}, "", character=character, mesh=CharacterMesh(file, character))
 
 
 def parse_full_target(file: InputFile) -> Target:
@@ -122,7 +131,9 @@ def _positives(node: Node) -> Mapping[str, float]:
 def _full_form(document: Node, fields: Fields, name: str) -> Target:
     if "joints" not in fields:
         document.fail('has no "joints"')
-    joints = [node.fields(("name", "parent", "offset"), ("channels", "end")) for node in fields["joints"].items()]
+    joints = [
+        node.fields(("name", "parent", "offset"), ("channels", "end", "radius")) for node in fields["joints"].items()
+    ]
     if not joints:
         fields["joints"].expected("at least a root and one more joint")
     units = fields.read("units", lambda node: node.one_of(UNITS), None)
@@ -136,7 +147,8 @@ def _full_form(document: Node, fields: Fields, name: str) -> Target:
         if key not in skeleton.keys:
             node.fail(f"the target has no such joint; {closest(key, skeleton.keys)}")
     joint_map = {key: node.text_or_null() for key, node in pairs.items()}
-    return Target(with_bones(skeleton, document.path, "joints"), joint_map, name)
+    radii = {number: fields["radius"].positive() for number, fields in enumerate(joints) if "radius" in fields}
+    return Target(with_bones(skeleton, document.path, "joints"), joint_map, name, radii=radii)
 
 
 def _skeleton(joints: Sequence[Fields], units: str | None, up: str | None) -> Skeleton:
@@ -144,6 +156,9 @@ def _skeleton(joints: Sequence[Fields], units: str | None, up: str | None) -> Sk
     ends = [joint.read("end", Node.flag, False) for joint in joints]
     if ends[0]:
         joints[0]["end"].fail("the root cannot be an End Site")
+    for joint, end in zip(joints, ends, strict=True):
+        if end and "radius" in joint:
+            joint["radius"].fail("an End Site moves no part of the body; give the radius of its parent")
     return Skeleton(
         names=names,
         parents=np.array(_parents([joint["parent"] for joint in joints], names, ends)),
@@ -231,8 +246,11 @@ def _top(reference: str, joint: int, names: Sequence[str], parents: Sequence[int
     return -1
 
 
-def skeleton_to_json(skeleton: Skeleton, name: str, joint_map: JointMap | None = None) -> str:
-    """Return the text of a skeleton file (full form) with the skeleton and, if it has entries, the map.
+def skeleton_to_json(
+    skeleton: Skeleton, name: str, joint_map: JointMap | None = None, radii: Mapping[int, float] | None = None
+) -> str:
+    """Return the text of a skeleton file (full form) with the skeleton and, if it has entries, the map; `radii` are
+    those of joints.
 
     Each joint and each pair of the map has a line of its own.
 
@@ -241,7 +259,8 @@ def skeleton_to_json(skeleton: Skeleton, name: str, joint_map: JointMap | None =
     """
     head = {"format": FORMAT, "version": VERSION, "name": name, "units": skeleton.units, "up": skeleton.up}
     lines = [f"  {_dump(key)}: {_dump(value)},\n" for key, value in head.items() if value is not None]
-    joints = ",\n".join(f"    {_dump(_joint(skeleton, joint))}" for joint in range(len(skeleton)))
+    thick = radii or {}
+    joints = ",\n".join(f"    {_dump(_joint(skeleton, joint, thick.get(joint)))}" for joint in range(len(skeleton)))
     pairs = f',\n  "map": {pairs_to_json(joint_map, "  ")}' if joint_map else ""
     return "{\n" + "".join(lines) + f'  "joints": [\n{joints}\n  ]{pairs}\n}}\n'
 
@@ -252,7 +271,7 @@ def pairs_to_json(joint_map: Mapping[str, object], indent: str = "") -> str:
     return f"{{\n{pairs}\n{indent}}}"
 
 
-def _joint(skeleton: Skeleton, joint: int) -> dict[str, object]:
+def _joint(skeleton: Skeleton, joint: int, radius: float | None) -> dict[str, object]:
     """The entry of a joint in the full form."""
     parent, key = int(skeleton.parents[joint]), None
     if joint:
@@ -260,7 +279,8 @@ def _joint(skeleton: Skeleton, joint: int) -> dict[str, object]:
         if joints_meant(key, skeleton.names, skeleton.parents[:joint].tolist()) != [parent]:
             raise SkeletonError(f"{key!r} may mean several joints because of the '/' in names; rename one")
     last = {"end": True} if skeleton.end_sites[joint] else {"channels": skeleton.channels[joint]}
-    return {"name": skeleton.names[joint], "parent": key, "offset": skeleton.offsets[joint].tolist(), **last}
+    thick = {} if radius is None else {"radius": float(f"{radius:.6g}")}
+    return {"name": skeleton.names[joint], "parent": key, "offset": skeleton.offsets[joint].tolist(), **last, **thick}
 
 
 def _dump(value: object) -> str:

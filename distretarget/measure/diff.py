@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 from distretarget.baseline.standing import on_own_soles
 from distretarget.baseline.world import World, find_root_offset, find_world, with_root_offset
 from distretarget.body.body import Body
+from distretarget.body.thickness import capsules_of
 from distretarget.checks import check_kind
 from distretarget.distances import distance_problem, posture_stress
 from distretarget.errors import MotionError, counted
 from distretarget.matching.matching import Matching, match
 from distretarget.measure.figures import NOT_RUN, Track, Tracks, Variant, clip_figures
 from distretarget.measure.metrics import Comparison, Reference
+from distretarget.measure.skin import find_skin
 from distretarget.motion import Motion
 from distretarget.skeleton import LARGEST, JointMap
 
@@ -111,7 +113,8 @@ def diff(
         a, b = a[:frames], b[:frames]
     problem = distance_problem(source.skeleton, target.skeleton, matching.drivers)
     stress = (problem.body_size / target.height) ** 2 * posture_stress(problem, a.positions, b.positions)
-    comparison = Reference(a, matching, world.up_vector).compare(b)
+    skins = (find_skin(matching.source, capsules_of(matching.source)), find_skin(target, capsules_of(target)))
+    comparison = Reference(a, matching, world.up_vector, skins).compare(b)
     return Diff(a=a, b=b, matching=matching, world=world, stress=stress, comparison=comparison, notes=tuple(notes))
 
 

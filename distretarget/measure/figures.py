@@ -26,6 +26,8 @@ SYMBOLS = {  # short forms of units
     "degrees in 1/60 s": "°",
     "% of leg length": "% leg",
     "leg lengths/s": "legs/s",
+    "% of height": "% height",
+    "% of frames": "% frames",
     "body sizes/s³": "sizes/s³",
 }
 

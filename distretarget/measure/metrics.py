@@ -17,6 +17,7 @@ from distretarget.measure.feet import Feet, find_feet
 from distretarget.measure.figures import Track, Tracks
 from distretarget.measure.jumps import INSTANT
 from distretarget.measure.posture import errors_of, find_posture
+from distretarget.measure.skin import Skin, SkinMeasured, find_source_skin, no_skin
 from distretarget.measure.supports import SupportsMeasured, find_supports
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import in_blocks
@@ -35,6 +36,7 @@ class Comparison:
         contacts: the self-contacts of the source, and how well the result keeps them.
         contact_gap: (frames,), how much farther apart the joints of a contact are than in the source, the largest of
             each frame [% of leg length].
+        skin: how far hands and forearms sink in, and how well the gaps between skins are kept.
         feet: when feet rest, how fast they slide then, and how far feet and hips are from where they should be.
         supports: the other joints that rest on the world, how fast they slide, and how far off their height is.
         posture: how head, palms and feet are held and legs spread, by the key of the figure: the joints that name the
@@ -53,6 +55,7 @@ class Comparison:
 
     contacts: Contacts
     contact_gap: Array
+    skin: SkinMeasured
     feet: Feet
     supports: SupportsMeasured
     posture: Mapping[str, tuple[Joints, Array]]
@@ -73,6 +76,7 @@ class Comparison:
         return {
             "contact_error": Track(self.contacts.error_of_frames, self.contacts.counts > 0),
             "contact_gap": Track(self.contact_gap, self.contacts.counts > 0),
+            **self.skin.tracks,
             "direction_error": self._track(self.direction_error, self.skeleton.parents[self.bones]),
             "hips_height": self._of_feet(feet.hips_height),
             "foot_pitch": self._of_feet(feet.foot_pitch),
@@ -108,9 +112,12 @@ class Comparison:
 class Reference:
     """A source that results on a target are measured against; what concerns the source alone is measured once."""
 
-    def __init__(self, source: Motion, matching: Matching, up: Array) -> None:
-        """Measure the source; `up`, (3,), is the unit vector up in source and results."""
+    def __init__(self, source: Motion, matching: Matching, up: Array, skins: tuple[Skin, Skin] | None = None) -> None:
+        """Measure the source; `up`, (3,), is the unit vector up in source and results, `skins` those of both bodies if
+        their thickness is known.
+        """
         self.source, self.matching = source, matching
+        self._skin = find_source_skin(source, matching.source, up, *(skins or (no_skin(), no_skin())))
         self._feet = find_feet(source, matching, up)
         self._contacts = find_contacts(source, matching, self._feet.stance)
         self._supports = find_supports(source, matching, up)
@@ -131,6 +138,7 @@ class Reference:
         return Comparison(
             contacts=contacts,
             contact_gap=_contact_gap(contacts, self.matching),
+            skin=self._skin.in_result(result),
             feet=self._feet.in_result(result, supports.carry(result.frame_time)),
             supports=supports,
             posture={key: errors_of(held, result) for key, held in self._posture.items()},

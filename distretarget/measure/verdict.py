@@ -45,13 +45,14 @@ def _number(figure: Figure, figures: Figures, side: Variant) -> str:
 
 
 def verdict(figures: Figures, tracks: Mapping[Variant, Tracks]) -> str:
-    """Return a sentence on contacts, feet, other supports, hips and the largest direction error, and the names of the
-    figures that need a look.
+    """Return a sentence on contacts, skin, feet, other supports, hips and the largest direction error, and the names of
+    the figures that need a look.
 
     `figures` are of the whole clip, computed from `tracks`.
     """
     of_result = tracks["result"]
-    parts = [_contacts(figures), _feet(figures), *_supports(figures), *_hips(figures, of_result), *_turned(of_result)]
+    parts = [_contacts(figures), *_skin(figures, of_result), _feet(figures), *_supports(figures)]
+    parts += [*_hips(figures, of_result), *_turned(of_result)]
     text = f"{'; '.join(parts)}."
     text = text[0].upper() + text[1:]
     looks = [figure.label for figure in FIGURES if figure.needs_look(figures) or figure.worse_than_copy(figures)]
@@ -70,6 +71,16 @@ def _contacts(figures: Figures) -> str:
     if copy > MOST_TIMES * result:
         return f"contacts kept more than {MOST_TIMES:.0f} times better than by copied rotations"
     return f"contacts kept {copy / result:.2g} times better than by copied rotations"
+
+
+def _skin(figures: Figures, tracks: Tracks) -> Iterator[str]:
+    figure = BY_KEY["skin_depth"]
+    value = figures["result"][figure.key]
+    if value is not None and value > figure.least:
+        frame, limb = figure.worst(tracks)
+        yield f"{limb} sinks up to {value:.1f} % of the height into the body at frame {frame}"
+    elif value is not None:
+        yield "skin stays outside"
 
 
 def _feet(figures: Figures) -> str:

@@ -90,7 +90,7 @@ def _world_rotations(parents: Parents, world: Array) -> None:
     for frame in range(len(world)):
         for joint in range(1, len(parents)):
             p = world[frame, parents[joint]]
-            _multiply(p[0], p[1], p[2], p[3], world[frame, joint], world[frame, joint])
+            multiply(p[0], p[1], p[2], p[3], world[frame, joint], world[frame, joint])
 
 
 @compiled()
@@ -99,7 +99,7 @@ def _make_local(parents: Parents, rotations: Array) -> None:
     for frame in range(len(rotations)):
         for joint in range(len(parents) - 1, 0, -1):
             p = rotations[frame, parents[joint]]
-            _multiply(-p[0], -p[1], -p[2], p[3], rotations[frame, joint], rotations[frame, joint])
+            multiply(-p[0], -p[1], -p[2], p[3], rotations[frame, joint], rotations[frame, joint])
 
 
 @compiled()
@@ -108,7 +108,7 @@ def _products(first: Array, of_first: NDArray[np.intp], second: Array, product: 
         for joint in range(len(of_first)):
             if of_first[joint] >= 0:
                 p = first[frame, of_first[joint]]
-                _multiply(p[0], p[1], p[2], p[3], second[joint], product[frame, joint])
+                multiply(p[0], p[1], p[2], p[3], second[joint], product[frame, joint])
             else:
                 for i in range(4):
                     product[frame, joint, i] = 1.0 if i == 3 else 0.0
@@ -127,11 +127,11 @@ def _turn(vectors: Array, parts: Parts, turns: Array, rotations: Array) -> None:
         for joint in range(len(parts)):
             if parts[joint] >= 0:
                 q = turns[parts[joint]]
-                _multiply(q[0], q[1], q[2], q[3], rotations[frame, joint], rotations[frame, joint])
+                multiply(q[0], q[1], q[2], q[3], rotations[frame, joint], rotations[frame, joint])
 
 
 @inlined()
-def _multiply(x, y, z, w, q, product):  # type: ignore[no-untyped-def]
+def multiply(x, y, z, w, q, product):  # type: ignore[no-untyped-def]
     """Write the product of the quaternion x y z w and q; `product` may be q itself."""
     i, j, k, r = q[0], q[1], q[2], q[3]
     product[0] = w * i + x * r + y * k - z * j

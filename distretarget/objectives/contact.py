@@ -15,6 +15,7 @@ places of resting joints, which are averaged over about the whole rest.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -34,6 +35,7 @@ from distretarget.numerics.vectors import cross, lengths, normalised
 from distretarget.objectives.activation import SelfContact
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact_pairs import (
+    CandidatePairs,
     NearPairs,
     candidate_pairs,
     near_pairs,
@@ -80,9 +82,7 @@ def solve_contact(
 
 def _held_parts(clip: Clip, supports: Supports, settings: ContactSettings) -> Array:
     """(frames, parts), 1 while a joint below a part rests on something or touches another performer, blended to 0."""
-    held, touched = np.zeros((len(clip), clip.parts.max() + 1)), supports.scene_springs
-    stiffness = np.trace(touched.A, axis1=-2, axis2=-1)
-    holds = [*zip(touched.a.tolist(), (stiffness / (stiffness + 1.0)).T, strict=True)]
+    held, holds = np.zeros((len(clip), clip.parts.max() + 1)), [*supports.touches]
     holds += zip(supports.joints.tolist(), supports.weights.T, strict=True) if settings.foot_lock else ()
     for joint, weight in holds:
         for part in np.unique(clip.parts[[*clip.skeleton.line(joint)[1:]]]):
@@ -116,35 +116,59 @@ def part_stiffness(clip: Clip) -> Array:
     return np.append(stiffness, ROOT_STIFFNESS)
 
 
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """What contact pairs are found from, over the frames of a clip."""
+
+    clip: Clip
+    settings: ContactSettings
+    pairs: CandidatePairs
+    source: Array  # (frames, points, 3), the points of the source [file units]
+    copy: Array  # (frames, points, 3), those of the rotation copy [body units]
+    raised: Array  # (frames, points), how far the arm of each is raised
+
+    @classmethod
+    def of(cls, clip: Clip, settings: ContactSettings, points: NDArray[np.bool_] | None = None) -> Contacts:
+        """Return it for all contact pairs of a clip, or for those of two of the `points`, (points,)."""
+        distances = clip.distances
+        pairs = candidate_pairs(distances, clip.regions, clip.target_legs, clip.unit, clip.hanging)
+        pairs = pairs if points is None else pairs.among(points)
+        # One layout of arrays, for which the solver is compiled once.
+        source = np.take(clip.source.positions, distances.sources, axis=1)
+        copy = np.take(clip.copy.positions, distances.targets, axis=1)
+        copy /= clip.unit
+        return cls(clip, settings, pairs, source, copy, clip.raised_arms[:, distances.sources])
+
+    def near(self, block: slice, standing: Array) -> NearPairs:
+        """Return the pairs in contact in a block of frames."""
+        return near_pairs(
+            self.pairs,
+            self.source,
+            self.copy,
+            standing,
+            self.clip.shots,
+            self.raised,
+            block=block,
+            frame_time=self.clip.frame_time,
+            settings=self.settings,
+        )
+
+
 def _solve_frames(clip: Clip, supports: Supports, frames: slice, settings: ContactSettings) -> Poses:
     """Solve some frames of a clip."""
-    distances, unit = clip.distances, clip.unit
+    unit = clip.unit
     body = Articulation.of(clip.skeleton, clip.parts, part_stiffness(clip))
-    pairs = candidate_pairs(distances, clip.regions, clip.target_legs, unit, clip.hanging)
-    # One layout of arrays, for which the solver is compiled once.
-    source = np.take(clip.source.positions, distances.sources, axis=1)
-    copy = np.take(clip.copy.positions, distances.targets, axis=1)
+    contacts = Contacts.of(clip, settings)
     bones, root = _with_bent_knees(clip), np.ascontiguousarray(clip.root / unit)
-    copy /= unit
     bones /= unit
-    raised, firmness = clip.raised_arms[:, distances.sources], settings.foot_lock * SUPPORT_STIFFNESS
+    firmness = settings.foot_lock * SUPPORT_STIFFNESS
     count = frames.stop - frames.start
     v, log = np.zeros((count, len(body.stiffness), 3)), np.zeros((4, count))
     work = Workspace.of(body)
     for solved in blocks_of(count):
         block = slice(frames.start + solved.start, frames.start + solved.stop)
         held = supports[block]
-        near = near_pairs(
-            pairs,
-            source,
-            copy,
-            held.standing,
-            clip.shots,
-            raised,
-            block=block,
-            frame_time=clip.frame_time,
-            settings=settings,
-        )
+        near = contacts.near(block, held.standing)
         springs = joined(support_springs(held, body, bones[block], unit, firmness), held.scene_springs)
         room = room_for(len(near.a) + len(springs.a) + len(held.floor.joints))
         given = Given(near, springs, held.floor, room)

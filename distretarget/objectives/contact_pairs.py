@@ -46,6 +46,13 @@ class CandidatePairs:
     passing: NDArray[np.bool_]  # (pairs,), whether the pair joins feet or shins, which pass each other in a stride
     points: int  # the number of points
 
+    def among(self, points: NDArray[np.bool_]) -> CandidatePairs:
+        """Return the pairs of two of these points, (points,)."""
+        on = points[self.u] & points[self.v]
+        ends = self.u[on], self.v[on], self.a[on], self.b[on]
+        numbers = self.tau1[on], self.ratio[on], self.hanging[on], self.passing[on]
+        return CandidatePairs(*ends, *numbers, self.points)
+
 
 def candidate_pairs(
     distances: DistanceProblem, regions: Regions, legs: Legs | None, unit: float, hanging: Array | None

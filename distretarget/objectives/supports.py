@@ -9,6 +9,7 @@ share the stiffness: n = max(m / 2, 1), and each gets 1/n of one joint's. (For f
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -56,6 +57,12 @@ class Supports:
     def standing(self) -> Array:
         """(frames,), 1 while a foot rests, blended to 0."""
         return np.asarray(self.weights[:, : self.feet].max(axis=1, initial=0.0))
+
+    @property
+    def touches(self) -> Iterator[tuple[int, Array]]:
+        """The joints that touch other performers or props, each with how firmly, (frames,), 0 to 1."""
+        stiffness = np.trace(self.scene_springs.A, axis1=-2, axis2=-1)
+        return zip(self.scene_springs.a.tolist(), (stiffness / (stiffness + 1.0)).T, strict=True)
 
     def __getitem__(self, frames: slice) -> Supports:
         floor, springs = self.floor.of_frames(frames), self.scene_springs.of_frames(frames)

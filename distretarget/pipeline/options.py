@@ -13,11 +13,13 @@ from distretarget.skeleton import AXES, LARGEST, SMALLEST
 
 Objective = Literal["contact", "paper"]
 HoldMode = Literal["hold", "feet", "free"]
+SkinMode = Literal["auto", "average", "none"]
 OBJECTIVES: tuple[Objective, ...] = get_args(Objective)
 CHOICES: dict[str, tuple[str | None, ...]] = {
     "objective": OBJECTIVES,
     "supports": get_args(HoldMode),
     "environment": get_args(Environment),
+    "skin": get_args(SkinMode),
     "source_up": (*AXES, None),
     "target_up": (*AXES, None),
     "root_offset": (*get_args(RootOffset), None),
@@ -38,6 +40,9 @@ class Options:
         environment: where rails, walls, rungs and other still objects are in the target's world, apart from the floor:
             "body", where the target's limbs meet them on average; "scaled", where they are in the source, scaled like
             the root's path.
+        skin: how thick the target is, so that skin touches and does not sink in: "auto", as its mesh or the radii in
+            its file show; "average", as an average adult; "none", not at all, as a target with neither mesh nor radii:
+            distances count from joint to joint. The paper's objective has no such term.
         root_scale: target units per source unit of the root's path; the ratio of leg lengths if not given.
         source_up: the up axis of the source's file ("Y", "-Z", ...); detected if not given (`world`).
         target_up: the up axis of the target's file.
@@ -54,6 +59,7 @@ class Options:
     objective: Objective = "contact"
     supports: HoldMode = "hold"
     environment: Environment = "body"
+    skin: SkinMode = "auto"
     root_scale: float | None = None
     source_up: str | None = None
     target_up: str | None = None

@@ -11,6 +11,8 @@ from distretarget.baseline.engine_root import EngineRoot, find_engine_root
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.baseline.world import World, find_world
 from distretarget.body.body import Body
+from distretarget.body.build import OWN_BUILDS, Builds, average_adult
+from distretarget.body.thickness import capsules_of
 from distretarget.errors import MotionError
 from distretarget.ik.poses import Poses
 from distretarget.ik.rigid_parts import LEAST_TURN, fit_rotations, posed_motion
@@ -23,11 +25,15 @@ from distretarget.objectives.foot_lock import find_foot_lock, hips_rise
 from distretarget.objectives.paper import Postures
 from distretarget.objectives.resting_joints import find_resting_joints, root_shift, with_resting_joints
 from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
+from distretarget.objectives.skin import with_skin
+from distretarget.objectives.skins import Skins
 from distretarget.objectives.supports import Supports, no_supports
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.soundness import check_finite, check_places
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
+from distretarget.skin.capsules import Capsules
+from distretarget.skin.mesh import SkinnedMesh
 from distretarget.target import SkeletonEdit, Target
 
 
@@ -37,6 +43,8 @@ class Match:
 
     world: World  # from the source's world to the target's
     matching: Matching  # which source joint drives which target joint
+    skins: Skins | None = None  # their surfaces; None for stick figures
+    mesh: SkinnedMesh | None = None  # of the target; None where its thickness is not that of a mesh
 
     def performer(self, scale: RootScale, options: Options = DEFAULT_OPTIONS) -> Performer:
         """Return the performer at a scale, without supports.
@@ -55,6 +63,7 @@ def match_performer(
     options: Options = DEFAULT_OPTIONS,
     joint_map: JointMap | None = None,
     rest: Motion | None = None,
+    builds: Builds = OWN_BUILDS,
 ) -> Match:
     """Match a source to its target, with the parameters and errors of `retarget`."""
     goal = _target_for(source, target)
@@ -64,7 +73,29 @@ def match_performer(
     ups = {"source_up": options.source_up, "target_up": options.target_up}
     world = find_world(of_source, of_target, **ups, root_offset=options.root_offset)
     pairs = {**goal.map, **(joint_map or {})}
-    return Match(world, match(world.to_target_axes(of_source), of_target.with_up(world.up), pairs))
+    matching = match(world.to_target_axes(of_source), of_target.with_up(world.up), pairs)
+    skins = None if options.objective == "paper" else _find_skins(matching, goal, target, options, builds)
+    return Match(world, matching, skins, goal.mesh() if skins and not builds.target else None)
+
+
+def _find_skins(matching: Matching, goal: Target, given: object, options: Options, builds: Builds) -> Skins | None:
+    """The skins of a source and its target, `given` as it is or as another length of bones; None where the target's
+    thickness is not known and not to be an average one.
+    """
+    build = builds.source if isinstance(given, SkeletonEdit) and not builds.target else builds.target
+    build = average_adult() if options.skin == "average" else build
+    if options.skin == "none" or not (build or goal.is_measured):
+        return None
+    target = build.on(matching.target) if build else target_capsules(goal)
+    return Skins.of(matching, (builds.source or average_adult()).on(matching.source), target)
+
+
+@lru_cache(maxsize=1)
+def target_capsules(target: Target) -> Capsules:
+    """Return the capsules of a target, from its mesh or radii, or of an average adult."""
+    if target.capsules is not None:
+        return target.capsules
+    return capsules_of(Body.of(target.skeleton, target.motion), target.mesh(), target.radii)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +123,7 @@ class Performer:
         return replace(self, clip=clip, supports=supports, settings=settings)
 
     def posed(self, poses: Poses) -> Motion:
-        """Return the motion of the poses, before the root on the floor is placed."""
+        """Return the motion of the poses, before skin is kept apart and the root on the floor is placed."""
         return posed_motion(self.clip.copy, poses.v, self.clip.parts, self.clip.root + poses.v[:, -1])
 
     def result(self, poses: Poses, postures: Postures | None = None) -> RetargetResult:
@@ -101,7 +132,10 @@ class Performer:
         Raises:
             MotionError: a frame of the result is wrong; the message names joint and frame.
         """
-        posed = self._as_channels_allow(self.posed(poses))
+        posed, skins = self.posed(poses), self.match.skins
+        if skins:
+            posed = with_skin(self.clip, skins, posed, self.supports, self.settings)
+        posed = self._as_channels_allow(posed)
         motion, copy = self.engine_root.placed(posed), self.engine_root.placed(self.clip.copy)
         check_finite(motion)
         check_places(posed, self.clip)
@@ -116,6 +150,8 @@ class Performer:
             supports=self.supports if self.settings.foot_lock else no_supports(len(motion)),
             postures=postures,
             distances=self.clip.distances,
+            skins=skins,
+            mesh=self.match.mesh,
         )
 
     def _as_channels_allow(self, posed: Motion) -> Motion:

@@ -17,11 +17,14 @@ from distretarget.matching.matching import Matching
 from distretarget.measure.figures import NOT_RUN, Track, Tracks, Variant, clip_figures
 from distretarget.measure.jumps import find_pops, find_snaps
 from distretarget.measure.metrics import Comparison, Reference
+from distretarget.measure.skin import find_skin
 from distretarget.measure.verdict import verdict, what_needs_a_look
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import lengths
 from distretarget.objectives.paper import Postures
+from distretarget.objectives.skins import Skins
 from distretarget.objectives.supports import RESTS, Supports
+from distretarget.skin.mesh import SkinnedMesh
 
 Array = NDArray[np.float64]
 
@@ -45,6 +48,8 @@ class RetargetResult:
             objective.
         postures: the paper's solved points; None for the contact objective.
         distances: the points that source and target share, with their path lengths.
+        skins: the surfaces of source and target; None for stick figures.
+        mesh: of the target, by which the figures of skin are measured; None to measure them by its surface.
     """
 
     source: Motion
@@ -57,6 +62,8 @@ class RetargetResult:
     supports: Supports
     postures: Postures | None
     distances: DistanceProblem
+    skins: Skins | None = None
+    mesh: SkinnedMesh | None = None
 
     def __repr__(self) -> str:
         return f"<RetargetResult of {len(self.motion)} frames, mean stress {self.written_stress.mean():.3g}>"
@@ -97,7 +104,12 @@ class RetargetResult:
     @cached_property
     def _comparisons(self) -> tuple[Comparison, Comparison]:
         """Result and rotation copy measured against the source, which is itself measured once."""
-        reference = Reference(self.source, self.matching, self.world.up_vector)
+        source, target = self.matching.source, self.matching.target
+        skins = None
+        if self.skins:
+            of_target = find_skin(target, self.skins.target.capsules, self.mesh)
+            skins = find_skin(source, self.skins.source.capsules), of_target
+        reference = Reference(self.source, self.matching, self.world.up_vector, skins)
         return reference.compare(self.motion), reference.compare(self.rotation_copy)
 
     @cached_property

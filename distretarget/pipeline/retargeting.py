@@ -10,6 +10,7 @@ from types import NoneType
 
 from distretarget.baseline.rotation_copy import RootScale, find_root_scale
 from distretarget.baseline.standing import on_own_soles
+from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.checks import check_callable, check_kind
 from distretarget.errors import SAY_IN_A_MAP, DistretargetError, MatchingError
 from distretarget.ik.poses import Mapper, Progress, ignore_progress
@@ -35,6 +36,7 @@ def retarget(
     *,
     joint_map: JointMap | None = None,
     rest: Motion | None = None,
+    builds: Builds = OWN_BUILDS,
     settings: ContactSettings = DEFAULT_SETTINGS,
     mapper: Mapper = in_threads,
     progress: Progress = ignore_progress,
@@ -51,6 +53,8 @@ def retarget(
             target file's map. All other joints are matched by names or by shape.
         rest: a motion of the source's joints in whose first frame the body stands, in T-pose, A-pose or with arms down,
             for a source whose rest pose does not show it (`docs/rigs.md`).
+        builds: how thick the bodies are, if another file says it than their own, or than a motion from a character's
+            file, which is taken for an average adult otherwise (`load_build`).
         settings: of the contact objective; the paper's objective has none.
         mapper: solves the chunks of a long clip: `map`, the `map` of an executor, or by default one thread per core.
             The result is the same. The paper's objective has no chunks.
@@ -69,10 +73,11 @@ def retarget(
     check_kind("options", options, Options)
     check_kind("joint_map", joint_map, Mapping, NoneType)
     check_kind("rest", rest, Motion, NoneType)
+    check_kind("builds", builds, Builds)
     check_kind("settings", settings, ContactSettings)
     check_callable("mapper", mapper)
     check_callable("progress", progress)
-    match = match_performer(source, target, options, joint_map, rest)
+    match = match_performer(source, target, options, joint_map, rest, builds)
     match = replace(match, matching=on_own_soles(match.matching, options.root_scale))
     performer = match.performer(RootScale.even(options.root_scale or find_root_scale(match.matching)), options)
     if options.objective == "paper":
@@ -90,12 +95,13 @@ def retarget_onto(
     source: str | Path,
     map_file: MapFile,
     options: Options,
+    builds: Builds = OWN_BUILDS,
     mapper: Mapper = in_threads,
     progress: Progress = ignore_progress,
 ) -> RetargetResult:
     """Retarget a motion to the target in a file, with the joint pairs and the rest pose of a map file.
 
-    `source` is the path of the motion's file, for error messages; `mapper` and `progress` are those of `retarget`.
+    `source` is the path of the motion's file, for error messages; the others are those of `retarget`.
 
     Raises:
         DistretargetError: the motion cannot be retargeted, or the target does not fit it; the error names the file.
@@ -104,7 +110,9 @@ def retarget_onto(
     pairs = joint_map(motion.rigid_skeleton, whole_target, target.path, map_file)
     rest = map_file.rest.on(motion.rigid_skeleton) if map_file.rest else None
     try:
-        return retarget(motion, whole_target, options, joint_map=pairs, rest=rest, mapper=mapper, progress=progress)
+        return retarget(
+            motion, whole_target, options, joint_map=pairs, rest=rest, builds=builds, mapper=mapper, progress=progress
+        )
     except MatchingError as error:
         raise needs_map(error, source, target.path) from error
     except DistretargetError as error:

@@ -19,7 +19,7 @@ from distretarget.numerics.parallel import in_threads
 from distretarget.numerics.vectors import extent
 from distretarget.objectives.resting_joints import Environment
 from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
-from distretarget.pipeline.options import HoldMode, Options
+from distretarget.pipeline.options import HoldMode, Options, SkinMode
 from distretarget.pipeline.performer import Match, match_performer
 from distretarget.pipeline.result import RetargetResult
 from distretarget.scene.props import PlacedProp, Prop, PropResult, free_placement
@@ -70,6 +70,7 @@ def retarget_scene(
     world_scale: float | None = None,
     supports: HoldMode = "hold",
     environment: Environment = "body",
+    skin: SkinMode = "auto",
     settings: ContactSettings = DEFAULT_SETTINGS,
     mapper: Mapper = in_threads,
     progress: Callable[[int], object] = lambda _sweep: None,
@@ -91,6 +92,7 @@ def retarget_scene(
             leg lengths, or less if the legs of one would be too short.
         supports: as in `retarget`.
         environment: as in `retarget`.
+        skin: as in `retarget`.
         settings: as in `retarget`.
         mapper: as in `retarget`.
         progress: called with the number of each sweep as it begins, from 1.
@@ -120,10 +122,10 @@ def retarget_scene(
     check_kind("settings", settings, ContactSettings)
     check_callable("mapper", mapper)
     check_callable("progress", progress)
-    options = Options(supports=supports, environment=environment)
+    options = Options(supports=supports, environment=environment, skin=skin)
     _check_times(sources, props)
-    first = match_performer(sources[0], targets[0], joint_map=maps[0], rest=stances[0])
-    axes = Options(source_up=first.world.source_up, target_up=first.world.up)
+    first = match_performer(sources[0], targets[0], Options(skin=skin), maps[0], stances[0])
+    axes = Options(source_up=first.world.source_up, target_up=first.world.up, skin=skin)
     performers = [first, *map(match_performer, sources[1:], targets[1:], repeat(axes), maps[1:], stances[1:])]
     if len({performer.world.half_turn for performer in performers}) > 1:
         raise MotionError("some files have bodies that look to -Z, as in VRM 0, and others to +Z; use one kind")

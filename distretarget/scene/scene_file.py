@@ -17,7 +17,7 @@ from distretarget.io.obj import parse_obj
 from distretarget.io.target_file import load_target
 from distretarget.motion import Motion
 from distretarget.objectives.resting_joints import Environment
-from distretarget.pipeline.options import HoldMode
+from distretarget.pipeline.options import HoldMode, SkinMode
 from distretarget.scene.props import Grip, Prop, PropScale, prop_of
 from distretarget.scene.retargeting import SceneResult, retarget_scene
 
@@ -27,6 +27,7 @@ OPTIONS: dict[str, Callable[[Node], object]] = {
     "world_scale": Node.positive,
     "supports": lambda node: node.one_of(get_args(HoldMode)),
     "environment": lambda node: node.one_of(get_args(Environment)),
+    "skin": lambda node: node.one_of(get_args(SkinMode)),
     "cut": Node.flag,
     "resample": Node.flag,
 }
@@ -67,7 +68,7 @@ class SceneSetup:
 
     Attributes:
         performers, props: who and what is in it.
-        world_scale, supports, environment: as in `retarget_scene`.
+        world_scale, supports, environment, skin: as in `retarget_scene`.
         cut: cut all clips to the length of the shortest.
         resample: give all clips the frame time of the first.
     """
@@ -77,6 +78,7 @@ class SceneSetup:
     world_scale: float | None = None
     supports: HoldMode = "hold"
     environment: Environment = "body"
+    skin: SkinMode = "auto"
     cut: bool = False
     resample: bool = False
 
@@ -130,6 +132,7 @@ class SceneSetup:
                 world_scale=self.world_scale,
                 supports=self.supports,
                 environment=self.environment,
+                skin=self.skin,
             )
         except DistretargetError as error:
             raise error.in_file(error.path or self.performers[0].file) from None

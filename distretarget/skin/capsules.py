@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from distretarget.motion import Motion
+from distretarget.numerics.compiled import compiled, read_only
+from distretarget.numerics.parallel import over_blocks
 
 Array = NDArray[np.float64]
 
@@ -43,20 +44,31 @@ class Capsules:
     def __len__(self) -> int:
         return len(self.joints)
 
-    def turned(self, motion: Motion) -> Array:
-        """Return the ends of the axes relative to their joints in each frame, (frames, capsules, 2, 3)."""
-        result = np.empty((len(motion), *self.ends.shape))
-        for joint in np.unique(self.joints).tolist():
-            on = np.flatnonzero(self.joints == joint)
-            matrices = Rotation.from_quat(motion.world_rotations_of(joint)).as_matrix()
-            result[:, on] = np.einsum("fij,cej->fcei", matrices, self.ends[on])
-        return result
-
     def posed(self, motion: Motion) -> Array:
         """Return the ends of the axes in each frame of a motion, (frames, capsules, 2, 3) [file units]."""
-        ends = self.turned(motion)
-        ends += np.take(motion.positions, self.joints, axis=1)[:, :, None]
-        return ends
+        posed = np.empty((len(motion), *self.ends.shape))
+
+        def pose(block: slice) -> None:
+            world = motion.world_rotations_in(block)
+            _write_posed(world, read_only(motion.positions[block]), self.joints, read_only(self.ends), posed[block])
+
+        over_blocks(pose, len(motion), len(motion.skeleton))
+        return posed
+
+
+@compiled()
+def _write_posed(world, positions, joints, ends, posed):  # type: ignore[no-untyped-def]
+    for frame in range(len(world)):
+        for capsule in range(len(joints)):
+            q, x = world[frame, joints[capsule]], positions[frame, joints[capsule]]
+            for end in range(2):
+                v = ends[capsule, end]
+                i = q[1] * v[2] - q[2] * v[1]  # v + 2 w (q x v) + 2 q x (q x v), q the vector part
+                j = q[2] * v[0] - q[0] * v[2]
+                k = q[0] * v[1] - q[1] * v[0]
+                posed[frame, capsule, end, 0] = x[0] + v[0] + 2.0 * (q[3] * i + q[1] * k - q[2] * j)
+                posed[frame, capsule, end, 1] = x[1] + v[1] + 2.0 * (q[3] * j + q[2] * i - q[0] * k)
+                posed[frame, capsule, end, 2] = x[2] + v[2] + 2.0 * (q[3] * k + q[0] * j - q[1] * i)
 
 
 def no_capsules() -> Capsules:

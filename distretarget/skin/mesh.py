@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,9 @@ from scipy.spatial.transform import Rotation
 from distretarget.motion import Motion
 
 Array = NDArray[np.float64]
+
+MeshReader = Callable[[], "SkinnedMesh | None"]
+"""Returns the mesh of a character, or None where it has none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,3 +47,8 @@ class SkinnedMesh:
             places = np.einsum("fij,vj->fvi", matrices, bound) + motion.positions[:, None, joint]
             result[:, moved] += share[moved, None] * places
         return result
+
+
+def no_mesh() -> SkinnedMesh | None:
+    """Return None, the mesh of what has none."""
+    return None

@@ -1,0 +1,143 @@
+"""Ways of retargeting a clip to a character, for the scoreboard: each gives a motion, and its seconds a frame.
+
+Copied rotations are the project's own rotation copy, with rest poses aligned and the root's path scaled: pybvh's
+`Bvh.retarget` copies bone lengths between skeletons with the same joints and rest pose, which characters do not have.
+All take the pairs of joints that the project finds. mink and GMR's recipe are given hands, feet and hips, or all
+joints, where the source has them, scaled by leg length.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields
+from functools import cached_property
+from importlib.metadata import version
+from typing import TYPE_CHECKING
+
+import numpy as np
+import three_js
+from clips import back_and_forth
+
+from distretarget import Motion, Options, RetargetResult, Skeleton, retarget
+from distretarget.baseline.rotation_copy import RootScale, rotation_copy
+from distretarget.target import Target
+
+if TYPE_CHECKING:
+    from inverse_kinematics import InverseKinematics
+
+STEPS = 3  # of mink a frame
+LONG, SHORT = 1000, 60  # frames on which speed is measured: of what is fast, and of mink
+NEEDS_MINK = ("mink", "mujoco", "daqp")
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A clip to be retargeted to a character."""
+
+    source: Motion
+    target: Skeleton | Target
+
+    @cached_property
+    def run(self) -> RetargetResult:
+        """A run of the project, of which the contestants take source, pairs of joints and scale, not the result."""
+        return retarget(self.source, self.target)
+
+    def of_frames(self, frames: int) -> Case:
+        """The case with the clip played forwards and backwards for so many frames."""
+        return Case(back_and_forth(self.source, frames), self.target)
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """One way of retargeting.
+
+    Attributes:
+        name: its name in tables.
+        motion: what it makes of a case.
+        timer: returns, for a case, a function that runs it once and returns the seconds of processor time a frame.
+        missing: why it cannot be asked here; empty if it can.
+    """
+
+    name: str
+    motion: Callable[[Case], Motion]
+    timer: Callable[[Case], Callable[[], float]]
+    missing: str = ""
+
+
+COPY = "copied rotations"
+
+
+def contestants() -> Iterator[Contestant]:
+    """All contestants, those first that the others are compared with."""
+    yield Contestant(COPY, lambda case: case.run.rotation_copy, _copy_timer)
+    yield _three()
+    yield from _mink()
+    yield _own("paper's objective", Options(objective="paper"))
+    yield from (_own(name, options) for name, options in own_options().items())
+
+
+def own_options() -> dict[str, Options]:
+    """The options of the project's own contestants, by name."""
+    if "skin" not in {field.name for field in fields(Options)}:
+        return {"distretarget": Options()}
+    return {"distretarget, `--skin none`": Options(skin="none"), "distretarget": Options()}
+
+
+def _own(name: str, options: Options) -> Contestant:
+    def timer(case: Case) -> Callable[[], float]:
+        long = case.of_frames(LONG)
+        return lambda: _seconds(lambda: retarget(long.source, long.target, options)) / LONG
+
+    return Contestant(name, lambda case: retarget(case.source, case.target, options).motion, timer)
+
+
+def _copy_timer(case: Case) -> Callable[[], float]:
+    run = case.of_frames(LONG).run
+    return lambda: _seconds(lambda: rotation_copy(run.matching, RootScale.even(run.root_scale))) / LONG
+
+
+def _three() -> Contestant:
+    def timer(case: Case) -> Callable[[], float]:
+        peer = three_js.ThreeJs(case.of_frames(LONG).run)
+        return lambda: float(np.median(peer.solve(5)[1])) / LONG
+
+    missing = three_js.missing()
+    name = "three.js, `retargetClip`" if missing else f"three.js {three_js.version()}, `retargetClip`"
+    return Contestant(name, lambda case: three_js.ThreeJs(case.run).motion(), timer, missing)
+
+
+def _mink() -> Iterator[Contestant]:
+    """The contestants that mink solves: with hands, feet and hips as goals, and with GMR's tasks."""
+    absent = [name for name in NEEDS_MINK if importlib.util.find_spec(name) is None]
+    missing = f"not installed: {', '.join(absent)}" if absent else ""
+    known = "mink" if missing else f"mink {version('mink')}"
+    for what, kind in (("hands and feet", "ScaledGoals"), ("GMR's recipe", "Gmr")):
+        yield Contestant(f"{known}, {what}", _by_mink(kind), _mink_timer(kind), missing)
+
+
+def _peer(kind: str, case: Case) -> InverseKinematics:
+    """The class of this name for a case."""
+    import inverse_kinematics  # needs packages that may not be there
+
+    return getattr(inverse_kinematics, kind)(case.run)
+
+
+def _by_mink(kind: str) -> Callable[[Case], Motion]:
+    return lambda case: _peer(kind, case).motion(STEPS)
+
+
+def _mink_timer(kind: str) -> Callable[[Case], Callable[[], float]]:
+    def timer(case: Case) -> Callable[[], float]:
+        peer = _peer(kind, case.of_frames(SHORT))
+        return lambda: _seconds(lambda: peer.solve(STEPS)) / SHORT
+
+    return timer
+
+
+def _seconds(run: Callable[[], object]) -> float:
+    """Processor seconds of a run."""
+    started = time.process_time()
+    run()
+    return time.process_time() - started

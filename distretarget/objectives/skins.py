@@ -1,0 +1,99 @@
+"""The skins of source and target: their surfaces as balls and capsules, and how these move with the limbs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from distretarget.body.anatomy import SIDES
+from distretarget.body.body import Body
+from distretarget.matching.matching import Matching
+from distretarget.motion import Motion
+from distretarget.skin.balls import NEVER, Balls, balls_of, ordered
+from distretarget.skin.capsules import SEGMENTS, Capsules
+from distretarget.skin.displacement import LEAST_SHARE, Displaced
+from distretarget.skin.limbs import Limb, shares_of
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.intp]
+
+LIMBS = (("UpperArm", "LowerArm", "Hand"), ("UpperLeg", "LowerLeg", "Foot"))
+
+
+@dataclass(frozen=True, eq=False)
+class BodySkin:
+    """The skin of one body. Lengths of `balls` are in body units, all others in file units."""
+
+    capsules: Capsules  # ordered by segment
+    balls: Balls  # the same, and the balls of the limbs
+    limbs: tuple[Limb, ...]  # arms, then legs
+    displaced: Displaced  # how the balls move with middle and end of each limb
+    of_joint: Numbers  # (joints,), the segment of each joint, that of its nearest ancestor with a capsule; -1 for none
+    unit: float  # the body unit
+
+    @classmethod
+    def of(cls, body: Body, capsules: Capsules) -> BodySkin:
+        """Return the skin of a body with these capsules."""
+        capsules, pose, skeleton = ordered(capsules), body.reference, body.skeleton
+        turned = Rotation.from_quat(pose.rotations[capsules.joints]).as_matrix()
+        posed = np.einsum("cij,cej->cei", turned, capsules.ends) + pose.positions[capsules.joints, None]
+        scaled = Capsules(capsules.joints, capsules.ends / body.unit, capsules.radii / body.unit, capsules.segments)
+        balls = balls_of(scaled, posed / body.unit)
+        own = dict(zip(capsules.joints.tolist(), capsules.segments.tolist(), strict=True))
+        of_joint = [next((own[a] for a in skeleton.line(joint) if a in own), -1) for joint in range(len(skeleton))]
+        limbs = _limbs_of(body)
+        t, on = balls.places[:, None], balls.carriers
+        centres = (1.0 - t) * posed[on, 0] + t * posed[on, 1]
+        of_ball, ball_shares = shares_of(limbs, skeleton, pose.positions, capsules.joints[on], centres)
+        ends = [shares_of(limbs, skeleton, pose.positions, capsules.joints, posed[:, end]) for end in range(2)]
+        is_leg = np.array([limb.top in {leg.hip for leg in body.legs or ()} for limb in limbs] + [True])
+        moving = np.where(is_leg[of_ball, None], [1.0, 0.0], 1.0) * ball_shares  # feet stay
+        fixed = (moving**2).sum(axis=1) < LEAST_SHARE**2
+        balls.spare[fixed] = NEVER
+        return cls(
+            capsules=capsules,
+            balls=balls,
+            limbs=limbs,
+            displaced=Displaced(
+                of_ball, ball_shares, ends[0][0], np.stack([e[1] for e in ends], axis=1), _mutual(balls)
+            ),
+            of_joint=np.array(of_joint, np.intp),
+            unit=body.unit,
+        )
+
+    def posed(self, motion: Motion) -> Array:
+        """Return the ends of the capsules in each frame, (frames, capsules, 2, 3) [body units]."""
+        posed = self.capsules.posed(motion)
+        posed /= self.unit
+        return posed
+
+
+def _limbs_of(body: Body) -> tuple[Limb, ...]:
+    """The limbs whose three joints are known, arms before legs."""
+    roles = body.anatomy.roles if body.anatomy else {}
+    named = [tuple(side + part for part in parts) for parts in LIMBS for side in SIDES]
+    return tuple(Limb(*(roles[name] for name in names)) for names in named if roles.keys() >= {*names})
+
+
+def _mutual(balls: Balls) -> NDArray[np.bool_]:
+    """(pairs,), whether both segments of a pair give way: arms to arms and legs to legs, but legs not to arms."""
+    arm = np.array(["arm" in name or "hand" in name for name in SEGMENTS])
+    return np.asarray(arm[balls.pairs[:, 0]] == arm[balls.pairs[:, 1]])
+
+
+@dataclass(frozen=True, eq=False)
+class Skins:
+    """The skins of source and target."""
+
+    source: BodySkin
+    target: BodySkin
+
+    @classmethod
+    def of(cls, matching: Matching, source: Capsules, target: Capsules) -> Skins | None:
+        """Return the skins of a source and its target; None where a body has no capsules."""
+        if not len(source) or not len(target):
+            return None
+        return cls(BodySkin.of(matching.source, source), BodySkin.of(matching.target, target))

@@ -1,0 +1,233 @@
+"""Capsules found from a mesh and its skin weights.
+
+The cross-section of a part of a body is taken as 2 a wide and 2 b high, a >= b. One capsule along the part stands for
+it where it is nearly round, else several side by side, b from its edges. Their radii are such that they cover the share
+`COVERED` of the surface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.numerics.vectors import cross, lengths, level, normalised
+from distretarget.skeleton import Skeleton
+from distretarget.skin.capsules import Capsules, no_capsules
+from distretarget.skin.mesh import SkinnedMesh
+
+Array = NDArray[np.float64]
+
+MOST_POINTS = 30_000  # on the mesh that are looked at
+FEWEST_POINTS = 6  # of a part that gets capsules, or of half of it
+QUARTERS = np.array([[2, 2, 2], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6  # the middles of a triangle's four quarters
+EDGES = 3.0, 97.0  # percentiles of the surface at which a part ends [%]
+COVERED = 0.85  # of the surface of a part [0 to 1]
+ROUND = 1.25  # of most parts, see `Part`
+DENT = 0.25  # how deep the dents between capsules side by side may be [radii]
+SIDES_OF_LEG, LEVELS_OF_LEG = 12, 8  # in which skin is compared with cloth
+CLOTH = 1.6  # what is farther than this from a leg's bone is cloth [distance of the skin there]
+ROUNDS = 10  # of least squares
+SMOOTH = 0.01  # distances off the surface below this weigh the same [mean distances to the axis]
+FLAT = 0.02  # weight of a slope of 1 of the radii along the axis [of the whole surface]
+THINNEST = 0.1  # least radius [mean distances to the axis]
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A part of a body whose capsules one joint carries.
+
+    Attributes:
+        carrier: the joint.
+        joints: the joints whose surface is the part's.
+        segment: the number of its segment in `SEGMENTS`.
+        tip: the joint up to which its bone reaches from the carrier; None for a part that ends where its surface does.
+        axis: (3,), the direction along it in the rest pose, for a part without tip; None for that to the middle of its
+            surface.
+        level: (3,), the unit vector that the axis is perpendicular to; None for any.
+        across: (3,), the direction in which it is wide; None for that in which its surface is.
+        closed: whether the surface is closed at its start and at its end.
+        most: the number of capsules side by side, at most.
+        is_leg: whether skirts and coats may hang round it.
+        round: a cross-section is round if it is not more than this times as wide as high.
+    """
+
+    carrier: int
+    joints: Sequence[int]
+    segment: int
+    tip: int | None = None
+    axis: Array | None = None
+    level: Array | None = None
+    across: Array | None = None
+    closed: tuple[bool, bool] = (True, True)
+    most: int = 3
+    is_leg: bool = False
+    round: float = ROUND
+
+
+@dataclass(frozen=True, eq=False)
+class _Surface:
+    """Points on a surface, (points, 3), and the area that each stands for, (points,)."""
+
+    points: Array
+    areas: Array
+
+    def percentile(self, values: Array, percent: float) -> float:
+        """Return the value, of one each point, below which this part of the surface lies [%]."""
+        order = values.argsort()
+        below = np.cumsum(self.areas[order])
+        return float(np.interp(0.01 * percent * below[-1], below - 0.5 * self.areas[order], values[order]))
+
+    def part(self, chosen: NDArray[np.bool_]) -> _Surface:
+        """Return some of the points."""
+        return _Surface(self.points[chosen], self.areas[chosen])
+
+
+def fit_capsules(mesh: SkinnedMesh, skeleton: Skeleton, parts: Sequence[Part]) -> Capsules:
+    """Return the capsules that stand for the parts of a body, carried by the joints of its skeleton; none for a part
+    that moves next to no surface.
+    """
+    surface, owners = _sampled(mesh, len(skeleton), parts)
+    rest = skeleton.rest_positions
+    found = []
+    for number, part in enumerate(parts):
+        own = surface.part(owners == number)
+        if len(own.points) >= FEWEST_POINTS:
+            own = _Surface(own.points - rest[part.carrier], own.areas)
+            tip = None if part.tip is None else rest[part.tip] - rest[part.carrier]
+            ends, radii = _fitted(own, part, tip)
+            carriers, segments = np.full(len(ends), part.carrier), np.full(len(ends), part.segment)
+            found.append((carriers, ends, radii, segments))
+    if not found:
+        return no_capsules()
+    return Capsules(*(np.concatenate(column) for column in zip(*found, strict=True)))
+
+
+def _sampled(mesh: SkinnedMesh, joints: int, parts: Sequence[Part]) -> tuple[_Surface, NDArray[np.intp]]:
+    """Points spread over the mesh, and the part that moves each most, (points,); -1 for what is none of the body's.
+
+    They are the middles of its triangles, or of quarters of these where they are few.
+    """
+    triangles = mesh.triangles[:: max(-(-len(mesh.triangles) // MOST_POINTS), 1)]
+    part_of = np.full(joints, -1)
+    for number, part in enumerate(parts):
+        part_of[list(part.joints)] = number
+    influences = part_of[mesh.joints[triangles]].reshape(len(triangles), -1)
+    weights = mesh.weights[triangles].reshape(influences.shape)
+    shares = np.stack([((influences == each[:, None]) * weights).sum(axis=1) for each in influences.T], axis=1)
+    owners = influences[np.arange(len(shares)), shares.argmax(axis=1)]
+    corners = mesh.vertices[triangles]
+    areas = 0.5 * lengths(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    quarters = QUARTERS if 4 * len(triangles) <= MOST_POINTS else QUARTERS[:1]
+    points = np.einsum("qc,tci->tqi", quarters, corners).reshape(-1, 3)
+    many = len(quarters)
+    surface = _Surface(points, np.repeat(areas / many, many))
+    owned = np.repeat(owners, many)
+    owned[surface.areas <= 0.0] = -1
+    return surface, owned
+
+
+def _fitted(surface: _Surface, part: Part, tip: Array | None) -> tuple[Array, Array]:
+    """The ends, (capsules, 2, 3), and radii, (capsules, 2), of the capsules of a part with some surface, relative to
+    its carrier, as is the tip.
+    """
+    axes = _axes(surface, part, tip)
+    if part.is_leg:
+        surface = _under_cloth(surface, axes)
+    along, wide, high = (surface.points @ axes).T
+    reach = [surface.percentile(along, percent) for percent in EDGES]
+    low, top = reach if tip is None else (0.0, float(np.linalg.norm(tip)))
+    halves = [along <= 0.5 * (low + top), along >= 0.5 * (low + top)]
+    halves = [half if half.sum() >= FEWEST_POINTS else np.ones(len(along), bool) for half in halves]
+    w, a = np.transpose([_width(surface, wide, half) for half in halves])
+    h, b = np.transpose([_width(surface, high, half) for half in halves])
+    if a.sum() < b.sum():
+        axes, w, a, h, b = axes[:, [0, 2, 1]], h, b, w, a
+    many = _count(a.max(), b.mean(), part)
+    starts = np.array([low + part.closed[0] * b[0], top - part.closed[1] * b[1]])
+    if tip is None and starts[0] > starts[1]:
+        starts[:] = starts.mean()
+    ends = np.empty((many, 2, 3))
+    for end in range(2):
+        spread = np.linspace(-1.0, 1.0, many) * max(a[end] - b[end], 0.0) if many > 1 else np.zeros(1)
+        sides = np.stack([np.full(many, starts[end]), w[end] + spread, np.full(many, h[end])])
+        ends[:, end] = (axes @ sides).T
+    return ends, np.tile(_covering(surface, ends), (many, 1))
+
+
+def _under_cloth(surface: _Surface, axes: Array) -> _Surface:
+    """The inner layer of a surface round a bone: what is much farther out than other skin on the same side of the bone,
+    at the same height, is a skirt or a coat.
+    """
+    along, wide, high = (surface.points @ axes).T
+    away = np.hypot(wide, high)
+    side = np.floor(SIDES_OF_LEG * (np.arctan2(high, wide) / (2.0 * np.pi) + 0.5)).astype(int)
+    low, top = along.min(), along.max()
+    level = np.floor(LEVELS_OF_LEG * (along - low) / max(top - low, 1e-300)).astype(int)
+    cell = side + (SIDES_OF_LEG + 1) * level
+    least = np.full(cell.max() + 1, np.inf)
+    np.minimum.at(least, cell, away)
+    return surface.part(away <= CLOTH * least[cell])
+
+
+def _axes(surface: _Surface, part: Part, tip: Array | None) -> Array:
+    """The directions along a part, across it where it is wide, and across it where it is not, as columns, (3, 3)."""
+    along = tip if tip is not None and tip.any() else part.axis
+    middle = np.average(surface.points, axis=0, weights=surface.areas)
+    along = middle if along is None else along
+    if part.level is not None:
+        along = along - (along @ part.level) * part.level
+    along = normalised(along) if along.any() else np.array([0.0, 1.0, 0.0])
+    across = part.across
+    if across is None:
+        flat = level(surface.points - middle, along)
+        across = np.linalg.eigh((surface.areas[:, None] * flat).T @ flat)[1][:, 2]
+    across = normalised(across - (across @ along) * along)
+    return np.stack([along, across, np.cross(along, across)], axis=1)
+
+
+def _width(surface: _Surface, values: Array, chosen: NDArray[np.bool_]) -> tuple[float, float]:
+    """The middle of values of some points and half of the range that they span."""
+    low, top = (surface.part(chosen).percentile(values[chosen], percent) for percent in EDGES)
+    return 0.5 * (low + top), 0.5 * (top - low)
+
+
+def _count(wide: float, high: float, part: Part) -> int:
+    """How many capsules side by side stand for a cross-section, given by half its width and height."""
+    if wide <= part.round * high:
+        return 1
+    gap = 2.0 * high * np.sqrt(1.0 - (1.0 - DENT) ** 2)
+    return min(1 + int(np.ceil(2.0 * (wide - high) / max(gap, 1e-9 * wide))), part.most)
+
+
+def _covering(surface: _Surface, ends: Array) -> Array:
+    """The radii, (2,), at the ends of axes side by side, (capsules, 2, 3), that cover most of a surface: quantile
+    regression of their distances by least squares that are weighted anew (E. J. Schlossmacher, 1973).
+    """
+    away, at = distances(surface.points, ends, np.zeros((len(ends), 2)))
+    shares, scale = np.stack([1.0 - at, at], axis=1), float(away.mean())
+    radii = np.full(2, surface.percentile(away, 100.0 * COVERED))
+    slope = (scale / max(float(lengths(ends[:, 1] - ends[:, 0]).mean()), SMOOTH * scale)) ** 2
+    for _ in range(ROUNDS):
+        off = away - shares @ radii
+        weights = surface.areas * np.where(off > 0.0, COVERED, 1.0 - COVERED) / np.maximum(np.abs(off), SMOOTH * scale)
+        square = shares.T @ (weights[:, None] * shares) + FLAT * slope * weights.sum() * np.array(
+            [[1.0, -1.0], [-1.0, 1.0]]
+        )
+        radii = np.linalg.solve(square, shares.T @ (weights * away))
+    return np.asarray(np.maximum(radii, THINNEST * scale))
+
+
+def distances(points: Array, ends: Array, radii: Array) -> tuple[Array, Array]:
+    """Return how far points, (points, 3), are outside the union of capsules, negative inside, (points,), and where
+    along the nearest capsule that is, (points,) [0 to 1].
+    """
+    start, bone = ends[:, 0], ends[:, 1] - ends[:, 0]
+    squares = np.maximum((bone**2).sum(axis=1), 1e-300)
+    at = np.clip(((points[:, None] - start) * bone).sum(axis=2) / squares, 0.0, 1.0)
+    nearest = start + at[..., None] * bone
+    away = np.linalg.norm(points[:, None] - nearest, axis=2) - radii[:, 0] - at * (radii[:, 1] - radii[:, 0])
+    which = away.argmin(axis=1)[:, None]
+    return np.take_along_axis(away, which, axis=1)[:, 0], np.take_along_axis(at, which, axis=1)[:, 0]

@@ -1,0 +1,100 @@
+"""Limbs that bend out of the way: arms and legs, by their top, middle and end joints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.motion import Motion
+from distretarget.numerics.compiled import compiled
+from distretarget.numerics.kinematics import multiply
+from distretarget.numerics.rotations import least_rotation
+from distretarget.skeleton import Skeleton
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Limb:
+    """An arm or a leg."""
+
+    top: int  # the joint that it turns about, such as the shoulder
+    middle: int  # elbow or knee
+    end: int  # wrist or ankle
+
+    @property
+    def joints(self) -> tuple[int, int, int]:
+        """Top, middle and end."""
+        return self.top, self.middle, self.end
+
+
+def shares_of(
+    limbs: tuple[Limb, ...], skeleton: Skeleton, places: Array, joints: Numbers, points: Array
+) -> tuple[Numbers, Array]:
+    """Return the limb that each point belongs to, (points,), -1 for none, and its shares of the displacements of middle
+    and end, (points, 2). `joints`, (points,), carry the points, (points, 3); `places`, (joints, 3), are all joints'.
+    """
+    numbers, shares = np.full(len(joints), -1), np.zeros((len(joints), 2))
+    for number, limb in enumerate(limbs):
+        on = np.isin(joints, skeleton.subtree(limb.top))
+        top, middle, end = places[[*limb.joints]]
+        upper, lower = _along(top, middle, points[on]), _along(middle, end, points[on])
+        bends = (upper >= 1.0) | (lower > 0.0)
+        numbers[on] = number
+        shares[on] = np.where(
+            bends[:, None], np.stack([1.0 - lower, lower], axis=1), np.stack([upper, 0.0 * upper], axis=1)
+        )
+    return numbers, shares
+
+
+def _along(a: Array, b: Array, points: Array) -> Array:
+    """(points,), how far points, (points, 3), are along the line from a to b, 0 to 1."""
+    square = float((b - a) @ (b - a))
+    return np.clip((points - a) @ (b - a) / square, 0.0, 1.0) if square else np.ones(len(points))
+
+
+def bent(motion: Motion, limbs: tuple[Limb, ...], displacements: Array) -> Motion:
+    """Return the motion with the middle and the end of each limb displaced, (frames, limbs, 2, 3) [file units].
+
+    The upper and the lower part of a limb turn by the least rotations; what is beyond its end keeps its rotation in the
+    world.
+    """
+    frames = np.flatnonzero(displacements.any(axis=(1, 2, 3)))
+    if not len(frames):
+        return motion
+    skeleton, some = motion.skeleton, motion[frames]
+    world, x, moved = some.world_rotations, some.positions, displacements[frames]
+    local = some.rotations.copy()
+    turns = np.zeros((3, len(frames), 4))  # of the upper part, the lower part, and what is beyond
+    turns[2, :, 3] = 1.0
+    for number, limb in enumerate(limbs):
+        upper, lower = x[:, limb.middle] - x[:, limb.top], x[:, limb.end] - x[:, limb.middle]
+        turns[0] = least_rotation(upper, upper + moved[:, number, 0])
+        turns[1] = least_rotation(lower, lower + moved[:, number, 1] - moved[:, number, 0])
+        of_joint = np.full(len(skeleton), 2)
+        for part, joint in enumerate(limb.joints):
+            of_joint[skeleton.subtree(joint)] = part
+        edges = np.flatnonzero((of_joint != of_joint[skeleton.parents]) & ~skeleton.end_sites)
+        _turn_edges(turns, of_joint, skeleton.parents, edges[edges > 0], world, local)
+    rotations = motion.rotations.copy()
+    rotations[frames] = local
+    return Motion(skeleton, motion.root_positions, rotations, motion.frame_time_text, motion.moving)
+
+
+@compiled()
+def _turn_edges(turns, of_joint, parents, edges, world, local):  # type: ignore[no-untyped-def]
+    """Write the local rotation of each joint that turns otherwise than its parent: with the turns P and Q of parent and
+    joint and the parent's rotation W, it becomes W^-1 P^-1 Q W times what it was.
+    """
+    for frame in range(len(world)):
+        for joint in edges:
+            parent = parents[joint]
+            w, p, q = world[frame, parent], turns[of_joint[parent], frame], turns[of_joint[joint], frame]
+            target = local[frame, joint]
+            multiply(w[0], w[1], w[2], w[3], target, target)
+            multiply(q[0], q[1], q[2], q[3], target, target)
+            multiply(-p[0], -p[1], -p[2], p[3], target, target)
+            multiply(-w[0], -w[1], -w[2], w[3], target, target)

@@ -1,0 +1,238 @@
+"""How far hands and forearms sink in, and the gaps of contacts: known answers on bodies whose skin is made of balls."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bodies import SAMPLES, person
+from capsule_bodies import capsule_surface, mesh_of
+from scipy.spatial.transform import Rotation
+
+from distretarget import Motion, load_target, read_bvh, retarget
+from distretarget.body.body import Body
+from distretarget.body.segments import find_segments
+from distretarget.measure.inner_balls import inner_balls
+from distretarget.measure.skin import find_skin, find_source_skin
+from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
+from distretarget.skin.fit import distances
+
+PERSON = person()
+BODY = Body.of(PERSON)
+UP = np.array([0.0, 1.0, 0.0])
+BELLY, HAND = 0.22, 0.05  # radii [m]
+ROLES = BODY.anatomy.roles
+HANDS = [ROLES["leftHand"], ROLES["rightHand"]]
+BENDS = np.arange(0, 105, 5.0)  # of the elbow [degrees]
+UPRIGHT = Rotation.identity()
+REST = Motion(PERSON, PERSON.rest_positions[:1], PERSON.unturned[None], "0.02")
+
+
+def bending(body=PERSON, world=UPRIGHT):
+    """The left elbow bends until the hand is at the hips, or in them; `world` turns all."""
+    rotations = np.tile(body.unturned, (len(BENDS), 1, 1))
+    rotations[:, ROLES["leftUpperArm"]] = Rotation.from_euler("Z", -60, degrees=True).as_quat()
+    rotations[:, ROLES["leftLowerArm"]] = Rotation.from_euler("Z", -BENDS[:, None], degrees=True).as_quat()
+    rotations[:, 0] = world.as_quat()
+    return Motion(body, np.tile(body.rest_positions[0], (len(rotations), 1)), rotations, "0.02")
+
+
+def round_body(scale=1.0, rings=24):
+    """The mesh of a ball around the hips and a ball around each hand, and the same as capsules."""
+    joints, radii = [ROLES["hips"], *HANDS], [BELLY, HAND, HAND]
+    rest, tiny = scale * PERSON.rest_positions, scale * np.array([[0.0, 0.0, 0.0], [1e-9, 0.0, 0.0]])
+    surfaces = [
+        (joint, capsule_surface(rest[joint] + tiny, np.array([radius, radius]) * scale, rings, rings))
+        for joint, radius in zip(joints, radii, strict=True)
+    ]
+    segments = [SEGMENTS.index(name) for name in ("pelvis", "left hand", "right hand")]
+    radii = scale * np.array([radii, radii]).T
+    return mesh_of(surfaces), Capsules(np.array(joints), np.zeros((3, 2, 3)), radii, np.array(segments))
+
+
+def known_depths(motion):
+    """(frames,), how deep the left hand's ball is inside the one of the hips; negative off it."""
+    places = motion.positions
+    return BELLY + HAND - np.linalg.norm(places[:, HANDS[0]] - places[:, ROLES["hips"]], axis=1)
+
+
+def measured(skin, result, source_skin=None, source=None):
+    reference = find_source_skin(source or result, BODY, UP, source_skin or skin, skin)
+    return reference.in_result(result)
+
+
+@pytest.mark.parametrize("meshed", [False, True])
+def test_a_hand_in_the_belly_is_as_deep_as_known(meshed):
+    mesh, capsules = round_body()
+    motion = bending()
+    found = measured(find_skin(BODY, capsules, mesh if meshed else None), motion)
+    known = 100 / BODY.height * np.maximum(known_depths(motion), 0.0)
+    assert known.max() > 3
+    np.testing.assert_allclose(found.deepest[:, 0], known, atol=0.3)
+    np.testing.assert_array_equal(found.deepest[:, 1:], 0)
+    np.testing.assert_array_equal(found.inside[known == 0], 0)
+    assert (found.inside[known > 0.5] > 0).all()
+
+
+def test_the_share_inside_is_that_of_the_vertices():
+    mesh, _ = round_body()
+    skin, motion = find_skin(BODY, no_capsules(), mesh), bending()
+    left = mesh.joints[:, 0] == HANDS[0]
+    away = mesh.posed(motion, np.flatnonzero(left)) - motion.positions[:, None, ROLES["hips"]]
+    share = 50 * (np.linalg.norm(away, axis=2) < BELLY).mean(axis=1)  # the other half is the right hand's
+    np.testing.assert_allclose(measured(skin, motion).inside, share, atol=2.5)
+
+
+@pytest.mark.parametrize(("depth", "inside"), [(0.06, False), (1.0, True)])
+def test_a_hand_that_lies_on_the_skin_is_not_inside(depth, inside):
+    motion, (_, capsules) = bending(), round_body()
+    depths = 100 / BODY.height * known_depths(motion)
+    at = int(np.flatnonzero(depths > 1)[0])
+    capsules.radii[0] -= (depths[at] - depth) * BODY.height / 100  # the belly, so that the hand is as deep as wanted
+    found = measured(find_skin(BODY, capsules), motion[at : at + 1])
+    assert (found.inside[0] > 0) == inside
+
+
+def test_nothing_is_inside_in_the_bind_pose_and_what_is_does_not_count():
+    mesh, capsules = round_body()
+    thick = replace(capsules, radii=np.array([[1.0, 1.0], [HAND, HAND], [HAND, HAND]]))
+    for skin in (find_skin(BODY, capsules), find_skin(BODY, no_capsules(), mesh), find_skin(BODY, thick)):
+        found = measured(skin, REST)
+        assert found.inside.sum() == found.deepest.sum() == 0
+
+
+@pytest.mark.parametrize("turn", [UPRIGHT, Rotation.from_euler("XYZ", [20, 50, 170], degrees=True)])
+def test_size_and_place_in_the_world_do_not_matter(turn):
+    mesh, _ = round_body()
+    large, _ = round_body(scale=64.0)
+    skeleton = PERSON.with_offsets(64.0 * PERSON.offsets)
+    one = measured(find_skin(BODY, no_capsules(), mesh), bending())
+    other = measured(find_skin(Body.of(skeleton), no_capsules(), large), bending(skeleton, turn))
+    np.testing.assert_allclose(other.deepest, one.deepest, atol=1e-6)
+    np.testing.assert_allclose(other.inside, one.inside, atol=1e-6)
+
+
+def test_another_mesh_of_the_same_body_measures_the_same():
+    fine, coarse = (
+        measured(find_skin(BODY, no_capsules(), round_body(rings=rings)[0]), bending()) for rings in (40, 16)
+    )
+    np.testing.assert_allclose(fine.deepest, coarse.deepest, atol=0.4)
+    np.testing.assert_allclose(fine.inside, coarse.inside, atol=5)
+
+
+@pytest.mark.parametrize("inside_out", [0.0, 0.5, 1.0])
+def test_balls_fill_a_mesh_and_hardly_stick_out_whichever_way_triangles_face(inside_out):
+    mesh, _ = round_body()
+    triangles = mesh.triangles.copy()
+    flipped = mesh.joints[triangles[:, 0], 0] <= np.quantile(mesh.joints, inside_out) - (inside_out == 0)
+    triangles[flipped] = triangles[flipped, ::-1]
+    mesh = replace(mesh, triangles=triangles)
+    segments = find_segments(BODY).of_joint
+    balls = inner_balls(mesh, PERSON, segments)
+    places, size = PERSON.rest_positions[balls.joints, None] + balls.ends, BODY.height
+    away, _ = distances(mesh.vertices, places, balls.radii)
+    assert np.abs(away).max() < 0.006 * size
+    assert (balls.segments == segments[balls.joints]).all()
+
+
+def test_loose_points_and_open_sheets_have_no_inside():
+    mesh, _ = round_body()
+    corners = np.array([[0.0, 5.0, 0.0], [0.3, 5.0, 0.0], [0.0, 5.0, 0.3], [9.0, 9.0, 9.0]])
+    more = replace(
+        mesh,
+        vertices=np.concatenate([mesh.vertices, corners]),
+        joints=np.concatenate([mesh.joints, np.full((4, 1), ROLES["hips"])]),
+        weights=np.concatenate([mesh.weights, np.ones((4, 1))]),
+        triangles=np.concatenate([mesh.triangles, len(mesh.vertices) + np.array([[0, 1, 2]])]),
+    )
+    segments = find_segments(BODY).of_joint
+    balls = inner_balls(more, PERSON, segments)
+    places = PERSON.rest_positions[balls.joints, 1] + balls.ends[:, 0, 1]
+    assert (places + balls.radii[:, 0] < 2).all()
+
+
+def test_a_body_without_skin_has_no_figures():
+    found = measured(find_skin(BODY, no_capsules()), bending())
+    assert found.inside.size == found.deepest.size == found.gap_error.size == 0
+
+
+# ---- contacts
+
+
+def still(motion, frame, frames):
+    return motion[np.full(frames, frame)]
+
+
+def test_the_gap_of_a_contact_is_kept_or_not():
+    skin, motion = find_skin(BODY, round_body()[1]), bending()
+    gaps = -100 / BODY.height * known_depths(motion)
+    touch = int(np.flatnonzero(gaps < 0)[0])
+    found = measured(skin, motion, source=still(motion, touch, len(motion)))
+    np.testing.assert_array_equal(found.touching, np.tile([1, 0, 0, 0], (len(motion), 1)))
+    np.testing.assert_allclose(found.gap_error[:, 0], np.maximum(gaps, gaps[touch] - gaps), atol=0.4)
+    assert found.gap_error[touch, 0] == 0
+
+
+def test_gaps_are_in_proportion_to_the_bodies():
+    skin, motion = find_skin(BODY, round_body()[1]), bending()
+    skeleton = PERSON.with_offsets(3.0 * PERSON.offsets)
+    large = find_skin(Body.of(skeleton), round_body(scale=3.0)[1])
+    found = find_source_skin(motion, BODY, UP, skin, large).in_result(bending(skeleton))
+    assert found.touching.any()
+    np.testing.assert_allclose(found.gap_error, 0, atol=1e-9)
+
+
+def test_a_hanging_arm_touches_nothing():
+    _, capsules = round_body()
+    wide = replace(capsules, radii=np.array([[0.25, 0.25], [HAND, HAND], [HAND, HAND]]))
+    skin = find_skin(BODY, wide)
+    rotations = np.tile(PERSON.unturned, (1, 1, 1))
+    rotations[0, ROLES["leftUpperArm"]] = Rotation.from_euler("Z", -90, degrees=True).as_quat()
+    hanging = Motion(PERSON, PERSON.rest_positions[:1], rotations, "0.02")
+    assert measured(skin, hanging).deepest[0, 0] > 0
+    assert not measured(skin, hanging).touching.any()
+
+
+def test_two_hands_touch_each_other_once_each():
+    _, capsules = round_body()
+    rotations = np.tile(PERSON.unturned, (1, 1, 1))
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        bend = Rotation.from_euler("Y", -sign * 110, degrees=True).as_quat()
+        rotations[0, ROLES[f"{side}UpperArm"]] = bend
+    clap = Motion(PERSON, PERSON.rest_positions[:1], rotations, "0.02")
+    found = measured(find_skin(BODY, capsules), clap)
+    np.testing.assert_array_equal(found.touching, [[1, 1, 0, 0]])
+    apart = np.linalg.norm(clap.positions[0, HANDS[0]] - clap.positions[0, HANDS[1]])
+    np.testing.assert_allclose(found.deepest, 100 / BODY.height * np.array([[2 * HAND - apart] * 2 + [0, 0]]), atol=0.3)
+
+
+# ---- in a run
+
+
+def test_a_run_onto_a_character_has_the_figures_of_skin():
+    target = load_target(SAMPLES.parent / "sample_characters" / "hero.glb")
+    run = retarget(read_bvh(SAMPLES / "hands_on_hips.bvh")[60:200], target)
+    copied, result = run.figures["rotation_copy"], run.figures["result"]
+    assert copied["skin_depth"] > 1
+    assert copied["skin_frames"] > 50
+    assert result["skin_depth"] < 1
+    assert result["skin_gap"] < 2
+    assert "stays outside" in run.verdict or "sinks up to" in run.verdict
+    assert replace(run, mesh=None).figures["result"]["skin_depth"] < 1  # by the capsules
+    assert replace(run, skins=None).figures["result"]["skin_depth"] is None
+
+
+# ---- against winding numbers
+
+
+def test_winding_numbers_of_the_mesh_agree():
+    igl = pytest.importorskip("igl")
+    mesh, _ = round_body()
+    skin, motion = find_skin(BODY, no_capsules(), mesh), bending()
+    of_hips = mesh.triangles[(mesh.joints[mesh.triangles[:, 0], 0] == ROLES["hips"])]
+    hands = np.flatnonzero(mesh.joints[:, 0] != ROLES["hips"])
+    posed = mesh.posed(motion)
+    share = np.array([100 * (igl.winding_number(each, of_hips, each[hands]) > 0.5).mean() for each in posed])
+    found = measured(skin, motion).inside
+    np.testing.assert_allclose(found, share, atol=2.5)
+    assert (found[share > 3] > 1).all()
+    np.testing.assert_array_equal(found[share == 0], 0)

@@ -1,0 +1,252 @@
+"""The thickness of bodies: capsules found from meshes whose capsules are known, and the segments of joints."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bodies import SAMPLES, person, posed
+from capsule_bodies import capsule_surface, mesh_of
+from input_files import file_of
+from scipy.spatial.transform import Rotation
+
+from distretarget import Skeleton, load_target
+from distretarget.body.body import Body
+from distretarget.body.build import Build
+from distretarget.body.segments import find_segments
+from distretarget.body.thickness import capsules_of, radii_of
+from distretarget.errors import SkeletonFileError
+from distretarget.io.target_file import parse_target, skeleton_to_json
+from distretarget.skin.capsules import SEGMENTS
+from distretarget.skin.fit import distances
+from distretarget.skin.mesh import SkinnedMesh
+
+PERSON = person()
+BODY = Body.of(PERSON)
+HEIGHT = BODY.height
+HERO = Body.of(load_target(SAMPLES.parent / "sample_characters" / "hero.glb").skeleton)
+
+
+def dressed(body=BODY, thick=1.0):
+    """A mesh of round limbs and a flat trunk around a body, and the radii of the limbs, by segment."""
+    rest, roles = body.skeleton.rest_positions, body.anatomy.roles
+    unit = thick * body.height / 1.7
+    radii, surfaces = {}, []
+    for side in ("left", "right"):
+        for part, upper, lower, ends in (
+            ("upper arm", "UpperArm", "LowerArm", (0.06, 0.045)),
+            ("forearm", "LowerArm", "Hand", (0.045, 0.03)),
+            ("thigh", "UpperLeg", "LowerLeg", (0.09, 0.06)),
+            ("shin", "LowerLeg", "Foot", (0.055, 0.04)),
+        ):
+            a, b = roles[side + upper], roles[side + lower]
+            radii[f"{side} {part}"] = unit * np.array(ends)
+            surfaces.append((a, capsule_surface(rest[[a, b]], radii[f"{side} {part}"])))
+    left = body.rest.axes[:, 0]
+    for low, top in zip(trunk := [roles["hips"], *body.anatomy.spine, roles["head"]], trunk[1:], strict=False):
+        for shift in (-0.07, 0.0, 0.07):
+            ends = rest[[low, top]] + shift * body.height / 1.7 * left
+            surfaces.append((low, capsule_surface(ends, unit * np.array([0.11, 0.11]))))
+    return mesh_of(surfaces), radii
+
+
+def in_world(capsules, skeleton):
+    return capsules.ends + skeleton.rest_positions[capsules.joints][:, None]
+
+
+def test_the_capsules_of_limbs_are_found_again():
+    mesh, radii = dressed()
+    capsules = capsules_of(BODY, mesh)
+    for name, known in radii.items():
+        (found,) = np.flatnonzero(capsules.segments == SEGMENTS.index(name))
+        np.testing.assert_allclose(capsules.radii[found], known, atol=0.006 * HEIGHT)
+        np.testing.assert_allclose(capsules.ends[found, 0], 0.0, atol=0.002 * HEIGHT)
+
+
+def test_a_skirt_does_not_make_thick_legs():
+    mesh, radii = dressed()
+    hip, knee = (BODY.anatomy.roles[f"left{part}"] for part in ("UpperLeg", "LowerLeg"))
+    skirt = capsule_surface(PERSON.rest_positions[[hip, knee]], [0.2, 0.25])
+    under, over = mesh, mesh_of([(hip, skirt)])
+    both = SkinnedMesh(
+        *(np.concatenate([getattr(under, name), getattr(over, name)]) for name in ("vertices", "joints", "weights")),
+        np.concatenate([under.triangles, over.triangles + len(under.vertices)]),
+    )
+    capsules = capsules_of(BODY, both)
+    on = capsules.segments == SEGMENTS.index("left thigh")
+    assert capsules.radii[on].max() < 1.3 * radii["left thigh"].max()
+
+
+def test_the_trunk_is_wider_than_deep():
+    mesh, _ = dressed()
+    capsules = capsules_of(BODY, mesh)
+    trunk = np.isin(capsules.segments, [SEGMENTS.index(name) for name in ("chest", "belly", "pelvis")])
+    width = np.ptp(in_world(capsules, PERSON)[trunk, 0, 0]) + 2 * capsules.radii[trunk].mean()
+    unit = HEIGHT / 1.7
+    assert width == pytest.approx(0.36 * unit, rel=0.15)
+    assert capsules.radii[trunk].mean() == pytest.approx(0.11 * unit, rel=0.15)
+
+
+def test_the_union_covers_the_skin_and_hardly_more():
+    mesh, _ = dressed()
+    capsules = capsules_of(BODY, mesh)
+    away, _ = distances(mesh.vertices, in_world(capsules, PERSON), capsules.radii)
+    assert np.percentile(away, 95) < 0.01 * HEIGHT
+    assert abs(np.median(away)) < 0.02 * HEIGHT
+
+
+def test_capsules_scale_with_the_body():
+    mesh, _ = dressed()
+    one = capsules_of(BODY, mesh)
+    large = PERSON.with_offsets(8.0 * PERSON.offsets)
+    eight = capsules_of(Body.of(large), replace(mesh, vertices=8.0 * mesh.vertices))
+    np.testing.assert_allclose(eight.ends, 8.0 * one.ends, atol=1e-6 * HEIGHT)
+    np.testing.assert_allclose(eight.radii, 8.0 * one.radii, rtol=1e-9)
+
+
+def test_a_symmetric_body_has_symmetric_capsules():
+    mesh, _ = dressed()
+    capsules = capsules_of(BODY, mesh)
+    ends = in_world(capsules, PERSON)
+    for name in SEGMENTS[::2][:6]:
+        left, right = (capsules.segments == SEGMENTS.index(name.replace("left", side)) for side in ("left", "right"))
+        np.testing.assert_allclose(ends[left] * [-1, 1, 1], ends[right], atol=2e-3 * HEIGHT)
+        np.testing.assert_allclose(capsules.radii[left], capsules.radii[right], atol=2e-3 * HEIGHT)
+
+
+def test_stated_radii_are_kept():
+    mesh, _ = dressed()
+    elbow = BODY.anatomy.roles["leftLowerArm"]
+    capsules = capsules_of(BODY, mesh, {elbow: 0.2 * HEIGHT})
+    assert capsules.radii[capsules.joints == elbow].mean() == pytest.approx(0.2 * HEIGHT)
+
+
+def test_a_body_without_anatomy_has_no_capsules():
+    mesh, _ = dressed()
+    assert not len(capsules_of(replace(BODY, anatomy=None), mesh))
+
+
+def test_every_joint_of_a_person_is_in_the_segment_of_its_role():
+    segments = find_segments(BODY)
+    roles = {"hips": "pelvis", "head": "head", "leftHand": "left hand", "rightUpperLeg": "right thigh"}
+    for role, name in roles.items():
+        assert SEGMENTS[segments.of_joint[BODY.anatomy.roles[role]]] == name
+    spine = [SEGMENTS[segments.of_joint[joint]] for joint in BODY.anatomy.spine]
+    assert spine == sorted(spine)
+    assert spine[-1] == "chest"
+
+
+def test_an_average_body_has_all_segments():
+    assert {SEGMENTS[each] for each in capsules_of(BODY).segments} == {*SEGMENTS} - {"belly"}
+    assert {SEGMENTS[each] for each in capsules_of(HERO).segments} == {*SEGMENTS}
+
+
+def test_an_average_trunk_is_about_as_deep_as_people_are():
+    capsules = capsules_of(HERO)
+    belly = capsules.radii[capsules.segments == SEGMENTS.index("belly")]
+    assert 0.1 < 2 * belly.mean() / HERO.height < 0.16
+
+
+def test_an_average_hand_is_about_as_long_as_hands_are():
+    capsules, wrist = capsules_of(BODY), BODY.anatomy.roles["leftHand"]
+    ends = in_world(capsules, PERSON) - PERSON.rest_positions[wrist]
+    on = capsules.segments == SEGMENTS.index("left hand")
+    reach = (np.linalg.norm(ends[on], axis=2) + capsules.radii[on]).max()
+    assert 0.095 < reach / HEIGHT < 0.14
+
+
+def test_an_average_body_scales_and_is_symmetric():
+    one, many = capsules_of(BODY), capsules_of(Body.of(PERSON.with_offsets(8.0 * PERSON.offsets)))
+    np.testing.assert_allclose(many.ends, 8.0 * one.ends, atol=1e-9 * HEIGHT)
+    np.testing.assert_allclose(many.radii, 8.0 * one.radii, rtol=1e-9)
+    ends = in_world(one, PERSON)
+    for name in SEGMENTS[:12:2]:
+        left, right = (one.segments == SEGMENTS.index(name.replace("left", side)) for side in ("left", "right"))
+        np.testing.assert_allclose(ends[left] * [-1, 1, 1], ends[right], atol=1e-9 * HEIGHT)
+
+
+def test_long_arms_are_not_thicker():
+    long = PERSON.with_offsets(np.where([["Elbow" in n or "Wrist" in n] for n in PERSON.names], 2, 1) * PERSON.offsets)
+    one, other = capsules_of(BODY), capsules_of(Body.of(long))
+    np.testing.assert_allclose(one.radii, other.radii, rtol=1e-9)
+
+
+def test_an_average_body_without_end_sites_has_hands_feet_and_head():
+    kept = np.flatnonzero(~PERSON.end_sites)
+    bare = Skeleton(
+        names=tuple(PERSON.names[joint] for joint in kept),
+        parents=PERSON.parents[kept],
+        offsets=PERSON.offsets[kept],
+        channels=tuple(PERSON.channels[joint] for joint in kept),
+        end_sites=np.zeros(len(kept), bool),
+    )
+    capsules = capsules_of(Body.of(bare))
+    assert {SEGMENTS[each] for each in capsules.segments} == {*SEGMENTS} - {"belly"}
+    assert np.isfinite(capsules.ends).all()
+
+
+def test_an_average_body_does_not_depend_on_the_rest_pose():
+    """The capsules are where they were, whatever pose the file calls its rest pose."""
+    bent = posed(
+        PERSON, {"LeftShoulder": np.array([0.0, 0.0, -1.2]), "RightShoulder": np.array([0, 0, 1.2])}, np.zeros((1, 3))
+    )
+    lowered = PERSON.with_offsets(
+        Rotation.from_quat(bent.world_rotations[0, PERSON.parents]).apply(np.array(PERSON.offsets))
+    )
+    one, other = capsules_of(BODY), capsules_of(Body.of(lowered))
+    np.testing.assert_allclose(one.radii, other.radii, rtol=1e-3)
+    ends = in_world(other, lowered)
+    arm = other.segments == SEGMENTS.index("left forearm")
+    elbow, wrist = (lowered.rest_positions[BODY.anatomy.roles[f"left{role}"]] for role in ("LowerArm", "Hand"))
+    np.testing.assert_allclose(ends[arm, 1] - ends[arm, 0], [wrist - elbow], atol=0.01 * HEIGHT)
+
+
+def test_radii_of_a_skeleton_file_are_read_and_written():
+    joints = [
+        {"name": "Hips", "parent": None, "offset": [0, 0, 0], "radius": 12},
+        {"name": "Spine", "parent": "Hips", "offset": [0, 20, 0]},
+    ]
+    document = {"format": "distretarget-skeleton", "version": 1, "joints": joints}
+    target = parse_target(file_of(json.dumps(document), "given.json"))
+    assert target.radii == {0: 12.0}
+    again = parse_target(file_of(skeleton_to_json(target.skeleton, "", radii=target.radii), "given.json"))
+    assert again.radii == target.radii
+
+
+@pytest.mark.parametrize(("joint", "says"), [({"radius": 0}, "above 0"), ({"radius": 1, "end": True}, "moves no part")])
+def test_radii_without_a_meaning_are_errors(joint, says):
+    joints = [
+        {"name": "Hips", "parent": None, "offset": [0, 0, 0]},
+        {"name": "B", "parent": "Hips", "offset": [0, 1, 0]},
+    ]
+    document = {"format": "distretarget-skeleton", "version": 1, "joints": [joints[0], joints[1] | joint]}
+    with pytest.raises(SkeletonFileError, match=says):
+        parse_target(file_of(json.dumps(document), "given.json"))
+
+
+def test_an_exported_character_is_as_thick_as_its_mesh():
+    target = load_target(SAMPLES.parent / "sample_characters" / "hero.glb")
+    radii = radii_of(capsules_of(HERO, target.mesh()))
+    bare = capsules_of(HERO, radii=radii)
+    for joint, radius in radii_of(bare).items():
+        assert radius == pytest.approx(radii.get(joint, radius))
+
+
+def test_a_body_has_its_own_build():
+    mesh, _ = dressed()
+    capsules = capsules_of(BODY, mesh)
+    again = Build.of(BODY, capsules).on(BODY)
+    assert again.radii.sum() == pytest.approx(capsules.radii.sum())
+    np.testing.assert_allclose(
+        np.sort(in_world(again, PERSON).reshape(-1, 3), 0),
+        np.sort(in_world(capsules, PERSON).reshape(-1, 3), 0),
+        atol=1e-9,
+    )
+
+
+def test_a_build_fits_a_body_of_another_size():
+    mesh, radii = dressed()
+    large = Body.of(PERSON.with_offsets(3.0 * PERSON.offsets))
+    worn = Build.of(BODY, capsules_of(BODY, mesh)).on(large)
+    (shin,) = np.flatnonzero(worn.segments == SEGMENTS.index("left shin"))
+    np.testing.assert_allclose(worn.radii[shin], 3.0 * radii["left shin"], atol=0.02 * HEIGHT)
