@@ -41,7 +41,7 @@ SETTLE = (0.2, 0.05)  # brought out again, displacements are averaged over these
 LITTLE = 1e-4  # overlaps and changes of less than this do not count [body units]
 # How far flesh gives way, and capsules, which hold nearly all of a part's skin, stand off from it [body units].
 SOFT = {"upper arm": 0.01, "thigh": 0.01, "belly": 0.01, "pelvis": 0.01}
-HARD = 0.5  # hands and forearms press in by this share of the flesh of what they touch
+HARD = 0.2  # hands and forearms press in by this share of the flesh of what they touch
 
 # Segments that are one place to be touched: what is meant for one of them is meant for all.
 PLACES = (
