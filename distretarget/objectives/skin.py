@@ -24,7 +24,7 @@ from distretarget.objectives.settings import ContactSettings
 from distretarget.objectives.skins import BodySkin, Skins
 from distretarget.objectives.supports import Supports
 from distretarget.skin.balls import Balls, segment_gaps
-from distretarget.skin.capsules import SEGMENTS
+from distretarget.skin.capsules import PLACE, SEGMENTS
 from distretarget.skin.displacement import displacements
 from distretarget.skin.limbs import bent
 
@@ -42,15 +42,6 @@ LITTLE = 1e-4  # overlaps and changes of less than this do not count [body units
 # How far flesh gives way, and capsules, which hold nearly all of a part's skin, stand off from it [body units].
 SOFT = {"upper arm": 0.01, "thigh": 0.01, "belly": 0.01, "pelvis": 0.01}
 HARD = 0.2  # hands and forearms press in by this share of the flesh of what they touch
-
-# Segments that are one place to be touched: what is meant for one of them is meant for all.
-PLACES = (
-    ("head", "neck"),
-    ("chest", "belly", "pelvis", "left thigh", "right thigh"),
-    ("left shin", "right shin", "left foot", "right foot"),
-    ("left hand", "left forearm", "left upper arm"),
-    ("right hand", "right forearm", "right upper arm"),
-)
 
 
 def with_skin(clip: Clip, skins: Skins, posed: Motion, supports: Supports, settings: ContactSettings) -> Motion:
@@ -123,20 +114,12 @@ def _nearest(balls: Balls, gaps: Array) -> Array:
     """(frames, pairs), 1 for the pair with the least gap of all pairs of a limb and one place, 0 for pairs whose gap is
     larger by `MARGIN` and more.
     """
-    place = _places()[balls.pairs[:, 1]]
+    place = PLACE[balls.pairs[:, 1]]
     nearest = np.empty_like(gaps)
     for limb, where in {*zip(balls.pairs[:, 0].tolist(), place.tolist(), strict=True)}:
         on = (balls.pairs[:, 0] == limb) & (place == where)
         nearest[:, on] = gaps[:, on].min(axis=1)[:, None]
     return 1.0 - smoothstep((gaps - nearest) / MARGIN)
-
-
-def _places() -> Numbers:
-    """(segments + 1,), the number of the place that each segment belongs to; -1 for the last, which is none."""
-    place = np.full(len(SEGMENTS) + 1, -1)
-    for number, names in enumerate(PLACES):
-        place[[SEGMENTS.index(name) for name in names]] = number
-    return place
 
 
 def _softness(balls: Balls, in_source: Array) -> Array:
@@ -170,7 +153,7 @@ def _meant(clip: Clip, body: BodySkin, touching: Array, supports: Supports, sett
     pair of the first segment and of the place that the second belongs to. Only blocks of frames in which any pair is
     `touching`, (frames, pairs), count, and of the hands' joints only wrists and what is farthest from them.
     """
-    place, pairs, targets = _places(), body.balls.pairs, clip.distances.targets
+    pairs, targets = body.balls.pairs, clip.distances.targets
     of_point = body.of_joint[targets]
     chosen = np.ones(len(targets), bool)
     for segment in (number for number, name in enumerate(SEGMENTS) if "hand" in name):
@@ -186,7 +169,7 @@ def _meant(clip: Clip, body: BodySkin, touching: Array, supports: Supports, sett
         of_u, of_v = of_point[near.u], of_point[near.v]
         for column in np.flatnonzero(touching[block].any(axis=0)):
             limb, other = pairs[column]
-            on = ((of_u == limb) & (place[of_v] == place[other])) | ((of_v == limb) & (place[of_u] == place[other]))
+            on = ((of_u == limb) & (PLACE[of_v] == PLACE[other])) | ((of_v == limb) & (PLACE[of_u] == PLACE[other]))
             if on.any():
                 meant[block, column] = near.f[:, on].max(axis=1)
     return meant
