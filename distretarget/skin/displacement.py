@@ -112,7 +112,7 @@ def _write_displacements(balls, displaced, posed, constraints, before, given, fo
                         d[limb, joint, i] = result[frame - 1, limb, joint, i]
         if _shrink(d, 1.0) < NOTHING and not acts[frame]:
             continue
-        count = _find_meetings(balls, at, apart[frame], _reach(apart[frame], d), found)
+        count = _find_meetings(balls, at, apart[frame], firmness[frame], _reach(apart[frame], d), found)
         for sweep in range(SWEEPS):
             settles = given or sweep >= SWEEPS - SETTLING
             if not settles:
@@ -250,10 +250,11 @@ def _keep_lengths(limb: Array, free: Array, d: Array) -> None:
 
 
 @inlined(fastmath=True)
-def _find_meetings(balls, posed, gaps, farthest, found):  # type: ignore[no-untyped-def]
+def _find_meetings(balls, posed, gaps, firmness, near, found):  # type: ignore[no-untyped-def]
     """Write the pair, the ball and the capsule of all that may meet to `found`; return how many they are."""
     count = 0
     for pair in range(len(balls.pairs)):
+        farthest = REACH if firmness[pair] > 0.0 else near
         if gaps[pair] >= farthest:
             continue
         limb, part = balls.pairs[pair, 0], balls.pairs[pair, 1]
