@@ -28,6 +28,7 @@ from distretarget.objectives.settings import DEFAULT_SETTINGS, ContactSettings
 from distretarget.objectives.skin import with_skin
 from distretarget.objectives.skins import Skins
 from distretarget.objectives.supports import Supports, no_supports
+from distretarget.objectives.undersides import Undersides
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.soundness import check_finite, check_places
@@ -105,11 +106,12 @@ class Performer:
 
     def with_supports(self, options: Options, settings: ContactSettings) -> Performer:
         """Return the performer with the supports found in the source, and with its root moved to suit them."""
+        undersides = Undersides.of(self.match.matching, self.match.skins, self.match.mesh)
         feet = find_foot_lock(self.clip)
         clip = self.clip.raised(np.outer(hips_rise(self.clip, feet), self.clip.up))
         supports = feet
         if options.supports == "hold":
-            if resting := find_resting_joints(clip, feet, options.environment):
+            if resting := find_resting_joints(clip, feet, options.environment, undersides):
                 clip = clip.raised(root_shift(clip, feet, resting))
                 supports = with_resting_joints(clip, feet, resting)
             supports = replace(supports, floor=find_floor(clip, supports.weights))

@@ -1,0 +1,144 @@
+"""Undersides: how far the skin reaches below the joints that a body stands, kneels, leans or sits on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.body.body import Body
+from distretarget.body.segments import find_segments
+from distretarget.body.soles import Sole
+from distretarget.matching.matching import Matching
+from distretarget.motion import Motion
+from distretarget.numerics.kinematics import heights_of
+from distretarget.numerics.parallel import blocks_of
+from distretarget.numerics.vectors import lengths, normalised
+from distretarget.objectives.skins import Skins
+from distretarget.skin.capsules import Capsules
+from distretarget.skin.mesh import SkinnedMesh
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Numbers = NDArray[np.intp]
+
+AROUND = 1.5  # a joint rests on the skin that is nearer to it than this [its radius there]
+DIRECTIONS = 60  # in each of which the outermost vertex about a joint stands for its skin
+
+
+@dataclass(frozen=True, eq=False)
+class Underside:
+    """The skin of one body about its joints: of its mesh, or of its capsules where it has none."""
+
+    body: Body
+    capsules: Capsules
+    mesh: SkinnedMesh | None
+    segments: Numbers  # (joints,), the segment of each joint; -1 for none
+
+    @classmethod
+    def of(cls, body: Body, capsules: Capsules, mesh: SkinnedMesh | None = None) -> Underside:
+        """Return the underside of a body with these capsules and, if it has one, this mesh."""
+        return cls(body, capsules, mesh, find_segments(body).of_joint)
+
+    def below(self, motion: Motion, joints: Numbers, up: Array) -> Array:
+        """Return how far the lowest skin about each of some joints is below it, (frames, joints) [file units]; 0 where
+        there is none.
+        """
+        heights, result = heights_of(motion.positions, joints, up), np.zeros((len(motion), len(joints)))
+        for column, joint in enumerate(joints.tolist()):
+            lowest = self._lowest(motion, joint, up)
+            if lowest is not None:
+                result[:, column] = heights[:, column] - lowest
+        return result
+
+    def thickness(self, ankle: int, sole: Sole) -> float:
+        """Return how far the skin of a foot that stands flat is below the lowest of its joints [file units]; 0 where
+        there is none.
+        """
+        own = self.body.skeleton.subtree(ankle)
+        if self.mesh is not None:
+            points = self.mesh.vertices[np.isin(_carriers(self.mesh), own)] @ sole.normal
+        else:
+            on = np.isin(self.capsules.joints, own)
+            points = (self._rest_ends[on] @ sole.normal - self.capsules.radii[on]).ravel()
+        rest = self.body.skeleton.rest_positions[ankle] @ sole.normal - sole.ankle
+        return float(rest - points.min()) if len(points) else 0.0
+
+    @property
+    def _rest_ends(self) -> Array:
+        """(capsules, 2, 3), the ends of the capsules while no joint is turned."""
+        return np.asarray(self.capsules.ends + self.body.skeleton.rest_positions[self.capsules.joints, None])
+
+    def _lowest(self, motion: Motion, joint: int, up: Array) -> Array | None:
+        """(frames,), the height of the lowest skin about a joint; None where there is none."""
+        near, t, radii = self._capsules_about(joint)
+        if not len(near):
+            return None
+        if self.mesh is not None:
+            vertices = self._vertices_about(self.mesh, joint, AROUND * radii.max())
+            if len(vertices):
+                blocks = (motion[block] for block in blocks_of(len(motion)))
+                return np.concatenate([(self.mesh.posed(each, vertices) @ up).min(axis=1) for each in blocks])
+        ends = self.capsules.ends[near]
+        centres = (1.0 - t)[:, None] * ends[:, 0] + t[:, None] * ends[:, 1]
+        balls = replace(self.capsules, joints=self.capsules.joints[near], ends=np.stack([centres, centres], axis=1))
+        return np.asarray((balls.posed(motion)[:, :, 0] @ up - radii).min(axis=1))
+
+    def _capsules_about(self, joint: int) -> tuple[Numbers, Array, Array]:
+        """The capsules of a joint's segment and of its neighbours' that hold the joint or nearly, where on the axis of
+        each the joint is, 0 to 1, and the radius there [file units]; (capsules,) each.
+        """
+        skeleton, ends = self.body.skeleton, self._rest_ends
+        bone = ends[:, 1] - ends[:, 0]
+        off = skeleton.rest_positions[joint] - ends[:, 0]
+        square = (bone**2).sum(axis=1)
+        t = np.clip(np.divide((off * bone).sum(axis=1), square, out=np.zeros(len(bone)), where=square > 0.0), 0.0, 1.0)
+        radii = (1.0 - t) * self.capsules.radii[:, 0] + t * self.capsules.radii[:, 1]
+        near = lengths(off - t[:, None] * bone) < AROUND * radii
+        near &= np.isin(self.capsules.segments, self._segments_about(joint))
+        return np.flatnonzero(near), t[near], radii[near]
+
+    def _segments_about(self, joint: int) -> Numbers:
+        """The segments of a joint, its parent and its children."""
+        skeleton = self.body.skeleton
+        around = self.segments[[joint, max(skeleton.parents.item(joint), 0), *skeleton.children[joint]]]
+        return np.asarray(np.unique(around[around >= 0]))
+
+    def _vertices_about(self, mesh: SkinnedMesh, joint: int, reach: float) -> Numbers:
+        """The vertices that stand for the skin nearer to a joint than `reach`."""
+        carriers, away = _carriers(mesh), mesh.vertices - self.body.skeleton.rest_positions[joint]
+        near = np.isin(self.segments[carriers], self._segments_about(joint)) & (lengths(away) < reach)
+        own = [np.flatnonzero(near & (carriers == each)) for each in np.unique(carriers[near])]
+        outermost = [each[np.unique((away[each] @ _directions().T).argmax(axis=0))] for each in own]
+        return np.concatenate([np.zeros(0, np.intp), *outermost])
+
+
+@dataclass(frozen=True, eq=False)
+class Undersides:
+    """The undersides of source and target."""
+
+    source: Underside
+    target: Underside
+
+    @classmethod
+    def of(cls, matching: Matching, skins: Skins | None, mesh: SkinnedMesh | None) -> Undersides | None:
+        """Return the undersides of a source and its target, with the target's mesh if it has one; None where nothing is
+        known of the skin of either.
+        """
+        if skins is None or skins.assumed:
+            return None
+        source = Underside.of(matching.source, skins.source.capsules)
+        return cls(source, Underside.of(matching.target, skins.target.capsules, mesh))
+
+
+def _carriers(mesh: SkinnedMesh) -> Numbers:
+    """(vertices,), the joint that moves each vertex most."""
+    return np.asarray(np.take_along_axis(mesh.joints, mesh.weights.argmax(axis=1)[:, None], axis=1)[:, 0])
+
+
+def _directions() -> Array:
+    """(directions, 3), unit vectors all around, on a spiral (Swinbank and Purser 2006)."""
+    z = 1.0 - (2.0 * np.arange(DIRECTIONS) + 1.0) / DIRECTIONS
+    turn = np.pi * (1.0 + np.sqrt(5.0)) * np.arange(DIRECTIONS)
+    return normalised(np.stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z], axis=1))
