@@ -61,9 +61,9 @@ def with_skin(clip: Clip, skins: Skins, posed: Motion, supports: Supports, setti
     gaps = segment_gaps(balls, ends, FARTHEST)
     in_source = segment_gaps(source.balls, median_of_three(source.posed(clip.source)), APART)
     in_source = _of_pairs(in_source, source.balls.pairs, balls.pairs)
-    soft = _softness(balls, in_source, skins.assumed)
+    soft = _softness(balls, in_source)
     firmness = _firmness(clip, body, in_source, supports, settings)
-    wanted = gaps + firmness * ((in_source if skins.assumed else np.maximum(in_source, 0.0)) - gaps)
+    wanted = gaps + firmness * (np.maximum(in_source, 0.0) - gaps)
     acts = ((gaps + soft < -LITTLE) | (np.abs(wanted - gaps) > LITTLE)).any(axis=1)
     if not acts.any():
         return posed
@@ -139,14 +139,14 @@ def _places() -> Numbers:
     return place
 
 
-def _softness(balls: Balls, in_source: Array, assumed: bool) -> Array:
+def _softness(balls: Balls, in_source: Array) -> Array:
     """(frames, pairs), how far segments may overlap [body units]: as far as their flesh gives way, and as far as the
-    source's do; but not hands and forearms, unless both skins are `assumed`: then what sinks in is the assumption.
+    source's do; but hands and forearms do not.
     """
     flesh = np.array([next((by for part, by in SOFT.items() if part in name), 0.0) for name in SEGMENTS])
     limbs, parts = balls.pairs.T
     hard = np.array(["hand" in SEGMENTS[limb] or "forearm" in SEGMENTS[limb] for limb in limbs], bool)
-    as_source = np.where(hard & (not assumed), 0.0, -in_source)
+    as_source = np.where(hard, 0.0, -in_source)
     return np.asarray(np.maximum(np.where(hard, HARD * flesh[parts], flesh[limbs] + flesh[parts]), as_source))
 
 

@@ -83,7 +83,7 @@ def displacements(
         found, room = np.zeros((MOST_MEETINGS, 3), np.intp), np.zeros((4, 3))
         seen = np.zeros(MOST_MEETINGS), np.zeros((len(balls.pairs), *result.shape[1:]))
         arrays = limbs, free, acts, gaps, soft, wanted, firmness
-        constraints = tuple(each[frames] for each in arrays)
+        constraints = tuple(np.ascontiguousarray(each[frames]) for each in arrays)
         _write_displacements(
             balls, displaced, posed[frames], constraints, before[frames], given, found, seen, room, result[frames]
         )
