@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
@@ -13,18 +16,19 @@ from distretarget.body.soles import Sole
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import heights_of
-from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.vectors import lengths, normalised
 from distretarget.objectives.skins import Skins
-from distretarget.skin.capsules import Capsules
+from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.mesh import SkinnedMesh
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Numbers = NDArray[np.intp]
+HeightOf = Callable[[Array, Numbers, Array], Array]
 
 AROUND = 1.5  # a joint rests on the skin that is nearer to it than this [its radius there]
-DIRECTIONS = 60  # in each of which the outermost vertex about a joint stands for its skin
+BEYOND = 4.0  # ... and the last joint of a finger on that nearer than this [its radius there]
+DIRECTIONS = 30  # in each of which the outermost vertex about a joint stands for its skin
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +50,9 @@ class Underside:
         there is none.
         """
         heights, result = heights_of(motion.positions, joints, up), np.zeros((len(motion), len(joints)))
+        height_of = _heights_in(motion, self.body.skeleton.rest_positions, up)
         for column, joint in enumerate(joints.tolist()):
-            lowest = self._lowest(motion, joint, up)
+            lowest = self._lowest(joint, height_of)
             if lowest is not None:
                 result[:, column] = heights[:, column] - lowest
         return result
@@ -70,20 +75,21 @@ class Underside:
         """(capsules, 2, 3), the ends of the capsules while no joint is turned."""
         return np.asarray(self.capsules.ends + self.body.skeleton.rest_positions[self.capsules.joints, None])
 
-    def _lowest(self, motion: Motion, joint: int, up: Array) -> Array | None:
+    def _lowest(self, joint: int, height_of: HeightOf) -> Array | None:
         """(frames,), the height of the lowest skin about a joint; None where there is none."""
         near, t, radii = self._capsules_about(joint)
         if not len(near):
             return None
         if self.mesh is not None:
-            vertices = self._vertices_about(self.mesh, joint, AROUND * radii.max())
+            vertices = self._vertices_about(self.mesh, joint, (BEYOND if self._is_tip(joint) else AROUND) * radii.max())
             if len(vertices):
-                blocks = (motion[block] for block in blocks_of(len(motion)))
-                return np.concatenate([(self.mesh.posed(each, vertices) @ up).min(axis=1) for each in blocks])
-        ends = self.capsules.ends[near]
+                mesh = self.mesh
+                heights = height_of(mesh.vertices[vertices], mesh.joints[vertices], mesh.weights[vertices])
+                return np.asarray(heights.min(axis=1))
+        ends = self._rest_ends[near]
         centres = (1.0 - t)[:, None] * ends[:, 0] + t[:, None] * ends[:, 1]
-        balls = replace(self.capsules, joints=self.capsules.joints[near], ends=np.stack([centres, centres], axis=1))
-        return np.asarray((balls.posed(motion)[:, :, 0] @ up - radii).min(axis=1))
+        on = self.capsules.joints[near][:, None]
+        return np.asarray((height_of(centres, on, np.ones(on.shape)) - radii).min(axis=1))
 
     def _capsules_about(self, joint: int) -> tuple[Numbers, Array, Array]:
         """The capsules of a joint's segment and of its neighbours' that hold the joint or nearly, where on the axis of
@@ -98,6 +104,11 @@ class Underside:
         near = lengths(off - t[:, None] * bone) < AROUND * radii
         near &= np.isin(self.capsules.segments, self._segments_about(joint))
         return np.flatnonzero(near), t[near], radii[near]
+
+    def _is_tip(self, joint: int) -> bool:
+        """Whether a joint is the last of a hand or finger, which has skin beyond it."""
+        name = SEGMENTS[self.segments[joint]] if self.segments[joint] >= 0 else ""
+        return not self.body.skeleton.children[joint] and name.endswith("hand")
 
     def _segments_about(self, joint: int) -> Numbers:
         """The segments of a joint, its parent and its children."""
@@ -124,12 +135,36 @@ class Undersides:
     @classmethod
     def of(cls, matching: Matching, skins: Skins | None, mesh: SkinnedMesh | None) -> Undersides | None:
         """Return the undersides of a source and its target, with the target's mesh if it has one; None where nothing is
-        known of the skin of either.
+        known of the target's skin.
         """
-        if skins is None or skins.assumed:
+        if skins is None:
             return None
         source = Underside.of(matching.source, skins.source.capsules)
         return cls(source, Underside.of(matching.target, skins.target.capsules, mesh))
+
+
+def _heights_in(motion: Motion, rest: Array, up: Array) -> HeightOf:
+    """Return the function that gives the heights of points in each frame of a motion, (frames, points), from their
+    places while no joint is turned, (points, 3), and the joints that move them with their weights, (points, n) each.
+
+    With joints at x, turned by R, at `rest` before: sum of w (x + R (point - rest)) . up, which is linear in x . up and
+    R^T up.
+    """
+
+    @cache
+    def pose(joint: int) -> Array:
+        """(frames, 4), R^T up of a joint and x . up."""
+        turned = Rotation.from_quat(motion.world_rotations_of(joint)).inv().apply(up)
+        return np.column_stack([turned, motion.positions[:, joint] @ up])
+
+    def height_of(points: Array, joints: Numbers, weights: Array) -> Array:
+        heights = np.zeros((len(motion), len(points)))
+        for joint in np.unique(joints[weights > 0.0]).tolist():
+            share = np.where(joints == joint, weights, 0.0).sum(axis=1)
+            heights += pose(joint) @ (share * np.column_stack([points - rest[joint], np.ones(len(points))]).T)
+        return heights
+
+    return height_of
 
 
 def _carriers(mesh: SkinnedMesh) -> Numbers:

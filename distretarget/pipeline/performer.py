@@ -119,7 +119,7 @@ class Performer:
             if resting := find_resting_joints(clip, feet, options.environment, undersides):
                 clip = clip.raised(root_shift(clip, feet, resting))
                 supports = with_resting_joints(clip, feet, resting)
-            supports = replace(supports, floor=find_floor(clip, supports.weights))
+            supports = replace(supports, floor=find_floor(clip, supports.weights, undersides))
         if options.supports == "free":
             settings = replace(settings, foot_lock=0.0)
         return replace(self, clip=clip, supports=supports, settings=settings)
