@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from distretarget.body.resting import REST_HEIGHT
 from distretarget.ik.articulation import Scratch
 from distretarget.ik.springs import NEGLIGIBLE, Springs
+from distretarget.matching.undersides import Undersides
 from distretarget.numerics.compiled import inlined
 from distretarget.numerics.kinematics import heights_of
 from distretarget.numerics.time_series import largest
 from distretarget.objectives.clip import Clip
-from distretarget.objectives.undersides import Underside, Undersides
 
 Array = NDArray[np.float64]
 
@@ -73,19 +73,11 @@ def find_floor(clip: Clip, weights: Array, undersides: Undersides | None = None)
     near = ((over < NEAR_FLOOR * leg) & (weight[:, None] > 0.0)).any(axis=0)
     free = near & (np.arange(len(joints)) >= len(clip.limb_joints))
     if undersides is not None and free.any():
-        lowest[:, free] += _reaches(clip, joints[free], undersides.target)
+        lowest[:, free] += undersides.target.below(clip.copy, joints[free], up) - undersides.soles[1]
     joints, lowest = joints[near], lowest[:, near]
     _, region, count = np.unique(clip.regions.of_joint[joints], return_inverse=True, return_counts=True)
     stiffness = STIFFNESS * weight[:, None] / count[region]
     return Floor(joints, np.ascontiguousarray(lowest / clip.unit), stiffness, up)
-
-
-def _reaches(clip: Clip, joints: NDArray[np.intp], skin: Underside) -> Array:
-    """(frames, joints), how much farther the skin of joints reaches below them than that of a foot that stands flat
-    reaches below its lowest joint [target file units].
-    """
-    soles = np.mean([skin.thickness(pair.target.ankle, pair.target_sole) for pair in clip.legs])
-    return np.asarray(skin.below(clip.copy, joints, clip.up) - soles)
 
 
 @inlined(fastmath=True)

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from distretarget.body.anatomy import TRUNK_REGIONS
 from distretarget.body.resting import REST_HEIGHT, REST_SPEED, joint_speeds, still_joints
+from distretarget.matching.undersides import Undersides
 from distretarget.numerics.kinematics import heights_of
 from distretarget.numerics.time_series import (
     by_shot,
@@ -35,7 +36,6 @@ from distretarget.numerics.time_series import (
 from distretarget.numerics.vectors import lengths, level
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.supports import BLEND, RESTS, ROOT_BLEND, Supports
-from distretarget.objectives.undersides import Undersides
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -206,13 +206,12 @@ def _rises(clip: Clip, feet: Supports, undersides: Undersides, targets: Joints, 
     their skin up to the floor, or down to the gap of the source's, on average over each rest; 0 if not on the floor.
     """
     scale, up, sources = clip.scale.height, clip.up, clip.drivers[targets]
-    soles = [undersides.source.thickness(pair.source.ankle, pair.source_sole) for pair in clip.legs]
-    own_soles = [undersides.target.thickness(pair.target.ankle, pair.target_sole) for pair in clip.legs]
+    sole, own_sole = undersides.soles
     heights = heights_of(clip.source.positions, sources, up)
     below = undersides.source.below(clip.source, sources, up)
-    floor = _skin_floor(clip, feet, float(np.mean(soles)), heights - below, rests)
+    floor = _skin_floor(clip, feet, sole, heights - below, rests)
     gaps = np.maximum(scale * (heights - below - floor), 0.0)
-    own_floor = scale * (floor + np.mean(soles)) - np.mean(own_soles)
+    own_floor = scale * (floor + sole) - own_sole
     own_gaps = scale * heights - undersides.target.below(clip.copy, targets, up) - own_floor
     rises = np.zeros_like(gaps)
     for column in range(len(targets)):

@@ -17,7 +17,6 @@ from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import heights_of
 from distretarget.numerics.vectors import lengths, normalised
-from distretarget.objectives.skins import Skins
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.mesh import SkinnedMesh
 
@@ -28,7 +27,7 @@ HeightOf = Callable[[Array, Numbers, Array], Array]
 
 AROUND = 1.5  # a joint rests on the skin that is nearer to it than this [its radius there]
 BEYOND = 4.0  # ... and the last joint of a finger on that nearer than this [its radius there]
-DIRECTIONS = 30  # in each of which the outermost vertex about a joint stands for its skin
+DIRECTIONS = 60  # in each of which the outermost vertex about a joint stands for its skin
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,9 +119,8 @@ class Underside:
         """The vertices that stand for the skin nearer to a joint than `reach`."""
         carriers, away = _carriers(mesh), mesh.vertices - self.body.skeleton.rest_positions[joint]
         near = np.isin(self.segments[carriers], self._segments_about(joint)) & (lengths(away) < reach)
-        own = [np.flatnonzero(near & (carriers == each)) for each in np.unique(carriers[near])]
-        outermost = [each[np.unique((away[each] @ _directions().T).argmax(axis=0))] for each in own]
-        return np.concatenate([np.zeros(0, np.intp), *outermost])
+        own = np.flatnonzero(near)
+        return own[np.unique((away[own] @ _directions().T).argmax(axis=0))] if len(own) else own
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,16 +129,21 @@ class Undersides:
 
     source: Underside
     target: Underside
+    # how far the skin of each reaches below the lowest joint of a foot that stands flat, the mean of both feet [file
+    # units]; 0 without legs
+    soles: tuple[float, float]
 
     @classmethod
-    def of(cls, matching: Matching, skins: Skins | None, mesh: SkinnedMesh | None) -> Undersides | None:
-        """Return the undersides of a source and its target, with the target's mesh if it has one; None where nothing is
-        known of the target's skin.
+    def of(cls, matching: Matching, capsules: tuple[Capsules, Capsules], mesh: SkinnedMesh | None) -> Undersides:
+        """Return the undersides of a source and its target, with these capsules, and with the target's mesh if it has
+        one.
         """
-        if skins is None:
-            return None
-        source = Underside.of(matching.source, skins.source.capsules)
-        return cls(source, Underside.of(matching.target, skins.target.capsules, mesh))
+        source = Underside.of(matching.source, capsules[0])
+        target = Underside.of(matching.target, capsules[1], mesh)
+        feet = [*zip(*matching.legs, matching.soles, strict=True)] if matching.legs else []
+        thick = [[source.thickness(a.ankle, x), target.thickness(b.ankle, y)] for a, b, (x, y) in feet]
+        mean, mean_of_target = np.mean(thick or np.zeros((1, 2)), axis=0).tolist()
+        return cls(source, target, (mean, mean_of_target))
 
 
 def _heights_in(motion: Motion, rest: Array, up: Array) -> HeightOf:
@@ -158,11 +161,11 @@ def _heights_in(motion: Motion, rest: Array, up: Array) -> HeightOf:
         return np.column_stack([turned, motion.positions[:, joint] @ up])
 
     def height_of(points: Array, joints: Numbers, weights: Array) -> Array:
-        heights = np.zeros((len(motion), len(points)))
-        for joint in np.unique(joints[weights > 0.0]).tolist():
-            share = np.where(joints == joint, weights, 0.0).sum(axis=1)
-            heights += pose(joint) @ (share * np.column_stack([points - rest[joint], np.ones(len(points))]).T)
-        return heights
+        moving = np.unique(joints[weights > 0.0]).tolist()
+        shares = [np.where(joints == joint, weights, 0.0).sum(axis=1) for joint in moving]
+        bound = [np.column_stack([points - rest[joint], np.ones(len(points))]) for joint in moving]
+        linear = np.concatenate([share * each.T for share, each in zip(shares, bound, strict=True)])
+        return np.asarray(np.concatenate([pose(joint) for joint in moving], axis=1) @ linear)
 
     return height_of
 
