@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.ik.poses import Chunk, chunks_of
 from distretarget.motion import Motion
-from distretarget.numerics.parallel import blocks_of
+from distretarget.numerics.parallel import blocks_of, in_threads
 from distretarget.numerics.time_series import averaged, by_shot, median_of_three, smoothstep, widened
 from distretarget.numerics.vectors import lengths, normalised
 from distretarget.objectives.clip import Clip
@@ -24,7 +25,7 @@ from distretarget.objectives.settings import ContactSettings
 from distretarget.objectives.skins import BodySkin, Skins
 from distretarget.objectives.supports import Supports
 from distretarget.skin.balls import Balls, segment_gaps
-from distretarget.skin.capsules import SEGMENTS
+from distretarget.skin.capsules import PLACE, SEGMENTS
 from distretarget.skin.displacement import displacements
 from distretarget.skin.limbs import bent
 
@@ -35,26 +36,32 @@ Numbers = NDArray[np.intp]
 FARTHEST = 0.06  # parts that are farther apart than this have nothing to do with each other [body units]
 TOUCH, APART = 0.01, 0.04  # parts touch up to the first gap, and from the second on they do not [body units]
 MARGIN = 0.01  # only what is less than this farther than the nearest touches [body units]
-LEAD = 0.16  # a limb leaves its way over twice this time before it would sink in [s]
+LEAD = 0.12  # a limb leaves its way over twice this time before it would sink in [s]
 SETTLE = (0.2, 0.05)  # brought out again, displacements are averaged over these times before and after [s]
 
 LITTLE = 1e-4  # overlaps and changes of less than this do not count [body units]
 # How far flesh gives way, and capsules, which hold nearly all of a part's skin, stand off from it [body units].
-SOFT = {"upper arm": 0.01, "thigh": 0.01, "belly": 0.01, "pelvis": 0.01}
-HARD = 0.5  # hands and forearms press in by this share of the flesh of what they touch
-
-# Segments that are one place to be touched: what is meant for one of them is meant for all.
-PLACES = (
-    ("head", "neck"),
-    ("chest", "belly", "pelvis", "left thigh", "right thigh"),
-    ("left shin", "right shin", "left foot", "right foot"),
-    ("left hand", "left forearm", "left upper arm"),
-    ("right hand", "right forearm", "right upper arm"),
-)
+SOFT = {"upper arm": 0.03, "thigh": 0.01, "belly": 0.01, "pelvis": 0.01}
+HARD = 0.2  # hands and forearms press in by this share of the flesh of what they touch
 
 
 def with_skin(clip: Clip, skins: Skins, posed: Motion, supports: Supports, settings: ContactSettings) -> Motion:
     """Return the motion of a target with its limbs bent as its skin asks; `posed` is the motion before."""
+    margin = round((4.0 * LEAD + sum(SETTLE)) / clip.frame_time) + 2
+    chunks = chunks_of(len(clip), margin)
+    posed.positions  # noqa: B018 - once for all chunks
+
+    def displaced(chunk: Chunk) -> Array:
+        around = chunk.context
+        d = _displaced(clip[around], skins, posed[around], supports[around], settings)
+        return d[chunk.frames.start - around.start : chunk.frames.stop - around.start]
+
+    d = np.concatenate([*in_threads(displaced, chunks)])
+    return bent(posed, skins.target.limbs, skins.target.unit * d)
+
+
+def _displaced(clip: Clip, skins: Skins, posed: Motion, supports: Supports, settings: ContactSettings) -> Array:
+    """How far middle and end of each limb are displaced, (frames, limbs, 2, 3) [body units]."""
     body, source = skins.target, skins.source
     balls = body.balls
     ends = median_of_three(body.posed(posed))  # ignores a single faulty frame
@@ -66,7 +73,7 @@ def with_skin(clip: Clip, skins: Skins, posed: Motion, supports: Supports, setti
     wanted = gaps + firmness * (np.maximum(in_source, 0.0) - gaps)
     acts = ((gaps + soft < -LITTLE) | (np.abs(wanted - gaps) > LITTLE)).any(axis=1)
     if not acts.any():
-        return posed
+        return np.zeros((len(clip), len(body.limbs), 2, 3))
     limbs = median_of_three(np.stack([posed.positions[:, [*limb.joints]] for limb in body.limbs], axis=1)) / body.unit
     free = _free(clip, body, supports, settings)
     given: tuple[Any, ...] = ends, limbs, free, acts, gaps, soft
@@ -85,7 +92,7 @@ def with_skin(clip: Clip, skins: Skins, posed: Motion, supports: Supports, setti
     for time in SETTLE:
         out = find(*given, wanted, np.zeros_like(firmness), led)
         led = over_time(partial(averaged, reach=max(round(time / clip.frame_time), 1)), out)
-    return bent(posed, body.limbs, body.unit * led)
+    return np.asarray(led)
 
 
 def _firmness(clip: Clip, body: BodySkin, in_source: Array, supports: Supports, settings: ContactSettings) -> Array:
@@ -123,20 +130,12 @@ def _nearest(balls: Balls, gaps: Array) -> Array:
     """(frames, pairs), 1 for the pair with the least gap of all pairs of a limb and one place, 0 for pairs whose gap is
     larger by `MARGIN` and more.
     """
-    place = _places()[balls.pairs[:, 1]]
+    place = PLACE[balls.pairs[:, 1]]
     nearest = np.empty_like(gaps)
     for limb, where in {*zip(balls.pairs[:, 0].tolist(), place.tolist(), strict=True)}:
         on = (balls.pairs[:, 0] == limb) & (place == where)
         nearest[:, on] = gaps[:, on].min(axis=1)[:, None]
     return 1.0 - smoothstep((gaps - nearest) / MARGIN)
-
-
-def _places() -> Numbers:
-    """(segments + 1,), the number of the place that each segment belongs to; -1 for the last, which is none."""
-    place = np.full(len(SEGMENTS) + 1, -1)
-    for number, names in enumerate(PLACES):
-        place[[SEGMENTS.index(name) for name in names]] = number
-    return place
 
 
 def _softness(balls: Balls, in_source: Array) -> Array:
@@ -170,7 +169,7 @@ def _meant(clip: Clip, body: BodySkin, touching: Array, supports: Supports, sett
     pair of the first segment and of the place that the second belongs to. Only blocks of frames in which any pair is
     `touching`, (frames, pairs), count, and of the hands' joints only wrists and what is farthest from them.
     """
-    place, pairs, targets = _places(), body.balls.pairs, clip.distances.targets
+    pairs, targets = body.balls.pairs, clip.distances.targets
     of_point = body.of_joint[targets]
     chosen = np.ones(len(targets), bool)
     for segment in (number for number, name in enumerate(SEGMENTS) if "hand" in name):
@@ -186,7 +185,7 @@ def _meant(clip: Clip, body: BodySkin, touching: Array, supports: Supports, sett
         of_u, of_v = of_point[near.u], of_point[near.v]
         for column in np.flatnonzero(touching[block].any(axis=0)):
             limb, other = pairs[column]
-            on = ((of_u == limb) & (place[of_v] == place[other])) | ((of_v == limb) & (place[of_u] == place[other]))
+            on = ((of_u == limb) & (PLACE[of_v] == PLACE[other])) | ((of_v == limb) & (PLACE[of_u] == PLACE[other]))
             if on.any():
                 meant[block, column] = near.f[:, on].max(axis=1)
     return meant
