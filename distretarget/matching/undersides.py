@@ -16,6 +16,7 @@ from distretarget.body.soles import Sole
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import heights_of
+from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.vectors import lengths, normalised
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.mesh import SkinnedMesh
@@ -23,7 +24,7 @@ from distretarget.skin.mesh import SkinnedMesh
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Numbers = NDArray[np.intp]
-HeightOf = Callable[[Array, Numbers, Array], Array]
+LowestOf = Callable[[Array, Numbers, Array, Array], Array]
 
 AROUND = 1.5  # a joint rests on the skin that is nearer to it than this [its radius there]
 BEYOND = 4.0  # ... and the last joint of a finger on that nearer than this [its radius there]
@@ -49,9 +50,9 @@ class Underside:
         there is none.
         """
         heights, result = heights_of(motion.positions, joints, up), np.zeros((len(motion), len(joints)))
-        height_of = _heights_in(motion, self.body.skeleton.rest_positions, up)
+        lowest_of = _lowest_in(motion, self.body.skeleton.rest_positions, up)
         for column, joint in enumerate(joints.tolist()):
-            lowest = self._lowest(joint, height_of)
+            lowest = self._lowest(joint, lowest_of)
             if lowest is not None:
                 result[:, column] = heights[:, column] - lowest
         return result
@@ -74,7 +75,7 @@ class Underside:
         """(capsules, 2, 3), the ends of the capsules while no joint is turned."""
         return np.asarray(self.capsules.ends + self.body.skeleton.rest_positions[self.capsules.joints, None])
 
-    def _lowest(self, joint: int, height_of: HeightOf) -> Array | None:
+    def _lowest(self, joint: int, lowest_of: LowestOf) -> Array | None:
         """(frames,), the height of the lowest skin about a joint; None where there is none."""
         near, t, radii = self._capsules_about(joint)
         if not len(near):
@@ -83,12 +84,12 @@ class Underside:
             vertices = self._vertices_about(self.mesh, joint, (BEYOND if self._is_tip(joint) else AROUND) * radii.max())
             if len(vertices):
                 mesh = self.mesh
-                heights = height_of(mesh.vertices[vertices], mesh.joints[vertices], mesh.weights[vertices])
-                return np.asarray(heights.min(axis=1))
+                none = np.zeros(len(vertices))
+                return lowest_of(mesh.vertices[vertices], mesh.joints[vertices], mesh.weights[vertices], none)
         ends = self._rest_ends[near]
         centres = (1.0 - t)[:, None] * ends[:, 0] + t[:, None] * ends[:, 1]
         on = self.capsules.joints[near][:, None]
-        return np.asarray((height_of(centres, on, np.ones(on.shape)) - radii).min(axis=1))
+        return lowest_of(centres, on, np.ones(on.shape), radii)
 
     def _capsules_about(self, joint: int) -> tuple[Numbers, Array, Array]:
         """The capsules of a joint's segment and of its neighbours' that hold the joint or nearly, where on the axis of
@@ -146,9 +147,10 @@ class Undersides:
         return cls(source, target, (mean, mean_of_target))
 
 
-def _heights_in(motion: Motion, rest: Array, up: Array) -> HeightOf:
-    """Return the function that gives the heights of points in each frame of a motion, (frames, points), from their
-    places while no joint is turned, (points, 3), and the joints that move them with their weights, (points, n) each.
+def _lowest_in(motion: Motion, rest: Array, up: Array) -> LowestOf:
+    """Return the function that gives the height of the lowest of some balls in each frame of a motion, (frames,), from
+    their centres while no joint is turned, (balls, 3), the joints that move them with their weights, (balls, n) each,
+    and their radii, (balls,).
 
     With joints at x, turned by R, at `rest` before: sum of w (x + R (point - rest)) . up, which is linear in x . up and
     R^T up.
@@ -160,14 +162,17 @@ def _heights_in(motion: Motion, rest: Array, up: Array) -> HeightOf:
         turned = Rotation.from_quat(motion.world_rotations_of(joint)).inv().apply(up)
         return np.column_stack([turned, motion.positions[:, joint] @ up])
 
-    def height_of(points: Array, joints: Numbers, weights: Array) -> Array:
+    def lowest_of(points: Array, joints: Numbers, weights: Array, radii: Array) -> Array:
         moving = np.unique(joints[weights > 0.0]).tolist()
         shares = [np.where(joints == joint, weights, 0.0).sum(axis=1) for joint in moving]
         bound = [np.column_stack([points - rest[joint], np.ones(len(points))]) for joint in moving]
         linear = np.concatenate([share * each.T for share, each in zip(shares, bound, strict=True)])
-        return np.asarray(np.concatenate([pose(joint) for joint in moving], axis=1) @ linear)
+        poses, lowest = np.concatenate([pose(joint) for joint in moving], axis=1), np.empty(len(motion))
+        for block in blocks_of(len(motion)):
+            lowest[block] = (poses[block] @ linear - radii).min(axis=1)
+        return lowest
 
-    return height_of
+    return lowest_of
 
 
 def _carriers(mesh: SkinnedMesh) -> Numbers:
