@@ -17,6 +17,7 @@ from distretarget.errors import MotionError
 from distretarget.ik.poses import Poses
 from distretarget.ik.rigid_parts import LEAST_TURN, fit_rotations, posed_motion
 from distretarget.matching.matching import Matching, match
+from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import extent
 from distretarget.objectives.clip import Clip
@@ -45,6 +46,12 @@ class Match:
     matching: Matching  # which source joint drives which target joint
     skins: Skins | None = None  # their surfaces; None for stick figures
     mesh: SkinnedMesh | None = None  # of the target; None where its thickness is not that of a mesh
+
+    @property
+    def undersides(self) -> Undersides | None:
+        """What source and target rest on; None for stick figures."""
+        capsules = self.skins and (self.skins.source.capsules, self.skins.target.capsules)
+        return Undersides.of(self.matching, capsules, self.mesh) if capsules else None
 
     def performer(self, scale: RootScale, options: Options = DEFAULT_OPTIONS) -> Performer:
         """Return the performer at a scale, without supports.
@@ -110,14 +117,15 @@ class Performer:
 
     def with_supports(self, options: Options, settings: ContactSettings) -> Performer:
         """Return the performer with the supports found in the source, and with its root moved to suit them."""
+        undersides = self.match.undersides
         feet = find_foot_lock(self.clip)
         clip = self.clip.raised(np.outer(hips_rise(self.clip, feet), self.clip.up))
         supports = feet
         if options.supports == "hold":
-            if resting := find_resting_joints(clip, feet, options.environment):
+            if resting := find_resting_joints(clip, feet, options.environment, undersides):
                 clip = clip.raised(root_shift(clip, feet, resting))
                 supports = with_resting_joints(clip, feet, resting)
-            supports = replace(supports, floor=find_floor(clip, supports.weights))
+            supports = replace(supports, floor=find_floor(clip, supports.weights, undersides))
         if options.supports == "free":
             settings = replace(settings, foot_lock=0.0)
         return replace(self, clip=clip, supports=supports, settings=settings)
