@@ -1,0 +1,196 @@
+"""Skin of performers who share a world: limbs leave the other bodies, and what touches in the source lies on them.
+
+Here all performers are one body with many limbs, in one unit, so that limbs that meet give way alike; their own parts
+stay apart as well. As for a single performer, displacements lead in time (`objectives.skin`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from distretarget.ik.poses import Poses
+from distretarget.ik.springs import Springs
+from distretarget.motion import Motion
+from distretarget.numerics.time_series import median_of_three
+from distretarget.objectives.skin import (
+    APART,
+    FARTHEST,
+    LITTLE,
+    how_free,
+    how_touching,
+    led,
+    limb_places,
+    of_pairs,
+    places_of,
+    softness,
+)
+from distretarget.objectives.skins import BodySkin, Skins
+from distretarget.pipeline.performer import Performer
+from distretarget.scene.performer_contacts import PerformerContacts
+from distretarget.scene.sweeps import SceneContacts
+from distretarget.skin.balls import ARM_PARTS, LEG_PARTS, NEVER, Balls, segment_gaps
+from distretarget.skin.capsules import SEGMENTS
+from distretarget.skin.displacement import Displaced
+from distretarget.skin.limbs import bent
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Numbers = NDArray[np.intp]
+Both = tuple[int, int]
+
+COUNT = len(SEGMENTS)  # segment s of body i has the number i * COUNT + s
+# Segments of the same rank, not 0, give way to each other, and one of a lower rank to none of a higher.
+RANK = np.array([2 * any(p in name for p in ARM_PARTS) or int(any(p in name for p in LEG_PARTS)) for name in SEGMENTS])
+
+
+def with_skins(contacts: SceneContacts, poses: Sequence[Poses]) -> list[Motion]:
+    """Return the performers' motions with limbs bent as their own skins ask, and where the thickness of one of two
+    performers is known, as the other's skin asks.
+    """
+    performers = contacts.performers
+    posed = [one.posed(pose) for one, pose in zip(performers, poses, strict=True)]
+    held = zip(performers, contacts.springs(posed, posed), posed, strict=True)
+    posed = [_drawn(one, drawn).with_own_skin(now) for one, drawn, now in held]
+    skins = {number: one.match.skins for number, one in enumerate(performers)}
+    known = {number: each for number, each in skins.items() if each}
+    met = [(i, j) for i, j in contacts.between if {i, j} <= {*known} and not (known[i].assumed and known[j].assumed)]
+    numbers = sorted({each for both in met for each in both})
+    if not numbers:
+        return posed
+    to_props = contacts.springs_to_props(posed)
+    chosen = [
+        replace(performers[i], supports=replace(performers[i].supports, scene_springs=to_props[i])) for i in numbers
+    ]
+    between = {(numbers.index(i), numbers.index(j)): contacts.between[i, j] for i, j in met}
+    moved = _apart(chosen, [known[i] for i in numbers], between, [posed[i] for i in numbers])
+    return [moved[numbers.index(i)] if i in numbers else now for i, now in enumerate(posed)]
+
+
+def _drawn(one: Performer, springs: Springs) -> Performer:
+    """The performer with springs to what it touches: there its own skin does not move it."""
+    return replace(one, supports=replace(one.supports, scene_springs=springs))
+
+
+def _apart(
+    performers: Sequence[Performer],
+    skins: Sequence[Skins],
+    between: Mapping[Both, PerformerContacts],
+    posed: Sequence[Motion],
+) -> list[Motion]:
+    """The motions of performers with their skins apart, and touching as in the source."""
+    bodies, sources = Bodies([each.target for each in skins], between), Bodies([each.source for each in skins], between)
+    balls, ends = bodies.balls, bodies.posed(posed)
+    one, other = (balls.pairs // COUNT).T
+    kinds, own = balls.pairs % COUNT, one == other
+    in_source = segment_gaps(sources.balls, sources.posed([each.clip.source for each in performers]), APART)
+    in_source = of_pairs(in_source, sources.balls.pairs, balls.pairs)
+    gaps = segment_gaps(balls, ends, FARTHEST)
+    soft = softness(kinds, in_source, own & np.array([each.assumed for each in skins])[one])
+    touching = how_touching(kinds[:, 0], places_of(kinds[:, 1]) + COUNT * (other + len(skins) * one), in_source)
+    firmness = np.where(own, 0.0, touching) * _meant(skins, between, balls.pairs, np.where(own, 0.0, touching))
+    wanted = gaps + firmness * (np.maximum(in_source, 0.0) - gaps)
+    acts = (((gaps + soft < -LITTLE) & ~own) | (np.abs(wanted - gaps) > LITTLE)).any(axis=1)
+    if not acts.any():
+        return list(posed)
+    limbs, free = [], []
+    for performer, body, now in zip(performers, bodies.skins, posed, strict=True):
+        limbs.append(limb_places(body, now) * (body.unit / bodies.unit))
+        free.append(how_free(performer.clip, body, performer.supports, performer.settings))
+    given = ends, np.concatenate(limbs, axis=1), np.concatenate(free, axis=1), acts, gaps, soft, wanted, firmness
+    clip = performers[0].clip
+    shots = np.sum([each.clip.shots for each in performers], axis=0)  # a new shot at the cuts of any performer
+    moves = bodies.unit * led(balls, bodies.displaced, given, shots, clip.frame_time)
+    parts = np.split(moves, np.cumsum([len(body.limbs) for body in bodies.skins])[:-1], axis=1)
+    return [bent(now, body.limbs, part) for now, body, part in zip(posed, bodies.skins, parts, strict=True)]
+
+
+def _meant(skins: Sequence[Skins], between: Mapping[Both, PerformerContacts], pairs: Numbers, touching: Array) -> Array:
+    """(frames, pairs), how much each pair of segments is meant to touch, 0 to 1: the largest activation of a contact of
+    the first segment and of the place that the second belongs to.
+    """
+    meant = np.zeros_like(touching)
+    for column in np.flatnonzero(touching.any(axis=0)):
+        (i, limb), (j, part) = (divmod(int(each), COUNT) for each in pairs[column])
+        near = between[min(i, j), max(i, j)]
+        of_limb, of_part = near.joints[:: 1 if i < j else -1]
+        place = places_of(skins[j].target.of_joint[of_part])
+        on = (skins[i].target.of_joint[of_limb] == limb) & (place == places_of(np.array(part)))
+        np.maximum.at(meant[:, column], near.frames[on], near.f[on])
+    return meant
+
+
+class Bodies:
+    """Several bodies as one: with the balls, capsules and limbs of all, in their mean body unit.
+
+    Attributes:
+        skins: of each body.
+        unit: the mean of their body units [file units].
+        balls: of all bodies, with the pairs of each and those of the bodies that can meet.
+        displaced: how they move with the limbs of all bodies.
+    """
+
+    def __init__(self, skins: Sequence[BodySkin], between: Iterable[Both]) -> None:
+        self.skins = skins
+        self.unit = float(np.mean([skin.unit for skin in skins]))
+        own = [skin.balls for skin in skins]
+        scales = [skin.unit / self.unit for skin in skins]
+        balls, capsules, limbs = (
+            np.cumsum([0, *map(len, lists)])
+            for lists in ([b.carriers for b in own], [b.joints for b in own], [skin.limbs for skin in skins])
+        )
+        pairs = [b.pairs + i * COUNT for i, b in enumerate(own)]
+        pairs += [_pairs_between(own, *both) for i, j in between for both in ((i, j), (j, i))]
+        spare = np.zeros((balls[-1], capsules[-1]))
+        for i, (b, scale) in enumerate(zip(own, scales, strict=True)):
+            rows, columns = slice(balls[i], balls[i + 1]), slice(capsules[i], capsules[i + 1])
+            spare[rows][(b.spare == NEVER).all(axis=1)] = NEVER
+            spare[rows, columns] = np.where(b.spare == NEVER, NEVER, scale * b.spare)
+        self.balls = Balls(
+            carriers=np.concatenate([b.carriers + first for b, first in zip(own, capsules, strict=False)]),
+            places=np.concatenate([b.places for b in own]),
+            radii=np.concatenate([scale * b.radii for b, scale in zip(own, scales, strict=True)]),
+            joints=np.concatenate([b.joints for b in own]),
+            cap_radii=np.concatenate([scale * b.cap_radii for b, scale in zip(own, scales, strict=True)]),
+            reaches=np.concatenate([scale * b.reaches for b, scale in zip(own, scales, strict=True)]),
+            of_ball=_starts([b.of_ball for b in own], balls),
+            of_capsule=_starts([b.of_capsule for b in own], capsules),
+            pairs=np.concatenate(pairs),
+            spare=spare,
+        )
+        moved = [skin.displaced for skin in skins]
+        self.displaced = Displaced(
+            of_ball=np.concatenate([_shifted(m.of_ball, by) for m, by in zip(moved, limbs, strict=False)]),
+            ball_shares=np.concatenate([m.ball_shares for m in moved]),
+            of_end=np.concatenate([_shifted(m.of_end, by) for m, by in zip(moved, limbs, strict=False)]),
+            end_shares=np.concatenate([m.end_shares for m in moved]),
+            mutual=np.equal(*RANK[self.balls.pairs % COUNT].T),
+        )
+
+    def posed(self, motions: Sequence[Motion]) -> Array:
+        """(frames, capsules, 2, 3), the ends of all capsules in each frame [mean body units]."""
+        ends = [skin.unit / self.unit * skin.posed(motion) for skin, motion in zip(self.skins, motions, strict=True)]
+        return median_of_three(np.concatenate(ends, axis=1))
+
+
+def _pairs_between(own: Sequence[Balls], i: int, j: int) -> Numbers:
+    """(pairs, 2), the segments of limbs of body i that can touch those of body j: two arms or two legs count once, and
+    of an arm and a leg the arm gives way.
+    """
+    limbs, parts = np.flatnonzero(np.diff(own[i].of_ball)), np.flatnonzero(np.diff(own[j].of_capsule))
+    pairs = [(a, b) for a in limbs for b in parts if RANK[a] > RANK[b] or (RANK[a] == RANK[b] > 0 and i < j)]
+    return np.asarray(np.array(pairs, np.intp).reshape(-1, 2) + COUNT * np.array([i, j]))
+
+
+def _starts(numbers: Iterable[Numbers], firsts: Numbers) -> Numbers:
+    """Joined lists of where segments begin, the last of each being its end."""
+    starts = [own[:-1] + first for own, first in zip(numbers, firsts, strict=False)]
+    return np.asarray(np.concatenate([*starts, firsts[-1:]]))
+
+
+def _shifted(limbs: Numbers, by: int) -> Numbers:
+    """The numbers of limbs, plus `by`; -1, which is none, stays."""
+    return np.asarray(np.where(limbs < 0, limbs, limbs + by))
