@@ -201,13 +201,13 @@ def test_a_vrm_0_looks_ahead_in_every_file(tmp_path):
     """As GLB in its own world, to -Z; as BVH to +Z; and from there back again, alone and merged."""
     source = as_vrm0(character(BONES.turned(LOOKING_BACK), axes=ROLLED)).write(tmp_path / "hero.vrm")
     for out in ("walk.vrm", "walk.bvh"):
-        done(WALK_FILE, source, "-o", tmp_path / out)
+        done(WALK_FILE, source, "-o", tmp_path / out, "--skin", "none")
     own, bvh = read_motion(tmp_path / "walk.vrm"), read_motion(tmp_path / "walk.bvh")
     assert own.root_positions[-1, 2] < own.root_positions[0, 2]
     assert bvh.positions * [-1, 1, -1] == pytest.approx(own.positions, abs=1e-5)
-    done(tmp_path / "walk.bvh", source, "-o", tmp_path / "again.vrm")
+    done(tmp_path / "walk.bvh", source, "-o", tmp_path / "again.vrm", "--skin", "none")
     assert read_motion(tmp_path / "again.vrm").positions == pytest.approx(own.positions, abs=1e-4)
-    done("batch", WALK_FILE, source, "-o", tmp_path / "all.vrm", "--merge", "--jobs", "1")
+    done("batch", WALK_FILE, source, "-o", tmp_path / "all.vrm", "--merge", "--jobs", "1", "--skin", "none")
     assert read_motion(tmp_path / "all.vrm").positions == pytest.approx(own.positions, abs=1e-4)
 
 

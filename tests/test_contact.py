@@ -77,7 +77,7 @@ def test_hands_that_meet_leave_the_legs_alone():
 
 
 def test_the_left_and_the_right_of_a_symmetric_motion_do_the_same():
-    positions = retarget(clapping(CLAP), lengthened(PERSON, {"Wrist": 1.5})).motion.positions
+    positions = retarget(clapping(CLAP), lengthened(PERSON, {"Wrist": 1.5}), Options(skin="none")).motion.positions
     left, right = (
         positions[:, [PERSON.index(side + "Elbow"), wrist]]
         for side, wrist in zip(("Left", "Right"), WRISTS, strict=True)

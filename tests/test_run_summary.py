@@ -35,6 +35,11 @@ def compared(result, motion):
     return Reference(result.source, result.matching, result.world.up_vector).compare(motion)
 
 
+def without_skin(figures):
+    """The figures that need no thickness of the bodies."""
+    return {key: value for key, value in figures.items() if not key.startswith("skin_")}
+
+
 def refuse(constant):
     raise AssertionError(f"{constant} is no JSON")
 
@@ -62,7 +67,7 @@ def test_the_figures_of_the_clip_stand_beside_those_of_the_rotation_copy():
     ):
         of_run = result.run_tracks if side == "result" else NOT_RUN
         tracks = {**compared(result, motion).tracks, "stress": Track(stress), **of_run}
-        assert values[side] == clip_figures(tracks)
+        assert without_skin(values[side]) == without_skin(clip_figures(tracks))
         assert values[side]["stress"] == stress.mean()
     assert values["source"] == clip_figures(compared(result, result.motion).source_tracks)
     assert set(values["source"]) == OF_SOURCE

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from bodies import clapping, lengthened, person
 
-from distretarget import retarget
+from distretarget import Options, retarget
 from distretarget.errors import SettingsError
 from distretarget.objectives.settings import ContactSettings
 
 DEFAULT = ContactSettings()
+BONES_ALONE = Options(skin="none")
 
 
 def test_settings_survive_pickling():
@@ -37,10 +38,12 @@ def test_values_without_meaning_are_refused_in_one_line(change, place):
 
 def test_the_settings_given_are_those_that_count():
     source, body = clapping(np.ones(6)), lengthened(person(), {"Wrist": 1.5})
-    nothing = retarget(source, body, settings=replace(DEFAULT, strength=0.0, foot_lock=0.0))
+    nothing = retarget(source, body, BONES_ALONE, settings=replace(DEFAULT, strength=0.0, foot_lock=0.0))
     np.testing.assert_allclose(nothing.motion.world_rotations, nothing.rotation_copy.world_rotations, atol=1e-12)
     stiff, soft = (
-        retarget(source, body, settings=replace(DEFAULT, strength=strength)).figures["result"]["contact_error"]
+        retarget(source, body, BONES_ALONE, settings=replace(DEFAULT, strength=strength)).figures["result"][
+            "contact_error"
+        ]
         for strength in (2.0, 0.002)
     )
     assert stiff < 0.5 * soft
@@ -52,6 +55,6 @@ def test_a_contact_sets_in_twice_the_blend_before_it(blend):
     frame_time, meet = 0.02, 100
     source = clapping(np.clip((np.arange(150) - meet + 8) / 8, 0.0, 1.0), str(frame_time))
     settings = replace(DEFAULT, blend=blend, foot_lock=0.0)
-    result = retarget(source, lengthened(person(), {"Wrist": 1.5}), settings=settings)
+    result = retarget(source, lengthened(person(), {"Wrist": 1.5}), BONES_ALONE, settings=settings)
     off = np.abs(result.motion.positions - result.rotation_copy.positions).max(axis=(1, 2)) > 1e-6
     assert np.argmax(off) * frame_time == pytest.approx(meet * frame_time - 2 * blend, abs=0.1)

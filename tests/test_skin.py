@@ -82,6 +82,16 @@ def test_the_share_inside_is_that_of_the_vertices():
     np.testing.assert_allclose(measured(skin, motion).inside, share, atol=2.5)
 
 
+@pytest.mark.parametrize(("depth", "inside"), [(0.06, False), (1.0, True)])
+def test_a_hand_that_lies_on_the_skin_is_not_inside(depth, inside):
+    motion, (_, capsules) = bending(), round_body()
+    depths = 100 / BODY.height * known_depths(motion)
+    at = int(np.flatnonzero(depths > 1)[0])
+    capsules.radii[0] -= (depths[at] - depth) * BODY.height / 100  # the belly, so that the hand is as deep as wanted
+    found = measured(find_skin(BODY, capsules), motion[at : at + 1])
+    assert (found.inside[0] > 0) == inside
+
+
 def test_nothing_is_inside_in_the_bind_pose_and_what_is_does_not_count():
     mesh, capsules = round_body()
     thick = replace(capsules, radii=np.array([[1.0, 1.0], [HAND, HAND], [HAND, HAND]]))
@@ -106,7 +116,7 @@ def test_another_mesh_of_the_same_body_measures_the_same():
         measured(find_skin(BODY, no_capsules(), round_body(rings=rings)[0]), bending()) for rings in (40, 16)
     )
     np.testing.assert_allclose(fine.deepest, coarse.deepest, atol=0.4)
-    np.testing.assert_allclose(fine.inside, coarse.inside, atol=3)
+    np.testing.assert_allclose(fine.inside, coarse.inside, atol=5)
 
 
 @pytest.mark.parametrize("inside_out", [0.0, 0.5, 1.0])
@@ -200,12 +210,13 @@ def test_two_hands_touch_each_other_once_each():
 
 def test_a_run_onto_a_character_has_the_figures_of_skin():
     target = load_target(SAMPLES.parent / "sample_characters" / "hero.glb")
-    source = read_bvh(SAMPLES / "hands_on_hips.bvh")[::8]
-    run = retarget(source, target)
-    assert run.figures["rotation_copy"]["skin_depth"] > 1
-    assert run.figures["result"]["skin_depth"] < 1
-    assert run.figures["result"]["skin_gap"] < run.figures["rotation_copy"]["skin_gap"]
-    assert "sinks up to" in run.verdict or "skin stays outside" in run.verdict
+    run = retarget(read_bvh(SAMPLES / "hands_on_hips.bvh")[60:200], target)
+    copied, result = run.figures["rotation_copy"], run.figures["result"]
+    assert copied["skin_depth"] > 1
+    assert copied["skin_frames"] > 50
+    assert result["skin_depth"] < 1
+    assert result["skin_gap"] < 2
+    assert "stays outside" in run.verdict or "sinks up to" in run.verdict
     assert replace(run, mesh=None).figures["result"]["skin_depth"] < 1  # by the capsules
     assert replace(run, skins=None).figures["result"]["skin_depth"] is None
 
@@ -220,7 +231,8 @@ def test_winding_numbers_of_the_mesh_agree():
     of_hips = mesh.triangles[(mesh.joints[mesh.triangles[:, 0], 0] == ROLES["hips"])]
     hands = np.flatnonzero(mesh.joints[:, 0] != ROLES["hips"])
     posed = mesh.posed(motion)
-    share = [100 * (igl.winding_number(each, of_hips, each[hands]) > 0.5).mean() for each in posed]
+    share = np.array([100 * (igl.winding_number(each, of_hips, each[hands]) > 0.5).mean() for each in posed])
     found = measured(skin, motion).inside
     np.testing.assert_allclose(found, share, atol=2.5)
-    assert ((found > 1) == (np.array(share) > 1)).all()
+    assert (found[share > 3] > 1).all()
+    np.testing.assert_array_equal(found[share == 0], 0)

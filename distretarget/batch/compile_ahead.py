@@ -13,10 +13,15 @@ from distretarget.io.bvh_writer import format_bvh
 from distretarget.io.json_node import without_collection
 from distretarget.measure.skin import find_skin, find_source_skin
 from distretarget.motion import Motion
+from distretarget.numerics.time_series import median_of_three
+from distretarget.objectives.skins import BodySkin
 from distretarget.pipeline.options import Objective, Options
 from distretarget.pipeline.retargeting import retarget
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
+from distretarget.skin.balls import segment_gaps
 from distretarget.skin.capsules import SEGMENTS, Capsules
+from distretarget.skin.displacement import displacements
+from distretarget.skin.limbs import Limb, bent
 
 ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")
 JOINTS = 6  # enough for a pair of joints so far apart along the tree that the solver keeps it as a contact
@@ -49,8 +54,19 @@ def _measure_skin(source: Motion) -> None:
     """Run what only bodies with a skin need."""
     body, segments = Body.of_motion(source), [SEGMENTS.index(name) for name in ("pelvis", "left hand")]
     ends, radii = np.zeros((2, 2, 3)), np.ones((2, 2))
-    skin = find_skin(body, Capsules(np.array([0, JOINTS - 1]), ends, radii, np.array(segments)))
+    capsules = Capsules(np.array([0, JOINTS - 1]), ends, radii, np.array(segments))
+    skin = find_skin(body, capsules)
     find_source_skin(source, body, axis_vector("Y"), skin, skin).in_result(source)
+    _keep_apart(BodySkin.of(body, capsules), source)
+
+
+def _keep_apart(body: BodySkin, motion: Motion) -> None:
+    """Run what keeps the skin of a body apart."""
+    ends, frames = median_of_three(body.posed(motion)), len(motion)
+    gaps, some = segment_gaps(body.balls, ends, 1.0), np.zeros((frames, 1, 2, 3))
+    limbs, free, acts = np.zeros((frames, 1, 3, 3)), np.ones((frames, 1, 2)), np.ones(frames, bool)
+    displacements(body.balls, body.displaced, 1.0, ends, limbs, free, acts, gaps, gaps, gaps, gaps, some)
+    bent(motion, (Limb(1, 2, 3),), some + 0.1)
 
 
 def _run_for_legs(source: Motion) -> None:

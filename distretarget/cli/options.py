@@ -174,12 +174,12 @@ OPTIONS = (
     ENVIRONMENT_OPTION,
     click.option(
         "--skin",
-        metavar="[auto|none|FILE]",
+        metavar="[auto|average|none|FILE]",
         default="auto",
         show_default=True,
         help="How thick TARGET is, so that skin touches and does not sink in. auto: as its mesh or the radii in its "
-        "file show, else as an average adult. none: not at all; distances count from joint to joint. FILE: as the "
-        "character in this file, of any size and with any names.",
+        "file show; a TARGET with neither has no thickness. average: as an average adult. none: not at all; distances "
+        "count from joint to joint. FILE: as the character in this file, of any size and with any names.",
     ),
     click.option(
         "--source-skin",
@@ -230,7 +230,7 @@ def retargeting(command: Callable[..., None]) -> Callable[..., None]:
     """
 
     def with_options(skin: str, source_skin: Path | None, **given: Any) -> None:
-        given["skin"] = "none" if skin == "none" else "auto"
+        given["skin"] = skin if skin in CHOICES["skin"] else "auto"
         skins = SkinFiles(source_skin, None if skin in CHOICES["skin"] else Path(skin))
         if skin == "none" and source_skin:
             raise click.UsageError("--skin none leaves out all thickness; leave out --source-skin.")

@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
 
 TOUCHING = 1.0  # skins nearer than this in the source touch [% of height]
+GRAZING = 0.1  # points that are less deep than this lie on the skin [% of height]
 VISIBLE = 1.0  # in frames with more than this inside, skin is inside [% of the vertices]
 OWN_ARM = ("hand", "forearm", "upper arm")
 BESIDE_ARM = ("chest", "belly", "pelvis", "thigh", "shin")  # a hanging arm is near these, which is no contact
@@ -65,11 +66,9 @@ def find_skin(body: Body, capsules: Capsules, mesh: SkinnedMesh | None = None) -
 
     Points that are inside in the bind pose are left out.
     """
-    if mesh is None:
-        points, solid = points_of_capsules(capsules), capsules
-    else:
-        points, solid = _of_mesh(mesh, body.skeleton, tuple(find_segments(body).of_joint.tolist()))
-    return _skin(points, solid, body.skeleton.rest_positions, body.height)
+    if mesh is not None:
+        return _of_mesh(mesh, body.skeleton, tuple(find_segments(body).of_joint.tolist()), body.height)
+    return _skin(points_of_capsules(capsules), capsules, body.skeleton.rest_positions, body.height)
 
 
 def no_skin() -> Skin:
@@ -78,10 +77,11 @@ def no_skin() -> Skin:
 
 
 @lru_cache(maxsize=2)
-def _of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: tuple[int, ...]) -> tuple[SkinPoints, Capsules]:
-    """Points and balls of a mesh, cached for a batch of clips with the same target."""
+def _of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: tuple[int, ...], height: float) -> Skin:
+    """The skin of a mesh, cached for a batch of clips with the same target."""
     of_joint = np.array(segments, np.intp)
-    return points_of_mesh(mesh, skeleton, of_joint), inner_balls(mesh, skeleton, of_joint)
+    points, balls = points_of_mesh(mesh, skeleton, of_joint), inner_balls(mesh, skeleton, of_joint)
+    return _skin(points, balls, skeleton.rest_positions, height)
 
 
 def _skin(points: SkinPoints, solid: Capsules, rest: Array, height: float) -> Skin:
@@ -190,7 +190,8 @@ def find_source_skin(source: Motion, body: Body, up: Array, skin: Skin, target: 
 
 def _depths(skin: Skin, motion: Motion, frames: slice, reach: Array) -> tuple[Array, Array]:
     """The depths of `find_depths`, where two limbs meet those of the first of the two, and the vertices inside."""
-    found, limbs = find_depths(skin.patches, skin.clusters, motion, frames, reach), len(LIMBS)
+    grazing, limbs = GRAZING / 100.0 * skin.height, len(LIMBS)
+    found = find_depths(skin.patches, skin.clusters, motion, frames, reach, grazing)
     between = found.depths[:, :, :limbs]
     between[:] = np.maximum(between, between.transpose(0, 2, 1))
     return found.depths, found.inside.sum(axis=1)

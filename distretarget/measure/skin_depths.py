@@ -31,9 +31,11 @@ class Depths:
     inside: Array
 
 
-def find_depths(patches: Patches, clusters: Clusters, motion: Motion, frames: slice, reach: Array) -> Depths:
+def find_depths(
+    patches: Patches, clusters: Clusters, motion: Motion, frames: slice, reach: Array, grazing: float = 0.0
+) -> Depths:
     """Return where points are in some frames; `reach`, (frames or 1, limbs, segments), is how far from a segment to
-    look [file units], negative infinity for not at all.
+    look [file units], negative infinity for not at all. Points that are no deeper than `grazing` are not inside.
     """
     positions, points = np.ascontiguousarray(motion.positions[frames]), patches.points
     depths = np.array(np.broadcast_to(-reach, (len(positions), len(LIMBS), len(SEGMENTS))))
@@ -44,7 +46,7 @@ def find_depths(patches: Patches, clusters: Clusters, motion: Motion, frames: sl
     fixed = positions, motion.world_rotations_in(frames), *of_points, *of_body
     near, placed = np.empty((4, len(clusters.balls)), np.intp), np.empty((len(clusters.balls), 4))
     scratch = near, placed, np.empty((len(patches.balls) + 2, 4))
-    given: list[Any] = [*(read_only(np.ascontiguousarray(each)) for each in fixed), *scratch, depths, inside]
+    given: list[Any] = [*(read_only(np.ascontiguousarray(each)) for each in fixed), grazing, *scratch, depths, inside]
     _find(*given)
     return Depths(np.where(depths == np.inf, -np.inf, depths), inside)
 
@@ -156,6 +158,7 @@ def _find(  # type: ignore[no-untyped-def]
     first,
     balls,
     capsules,
+    grazing,
     near,
     placed,
     placed_patches,
@@ -220,7 +223,7 @@ def _find(  # type: ignore[no-untyped-def]
                             continue
                         i, j, k = _relative(x[joint], q[joint], a, b, c)
                         deepest = _depth(capsules, first[cluster], first[cluster + 1], deepest, i, j, k)
-                        if deepest > 0.0:
+                        if deepest > grazing:
                             is_inside = True
                         if deepest > deepest_of[segment]:
                             deepest_of[segment] = deepest

@@ -61,9 +61,9 @@ def with_skin(clip: Clip, skins: Skins, posed: Motion, supports: Supports, setti
     gaps = segment_gaps(balls, ends, FARTHEST)
     in_source = segment_gaps(source.balls, median_of_three(source.posed(clip.source)), APART)
     in_source = of_pairs(in_source, source.balls.pairs, balls.pairs)
-    soft = softness(balls.pairs, in_source, skins.assumed)
+    soft = softness(balls.pairs, in_source)
     firmness = _firmness(clip, body, in_source, supports, settings)
-    wanted = gaps + firmness * ((in_source if skins.assumed else np.maximum(in_source, 0.0)) - gaps)
+    wanted = gaps + firmness * (np.maximum(in_source, 0.0) - gaps)
     acts = ((gaps + soft < -LITTLE) | (np.abs(wanted - gaps) > LITTLE)).any(axis=1)
     if not acts.any():
         return posed
@@ -78,15 +78,22 @@ def limb_places(body: BodySkin, posed: Motion) -> Array:
     return median_of_three(posed.positions[:, joints]) / body.unit
 
 
-def led(balls: Balls, displaced: Displaced, given: tuple[Any, ...], shots: Shots, frame_time: float) -> Array:
+def led(
+    balls: Balls,
+    displaced: Displaced,
+    given: tuple[Any, ...],
+    shots: Shots,
+    frame_time: float,
+    reach: float = FARTHEST,
+) -> Array:
     """Return displacements, (frames, limbs, 2, 3), that begin before they are needed and end after.
 
-    `given` are the arguments of `displacements` from `posed` to `firmness`.
+    `given` are the arguments of `displacements` from `posed` to `firmness`; `reach` is its own.
     """
     *geometry, wanted, firmness = given
 
     def find(*of_shot: Any) -> Array:
-        return displacements(balls, displaced, *of_shot)
+        return displacements(balls, displaced, reach, *of_shot)
 
     def over_time(change: Callable[[Array], Array], values: Array) -> Array:
         return by_shot(change, shots, values.reshape(len(values), -1)).reshape(values.shape)
@@ -158,14 +165,14 @@ def places_of(segments: Numbers) -> Numbers:
     return place[segments]
 
 
-def softness(pairs: Numbers, in_source: Array, assumed: bool | Flags) -> Array:
+def softness(pairs: Numbers, in_source: Array) -> Array:
     """(frames, pairs), how far segments may overlap [body units]: as far as their flesh gives way, and as far as the
-    source's do; but not hands and forearms, unless both skins are `assumed`: then what sinks in is the assumption.
+    source's do; but hands and forearms do not.
     """
     flesh = np.array([next((by for part, by in SOFT.items() if part in name), 0.0) for name in SEGMENTS])
     limbs, parts = pairs.T
     hard = np.array(["hand" in SEGMENTS[limb] or "forearm" in SEGMENTS[limb] for limb in limbs], bool)
-    as_source = np.where(hard & np.logical_not(assumed), 0.0, -in_source)
+    as_source = np.where(hard, 0.0, -in_source)
     return np.asarray(np.maximum(np.where(hard, HARD * flesh[parts], flesh[limbs] + flesh[parts]), as_source))
 
 

@@ -90,11 +90,10 @@ class Skins:
 
     source: BodySkin
     target: BodySkin
-    assumed: bool  # whether both are those of an average adult, since nothing is known of either
 
     @classmethod
-    def of(cls, matching: Matching, source: Capsules, target: Capsules, *, assumed: bool) -> Skins | None:
+    def of(cls, matching: Matching, source: Capsules, target: Capsules) -> Skins | None:
         """Return the skins of a source and its target; None where a body has no capsules."""
         if not len(source) or not len(target):
             return None
-        return cls(BodySkin.of(matching.source, source), BodySkin.of(matching.target, target), assumed)
+        return cls(BodySkin.of(matching.source, source), BodySkin.of(matching.target, target))

@@ -13,7 +13,7 @@ from distretarget.skeleton import AXES, LARGEST, SMALLEST
 
 Objective = Literal["contact", "paper"]
 HoldMode = Literal["hold", "feet", "free"]
-SkinMode = Literal["auto", "none"]
+SkinMode = Literal["auto", "average", "none"]
 OBJECTIVES: tuple[Objective, ...] = get_args(Objective)
 CHOICES: dict[str, tuple[str | None, ...]] = {
     "objective": OBJECTIVES,
@@ -40,8 +40,9 @@ class Options:
         environment: where rails, walls, rungs and other still objects are in the target's world, apart from the floor:
             "body", where the target's limbs meet them on average; "scaled", where they are in the source, scaled like
             the root's path.
-        skin: whether bodies have a thickness: "auto", that of their meshes, of radii in their files, or of an average
-            adult; "none", they are stick figures. The paper's objective has no such term.
+        skin: how thick the target is, so that skin touches and does not sink in: "auto", as its mesh or the radii in
+            its file show; "average", as an average adult; "none", not at all, as a target with neither mesh nor radii:
+            distances count from joint to joint. The paper's objective has no such term.
         root_scale: target units per source unit of the root's path; the ratio of leg lengths if not given.
         source_up: the up axis of the source's file ("Y", "-Z", ...); detected if not given (`world`).
         target_up: the up axis of the target's file.

@@ -74,23 +74,28 @@ def match_performer(
     world = find_world(of_source, of_target, **ups, root_offset=options.root_offset)
     pairs = {**goal.map, **(joint_map or {})}
     matching = match(world.to_target_axes(of_source), of_target.with_up(world.up), pairs)
-    if options.skin == "none" or options.objective == "paper":
-        return Match(world, matching)
-    as_source = isinstance(target, SkeletonEdit) and builds.target is None
-    worn = builds.source if as_source else builds.target
-    surface = target_capsules(goal, of_target) if worn is None else worn.on(of_target)
-    assumed = worn is None and builds.source is None and not goal.is_measured
-    source_surface = (builds.source or average_adult()).on(matching.source)
-    skins = Skins.of(matching, source_surface, surface, assumed=assumed)
-    return Match(world, matching, skins, goal.mesh() if worn is None else None)
+    skins = None if options.objective == "paper" else _find_skins(matching, goal, target, options, builds)
+    return Match(world, matching, skins, goal.mesh() if skins and not builds.target else None)
+
+
+def _find_skins(matching: Matching, goal: Target, given: object, options: Options, builds: Builds) -> Skins | None:
+    """The skins of a source and its target, `given` as it is or as another length of bones; None where the target's
+    thickness is not known and not to be an average one.
+    """
+    build = builds.source if isinstance(given, SkeletonEdit) and not builds.target else builds.target
+    build = average_adult() if options.skin == "average" else build
+    if options.skin == "none" or not (build or goal.is_measured):
+        return None
+    target = build.on(matching.target) if build else target_capsules(goal)
+    return Skins.of(matching, (builds.source or average_adult()).on(matching.source), target)
 
 
 @lru_cache(maxsize=1)
-def target_capsules(target: Target, body: Body | None = None) -> Capsules:
-    """Return the capsules of a target, whose body may be given."""
+def target_capsules(target: Target) -> Capsules:
+    """Return the capsules of a target, from its mesh or radii, or of an average adult."""
     if target.capsules is not None:
         return target.capsules
-    return capsules_of(body or Body.of(target.skeleton, target.motion), target.mesh(), target.radii)
+    return capsules_of(Body.of(target.skeleton, target.motion), target.mesh(), target.radii)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,9 @@ stay apart as well. As for a single performer, displacements lead in time (`obje
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +16,9 @@ from numpy.typing import NDArray
 from distretarget.ik.poses import Poses
 from distretarget.ik.springs import Springs
 from distretarget.motion import Motion
-from distretarget.numerics.time_series import median_of_three
+from distretarget.numerics.time_series import median_of_three, smoothstep
 from distretarget.objectives.skin import (
     APART,
-    FARTHEST,
     LITTLE,
     how_free,
     how_touching,
@@ -30,7 +30,6 @@ from distretarget.objectives.skin import (
 )
 from distretarget.objectives.skins import BodySkin, Skins
 from distretarget.pipeline.performer import Performer
-from distretarget.scene.performer_contacts import PerformerContacts
 from distretarget.scene.sweeps import SceneContacts
 from distretarget.skin.balls import ARM_PARTS, LEG_PARTS, NEVER, Balls, segment_gaps
 from distretarget.skin.capsules import SEGMENTS
@@ -40,33 +39,28 @@ from distretarget.skin.limbs import bent
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Numbers = NDArray[np.intp]
-Both = tuple[int, int]
 
 COUNT = len(SEGMENTS)  # segment s of body i has the number i * COUNT + s
+FARTHEST = 0.3  # hands are not drawn to what is farther than this; fully from three quarters of it on [body units]
+
+IS_HAND = np.array(["hand" in name for name in SEGMENTS])
 # Segments of the same rank, not 0, give way to each other, and one of a lower rank to none of a higher.
 RANK = np.array([2 * any(p in name for p in ARM_PARTS) or int(any(p in name for p in LEG_PARTS)) for name in SEGMENTS])
 
 
 def with_skins(contacts: SceneContacts, poses: Sequence[Poses]) -> list[Motion]:
-    """Return the performers' motions with limbs bent as their own skins ask, and where the thickness of one of two
-    performers is known, as the other's skin asks.
-    """
+    """Return the performers' motions with limbs bent as their own skins ask, and those of the others."""
     performers = contacts.performers
     posed = [one.posed(pose) for one, pose in zip(performers, poses, strict=True)]
     held = zip(performers, contacts.springs(posed, posed), posed, strict=True)
     posed = [_drawn(one, drawn).with_own_skin(now) for one, drawn, now in held]
-    skins = {number: one.match.skins for number, one in enumerate(performers)}
-    known = {number: each for number, each in skins.items() if each}
-    met = [(i, j) for i, j in contacts.between if {i, j} <= {*known} and not (known[i].assumed and known[j].assumed)]
-    numbers = sorted({each for both in met for each in both})
-    if not numbers:
+    known = {number: one.match.skins for number, one in enumerate(performers) if one.match.skins}
+    numbers = [*known]
+    if len(numbers) < 2:
         return posed
     to_props = contacts.springs_to_props(posed)
-    chosen = [
-        replace(performers[i], supports=replace(performers[i].supports, scene_springs=to_props[i])) for i in numbers
-    ]
-    between = {(numbers.index(i), numbers.index(j)): contacts.between[i, j] for i, j in met}
-    moved = _apart(chosen, [known[i] for i in numbers], between, [posed[i] for i in numbers])
+    chosen = [_drawn(performers[i], to_props[i]) for i in numbers]
+    moved = _apart(chosen, [*known.values()], [posed[i] for i in numbers])
     return [moved[numbers.index(i)] if i in numbers else now for i, now in enumerate(posed)]
 
 
@@ -75,23 +69,19 @@ def _drawn(one: Performer, springs: Springs) -> Performer:
     return replace(one, supports=replace(one.supports, scene_springs=springs))
 
 
-def _apart(
-    performers: Sequence[Performer],
-    skins: Sequence[Skins],
-    between: Mapping[Both, PerformerContacts],
-    posed: Sequence[Motion],
-) -> list[Motion]:
-    """The motions of performers with their skins apart, and touching as in the source."""
-    bodies, sources = Bodies([each.target for each in skins], between), Bodies([each.source for each in skins], between)
+def _apart(performers: Sequence[Performer], skins: Sequence[Skins], posed: Sequence[Motion]) -> list[Motion]:
+    """The motions of performers with their skins apart, and hands touching others as in the source."""
+    bodies, sources = Bodies([each.target for each in skins]), Bodies([each.source for each in skins])
     balls, ends = bodies.balls, bodies.posed(posed)
     one, other = (balls.pairs // COUNT).T
     kinds, own = balls.pairs % COUNT, one == other
     in_source = segment_gaps(sources.balls, sources.posed([each.clip.source for each in performers]), APART)
     in_source = of_pairs(in_source, sources.balls.pairs, balls.pairs)
     gaps = segment_gaps(balls, ends, FARTHEST)
-    soft = softness(kinds, in_source, own & np.array([each.assumed for each in skins])[one])
-    touching = how_touching(kinds[:, 0], places_of(kinds[:, 1]) + COUNT * (other + len(skins) * one), in_source)
-    firmness = np.where(own, 0.0, touching) * _meant(skins, between, balls.pairs, np.where(own, 0.0, touching))
+    soft = softness(kinds, in_source)
+    places = places_of(kinds[:, 1]) + COUNT * (other + len(skins) * one)
+    touches = ~own & IS_HAND[kinds].any(axis=1)
+    firmness = touches * how_touching(kinds[:, 0], places, in_source) * smoothstep(4.0 * (1.0 - gaps / FARTHEST))
     wanted = gaps + firmness * (np.maximum(in_source, 0.0) - gaps)
     acts = (((gaps + soft < -LITTLE) & ~own) | (np.abs(wanted - gaps) > LITTLE)).any(axis=1)
     if not acts.any():
@@ -103,24 +93,9 @@ def _apart(
     given = ends, np.concatenate(limbs, axis=1), np.concatenate(free, axis=1), acts, gaps, soft, wanted, firmness
     clip = performers[0].clip
     shots = np.sum([each.clip.shots for each in performers], axis=0)  # a new shot at the cuts of any performer
-    moves = bodies.unit * led(balls, bodies.displaced, given, shots, clip.frame_time)
+    moves = bodies.unit * led(balls, bodies.displaced, given, shots, clip.frame_time, FARTHEST)
     parts = np.split(moves, np.cumsum([len(body.limbs) for body in bodies.skins])[:-1], axis=1)
     return [bent(now, body.limbs, part) for now, body, part in zip(posed, bodies.skins, parts, strict=True)]
-
-
-def _meant(skins: Sequence[Skins], between: Mapping[Both, PerformerContacts], pairs: Numbers, touching: Array) -> Array:
-    """(frames, pairs), how much each pair of segments is meant to touch, 0 to 1: the largest activation of a contact of
-    the first segment and of the place that the second belongs to.
-    """
-    meant = np.zeros_like(touching)
-    for column in np.flatnonzero(touching.any(axis=0)):
-        (i, limb), (j, part) = (divmod(int(each), COUNT) for each in pairs[column])
-        near = between[min(i, j), max(i, j)]
-        of_limb, of_part = near.joints[:: 1 if i < j else -1]
-        place = places_of(skins[j].target.of_joint[of_part])
-        on = (skins[i].target.of_joint[of_limb] == limb) & (place == places_of(np.array(part)))
-        np.maximum.at(meant[:, column], near.frames[on], near.f[on])
-    return meant
 
 
 class Bodies:
@@ -129,11 +104,11 @@ class Bodies:
     Attributes:
         skins: of each body.
         unit: the mean of their body units [file units].
-        balls: of all bodies, with the pairs of each and those of the bodies that can meet.
+        balls: of all bodies, with the pairs of each and those of any two.
         displaced: how they move with the limbs of all bodies.
     """
 
-    def __init__(self, skins: Sequence[BodySkin], between: Iterable[Both]) -> None:
+    def __init__(self, skins: Sequence[BodySkin]) -> None:
         self.skins = skins
         self.unit = float(np.mean([skin.unit for skin in skins]))
         own = [skin.balls for skin in skins]
@@ -143,7 +118,7 @@ class Bodies:
             for lists in ([b.carriers for b in own], [b.joints for b in own], [skin.limbs for skin in skins])
         )
         pairs = [b.pairs + i * COUNT for i, b in enumerate(own)]
-        pairs += [_pairs_between(own, *both) for i, j in between for both in ((i, j), (j, i))]
+        pairs += [_pairs_between(own, *both) for both in permutations(range(len(own)), 2)]
         spare = np.zeros((balls[-1], capsules[-1]))
         for i, (b, scale) in enumerate(zip(own, scales, strict=True)):
             rows, columns = slice(balls[i], balls[i + 1]), slice(capsules[i], capsules[i + 1])

@@ -29,8 +29,6 @@ PARTING = 4  # the last sweeps, in which limbs only come apart
 SHRINK = 0.75  # the share of a displacement that a sweep leaves
 SETTLED = 5e-4  # sweeps end where limbs move by less than this in sum [body units]
 SLACK = 0.01  # gaps are computed anew when limbs have moved by more than this [body units]
-REACH = 0.06  # balls and capsules that are farther apart than this do not meet [body units]
-MOST_MEETINGS = 2048  # balls and capsules that may meet in one frame
 NOTHING = 1e-4  # displacements that add up to less are none [body units]
 LEAST_SHARE = 0.5  # balls that move by a smaller share of a displacement stay where they are
 
@@ -50,6 +48,7 @@ class Displaced(NamedTuple):
 def displacements(
     balls: Balls,
     displaced: Displaced,
+    reach: float,
     posed: Array,
     limbs: Array,
     free: Array,
@@ -65,6 +64,7 @@ def displacements(
     Args:
         balls: of the body, with its capsules.
         displaced: what moves with the displaced joints.
+        reach: balls and capsules that are farther apart than this do not meet [body units].
         posed: (frames, capsules, 2, 3), the ends of the capsules.
         limbs: (frames, limbs, 3, 3), the top, the middle and the end of each limb; its bones keep their lengths.
         free: (frames, limbs, 2), how far middle and end can move, 0 to 1.
@@ -76,16 +76,27 @@ def displacements(
         start: (frames, limbs, 2, 3), what each frame begins with; then nothing shrinks. None for the result of the
             frame before.
     """
+    most = int((balls.spare < NEVER).sum())
     result = np.zeros((len(posed), limbs.shape[1], 2, 3))
     given, before = start is not None, np.zeros_like(result) if start is None else start
 
     def write(frames: slice) -> None:
-        found, room = np.zeros((MOST_MEETINGS, 3), np.intp), np.zeros((4, 3))
-        seen = np.zeros(MOST_MEETINGS), np.zeros((len(balls.pairs), *result.shape[1:]))
+        found, room = np.zeros((most, 3), np.intp), np.zeros((4, 3))
+        seen = np.zeros(most), np.zeros((len(balls.pairs), *result.shape[1:]))
         arrays = limbs, free, acts, gaps, soft, wanted, firmness
-        constraints = tuple(each[frames] for each in arrays)
+        constraints = tuple(np.ascontiguousarray(each[frames]) for each in arrays)
         _write_displacements(
-            balls, displaced, posed[frames], constraints, before[frames], given, found, seen, room, result[frames]
+            balls,
+            displaced,
+            posed[frames],
+            constraints,
+            before[frames],
+            given,
+            reach,
+            found,
+            seen,
+            room,
+            result[frames],
         )
 
     if given:
@@ -96,7 +107,7 @@ def displacements(
 
 
 @compiled(fastmath=True)
-def _write_displacements(balls, displaced, posed, constraints, before, given, found, seen, room, result):  # type: ignore[no-untyped-def]
+def _write_displacements(balls, displaced, posed, constraints, before, given, reach, found, seen, room, result):  # type: ignore[no-untyped-def]
     """Write the displacements. `seen`, (meetings,), is the gap of each meeting with the displacements `known[pair]`:
     while its limbs have moved less than that from there, the two do not meet.
     """
@@ -112,7 +123,8 @@ def _write_displacements(balls, displaced, posed, constraints, before, given, fo
                         d[limb, joint, i] = result[frame - 1, limb, joint, i]
         if _shrink(d, 1.0) < NOTHING and not acts[frame]:
             continue
-        count = _find_meetings(balls, at, apart[frame], _reach(apart[frame], d), found)
+        farthest = min(_way_to_go(apart[frame], wanted[frame], firmness[frame], d), reach)
+        count = _find_meetings(balls, at, apart[frame], farthest, found)
         for sweep in range(SWEEPS):
             settles = given or sweep >= SWEEPS - SETTLING
             if not settles:
@@ -193,14 +205,16 @@ def _largest_of(displaced, meeting, d):  # type: ignore[no-untyped-def]
 
 
 @inlined(fastmath=True)
-def _reach(gaps: Array, d: Array) -> float:
-    """How far apart balls and capsules may be that meet while the displacements grow as far as segments overlap."""
-    deepest, largest = 0.0, 0.0
+def _way_to_go(gaps: Array, wanted: Array, firmness: Array, d: Array) -> float:
+    """How far apart balls and capsules may be that meet while displacements grow as far as segments overlap, or are to
+    be drawn to each other.
+    """
+    farthest, largest = 0.0, 0.0
     for pair in range(len(gaps)):
-        deepest = max(deepest, -gaps[pair])
+        farthest = max(farthest, -gaps[pair], firmness[pair] * (gaps[pair] - wanted[pair]))
     for limb in range(len(d)):
         largest = max(largest, _largest(d[limb]))
-    return min(2.0 * (largest + deepest) + SLACK, REACH)
+    return 2.0 * (largest + farthest) + SLACK
 
 
 @inlined(fastmath=True)
