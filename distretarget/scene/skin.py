@@ -31,7 +31,7 @@ from distretarget.objectives.skin import (
 from distretarget.objectives.skins import BodySkin, Skins
 from distretarget.pipeline.performer import Performer
 from distretarget.scene.sweeps import SceneContacts
-from distretarget.skin.balls import ARM_PARTS, LEG_PARTS, NEVER, Balls, segment_gaps
+from distretarget.skin.balls import NEVER, Balls, segment_gaps
 from distretarget.skin.capsules import SEGMENTS
 from distretarget.skin.displacement import Displaced
 from distretarget.skin.limbs import bent
@@ -44,8 +44,9 @@ COUNT = len(SEGMENTS)  # segment s of body i has the number i * COUNT + s
 FARTHEST = 0.3  # hands are not drawn to what is farther than this; fully from three quarters of it on [body units]
 
 IS_HAND = np.array(["hand" in name for name in SEGMENTS])
-# Segments of the same rank, not 0, give way to each other, and one of a lower rank to none of a higher.
-RANK = np.array([2 * any(p in name for p in ARM_PARTS) or int(any(p in name for p in LEG_PARTS)) for name in SEGMENTS])
+# Segments meet those of another body of the same or a lower rank; what is near the trunk hardly gives way.
+RANKS = {"hand": 4, "forearm": 4, "upper arm": 3, "shin": 2, "foot": 2, "thigh": 1}
+RANK = np.array([RANKS.get(name.partition(" ")[2], 0) for name in SEGMENTS])
 
 
 def with_skins(contacts: SceneContacts, poses: Sequence[Poses]) -> list[Motion]:
@@ -142,7 +143,7 @@ class Bodies:
             ball_shares=np.concatenate([m.ball_shares for m in moved]),
             of_end=np.concatenate([_shifted(m.of_end, by) for m, by in zip(moved, limbs, strict=False)]),
             end_shares=np.concatenate([m.end_shares for m in moved]),
-            mutual=np.equal(*RANK[self.balls.pairs % COUNT].T),
+            mutual=np.equal(*np.isin(self.balls.pairs % COUNT, np.flatnonzero(RANK > 2)).T),  # as of one body
         )
 
     def posed(self, motions: Sequence[Motion]) -> Array:
@@ -152,9 +153,7 @@ class Bodies:
 
 
 def _pairs_between(own: Sequence[Balls], i: int, j: int) -> Numbers:
-    """(pairs, 2), the segments of limbs of body i that can touch those of body j: two arms or two legs count once, and
-    of an arm and a leg the arm gives way.
-    """
+    """(pairs, 2), the segments of the limbs of body i that can touch those of body j; two of the same rank once."""
     limbs, parts = np.flatnonzero(np.diff(own[i].of_ball)), np.flatnonzero(np.diff(own[j].of_capsule))
     pairs = [(a, b) for a in limbs for b in parts if RANK[a] > RANK[b] or (RANK[a] == RANK[b] > 0 and i < j)]
     return np.asarray(np.array(pairs, np.intp).reshape(-1, 2) + COUNT * np.array([i, j]))
