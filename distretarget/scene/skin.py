@@ -1,13 +1,15 @@
 """Skin of performers who share a world: limbs leave the other bodies, and what touches in the source lies on them.
 
 Here all performers are one body with many limbs, in one unit, so that limbs that meet give way alike; their own parts
-stay apart as well. As for a single performer, displacements lead in time (`objectives.skin`).
+stay apart as well. First, hands that touch another performer in the source are drawn to its skin, then limbs leave what
+they are in, leading in time as those of a single performer (`objectives.skin`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import permutations
 
 import numpy as np
@@ -16,7 +18,7 @@ from numpy.typing import NDArray
 from distretarget.ik.poses import Poses
 from distretarget.ik.springs import Springs
 from distretarget.motion import Motion
-from distretarget.numerics.time_series import median_of_three, smoothstep
+from distretarget.numerics.time_series import averaged, by_shot, median_of_three, smoothstep
 from distretarget.objectives.skin import (
     APART,
     LITTLE,
@@ -33,7 +35,7 @@ from distretarget.pipeline.performer import Performer
 from distretarget.scene.sweeps import SceneContacts
 from distretarget.skin.balls import NEVER, Balls, segment_gaps
 from distretarget.skin.capsules import SEGMENTS
-from distretarget.skin.displacement import Displaced
+from distretarget.skin.displacement import Displaced, displacements
 from distretarget.skin.limbs import bent
 
 Array = NDArray[np.float64]
@@ -41,6 +43,7 @@ Flags = NDArray[np.bool_]
 Numbers = NDArray[np.intp]
 
 COUNT = len(SEGMENTS)  # segment s of body i has the number i * COUNT + s
+BLEND = 0.16  # hands are drawn by the average over this time on each side, weighted by a raised cosine [s]
 FARTHEST = 0.3  # hands are not drawn to what is farther than this; fully from three quarters of it on [body units]
 
 IS_HAND = np.array(["hand" in name for name in SEGMENTS])
@@ -70,33 +73,41 @@ def _drawn(one: Performer, springs: Springs) -> Performer:
     return replace(one, supports=replace(one.supports, scene_springs=springs))
 
 
-def _apart(performers: Sequence[Performer], skins: Sequence[Skins], posed: Sequence[Motion]) -> list[Motion]:
-    """The motions of performers with their skins apart, and hands touching others as in the source."""
+def _apart(performers: Sequence[Performer], skins: Sequence[Skins], posed: Sequence[Motion]) -> Sequence[Motion]:
+    """The motions of performers with hands that touch others drawn to them, and then all skins apart."""
     bodies, sources = Bodies([each.target for each in skins]), Bodies([each.source for each in skins])
-    balls, ends = bodies.balls, bodies.posed(posed)
-    one, other = (balls.pairs // COUNT).T
-    kinds, own = balls.pairs % COUNT, one == other
-    in_source = segment_gaps(sources.balls, sources.posed([each.clip.source for each in performers]), APART)
+    balls, clips = bodies.balls, [each.clip for each in performers]
+    in_source = segment_gaps(sources.balls, sources.posed([clip.source for clip in clips]), APART)
     in_source = of_pairs(in_source, sources.balls.pairs, balls.pairs)
-    gaps = segment_gaps(balls, ends, FARTHEST)
-    soft = softness(kinds, in_source)
-    places = places_of(kinds[:, 1]) + COUNT * (other + len(skins) * one)
-    touches = ~own & IS_HAND[kinds].any(axis=1)
-    firmness = touches * how_touching(kinds[:, 0], places, in_source) * smoothstep(4.0 * (1.0 - gaps / FARTHEST))
+    soft, own = softness(balls.pairs % COUNT, in_source), np.equal(*(balls.pairs // COUNT).T)
+    of_each = zip(performers, bodies.skins, strict=True)
+    free = np.concatenate([how_free(one.clip, body, one.supports, one.settings) for one, body in of_each], axis=1)
+    shots, time = np.sum([clip.shots for clip in clips], axis=0), clips[0].frame_time  # a new shot at any one's cuts
+
+    ends, gaps = bodies.posed(posed), bodies.gaps(posed)
+    firmness = _touching(balls.pairs, in_source) * smoothstep(4.0 * (1.0 - gaps / FARTHEST))
     wanted = gaps + firmness * (np.maximum(in_source, 0.0) - gaps)
-    acts = (((gaps + soft < -LITTLE) & ~own) | (np.abs(wanted - gaps) > LITTLE)).any(axis=1)
+    drawn = np.asarray((np.abs(wanted - gaps) > LITTLE).any(axis=1))
+    if drawn.any():
+        find = partial(displacements, balls, bodies.displaced, FARTHEST)
+        moves = by_shot(find, shots, ends, bodies.limbs(posed), free, drawn, gaps, soft, wanted, firmness)
+        moves = by_shot(partial(averaged, reach=round(BLEND / time)), shots, moves)
+        posed, drawn = bodies.bent(posed, moves), np.asarray(moves.any(axis=(1, 2, 3)))
+
+    ends, gaps = bodies.posed(posed), bodies.gaps(posed)
+    acts = ((gaps + soft < -LITTLE) & (~own | drawn[:, None])).any(axis=1)
     if not acts.any():
-        return list(posed)
-    limbs, free = [], []
-    for performer, body, now in zip(performers, bodies.skins, posed, strict=True):
-        limbs.append(limb_places(body, now) * (body.unit / bodies.unit))
-        free.append(how_free(performer.clip, body, performer.supports, performer.settings))
-    given = ends, np.concatenate(limbs, axis=1), np.concatenate(free, axis=1), acts, gaps, soft, wanted, firmness
-    clip = performers[0].clip
-    shots = np.sum([each.clip.shots for each in performers], axis=0)  # a new shot at the cuts of any performer
-    moves = bodies.unit * led(balls, bodies.displaced, given, shots, clip.frame_time, FARTHEST)
-    parts = np.split(moves, np.cumsum([len(body.limbs) for body in bodies.skins])[:-1], axis=1)
-    return [bent(now, body.limbs, part) for now, body, part in zip(posed, bodies.skins, parts, strict=True)]
+        return posed
+    given = ends, bodies.limbs(posed), free, acts, gaps, soft, gaps, np.zeros_like(gaps)
+    return bodies.bent(posed, led(balls, bodies.displaced, given, shots, time, FARTHEST))
+
+
+def _touching(pairs: Numbers, in_source: Array) -> Array:
+    """(frames, pairs), how much a hand touches another performer in the source, 0 to 1; 0 for other pairs."""
+    (one, other), (limbs, parts) = (pairs // COUNT).T, (pairs % COUNT).T
+    hands = (one != other) & (IS_HAND[limbs] | IS_HAND[parts])
+    places = places_of(parts) + COUNT * (other + pairs.max(initial=0) * one)  # of each two performers
+    return np.asarray(hands * how_touching(limbs, places, in_source))
 
 
 class Bodies:
@@ -145,6 +156,20 @@ class Bodies:
             end_shares=np.concatenate([m.end_shares for m in moved]),
             mutual=np.equal(*np.isin(self.balls.pairs % COUNT, np.flatnonzero(RANK > 2)).T),  # as of one body
         )
+
+    def gaps(self, motions: Sequence[Motion]) -> Array:
+        """(frames, pairs), the gap of each pair of segments [mean body units]."""
+        return segment_gaps(self.balls, self.posed(motions), FARTHEST)
+
+    def limbs(self, motions: Sequence[Motion]) -> Array:
+        """(frames, limbs, 3, 3), the top, the middle and the end of each limb [mean body units]."""
+        both = zip(self.skins, motions, strict=True)
+        return np.concatenate([skin.unit / self.unit * limb_places(skin, motion) for skin, motion in both], axis=1)
+
+    def bent(self, motions: Sequence[Motion], moves: Array) -> list[Motion]:
+        """The motions with limbs displaced, (frames, limbs, 2, 3) [mean body units]."""
+        parts = np.split(self.unit * moves, np.cumsum([len(skin.limbs) for skin in self.skins])[:-1], axis=1)
+        return [bent(*each) for each in zip(motions, [skin.limbs for skin in self.skins], parts, strict=True)]
 
     def posed(self, motions: Sequence[Motion]) -> Array:
         """(frames, capsules, 2, 3), the ends of all capsules in each frame [mean body units]."""
