@@ -29,13 +29,15 @@ def surfaces(target, options=DEFAULT_OPTIONS, builds=OWN_BUILDS):
 def test_the_target_is_as_thick_as_its_mesh():
     target = load_target(HERO)
     assert surfaces(target)[1] == pytest.approx(target_capsules(target).radii.mean())
-    assert surfaces(replace(target, capsules=None, mesh=lambda: None))[1] != pytest.approx(surfaces(target)[1])
+    without = replace(target, capsules=None, mesh=lambda: None)
+    assert surfaces(without) is None
+    assert surfaces(without, Options(skin="average"))[1] != pytest.approx(surfaces(target)[1])
 
 
 def test_builds_that_are_given_come_first():
-    target = load_target(WALK)
-    average = surfaces(target)
-    assert surfaces(target, builds=Builds(source=STOUT)) == pytest.approx((2 * average[0], average[1]))
+    target, as_average = load_target(WALK), Options(skin="average")
+    average = surfaces(target, as_average)
+    assert surfaces(target, as_average, builds=Builds(source=STOUT)) == pytest.approx((2 * average[0], average[1]))
     assert surfaces(target, builds=Builds(target=STOUT)) == pytest.approx((average[0], 2 * average[1]))
 
 

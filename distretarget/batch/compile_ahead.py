@@ -65,7 +65,7 @@ def _keep_apart(body: BodySkin, motion: Motion) -> None:
     ends, frames = median_of_three(body.posed(motion)), len(motion)
     gaps, some = segment_gaps(body.balls, ends, 1.0), np.zeros((frames, 1, 2, 3))
     limbs, free, acts = np.zeros((frames, 1, 3, 3)), np.ones((frames, 1, 2)), np.ones(frames, bool)
-    displacements(body.balls, body.displaced, 1.0, ends, limbs, free, acts, gaps, gaps, gaps, gaps, some)
+    displacements(body.balls, body.displaced, ends, limbs, free, acts, gaps, gaps, gaps, gaps, some)
     bent(motion, (Limb(1, 2, 3),), some + 0.1)
 
 

@@ -24,8 +24,8 @@ from distretarget.objectives.settings import ContactSettings
 from distretarget.objectives.skins import BodySkin, Skins
 from distretarget.objectives.supports import Supports
 from distretarget.skin.balls import Balls, segment_gaps
-from distretarget.skin.capsules import SEGMENTS
-from distretarget.skin.displacement import Displaced, displacements
+from distretarget.skin.capsules import PLACE, SEGMENTS
+from distretarget.skin.displacement import REACH, Displaced, displacements
 from distretarget.skin.limbs import bent
 
 Array = NDArray[np.float64]
@@ -35,22 +35,13 @@ Numbers = NDArray[np.intp]
 FARTHEST = 0.06  # parts that are farther apart than this have nothing to do with each other [body units]
 TOUCH, APART = 0.01, 0.04  # parts touch up to the first gap, and from the second on they do not [body units]
 MARGIN = 0.01  # only what is less than this farther than the nearest touches [body units]
-LEAD = 0.16  # a limb leaves its way over twice this time before it would sink in [s]
+LEAD = 0.12  # a limb leaves its way over twice this time before it would sink in [s]
 SETTLE = (0.2, 0.05)  # brought out again, displacements are averaged over these times before and after [s]
 
 LITTLE = 1e-4  # overlaps and changes of less than this do not count [body units]
 # How far flesh gives way, and capsules, which hold nearly all of a part's skin, stand off from it [body units].
-SOFT = {"upper arm": 0.01, "thigh": 0.01, "belly": 0.01, "pelvis": 0.01}
-HARD = 0.5  # hands and forearms press in by this share of the flesh of what they touch
-
-# Segments that are one place to be touched: what is meant for one of them is meant for all.
-PLACES = (
-    ("head", "neck"),
-    ("chest", "belly", "pelvis", "left thigh", "right thigh"),
-    ("left shin", "right shin", "left foot", "right foot"),
-    ("left hand", "left forearm", "left upper arm"),
-    ("right hand", "right forearm", "right upper arm"),
-)
+SOFT = {"upper arm": 0.03, "thigh": 0.01, "belly": 0.01, "pelvis": 0.01}
+HARD = 0.2  # hands and forearms press in by this share of the flesh of what they touch
 
 
 def with_skin(clip: Clip, skins: Skins, posed: Motion, supports: Supports, settings: ContactSettings) -> Motion:
@@ -84,16 +75,14 @@ def led(
     given: tuple[Any, ...],
     shots: Shots,
     frame_time: float,
-    reach: float = FARTHEST,
+    reach: float = REACH,
 ) -> Array:
     """Return displacements, (frames, limbs, 2, 3), that begin before they are needed and end after.
 
     `given` are the arguments of `displacements` from `posed` to `firmness`; `reach` is its own.
     """
     *geometry, wanted, firmness = given
-
-    def find(*of_shot: Any) -> Array:
-        return displacements(balls, displaced, reach, *of_shot)
+    find: Callable[..., Array] = partial(displacements, balls, displaced, reach=reach)
 
     def over_time(change: Callable[[Array], Array], values: Array) -> Array:
         return by_shot(change, shots, values.reshape(len(values), -1)).reshape(values.shape)
@@ -111,7 +100,7 @@ def led(
 
 def _firmness(clip: Clip, body: BodySkin, in_source: Array, supports: Supports, settings: ContactSettings) -> Array:
     """(frames, pairs), how firmly pairs of segments touch, 0 to 1: they touch in the source, and are meant to."""
-    touching = how_touching(body.balls.pairs[:, 0], places_of(body.balls.pairs[:, 1]), in_source)
+    touching = how_touching(body.balls.pairs[:, 0], PLACE[body.balls.pairs[:, 1]], in_source)
     if not touching.any():
         return touching
     return touching * _meant(clip, body, touching, supports, settings)
@@ -155,14 +144,6 @@ def _nearest(limbs: Numbers, places: Numbers, gaps: Array) -> Array:
         on = (limbs == limb) & (places == where)
         nearest[:, on] = gaps[:, on].min(axis=1)[:, None]
     return 1.0 - smoothstep((gaps - nearest) / MARGIN)
-
-
-def places_of(segments: Numbers) -> Numbers:
-    """The number of the place that each segment belongs to; -1 for segment -1, which is none."""
-    place = np.full(len(SEGMENTS) + 1, -1)
-    for number, names in enumerate(PLACES):
-        place[[SEGMENTS.index(name) for name in names]] = number
-    return place[segments]
 
 
 def softness(pairs: Numbers, in_source: Array) -> Array:
@@ -210,10 +191,9 @@ def _meant(clip: Clip, body: BodySkin, touching: Array, supports: Supports, sett
             continue
         near = contacts.near(block, supports[block].standing)
         of_u, of_v = of_point[near.u], of_point[near.v]
-        place_u, place_v = places_of(of_u), places_of(of_v)
         for column in np.flatnonzero(touching[block].any(axis=0)):
-            limb, place = pairs[column, 0], places_of(pairs[column, 1])
-            on = ((of_u == limb) & (place_v == place)) | ((of_v == limb) & (place_u == place))
+            limb, other = pairs[column]
+            on = ((of_u == limb) & (PLACE[of_v] == PLACE[other])) | ((of_v == limb) & (PLACE[of_u] == PLACE[other]))
             if on.any():
                 meant[block, column] = near.f[:, on].max(axis=1)
     return meant

@@ -27,14 +27,13 @@ from distretarget.objectives.skin import (
     led,
     limb_places,
     of_pairs,
-    places_of,
     softness,
 )
 from distretarget.objectives.skins import BodySkin, Skins
 from distretarget.pipeline.performer import Performer
 from distretarget.scene.sweeps import SceneContacts
 from distretarget.skin.balls import NEVER, Balls, segment_gaps
-from distretarget.skin.capsules import SEGMENTS
+from distretarget.skin.capsules import PLACE, SEGMENTS
 from distretarget.skin.displacement import Displaced, displacements
 from distretarget.skin.limbs import bent
 
@@ -89,7 +88,7 @@ def _apart(performers: Sequence[Performer], skins: Sequence[Skins], posed: Seque
     wanted = gaps + firmness * (np.maximum(in_source, 0.0) - gaps)
     drawn = np.asarray((np.abs(wanted - gaps) > LITTLE).any(axis=1))
     if drawn.any():
-        find = partial(displacements, balls, bodies.displaced, FARTHEST)
+        find = partial(displacements, balls, bodies.displaced, reach=FARTHEST)
         moves = by_shot(find, shots, ends, bodies.limbs(posed), free, drawn, gaps, soft, wanted, firmness)
         moves = by_shot(partial(averaged, reach=round(BLEND / time)), shots, moves)
         posed, drawn = bodies.bent(posed, moves), np.asarray(moves.any(axis=(1, 2, 3)))
@@ -106,7 +105,7 @@ def _touching(pairs: Numbers, in_source: Array) -> Array:
     """(frames, pairs), how much a hand touches another performer in the source, 0 to 1; 0 for other pairs."""
     (one, other), (limbs, parts) = (pairs // COUNT).T, (pairs % COUNT).T
     hands = (one != other) & (IS_HAND[limbs] | IS_HAND[parts])
-    places = places_of(parts) + COUNT * (other + pairs.max(initial=0) * one)  # of each two performers
+    places = PLACE[parts] + COUNT * (other + pairs.max(initial=0) * one)  # of each two performers
     return np.asarray(hands * how_touching(limbs, places, in_source))
 
 

@@ -29,6 +29,7 @@ PARTING = 4  # the last sweeps, in which limbs only come apart
 SHRINK = 0.75  # the share of a displacement that a sweep leaves
 SETTLED = 5e-4  # sweeps end where limbs move by less than this in sum [body units]
 SLACK = 0.01  # gaps are computed anew when limbs have moved by more than this [body units]
+REACH = 0.06  # balls and capsules that are farther apart than this do not meet [body units]
 NOTHING = 1e-4  # displacements that add up to less are none [body units]
 LEAST_SHARE = 0.5  # balls that move by a smaller share of a displacement stay where they are
 
@@ -48,7 +49,6 @@ class Displaced(NamedTuple):
 def displacements(
     balls: Balls,
     displaced: Displaced,
-    reach: float,
     posed: Array,
     limbs: Array,
     free: Array,
@@ -58,13 +58,13 @@ def displacements(
     wanted: Array,
     firmness: Array,
     start: Array | None = None,
+    reach: float = REACH,
 ) -> Array:
     """Return how far to displace joints in each frame so that the parts of a body come apart, (frames, limbs, 2, 3).
 
     Args:
         balls: of the body, with its capsules.
         displaced: what moves with the displaced joints.
-        reach: balls and capsules that are farther apart than this do not meet [body units].
         posed: (frames, capsules, 2, 3), the ends of the capsules.
         limbs: (frames, limbs, 3, 3), the top, the middle and the end of each limb; its bones keep their lengths.
         free: (frames, limbs, 2), how far middle and end can move, 0 to 1.
@@ -75,6 +75,7 @@ def displacements(
         firmness: (frames, pairs), how far they are brought there, 0 to 1.
         start: (frames, limbs, 2, 3), what each frame begins with; then nothing shrinks. None for the result of the
             frame before.
+        reach: balls and capsules that are farther apart than this do not meet [body units].
     """
     most = int((balls.spare < NEVER).sum())
     result = np.zeros((len(posed), limbs.shape[1], 2, 3))
@@ -115,16 +116,14 @@ def _write_displacements(balls, displaced, posed, constraints, before, given, re
     gaps, known = seen
     for frame in range(len(posed)):
         d, at, loose = result[frame], posed[frame], free[frame]
-        for limb in range(len(d)):
-            for joint in range(2):
-                for i in range(3):
-                    d[limb, joint, i] = before[frame, limb, joint, i] if given else 0.0
-                    if not given and frame > 0:
-                        d[limb, joint, i] = result[frame - 1, limb, joint, i]
+        if given:
+            _copy(before[frame], d)
+        elif frame > 0:
+            _copy(result[frame - 1], d)
         if _shrink(d, 1.0) < NOTHING and not acts[frame]:
             continue
-        farthest = min(_way_to_go(apart[frame], wanted[frame], firmness[frame], d), reach)
-        count = _find_meetings(balls, at, apart[frame], farthest, found)
+        near = min(_way_to_go(apart[frame], d), reach)
+        count = _find_meetings(balls, at, apart[frame], firmness[frame], near, reach, found)
         for sweep in range(SWEEPS):
             settles = given or sweep >= SWEEPS - SETTLING
             if not settles:
@@ -134,45 +133,52 @@ def _write_displacements(balls, displaced, posed, constraints, before, given, re
                 pair, last = found[first, 0], first + 1
                 while last < count and found[last, 0] == pair:
                     last += 1
-                if sweep == 0:
-                    _copy(d, known[pair], NEVER)
-                reached = apart[frame, pair] + soft[frame, pair] <= _largest_of(displaced, found[first], d)
-                if not reached and firmness[frame, pair] == 0.0:
-                    first = last
-                    continue
-                way = _way_from(d, known[pair])
-                if way > SLACK:
-                    _copy(d, known[pair], 1.0)
-                least, nearest = NEVER, -1
-                touches = firmness[frame, pair] > 0.0 and sweep < SWEEPS - PARTING
-                for meeting in range(first, last):
-                    if way <= SLACK and gaps[meeting] - 2.0 * way > (least if touches else -soft[frame, pair]):
-                        continue
-                    ball, capsule = found[meeting, 1], found[meeting, 2]
-                    gap, t = _gap(balls, displaced, at, d, ball, capsule, room)
+                touch = firmness[frame, pair] if sweep < SWEEPS - PARTING else 0.0
+                room_left = apart[frame, pair] + soft[frame, pair]
+                if touch > 0.0 or room_left <= _largest_of(displaced, found[first], d):
+                    way = NEVER if sweep == 0 else _way_from(d, known[pair])
                     if way > SLACK:
-                        gaps[meeting] = gap
-                    depth = -gap - soft[frame, pair]
-                    if depth > 0.0 and _move(
-                        displaced, ball, capsule, t, depth, room[0], displaced.mutual[pair], loose, d
-                    ):
-                        moved += depth
-                        gap += depth
-                        if way <= SLACK:
-                            way = _way_from(d, known[pair])
-                    if gap < least:
-                        least, nearest = gap, meeting
-                if touches and nearest >= 0:
-                    ball, capsule = found[nearest, 1], found[nearest, 2]
-                    gap, t = _gap(balls, displaced, at, d, ball, capsule, room)
-                    change = firmness[frame, pair] * (wanted[frame, pair] - gap)
-                    if _move(displaced, ball, capsule, t, change, room[0], displaced.mutual[pair], loose, d):
-                        moved += abs(change)
+                        _copy(d, known[pair])
+                    aim = soft[frame, pair], wanted[frame, pair], touch
+                    met, their_gaps = found[first:last], gaps[first:last]
+                    moved += _part(balls, displaced, at, d, met, their_gaps, known[pair], way, aim, loose, room)
+                elif sweep == 0:
+                    _forget(known[pair])
                 first = last
             for limb in range(len(d)):
                 _keep_lengths(limbs[frame, limb], loose[limb], d[limb])
             if moved < SETTLED and (settles or _shrink(d, 1.0) < NOTHING):
                 break
+
+
+@inlined(fastmath=True)
+def _part(balls, displaced, at, d, met, gaps, known, way, aim, free, room):  # type: ignore[no-untyped-def]
+    """Bring the balls and capsules of a pair of segments apart, and if they touch to the gap that is wanted; return how
+    far they were off. `way` is how far limbs have moved since their `gaps` were computed, at the displacements `known`.
+    """
+    soft, wanted, touch = aim
+    both, anew = displaced.mutual[met[0, 0]], way > SLACK
+    moved, least, nearest = 0.0, NEVER, -1
+    for meeting in range(len(met)):
+        if not anew and gaps[meeting] - 2.0 * way > (least if touch > 0.0 else -soft):
+            continue
+        gap, t = _gap(balls, displaced, at, d, met[meeting], room)
+        if anew:
+            gaps[meeting] = gap
+        depth = -gap - soft
+        if depth > 0.0 and _move(displaced, met[meeting], t, depth, room[0], both, free, d):
+            moved += depth
+            gap += depth
+            if not anew:
+                way = _way_from(d, known)
+        if gap < least:
+            least, nearest = gap, meeting
+    if touch > 0.0 and nearest >= 0:
+        gap, t = _gap(balls, displaced, at, d, met[nearest], room)
+        change = touch * (wanted - gap)
+        if _move(displaced, met[nearest], t, change, room[0], both, free, d):
+            moved += abs(change)
+    return moved
 
 
 @inlined(fastmath=True)
@@ -205,25 +211,32 @@ def _largest_of(displaced, meeting, d):  # type: ignore[no-untyped-def]
 
 
 @inlined(fastmath=True)
-def _way_to_go(gaps: Array, wanted: Array, firmness: Array, d: Array) -> float:
-    """How far apart balls and capsules may be that meet while displacements grow as far as segments overlap, or are to
-    be drawn to each other.
-    """
-    farthest, largest = 0.0, 0.0
+def _way_to_go(gaps: Array, d: Array) -> float:
+    """How far apart balls and capsules may be that meet while the displacements grow as far as segments overlap."""
+    deepest, largest = 0.0, 0.0
     for pair in range(len(gaps)):
-        farthest = max(farthest, -gaps[pair], firmness[pair] * (gaps[pair] - wanted[pair]))
+        deepest = max(deepest, -gaps[pair])
     for limb in range(len(d)):
         largest = max(largest, _largest(d[limb]))
-    return 2.0 * (largest + farthest) + SLACK
+    return 2.0 * (largest + deepest) + SLACK
 
 
 @inlined(fastmath=True)
-def _copy(d: Array, known: Array, share: float) -> None:
-    """Write a displacement, plus `share` - 1, to `known`."""
+def _copy(d: Array, known: Array) -> None:
+    """Write a displacement to `known`."""
     for limb in range(len(d)):
         for joint in range(2):
             for i in range(3):
-                known[limb, joint, i] = d[limb, joint, i] + (share - 1.0)
+                known[limb, joint, i] = d[limb, joint, i]
+
+
+@inlined(fastmath=True)
+def _forget(known: Array) -> None:
+    """Write displacements that are far from any to `known`."""
+    for limb in range(len(known)):
+        for joint in range(2):
+            for i in range(3):
+                known[limb, joint, i] = NEVER
 
 
 @inlined(fastmath=True)
@@ -264,10 +277,11 @@ def _keep_lengths(limb: Array, free: Array, d: Array) -> None:
 
 
 @inlined(fastmath=True)
-def _find_meetings(balls, posed, gaps, farthest, found):  # type: ignore[no-untyped-def]
+def _find_meetings(balls, posed, gaps, firmness, near, reach, found):  # type: ignore[no-untyped-def]
     """Write the pair, the ball and the capsule of all that may meet to `found`; return how many they are."""
     count = 0
     for pair in range(len(balls.pairs)):
+        farthest = reach if firmness[pair] > 0.0 else near
         if gaps[pair] >= farthest:
             continue
         limb, part = balls.pairs[pair, 0], balls.pairs[pair, 1]
@@ -277,21 +291,26 @@ def _find_meetings(balls, posed, gaps, farthest, found):  # type: ignore[no-unty
             y = (1.0 - t) * posed[carrier, 0, 1] + t * posed[carrier, 1, 1]
             z = (1.0 - t) * posed[carrier, 0, 2] + t * posed[carrier, 1, 2]
             for capsule in range(balls.of_capsule[part], balls.of_capsule[part + 1]):
-                ends, reach = posed[capsule], farthest + balls.radii[ball] + balls.reaches[capsule]
+                ends, within = posed[capsule], farthest + balls.radii[ball] + balls.reaches[capsule]
                 u = x - 0.5 * (ends[0, 0] + ends[1, 0])
                 v = y - 0.5 * (ends[0, 1] + ends[1, 1])
                 w = z - 0.5 * (ends[0, 2] + ends[1, 2])
-                if balls.spare[ball, capsule] < NEVER and u * u + v * v + w * w < reach * reach and count < len(found):
+                if (
+                    balls.spare[ball, capsule] < NEVER
+                    and u * u + v * v + w * w < within * within
+                    and count < len(found)
+                ):
                     found[count, 0], found[count, 1], found[count, 2] = pair, ball, capsule
                     count += 1
     return count
 
 
 @inlined(fastmath=True)
-def _gap(balls, displaced, posed, d, ball, capsule, room):  # type: ignore[no-untyped-def]
+def _gap(balls, displaced, posed, d, meeting, room):  # type: ignore[no-untyped-def]
     """The gap between a ball and a capsule with the displacements d, and where on the axis it is; the direction from
     the capsule to the ball is written to `room[0]`.
     """
+    ball, capsule = meeting[1], meeting[2]
     n, p, ends, radii = room[0], room[1], room[2:], balls.cap_radii[capsule]
     place_ball(balls, ball, posed, p)
     limb, other = displaced.of_ball[ball], displaced.of_end[capsule]
@@ -317,10 +336,11 @@ def _gap(balls, displaced, posed, d, ball, capsule, room):  # type: ignore[no-un
 
 
 @inlined(fastmath=True)
-def _move(displaced, ball, capsule, t, way, n, both, free, d):  # type: ignore[no-untyped-def]
+def _move(displaced, meeting, t, way, n, both, free, d):  # type: ignore[no-untyped-def]
     """Displace joints by the least so that a ball and the point t of a capsule move apart by `way` along n; return
     whether they can.
     """
+    ball, capsule = meeting[1], meeting[2]
     limb, other = displaced.of_ball[ball], displaced.of_end[capsule] if both else -1
     squares, share = 0.0, displaced.end_shares[capsule]
     for joint in range(2):

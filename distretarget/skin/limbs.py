@@ -77,7 +77,7 @@ def bent(motion: Motion, limbs: tuple[Limb, ...], displacements: Array) -> Motio
         of_joint = np.full(len(skeleton), 2)
         for part, joint in enumerate(limb.joints):
             of_joint[skeleton.subtree(joint)] = part
-        edges = np.flatnonzero((of_joint != of_joint[skeleton.parents]) & [bool(below) for below in skeleton.children])
+        edges = np.flatnonzero((of_joint != of_joint[skeleton.parents]) & ~skeleton.end_sites)
         _turn_edges(turns, of_joint, skeleton.parents, edges[edges > 0], world, local)
     rotations = motion.rotations.copy()
     rotations[frames] = local
