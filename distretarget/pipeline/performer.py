@@ -134,15 +134,19 @@ class Performer:
         """Return the motion of the poses, before skin is kept apart and the root on the floor is placed."""
         return posed_motion(self.clip.copy, poses.v, self.clip.parts, self.clip.root + poses.v[:, -1])
 
-    def result(self, poses: Poses, postures: Postures | None = None) -> RetargetResult:
-        """Return the result of the poses, with the paper's solved points where there are any.
+    def with_own_skin(self, posed: Motion) -> Motion:
+        """Return a motion with its limbs bent as the performer's skin asks; the same motion without skin."""
+        skins = self.match.skins
+        return with_skin(self.clip, skins, posed, self.supports, self.settings) if skins else posed
+
+    def result(self, poses: Poses, postures: Postures | None = None, posed: Motion | None = None) -> RetargetResult:
+        """Return the result of the poses, with the paper's solved points where there are any; `posed` is its motion
+        where that is not only bent as the performer's own skin asks.
 
         Raises:
             MotionError: a frame of the result is wrong; the message names joint and frame.
         """
-        posed, skins = self.posed(poses), self.match.skins
-        if skins:
-            posed = with_skin(self.clip, skins, posed, self.supports, self.settings)
+        posed = self.with_own_skin(self.posed(poses)) if posed is None else posed
         posed = self._as_channels_allow(posed)
         motion, copy = self.engine_root.placed(posed), self.engine_root.placed(self.clip.copy)
         check_finite(motion)
@@ -158,7 +162,7 @@ class Performer:
             supports=self.supports if self.settings.foot_lock else no_supports(len(motion)),
             postures=postures,
             distances=self.clip.distances,
-            skins=skins,
+            skins=self.match.skins,
             mesh=self.match.mesh,
         )
 

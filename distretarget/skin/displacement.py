@@ -30,7 +30,6 @@ SHRINK = 0.75  # the share of a displacement that a sweep leaves
 SETTLED = 5e-4  # sweeps end where limbs move by less than this in sum [body units]
 SLACK = 0.01  # gaps are computed anew when limbs have moved by more than this [body units]
 REACH = 0.06  # balls and capsules that are farther apart than this do not meet [body units]
-MOST_MEETINGS = 2048  # balls and capsules that may meet in one frame
 NOTHING = 1e-4  # displacements that add up to less are none [body units]
 LEAST_SHARE = 0.5  # balls that move by a smaller share of a displacement stay where they are
 
@@ -59,6 +58,7 @@ def displacements(
     wanted: Array,
     firmness: Array,
     start: Array | None = None,
+    reach: float = REACH,
 ) -> Array:
     """Return how far to displace joints in each frame so that the parts of a body come apart, (frames, limbs, 2, 3).
 
@@ -75,17 +75,29 @@ def displacements(
         firmness: (frames, pairs), how far they are brought there, 0 to 1.
         start: (frames, limbs, 2, 3), what each frame begins with; then nothing shrinks. None for the result of the
             frame before.
+        reach: balls and capsules that are farther apart than this do not meet [body units].
     """
+    most = int((balls.spare < NEVER).sum())
     result = np.zeros((len(posed), limbs.shape[1], 2, 3))
     given, before = start is not None, np.zeros_like(result) if start is None else start
 
     def write(frames: slice) -> None:
-        found, room = np.zeros((MOST_MEETINGS, 3), np.intp), np.zeros((4, 3))
-        seen = np.zeros(MOST_MEETINGS), np.zeros((len(balls.pairs), *result.shape[1:]))
+        found, room = np.zeros((most, 3), np.intp), np.zeros((4, 3))
+        seen = np.zeros(most), np.zeros((len(balls.pairs), *result.shape[1:]))
         arrays = limbs, free, acts, gaps, soft, wanted, firmness
         constraints = tuple(np.ascontiguousarray(each[frames]) for each in arrays)
         _write_displacements(
-            balls, displaced, posed[frames], constraints, before[frames], given, found, seen, room, result[frames]
+            balls,
+            displaced,
+            posed[frames],
+            constraints,
+            before[frames],
+            given,
+            reach,
+            found,
+            seen,
+            room,
+            result[frames],
         )
 
     if given:
@@ -96,7 +108,7 @@ def displacements(
 
 
 @compiled(fastmath=True)
-def _write_displacements(balls, displaced, posed, constraints, before, given, found, seen, room, result):  # type: ignore[no-untyped-def]
+def _write_displacements(balls, displaced, posed, constraints, before, given, reach, found, seen, room, result):  # type: ignore[no-untyped-def]
     """Write the displacements. `seen`, (meetings,), is the gap of each meeting with the displacements `known[pair]`:
     while its limbs have moved less than that from there, the two do not meet.
     """
@@ -110,7 +122,8 @@ def _write_displacements(balls, displaced, posed, constraints, before, given, fo
             _copy(result[frame - 1], d)
         if _shrink(d, 1.0) < NOTHING and not acts[frame]:
             continue
-        count = _find_meetings(balls, at, apart[frame], firmness[frame], _reach(apart[frame], d), found)
+        near = min(_way_to_go(apart[frame], d), reach)
+        count = _find_meetings(balls, at, apart[frame], firmness[frame], near, reach, found)
         for sweep in range(SWEEPS):
             settles = given or sweep >= SWEEPS - SETTLING
             if not settles:
@@ -198,14 +211,14 @@ def _largest_of(displaced, meeting, d):  # type: ignore[no-untyped-def]
 
 
 @inlined(fastmath=True)
-def _reach(gaps: Array, d: Array) -> float:
+def _way_to_go(gaps: Array, d: Array) -> float:
     """How far apart balls and capsules may be that meet while the displacements grow as far as segments overlap."""
     deepest, largest = 0.0, 0.0
     for pair in range(len(gaps)):
         deepest = max(deepest, -gaps[pair])
     for limb in range(len(d)):
         largest = max(largest, _largest(d[limb]))
-    return min(2.0 * (largest + deepest) + SLACK, REACH)
+    return 2.0 * (largest + deepest) + SLACK
 
 
 @inlined(fastmath=True)
@@ -264,11 +277,11 @@ def _keep_lengths(limb: Array, free: Array, d: Array) -> None:
 
 
 @inlined(fastmath=True)
-def _find_meetings(balls, posed, gaps, firmness, near, found):  # type: ignore[no-untyped-def]
+def _find_meetings(balls, posed, gaps, firmness, near, reach, found):  # type: ignore[no-untyped-def]
     """Write the pair, the ball and the capsule of all that may meet to `found`; return how many they are."""
     count = 0
     for pair in range(len(balls.pairs)):
-        farthest = REACH if firmness[pair] > 0.0 else near
+        farthest = reach if firmness[pair] > 0.0 else near
         if gaps[pair] >= farthest:
             continue
         limb, part = balls.pairs[pair, 0], balls.pairs[pair, 1]
@@ -278,11 +291,15 @@ def _find_meetings(balls, posed, gaps, firmness, near, found):  # type: ignore[n
             y = (1.0 - t) * posed[carrier, 0, 1] + t * posed[carrier, 1, 1]
             z = (1.0 - t) * posed[carrier, 0, 2] + t * posed[carrier, 1, 2]
             for capsule in range(balls.of_capsule[part], balls.of_capsule[part + 1]):
-                ends, reach = posed[capsule], farthest + balls.radii[ball] + balls.reaches[capsule]
+                ends, within = posed[capsule], farthest + balls.radii[ball] + balls.reaches[capsule]
                 u = x - 0.5 * (ends[0, 0] + ends[1, 0])
                 v = y - 0.5 * (ends[0, 1] + ends[1, 1])
                 w = z - 0.5 * (ends[0, 2] + ends[1, 2])
-                if balls.spare[ball, capsule] < NEVER and u * u + v * v + w * w < reach * reach and count < len(found):
+                if (
+                    balls.spare[ball, capsule] < NEVER
+                    and u * u + v * v + w * w < within * within
+                    and count < len(found)
+                ):
                     found[count, 0], found[count, 1], found[count, 2] = pair, ball, capsule
                     count += 1
     return count
