@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.ik.poses import Chunk, chunks_of
 from distretarget.motion import Motion
-from distretarget.numerics.parallel import blocks_of
+from distretarget.numerics.parallel import blocks_of, in_threads
 from distretarget.numerics.time_series import Shots, averaged, by_shot, median_of_three, smoothstep, widened
 from distretarget.numerics.vectors import lengths, normalised
 from distretarget.objectives.clip import Clip
@@ -46,6 +47,21 @@ HARD = 0.2  # hands and forearms press in by this share of the flesh of what the
 
 def with_skin(clip: Clip, skins: Skins, posed: Motion, supports: Supports, settings: ContactSettings) -> Motion:
     """Return the motion of a target with its limbs bent as its skin asks; `posed` is the motion before."""
+    margin = round((4.0 * LEAD + sum(SETTLE)) / clip.frame_time) + 2
+    chunks = chunks_of(len(clip), margin)
+    posed.positions  # noqa: B018 - once for all chunks
+
+    def displaced(chunk: Chunk) -> Array:
+        around = chunk.context
+        d = _displaced(clip[around], skins, posed[around], supports[around], settings)
+        return d[chunk.frames.start - around.start : chunk.frames.stop - around.start]
+
+    d = np.concatenate([*in_threads(displaced, chunks)])
+    return bent(posed, skins.target.limbs, skins.target.unit * d)
+
+
+def _displaced(clip: Clip, skins: Skins, posed: Motion, supports: Supports, settings: ContactSettings) -> Array:
+    """How far middle and end of each limb are displaced, (frames, limbs, 2, 3) [body units]."""
     body, source = skins.target, skins.source
     balls = body.balls
     ends = median_of_three(body.posed(posed))  # ignores a single faulty frame
@@ -57,10 +73,10 @@ def with_skin(clip: Clip, skins: Skins, posed: Motion, supports: Supports, setti
     wanted = gaps + firmness * (np.maximum(in_source, 0.0) - gaps)
     acts = ((gaps + soft < -LITTLE) | (np.abs(wanted - gaps) > LITTLE)).any(axis=1)
     if not acts.any():
-        return posed
+        return np.zeros((len(clip), len(body.limbs), 2, 3))
     free = how_free(clip, body, supports, settings)
     given = ends, limb_places(body, posed), free, acts, gaps, soft, wanted, firmness
-    return bent(posed, body.limbs, body.unit * led(balls, body.displaced, given, clip.shots, clip.frame_time))
+    return led(balls, body.displaced, given, clip.shots, clip.frame_time)
 
 
 def limb_places(body: BodySkin, posed: Motion) -> Array:
