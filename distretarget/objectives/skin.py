@@ -111,7 +111,7 @@ def led(
     for time in SETTLE:
         out = find(*geometry, wanted, np.zeros_like(firmness), smooth)
         smooth = over_time(partial(averaged, reach=max(round(time / frame_time), 1)), out)
-    return np.asarray(smooth)
+    return smooth
 
 
 def _firmness(clip: Clip, body: BodySkin, in_source: Array, supports: Supports, settings: ContactSettings) -> Array:
