@@ -43,7 +43,7 @@ Numbers = NDArray[np.intp]
 
 COUNT = len(SEGMENTS)  # segment s of body i has the number i * COUNT + s
 BLEND = 0.16  # hands are drawn by the average over this time on each side, weighted by a raised cosine [s]
-FARTHEST = 0.3  # hands are not drawn to what is farther than this; fully from three quarters of it on [body units]
+FARTHEST = 0.2  # hands are not drawn to what is farther than this; fully from three quarters of it on [body units]
 
 IS_HAND = np.array(["hand" in name for name in SEGMENTS])
 # Segments meet those of another body of the same or a lower rank; what is near the trunk hardly gives way.
